@@ -1,0 +1,18 @@
+add_library(stymo_options INTERFACE)
+target_compile_options(stymo_options INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Wold-style-cast
+  -fno-math-errno -fno-trapping-math
+  $<$<BOOL:${STYMO_WERROR}>:-Werror>
+  $<$<BOOL:${STYMO_NATIVE}>:-march=native>)
+# Full-width vectors: the compiler's default prefers 256 bits on processors that have 512.
+if(STYMO_NATIVE)
+  include(CheckCXXCompilerFlag)
+  check_cxx_compiler_flag(-mprefer-vector-width=512 STYMO_HAS_VECTOR_WIDTH)
+  if(STYMO_HAS_VECTOR_WIDTH)
+    target_compile_options(stymo_options INTERFACE -mprefer-vector-width=512)
+  endif()
+endif()
+if(STYMO_SANITIZE)
+  target_compile_options(stymo_options INTERFACE -fsanitize=${STYMO_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+  target_link_options(stymo_options INTERFACE -fsanitize=${STYMO_SANITIZE})
+endif()

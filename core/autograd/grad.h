@@ -1,0 +1,24 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "core/autograd/variable.h"
+
+namespace stymo {
+
+struct GradOptions {
+    /// Record the gradient's own computation, so that it can be differentiated again.
+    bool create_graph = false;
+    /// dL/dy where y is not a scalar; ones of y's shape for a scalar.
+    Variable dL_dy;
+};
+
+/// dL/dx for each x of `xs`, zeros for those that y does not depend on. Runs only the rules on a path from y to an x.
+///
+/// Throws GradientError if y is not a scalar and `dL_dy` is not given, if an x is untracked, or if a rule on the way is
+/// missing; ShapeError if a rule returns a gradient of another shape than its input.
+[[nodiscard]] std::vector<Variable> grad(const Variable& y, std::span<const Variable> xs, const GradOptions& options = {});
+[[nodiscard]] Variable grad(const Variable& y, const Variable& x, const GradOptions& options = {});
+
+}  // namespace stymo

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "core/autograd/variable.h"
+
+namespace stymo {
+
+class Vjp;
+
+/// Vector-Jacobian product of an op with respect to one of its inputs: from the gradient of the output to the gradient of
+/// that input. Written in ops, so that it can itself be differentiated. An empty function means "has no gradient".
+using VjpRule = std::function<Variable(const Vjp&)>;
+
+/// What a rule may read besides shapes; all else is let go as soon as the forward pass is done with it.
+struct Save {
+    bool output = false;
+    std::uint32_t inputs = 0;  ///< bit i: input i
+
+    static constexpr Save none() { return {}; }
+    static constexpr Save the_output() { return {true, 0}; }
+    static constexpr Save all_inputs() { return {false, ~0U}; }
+    static constexpr Save input(int i) { return {false, 1U << i}; }
+    constexpr Save operator|(Save other) const { return {output || other.output, inputs | other.inputs}; }
+    [[nodiscard]] constexpr bool has_input(std::size_t i) const { return ((inputs >> i) & 1U) != 0; }
+};
+
+/// One recorded operation. Holds its inputs' nodes and the values declared in Save, never its own output's node,
+/// which would be a cycle of owners that is never released.
+class Node {
+public:
+    struct Input {
+        std::shared_ptr<Node> node;  ///< null for a constant
+        Tensor value;                ///< undefined unless saved
+        Shape shape;
+    };
+
+    Node(const char* name, std::vector<Input> inputs, std::vector<VjpRule> rules, Tensor saved_output, Save save);
+    ~Node();
+    Node(const Node&) = delete;
+    Node& operator=(const Node&) = delete;
+
+    [[nodiscard]] const char* name() const { return name_; }
+    [[nodiscard]] const std::vector<Input>& inputs() const { return inputs_; }
+    [[nodiscard]] const std::vector<VjpRule>& rules() const { return rules_; }
+    [[nodiscard]] const Tensor& saved_output() const { return saved_output_; }
+    [[nodiscard]] Save save() const { return save_; }
+
+    /// Number of nodes alive in the process, for tests that look for leaks.
+    [[nodiscard]] static std::int64_t live_count();
+
+private:
+    const char* name_;
+    std::vector<Input> inputs_;
+    std::vector<VjpRule> rules_;
+    Tensor saved_output_;
+    Save save_;
+};
+
+/// What a rule sees of its node. Values come with their place in the graph if the gradient itself is to be
+/// differentiated (create_graph), as constants otherwise; the rule is the same in both cases.
+class Vjp {
+public:
+    Vjp(std::shared_ptr<Node> node, Variable output_gradient, bool create_graph)
+        : node_(std::move(node)), output_gradient_(std::move(output_gradient)), create_graph_(create_graph) {}
+
+    [[nodiscard]] const Variable& grad() const { return output_gradient_; }
+    /// Throws GradientError if the op did not declare this save.
+    [[nodiscard]] Variable input(std::size_t i) const;
+    [[nodiscard]] Variable output() const;
+    [[nodiscard]] const Shape& shape(std::size_t i) const { return node_->inputs().at(i).shape; }
+    /// Whether anything downstream may differentiate what the rule returns; a fused rule takes its slow twin then.
+    [[nodiscard]] bool create_graph() const { return create_graph_; }
+
+private:
+    std::shared_ptr<Node> node_;
+    Variable output_gradient_;
+    bool create_graph_;
+};
+
+}  // namespace stymo

@@ -1,0 +1,25 @@
+#pragma once
+
+#include "core/autograd/variable.h"
+
+/// Activations, in forms that do not overflow for any finite argument.
+namespace stymo {
+
+[[nodiscard]] Variable sigmoid(const Variable& x);
+[[nodiscard]] Variable tanh(const Variable& x);
+/// log(1 + exp(x)), computed as max(x, 0) + log1p(exp(-|x|)).
+[[nodiscard]] Variable softplus(const Variable& x);
+/// log(sigmoid(x)) = -softplus(-x)
+[[nodiscard]] Variable log_sigmoid(const Variable& x);
+/// Subgradient `slope` at 0.
+[[nodiscard]] Variable leaky_relu(const Variable& x, double slope);
+[[nodiscard]] inline Variable relu(const Variable& x) { return leaky_relu(x, 0.0); }
+/// Leaky ReLU with one learnt slope for each channel (last axis).
+[[nodiscard]] Variable prelu(const Variable& x, const Variable& slope);
+/// log(sum(exp(x))) over `axis`, kept with extent 1; the largest element is taken out first.
+[[nodiscard]] Variable log_sum_exp(const Variable& x, int axis);
+[[nodiscard]] Variable softmax(const Variable& x, int axis);
+/// Mean-free binary cross-entropy of a logit against a target in [0, 1]: softplus(x) - x * target, elementwise.
+[[nodiscard]] Variable binary_cross_entropy_with_logits(const Variable& logit, const Variable& target);
+
+}  // namespace stymo

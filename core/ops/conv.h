@@ -1,0 +1,22 @@
+#pragma once
+
+#include "core/autograd/variable.h"
+
+/// Two-dimensional cross-correlation and its two adjoints, closed under differentiation to any order.
+namespace stymo {
+
+struct Conv2dOptions {
+    int stride = 1;
+    int padding = 0;  ///< zeros on every side
+    int groups = 1;
+};
+
+/// x (batch, height, width, in), weight (out, kernel height, kernel width, in / groups) -> (batch, height', width', out)
+/// with height' = (height + 2 padding - kernel height) / stride + 1.
+[[nodiscard]] Variable conv2d(const Variable& x, const Variable& weight, const Conv2dOptions& options = {});
+/// Adjoint of conv2d in x: from the output's gradient back to an input of `input_shape`.
+[[nodiscard]] Variable conv2d_transpose(const Variable& dL_dy, const Variable& weight, const Shape& input_shape, const Conv2dOptions& options = {});
+/// Adjoint of conv2d in the weight.
+[[nodiscard]] Variable conv2d_weight_grad(const Variable& dL_dy, const Variable& x, const Shape& weight_shape, const Conv2dOptions& options = {});
+
+}  // namespace stymo

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string_view>
+
+#include "core/tensor.h"
+
+namespace stymo {
+
+/// Counter-based random numbers (Philox4x32-10, Salmon et al. 2011): the n-th number is a pure function of key and n.
+/// Passed by reference to whatever draws; there is no global generator.
+class Rng {
+public:
+    struct State {
+        std::uint64_t key = 0;
+        std::uint64_t counter = 0;
+        bool operator==(const State&) const = default;
+    };
+
+    explicit Rng(std::uint64_t seed) : state_{seed, 0} {}
+    explicit Rng(const State& state) : state_(state) {}
+
+    [[nodiscard]] const State& state() const { return state_; }
+    /// An independent generator for the part of the program called `name`; does not advance this one.
+    [[nodiscard]] Rng split(std::string_view name) const;
+    /// An independent generator for item `index`; does not advance this one.
+    [[nodiscard]] Rng split(std::uint64_t index) const;
+
+    [[nodiscard]] std::uint64_t bits();
+    /// Uniform in [0, 1), 53 random bits.
+    [[nodiscard]] double uniform();
+    /// Standard normal.
+    [[nodiscard]] double normal();
+    /// Uniform integer in [0, bound); `bound` must be positive.
+    [[nodiscard]] std::int64_t below(std::int64_t bound);
+
+    [[nodiscard]] Tensor uniform(const Shape& shape, double low, double high, DType dtype = DType::float32);
+    [[nodiscard]] Tensor normal(const Shape& shape, double mean, double deviation, DType dtype = DType::float32);
+
+private:
+    State state_;
+};
+
+}  // namespace stymo

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "core/dtype.h"
+#include "core/shape.h"
+
+namespace stymo {
+
+/// A contiguous row-major array of float32 or float64; images are NHWC, points are (rows, channels).
+///
+/// A plain value: copying is cheap because the buffer is shared, and writing first detaches it from every other copy,
+/// so what one copy holds never changes behind its back. Knows nothing of gradients.
+class Tensor {
+public:
+    /// No elements and no buffer; `defined()` is false.
+    Tensor() = default;
+    /// Uninitialised elements.
+    explicit Tensor(Shape shape, DType dtype = DType::float32);
+
+    [[nodiscard]] static Tensor full(const Shape& shape, double value, DType dtype = DType::float32);
+    [[nodiscard]] static Tensor zeros(const Shape& shape, DType dtype = DType::float32) { return full(shape, 0.0, dtype); }
+    [[nodiscard]] static Tensor scalar(double value, DType dtype = DType::float32) { return full({}, value, dtype); }
+    /// Throws ShapeError if the number of values is not the shape's size.
+    [[nodiscard]] static Tensor from(const Shape& shape, std::span<const float> values);
+    [[nodiscard]] static Tensor from(const Shape& shape, std::span<const double> values);
+
+    [[nodiscard]] bool defined() const { return buffer_ != nullptr; }
+    [[nodiscard]] const Shape& shape() const { return shape_; }
+    [[nodiscard]] std::int64_t shape(int axis) const { return shape_[axis]; }
+    [[nodiscard]] int rank() const { return shape_.rank(); }
+    [[nodiscard]] std::int64_t size() const { return defined() ? shape_.size() : 0; }
+    [[nodiscard]] DType dtype() const { return dtype_; }
+
+    /// Elements in row-major order; throws TypeError if T is not the tensor's type.
+    template <class T>
+    [[nodiscard]] std::span<const T> values() const;
+    /// Writable elements; copies the buffer first if another tensor shares it.
+    template <class T>
+    [[nodiscard]] std::span<T> mutable_values();
+
+    /// The same elements seen with another shape; the buffer stays shared. Throws ShapeError if the sizes differ.
+    [[nodiscard]] Tensor reshaped(const Shape& shape) const;
+    [[nodiscard]] Tensor to(DType dtype) const;
+    /// The only element of a tensor of size 1; throws ShapeError otherwise.
+    [[nodiscard]] double item() const;
+    [[nodiscard]] std::vector<double> to_vector() const;
+    /// True if no element is infinite or not a number.
+    [[nodiscard]] bool all_finite() const;
+
+private:
+    void require(DType dtype) const;
+
+    std::shared_ptr<std::byte[]> buffer_;
+    Shape shape_;
+    DType dtype_ = DType::float32;
+};
+
+}  // namespace stymo
