@@ -1,0 +1,20 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <string_view>
+
+namespace stymo {
+
+/// Whole contents of a file; throws FileError if it cannot be read.
+[[nodiscard]] std::string read_text_file(const std::filesystem::path& path);
+/// Calls `write(temporary)` and renames the result to `path`, so that `path` is whole or absent. The temporary file keeps
+/// path's extension and is removed if `write` throws. Throws FileError if the rename fails.
+void write_whole(const std::filesystem::path& path, const std::function<void(const std::filesystem::path&)>& write);
+/// write_whole of a text.
+void write_text_file(const std::filesystem::path& path, std::string_view text);
+/// Creates a folder and its parents; throws FileError if that fails or the folder cannot be written to.
+void require_writable_folder(const std::filesystem::path& path);
+
+}  // namespace stymo

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "core/tensor.h"
+
+namespace stymo {
+
+/// Reads any image as float32 (height, width, 3), RGB in [0, 1], turned upright by its EXIF orientation. Grey is repeated,
+/// alpha is composited over black, 16-bit and float files are scaled. Throws FileError for what is not a readable image,
+/// saying why in a few words ("not an image (zero bytes)").
+[[nodiscard]] Tensor read_image(const std::filesystem::path& path);
+/// Reads one channel as float32 (height, width, 1) in [0, 1]: a mask. A colour image becomes its luminance.
+[[nodiscard]] Tensor read_mask(const std::filesystem::path& path);
+/// Reads the raw 8-bit indices (palette or grey) of a class map as float32 (height, width, 1), values 0..255.
+[[nodiscard]] Tensor read_class_map(const std::filesystem::path& path);
+
+/// Writes (height, width, 1 or 3), values in [0, 1] clipped and rounded to 8 bits, as the extension says (png, jpg).
+/// Whole or not at all.
+void write_image(const std::filesystem::path& path, const Tensor& image);
+/// Writes 32-bit float channels without clipping to EXR; one channel is named "Z" (depth), three "R,G,B".
+void write_exr(const std::filesystem::path& path, const Tensor& image);
+/// Writes an endless animation: .gif (palette) or .mp4. Frames are (height, width, 3) in [0, 1] of one size.
+void write_animation(const std::filesystem::path& path, const std::vector<Tensor>& frames, double frames_per_second);
+
+/// Antialiased resampling of (height, width, channels) to another size; values may overshoot slightly.
+[[nodiscard]] Tensor resize_image(const Tensor& image, int height, int width);
+/// Pictures of one size side by side, `columns` in a row, black where the last row is not full.
+[[nodiscard]] Tensor tile_images(const std::vector<Tensor>& images, int columns);
+/// Mirrors left and right.
+[[nodiscard]] Tensor mirror_image(const Tensor& image);
+
+}  // namespace stymo

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+
+#include "core/tensor.h"
+
+namespace stymo {
+
+/// Named tensors and a string map: the contents of a .safetensors file.
+struct TensorFile {
+    std::map<std::string, Tensor> tensors;
+    std::map<std::string, std::string> metadata;
+};
+
+/// Reads .safetensors. F16, BF16 and integer tensors are widened to float32 (F64 stays float64).
+/// Throws FileError naming the file for a header that is truncated, too long, not JSON or repeats a name, and for tensors
+/// whose extents do not match their bytes, overlap, leave holes, or reach beyond the file.
+[[nodiscard]] TensorFile read_tensor_file(const std::filesystem::path& path);
+/// Writes whole or not at all (temporary file, then rename). Throws FileError if the folder cannot be written.
+void write_tensor_file(const std::filesystem::path& path, const TensorFile& contents);
+
+}  // namespace stymo
