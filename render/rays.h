@@ -1,0 +1,39 @@
+#pragma once
+
+#include <vector>
+
+#include "core/rng.h"
+#include "core/tensor.h"
+#include "render/camera.h"
+
+namespace stymo {
+
+/// Which planes bound the samples.
+enum class DepthPlanes {
+    world_z,       ///< world planes z = near_z and z = far_z, HeadNeRF's; throws for a ray that (nearly) runs along them
+    optical_axis,  ///< depth along the optical axis from |centre| - near_z to |centre| - far_z, for any yaw
+};
+
+struct RaySampling {
+    std::int64_t rays_per_side = 32;
+    std::int64_t samples_per_ray = 32;
+    double near_z = 2.5;
+    double far_z = -3.5;
+    DepthPlanes planes = DepthPlanes::world_z;
+    /// Ray through the middle of its pixel, (i + 0.5) / side; false: through its corner, as HeadNeRF.
+    bool pixel_centers = true;
+};
+
+/// Samples of B cameras with R = rays_per_side^2 rays (row-major over the image) and N samples each.
+struct RaySamples {
+    Tensor points;      ///< (B, R * N, 3), world coordinates
+    Tensor deltas;      ///< (B, R, N), Euclidean distance to the next sample; the last one reaches the far plane
+    Tensor depths;      ///< (B, R, N), Euclidean distance from the camera's centre
+};
+
+/// N + 1 uniform depths between the planes bound N intervals; the sample stands at the start of its interval.
+/// With `jitter` every depth moves uniformly within its stratum (training). Throws ValueError for less than two samples,
+/// for planes in the wrong order and for a ray parallel to the planes.
+[[nodiscard]] RaySamples sample_rays(const std::vector<Camera>& cameras, const RaySampling& sampling, Rng* jitter, DType dtype = DType::float32);
+
+}  // namespace stymo
