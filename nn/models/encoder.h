@@ -1,0 +1,54 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/config.h"
+#include "core/rng.h"
+#include "nn/models/codes.h"
+#include "nn/parameter_store.h"
+
+namespace stymo {
+
+struct EncoderConfig {
+    std::string backbone = "mobilefacenet";  ///< one of backbone_names()
+    std::string backbone_weights;            ///< a .safetensors file, or empty: trained from scratch
+    double embedding_scale = 1.0;            ///< factor on the embedding before the heads
+    std::int64_t head_width = 512;           ///< heads: embedding -> width -> width / 2 -> code
+};
+
+/// Binds the fields under "encoder." .
+void describe(ConfigSchema& schema, EncoderConfig& config);
+
+/// A network from an image to an embedding.
+class Backbone {
+public:
+    virtual ~Backbone() = default;
+    /// image (B, S, S, 3) in [-1, 1], any S; resized to the network's own input. Returns (B, embedding_size()).
+    [[nodiscard]] virtual Variable operator()(const Variable& image) const = 0;
+    [[nodiscard]] virtual std::int64_t embedding_size() const = 0;
+    [[nodiscard]] virtual std::int64_t input_side() const = 0;
+};
+
+[[nodiscard]] std::vector<std::string> backbone_names();
+/// Creates the backbone's parameters under `prefix`. Throws ConfigError for an unknown name.
+[[nodiscard]] std::unique_ptr<Backbone> make_backbone(const std::string& name, ParameterStore& store, const std::string& prefix, Rng& rng);
+
+/// E of the paper: backbone and four semantic heads. Parameters under `prefix`.backbone. and `prefix`.heads. .
+class Encoder {
+public:
+    Encoder(const EncoderConfig& config, ParameterStore& store, const std::string& prefix, Rng& rng);
+
+    /// image (B, S, S, 3) in [-1, 1], the whole unmasked crop -> codes in Z, near 0 at the start.
+    [[nodiscard]] Codes operator()(const Variable& image) const;
+    [[nodiscard]] const Backbone& backbone() const { return *backbone_; }
+
+private:
+    struct Heads;
+    std::unique_ptr<Backbone> backbone_;
+    std::shared_ptr<Heads> heads_;
+    double embedding_scale_;
+};
+
+}  // namespace stymo
