@@ -1,6 +1,7 @@
 add_library(stymo_options INTERFACE)
+# GCC 12 reports its own AVX-512 intrinsics as maybe uninitialised.
 target_compile_options(stymo_options INTERFACE
-  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Wold-style-cast
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Wold-style-cast -Wno-maybe-uninitialized
   -fno-math-errno -fno-trapping-math
   $<$<BOOL:${STYMO_WERROR}>:-Werror>
   $<$<BOOL:${STYMO_NATIVE}>:-march=native>)
