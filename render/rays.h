@@ -26,14 +26,15 @@ struct RaySampling {
 
 /// Samples of B cameras with R = rays_per_side^2 rays (row-major over the image) and N samples each.
 struct RaySamples {
-    Tensor points;      ///< (B, R * N, 3), world coordinates
-    Tensor deltas;      ///< (B, R, N), Euclidean distance to the next sample; the last one reaches the far plane
-    Tensor depths;      ///< (B, R, N), Euclidean distance from the camera's centre
+    Tensor points;  ///< (B, R * N, 3), world coordinates
+    Tensor deltas;  ///< (B, R, N), Euclidean distance to the next sample; the last one reaches the far plane
+    Tensor depths;  ///< (B, R, N), Euclidean distance from the camera's centre
 };
 
 /// N + 1 uniform depths between the planes bound N intervals; the sample stands at the start of its interval.
 /// With `jitter` every depth moves uniformly within its stratum (training). Throws ValueError for less than two samples,
 /// for planes in the wrong order and for a ray parallel to the planes.
-[[nodiscard]] RaySamples sample_rays(const std::vector<Camera>& cameras, const RaySampling& sampling, Rng* jitter, DType dtype = DType::float32);
+[[nodiscard]] RaySamples sample_rays(const std::vector<Camera>& cameras, const RaySampling& sampling, Rng* jitter,
+                                     DType dtype = DType::float32);
 
 }  // namespace stymo
