@@ -17,11 +17,11 @@ constexpr int window_size = 11;
 
 void require_match(const char* function, const Tensor& a, const Tensor& b) {
     if (a.rank() != 3 || !(a.shape() == b.shape()) || a.size() == 0) {
-        fail<ShapeError>(function, ": expected two images (height, width, channels) of one shape, got ", a.shape(), " and ",
+        fail<ShapeError>("[", function, "] expected two images (height, width, channels) of one shape, got ", a.shape(), " and ",
                          b.shape());
     }
     if (a.dtype() != b.dtype()) {
-        fail<TypeError>(function, ": the images have different types, ", a.dtype(), " and ", b.dtype());
+        fail<TypeError>("[", function, "] the images have different types, ", a.dtype(), " and ", b.dtype());
     }
 }
 
@@ -128,7 +128,7 @@ double structural_similarity(const Tensor& a, const Tensor& b) {
     require_match("structural_similarity", a, b);
     const std::int64_t rows = a.shape(0) - window_size + 1, columns = a.shape(1) - window_size + 1, channels = a.shape(2);
     if (rows < 1 || columns < 1) {
-        fail<ShapeError>("structural_similarity: needs at least ", window_size, " x ", window_size, " pixels, got ", a.shape());
+        fail<ShapeError>("[structural_similarity] needs at least ", window_size, " x ", window_size, " pixels, got ", a.shape());
     }
     const auto window = gaussian_window();
     std::vector<double> row_totals(static_cast<std::size_t>(rows));

@@ -80,6 +80,16 @@ TEST_CASE("an orbiting camera keeps its distance and the origin in its centre", 
     check_vectors(orbit_pose(0, half_turn / 2, 0, 2.0).translation, {0, -2, 0});
 }
 
+TEST_CASE("positive angles turn the face to the image's left, up and clockwise", "[camera]") {
+    const auto seen = [](double yaw, double pitch, double roll, const Vector3& point) {
+        return project(camera_from_pose(orbit_pose(yaw, pitch, roll, 5.3), Intrinsics{}), point);
+    };
+    const Vector3 nose{0, 0, 1}, top{0, 1, 0};
+    CHECK(seen(0.3, 0, 0, nose)[0] < 0.5);
+    CHECK(seen(0, 0.3, 0, nose)[1] < 0.5);
+    CHECK(seen(0, 0, 0.3, top)[0] > 0.5);
+}
+
 TEST_CASE("a mirrored pose sees the mirrored point at the mirrored place", "[camera]") {
     const Pose pose{0.4, -0.2, 0.3, {1.0, 0.5, 5.0}};
     const Vector3 seen = project(camera_from_pose(pose, Intrinsics{}), {0.3, 0.2, -0.1});
