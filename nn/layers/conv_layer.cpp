@@ -18,7 +18,8 @@ ConvLayer::ConvLayer(ParameterStore& store, const std::string& name, std::int64_
     const auto fan_in = static_cast<double>(shape.product(1, 4));
     const bool equalised = options.scaling == WeightScaling::equalised;
     weight_gain_ = equalised ? 1.0 / std::sqrt(fan_in) : 1.0;
-    weight_ = store.create(name + ".weight", rng.normal(shape, 0.0, equalised ? 1.0 : std::sqrt(2.0 / fan_in)));
+    Rng draws = rng.split(name + ".weight");
+    weight_ = store.create(name + ".weight", draws.normal(shape, 0.0, equalised ? 1.0 : std::sqrt(2.0 / fan_in)));
     if (options.bias) bias_ = store.create(name + ".bias", Tensor::zeros({out}));
 }
 

@@ -28,7 +28,8 @@ struct ConvLayerOptions {
 class ConvLayer {
 public:
     /// Creates `name`.weight (out, kernel, kernel, in / groups) and, if asked for, `name`.bias (out).
-    /// Throws ValueError if the groups do not divide both channel counts.
+    /// The weights depend on the generator's state and on the name alone. Throws ValueError if the groups do not divide both
+    /// channel counts.
     ConvLayer(ParameterStore& store, const std::string& name, std::int64_t in, std::int64_t out, const ConvLayerOptions& options,
               Rng& rng);
 
