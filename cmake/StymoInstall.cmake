@@ -1,1 +1,36 @@
-# Install rules
+# `cmake --install` puts the library, its headers and what find_package(stymo) and pkg-config read into the prefix. They form the
+# component "development"; the tools install themselves (apps/CMakeLists.txt).
+include(CMakePackageConfigHelpers)
+
+set(stymo_cmake_folder ${CMAKE_INSTALL_LIBDIR}/cmake/stymo)
+set_target_properties(stymo PROPERTIES VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
+
+install(TARGETS stymo EXPORT stymoTargets COMPONENT development
+  ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
+install(EXPORT stymoTargets NAMESPACE stymo:: DESTINATION ${stymo_cmake_folder} COMPONENT development)
+
+# Headers of the kernels stay behind: they include Eigen.
+foreach(folder core nn render train fit)
+  if(IS_DIRECTORY ${PROJECT_SOURCE_DIR}/${folder})
+    install(DIRECTORY ${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/stymo COMPONENT development
+      FILES_MATCHING PATTERN "*.h" PATTERN "kernels" EXCLUDE)
+  endif()
+endforeach()
+if(IS_DIRECTORY ${PROJECT_SOURCE_DIR}/configs)
+  install(DIRECTORY configs DESTINATION ${CMAKE_INSTALL_DATADIR}/stymo)
+endif()
+
+configure_package_config_file(cmake/stymoConfig.cmake.in ${PROJECT_BINARY_DIR}/stymoConfig.cmake
+  INSTALL_DESTINATION ${stymo_cmake_folder})
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/stymoConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(FILES ${PROJECT_BINARY_DIR}/stymoConfig.cmake ${PROJECT_BINARY_DIR}/stymoConfigVersion.cmake
+  DESTINATION ${stymo_cmake_folder} COMPONENT development)
+
+if(NOT BUILD_SHARED_LIBS)
+  list(TRANSFORM stymo_opencv_components PREPEND -lopencv_ OUTPUT_VARIABLE stymo_pkgconfig_libraries)
+  list(JOIN stymo_pkgconfig_libraries " " stymo_pkgconfig_libraries)
+  string(APPEND stymo_pkgconfig_libraries " -lOpenImageIO -lOpenImageIO_Util ${OpenMP_CXX_FLAGS}")
+endif()
+file(RELATIVE_PATH stymo_prefix_from_pkgconfig /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)
+configure_file(cmake/stymo.pc.in ${PROJECT_BINARY_DIR}/stymo.pc @ONLY)
+install(FILES ${PROJECT_BINARY_DIR}/stymo.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)

@@ -16,7 +16,8 @@ struct CompositeWeights {
 [[nodiscard]] Variable composite(const Variable& weights, const Variable& features);
 /// Expected depth: sum_i weights_i depth_i, plus the transmittance times `background_depth`: (B, R, 1).
 [[nodiscard]] Variable composite_depth(const CompositeWeights& weights, const Tensor& depths, double background_depth);
-/// Variance of the depth along each ray under its normalised weights, averaged: small when the density is a thin surface. A scalar.
+/// Variance of the depth along each ray under its normalised weights, averaged: small when the density is a thin surface. A
+/// scalar.
 [[nodiscard]] Variable depth_variance(const Variable& weights, const Tensor& depths);
 
 }  // namespace stymo

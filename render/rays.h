@@ -26,15 +26,16 @@ struct RaySampling {
 
 /// Samples of B cameras with R = rays_per_side^2 rays (row-major over the image) and N samples each.
 struct RaySamples {
-    Tensor points;      ///< (B, R * N, 3), world coordinates
-    Tensor deltas;      ///< (B, R, N), Euclidean distance to the next sample; the last one reaches the far plane
-    Tensor depths;      ///< (B, R, N), Euclidean distance from the camera's centre
+    Tensor points;  ///< (B, R * N, 3), world coordinates
+    Tensor deltas;  ///< (B, R, N), Euclidean distance to the next sample; the last one reaches the far plane
+    Tensor depths;  ///< (B, R, N), Euclidean distance from the camera's centre
 };
 
 /// N + 1 uniform depths between the planes bound N intervals; the sample stands at the start of its interval.
 /// With `jitter` each of the N + 1 moves uniformly within its stratum (training), so the last interval may end short of the far
 /// plane. A near plane behind the camera is moved to the camera. Throws ValueError for less than two samples, for planes in the
 /// wrong order, for a camera behind the far plane and for a ray within 3 degrees of the planes.
-[[nodiscard]] RaySamples sample_rays(const std::vector<Camera>& cameras, const RaySampling& sampling, Rng* jitter, DType dtype = DType::float32);
+[[nodiscard]] RaySamples sample_rays(const std::vector<Camera>& cameras, const RaySampling& sampling, Rng* jitter,
+                                     DType dtype = DType::float32);
 
 }  // namespace stymo

@@ -8,6 +8,7 @@ namespace stymo {
 
 /// The single place where an edge of the graph is made. Returns a constant if no input is tracked.
 /// `rules[i]` belongs to `inputs[i]`. `name` must outlive the graph (a string literal).
-[[nodiscard]] Variable record(const char* name, Tensor value, std::vector<Variable> inputs, Save save, std::vector<VjpRule> rules);
+[[nodiscard]] Variable record(const char* name, Tensor value, std::vector<Variable> inputs, Save save,
+                              std::vector<VjpRule> rules);
 
 }  // namespace stymo

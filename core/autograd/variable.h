@@ -14,7 +14,8 @@ class Variable {
 public:
     Variable() = default;
     /// A constant: nothing computed from constants alone is recorded.
-    Variable(Tensor value) : value_(std::move(value)) {}  // NOLINT(google-explicit-constructor): constants mix freely with variables
+    Variable(Tensor value)
+        : value_(std::move(value)) {}  // NOLINT(google-explicit-constructor): constants mix freely with variables
     Variable(Tensor value, std::shared_ptr<Node> node) : value_(std::move(value)), node_(std::move(node)) {}
 
     /// An input that gradients may be taken with respect to.

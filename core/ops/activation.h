@@ -13,7 +13,9 @@ namespace stymo {
 [[nodiscard]] Variable log_sigmoid(const Variable& x);
 /// Subgradient `slope` at 0.
 [[nodiscard]] Variable leaky_relu(const Variable& x, double slope);
-[[nodiscard]] inline Variable relu(const Variable& x) { return leaky_relu(x, 0.0); }
+[[nodiscard]] inline Variable relu(const Variable& x) {
+    return leaky_relu(x, 0.0);
+}
 /// Leaky ReLU with one learnt slope for each channel (last axis).
 [[nodiscard]] Variable prelu(const Variable& x, const Variable& slope);
 /// log(sum(exp(x))) over `axis`, kept with extent 1; the largest element is taken out first.

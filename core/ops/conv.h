@@ -15,8 +15,10 @@ struct Conv2dOptions {
 /// with height' = (height + 2 padding - kernel height) / stride + 1.
 [[nodiscard]] Variable conv2d(const Variable& x, const Variable& weight, const Conv2dOptions& options = {});
 /// Adjoint of conv2d in x: from the output's gradient back to an input of `input_shape`.
-[[nodiscard]] Variable conv2d_transpose(const Variable& dL_dy, const Variable& weight, const Shape& input_shape, const Conv2dOptions& options = {});
+[[nodiscard]] Variable conv2d_transpose(const Variable& dL_dy, const Variable& weight, const Shape& input_shape,
+                                        const Conv2dOptions& options = {});
 /// Adjoint of conv2d in the weight.
-[[nodiscard]] Variable conv2d_weight_grad(const Variable& dL_dy, const Variable& x, const Shape& weight_shape, const Conv2dOptions& options = {});
+[[nodiscard]] Variable conv2d_weight_grad(const Variable& dL_dy, const Variable& x, const Shape& weight_shape,
+                                          const Conv2dOptions& options = {});
 
 }  // namespace stymo

@@ -31,15 +31,35 @@ namespace stymo {
 /// Gradient 1 within [low, high] (ends included), 0 outside.
 [[nodiscard]] Variable clamp(const Variable& x, double low, double high);
 
-[[nodiscard]] inline Variable operator+(const Variable& a, const Variable& b) { return add(a, b); }
-[[nodiscard]] inline Variable operator-(const Variable& a, const Variable& b) { return subtract(a, b); }
-[[nodiscard]] inline Variable operator*(const Variable& a, const Variable& b) { return multiply(a, b); }
-[[nodiscard]] inline Variable operator/(const Variable& a, const Variable& b) { return divide(a, b); }
-[[nodiscard]] inline Variable operator-(const Variable& x) { return negate(x); }
-[[nodiscard]] inline Variable operator+(const Variable& x, double offset) { return affine(x, 1.0, offset); }
-[[nodiscard]] inline Variable operator-(const Variable& x, double offset) { return affine(x, 1.0, -offset); }
-[[nodiscard]] inline Variable operator*(const Variable& x, double factor) { return affine(x, factor, 0.0); }
-[[nodiscard]] inline Variable operator*(double factor, const Variable& x) { return affine(x, factor, 0.0); }
-[[nodiscard]] inline Variable operator/(const Variable& x, double divisor) { return affine(x, 1.0 / divisor, 0.0); }
+[[nodiscard]] inline Variable operator+(const Variable& a, const Variable& b) {
+    return add(a, b);
+}
+[[nodiscard]] inline Variable operator-(const Variable& a, const Variable& b) {
+    return subtract(a, b);
+}
+[[nodiscard]] inline Variable operator*(const Variable& a, const Variable& b) {
+    return multiply(a, b);
+}
+[[nodiscard]] inline Variable operator/(const Variable& a, const Variable& b) {
+    return divide(a, b);
+}
+[[nodiscard]] inline Variable operator-(const Variable& x) {
+    return negate(x);
+}
+[[nodiscard]] inline Variable operator+(const Variable& x, double offset) {
+    return affine(x, 1.0, offset);
+}
+[[nodiscard]] inline Variable operator-(const Variable& x, double offset) {
+    return affine(x, 1.0, -offset);
+}
+[[nodiscard]] inline Variable operator*(const Variable& x, double factor) {
+    return affine(x, factor, 0.0);
+}
+[[nodiscard]] inline Variable operator*(double factor, const Variable& x) {
+    return affine(x, factor, 0.0);
+}
+[[nodiscard]] inline Variable operator/(const Variable& x, double divisor) {
+    return affine(x, 1.0 / divisor, 0.0);
+}
 
 }  // namespace stymo

@@ -19,7 +19,8 @@ enum class Activation { none, sine, leaky_relu };
 /// activation(x W^T + bias), the pointwise layer: x (batch, rows, in), weight (batch or 1, out, in), bias (out) or undefined.
 /// Leaky ReLU has slope 0.2 and gain sqrt(2), as in StyleGAN2. A fused kernel whose slow twin `linear_reference` is its
 /// oracle and its path for second derivatives.
-[[nodiscard]] Variable linear(const Variable& x, const Variable& weight, const Variable& bias, Activation activation = Activation::none);
+[[nodiscard]] Variable linear(const Variable& x, const Variable& weight, const Variable& bias,
+                              Activation activation = Activation::none);
 /// The same composed from matmul, add and the activation.
 [[nodiscard]] Variable linear_reference(const Variable& x, const Variable& weight, const Variable& bias, Activation activation);
 

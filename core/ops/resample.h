@@ -43,18 +43,21 @@ private:
 
 /// One axis of upfirdn: insert up-1 zeros after every element, pad with zeros, correlate with the flipped filter
 /// (a convolution, as in StyleGAN2), keep every down-th element.
-[[nodiscard]] ResampleMatrix upfirdn_matrix(int input_length, std::span<const double> filter, int up, int down, int pad_before, int pad_after);
+[[nodiscard]] ResampleMatrix upfirdn_matrix(int input_length, std::span<const double> filter, int up, int down, int pad_before,
+                                            int pad_after);
 /// Same length, [1,2,1]/4 with the border mirrored (the edge itself not repeated).
 [[nodiscard]] ResampleMatrix blur_matrix(int length);
 /// Half-pixel centres, edges clamped, no antialiasing.
 [[nodiscard]] ResampleMatrix bilinear_matrix(int output_length, int input_length);
-/// Cubic convolution with a = -0.5, stretched by the scale when shrinking, weights normalised at the borders; as PyTorch with antialias and as Pillow.
+/// Cubic convolution with a = -0.5, stretched by the scale when shrinking, weights normalised at the borders; as PyTorch with
+/// antialias and as Pillow.
 [[nodiscard]] ResampleMatrix bicubic_matrix(int output_length, int input_length);
 /// Mean of blocks; output_length must divide input_length.
 [[nodiscard]] ResampleMatrix box_matrix(int output_length, int input_length);
 
 /// FIR with a separable filter on both axes.
-[[nodiscard]] Variable upfirdn2d(const Variable& x, std::span<const double> filter, int up, int down, int pad_before, int pad_after);
+[[nodiscard]] Variable upfirdn2d(const Variable& x, std::span<const double> filter, int up, int down, int pad_before,
+                                 int pad_after);
 [[nodiscard]] Variable blur(const Variable& x);
 [[nodiscard]] Variable resize_bilinear(const Variable& x, int height, int width);
 /// Antialiased bicubic; may overshoot the input's range.

@@ -15,16 +15,17 @@ namespace stymo {
 
 /// Size of the decoder; the defaults are the paper's, and the facts' where it is silent.
 struct DecoderConfig {
-    std::int64_t resolution = 512;              ///< side of the largest image: 64, 128, 256 or 512
-    std::int64_t field_width = 256;             ///< channels of the sine layers
-    std::int64_t field_layers = 8;              ///< sine layers before the density head; the encoding enters again in the middle
-    std::int64_t feature_channels = 256;        ///< d_f, channels of the rendered feature map
-    std::int64_t frequencies = 10;              ///< of the positional encoding
-    std::vector<std::int64_t> block_channels{128, 64, 32, 32};  ///< one for each doubling from 64 on; further ones are left unused
+    std::int64_t resolution = 512;        ///< side of the largest image: 64, 128, 256 or 512
+    std::int64_t field_width = 256;       ///< channels of the sine layers
+    std::int64_t field_layers = 8;        ///< sine layers before the density head; the encoding enters again in the middle
+    std::int64_t feature_channels = 256;  ///< d_f, channels of the rendered feature map
+    std::int64_t frequencies = 10;        ///< of the positional encoding
+    std::vector<std::int64_t> block_channels{128, 64, 32,
+                                             32};  ///< one for each doubling from 64 on; further ones are left unused
     std::int64_t mask_channels = 16;
     std::int64_t mapping_layers = 4;
     double mapping_learning_rate_multiplier = 1.0;
-    RaySampling rays;                           ///< rays_per_side is half of the first image's side
+    RaySampling rays;  ///< rays_per_side is half of the first image's side
 };
 
 /// Binds the fields under "decoder." .
@@ -32,16 +33,16 @@ void describe(ConfigSchema& schema, DecoderConfig& config);
 
 struct DecodeOptions {
     std::int64_t samples_per_ray = 32;
-    std::int64_t resolution = 0;    ///< largest image wanted, 0 for the model's own; later blocks are left out
-    bool mask = false;              ///< also the head mask, at the model's largest resolution
-    Rng* jitter = nullptr;          ///< stratified samples (training); null: fixed samples
+    std::int64_t resolution = 0;  ///< largest image wanted, 0 for the model's own; later blocks are left out
+    bool mask = false;            ///< also the head mask, at the model's largest resolution
+    Rng* jitter = nullptr;        ///< stratified samples (training); null: fixed samples
 };
 
 struct Decoded {
-    std::vector<Variable> images;   ///< (B, S, S, 3) in [-1, 1] for S = 64, 128, ... in ascending order
-    Variable mask_logit;            ///< (B, S, S, 1) before the sigmoid, undefined unless asked for
-    Variable feature_map;           ///< (B, 32, 32, feature_channels)
-    CompositeWeights weights;       ///< (B, 1024, N)
+    std::vector<Variable> images;  ///< (B, S, S, 3) in [-1, 1] for S = 64, 128, ... in ascending order
+    Variable mask_logit;           ///< (B, S, S, 1) before the sigmoid, undefined unless asked for
+    Variable feature_map;          ///< (B, 32, 32, feature_channels)
+    CompositeWeights weights;      ///< (B, 1024, N)
     RaySamples samples;
 };
 

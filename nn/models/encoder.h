@@ -33,7 +33,8 @@ public:
 
 [[nodiscard]] std::vector<std::string> backbone_names();
 /// Creates the backbone's parameters under `prefix`. Throws ConfigError for an unknown name.
-[[nodiscard]] std::unique_ptr<Backbone> make_backbone(const std::string& name, ParameterStore& store, const std::string& prefix, Rng& rng);
+[[nodiscard]] std::unique_ptr<Backbone> make_backbone(const std::string& name, ParameterStore& store, const std::string& prefix,
+                                                      Rng& rng);
 
 /// E of the paper: backbone and four semantic heads. Parameters under `prefix`.backbone. and `prefix`.heads. .
 class Encoder {

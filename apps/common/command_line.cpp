@@ -1,0 +1,190 @@
+#include "apps/common/command_line.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <iostream>
+#include <map>
+#include <new>
+#include <sstream>
+#include <type_traits>
+
+#include "apps/common/allocator.h"
+#include "core/error.h"
+#include "core/parallel.h"
+
+namespace stymo {
+namespace {
+
+constexpr int exit_done = 0;
+constexpr int exit_failed = 1;
+constexpr int exit_wrong_usage = 2;
+
+template <class T>
+constexpr bool is_optional = false;
+template <class T>
+constexpr bool is_optional<std::optional<T>> = true;
+
+/// Messages of other libraries may hold line breaks; a failure is one line.
+std::string one_line(std::string text) {
+    std::replace(text.begin(), text.end(), '\n', ' ');
+    text.erase(text.find_last_not_of(' ') + 1);
+    return text;
+}
+
+const char* vector_instructions() {
+#if defined(__AVX512F__)
+    return "AVX-512";
+#elif defined(__AVX2__)
+    return "AVX2";
+#elif defined(__SSE2__)
+    return "SSE2";
+#elif defined(__ARM_NEON)
+    return "NEON";
+#else
+    return "none";
+#endif
+}
+
+std::string version_text(const std::string& program) {
+    std::ostringstream text;
+    text << program << " " << STYMO_VERSION << "\nthreads: " << thread_count()
+         << "\nvector instructions: " << vector_instructions();
+    return text.str();
+}
+
+}  // namespace
+
+OptionRules& OptionRules::required() {
+    option_->required();
+    return *this;
+}
+
+OptionRules& OptionRules::range(double low, double high) {
+    option_->check(CLI::Range(low, high));
+    return *this;
+}
+
+OptionRules& OptionRules::one_of(const std::vector<std::string>& allowed) {
+    option_->check(CLI::IsMember(allowed));
+    return *this;
+}
+
+OptionRules& OptionRules::needs(const std::string& name) {
+    option_->needs(name);
+    return *this;
+}
+
+OptionRules& OptionRules::excludes(const std::string& name) {
+    option_->excludes(name);
+    return *this;
+}
+
+template <class T>
+OptionRules Command::option(const std::string& name, T& target, const std::string& help) {
+    if constexpr (std::is_same_v<T, std::filesystem::path> || std::is_same_v<T, std::optional<std::filesystem::path>>) {
+        // CLI11 takes a path for a list of paths.
+        auto* option = app_->add_option_function<std::string>(
+            name, [&target](const std::string& text) { target = std::filesystem::path(text); }, help);
+        if constexpr (!is_optional<T>) option->default_str(target.string());
+        return OptionRules(option->type_name("PATH"));
+    } else {
+        auto* option = app_->add_option(name, target, help);
+        if constexpr (std::is_same_v<T, std::vector<std::string>>) {
+            option->allow_extra_args(false);
+        } else if constexpr (!is_optional<T>) {
+            option->capture_default_str();
+        }
+        return OptionRules(option);
+    }
+}
+
+template OptionRules Command::option(const std::string&, int&, const std::string&);
+template OptionRules Command::option(const std::string&, std::int64_t&, const std::string&);
+template OptionRules Command::option(const std::string&, std::uint64_t&, const std::string&);
+template OptionRules Command::option(const std::string&, double&, const std::string&);
+template OptionRules Command::option(const std::string&, std::string&, const std::string&);
+template OptionRules Command::option(const std::string&, std::filesystem::path&, const std::string&);
+template OptionRules Command::option(const std::string&, std::vector<std::string>&, const std::string&);
+template OptionRules Command::option(const std::string&, std::optional<int>&, const std::string&);
+template OptionRules Command::option(const std::string&, std::optional<std::int64_t>&, const std::string&);
+template OptionRules Command::option(const std::string&, std::optional<std::uint64_t>&, const std::string&);
+template OptionRules Command::option(const std::string&, std::optional<double>&, const std::string&);
+template OptionRules Command::option(const std::string&, std::optional<std::string>&, const std::string&);
+template OptionRules Command::option(const std::string&, std::optional<std::filesystem::path>&, const std::string&);
+
+OptionRules Command::flag(const std::string& name, bool& target, const std::string& help) {
+    return OptionRules(app_->add_flag(name, target, help));
+}
+
+struct CommandLine::Implementation {
+    Implementation(const std::string& program, const std::string& description) : app(description, program) {}
+
+    CLI::App app;
+    CommonOptions common;
+    std::map<const CLI::App*, AppBody> bodies;
+};
+
+CommandLine::CommandLine(const std::string& program, const std::string& description)
+    : CommandLine(std::make_unique<Implementation>(program, description)) {}
+
+CommandLine::CommandLine(std::unique_ptr<Implementation> implementation)
+    : Command(&implementation->app), implementation_(std::move(implementation)) {
+    auto& [app, common, bodies] = *implementation_;
+    app.set_help_flag("-h,--help", "Print this help");
+    app.set_version_flag(
+        "--version", [name = app.get_name()] { return version_text(name); }, "Print version and build");
+    option("--threads", common.threads, "Number of threads, 0 for one on each processor").range(0, 1024);
+    option("--seed", common.seed, "Seed of all random numbers");
+    flag("--json", common.json, "Print the result as one JSON object");
+    app.fallthrough();  // common options may stand behind a command's name
+}
+
+CommandLine::~CommandLine() = default;
+
+Command CommandLine::command(const std::string& name, const std::string& description, AppBody body) {
+    CLI::App* command = implementation_->app.add_subcommand(name, description);
+    implementation_->bodies[command] = std::move(body);
+    return Command(command);
+}
+
+int CommandLine::run(int argc, const char* const* argv, const AppBody& body) {
+    return run(argc, argv, body, std::cout, std::cerr);
+}
+
+int CommandLine::run(int argc, const char* const* argv, const AppBody& body, std::ostream& out, std::ostream& err) {
+    auto& [app, common, bodies] = *implementation_;
+    const auto report = [&err, &name = app.get_name()](const std::string& message) {
+        err << name << ": " << one_line(message) << "\n";
+    };
+    tune_allocator();
+    app.require_subcommand(body ? 0 : 1, bodies.empty() ? 0 : 1);
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::Success& request) {
+        app.exit(request, out, err);
+        return exit_done;
+    } catch (const CLI::Error& error) {
+        report(std::string(error.what()) + "; see " + app.get_name() + " --help");
+        return exit_wrong_usage;
+    }
+    try {
+        set_thread_count(common.threads);
+        const auto commands = app.get_subcommands();
+        const AppResult result = commands.empty() ? body(common) : bodies.at(commands.front())(common);
+        if (common.json) {
+            out << result.json.text() << "\n";
+        } else if (!result.text.empty()) {
+            out << result.text << (result.text.back() == '\n' ? "" : "\n");
+        }
+        out.flush();
+        if (!out) fail<FileError>("the result could not be written to the standard output; is the disk full?");
+        return exit_done;
+    } catch (const std::bad_alloc&) {
+        report("out of memory; choose a smaller size or batch");
+    } catch (const std::exception& error) {
+        report(error.what());
+    }
+    return exit_failed;
+}
+
+}  // namespace stymo

@@ -1,0 +1,57 @@
+#include "core/autograd/node.h"
+
+#include <atomic>
+
+#include "core/error.h"
+
+namespace stymo {
+
+namespace {
+
+std::atomic<std::int64_t>& live_nodes() {
+    static std::atomic<std::int64_t> count{0};
+    return count;
+}
+
+}  // namespace
+
+Node::Node(const char* name, std::vector<Input> inputs, std::vector<VjpRule> rules, Tensor saved_output, Save save)
+    : name_(name), inputs_(std::move(inputs)), rules_(std::move(rules)), saved_output_(std::move(saved_output)), save_(save) {
+    ++live_nodes();
+}
+
+/// Releases the graph behind this node in a loop: the default, one destructor inside the other, overflows the stack
+/// on a chain of some ten thousand ops.
+Node::~Node() {
+    --live_nodes();
+    std::vector<std::shared_ptr<Node>> pending;
+    const auto take_inputs = [&pending](Node& node) {
+        for (Input& input : node.inputs_) {
+            if (input.node) pending.push_back(std::move(input.node));
+        }
+    };
+    take_inputs(*this);
+    while (!pending.empty()) {
+        const std::shared_ptr<Node> node = std::move(pending.back());
+        pending.pop_back();
+        if (node.use_count() == 1) take_inputs(*node);
+    }
+}
+
+std::int64_t Node::live_count() {
+    return live_nodes();
+}
+
+Variable Vjp::input(std::size_t i) const {
+    const Node::Input& input = node_->inputs().at(i);
+    if (!input.value.defined()) fail<GradientError>("[", node_->name(), "] the rule reads input ", i, ", which was not saved");
+    return create_graph_ ? Variable(input.value, input.node) : Variable(input.value);
+}
+
+Variable Vjp::output() const {
+    if (!node_->saved_output().defined())
+        fail<GradientError>("[", node_->name(), "] the rule reads the output, which was not saved");
+    return create_graph_ ? Variable(node_->saved_output(), node_) : Variable(node_->saved_output());
+}
+
+}  // namespace stymo

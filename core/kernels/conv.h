@@ -1,0 +1,14 @@
+#pragma once
+
+#include "core/ops/conv.h"
+#include "core/tensor.h"
+
+namespace stymo::kernels {
+
+[[nodiscard]] Tensor conv2d(const Tensor& x, const Tensor& weight, const Shape& output_shape, const Conv2dOptions& options);
+[[nodiscard]] Tensor conv2d_transpose(const Tensor& dL_dy, const Tensor& weight, const Shape& input_shape,
+                                      const Conv2dOptions& options);
+[[nodiscard]] Tensor conv2d_weight_grad(const Tensor& dL_dy, const Tensor& x, const Shape& weight_shape,
+                                        const Conv2dOptions& options);
+
+}  // namespace stymo::kernels

@@ -1,0 +1,192 @@
+#include "core/kernels/elementwise.h"
+
+#include <cmath>
+
+#include "core/kernels/fast_math.h"
+#include "core/kernels/map.h"
+
+namespace stymo::kernels {
+
+BroadcastPlan plan_broadcast(const Shape& a, const Shape& b, const char* operation) {
+    BroadcastPlan plan;
+    plan.shape = broadcast_shape(a, b, operation);
+    std::vector<BroadcastPlan::Axis> axes;  // innermost first while merging
+    std::int64_t size_a = 1;
+    std::int64_t size_b = 1;
+    for (int axis = 1; axis <= plan.shape.rank(); ++axis) {
+        const std::int64_t extent = plan.shape[-axis];
+        const std::int64_t extent_a = axis <= a.rank() ? a[-axis] : 1;
+        const std::int64_t extent_b = axis <= b.rank() ? b[-axis] : 1;
+        if (extent == 1) continue;
+        const BroadcastPlan::Axis next{extent, extent_a == 1 ? 0 : size_a, extent_b == 1 ? 0 : size_b};
+        size_a *= extent_a;
+        size_b *= extent_b;
+        const bool continues = !axes.empty() && (next.stride_a == 0) == (axes.back().stride_a == 0) &&
+                               (next.stride_b == 0) == (axes.back().stride_b == 0);
+        if (continues) {
+            axes.back().extent *= extent;
+        } else {
+            axes.push_back(next);
+        }
+    }
+    if (axes.empty()) axes.push_back({plan.shape.size(), 1, 1});
+    plan.inner = axes.front();
+    for (auto axis = axes.rbegin(); axis + 1 != axes.rend(); ++axis) {
+        plan.outer.push_back(*axis);
+        plan.outer_size *= axis->extent;
+    }
+    return plan;
+}
+
+Tensor add(const Tensor& a, const Tensor& b) {
+    return zip(a, b, "add", [](auto x, auto y) { return x + y; });
+}
+Tensor subtract(const Tensor& a, const Tensor& b) {
+    return zip(a, b, "subtract", [](auto x, auto y) { return x - y; });
+}
+Tensor multiply(const Tensor& a, const Tensor& b) {
+    return zip(a, b, "multiply", [](auto x, auto y) { return x * y; });
+}
+Tensor divide(const Tensor& a, const Tensor& b) {
+    return zip(a, b, "divide", [](auto x, auto y) { return x / y; });
+}
+Tensor maximum(const Tensor& a, const Tensor& b) {
+    return zip(a, b, "maximum", [](auto x, auto y) { return x >= y ? x : y; });
+}
+Tensor minimum(const Tensor& a, const Tensor& b) {
+    return zip(a, b, "minimum", [](auto x, auto y) { return x <= y ? x : y; });
+}
+Tensor greater_equal(const Tensor& a, const Tensor& b) {
+    return zip(a, b, "greater_equal", [](auto x, auto y) { return x >= y ? decltype(x)(1) : decltype(x)(0); });
+}
+
+Tensor affine(const Tensor& x, double factor, double offset) {
+    return map(x, [=](auto value) {
+        using T = decltype(value);
+        return static_cast<T>(factor) * value + static_cast<T>(offset);
+    });
+}
+Tensor exp(const Tensor& x) {
+    return map(x, [](auto value) { return std::exp(value); });
+}
+Tensor log(const Tensor& x) {
+    return map(x, [](auto value) { return std::log(value); });
+}
+
+namespace {
+
+template <bool take_sine>
+Tensor sine_or_cosine(const Tensor& x) {
+    Tensor y(x.shape(), x.dtype());
+    dispatch(x.dtype(), [&]<class T>(T) {
+        const T* in = x.values<T>().data();
+        T* out = y.mutable_values<T>().data();
+        parallel_for(x.size(), elementwise_grain, [=](std::int64_t begin, std::int64_t end) {
+            T* const block = out + begin;
+            for_each_sine_cosine(in + begin, end - begin,
+                                 [=](std::int64_t i, T sine, T cosine) { block[i] = take_sine ? sine : cosine; });
+        });
+    });
+    return y;
+}
+
+}  // namespace
+
+Tensor sin(const Tensor& x) {
+    return sine_or_cosine<true>(x);
+}
+Tensor cos(const Tensor& x) {
+    return sine_or_cosine<false>(x);
+}
+
+Tensor sqrt(const Tensor& x) {
+    return map(x, [](auto value) { return std::sqrt(value); });
+}
+Tensor square(const Tensor& x) {
+    return map(x, [](auto value) { return value * value; });
+}
+Tensor abs(const Tensor& x) {
+    return map(x, [](auto value) { return std::abs(value); });
+}
+Tensor sign(const Tensor& x) {
+    return map(x, [](auto value) {
+        using T = decltype(value);
+        return value > T(0) ? T(1) : (value < T(0) ? T(-1) : T(0));
+    });
+}
+Tensor clamp(const Tensor& x, double low, double high) {
+    return map(x, [=](auto value) {
+        using T = decltype(value);
+        const T bottom = static_cast<T>(low);
+        const T top = static_cast<T>(high);
+        return value < bottom ? bottom : (value > top ? top : value);
+    });
+}
+Tensor within(const Tensor& x, double low, double high) {
+    return map(x, [=](auto value) {
+        using T = decltype(value);
+        return value >= static_cast<T>(low) && value <= static_cast<T>(high) ? T(1) : T(0);
+    });
+}
+Tensor nonzero(const Tensor& x) {
+    return map(x, [](auto value) {
+        using T = decltype(value);
+        return value != T(0) ? T(1) : T(0);
+    });
+}
+
+Tensor sigmoid(const Tensor& x) {
+    return map(x, [](auto value) {
+        using T = decltype(value);
+        // The exponential of a negative argument only: never overflows, and keeps full precision in both tails.
+        const T e = std::exp(-std::abs(value));
+        return (value >= T(0) ? T(1) : e) / (T(1) + e);
+    });
+}
+Tensor tanh(const Tensor& x) {
+    return map(x, [](auto value) { return std::tanh(value); });
+}
+Tensor softplus(const Tensor& x) {
+    return map(x, [](auto value) {
+        using T = decltype(value);
+        return (value > T(0) ? value : T(0)) + std::log1p(std::exp(-std::abs(value)));
+    });
+}
+Tensor leaky_relu(const Tensor& x, double slope) {
+    return map(x, [=](auto value) {
+        using T = decltype(value);
+        return value > T(0) ? value : static_cast<T>(slope) * value;
+    });
+}
+Tensor leaky_slope(const Tensor& x, double slope) {
+    return map(x, [=](auto value) {
+        using T = decltype(value);
+        return value > T(0) ? T(1) : static_cast<T>(slope);
+    });
+}
+
+Tensor broadcast_to(const Tensor& x, const Shape& shape) {
+    if (broadcast_shape(x.shape(), shape, "broadcast_to") != shape)
+        fail<ShapeError>("[broadcast_to] ", x.shape(), " does not broadcast to ", shape);
+    Tensor target(shape, x.dtype());
+    const BroadcastPlan plan = plan_broadcast(x.shape(), shape, "broadcast_to");
+    dispatch(x.dtype(), [&]<class T>(T) {
+        const T* in = x.values<T>().data();
+        T* out = target.mutable_values<T>().data();
+        const std::int64_t length = plan.inner.extent;
+        const std::int64_t grain = std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, length));
+        parallel_for(plan.outer_size, grain, [&](std::int64_t begin, std::int64_t end) {
+            for (std::int64_t row = begin; row < end; ++row) {
+                const T* from = in + plan.offsets(row).a;
+                if (plan.inner.stride_a == 0) {
+                    std::fill_n(out + row * length, length, *from);
+                } else {
+                    std::copy_n(from, length, out + row * length);
+                }
+            }
+        });
+    });
+    return target;
+}
+
+}  // namespace stymo::kernels

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <vector>
+
+#include "core/tensor.h"
+
+namespace stymo::kernels {
+
+[[nodiscard]] Tensor permute(const Tensor& x, const std::vector<int>& order);
+[[nodiscard]] Tensor flip(const Tensor& x, int axis);
+[[nodiscard]] Tensor slice(const Tensor& x, int axis, std::int64_t begin, std::int64_t end);
+[[nodiscard]] Tensor concat(const std::vector<Tensor>& parts, int axis);
+[[nodiscard]] Tensor pixel_shuffle(const Tensor& x);
+[[nodiscard]] Tensor pixel_unshuffle(const Tensor& x);
+
+}  // namespace stymo::kernels

@@ -1,0 +1,54 @@
+#include "core/ops/activation.h"
+
+#include "core/autograd/record.h"
+#include "core/kernels/elementwise.h"
+#include "core/kernels/reduce.h"
+#include "core/ops/elementwise.h"
+#include "core/ops/reduce.h"
+
+namespace stymo {
+
+Variable sigmoid(const Variable& x) {
+    return record("sigmoid", kernels::sigmoid(x.value()), {x}, Save::the_output(), {[](const Vjp& v) {
+                      const Variable y = v.output();
+                      return v.grad() * (y * affine(y, -1.0, 1.0));
+                  }});
+}
+
+Variable tanh(const Variable& x) {
+    return record("tanh", kernels::tanh(x.value()), {x}, Save::the_output(),
+                  {[](const Vjp& v) { return v.grad() * affine(square(v.output()), -1.0, 1.0); }});
+}
+
+Variable softplus(const Variable& x) {
+    return record("softplus", kernels::softplus(x.value()), {x}, Save::input(0),
+                  {[](const Vjp& v) { return v.grad() * sigmoid(v.input(0)); }});
+}
+
+Variable log_sigmoid(const Variable& x) {
+    return -softplus(-x);
+}
+
+Variable leaky_relu(const Variable& x, double slope) {
+    return record("leaky_relu", kernels::leaky_relu(x.value(), slope), {x}, Save::input(0),
+                  {[slope](const Vjp& v) { return v.grad() * Variable(kernels::leaky_slope(v.input(0).value(), slope)); }});
+}
+
+Variable prelu(const Variable& x, const Variable& slope) {
+    return relu(x) - slope * relu(-x);
+}
+
+Variable log_sum_exp(const Variable& x, int axis) {
+    const Variable largest(kernels::maximum_along(x.value(), x.shape().index(axis)));
+    return log(sum(exp(x - largest), {axis})) + largest;
+}
+
+Variable softmax(const Variable& x, int axis) {
+    return exp(x - log_sum_exp(x, axis));
+}
+
+Variable binary_cross_entropy_with_logits(const Variable& logit, const Variable& target) {
+    return softplus(logit) - logit * target;
+}
+
+}  // namespace stymo

@@ -1,0 +1,67 @@
+#include "core/ops/conv.h"
+
+#include "core/autograd/record.h"
+#include "core/error.h"
+#include "core/kernels/conv.h"
+
+namespace stymo {
+
+namespace {
+
+Shape output_shape(const Shape& x, const Shape& weight, const Conv2dOptions& options, const char* name) {
+    if (x.rank() != 4 || weight.rank() != 4)
+        fail<ShapeError>("[", name, "] needs an image (b, h, w, c) and a weight (out, kh, kw, in), got ", x, " and ", weight);
+    if (options.stride < 1 || options.padding < 0 || options.groups < 1) {
+        fail<ValueError>("[", name, "] stride ", options.stride, ", padding ", options.padding, ", groups ", options.groups);
+    }
+    if (weight[3] * options.groups != x[3] || weight[0] % options.groups != 0) {
+        fail<ShapeError>("[", name, "] ", x[3], " channels and weight ", weight, " do not fit ", options.groups, " groups");
+    }
+    const std::int64_t height = x[1] + 2 * options.padding - weight[1];
+    const std::int64_t width = x[2] + 2 * options.padding - weight[2];
+    if (height < 0 || width < 0) fail<ShapeError>("[", name, "] kernel ", weight, " is larger than the padded image ", x);
+    return {x[0], height / options.stride + 1, width / options.stride + 1, weight[0]};
+}
+
+void require_output(const Shape& dL_dy, const Shape& x, const Shape& weight, const Conv2dOptions& options, const char* name) {
+    const Shape expected = output_shape(x, weight, options, name);
+    if (dL_dy != expected) fail<ShapeError>("[", name, "] the output's gradient is ", dL_dy, ", expected ", expected);
+}
+
+void require_same_type(const Variable& a, const Variable& b, const char* name) {
+    if (a.dtype() != b.dtype()) fail<TypeError>("[", name, "] operands are ", a.dtype(), " and ", b.dtype());
+}
+
+Save save_both(const Variable& a, const Variable& b) {
+    return (b.tracked() ? Save::input(0) : Save::none()) | (a.tracked() ? Save::input(1) : Save::none());
+}
+
+}  // namespace
+
+Variable conv2d(const Variable& x, const Variable& weight, const Conv2dOptions& options) {
+    const Shape shape = output_shape(x.shape(), weight.shape(), options, "conv2d");
+    require_same_type(x, weight, "conv2d");
+    return record("conv2d", kernels::conv2d(x.value(), weight.value(), shape, options), {x, weight}, save_both(x, weight),
+                  {[options](const Vjp& v) { return conv2d_transpose(v.grad(), v.input(1), v.shape(0), options); },
+                   [options](const Vjp& v) { return conv2d_weight_grad(v.grad(), v.input(0), v.shape(1), options); }});
+}
+
+Variable conv2d_transpose(const Variable& dL_dy, const Variable& weight, const Shape& input_shape, const Conv2dOptions& options) {
+    require_output(dL_dy.shape(), input_shape, weight.shape(), options, "conv2d_transpose");
+    require_same_type(dL_dy, weight, "conv2d_transpose");
+    return record("conv2d_transpose", kernels::conv2d_transpose(dL_dy.value(), weight.value(), input_shape, options),
+                  {dL_dy, weight}, save_both(dL_dy, weight),
+                  {[options](const Vjp& v) { return conv2d(v.grad(), v.input(1), options); },
+                   [options](const Vjp& v) { return conv2d_weight_grad(v.input(0), v.grad(), v.shape(1), options); }});
+}
+
+Variable conv2d_weight_grad(const Variable& dL_dy, const Variable& x, const Shape& weight_shape, const Conv2dOptions& options) {
+    require_output(dL_dy.shape(), x.shape(), weight_shape, options, "conv2d_weight_grad");
+    require_same_type(dL_dy, x, "conv2d_weight_grad");
+    return record("conv2d_weight_grad", kernels::conv2d_weight_grad(dL_dy.value(), x.value(), weight_shape, options), {dL_dy, x},
+                  save_both(dL_dy, x),
+                  {[options](const Vjp& v) { return conv2d(v.input(1), v.grad(), options); },
+                   [options](const Vjp& v) { return conv2d_transpose(v.input(0), v.grad(), v.shape(1), options); }});
+}
+
+}  // namespace stymo

@@ -1,0 +1,188 @@
+#include "core/ops/resample.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/autograd/record.h"
+#include "core/error.h"
+#include "core/kernels/resample.h"
+#include "core/kernels/shape.h"
+
+namespace stymo {
+
+ResampleMatrix::ResampleMatrix(int output_length, int input_length, std::vector<Entry> entries)
+    : output_length_(output_length), input_length_(input_length) {
+    std::ranges::sort(
+        entries, [](const Entry& a, const Entry& b) { return a.output != b.output ? a.output < b.output : a.input < b.input; });
+    begins_.assign(static_cast<std::size_t>(output_length) + 1, 0);
+    const Entry* previous = nullptr;
+    for (const Entry& entry : entries) {
+        if (entry.output < 0 || entry.output >= output_length || entry.input < 0 || entry.input >= input_length) {
+            fail<ValueError>("[resample] entry (", entry.output, ", ", entry.input, ") outside a ", output_length, " x ",
+                             input_length, " matrix");
+        }
+        if (previous != nullptr && previous->output == entry.output && previous->input == entry.input) {
+            weights_.back() += entry.weight;
+            continue;
+        }
+        columns_.push_back(entry.input);
+        weights_.push_back(entry.weight);
+        begins_[static_cast<std::size_t>(entry.output) + 1] = static_cast<int>(columns_.size());
+        previous = &entry;
+    }
+    for (std::size_t row = 1; row < begins_.size(); ++row) begins_[row] = std::max(begins_[row], begins_[row - 1]);
+}
+
+ResampleMatrix ResampleMatrix::transposed() const {
+    std::vector<Entry> entries;
+    for (int row = 0; row < output_length_; ++row) {
+        for (int i = begins_[static_cast<std::size_t>(row)]; i < begins_[static_cast<std::size_t>(row) + 1]; ++i) {
+            entries.push_back({columns_[static_cast<std::size_t>(i)], row, weights_[static_cast<std::size_t>(i)]});
+        }
+    }
+    return {input_length_, output_length_, std::move(entries)};
+}
+
+Variable resample(const Variable& x, const ResampleMatrix& vertical, const ResampleMatrix& horizontal) {
+    if (x.rank() != 4 || x.shape(1) != vertical.input_length() || x.shape(2) != horizontal.input_length()) {
+        fail<ShapeError>("[resample] image ", x.shape(), " for matrices that take ", vertical.input_length(), " rows and ",
+                         horizontal.input_length(), " columns");
+    }
+    return record(
+        "resample", kernels::resample(x.value(), vertical, horizontal), {x}, Save::none(),
+        {[vertical, horizontal](const Vjp& v) { return resample(v.grad(), vertical.transposed(), horizontal.transposed()); }});
+}
+
+ResampleMatrix upfirdn_matrix(int input_length, std::span<const double> filter, int up, int down, int pad_before, int pad_after) {
+    const int taps = static_cast<int>(filter.size());
+    if (up < 1 || down < 1 || taps == 0)
+        fail<ValueError>("[upfirdn] up ", up, ", down ", down, ", ", taps, " taps; each must be at least 1");
+    const int filtered = input_length * up + pad_before + pad_after - taps + 1;
+    if (filtered < 1)
+        fail<ShapeError>("[upfirdn] ", taps, " taps do not fit ", input_length, " elements with padding ", pad_before, ", ",
+                         pad_after);
+    const int output_length = (filtered + down - 1) / down;
+    std::vector<ResampleMatrix::Entry> entries;
+    for (int output = 0; output < output_length; ++output) {
+        for (int tap = 0; tap < taps; ++tap) {
+            const int upsampled = output * down + tap - pad_before;
+            if (upsampled < 0 || upsampled % up != 0 || upsampled / up >= input_length) continue;
+            entries.push_back({output, upsampled / up, filter[static_cast<std::size_t>(taps - 1 - tap)]});
+        }
+    }
+    return {output_length, input_length, std::move(entries)};
+}
+
+ResampleMatrix blur_matrix(int length) {
+    std::vector<ResampleMatrix::Entry> entries;
+    for (int i = 0; i < length; ++i) {
+        const int before = i > 0 ? i - 1 : std::min(1, length - 1);
+        const int after = i + 1 < length ? i + 1 : std::max(0, length - 2);
+        entries.push_back({i, before, 0.25});
+        entries.push_back({i, i, 0.5});
+        entries.push_back({i, after, 0.25});
+    }
+    return {length, length, std::move(entries)};
+}
+
+ResampleMatrix bilinear_matrix(int output_length, int input_length) {
+    std::vector<ResampleMatrix::Entry> entries;
+    const double scale = static_cast<double>(input_length) / output_length;
+    for (int i = 0; i < output_length; ++i) {
+        const double position = std::max(0.0, (i + 0.5) * scale - 0.5);
+        const int low = std::min(static_cast<int>(position), input_length - 1);
+        const double fraction = position - low;
+        entries.push_back({i, low, 1.0 - fraction});
+        if (fraction > 0.0) entries.push_back({i, std::min(low + 1, input_length - 1), fraction});
+    }
+    return {output_length, input_length, std::move(entries)};
+}
+
+namespace {
+
+/// Cubic convolution kernel (Keys 1981) with a = -0.5.
+double cubic(double distance) {
+    constexpr double a = -0.5;
+    const double x = std::abs(distance);
+    if (x < 1.0) return ((a + 2.0) * x - (a + 3.0)) * x * x + 1.0;
+    if (x < 2.0) return (((x - 5.0) * x + 8.0) * x - 4.0) * a;
+    return 0.0;
+}
+
+}  // namespace
+
+ResampleMatrix bicubic_matrix(int output_length, int input_length) {
+    std::vector<ResampleMatrix::Entry> entries;
+    const double scale = static_cast<double>(input_length) / output_length;
+    const double stretch = std::max(1.0, scale);
+    for (int i = 0; i < output_length; ++i) {
+        const double center = (i + 0.5) * scale;
+        const int first = std::max(0, static_cast<int>(center - 2.0 * stretch + 0.5));
+        const int last = std::min(input_length, static_cast<int>(center + 2.0 * stretch + 0.5));
+        const std::size_t begin = entries.size();
+        double total = 0.0;
+        for (int j = first; j < last; ++j) {
+            const double weight = cubic((j + 0.5 - center) / stretch);
+            entries.push_back({i, j, weight});
+            total += weight;
+        }
+        for (std::size_t entry = begin; entry < entries.size(); ++entry) entries[entry].weight /= total;
+    }
+    return {output_length, input_length, std::move(entries)};
+}
+
+ResampleMatrix box_matrix(int output_length, int input_length) {
+    if (output_length < 1 || input_length % output_length != 0)
+        fail<ShapeError>("[resize_box] ", output_length, " does not divide ", input_length);
+    const int factor = input_length / output_length;
+    std::vector<ResampleMatrix::Entry> entries;
+    for (int i = 0; i < input_length; ++i) entries.push_back({i / factor, i, 1.0 / factor});
+    return {output_length, input_length, std::move(entries)};
+}
+
+namespace {
+
+int height_of(const Variable& x) {
+    return static_cast<int>(x.shape(1));
+}
+int width_of(const Variable& x) {
+    return static_cast<int>(x.shape(2));
+}
+
+}  // namespace
+
+Variable upfirdn2d(const Variable& x, std::span<const double> filter, int up, int down, int pad_before, int pad_after) {
+    return resample(x, upfirdn_matrix(height_of(x), filter, up, down, pad_before, pad_after),
+                    upfirdn_matrix(width_of(x), filter, up, down, pad_before, pad_after));
+}
+
+Variable blur(const Variable& x) {
+    return resample(x, blur_matrix(height_of(x)), blur_matrix(width_of(x)));
+}
+
+Variable resize_bilinear(const Variable& x, int height, int width) {
+    return resample(x, bilinear_matrix(height, height_of(x)), bilinear_matrix(width, width_of(x)));
+}
+
+Variable resize_bicubic(const Variable& x, int height, int width) {
+    return resample(x, bicubic_matrix(height, height_of(x)), bicubic_matrix(width, width_of(x)));
+}
+
+Variable resize_box(const Variable& x, int height, int width) {
+    return resample(x, box_matrix(height, height_of(x)), box_matrix(width, width_of(x)));
+}
+
+Variable pixel_shuffle(const Variable& x) {
+    if (x.rank() != 4 || x.shape(3) % 4 != 0) fail<ShapeError>("[pixel_shuffle] needs (b, h, w, 4c), got ", x.shape());
+    return record("pixel_shuffle", kernels::pixel_shuffle(x.value()), {x}, Save::none(),
+                  {[](const Vjp& v) { return pixel_unshuffle(v.grad()); }});
+}
+
+Variable pixel_unshuffle(const Variable& x) {
+    if (x.rank() != 4 || x.shape(1) % 2 != 0 || x.shape(2) % 2 != 0)
+        fail<ShapeError>("[pixel_unshuffle] needs an even height and width, got ", x.shape());
+    return record("pixel_unshuffle", kernels::pixel_unshuffle(x.value()), {x}, Save::none(),
+                  {[](const Vjp& v) { return pixel_shuffle(v.grad()); }});
+}
+
+}  // namespace stymo

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <iosfwd>
+#include <string>
+#include <string_view>
+
+namespace stymo {
+
+/// Where and how often progress is shown. The default is stderr: a bar if that is a terminal, else a line every few seconds.
+struct ProgressOutput {
+    ProgressOutput();
+
+    std::ostream* stream;             ///< never null
+    bool terminal;                    ///< redraw one line in place
+    int width;                        ///< columns of the terminal
+    double interval;                  ///< seconds between two updates
+    std::function<double()> seconds;  ///< a clock that never goes back
+};
+
+/// What a Progress counts.
+struct ProgressTask {
+    std::string title;
+    std::int64_t total = 0;   ///< 0: not known
+    std::int64_t first = 0;   ///< done before this run began, which tells nothing about speed
+    std::string unit = {};    ///< "images" gives "12.3 images/s"; empty: no rate
+    double time_limit = 0.0;  ///< seconds after which the work stops though `total` is not reached; 0: none
+};
+
+/// Shows how far a loop is, its speed and the time left. Used by one thread.
+class Progress {
+public:
+    explicit Progress(ProgressTask task, ProgressOutput output = {});
+    /// Ends the bar's line where it is.
+    ~Progress();
+    Progress(const Progress&) = delete;
+    Progress& operator=(const Progress&) = delete;
+
+    /// `done` counts from 0 to the total. Cheap enough for each step: writes only if it is time to.
+    void update(std::int64_t done, std::string_view text = {});
+    /// A line of its own (a warning, a file that was skipped), above the bar.
+    void message(std::string_view line);
+    /// Shows the last state, whatever the interval. Further calls do nothing.
+    void finish(std::string_view text = {});
+
+private:
+    [[nodiscard]] std::string line(std::string_view text) const;
+    void show(std::string_view text);
+
+    ProgressTask task_;
+    ProgressOutput output_;
+    double start_;
+    double last_shown_;
+    std::int64_t done_;
+    bool open_ = true;
+};
+
+/// "00:07", "12:34", "1:02:03"
+[[nodiscard]] std::string duration_text(double seconds);
+
+}  // namespace stymo

@@ -1,0 +1,118 @@
+#include "core/tensor.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+
+#include "core/error.h"
+
+namespace stymo {
+
+namespace {
+
+constexpr std::size_t alignment = 64;  // a cache line and the widest vector register
+
+std::shared_ptr<std::byte[]> allocate(std::size_t bytes) {
+    const std::size_t rounded = std::max(alignment, (bytes + alignment - 1) / alignment * alignment);
+    void* memory = std::aligned_alloc(alignment, rounded);
+    if (memory == nullptr) throw std::bad_alloc();
+    return {static_cast<std::byte*>(memory), [](std::byte* pointer) { std::free(pointer); }};
+}
+
+template <class T>
+Tensor from_values(const Shape& shape, std::span<const T> values) {
+    if (shape.size() != static_cast<std::int64_t>(values.size())) {
+        fail<ShapeError>("[tensor] ", values.size(), " values for shape ", shape);
+    }
+    Tensor result(shape, dtype_of<T>());
+    std::ranges::copy(values, result.mutable_values<T>().begin());
+    return result;
+}
+
+}  // namespace
+
+Tensor::Tensor(Shape shape, DType dtype)
+    : buffer_(allocate(static_cast<std::size_t>(shape.size()) * size_in_bytes(dtype))), shape_(shape), dtype_(dtype) {}
+
+Tensor Tensor::full(const Shape& shape, double value, DType dtype) {
+    Tensor result(shape, dtype);
+    dispatch(dtype, [&]<class T>(T) { std::ranges::fill(result.mutable_values<T>(), static_cast<T>(value)); });
+    return result;
+}
+
+Tensor Tensor::from(const Shape& shape, std::span<const float> values) {
+    return from_values(shape, values);
+}
+Tensor Tensor::from(const Shape& shape, std::span<const double> values) {
+    return from_values(shape, values);
+}
+
+void Tensor::require(DType dtype) const {
+    if (!defined()) fail<ValueError>("[tensor] an undefined tensor has no values");
+    if (dtype != dtype_) fail<TypeError>("[tensor] expected ", dtype, ", got ", dtype_, "; convert with to()");
+}
+
+template <class T>
+std::span<const T> Tensor::values() const {
+    require(dtype_of<T>());
+    return {reinterpret_cast<const T*>(buffer_.get()), static_cast<std::size_t>(shape_.size())};
+}
+
+template <class T>
+std::span<T> Tensor::mutable_values() {
+    require(dtype_of<T>());
+    const auto count = static_cast<std::size_t>(shape_.size());
+    if (buffer_.use_count() > 1) {
+        auto copy = allocate(count * sizeof(T));
+        std::memcpy(copy.get(), buffer_.get(), count * sizeof(T));
+        buffer_ = std::move(copy);
+    }
+    return {reinterpret_cast<T*>(buffer_.get()), count};
+}
+
+template std::span<const float> Tensor::values<float>() const;
+template std::span<const double> Tensor::values<double>() const;
+template std::span<float> Tensor::mutable_values<float>();
+template std::span<double> Tensor::mutable_values<double>();
+
+Tensor Tensor::reshaped(const Shape& shape) const {
+    if (shape.size() != shape_.size())
+        fail<ShapeError>("[reshape] ", shape_, " has ", shape_.size(), " elements, ", shape, " has ", shape.size());
+    Tensor result = *this;
+    result.shape_ = shape;
+    return result;
+}
+
+Tensor Tensor::to(DType dtype) const {
+    if (dtype == dtype_ || !defined()) return *this;
+    Tensor result(shape_, dtype);
+    dispatch(dtype_, [&]<class From>(From) {
+        dispatch(dtype, [&]<class To>(To) {
+            std::ranges::transform(values<From>(), result.mutable_values<To>().begin(),
+                                   [](From value) { return static_cast<To>(value); });
+        });
+    });
+    return result;
+}
+
+double Tensor::item() const {
+    if (size() != 1) fail<ShapeError>("[item] needs one element, got shape ", shape_);
+    return dispatch(dtype_, [&]<class T>(T) { return static_cast<double>(values<T>().front()); });
+}
+
+std::vector<double> Tensor::to_vector() const {
+    return dispatch(dtype_, [&]<class T>(T) {
+        const auto elements = values<T>();
+        return std::vector<double>(elements.begin(), elements.end());
+    });
+}
+
+bool Tensor::all_finite() const {
+    return dispatch(dtype_,
+                    [&]<class T>(T) { return std::ranges::all_of(values<T>(), [](T value) { return std::isfinite(value); }); });
+}
+
+}  // namespace stymo

@@ -1,0 +1,19 @@
+#!/usr/bin/env bash
+# Installs packages, builds into build/ and runs the tests. --slow runs the slow ones too.
+set -euo pipefail
+
+usage="usage: scripts/test.sh [--slow]"
+selection=(--label-exclude slow)
+for argument in "$@"; do
+    case "$argument" in
+    --slow) selection=() ;;
+    --help | -h) echo "$usage" && exit 0 ;;
+    *) echo "test.sh: unknown argument $argument; $usage" >&2 && exit 2 ;;
+    esac
+done
+
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+scripts/install_packages.sh
+cmake --preset release
+cmake --build --preset release
+ctest --preset release "${selection[@]}"
