@@ -8,6 +8,9 @@
 
 namespace stymo {
 
+/// One block of Philox4x32-10 (Salmon et al. 2011), least significant word first.
+[[nodiscard]] std::array<std::uint32_t, 4> philox4x32(std::array<std::uint32_t, 4> counter, std::array<std::uint32_t, 2> key);
+
 /// Counter-based random numbers (Philox4x32-10, Salmon et al. 2011): the n-th number is a pure function of key and n.
 /// Passed by reference to whatever draws; there is no global generator.
 class Rng {
@@ -22,9 +25,10 @@ public:
     explicit Rng(const State& state) : state_(state) {}
 
     [[nodiscard]] const State& state() const { return state_; }
-    /// An independent generator for the part of the program called `name`; does not advance this one.
+    /// An independent generator for the part of the program called `name`; does not advance this one and does not depend on
+    /// how many numbers it has drawn.
     [[nodiscard]] Rng split(std::string_view name) const;
-    /// An independent generator for item `index`; does not advance this one.
+    /// An independent generator for item `index`, on the same terms.
     [[nodiscard]] Rng split(std::uint64_t index) const;
 
     [[nodiscard]] std::uint64_t bits();

@@ -32,8 +32,9 @@ struct RaySamples {
 };
 
 /// N + 1 uniform depths between the planes bound N intervals; the sample stands at the start of its interval.
-/// With `jitter` every depth moves uniformly within its stratum (training). Throws ValueError for less than two samples,
-/// for planes in the wrong order and for a ray parallel to the planes.
+/// With `jitter` each of the N + 1 moves uniformly within its stratum (training), so the last interval may end short of the far
+/// plane. A near plane behind the camera is moved to the camera. Throws ValueError for less than two samples, for planes in the
+/// wrong order, for a camera behind the far plane and for a ray within 3 degrees of the planes.
 [[nodiscard]] RaySamples sample_rays(const std::vector<Camera>& cameras, const RaySampling& sampling, Rng* jitter,
                                      DType dtype = DType::float32);
 

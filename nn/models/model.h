@@ -1,0 +1,65 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "nn/models/decoder.h"
+#include "nn/models/encoder.h"
+
+namespace stymo {
+
+/// Where the camera of a face stands: shared intrinsics and the place that it looks at.
+struct CameraConfig {
+    Intrinsics intrinsics;
+    double distance = 5.3;     ///< from the head's origin to the camera of a frontal view
+    double pivot_depth = 0.9;  ///< z of the point on the face that stays in the middle of the image as the head turns
+};
+
+/// What reconstruction means for this model, in training and in fitting alike.
+struct ReconstructionConfig {
+    std::vector<double> resolution_weights{0.01, 0.1, 0.5, 1.0};  ///< gamma of 64, 128, 256, 512
+    double photometric_weight = 1.0;
+    std::int64_t fit_samples_per_ray = 64;
+    double fit_regularizer = 1.0;  ///< weight of the sum of squared code offsets
+};
+
+struct ModelConfig {
+    DecoderConfig decoder;
+    EncoderConfig encoder;
+    CameraConfig camera;
+    ReconstructionConfig reconstruction;
+};
+
+/// Binds "decoder.", "encoder.", "camera.", "reconstruction." .
+void describe(ConfigSchema& schema, ModelConfig& config);
+
+/// Encoder and decoder with their parameters: what is trained, saved, fitted and rendered. Parameters are named
+/// "encoder. ..." and "decoder. ...".
+class Model {
+public:
+    /// Random weights from `rng`, but the encoder's backbone from its weights file if the configuration names one.
+    Model(const ModelConfig& config, Rng& rng);
+
+    /// A trained model, frozen. Throws FileError for a file that is missing, malformed or not a model of stymo.
+    [[nodiscard]] static Model load(const std::filesystem::path& path);
+    /// Writes every parameter and the configuration (metadata "config"). Whole or not at all.
+    void save(const std::filesystem::path& path) const;
+
+    [[nodiscard]] const ModelConfig& config() const { return config_; }
+    [[nodiscard]] ParameterStore& parameters() { return parameters_; }
+    [[nodiscard]] const ParameterStore& parameters() const { return parameters_; }
+    [[nodiscard]] const Encoder& encoder() const { return encoder_; }
+    [[nodiscard]] const Decoder& decoder() const { return decoder_; }
+
+private:
+    ModelConfig config_;
+    ParameterStore parameters_;
+    Encoder encoder_;
+    Decoder decoder_;
+};
+
+/// The model's configuration as it stands in the metadata of its file.
+[[nodiscard]] std::string to_json(const ModelConfig& config);
+
+}  // namespace stymo
