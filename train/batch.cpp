@@ -67,15 +67,19 @@ TrainingBatch make_batch(std::span<const Face> faces) {
     const Tensor target = affine(images * Variable(batch.mask), 2.0, -1.0).value();
     for (std::int64_t s = smallest_target; s <= side; s *= 2) batch.targets.push_back(shrunk(target, s, -1.0, 1.0));
 
-    batch.codes = Tensor::zeros({count, code_size});
-    batch.code_present = Tensor::zeros({count, 1});
-    const std::span<float> codes = batch.codes.mutable_values<float>();
+    for (std::size_t group = 0; group < code_sizes.size(); ++group) batch.codes[group] = Tensor::zeros({count, code_sizes[group]});
+    batch.code_present = Tensor::zeros({count});
     const std::span<float> present = batch.code_present.mutable_values<float>();
     for (std::size_t i = 0; i < faces.size(); ++i) {
         batch.cameras.push_back(camera_from_pose(faces[i].pose, faces[i].intrinsics));
         if (!faces[i].has_code) continue;
-        std::copy(faces[i].code.begin(), faces[i].code.end(), codes.begin() + static_cast<std::ptrdiff_t>(i) * code_size);
         present[i] = 1.0F;
+        auto from = faces[i].code.begin();
+        for (std::size_t group = 0; group < code_sizes.size(); ++group) {
+            const std::int64_t size = code_sizes[group];
+            std::copy_n(from, size, batch.codes[group].mutable_values<float>().begin() + static_cast<std::ptrdiff_t>(i) * size);
+            from += size;
+        }
     }
     return batch;
 }
