@@ -72,6 +72,13 @@ Tensor merged(Tensor mask, const Tensor& part) {
     return mask;
 }
 
+/// The message of an error about a file without the file's name, which is said beside it.
+std::string reason_of(const Error& error, const std::filesystem::path& file) {
+    const std::string message = error.what();
+    const std::string prefix = file.string() + ": ";
+    return message.starts_with(prefix) ? message.substr(prefix.size()) : message;
+}
+
 DecodedFace decode(const FaceFiles& files, std::int64_t side) {
     const std::filesystem::path* reading = &files.image;
     try {
@@ -92,7 +99,7 @@ DecodedFace decode(const FaceFiles& files, std::int64_t side) {
         if (mask.defined()) pixels.mask = bytes_at_side(mask, side);
         return {std::move(pixels), {}};
     } catch (const Error& error) {
-        return {std::nullopt, {reading->string(), error.what()}};
+        return {std::nullopt, {reading->string(), reason_of(error, *reading)}};
     }
 }
 
