@@ -7,7 +7,8 @@
 
 namespace stymo {
 
-FitReport report_fit(const Model& model, const FitTarget& target, const Tensor& mask, const FitResult& result, std::int64_t index) {
+FitReport report_fit(const Model& model, const FitTarget& target, const Tensor& mask, const FitResult& result,
+                     std::int64_t index) {
     const Camera& camera = target.cameras[static_cast<std::size_t>(index)];
     ViewOptions options{.samples_per_ray = model.config().reconstruction.fit_samples_per_ray};
     FitReport report;

@@ -19,7 +19,8 @@ struct FitReport {
 };
 
 /// Renders row `index` before and after and measures both within `mask` (B, S, S, 1).
-[[nodiscard]] FitReport report_fit(const Model& model, const FitTarget& target, const Tensor& mask, const FitResult& result, std::int64_t index);
+[[nodiscard]] FitReport report_fit(const Model& model, const FitTarget& target, const Tensor& mask, const FitResult& result,
+                                   std::int64_t index);
 /// {"initial": {...}, "fitted": {...}, "steps", "seconds", "loss": [...]}
 [[nodiscard]] JsonValue to_json(const FitReport& report, const FitResult& result, double seconds);
 /// target | initial | fitted | mask

@@ -32,9 +32,9 @@ std::string plan_text(Trainer& trainer, const TrainConfig& config, const Dataset
     text << std::fixed << std::setprecision(2);
     text << "parameters    encoder " << encoder << ", decoder " << decoder << '\n'
          << "images        " << training.size() << " for training, " << config.model.decoder.resolution << " pixels a side\n"
-         << "stage 1       " << config.stage1.steps << " steps of " << config.stage1.batch << " images (" << config.stage1.micro_batch << " at once), "
-         << config.stage1.samples_per_ray << " samples per ray, " << steps * static_cast<double>(config.stage1.batch) / static_cast<double>(training.size())
-         << " epochs\n"
+         << "stage 1       " << config.stage1.steps << " steps of " << config.stage1.batch << " images ("
+         << config.stage1.micro_batch << " at once), " << config.stage1.samples_per_ray << " samples per ray, "
+         << steps * static_cast<double>(config.stage1.batch) / static_cast<double>(training.size()) << " epochs\n"
          << "one step      " << seconds << " s, loss " << losses.total << '\n'
          << "all steps     " << duration_text(seconds * steps) << '\n'
          << "peak memory   " << peak_megabytes() << " MiB\n";
@@ -43,8 +43,9 @@ std::string plan_text(Trainer& trainer, const TrainConfig& config, const Dataset
 
 std::string outcome_text(const TrainingOutcome& outcome, const RunFolder& folder) {
     std::ostringstream text;
-    text << std::fixed << std::setprecision(4) << "steps " << outcome.steps << (outcome.finished ? "" : " (stopped early; --resume latest goes on)") << ", loss "
-         << outcome.last_tick.total << ", reconstruction " << outcome.last_tick.reconstruction << std::setprecision(1) << ", " << outcome.images_per_second
+    text << std::fixed << std::setprecision(4) << "steps " << outcome.steps
+         << (outcome.finished ? "" : " (stopped early; --resume latest goes on)") << ", loss " << outcome.last_tick.total
+         << ", reconstruction " << outcome.last_tick.reconstruction << std::setprecision(1) << ", " << outcome.images_per_second
          << " images/s, " << duration_text(outcome.seconds) << ", " << folder.model_file().string() << '\n';
     return text.str();
 }

@@ -27,7 +27,8 @@ std::optional<stymo::Dataset> validation_faces(const Options& options, const sty
 
 stymo::AppResult train(const Options& options, const stymo::CommonOptions& common) {
     if (options.print_keys) return {stymo::configuration_table(), {}};
-    for (const auto& [name, path] : {std::pair{"--config", options.config}, std::pair{"--data", options.data}, std::pair{"--out", options.out}}) {
+    for (const auto& [name, path] :
+         {std::pair{"--config", options.config}, std::pair{"--data", options.data}, std::pair{"--out", options.out}}) {
         if (path.empty()) stymo::fail<stymo::ConfigError>(name, " is missing; see --help");
     }
     stymo::TrainConfig config = stymo::load_train_config(options.config, options.set);
@@ -38,7 +39,8 @@ stymo::AppResult train(const Options& options, const stymo::CommonOptions& commo
     stymo::Trainer trainer(config, training, validation ? &*validation : nullptr, common.seed);
     if (options.dry_run) return {stymo::plan_text(trainer, config, training), {}};
     const stymo::RunFolder folder(options.out, !options.resume.empty());
-    if (!options.resume.empty()) trainer.resume(options.resume == "latest" ? folder.latest_checkpoint() : std::filesystem::path(options.resume));
+    if (!options.resume.empty())
+        trainer.resume(options.resume == "latest" ? folder.latest_checkpoint() : std::filesystem::path(options.resume));
     folder.write_config(stymo::to_json(config));
     const stymo::TrainingOutcome outcome = trainer.run(folder, {.minutes = options.max_minutes});
     return {stymo::outcome_text(outcome, folder), stymo::to_json(outcome, folder)};

@@ -11,7 +11,8 @@ namespace {
 
 Codes row(const Codes& codes, std::int64_t index) {
     Codes result;
-    for (std::size_t group = 0; group < code_names.size(); ++group) result.groups[group] = slice(codes.groups[group], 0, index, index + 1);
+    for (std::size_t group = 0; group < code_names.size(); ++group)
+        result.groups[group] = slice(codes.groups[group], 0, index, index + 1);
     return result;
 }
 
@@ -24,12 +25,15 @@ double largest(const Tensor& values) {
 
 View render_view(const Model& model, const Codes& codes, std::int64_t index, const Camera& camera, const ViewOptions& options) {
     const Decoded decoded =
-        model.decoder()(row(codes, index), {camera}, {.samples_per_ray = options.samples_per_ray, .resolution = options.resolution, .mask = options.mask});
+        model.decoder()(row(codes, index), {camera},
+                        {.samples_per_ray = options.samples_per_ray, .resolution = options.resolution, .mask = options.mask});
     View view{picture(decoded.images.back().value(), 0), {}, {}};
     if (options.mask) view.mask = picture_mask(sigmoid(decoded.mask_logit).value(), 0);
     if (options.depth) {
         const std::int64_t side = model.config().decoder.rays.rays_per_side;
-        view.depth = composite_depth(decoded.weights, decoded.samples.depths, largest(decoded.samples.depths)).value().reshaped({side, side, 1});
+        view.depth = composite_depth(decoded.weights, decoded.samples.depths, largest(decoded.samples.depths))
+                         .value()
+                         .reshaped({side, side, 1});
     }
     return view;
 }

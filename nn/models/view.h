@@ -19,7 +19,8 @@ struct View {
 };
 
 /// Renders row `index` of codes in Z. Rays that hit nothing have the depth of the far plane.
-[[nodiscard]] View render_view(const Model& model, const Codes& codes, std::int64_t index, const Camera& camera, const ViewOptions& options);
+[[nodiscard]] View render_view(const Model& model, const Codes& codes, std::int64_t index, const Camera& camera,
+                               const ViewOptions& options);
 
 /// The camera of this model that sees the head turned by these angles (radians), the face in the middle of the image.
 [[nodiscard]] Camera model_camera(const Model& model, double yaw, double pitch, double roll);
