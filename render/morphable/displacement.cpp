@@ -1,5 +1,6 @@
 #include "render/morphable/displacement.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -33,6 +34,17 @@ void add_displacement(const Displacement& d, const Vector3& anchor, double facto
 
 }  // namespace
 
+Tensor rows_tensor(const std::vector<BasisRow>& rows) {
+    Tensor result({static_cast<std::int64_t>(rows.size()), static_cast<std::int64_t>(rows.front().size()), 3});
+    auto target = result.mutable_values<float>().begin();
+    for (const BasisRow& row : rows) {
+        for (const Vector3& vector : row) {
+            target = std::transform(vector.begin(), vector.end(), target, [](double value) { return static_cast<float>(value); });
+        }
+    }
+    return result;
+}
+
 BasisRow displaced(const HeadMesh& mesh, std::span<const Displacement> displacements) {
     const Vector3 eye = eye_center({});
     BasisRow row(mesh.vertices.size());
@@ -44,7 +56,8 @@ BasisRow displaced(const HeadMesh& mesh, std::span<const Displacement> displacem
             const double weight = part_weight(mesh, vertex, d);
             if (weight == 0.0) continue;
             add_displacement(d, anchor, weight, false, row[vertex]);
-            if (d.symmetry != Symmetry::none) add_displacement(d, anchor, d.symmetry == Symmetry::opposed ? -weight : weight, true, row[vertex]);
+            if (d.symmetry != Symmetry::none)
+                add_displacement(d, anchor, d.symmetry == Symmetry::opposed ? -weight : weight, true, row[vertex]);
         }
     }
     return row;
@@ -60,7 +73,8 @@ BasisRow differentiated(double HeadParameters::*measure, double deviation, bool 
     const double scale = one_sided ? 1.0 : 0.5;
     BasisRow row(high.vertices.size());
     for (std::size_t vertex = 0; vertex < row.size(); ++vertex) {
-        for (std::size_t axis = 0; axis < 3; ++axis) row[vertex][axis] = scale * (high.vertices[vertex][axis] - low.vertices[vertex][axis]);
+        for (std::size_t axis = 0; axis < 3; ++axis)
+            row[vertex][axis] = scale * (high.vertices[vertex][axis] - low.vertices[vertex][axis]);
     }
     return row;
 }

@@ -12,14 +12,14 @@ struct Measure {
 };
 
 constexpr std::array<Measure, 24> measures{{
-    {&HeadParameters::eye_width, 0.010},      {&HeadParameters::upper_lid, 0.011},    {&HeadParameters::lower_lid, 0.008},
-    {&HeadParameters::eye_tilt, 0.035},       {&HeadParameters::nose_height, 0.035},  {&HeadParameters::nose_bridge, 0.03},
-    {&HeadParameters::nose_width, 0.010},     {&HeadParameters::nostrils, 0.015},     {&HeadParameters::brow_thickness, 0.010},
-    {&HeadParameters::brow_arch, 0.018},      {&HeadParameters::mouth_width, 0.025},  {&HeadParameters::upper_lip, 0.013},
-    {&HeadParameters::lower_lip, 0.016},      {&HeadParameters::lip_bulge, 0.010},    {&HeadParameters::mouth_curve, 0.012},
-    {&HeadParameters::ear_size, 0.09},        {&HeadParameters::ear_angle, 0.16},     {&HeadParameters::hair_top, 0.035},
-    {&HeadParameters::hair_side, 0.035},      {&HeadParameters::hair_fringe, 0.03},   {&HeadParameters::hairline, 0.055},
-    {&HeadParameters::hair_length, 0.20},     {&HeadParameters::hair_parting, 0.40},  {&HeadParameters::hair_wave, 0.012},
+    {&HeadParameters::eye_width, 0.010},  {&HeadParameters::upper_lid, 0.011},   {&HeadParameters::lower_lid, 0.008},
+    {&HeadParameters::eye_tilt, 0.035},   {&HeadParameters::nose_height, 0.035}, {&HeadParameters::nose_bridge, 0.03},
+    {&HeadParameters::nose_width, 0.010}, {&HeadParameters::nostrils, 0.015},    {&HeadParameters::brow_thickness, 0.010},
+    {&HeadParameters::brow_arch, 0.018},  {&HeadParameters::mouth_width, 0.025}, {&HeadParameters::upper_lip, 0.013},
+    {&HeadParameters::lower_lip, 0.016},  {&HeadParameters::lip_bulge, 0.010},   {&HeadParameters::mouth_curve, 0.012},
+    {&HeadParameters::ear_size, 0.09},    {&HeadParameters::ear_angle, 0.16},    {&HeadParameters::hair_top, 0.035},
+    {&HeadParameters::hair_side, 0.035},  {&HeadParameters::hair_fringe, 0.03},  {&HeadParameters::hairline, 0.055},
+    {&HeadParameters::hair_length, 0.20}, {&HeadParameters::hair_parting, 0.40}, {&HeadParameters::hair_wave, 0.012},
 }};
 
 /// Proportions: of the head, jaw and chin, cheeks, places of eyes, nose, mouth and brows.
