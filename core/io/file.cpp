@@ -36,7 +36,9 @@ fs::path temporary_beside(const fs::path& path) {
     return path.parent_path() / name;
 }
 
-const char* reason_of(int error_number) { return std::strerror(error_number); }
+const char* reason_of(int error_number) {
+    return std::strerror(error_number);
+}
 
 }  // namespace
 

@@ -8,12 +8,13 @@
 namespace stymo {
 
 /// Reads any image as float32 (height, width, 3), RGB in [0, 1], turned upright by its EXIF orientation. Grey is repeated,
-/// alpha is composited over black, 16-bit and float files are scaled. Throws FileError for what is not a readable image,
+/// alpha is composited over black, integers are scaled, floats clipped. Throws FileError for what is not a readable image,
 /// saying why in a few words ("not an image (zero bytes)").
 [[nodiscard]] Tensor read_image(const std::filesystem::path& path);
 /// Reads one channel as float32 (height, width, 1) in [0, 1]: a mask. A colour image becomes its luminance.
 [[nodiscard]] Tensor read_mask(const std::filesystem::path& path);
-/// Reads the raw 8-bit indices (palette or grey) of a class map as float32 (height, width, 1), values 0..255.
+/// Reads the raw indices (palette or grey, at most 8 bits) of a class map, a PNG file, as float32 (height, width, 1), values
+/// 0..255.
 [[nodiscard]] Tensor read_class_map(const std::filesystem::path& path);
 
 /// Writes (height, width, 1 or 3), values in [0, 1] clipped and rounded to 8 bits, as the extension says (png, jpg).
