@@ -42,10 +42,10 @@ constexpr double degree = std::numbers::pi / 180.0;
     grey[3] = truncated_normal(rng, 0.10, 0.22);
     for (std::size_t k = 4; k < grey.size(); ++k) grey[k] = truncated_normal(rng, 0.02, 0.05);
     std::array<double, 3> tint{};
-    for (double& value : tint) value = 1.0 + truncated_normal(rng, 0.03, 0.08);
+    for (double& value : tint) value = 1.0 + truncated_normal(rng, 0.02, 0.05);
     for (std::size_t k = 0; k < grey.size(); ++k) {
         for (std::size_t channel = 0; channel < 3; ++channel) {
-            const double colored = k == 0 ? 0.0 : truncated_normal(rng, 0.008, 0.02);
+            const double colored = k == 0 ? 0.0 : truncated_normal(rng, 0.006, 0.015);
             light[3 * k + channel] = static_cast<float>(grey[k] * tint[channel] + colored);
         }
     }

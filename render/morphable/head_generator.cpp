@@ -68,9 +68,11 @@ void add_eye(HeadMesh& mesh, const HeadParameters& p, double side) {
             const Vector3 local{std::sin(polar) * std::cos(around), std::sin(polar) * std::sin(around), std::cos(polar)};
             const double y = local[1] * std::cos(p.gaze_y) + local[2] * std::sin(p.gaze_y);
             const double z = local[2] * std::cos(p.gaze_y) - local[1] * std::sin(p.gaze_y);
+            // Behind the lids it shrinks away from them.
+            const double radius = eye_radius * (1.0 - 0.15 * smooth_step(60.0, 80.0, ring.degrees));
             const double x = local[0] * std::cos(p.gaze_x) + z * std::sin(p.gaze_x);
-            mesh.add({side * center[0] + eye_radius * x, center[1] + eye_radius * y,
-                      center[2] + eye_radius * (z * std::cos(p.gaze_x) - local[0] * std::sin(p.gaze_x))},
+            mesh.add({side * center[0] + radius * x, center[1] + radius * y,
+                      center[2] + radius * (z * std::cos(p.gaze_x) - local[0] * std::sin(p.gaze_x))},
                      ring.color, HeadPart::eyes);
         }
     }

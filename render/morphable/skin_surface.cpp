@@ -172,7 +172,7 @@ struct SkinPoint {
 
 /// Follows the eyeball where that stands out of the face, leaving the crease of the lid.
 [[nodiscard]] double drape_over_eye(double x, double y, double z, const HeadParameters& p) {
-    const double radius = eye_radius + 0.014;
+    const double radius = eye_radius + 0.018;
     const double across = std::abs(x) - eye_spacing;
     const double square = radius * radius - across * across - (y - eye_height) * (y - eye_height);
     if (square <= 0.0) return z;
