@@ -26,6 +26,7 @@ struct Frame {
 [[nodiscard]] Tensor take(TensorFile& file, const std::string& name, const std::filesystem::path& path) {
     const auto found = file.tensors.find(name);
     if (found == file.tensors.end()) fail<FileError>(path.string(), ": holds no tensor \"", name, "\"; is it a morphable head?");
+    if (!found->second.all_finite()) fail<FileError>(path.string(), ": \"", name, "\" holds values that are not finite");
     return found->second.to(DType::float32);
 }
 
@@ -35,10 +36,10 @@ void require_shape(const Tensor& tensor, const Shape& shape, const std::string& 
 
 [[nodiscard]] std::int32_t vertex_index(float value, std::int64_t vertex_count, const std::string& name,
                                         const std::filesystem::path& path) {
-    const auto index = static_cast<std::int64_t>(value);
-    if (!(value >= 0.0F) || index >= vertex_count)
+    if (!(value >= 0.0F) || !(value < static_cast<float>(vertex_count))) {
         fail<FileError>(path.string(), ": \"", name, "\" names vertex ", value, " of ", vertex_count);
-    return static_cast<std::int32_t>(index);
+    }
+    return static_cast<std::int32_t>(value);
 }
 
 [[nodiscard]] Vector3 landmark_mean(const Points& points, const std::array<std::int32_t, 68>& landmarks,
@@ -87,7 +88,9 @@ void require_shape(const Tensor& tensor, const Shape& shape, const std::string& 
 [[nodiscard]] double hair_cover(const Vector3& point) {
     const double line = point[2] > 0.0 ? 0.02 + 0.60 * morphable::smooth_step(0.05, 0.55, point[2])
                                        : 0.02 - 0.55 * morphable::smooth_step(-0.25, -0.6, point[2]);
-    return morphable::smooth_step(line - 0.03, line + 0.05, point[1]) * morphable::smooth_step(0.80, 0.68, point[2]);
+    const double ear = morphable::smooth_step(0.62, 0.68, std::abs(point[0])) * morphable::smooth_step(0.36, 0.26, point[1]);
+    return morphable::smooth_step(line - 0.03, line + 0.05, point[1]) * morphable::smooth_step(0.80, 0.68, point[2]) *
+           (1.0 - ear);
 }
 
 [[nodiscard]] double distance_to_polyline(const Vector3& point, const Points& line) {
@@ -158,8 +161,8 @@ struct Paint {
             color = morphable::mix(color, morphable::hair_color, hair);
         } else if (point[2] > 0.4) {
             const double brow = std::min(distance_to_polyline(point, brows[0]), distance_to_polyline(point, brows[1]));
-            if (brow < 0.03) part = HeadPart::brows;
-            color = morphable::mix(color, {0.24, 0.17, 0.12}, 0.9 * morphable::smooth_step(0.045, 0.02, brow));
+            if (brow < 0.024) part = HeadPart::brows;
+            color = morphable::mix(color, {0.24, 0.17, 0.12}, 0.9 * morphable::smooth_step(0.034, 0.014, brow));
             if (inside_polygon(point, lips)) {
                 part = HeadPart::lips;
                 color = morphable::lip_color;
