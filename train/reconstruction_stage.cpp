@@ -46,7 +46,7 @@ LossAndGradients reconstruction_gradients(const Model& model, const TrainingBatc
     LossTerms& report = result.losses;
     Variable total = photometric_loss(decoded.images, batch.targets, reconstruction.resolution_weights) * reconstruction.photometric_weight;
     report.reconstruction = total.value().item();
-    add_term(total, report.code, batch.has_codes() ? 1.0 : 0.0, [&] {
+    add_term(total, report.code, sum(Variable(batch.code_present)).value().item() > 0.0 ? 1.0 : 0.0, [&] {
         return code_loss(codes, batch.codes, std::span<const double, 4>(weights.code_weights), batch.code_present);
     });
     add_term(total, report.mask, with_mask ? weights.mask_weight : 0.0, [&] { return stymo::mask_loss(decoded.mask_logit, batch.mask); });
