@@ -17,7 +17,7 @@ foreach(folder core nn render train fit)
   endif()
 endforeach()
 if(IS_DIRECTORY ${PROJECT_SOURCE_DIR}/configs)
-  install(DIRECTORY configs DESTINATION ${CMAKE_INSTALL_DATADIR}/stymo)
+  install(DIRECTORY configs DESTINATION ${CMAKE_INSTALL_DATADIR}/stymo FILES_MATCHING PATTERN "*.json")
 endif()
 
 configure_package_config_file(cmake/stymoConfig.cmake.in ${PROJECT_BINARY_DIR}/stymoConfig.cmake
