@@ -1,7 +1,8 @@
 #include "core/config.h"
 
 #include <algorithm>
-#include <functional>
+#include <cmath>
+#include <cstdint>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -18,9 +19,12 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+/// Bounds of numbers as doubles and of whole numbers as such: a double does not hold the largest ones.
 struct Range {
     double low = 0.0;
     double high = 0.0;
+    std::int64_t whole_low = 0;
+    std::int64_t whole_high = 0;
 };
 
 using Target = std::variant<std::int64_t*, double*, bool*, std::string*, std::vector<std::int64_t>*, std::vector<double>*>;
@@ -34,14 +38,15 @@ struct Entry {
     std::string help;
 };
 
-/// A number the way a person would write it.
-std::string short_text(double value) {
-    return Json(value).dump();
+std::string range_text(const Range& range, bool whole) {
+    // JSON writes a double in as few digits as tell it apart.
+    const auto text = [](auto low, auto high) { return "[" + Json(low).dump() + ", " + Json(high).dump() + "]"; };
+    return whole ? text(range.whole_low, range.whole_high) : text(range.low, range.high);
 }
 
-std::string range_text(const Range& range, bool whole) {
-    const auto text = [&](double value) { return whole ? std::to_string(static_cast<std::int64_t>(value)) : short_text(value); };
-    return "[" + text(range.low) + ", " + text(range.high) + "]";
+/// One line for messages, also of what is not UTF-8.
+std::string message_text(const Json& value) {
+    return value.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 std::string joined(const std::vector<std::string>& parts) {
@@ -75,9 +80,29 @@ std::optional<double> as_number(const Json& value, const Range& range) {
 
 /// A whole number may be written as 200000 or as 2e5.
 std::optional<std::int64_t> as_integer(const Json& value, const Range& range) {
-    const std::optional<double> number = as_number(value, range);
-    if (!number || *number != static_cast<double>(static_cast<std::int64_t>(*number))) return std::nullopt;
-    return value.is_number_integer() ? value.get<std::int64_t>() : static_cast<std::int64_t>(*number);
+    std::int64_t number = 0;
+    if (value.is_number_integer()) {
+        const bool too_large =
+            value.is_number_unsigned() && value.get<std::uint64_t>() > std::uint64_t{std::numeric_limits<std::int64_t>::max()};
+        if (too_large) return std::nullopt;
+        number = value.get<std::int64_t>();
+    } else {
+        // Beyond 2^53 a double no longer says which whole number was meant.
+        const double written = value.is_number() ? value.get<double>() : 0.5;
+        if (std::abs(written) > 0x1p53 || written != std::trunc(written)) return std::nullopt;
+        number = static_cast<std::int64_t>(written);
+    }
+    return number >= range.whole_low && number <= range.whole_high ? std::optional(number) : std::nullopt;
+}
+
+/// Whether JSON can hold the value: a bare word may be no UTF-8.
+bool is_writable(const Json& value) {
+    try {
+        static_cast<void>(value.dump());
+        return true;
+    } catch (const Json::type_error&) {
+        return false;
+    }
 }
 
 template <class T, class Convert>
@@ -149,6 +174,10 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
     return row[b.size()];
 }
 
+std::string last_part(const std::string& key) {
+    return key.substr(key.rfind('.') + 1);
+}
+
 /// Parses strictly: the same key twice in one object is an error, which the library alone would pass over.
 Json parse_strictly(std::string_view text, const std::string& source) {
     std::vector<std::set<std::string>> keys;
@@ -163,7 +192,10 @@ Json parse_strictly(std::string_view text, const std::string& source) {
     try {
         return Json::parse(text, check);
     } catch (const Json::parse_error& error) {
-        fail<ConfigError>(source, ": not JSON at byte ", error.byte);
+        const std::string_view before = text.substr(0, error.byte == 0 ? 0 : error.byte - 1);
+        fail<ConfigError>(source, ": not JSON at line ", 1 + std::ranges::count(before, '\n'));
+    } catch (const Json::out_of_range&) {
+        fail<ConfigError>(source, ": a number is too large");
     }
 }
 
@@ -183,9 +215,17 @@ struct ConfigSchema::Implementation {
         return std::ranges::any_of(entries, [&](const Entry& entry) { return entry.key.starts_with(path + "."); });
     }
 
+    [[nodiscard]] bool is_text(const std::string& key) const {
+        const auto entry = std::ranges::find(entries, key, &Entry::key);
+        return entry != entries.end() && std::holds_alternative<std::string*>(entry->target);
+    }
+
     [[noreturn]] void unknown(const std::string& source, const std::string& key) const {
-        const auto nearest =
-            std::ranges::min_element(entries, {}, [&](const Entry& entry) { return edit_distance(entry.key, key); });
+        // A key without its section, or in another one, is as near as a slip of the pen.
+        const auto distance = [&](const Entry& entry) {
+            return std::min(edit_distance(entry.key, key), edit_distance(last_part(entry.key), last_part(key)) + 1);
+        };
+        const auto nearest = std::ranges::min_element(entries, {}, distance);
         fail<ConfigError>(source, ": ", key, ": unknown key",
                           nearest == entries.end() ? "" : "; did you mean " + nearest->key + "?");
     }
@@ -193,15 +233,18 @@ struct ConfigSchema::Implementation {
     void set(const std::string& source, const std::string& key, const Json& value) const {
         const auto entry = std::ranges::find(entries, key, &Entry::key);
         if (entry == entries.end()) unknown(source, key);
-        if (!assign(*entry, value)) fail<ConfigError>(source, ": ", key, " = ", value.dump(), ": must be ", allowed_text(*entry));
+        if (!assign(*entry, value))
+            fail<ConfigError>(source, ": ", key, " = ", message_text(value), ": must be ", allowed_text(*entry));
     }
 
     void read_object(const std::string& source, const std::string& path, const Json& object) const {
         for (const auto& [name, value] : object.items()) {
             if (name.starts_with("$") || (path.empty() && name == "parent")) continue;
             const std::string key = path.empty() ? name : path + "." + name;
+            // A dotted name would be a second way to give a key, and could give it twice.
+            if (name.find('.') != std::string::npos) fail<ConfigError>(source, ": ", key, ": must be written as nested objects");
             if (is_section(key)) {
-                if (!value.is_object()) fail<ConfigError>(source, ": ", key, " = ", value.dump(), ": must be an object");
+                if (!value.is_object()) fail<ConfigError>(source, ": ", key, " = ", message_text(value), ": must be an object");
                 read_object(source, key, value);
             } else {
                 set(source, key, value);
@@ -222,7 +265,7 @@ struct ConfigSchema::Implementation {
         const Json json = parse_strictly(read_text_file(path), path.string());
         if (json.is_object() && json.contains("parent")) {
             if (!json.at("parent").is_string())
-                fail<ConfigError>(path.string(), ": parent = ", json.at("parent").dump(), ": must be a file name");
+                fail<ConfigError>(path.string(), ": parent = ", message_text(json.at("parent")), ": must be a file name");
             read_file(path.parent_path() / json.at("parent").get<std::string>(), open);
         }
         read_json(path.string(), json);
@@ -236,11 +279,11 @@ ConfigSchema::ConfigSchema(ConfigSchema&&) noexcept = default;
 ConfigSchema& ConfigSchema::operator=(ConfigSchema&&) noexcept = default;
 
 void ConfigSchema::integer(std::string key, std::int64_t& target, std::int64_t low, std::int64_t high, std::string help) {
-    implementation_->bind(std::move(key), &target, {static_cast<double>(low), static_cast<double>(high)}, {}, std::move(help));
+    implementation_->bind(std::move(key), &target, {0.0, 0.0, low, high}, {}, std::move(help));
 }
 
 void ConfigSchema::number(std::string key, double& target, double low, double high, std::string help) {
-    implementation_->bind(std::move(key), &target, {low, high}, {}, std::move(help));
+    implementation_->bind(std::move(key), &target, {low, high, 0, 0}, {}, std::move(help));
 }
 
 void ConfigSchema::boolean(std::string key, bool& target, std::string help) {
@@ -257,11 +300,11 @@ void ConfigSchema::choice(std::string key, std::string& target, std::vector<std:
 
 void ConfigSchema::integers(std::string key, std::vector<std::int64_t>& target, std::int64_t low, std::int64_t high,
                             std::string help) {
-    implementation_->bind(std::move(key), &target, {static_cast<double>(low), static_cast<double>(high)}, {}, std::move(help));
+    implementation_->bind(std::move(key), &target, {0.0, 0.0, low, high}, {}, std::move(help));
 }
 
 void ConfigSchema::numbers(std::string key, std::vector<double>& target, double low, double high, std::string help) {
-    implementation_->bind(std::move(key), &target, {low, high}, {}, std::move(help));
+    implementation_->bind(std::move(key), &target, {low, high, 0, 0}, {}, std::move(help));
 }
 
 void ConfigSchema::read_file(const std::filesystem::path& path) {
@@ -270,7 +313,9 @@ void ConfigSchema::read_file(const std::filesystem::path& path) {
 }
 
 void ConfigSchema::read_text(std::string_view json, const std::string& source) {
-    implementation_->read_json(source, parse_strictly(json, source));
+    const Json root = parse_strictly(json, source);
+    if (root.is_object() && root.contains("parent")) fail<ConfigError>(source, ": parent: only a file can have one");
+    implementation_->read_json(source, root);
 }
 
 void ConfigSchema::set(std::string_view assignment) {
@@ -279,8 +324,9 @@ void ConfigSchema::set(std::string_view assignment) {
     const std::string key(assignment.substr(0, equals));
     const std::string text(assignment.substr(equals + 1));
     Json value = Json::parse(text, nullptr, false);
-    // What is not JSON is a bare word.
-    if (value.is_discarded()) value = text;
+    // What is not JSON is a bare word, and so is whatever a text is set to without quotes: a folder may be called 2024.
+    if (value.is_discarded() || (!value.is_string() && implementation_->is_text(key))) value = text;
+    if (!is_writable(value)) fail<ConfigError>("command line: ", key, " = ", message_text(value), ": must be UTF-8");
     implementation_->set("command line", key, value);
 }
 

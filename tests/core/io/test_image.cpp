@@ -1,8 +1,11 @@
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <iostream>
 #include <limits>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -51,6 +54,26 @@ TEST_CASE("class maps are read as indices, not as colours") {
     check_values(read_class_map(golden("palette_2bit.png")), {1, 4, 1}, {0, 1, 2, 3});
     check_values(read_class_map(golden("palette_transparent.png")), {2, 3, 1}, {0, 1, 2, 3, 3, 0});
     check_values(read_class_map(golden("grey_8bit.png")), {1, 3, 1}, {0, 18, 255});
+}
+
+TEST_CASE("the class maps of CelebAMask-HQ hold its 19 classes") {
+    const char* variable = std::getenv("STYMO_SHARED");
+    const std::filesystem::path shared = variable != nullptr ? variable : std::string(STYMO_SOURCE_DIR) + "/../shared";
+    const std::filesystem::path path = shared / "data/celebamask/parsing/00000.png";
+    if (!std::filesystem::exists(path)) {
+        std::cout << "skipped: no shared data\n";
+        return;
+    }
+    const Tensor classes = read_class_map(path);
+    CHECK(classes.shape() == Shape{512, 512, 1});
+    std::set<float> seen;
+    for (const float value : classes.values<float>()) {
+        seen.insert(value);
+    }
+    CHECK(*seen.begin() == 0.0F);
+    CHECK(*seen.rbegin() <= 18.0F);
+    CHECK(seen.contains(1.0F));  // skin
+    CHECK(seen.contains(2.0F));  // nose
 }
 
 TEST_CASE("pictures that are no class maps are refused as such") {
