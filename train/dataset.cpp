@@ -24,7 +24,7 @@ struct Pixels {
 /// What decoding a face gave: its pixels, or why there are none.
 struct DecodedFace {
     std::optional<Pixels> pixels;
-    DatasetSummary::Broken broken;
+    BrokenFile broken;
 };
 
 std::vector<std::uint8_t> bytes_at_side(const Tensor& image, std::int64_t side) {
@@ -43,48 +43,13 @@ Tensor tensor_of(const std::vector<std::uint8_t>& bytes, std::int64_t side) {
     return result;
 }
 
-Tensor head_of_parsing(Tensor classes) {
-    for (float& value : classes.mutable_values<float>()) value = is_head_class(static_cast<int>(value)) ? 1.0F : 0.0F;
-    return classes;
-}
-
-Tensor merged(Tensor mask, const Tensor& part) {
-    if (!(mask.shape() == part.shape())) fail<FileError>("has the size ", part.shape(), ", the part before it ", mask.shape());
-    const std::span<float> values = mask.mutable_values<float>();
-    const std::span<const float> more = part.values<float>();
-    std::transform(values.begin(), values.end(), more.begin(), values.begin(), [](float a, float b) { return std::max(a, b); });
-    return mask;
-}
-
-/// The message of an error about a file without the file's name, which is said beside it.
-std::string reason_of(const Error& error, const std::filesystem::path& file) {
-    const std::string message = error.what();
-    const std::string prefix = file.string() + ": ";
-    return message.starts_with(prefix) ? message.substr(prefix.size()) : message;
-}
-
 DecodedFace decode(const FaceFiles& files, std::int64_t side) {
-    const std::filesystem::path* reading = &files.image;
-    try {
-        Pixels pixels;
-        pixels.image = bytes_at_side(read_image(files.image), side);
-        Tensor mask;
-        if (!files.mask.empty()) {
-            reading = &files.mask;
-            mask = read_mask(files.mask);
-        } else if (!files.parsing.empty()) {
-            reading = &files.parsing;
-            mask = head_of_parsing(read_class_map(files.parsing));
-        }
-        for (const std::filesystem::path& part : files.mask_parts) {
-            reading = &part;
-            mask = mask.defined() ? merged(std::move(mask), read_mask(part)) : read_mask(part);
-        }
-        if (mask.defined()) pixels.mask = bytes_at_side(mask, side);
-        return {std::move(pixels), {}};
-    } catch (const Error& error) {
-        return {std::nullopt, {reading->string(), reason_of(error, *reading)}};
-    }
+    const FacePicture picture = read_face_picture(files);
+    if (picture.broken) return {std::nullopt, *picture.broken};
+    Pixels pixels;
+    pixels.image = bytes_at_side(picture.image, side);
+    if (picture.mask.defined()) pixels.mask = bytes_at_side(picture.mask, side);
+    return {std::move(pixels), {}};
 }
 
 bool has_mask(const FaceFiles& files) {
@@ -140,7 +105,7 @@ std::string DatasetSummary::text() const {
     if (without_pose > 0) text << "; " << without_pose << " without a pose (frontal is assumed)";
     if (without_code > 0) text << "; " << without_code << " without a code (no code loss)";
     if (!broken.empty()) text << "; " << broken.size() << " broken and skipped:";
-    for (const Broken& item : broken) text << '\n' << item.file << ": " << item.reason;
+    for (const BrokenFile& item : broken) text << '\n' << item.file << ": " << item.reason;
     return text.str();
 }
 
@@ -152,7 +117,7 @@ struct Dataset::Implementation {
     Intrinsics intrinsics;
     std::vector<Pixels> cache;  ///< one for each face, or empty
     mutable std::mutex broken_mutex;
-    mutable std::map<std::int64_t, DatasetSummary::Broken> broken;  ///< by place in the split
+    mutable std::map<std::int64_t, BrokenFile> broken;  ///< by place in the split
 
     void fill_cache();
     [[nodiscard]] std::optional<Face> try_load(std::int64_t index) const;
@@ -217,7 +182,7 @@ Dataset::Dataset(const std::filesystem::path& folder, std::int64_t side, const D
     if (static_cast<std::int64_t>(data.faces.size()) * side * side * channels <= config.cache_megabytes * 1000000)
         data.fill_cache();
     if (data.faces.empty()) {
-        const DatasetSummary::Broken& one = data.broken.begin()->second;
+        const BrokenFile& one = data.broken.begin()->second;
         fail<FileError>(folder.string(), ": none of its ", data.broken.size(), " pictures can be read; the first: ", one.file,
                         ": ", one.reason);
     }

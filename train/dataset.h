@@ -9,6 +9,7 @@
 
 #include "core/config.h"
 #include "train/batch.h"
+#include "train/face_picture.h"
 
 namespace stymo {
 
@@ -28,15 +29,11 @@ enum class Split { training, validation, test, all };
 
 /// What a data set lacks, to be said once.
 struct DatasetSummary {
-    struct Broken {
-        std::string file;
-        std::string reason;
-    };
     std::int64_t faces = 0;  ///< of this split, without the broken ones known so far
     std::int64_t without_mask = 0;
     std::int64_t without_pose = 0;
     std::int64_t without_code = 0;
-    std::vector<Broken> broken;  ///< skipped, in order of id
+    std::vector<BrokenFile> broken;  ///< skipped, in order of id
 
     /// "700 faces; 700 without a pose (frontal is assumed); ..." and one more line for each broken file.
     [[nodiscard]] std::string text() const;

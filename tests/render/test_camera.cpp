@@ -96,3 +96,18 @@ TEST_CASE("a mirrored pose sees the mirrored point at the mirrored place", "[cam
     const Vector3 mirror_seen = project(camera_from_pose(mirrored(pose), Intrinsics{}), {-0.3, 0.2, -0.1});
     check_vectors(mirror_seen, {1.0 - seen[0], seen[1], seen[2]});
 }
+
+TEST_CASE("a pivot pose keeps the pivot in the middle of the picture at its distance, whatever the angles", "[camera]") {
+    const double distance = 5.3, pivot_depth = 0.9;
+    for (const double yaw : {-1.1, 0.0, 0.4}) {
+        for (const double pitch : {-0.6, 0.0, 0.3}) {
+            for (const double roll : {-0.2, 0.5}) {
+                const Pose pose = pivot_pose(yaw, pitch, roll, distance, pivot_depth);
+                check_vectors(project(camera_from_pose(pose, Intrinsics{}), {0, 0, pivot_depth}),
+                              {0.5, 0.5, distance - pivot_depth});
+            }
+        }
+    }
+    check_vectors(pivot_pose(0, 0, 0, distance, pivot_depth).translation, {0, 0, distance});
+    check_vectors(pivot_pose(half_turn / 2, 0, 0, distance, pivot_depth).translation, {distance - pivot_depth, 0, pivot_depth});
+}

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "core/tensor.h"
+#include "train/folder_scan.h"
+
+namespace stymo {
+
+/// A file that cannot be used, and why in a few words.
+struct BrokenFile {
+    std::string file;
+    std::string reason;
+};
+
+/// The picture and the head mask of one face as they are stored.
+struct FacePicture {
+    Tensor image;                      ///< (height, width, 3) in [0, 1]
+    Tensor mask;                       ///< (height, width, 1) in [0, 1], of a size of its own; undefined if there is none
+    std::optional<BrokenFile> broken;  ///< the file that could not be read; image and mask are undefined then
+};
+
+/// Decodes what scan_folder found. Never throws for what is in the files.
+[[nodiscard]] FacePicture read_face_picture(const FaceFiles& files);
+
+}  // namespace stymo
