@@ -27,22 +27,6 @@ struct DecodedFace {
     DatasetSummary::Broken broken;
 };
 
-Tensor central_square(const Tensor& image) {
-    const std::int64_t height = image.shape(0);
-    const std::int64_t width = image.shape(1);
-    const std::int64_t channels = image.shape(2);
-    if (height == width) return image;
-    const std::int64_t side = std::min(height, width);
-    const std::int64_t top = (height - side) / 2;
-    const std::int64_t left = (width - side) / 2;
-    Tensor square({side, side, channels});
-    const std::span<const float> from = image.values<float>();
-    const std::span<float> to = square.mutable_values<float>();
-    for (std::int64_t row = 0; row < side; ++row)
-        std::copy_n(from.begin() + ((top + row) * width + left) * channels, side * channels, to.begin() + row * side * channels);
-    return square;
-}
-
 std::vector<std::uint8_t> bytes_at_side(const Tensor& image, std::int64_t side) {
     const Tensor resized = resize_image(central_square(image), static_cast<int>(side), static_cast<int>(side));
     const std::span<const float> values = resized.values<float>();
@@ -72,6 +56,13 @@ Tensor merged(Tensor mask, const Tensor& part) {
     return mask;
 }
 
+/// The message of an error about a file without the file's name, which is said beside it.
+std::string reason_of(const Error& error, const std::filesystem::path& file) {
+    const std::string message = error.what();
+    const std::string prefix = file.string() + ": ";
+    return message.starts_with(prefix) ? message.substr(prefix.size()) : message;
+}
+
 DecodedFace decode(const FaceFiles& files, std::int64_t side) {
     const std::filesystem::path* reading = &files.image;
     try {
@@ -92,7 +83,7 @@ DecodedFace decode(const FaceFiles& files, std::int64_t side) {
         if (mask.defined()) pixels.mask = bytes_at_side(mask, side);
         return {std::move(pixels), {}};
     } catch (const Error& error) {
-        return {std::nullopt, {reading->string(), error.what()}};
+        return {std::nullopt, {reading->string(), reason_of(error, *reading)}};
     }
 }
 

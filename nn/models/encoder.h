@@ -14,7 +14,7 @@ namespace stymo {
 
 struct EncoderConfig {
     std::string backbone = "mobilefacenet";  ///< one of backbone_names()
-    std::string backbone_weights;            ///< a .safetensors file, or empty: trained from scratch
+    std::string backbone_weights{};          ///< a .safetensors file, or empty: trained from scratch
     double embedding_scale = 1.0;            ///< factor on the embedding before the heads
     std::int64_t head_width = 512;           ///< heads: embedding -> width -> width / 2 -> code
 };
