@@ -36,7 +36,7 @@ struct Tint {
 [[nodiscard]] std::vector<Tint> tints() {
     return {
         // lighter and darker skin, lips with it
-        {{0.110, 0.115, 0.110}, [](const Surface& s) { return s.skin()                   ? 1.0
+        {{0.095, 0.100, 0.095}, [](const Surface& s) { return s.skin()                   ? 1.0
                                                               : s.part == HeadPart::lips ? 0.7
                                                                                          : 0.0; }},
         // warmer and cooler
