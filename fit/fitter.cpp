@@ -19,7 +19,8 @@ struct Offsets {
 
     explicit Offsets(const Codes& codes) {
         for (std::size_t group = 0; group < code_names.size(); ++group) {
-            store.create(std::string("offset.") + code_names[group], Tensor::zeros(codes.groups[group].shape(), codes.groups[group].dtype()));
+            store.create(std::string("offset.") + code_names[group],
+                         Tensor::zeros(codes.groups[group].shape(), codes.groups[group].dtype()));
         }
     }
 
@@ -50,7 +51,8 @@ Codes detached(const Codes& codes) {
 FitResult fit_codes(const Model& model, const FitTarget& target, const FitOptions& options) {
     const ReconstructionConfig& reconstruction = model.config().reconstruction;
     const double regularizer = options.regularizer < 0.0 ? reconstruction.fit_regularizer : options.regularizer;
-    const DecodeOptions decode{.samples_per_ray = options.samples_per_ray > 0 ? options.samples_per_ray : reconstruction.fit_samples_per_ray};
+    const DecodeOptions decode{.samples_per_ray =
+                                   options.samples_per_ray > 0 ? options.samples_per_ray : reconstruction.fit_samples_per_ray};
     FitResult result;
     result.initial = detached(model.encoder()(Variable(target.input)));
     const auto batch = static_cast<double>(result.initial.batch());
@@ -60,10 +62,12 @@ FitResult fit_codes(const Model& model, const FitTarget& target, const FitOption
     for (std::int64_t step = 0; step < options.steps && !interrupted(); ++step) {
         const Decoded decoded = model.decoder()(add(result.initial, offsets.codes()), target.cameras, decode);
         // A mean over the batch times its size: the faces' gradients do not depend on how many are fitted together.
-        const Variable loss = photometric_loss(decoded.images, target.targets, reconstruction.resolution_weights) * (reconstruction.photometric_weight * batch) +
+        const Variable loss = photometric_loss(decoded.images, target.targets, reconstruction.resolution_weights) *
+                                  (reconstruction.photometric_weight * batch) +
                               offsets.squared_length() * regularizer;
         result.losses.push_back(loss.value().item() / batch);
-        if (!std::isfinite(result.losses.back())) fail<NumericError>("fitting step ", step, ": the loss is not finite; lower the learning rate");
+        if (!std::isfinite(result.losses.back()))
+            fail<NumericError>("fitting step ", step, ": the loss is not finite; lower the learning rate");
         std::vector<Variable> leaves;
         for (const Parameter& offset : offsets.store.all()) leaves.push_back(offset.variable());
         const std::vector<Variable> gradients = grad(loss, leaves);

@@ -26,8 +26,8 @@ struct FitOptions {
 };
 
 struct FitResult {
-    Codes initial;  ///< the encoder's, in Z
-    Codes fitted;   ///< initial + offsets
+    Codes initial;               ///< the encoder's, in Z
+    Codes fitted;                ///< initial + offsets
     std::vector<double> losses;  ///< mean over the faces, before each step
 };
 

@@ -42,7 +42,30 @@ Tensor shrunk(const Tensor& images, std::int64_t side, double low, double high) 
     return clamp(resize_bicubic(images, static_cast<int>(side), static_cast<int>(side)), low, high).value();
 }
 
+void add_codes(TrainingBatch& batch, std::span<const Face> faces) {
+    const auto count = static_cast<std::int64_t>(faces.size());
+    batch.code_present = Tensor::zeros({count});
+    const std::span<float> present = batch.code_present.mutable_values<float>();
+    for (std::size_t i = 0; i < faces.size(); ++i) present[i] = faces[i].has_code ? 1.0F : 0.0F;
+    std::ptrdiff_t first = 0;
+    for (std::size_t group = 0; group < code_sizes.size(); ++group) {
+        const std::ptrdiff_t size = code_sizes[group];
+        batch.codes[group] = Tensor::zeros({count, size});
+        auto row = batch.codes[group].mutable_values<float>().begin();
+        for (const Face& face : faces) {
+            if (face.has_code) std::copy_n(face.code.begin() + first, size, row);
+            row += size;
+        }
+        first += size;
+    }
+}
+
 }  // namespace
+
+bool TrainingBatch::has_codes() const {
+    const std::span<const float> present = code_present.values<float>();
+    return std::any_of(present.begin(), present.end(), [](float value) { return value > 0.0F; });
+}
 
 Face mirrored(const Face& face) {
     Face result = face;
@@ -57,7 +80,6 @@ Face mirrored(const Face& face) {
 
 TrainingBatch make_batch(std::span<const Face> faces) {
     const std::int64_t side = common_side(faces);
-    const auto count = static_cast<std::int64_t>(faces.size());
     const Variable images(stacked(faces, &Face::image));
 
     TrainingBatch batch;
@@ -67,20 +89,8 @@ TrainingBatch make_batch(std::span<const Face> faces) {
     const Tensor target = affine(images * Variable(batch.mask), 2.0, -1.0).value();
     for (std::int64_t s = smallest_target; s <= side; s *= 2) batch.targets.push_back(shrunk(target, s, -1.0, 1.0));
 
-    for (std::size_t group = 0; group < code_sizes.size(); ++group) batch.codes[group] = Tensor::zeros({count, code_sizes[group]});
-    batch.code_present = Tensor::zeros({count});
-    const std::span<float> present = batch.code_present.mutable_values<float>();
-    for (std::size_t i = 0; i < faces.size(); ++i) {
-        batch.cameras.push_back(camera_from_pose(faces[i].pose, faces[i].intrinsics));
-        if (!faces[i].has_code) continue;
-        present[i] = 1.0F;
-        auto from = faces[i].code.begin();
-        for (std::size_t group = 0; group < code_sizes.size(); ++group) {
-            const std::int64_t size = code_sizes[group];
-            std::copy_n(from, size, batch.codes[group].mutable_values<float>().begin() + static_cast<std::ptrdiff_t>(i) * size);
-            from += size;
-        }
-    }
+    for (const Face& face : faces) batch.cameras.push_back(camera_from_pose(face.pose, face.intrinsics));
+    add_codes(batch, faces);
     return batch;
 }
 

@@ -34,8 +34,11 @@ struct TrainingBatch {
     Tensor mask;                  ///< (B, S, S, 1) in [0, 1]
     Tensor mask_32;               ///< (B, 32, 32, 1) in [0, 1]: one value for each ray
     std::vector<Camera> cameras;
-    std::array<Tensor, 4> codes;  ///< (B, size) for each group, zeros where there is no code
+    std::array<Tensor, 4> codes;  ///< (B, size) of each group in the order of `code_names`, zeros where there is no code
     Tensor code_present;          ///< (B), 1 where there is a code
+
+    /// Whether any face of the batch has a code.
+    [[nodiscard]] bool has_codes() const;
 };
 
 /// Each image is multiplied by its mask in [0, 1], then mapped to [-1, 1] (facts 0.3), then shrunk by antialiased bicubic

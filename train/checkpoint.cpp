@@ -23,7 +23,8 @@ void read_exact(const TensorFile& file, const std::string& source, const char* k
     if (found == file.metadata.end()) fail<FileError>(source, ": not a training state (\"", key, "\" is missing)");
     const std::string& text = found->second;
     const auto end = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (end.ec != std::errc{} || end.ptr != text.data() + text.size()) fail<FileError>(source, ": \"", key, "\" is \"", text, "\", not a number");
+    if (end.ec != std::errc{} || end.ptr != text.data() + text.size())
+        fail<FileError>(source, ": \"", key, "\" is \"", text, "\", not a number");
 }
 
 /// Calls visit(key, field) for every number of the state.

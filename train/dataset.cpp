@@ -27,22 +27,6 @@ struct DecodedFace {
     DatasetSummary::Broken broken;
 };
 
-Tensor central_square(const Tensor& image) {
-    const std::int64_t height = image.shape(0);
-    const std::int64_t width = image.shape(1);
-    const std::int64_t channels = image.shape(2);
-    if (height == width) return image;
-    const std::int64_t side = std::min(height, width);
-    const std::int64_t top = (height - side) / 2;
-    const std::int64_t left = (width - side) / 2;
-    Tensor square({side, side, channels});
-    const std::span<const float> from = image.values<float>();
-    const std::span<float> to = square.mutable_values<float>();
-    for (std::int64_t row = 0; row < side; ++row)
-        std::copy_n(from.begin() + ((top + row) * width + left) * channels, side * channels, to.begin() + row * side * channels);
-    return square;
-}
-
 std::vector<std::uint8_t> bytes_at_side(const Tensor& image, std::int64_t side) {
     const Tensor resized = resize_image(central_square(image), static_cast<int>(side), static_cast<int>(side));
     const std::span<const float> values = resized.values<float>();

@@ -40,18 +40,22 @@ LossAndGradients reconstruction_gradients(const Model& model, const TrainingBatc
     const ReconstructionConfig& reconstruction = config.model.reconstruction;
     const Codes codes = model.encoder()(Variable(batch.input));
     const bool with_mask = mask_loss && weights.mask_weight > 0.0;
-    const Decoded decoded = model.decoder()(codes, batch.cameras, {.samples_per_ray = config.stage1.samples_per_ray, .mask = with_mask, .jitter = &jitter});
+    const Decoded decoded = model.decoder()(
+        codes, batch.cameras, {.samples_per_ray = config.stage1.samples_per_ray, .mask = with_mask, .jitter = &jitter});
 
     LossAndGradients result;
     LossTerms& report = result.losses;
-    Variable total = photometric_loss(decoded.images, batch.targets, reconstruction.resolution_weights) * reconstruction.photometric_weight;
+    Variable total =
+        photometric_loss(decoded.images, batch.targets, reconstruction.resolution_weights) * reconstruction.photometric_weight;
     report.reconstruction = total.value().item();
-    add_term(total, report.code, sum(Variable(batch.code_present)).value().item() > 0.0 ? 1.0 : 0.0, [&] {
-        return code_loss(codes, batch.codes, std::span<const double, 4>(weights.code_weights), batch.code_present);
-    });
-    add_term(total, report.mask, with_mask ? weights.mask_weight : 0.0, [&] { return stymo::mask_loss(decoded.mask_logit, batch.mask); });
-    add_term(total, report.opacity, weights.opacity_weight, [&] { return opacity_loss(decoded.weights.transmittance, batch.mask_32); });
-    add_term(total, report.depth_variance, weights.depth_variance_weight, [&] { return depth_variance(decoded.weights.weights, decoded.samples.depths); });
+    add_term(total, report.code, batch.has_codes() ? 1.0 : 0.0,
+             [&] { return code_loss(codes, batch.codes, std::span<const double, 4>(weights.code_weights), batch.code_present); });
+    add_term(total, report.mask, with_mask ? weights.mask_weight : 0.0,
+             [&] { return stymo::mask_loss(decoded.mask_logit, batch.mask); });
+    add_term(total, report.opacity, weights.opacity_weight,
+             [&] { return opacity_loss(decoded.weights.transmittance, batch.mask_32); });
+    add_term(total, report.depth_variance, weights.depth_variance_weight,
+             [&] { return depth_variance(decoded.weights.weights, decoded.samples.depths); });
     double unreported = 0.0;
     add_term(total, unreported, weights.code_norm_weight, [&] { return code_norm(codes); });
     report.total = total.value().item();

@@ -50,28 +50,38 @@ std::int64_t step_of(std::string_view line) {
 
 RunFolder::RunFolder(std::filesystem::path path, bool resume) : path_(std::move(path)) {
     if (!resume && std::filesystem::exists(path_ / "latest")) {
-        fail<FileError>(path_.string(), ": holds a training run already; continue it with --resume latest or choose another --out");
+        fail<FileError>(path_.string(),
+                        ": holds a training run already; continue it with --resume latest or choose another --out");
     }
     require_writable_folder(path_);
     require_writable_folder(path_ / "samples");
     require_writable_folder(path_ / "checkpoints");
 }
 
-std::filesystem::path RunFolder::checkpoint(std::int64_t step) const { return path_ / "checkpoints" / numbered(step); }
+std::filesystem::path RunFolder::checkpoint(std::int64_t step) const {
+    return path_ / "checkpoints" / numbered(step);
+}
 
 std::filesystem::path RunFolder::latest_checkpoint() const {
     const std::filesystem::path pointer = path_ / "latest";
-    if (!std::filesystem::exists(pointer)) fail<FileError>(path_.string(), ": no checkpoint to resume from; start without --resume");
+    if (!std::filesystem::exists(pointer))
+        fail<FileError>(path_.string(), ": no checkpoint to resume from; start without --resume");
     std::string name = read_text_file(pointer);
     while (!name.empty() && (name.back() == '\n' || name.back() == '\r' || name.back() == ' ')) name.pop_back();
     return path_ / "checkpoints" / name;
 }
 
-void RunFolder::write_config(std::string_view json) const { write_text_file(path_ / "config.json", json); }
+void RunFolder::write_config(std::string_view json) const {
+    write_text_file(path_ / "config.json", json);
+}
 
-void RunFolder::log(std::string_view line) const { append_line(path_ / "log.txt", time_text() + " " + std::string(line)); }
+void RunFolder::log(std::string_view line) const {
+    append_line(path_ / "log.txt", time_text() + " " + std::string(line));
+}
 
-void RunFolder::statistics(const JsonValue& object) const { append_line(path_ / "stats.jsonl", object.text()); }
+void RunFolder::statistics(const JsonValue& object) const {
+    append_line(path_ / "stats.jsonl", object.text());
+}
 
 void RunFolder::forget_statistics_after(std::int64_t step) const {
     const std::filesystem::path file = path_ / "stats.jsonl";
@@ -84,7 +94,9 @@ void RunFolder::forget_statistics_after(std::int64_t step) const {
     write_text_file(file, kept);
 }
 
-void RunFolder::sample(std::int64_t step, const Tensor& image) const { write_image(path_ / "samples" / (numbered(step) + ".png"), image); }
+void RunFolder::sample(std::int64_t step, const Tensor& image) const {
+    write_image(path_ / "samples" / (numbered(step) + ".png"), image);
+}
 
 void RunFolder::finish_checkpoint(std::int64_t step, std::int64_t keep) const {
     write_text_file(path_ / "latest", numbered(step) + "\n");
@@ -98,7 +110,8 @@ void RunFolder::finish_checkpoint(std::int64_t step, std::int64_t keep) const {
     });
     const auto surplus = static_cast<std::int64_t>(folders.size()) - keep;
     for (std::int64_t i = 0; i < surplus; ++i) {
-        if (folders[static_cast<std::size_t>(i)] != checkpoint(step)) std::filesystem::remove_all(folders[static_cast<std::size_t>(i)]);
+        if (folders[static_cast<std::size_t>(i)] != checkpoint(step))
+            std::filesystem::remove_all(folders[static_cast<std::size_t>(i)]);
     }
 }
 

@@ -35,7 +35,7 @@ struct StageConfig {
     std::int64_t batch = 32;
     std::int64_t micro_batch = 8;
     std::int64_t samples_per_ray = 32;
-    double average_half_life = 0.0;  ///< images over which the averaged model forgets half; 0: no averaging
+    double average_half_life = 0.0;      ///< images over which the averaged model forgets half; 0: no averaging
     std::int64_t failures_allowed = 20;  ///< steps in a row that may be skipped for a non-finite loss or gradient
 };
 

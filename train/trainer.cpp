@@ -23,7 +23,9 @@ namespace {
 
 constexpr const char* backbone_prefix = "encoder.backbone.";
 
-double seconds_now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+double seconds_now() {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
 
 Model initial_model(const ModelConfig& config, const Rng& rng) {
     Rng weights = rng.split("weights");
@@ -34,7 +36,8 @@ Model initial_model(const ModelConfig& config, const Rng& rng) {
 std::vector<std::int64_t> shuffled(std::int64_t count, Rng rng) {
     std::vector<std::int64_t> order(static_cast<std::size_t>(count));
     std::iota(order.begin(), order.end(), 0);
-    for (std::int64_t i = count - 1; i > 0; --i) std::swap(order[static_cast<std::size_t>(i)], order[static_cast<std::size_t>(rng.below(i + 1))]);
+    for (std::int64_t i = count - 1; i > 0; --i)
+        std::swap(order[static_cast<std::size_t>(i)], order[static_cast<std::size_t>(rng.below(i + 1))]);
     return order;
 }
 
@@ -88,7 +91,8 @@ double Trainer::epochs_at(std::int64_t step) const {
 double Trainer::learning_rate() const {
     const OptimizerConfig& optimizer = config_.optimizer;
     if (optimizer.schedule == "cosine") {
-        const double part = std::min(1.0, static_cast<double>(state_.step) / static_cast<double>(std::max<std::int64_t>(1, config_.stage1.steps)));
+        const double part = std::min(
+            1.0, static_cast<double>(state_.step) / static_cast<double>(std::max<std::int64_t>(1, config_.stage1.steps)));
         return optimizer.learning_rate * 0.5 * (1.0 + std::cos(std::numbers::pi * part));
     }
     return optimizer.learning_rate * std::pow(optimizer.decay, std::floor(epochs_at(state_.step)));
@@ -112,7 +116,8 @@ TrainingBatch Trainer::batch_at(std::int64_t first_image) const {
 
 void Trainer::set_trainable_parts() {
     model_.parameters().set_trainable("", true);
-    const bool frozen = epochs_at(state_.step) < static_cast<double>(config_.optimizer.backbone_frozen_epochs) && !config_.model.encoder.backbone_weights.empty();
+    const bool frozen = epochs_at(state_.step) < static_cast<double>(config_.optimizer.backbone_frozen_epochs) &&
+                        !config_.model.encoder.backbone_weights.empty();
     model_.parameters().set_trainable(backbone_prefix, !frozen);
 }
 
@@ -144,8 +149,8 @@ LossTerms Trainer::step() {
     } else {
         ++state_.failures;
         if (state_.failures > config_.stage1.failures_allowed) {
-            fail<NumericError>("step ", state_.step, ": ", first_non_finite(parameters, gradients).value_or("the loss"), " is not finite, ", state_.failures,
-                               " steps in a row; lower optimizer.learning_rate");
+            fail<NumericError>("step ", state_.step, ": ", first_non_finite(parameters, gradients).value_or("the loss"),
+                               " is not finite, ", state_.failures, " steps in a row; lower optimizer.learning_rate");
         }
     }
     ++state_.step;
@@ -184,7 +189,8 @@ void Trainer::count_epoch(double reconstruction_loss) {
         state_.epoch_loss_count = 0;
         const std::vector<double>& history = state_.epoch_losses;
         const std::size_t count = history.size();
-        const bool stable = count >= 3 && history[count - 1] > (1.0 - config_.loss.mask_start_improvement) * std::min(history[count - 2], history[count - 3]);
+        const bool stable = count >= 3 && history[count - 1] > (1.0 - config_.loss.mask_start_improvement) *
+                                                                   std::min(history[count - 2], history[count - 3]);
         state_.mask_loss = state_.mask_loss || (stable && config_.loss.mask_start_improvement > 0.0);
     }
     state_.mask_loss = state_.mask_loss || epochs >= static_cast<double>(config_.loss.mask_start_epoch);
@@ -207,7 +213,8 @@ std::optional<double> Trainer::validate() const {
 void Trainer::resume(const std::filesystem::path& folder) {
     Checkpoint checkpoint = read_checkpoint(folder, model_);
     if (checkpoint.state.seed != state_.seed) {
-        fail<FileError>(folder.string(), ": was trained with --seed ", checkpoint.state.seed, ", not ", state_.seed, "; give the same seed");
+        fail<FileError>(folder.string(), ": was trained with --seed ", checkpoint.state.seed, ", not ", state_.seed,
+                        "; give the same seed");
     }
     state_ = checkpoint.state;
     adam_.load(checkpoint.tensors, (folder / "state.safetensors").string(), "adam.");
@@ -245,7 +252,11 @@ TrainingOutcome Trainer::run(const RunFolder& folder, const TrainingLimits& limi
     double tick_start = start;
     const std::int64_t first_step = state_.step;
     folder.forget_statistics_after(first_step);
-    Progress progress({.title = "train", .total = config_.stage1.steps, .first = first_step, .unit = "steps", .time_limit = limits.minutes * 60.0});
+    Progress progress({.title = "train",
+                       .total = config_.stage1.steps,
+                       .first = first_step,
+                       .unit = "steps",
+                       .time_limit = limits.minutes * 60.0});
     TrainingOutcome outcome;
     LossTerms tick;
     std::int64_t tick_steps = 0;
@@ -253,7 +264,8 @@ TrainingOutcome Trainer::run(const RunFolder& folder, const TrainingLimits& limi
     while (state_.step < config_.stage1.steps && !interrupted() && !time_is_up()) {
         const std::int64_t failures = state_.failures;
         const LossTerms losses = step();
-        if (state_.failures > failures) progress.message("step " + std::to_string(state_.step) + " skipped: loss or gradient not finite");
+        if (state_.failures > failures)
+            progress.message("step " + std::to_string(state_.step) + " skipped: loss or gradient not finite");
         tick.accumulate(losses, 1.0);
         ++tick_steps;
         if (state_.step % output.tick_steps == 0) {
@@ -278,9 +290,11 @@ TrainingOutcome Trainer::run(const RunFolder& folder, const TrainingLimits& limi
     }
     outcome.steps = state_.step;
     outcome.seconds = seconds_now() - start;
-    outcome.images_per_second = static_cast<double>((state_.step - first_step) * config_.stage1.batch) / std::max(1e-9, outcome.seconds);
+    outcome.images_per_second =
+        static_cast<double>((state_.step - first_step) * config_.stage1.batch) / std::max(1e-9, outcome.seconds);
     outcome.finished = state_.step >= config_.stage1.steps;
-    if (tick_steps > 0 && outcome.last_tick.total == 0.0) outcome.last_tick.accumulate(tick, 1.0 / static_cast<double>(tick_steps));
+    if (tick_steps > 0 && outcome.last_tick.total == 0.0)
+        outcome.last_tick.accumulate(tick, 1.0 / static_cast<double>(tick_steps));
     save_checkpoint(folder);
     progress.finish(tick_text(outcome.last_tick));
     return outcome;

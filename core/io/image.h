@@ -27,6 +27,8 @@ void write_animation(const std::filesystem::path& path, const std::vector<Tensor
 
 /// Antialiased resampling of (height, width, channels) to another size; values may overshoot slightly.
 [[nodiscard]] Tensor resize_image(const Tensor& image, int height, int width);
+/// The largest square in the middle of (height, width, channels).
+[[nodiscard]] Tensor central_square(const Tensor& image);
 /// Pictures of one size side by side, `columns` in a row, black where the last row is not full.
 [[nodiscard]] Tensor tile_images(const std::vector<Tensor>& images, int columns);
 /// Mirrors left and right.

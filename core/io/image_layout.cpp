@@ -36,6 +36,22 @@ Tensor resize_image(const Tensor& image, int height, int width) {
     return resize_bicubic(batch, height, width).value().reshaped({height, width, image.shape(2)});
 }
 
+Tensor central_square(const Tensor& image) {
+    const std::int64_t height = image.shape(0);
+    const std::int64_t width = image.shape(1);
+    const std::int64_t channels = image.shape(2);
+    if (height == width) return image;
+    const std::int64_t side = std::min(height, width);
+    const std::int64_t top = (height - side) / 2;
+    const std::int64_t left = (width - side) / 2;
+    Tensor square({side, side, channels});
+    const std::span<const float> from = image.values<float>();
+    const std::span<float> to = square.mutable_values<float>();
+    for (std::int64_t row = 0; row < side; ++row)
+        std::copy_n(from.begin() + ((top + row) * width + left) * channels, side * channels, to.begin() + row * side * channels);
+    return square;
+}
+
 Tensor tile_images(const std::vector<Tensor>& images, int columns) {
     if (images.empty() || columns <= 0) {
         fail<ValueError>("[tile_images] needs at least one image and one column; got ", images.size(), " and ", columns);

@@ -26,7 +26,8 @@ double number(const Json& value, const char* key, const std::string& source) {
 }
 
 std::vector<double> numbers(const Json& value, std::size_t count, const char* key, const std::string& source) {
-    if (!value.is_array() || value.size() != count) fail<FileError>(source, ": \"", key, "\" is not an array of ", count, " numbers");
+    if (!value.is_array() || value.size() != count)
+        fail<FileError>(source, ": \"", key, "\" is not an array of ", count, " numbers");
     std::vector<double> result;
     for (const Json& item : value) result.push_back(number(item, key, source));
     return result;
@@ -35,7 +36,8 @@ std::vector<double> numbers(const Json& value, std::size_t count, const char* ke
 JsonValue row(const Tensor& values, std::int64_t index) {
     const auto size = static_cast<std::size_t>(values.shape(1));
     const std::vector<double> all = values.to_vector();
-    return {std::vector<double>(all.begin() + static_cast<std::ptrdiff_t>(size) * index, all.begin() + static_cast<std::ptrdiff_t>(size) * (index + 1))};
+    return {std::vector<double>(all.begin() + static_cast<std::ptrdiff_t>(size) * index,
+                                all.begin() + static_cast<std::ptrdiff_t>(size) * (index + 1))};
 }
 
 }  // namespace
@@ -44,26 +46,46 @@ Pose pose_from_degrees(double yaw, double pitch, double roll, const Vector3& tra
     return {yaw / degrees_per_radian, pitch / degrees_per_radian, roll / degrees_per_radian, translation};
 }
 
-CodeFile read_code_file(const std::filesystem::path& path) {
-    const std::string source = path.string();
-    const Json json = Json::parse(read_text_file(path), nullptr, false);
-    if (json.is_discarded()) fail<FileError>(source, ": not JSON");
-    CodeFile result;
-    const Json& code = member(json, "code", source);
-    for (std::size_t group = 0; group < code_names.size(); ++group) {
-        const std::vector<double> values = numbers(member(code, code_names[group], source), static_cast<std::size_t>(code_sizes[group]), code_names[group], source);
-        result.codes.groups[group] = Variable(Tensor::from({1, code_sizes[group]}, std::span<const double>(values)).to(DType::float32));
-    }
+namespace {
+
+Json parsed(const std::filesystem::path& path) {
+    Json json = Json::parse(read_text_file(path), nullptr, false);
+    if (json.is_discarded()) fail<FileError>(path.string(), ": not JSON");
+    return json;
+}
+
+Pose pose_of(const Json& json, const std::string& source) {
     const Json& pose = member(json, "pose", source);
     const std::vector<double> t = numbers(member(pose, "t", source), 3, "t", source);
     const auto angle = [&](const char* key) { return number(member(pose, key, source), key, source); };
-    result.pose = pose_from_degrees(angle("yaw_deg"), angle("pitch_deg"), angle("roll_deg"), {t[0], t[1], t[2]});
+    return pose_from_degrees(angle("yaw_deg"), angle("pitch_deg"), angle("roll_deg"), {t[0], t[1], t[2]});
+}
+
+}  // namespace
+
+Pose read_pose(const std::filesystem::path& path) {
+    return pose_of(parsed(path), path.string());
+}
+
+CodeFile read_code_file(const std::filesystem::path& path) {
+    const std::string source = path.string();
+    const Json json = parsed(path);
+    CodeFile result;
+    const Json& code = member(json, "code", source);
+    for (std::size_t group = 0; group < code_names.size(); ++group) {
+        const std::vector<double> values = numbers(member(code, code_names[group], source),
+                                                   static_cast<std::size_t>(code_sizes[group]), code_names[group], source);
+        result.codes.groups[group] =
+            Variable(Tensor::from({1, code_sizes[group]}, std::span<const double>(values)).to(DType::float32));
+    }
+    result.pose = pose_of(json, source);
     return result;
 }
 
 void write_code_file(const std::filesystem::path& path, const Codes& codes, std::int64_t index, const Pose& pose) {
     JsonValue code = JsonValue::object();
-    for (std::size_t group = 0; group < code_names.size(); ++group) code.add(code_names[group], row(codes.groups[group].value(), index));
+    for (std::size_t group = 0; group < code_names.size(); ++group)
+        code.add(code_names[group], row(codes.groups[group].value(), index));
     const JsonValue pose_json = JsonValue::object({{"yaw_deg", pose.yaw * degrees_per_radian},
                                                    {"pitch_deg", pose.pitch * degrees_per_radian},
                                                    {"roll_deg", pose.roll * degrees_per_radian},

@@ -16,6 +16,8 @@ struct CodeFile {
 
 /// Throws FileError naming the file and the key that is missing, of another length or not a number.
 [[nodiscard]] CodeFile read_code_file(const std::filesystem::path& path);
+/// The pose alone, of a code file or of any JSON object with such a "pose".
+[[nodiscard]] Pose read_pose(const std::filesystem::path& path);
 /// Row `index` of the codes. Whole or not at all.
 void write_code_file(const std::filesystem::path& path, const Codes& codes, std::int64_t index, const Pose& pose);
 /// A pose as faces.jsonl and codes.json write it, angles in degrees.

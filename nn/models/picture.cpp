@@ -13,10 +13,16 @@ Tensor item(const Tensor& batch, std::int64_t index) {
 
 }  // namespace
 
-Tensor picture(const Tensor& images, std::int64_t index) { return kernels::clamp(kernels::affine(item(images, index), 0.5, 0.5), 0.0, 1.0); }
+Tensor picture(const Tensor& images, std::int64_t index) {
+    return kernels::clamp(kernels::affine(item(images, index), 0.5, 0.5), 0.0, 1.0);
+}
 
-Tensor picture_mask(const Tensor& masks, std::int64_t index) { return item(masks, index); }
+Tensor picture_mask(const Tensor& masks, std::int64_t index) {
+    return item(masks, index);
+}
 
-Tensor masked_picture(const Tensor& picture, const Tensor& mask) { return kernels::multiply(picture, mask); }
+Tensor masked_picture(const Tensor& picture, const Tensor& mask) {
+    return kernels::multiply(picture, mask);
+}
 
 }  // namespace stymo
