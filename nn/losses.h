@@ -9,8 +9,9 @@
 /// Losses of the reconstruction, all scalars. Targets are constants of the images' type.
 namespace stymo {
 
-/// sum_r weights_r mean |image_r - target_r|, over the resolutions of the paper's L_photo; the mean is over all elements. Throws
-/// ShapeError for lists of different lengths or images of different shapes.
+/// sum_r weights_r mean |image_r - target_r|, over the resolutions of the paper's L_photo; the mean is over all elements. Weights
+/// of resolutions beyond the last image are left unused. Throws ShapeError for images without a target or weight, or of another
+/// shape than their target.
 [[nodiscard]] Variable photometric_loss(std::span<const Variable> images, std::span<const Tensor> targets,
                                         std::span<const double> weights);
 

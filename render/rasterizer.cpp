@@ -30,11 +30,14 @@ struct SampleRows {
     return (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]);
 }
 
-void draw(std::int32_t index, const std::array<Vector3, 3>& corners, const std::array<const float*, 3>& colors, SampleRows& target) {
+void draw(std::int32_t index, const std::array<Vector3, 3>& corners, const std::array<const float*, 3>& colors,
+          SampleRows& target) {
     const auto [low_x, high_x] = std::minmax({corners[0][0], corners[1][0], corners[2][0]});
     const auto [low_y, high_y] = std::minmax({corners[0][1], corners[1][1], corners[2][1]});
     const double bottom = static_cast<double>(target.first_row + target.rows);
-    if (high_x < 0.0 || low_x > static_cast<double>(target.columns) || high_y < static_cast<double>(target.first_row) || low_y > bottom) return;
+    if (high_x < 0.0 || low_x > static_cast<double>(target.columns) || high_y < static_cast<double>(target.first_row) ||
+        low_y > bottom)
+        return;
     const double area = edge(corners[0], corners[1], corners[2][0], corners[2][1]);
     if (area == 0.0 || !std::isfinite(area)) return;
     // Samples stand at integers plus a half.
@@ -46,7 +49,8 @@ void draw(std::int32_t index, const std::array<Vector3, 3>& corners, const std::
         for (std::int64_t column = first_column; column <= last_column; ++column) {
             const double x = static_cast<double>(column) + 0.5;
             const double y = static_cast<double>(row) + 0.5;
-            const std::array<double, 3> barycentric{edge(corners[1], corners[2], x, y) / area, edge(corners[2], corners[0], x, y) / area,
+            const std::array<double, 3> barycentric{edge(corners[1], corners[2], x, y) / area,
+                                                    edge(corners[2], corners[0], x, y) / area,
                                                     edge(corners[0], corners[1], x, y) / area};
             if (barycentric[0] < 0.0 || barycentric[1] < 0.0 || barycentric[2] < 0.0) continue;
             // 1 / depth is linear on the screen, and so is everything divided by depth.
@@ -83,8 +87,8 @@ void check(const Tensor& vertices, const Tensor& colors, std::span<const Triangl
         fail<ShapeError>("[rasterize] needs vertices and colors (V, 3); got ", vertices.shape(), " and ", colors.shape());
     }
     if (settings.width < 1 || settings.height < 1 || settings.samples_per_side < 1) {
-        fail<ValueError>("[rasterize] width, height and samples per side must be at least 1; got ", settings.width, ", ", settings.height, ", ",
-                         settings.samples_per_side);
+        fail<ValueError>("[rasterize] width, height and samples per side must be at least 1; got ", settings.width, ", ",
+                         settings.height, ", ", settings.samples_per_side);
     }
     for (const Triangle& triangle : triangles) {
         for (const std::int32_t vertex : triangle) {
@@ -113,8 +117,12 @@ RasterImage rasterize(const Tensor& vertices, const Tensor& colors, std::span<co
     constexpr std::int64_t pixel_rows_at_once = 16;
     parallel_for(settings.height, pixel_rows_at_once, [&](std::int64_t begin, std::int64_t end) {
         const auto count = static_cast<std::size_t>((end - begin) * samples * settings.width * samples);
-        SampleRows target{begin * samples, (end - begin) * samples, settings.width * samples, std::vector<float>(count, nothing),
-                          std::vector<float>(3 * count, 0.0F), std::vector<std::int32_t>(count, -1)};
+        SampleRows target{begin * samples,
+                          (end - begin) * samples,
+                          settings.width * samples,
+                          std::vector<float>(count, nothing),
+                          std::vector<float>(3 * count, 0.0F),
+                          std::vector<std::int32_t>(count, -1)};
         for (std::size_t index = 0; index < triangles.size(); ++index) {
             std::array<Vector3, 3> points{};
             std::array<const float*, 3> point_colors{};
@@ -133,7 +141,8 @@ RasterImage rasterize(const Tensor& vertices, const Tensor& colors, std::span<co
             const auto column = static_cast<std::int64_t>(sample) % target.columns / samples;
             const auto pixel = static_cast<std::size_t>(row * settings.width + column);
             coverage[pixel] += share;
-            for (std::size_t channel = 0; channel < 3; ++channel) color[3 * pixel + channel] += share * target.color[3 * sample + channel];
+            for (std::size_t channel = 0; channel < 3; ++channel)
+                color[3 * pixel + channel] += share * target.color[3 * sample + channel];
             if (target.depth[sample] < depth[pixel]) {
                 depth[pixel] = target.depth[sample];
                 nearest[pixel] = target.triangle[sample];
@@ -142,7 +151,8 @@ RasterImage rasterize(const Tensor& vertices, const Tensor& colors, std::span<co
     });
     const std::int64_t height = settings.height;
     const std::int64_t width = settings.width;
-    return {Tensor::from({height, width, 3}, std::span<const float>(color)), Tensor::from({height, width, 1}, std::span<const float>(coverage)),
+    return {Tensor::from({height, width, 3}, std::span<const float>(color)),
+            Tensor::from({height, width, 1}, std::span<const float>(coverage)),
             Tensor::from({height, width, 1}, std::span<const float>(depth)), std::move(nearest)};
 }
 

@@ -24,12 +24,13 @@ struct RasterImage {
     std::vector<std::int32_t> triangle;  ///< height * width, the triangle of that sample, -1 where there is none
 };
 
-/// Draws triangles with a depth buffer and perspective-correct colours. Both sides of a triangle are seen. Triangles that share an
-/// edge leave no gap; at equal depth the first one stays. A triangle that reaches behind the camera is left out whole.
+/// Draws triangles with a depth buffer and perspective-correct colours. Both sides of a triangle are seen. Triangles that share
+/// an edge leave no gap; at equal depth the first one stays. A triangle that reaches behind the camera is left out whole.
 /// vertices (V, 3) in world coordinates and colors (V, 3), float32. The image's side in the camera's intrinsics is its width.
 /// The result does not depend on the number of threads. Throws ShapeError for shapes that do not match, ValueError for settings
 /// below 1 and for triangles that name a vertex there is not.
-[[nodiscard]] RasterImage rasterize(const Tensor& vertices, const Tensor& colors, std::span<const std::array<std::int32_t, 3>> triangles,
-                                    const Camera& camera, const RasterSettings& settings);
+[[nodiscard]] RasterImage rasterize(const Tensor& vertices, const Tensor& colors,
+                                    std::span<const std::array<std::int32_t, 3>> triangles, const Camera& camera,
+                                    const RasterSettings& settings);
 
 }  // namespace stymo

@@ -30,7 +30,8 @@ Vector3 irradiance(std::span<const float> light, const Vector3& normal) {
     const std::array<double, 9> harmonics = spherical_harmonics(normal);
     Vector3 result{};
     for (std::size_t k = 0; k < harmonics.size(); ++k) {
-        for (std::size_t channel = 0; channel < 3; ++channel) result[channel] += static_cast<double>(light[3 * k + channel]) * harmonics[k];
+        for (std::size_t channel = 0; channel < 3; ++channel)
+            result[channel] += static_cast<double>(light[3 * k + channel]) * harmonics[k];
     }
     return result;
 }

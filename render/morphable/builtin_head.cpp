@@ -5,36 +5,16 @@
 
 namespace stymo {
 
-namespace {
-
-[[nodiscard]] Tensor as_tensor(const std::vector<std::vector<Vector3>>& rows) {
-    const auto vertices = static_cast<std::int64_t>(rows.front().size());
-    Tensor result({static_cast<std::int64_t>(rows.size()), vertices, 3});
-    const auto values = result.mutable_values<float>();
-    std::size_t index = 0;
-    for (const auto& row : rows) {
-        for (const Vector3& vector : row) {
-            for (const double value : vector) values[index++] = static_cast<float>(value);
-        }
-    }
-    return result;
-}
-
-[[nodiscard]] Tensor as_tensor(const std::vector<Vector3>& row) {
-    return as_tensor(std::vector<std::vector<Vector3>>{row}).reshaped({static_cast<std::int64_t>(row.size()), 3});
-}
-
-}  // namespace
-
 MorphableHead builtin_head() {
     const morphable::HeadParameters parameters;
     morphable::HeadMesh mesh = morphable::generate_head(parameters);
+    const Shape vertices{static_cast<std::int64_t>(mesh.vertices.size()), 3};
     MorphableHead head;
-    head.mean = as_tensor(mesh.vertices);
-    head.mean_albedo = as_tensor(mesh.albedo);
-    head.identity = as_tensor(morphable::identity_basis(mesh));
-    head.expression = as_tensor(morphable::expression_basis(mesh, head.one_sided));
-    head.albedo = as_tensor(morphable::texture_basis(mesh.vertices, mesh.parts, mesh.albedo));
+    head.mean = morphable::rows_tensor({mesh.vertices}).reshaped(vertices);
+    head.mean_albedo = morphable::rows_tensor({mesh.albedo}).reshaped(vertices);
+    head.identity = morphable::rows_tensor(morphable::identity_basis(mesh));
+    head.expression = morphable::rows_tensor(morphable::expression_basis(mesh, head.one_sided));
+    head.albedo = morphable::rows_tensor(morphable::texture_basis(mesh.vertices, mesh.parts, mesh.albedo));
     head.landmarks = morphable::landmark_vertices(mesh, parameters);
     head.triangles = std::move(mesh.triangles);
     head.parts = std::move(mesh.parts);

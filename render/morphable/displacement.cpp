@@ -1,5 +1,6 @@
 #include "render/morphable/displacement.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -31,20 +32,40 @@ void add_displacement(const Displacement& d, const Vector3& anchor, double facto
     return std::max(0.0, d.lip * mesh.mouth_side[vertex]);
 }
 
+/// Where a displacement is taken for a vertex: eyeballs move as a whole, and the skin around goes with them, or they would pierce
+/// it.
+[[nodiscard]] Vector3 anchor_of(const Vector3& point, HeadPart part, const Vector3& eye) {
+    if (part != HeadPart::eyes && part != HeadPart::skin && part != HeadPart::brows) return point;
+    const Vector3 front{std::copysign(eye[0], point[0]), eye[1], eye[2] + eye_radius};
+    if (part == HeadPart::eyes) return front;
+    const double distance = std::hypot(point[0] - front[0], point[1] - front[1]);
+    return mix(point, front, point[2] > 0.0 ? smooth_step(0.24, 0.15, distance) : 0.0);
+}
+
 }  // namespace
+
+Tensor rows_tensor(const std::vector<BasisRow>& rows) {
+    Tensor result({static_cast<std::int64_t>(rows.size()), static_cast<std::int64_t>(rows.front().size()), 3});
+    auto target = result.mutable_values<float>().begin();
+    for (const BasisRow& row : rows) {
+        for (const Vector3& vector : row) {
+            target = std::transform(vector.begin(), vector.end(), target, [](double value) { return static_cast<float>(value); });
+        }
+    }
+    return result;
+}
 
 BasisRow displaced(const HeadMesh& mesh, std::span<const Displacement> displacements) {
     const Vector3 eye = eye_center({});
     BasisRow row(mesh.vertices.size());
     for (std::size_t vertex = 0; vertex < row.size(); ++vertex) {
-        const Vector3& point = mesh.vertices[vertex];
-        const bool rigid = mesh.parts[vertex] == HeadPart::eyes;
-        const Vector3 anchor = rigid ? Vector3{std::copysign(eye[0], point[0]), eye[1], eye[2] + eye_radius} : point;
+        const Vector3 anchor = anchor_of(mesh.vertices[vertex], mesh.parts[vertex], eye);
         for (const Displacement& d : displacements) {
             const double weight = part_weight(mesh, vertex, d);
             if (weight == 0.0) continue;
             add_displacement(d, anchor, weight, false, row[vertex]);
-            if (d.symmetry != Symmetry::none) add_displacement(d, anchor, d.symmetry == Symmetry::opposed ? -weight : weight, true, row[vertex]);
+            if (d.symmetry != Symmetry::none)
+                add_displacement(d, anchor, d.symmetry == Symmetry::opposed ? -weight : weight, true, row[vertex]);
         }
     }
     return row;
@@ -60,7 +81,8 @@ BasisRow differentiated(double HeadParameters::*measure, double deviation, bool 
     const double scale = one_sided ? 1.0 : 0.5;
     BasisRow row(high.vertices.size());
     for (std::size_t vertex = 0; vertex < row.size(); ++vertex) {
-        for (std::size_t axis = 0; axis < 3; ++axis) row[vertex][axis] = scale * (high.vertices[vertex][axis] - low.vertices[vertex][axis]);
+        for (std::size_t axis = 0; axis < 3; ++axis)
+            row[vertex][axis] = scale * (high.vertices[vertex][axis] - low.vertices[vertex][axis]);
     }
     return row;
 }

@@ -13,8 +13,8 @@ namespace stymo::morphable {
 /// What the other half of the face does.
 enum class Symmetry { none, mirrored, opposed };
 
-/// A smooth displacement around a centre: exp(-|(point - center) / radius|^2) (shift + stretch * (point - center)), component by component.
-/// Mirrored, its mirror image is added, and the stretch in x is about the middle of the face.
+/// A smooth displacement around a centre: exp(-|(point - center) / radius|^2) (shift + stretch * (point - center)), component by
+/// component. Mirrored, its mirror image is added, and the stretch in x is about the middle of the face.
 struct Displacement {
     Vector3 center{};
     Vector3 radius{};
@@ -29,6 +29,8 @@ struct Displacement {
 /// One row of a basis: for every vertex x, y, z.
 using BasisRow = std::vector<Vector3>;
 
+/// (rows, V, 3) float32.
+[[nodiscard]] Tensor rows_tensor(const std::vector<BasisRow>& rows);
 /// The displacement of each vertex of the mesh. Eyeballs move as a whole.
 [[nodiscard]] BasisRow displaced(const HeadMesh& mesh, std::span<const Displacement> displacements);
 /// How the head changes with one of its measures: half the difference between `deviation` more and as much less, or, one-sided,
@@ -41,6 +43,7 @@ using BasisRow = std::vector<Vector3>;
 /// The first rows have a meaning each; smooth local modes fill up to the model's size.
 [[nodiscard]] std::vector<BasisRow> identity_basis(const HeadMesh& mesh);
 [[nodiscard]] std::vector<BasisRow> expression_basis(const HeadMesh& mesh, std::span<bool> one_sided);
-[[nodiscard]] std::vector<BasisRow> texture_basis(std::span<const Vector3> vertices, std::span<const HeadPart> parts, std::span<const Vector3> albedo);
+[[nodiscard]] std::vector<BasisRow> texture_basis(std::span<const Vector3> vertices, std::span<const HeadPart> parts,
+                                                  std::span<const Vector3> albedo);
 
 }  // namespace stymo::morphable

@@ -18,12 +18,12 @@ struct Expression {
 
 [[nodiscard]] Expression smile(const Vector3& corner, Symmetry symmetry) {
     const double out = corner[0] < 0.0 ? -1.0 : 1.0;
-    return {{{corner, {0.13, 0.13, 0.35}, {0.030 * out, 0.038, -0.020}, none, symmetry},
+    return {{{corner, {0.13, 0.13, 0.35}, {0.022 * out, 0.028, -0.015}, none, symmetry},
              {{1.5 * corner[0], -0.22, 0.60}, {0.16, 0.13, 0.30}, {0.010 * out, 0.016, 0.014}, none, symmetry}}};
 }
 
 [[nodiscard]] Expression brow_raise(const Vector3& center, Symmetry symmetry) {
-    return {{{center, {0.17, 0.13, 0.40}, {0.0, 0.028, 0.0}, none, symmetry}}};
+    return {{{center, {0.17, 0.13, 0.40}, {0.0, 0.018, 0.0}, none, symmetry}}};
 }
 
 [[nodiscard]] std::vector<Expression> expressions() {
@@ -38,16 +38,16 @@ struct Expression {
         brow_raise({0.13, 0.22, 0.80}, Symmetry::mirrored),
         brow_raise({0.45, 0.22, 0.70}, Symmetry::mirrored),
         // knitted brows
-        {{{{0.15, 0.21, 0.80}, {0.13, 0.10, 0.40}, {-0.016, -0.016, 0.006}}}},
+        {{{{0.15, 0.21, 0.80}, {0.13, 0.10, 0.40}, {-0.010, -0.012, 0.004}}}},
         // pucker, and its opposite
-        {{{mouth, {0.30, 0.16, 0.40}, {0.0, 0.0, 0.012}, {-0.075, 0.0, 0.0}}}},
-        {{{mouth, {0.30, 0.12, 0.40}, {0.0, 0.020, 0.0}, none, Symmetry::none, std::nullopt, 1}}, true},
-        {{{mouth, {0.30, 0.12, 0.40}, {0.0, -0.020, 0.0}, none, Symmetry::none, std::nullopt, -1}}, true},
+        {{{mouth, {0.30, 0.16, 0.40}, {0.0, 0.0, 0.012}, {-0.055, 0.0, 0.0}}}},
+        {{{mouth, {0.30, 0.12, 0.40}, {0.0, 0.014, 0.0}, none, Symmetry::none, std::nullopt, 1}}, true},
+        {{{mouth, {0.30, 0.12, 0.40}, {0.0, -0.014, 0.0}, none, Symmetry::none, std::nullopt, -1}}, true},
         // fuller and thinner lips
         {{{mouth, {0.25, 0.10, 0.35}, none, {0.0, 0.09, 0.0}}}},
         // mouth and jaw to one side, jaw forward
-        {{{mouth, {0.35, 0.20, 0.40}, {0.018, 0.0, 0.0}, none, Symmetry::none}}},
-        {{{{0.0, -0.80, 0.60}, {0.60, 0.35, 0.60}, {0.018, 0.0, 0.0}, none, Symmetry::none}}},
+        {{{mouth, {0.35, 0.20, 0.40}, {0.011, 0.0, 0.0}, none, Symmetry::none}}},
+        {{{{0.0, -0.80, 0.60}, {0.60, 0.35, 0.60}, {0.011, 0.0, 0.0}, none, Symmetry::none}}},
         {{{{0.0, -0.78, 0.60}, {0.50, 0.30, 0.60}, {0.0, 0.0, 0.016}, none, Symmetry::none}}},
         // puffed cheeks
         {{{{0.42, -0.42, 0.55}, {0.20, 0.18, 0.35}, {0.022, 0.0, 0.016}}}},
@@ -66,7 +66,7 @@ struct Movement {
     bool one_sided;
 };
 
-constexpr std::array<Movement, 5> movements{{{&HeadParameters::jaw_open, 0.085, true},
+constexpr std::array<Movement, 5> movements{{{&HeadParameters::jaw_open, 0.08, true},
                                              {&HeadParameters::lid_closure_left, 0.22, true},
                                              {&HeadParameters::lid_closure_right, 0.22, true},
                                              {&HeadParameters::gaze_x, 0.13, false},
@@ -87,7 +87,7 @@ std::vector<BasisRow> expression_basis(const HeadMesh& mesh, std::span<bool> one
     }
     const auto count = MorphableHead::expression_size - static_cast<std::int64_t>(basis.size());
     for (std::int64_t index = 0; index < count; ++index) {
-        Displacement mode = smooth_mode(index, count, 0.35, 1.0, 0.006);
+        Displacement mode = smooth_mode(index, count, 0.35, 1.0, 0.004);
         mode.radius = {0.20, 0.20, 0.35};
         basis.push_back(displaced(mesh, {&mode, 1}));
     }

@@ -20,7 +20,8 @@ void accumulate(Tensor& result, const Tensor& basis, std::span<const float> code
     parallel_for(result.size(), 4096, [&](std::int64_t begin, std::int64_t end) {
         for (std::size_t k = 0; k < code.size(); ++k) {
             const std::size_t row = k * target.size();
-            for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) target[i] += code[k] * values[row + i];
+            for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
+                target[i] += code[k] * values[row + i];
         }
     });
 }

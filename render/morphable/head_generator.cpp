@@ -42,8 +42,19 @@ constexpr Vector3 pupil{0.03, 0.03, 0.03};
 constexpr Vector3 iris_dark{0.10, 0.08, 0.07};
 constexpr Vector3 iris{0.38, 0.30, 0.22};
 constexpr Vector3 white{0.93, 0.91, 0.89};
-constexpr std::array<EyeRing, 14> eye_rings{{{0.0, pupil}, {5.0, pupil}, {10.0, pupil}, {11.0, iris}, {15.0, iris}, {19.0, iris}, {22.0, iris},
-                                             {23.0, iris_dark}, {25.5, iris_dark}, {26.5, white}, {36.0, white}, {50.0, {0.91, 0.88, 0.86}}, {70.0, {0.86, 0.78, 0.75}},
+constexpr std::array<EyeRing, 14> eye_rings{{{0.0, pupil},
+                                             {5.0, pupil},
+                                             {10.0, pupil},
+                                             {11.0, iris},
+                                             {15.0, iris},
+                                             {19.0, iris},
+                                             {22.0, iris},
+                                             {23.0, iris_dark},
+                                             {25.5, iris_dark},
+                                             {26.5, white},
+                                             {36.0, white},
+                                             {50.0, {0.91, 0.88, 0.86}},
+                                             {70.0, {0.86, 0.78, 0.75}},
                                              {100.0, {0.70, 0.50, 0.46}}}};
 
 constexpr std::int64_t eye_columns = 24;
@@ -57,9 +68,11 @@ void add_eye(HeadMesh& mesh, const HeadParameters& p, double side) {
             const Vector3 local{std::sin(polar) * std::cos(around), std::sin(polar) * std::sin(around), std::cos(polar)};
             const double y = local[1] * std::cos(p.gaze_y) + local[2] * std::sin(p.gaze_y);
             const double z = local[2] * std::cos(p.gaze_y) - local[1] * std::sin(p.gaze_y);
+            // Behind the lids it shrinks away from them.
+            const double radius = eye_radius * (1.0 - 0.15 * smooth_step(60.0, 80.0, ring.degrees));
             const double x = local[0] * std::cos(p.gaze_x) + z * std::sin(p.gaze_x);
-            mesh.add({side * center[0] + eye_radius * x, center[1] + eye_radius * y,
-                      center[2] + eye_radius * (z * std::cos(p.gaze_x) - local[0] * std::sin(p.gaze_x))},
+            mesh.add({side * center[0] + radius * x, center[1] + radius * y,
+                      center[2] + radius * (z * std::cos(p.gaze_x) - local[0] * std::sin(p.gaze_x))},
                      ring.color, HeadPart::eyes);
         }
     }
@@ -74,7 +87,8 @@ void add_brow(HeadMesh& mesh, const HeadParameters& p, double side) {
             const double along_brow = static_cast<double>(column) / static_cast<double>(brow_columns - 1);
             const double across = 2.0 * static_cast<double>(row) / static_cast<double>(rows - 1) - 1.0;
             const double x = 0.115 + 0.375 * along_brow;
-            const double width = p.brow_thickness * std::pow(std::max(0.0, 1.0 - along_brow), 0.45) * std::pow(smooth_step(-0.05, 0.18, along_brow), 0.5);
+            const double width = p.brow_thickness * std::pow(std::max(0.0, 1.0 - along_brow), 0.45) *
+                                 std::pow(smooth_step(-0.05, 0.18, along_brow), 0.5);
             const double middle = 0.205 + p.brow_arch * std::sin(0.82 * pi * along_brow) - 0.02 * along_brow;
             Vector3 point = face_point(side * x, middle + width * across, p);
             // Its rim lies under the skin, its back above it.
@@ -103,7 +117,8 @@ void add_ear(HeadMesh& mesh, const HeadParameters& p, double side) {
             const double angle = 0.45 + p.ear_angle;
             const Vector3 point{0.735 + p.ear_size * (x * std::cos(angle) - z * std::sin(angle)), -0.07 + p.ear_size * 0.245 * up,
                                 -0.11 + p.ear_size * (z * std::cos(angle) + x * std::sin(angle))};
-            mesh.add({side * point[0], point[1], point[2]}, mix({0.77, 0.53, 0.44}, {0.50, 0.30, 0.25}, 0.8 * shell), HeadPart::ears);
+            mesh.add({side * point[0], point[1], point[2]}, mix({0.77, 0.53, 0.44}, {0.50, 0.30, 0.25}, 0.8 * shell),
+                     HeadPart::ears);
         }
     }
     mesh.add_grid(rows, ear_columns, true, side > 0.0);

@@ -12,14 +12,14 @@ struct Measure {
 };
 
 constexpr std::array<Measure, 24> measures{{
-    {&HeadParameters::eye_width, 0.010},      {&HeadParameters::upper_lid, 0.011},    {&HeadParameters::lower_lid, 0.008},
-    {&HeadParameters::eye_tilt, 0.035},       {&HeadParameters::nose_height, 0.035},  {&HeadParameters::nose_bridge, 0.03},
-    {&HeadParameters::nose_width, 0.010},     {&HeadParameters::nostrils, 0.015},     {&HeadParameters::brow_thickness, 0.010},
-    {&HeadParameters::brow_arch, 0.018},      {&HeadParameters::mouth_width, 0.025},  {&HeadParameters::upper_lip, 0.013},
-    {&HeadParameters::lower_lip, 0.016},      {&HeadParameters::lip_bulge, 0.010},    {&HeadParameters::mouth_curve, 0.012},
-    {&HeadParameters::ear_size, 0.09},        {&HeadParameters::ear_angle, 0.16},     {&HeadParameters::hair_top, 0.035},
-    {&HeadParameters::hair_side, 0.035},      {&HeadParameters::hair_fringe, 0.03},   {&HeadParameters::hairline, 0.055},
-    {&HeadParameters::hair_length, 0.20},     {&HeadParameters::hair_parting, 0.40},  {&HeadParameters::hair_wave, 0.012},
+    {&HeadParameters::eye_width, 0.010},  {&HeadParameters::upper_lid, 0.011},   {&HeadParameters::lower_lid, 0.008},
+    {&HeadParameters::eye_tilt, 0.035},   {&HeadParameters::nose_height, 0.035}, {&HeadParameters::nose_bridge, 0.03},
+    {&HeadParameters::nose_width, 0.010}, {&HeadParameters::nostrils, 0.015},    {&HeadParameters::brow_thickness, 0.010},
+    {&HeadParameters::brow_arch, 0.018},  {&HeadParameters::mouth_width, 0.025}, {&HeadParameters::upper_lip, 0.013},
+    {&HeadParameters::lower_lip, 0.016},  {&HeadParameters::lip_bulge, 0.010},   {&HeadParameters::mouth_curve, 0.012},
+    {&HeadParameters::ear_size, 0.09},    {&HeadParameters::ear_angle, 0.16},    {&HeadParameters::hair_top, 0.035},
+    {&HeadParameters::hair_side, 0.035},  {&HeadParameters::hair_fringe, 0.03},  {&HeadParameters::hairline, 0.055},
+    {&HeadParameters::hair_length, 0.20}, {&HeadParameters::hair_parting, 0.40}, {&HeadParameters::hair_wave, 0.012},
 }};
 
 /// Proportions: of the head, jaw and chin, cheeks, places of eyes, nose, mouth and brows.
@@ -35,9 +35,9 @@ constexpr std::array<Measure, 24> measures{{
         {{0.0, -0.85, 0.7}, {0.40, 0.18, 0.5}, none, {0.10, 0.0, 0.0}},
         {{0.45, -0.42, 0.5}, {0.22, 0.25, 0.35}, {0.035, 0.0, 0.025}},
         {{0.45, -0.12, 0.6}, {0.20, 0.16, 0.30}, {0.025, 0.0, 0.020}},
-        {{eye_spacing, eye_height, 0.7}, {0.25, 0.22, 0.40}, {0.016, 0.0, 0.0}},
-        {{eye_spacing, eye_height, 0.7}, {0.30, 0.25, 0.40}, {0.0, 0.016, 0.0}},
-        {{eye_spacing, eye_height, 0.7}, {0.25, 0.20, 0.30}, {0.0, 0.0, -0.016}},
+        {{eye_spacing, eye_height, 0.7}, {0.38, 0.30, 0.50}, {0.016, 0.0, 0.0}},
+        {{eye_spacing, eye_height, 0.7}, {0.38, 0.30, 0.50}, {0.0, 0.016, 0.0}},
+        {{eye_spacing, eye_height, 0.7}, {0.36, 0.28, 0.40}, {0.0, 0.0, -0.014}},
         {{0.0, -0.28, 0.9}, {0.16, 0.16, 0.35}, {0.0, -0.014, 0.0}},
         {{0.0, -0.24, 0.95}, {0.12, 0.10, 0.20}, {0.0, 0.012, 0.010}},
         {{0.0, -0.05, 0.9}, {0.08, 0.12, 0.30}, {0.0, 0.0, 0.012}},
@@ -66,7 +66,7 @@ std::vector<BasisRow> identity_basis(const HeadMesh& mesh) {
     for (const Measure& measure : measures) basis.push_back(differentiated(measure.member, measure.deviation, false));
     const auto count = MorphableHead::identity_size - static_cast<std::int64_t>(basis.size());
     for (std::int64_t index = 0; index < count; ++index) {
-        const Displacement mode = smooth_mode(index, count, -0.6, 1.0, 0.012);
+        const Displacement mode = smooth_mode(index, count, -0.6, 1.0, 0.008);
         basis.push_back(displaced(mesh, {&mode, 1}));
     }
     return basis;

@@ -65,7 +65,8 @@ void add_lips(std::vector<Target>& targets, const HeadParameters& p) {
     const double w = p.mouth_width;
     const auto at = [&](double x, double y) { targets.push_back({{x * w, mouth_height + y, 0.0}, true, true}); };
     at(-0.96, 0.0);
-    for (const double x : {-0.62, -0.25, 0.0, 0.25, 0.62}) at(x, p.upper_lip * std::pow(1.0 - x * x, 0.8) * (x == 0.0 ? 0.78 : 1.0));
+    for (const double x : {-0.62, -0.25, 0.0, 0.25, 0.62})
+        at(x, p.upper_lip * std::pow(1.0 - x * x, 0.8) * (x == 0.0 ? 0.78 : 1.0));
     at(0.96, 0.0);
     for (const double x : {0.62, 0.27, 0.0, -0.27, -0.62}) at(x, -p.lower_lip * std::pow(1.0 - x * x, 0.6));
     at(-0.86, 0.0);

@@ -18,12 +18,23 @@ struct Knot {
 };
 
 constexpr std::array<Knot, 17> profile{{
-    {0.00, {1.020, 0.000, -0.08, -0.08}}, {0.03, {1.010, 0.170, 0.12, -0.28}}, {0.08, {0.975, 0.325, 0.30, -0.48}},
-    {0.15, {0.900, 0.480, 0.49, -0.68}},  {0.24, {0.770, 0.605, 0.645, -0.85}}, {0.34, {0.580, 0.690, 0.760, -0.96}},
-    {0.44, {0.360, 0.730, 0.815, -1.00}}, {0.50, {0.200, 0.735, 0.825, -1.00}}, {0.55, {0.050, 0.725, 0.805, -0.97}},
-    {0.62, {-0.150, 0.700, 0.790, -0.86}}, {0.70, {-0.340, 0.660, 0.780, -0.70}}, {0.77, {-0.520, 0.595, 0.765, -0.54}},
-    {0.83, {-0.680, 0.505, 0.735, -0.44}}, {0.88, {-0.800, 0.405, 0.695, -0.38}}, {0.92, {-0.885, 0.310, 0.615, -0.34}},
-    {0.96, {-0.920, 0.200, 0.430, -0.27}}, {1.00, {-0.900, 0.000, -0.08, -0.08}},
+    {0.00, {1.020, 0.000, -0.08, -0.08}},
+    {0.03, {1.010, 0.170, 0.12, -0.28}},
+    {0.08, {0.975, 0.325, 0.30, -0.48}},
+    {0.15, {0.900, 0.480, 0.49, -0.68}},
+    {0.24, {0.770, 0.605, 0.645, -0.85}},
+    {0.34, {0.580, 0.690, 0.760, -0.96}},
+    {0.44, {0.360, 0.730, 0.815, -1.00}},
+    {0.50, {0.200, 0.735, 0.825, -1.00}},
+    {0.55, {0.050, 0.725, 0.805, -0.97}},
+    {0.62, {-0.150, 0.700, 0.790, -0.86}},
+    {0.70, {-0.340, 0.660, 0.780, -0.70}},
+    {0.77, {-0.520, 0.595, 0.765, -0.54}},
+    {0.83, {-0.680, 0.505, 0.735, -0.44}},
+    {0.88, {-0.800, 0.405, 0.695, -0.38}},
+    {0.92, {-0.885, 0.310, 0.615, -0.34}},
+    {0.96, {-0.920, 0.200, 0.430, -0.27}},
+    {1.00, {-0.900, 0.000, -0.08, -0.08}},
 }};
 
 [[nodiscard]] double hermite(double a, double b, double slope_a, double slope_b, double t) {
@@ -31,7 +42,7 @@ constexpr std::array<Knot, 17> profile{{
     return a * (1.0 + 2.0 * t) * u * u + b * t * t * (3.0 - 2.0 * t) + slope_a * t * u * u - slope_b * t * t * u;
 }
 
-[[nodiscard]] double interpolate(std::size_t index, double s, double Section::* member) {
+[[nodiscard]] double interpolate(std::size_t index, double s, double Section::*member) {
     const auto value = [&](std::size_t k) { return profile[k].section.*member; };
     const auto slope = [&](std::size_t k) {
         const std::size_t low = k == 0 ? 0 : k - 1;
@@ -79,7 +90,9 @@ struct Row {
 }
 
 /// Half of an almond: 1 in the middle, 0 at |t| >= 1.
-[[nodiscard]] double almond(double t, double power) { return std::pow(std::max(0.0, 1.0 - t * t), power); }
+[[nodiscard]] double almond(double t, double power) {
+    return std::pow(std::max(0.0, 1.0 - t * t), power);
+}
 
 /// Height of nose, brows, cheeks, chin over the loft.
 [[nodiscard]] double relief(double x, double y, const HeadParameters& p) {
@@ -125,8 +138,10 @@ struct SkinPoint {
     const double closure = 1.0 - (x < 0.0 ? p.lid_closure_left : p.lid_closure_right);
     const double t = (std::abs(x) - eye_spacing) / p.eye_width;
     const double tilt = p.eye_tilt * t * p.eye_width * 4.0 * gauss(t) * gauss(distance / 0.12);
-    const double opening = row.eye_side > 0.0 ? p.upper_lid * almond(t + 0.12 * (1.0 - t * t), 0.75) : p.lower_lid * almond(t, 0.85);
-    return tilt + row.eye_side * closure * opening * gauss(distance / 0.13) - (1.0 - closure) * 0.6 * p.lower_lid * almond(t, 0.85) * gauss(distance / 0.13);
+    const double opening =
+        row.eye_side > 0.0 ? p.upper_lid * almond(t + 0.12 * (1.0 - t * t), 0.75) : p.lower_lid * almond(t, 0.85);
+    return tilt + row.eye_side * closure * opening * gauss(distance / 0.13) -
+           (1.0 - closure) * 0.6 * p.lower_lid * almond(t, 0.85) * gauss(distance / 0.13);
 }
 
 [[nodiscard]] double lip_shift(double x, double distance, const Row& row, const HeadParameters& p) {
@@ -157,7 +172,7 @@ struct SkinPoint {
 
 /// Follows the eyeball where that stands out of the face, leaving the crease of the lid.
 [[nodiscard]] double drape_over_eye(double x, double y, double z, const HeadParameters& p) {
-    const double radius = eye_radius + 0.014;
+    const double radius = eye_radius + 0.018;
     const double across = std::abs(x) - eye_spacing;
     const double square = radius * radius - across * across - (y - eye_height) * (y - eye_height);
     if (square <= 0.0) return z;
@@ -203,7 +218,8 @@ struct SkinPoint {
     }
     if (row.lip_fraction < 1.0) color = mix(color, lip_color, smooth_step(0.0, 0.25, skin.lip));
     if (row.mouth_side == 0.0) color = mix(color, {0.20, 0.06, 0.06}, smooth_step(0.0, 0.2, skin.lip));
-    if (row.mouth_side != 0.0 && row.lip_fraction == 0.0) color = mix(color, {0.42, 0.17, 0.16}, 0.7 * smooth_step(0.0, 0.2, skin.lip));
+    if (row.mouth_side != 0.0 && row.lip_fraction == 0.0)
+        color = mix(color, {0.42, 0.17, 0.16}, 0.7 * smooth_step(0.0, 0.2, skin.lip));
     const bool lash = row.eye_side > 0.0 && row.s >= 0.5455;
     if (lash) color = mix(color, {0.12, 0.08, 0.06}, 0.85 * smooth_step(0.0, 0.35, skin.lid));
     if (row.eye_side == 0.0) color = mix(color, {0.70, 0.45, 0.40}, smooth_step(0.0, 0.2, skin.lid));
@@ -214,7 +230,9 @@ struct SkinPoint {
 
 }  // namespace
 
-double gauss(double x) { return std::exp(-x * x); }
+double gauss(double x) {
+    return std::exp(-x * x);
+}
 
 double smooth_step(double low, double high, double x) {
     const double t = std::clamp((x - low) / (high - low), 0.0, 1.0);
@@ -267,7 +285,8 @@ void add_skin(HeadMesh& mesh, const HeadParameters& parameters) {
     const std::vector<Row> rows = skin_rows();
     for (const Row& row : rows) {
         for (std::int64_t column = 0; column < columns; ++column) {
-            const double turn = 2.0 * std::numbers::pi * static_cast<double>(column) / static_cast<double>(columns) - std::numbers::pi;
+            const double turn =
+                2.0 * std::numbers::pi * static_cast<double>(column) / static_cast<double>(columns) - std::numbers::pi;
             // Denser at the front, where the face is.
             const double angle = turn - 0.5 * std::sin(turn);
             const SkinPoint skin = skin_point(row, angle, parameters);

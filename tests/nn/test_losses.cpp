@@ -21,6 +21,7 @@ TEST_CASE("the photometric loss is the weighted sum of mean absolute differences
     const std::vector<Tensor> targets{tensor({1, 1, 1, 3}, {-0.5, -1.0, 0.5}), tensor({1, 1, 2, 3}, {0, 0, 0, 0, 1, -1})};
     const std::vector<double> weights{0.1, 2.0};
     CHECK(photometric_loss(images, targets, weights).value().item() == Approx(0.1 * 1.5 / 3.0 + 2.0 * 3.0 / 6.0));
+    CHECK(photometric_loss(std::span(images).first(1), std::span(targets).first(1), weights).value().item() == Approx(0.05));
     CHECK_THROWS_AS(photometric_loss(images, targets, std::vector<double>{1.0}), ShapeError);
     CHECK_THROWS_AS(photometric_loss(images, {{targets[1], targets[0]}}, weights), ShapeError);
 }
