@@ -68,6 +68,8 @@ void Progress::update(std::int64_t done, std::string_view text) {
 
 void Progress::message(std::string_view line) {
     *output_.stream << (output_.terminal ? "\r\x1b[K" : "") << line << std::endl;
+    // The line has taken the bar's place; the next update draws the bar again.
+    if (output_.terminal) last_shown_ = -std::numeric_limits<double>::infinity();
 }
 
 void Progress::finish(std::string_view text) {

@@ -51,6 +51,12 @@ Pose orbit_pose(double yaw, double pitch, double roll, double distance) {
     return {yaw, pitch, roll, {distance * rotation[0][2], distance * rotation[1][2], distance * rotation[2][2]}};
 }
 
+Pose pivot_pose(double yaw, double pitch, double roll, double distance, double pivot_depth) {
+    Pose pose = orbit_pose(yaw, pitch, roll, distance - pivot_depth);
+    pose.translation[2] += pivot_depth;
+    return pose;
+}
+
 Pose mirrored(const Pose& pose) {
     const auto [x, y, z] = pose.translation;
     return {-pose.yaw, pose.pitch, -pose.roll, {-x, y, z}};

@@ -41,6 +41,9 @@ struct Camera {
 [[nodiscard]] Camera camera_from_pose(const Pose& pose, const Intrinsics& intrinsics);
 /// The pose that sees the head turned by these angles from `distance`: translation = R (0, 0, distance).
 [[nodiscard]] Pose orbit_pose(double yaw, double pitch, double roll, double distance);
+/// The pose that keeps the point (0, 0, pivot_depth) of the face in the middle of the image, as FFHQ's alignment does, and is
+/// orbit_pose for a frontal view: translation = (0, 0, pivot_depth) + R (0, 0, distance - pivot_depth).
+[[nodiscard]] Pose pivot_pose(double yaw, double pitch, double roll, double distance, double pivot_depth);
 /// Mirror image of a pose: yaw, roll and the x of the translation change sign.
 [[nodiscard]] Pose mirrored(const Pose& pose);
 /// World point -> image coordinates in units of the image side (x right, y down) and depth along the optical axis.

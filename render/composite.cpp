@@ -13,7 +13,8 @@ constexpr double least_opacity = 1e-3;
 
 void require_same(const char* function, const Shape& left, const Shape& right) {
     if (left.rank() != 3 || !(left == right)) {
-        fail<ShapeError>(function, ": expected two tensors of one shape (cameras, rays, samples), got ", left, " and ", right);
+        fail<ShapeError>("[", function, "] expected two tensors of one shape (cameras, rays, samples), got ", left, " and ",
+                         right);
     }
 }
 
@@ -35,7 +36,7 @@ Variable composite(const Variable& weights, const Variable& features) {
     if (weights.rank() != 3 || features.rank() != 3 || weights.shape(0) != features.shape(0) ||
         weights.shape(1) * weights.shape(2) != features.shape(1)) {
         fail<ShapeError>(
-            "composite: expected weights (cameras, rays, samples) and features (cameras, rays * samples, channels), got ",
+            "[composite] expected weights (cameras, rays, samples) and features (cameras, rays * samples, channels), got ",
             weights.shape(), " and ", features.shape());
     }
     const std::int64_t cameras = weights.shape(0), rays = weights.shape(1), samples = weights.shape(2),

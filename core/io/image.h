@@ -8,12 +8,13 @@
 namespace stymo {
 
 /// Reads any image as float32 (height, width, 3), RGB in [0, 1], turned upright by its EXIF orientation. Grey is repeated,
-/// alpha is composited over black, 16-bit and float files are scaled. Throws FileError for what is not a readable image,
+/// alpha is composited over black, integers are scaled, floats clipped. Throws FileError for what is not a readable image,
 /// saying why in a few words ("not an image (zero bytes)").
 [[nodiscard]] Tensor read_image(const std::filesystem::path& path);
 /// Reads one channel as float32 (height, width, 1) in [0, 1]: a mask. A colour image becomes its luminance.
 [[nodiscard]] Tensor read_mask(const std::filesystem::path& path);
-/// Reads the raw 8-bit indices (palette or grey) of a class map as float32 (height, width, 1), values 0..255.
+/// Reads the raw indices (palette or grey, at most 8 bits) of a class map, a PNG file, as float32 (height, width, 1), values
+/// 0..255.
 [[nodiscard]] Tensor read_class_map(const std::filesystem::path& path);
 
 /// Writes (height, width, 1 or 3), values in [0, 1] clipped and rounded to 8 bits, as the extension says (png, jpg).
@@ -26,6 +27,8 @@ void write_animation(const std::filesystem::path& path, const std::vector<Tensor
 
 /// Antialiased resampling of (height, width, channels) to another size; values may overshoot slightly.
 [[nodiscard]] Tensor resize_image(const Tensor& image, int height, int width);
+/// The largest square in the middle of (height, width, channels).
+[[nodiscard]] Tensor central_square(const Tensor& image);
 /// Pictures of one size side by side, `columns` in a row, black where the last row is not full.
 [[nodiscard]] Tensor tile_images(const std::vector<Tensor>& images, int columns);
 /// Mirrors left and right.

@@ -20,12 +20,13 @@ struct DecoderConfig {
     std::int64_t field_layers = 8;        ///< sine layers before the density head; the encoding enters again in the middle
     std::int64_t feature_channels = 256;  ///< d_f, channels of the rendered feature map
     std::int64_t frequencies = 10;        ///< of the positional encoding
-    std::vector<std::int64_t> block_channels{128, 64, 32,
-                                             32};  ///< one for each doubling from 64 on; further ones are left unused
+    /// One for each doubling from 64 on; further ones are left unused.
+    std::vector<std::int64_t> block_channels{128, 64, 32, 32};
     std::int64_t mask_channels = 16;
     std::int64_t mapping_layers = 4;
     double mapping_learning_rate_multiplier = 1.0;
-    RaySampling rays;  ///< rays_per_side is half of the first image's side
+    std::string depth_planes = "world_z";  ///< "world_z" or "optical_axis"; decides rays.planes
+    RaySampling rays;                      ///< rays_per_side is half of the first image's side; DecodeOptions decides the samples
 };
 
 /// Binds the fields under "decoder." .
@@ -34,7 +35,7 @@ void describe(ConfigSchema& schema, DecoderConfig& config);
 struct DecodeOptions {
     std::int64_t samples_per_ray = 32;
     std::int64_t resolution = 0;  ///< largest image wanted, 0 for the model's own; later blocks are left out
-    bool mask = false;            ///< also the head mask, at the model's largest resolution
+    bool mask = false;            ///< also the head mask, at the side of the largest image
     Rng* jitter = nullptr;        ///< stratified samples (training); null: fixed samples
 };
 
@@ -49,7 +50,8 @@ struct Decoded {
 /// G of the paper: four mapping networks, the modulated sine field, volume rendering, render blocks, mask branch.
 class Decoder {
 public:
-    /// Creates parameters under `prefix`. Throws ConfigError for a resolution that the channels do not reach.
+    /// Creates parameters under `prefix`.{mapping,field,block64,...,mask}; their values depend on the state of `rng` and on their
+    /// names alone. Throws ConfigError for a resolution that the channels do not reach.
     Decoder(const DecoderConfig& config, ParameterStore& store, const std::string& prefix, Rng& rng);
     ~Decoder();
     Decoder(Decoder&&) noexcept;
@@ -57,9 +59,11 @@ public:
     [[nodiscard]] const DecoderConfig& config() const;
     /// Z to W.
     [[nodiscard]] Codes map(const Codes& z) const;
-    /// The image of each face through its camera. One camera for each row of the codes.
+    /// The image of each face through its camera. One camera for each row of the codes. Throws ShapeError where they do not fit
+    /// and ValueError for a resolution that is not one of the model's.
     [[nodiscard]] Decoded operator()(const Codes& z, const std::vector<Camera>& cameras, const DecodeOptions& options) const;
-    /// The render blocks alone, on a feature map that is reused (texture and light edits).
+    /// The render blocks alone, on a feature map that is reused (texture and light edits). Leaves weights and samples
+    /// of the result undefined.
     [[nodiscard]] Decoded decode_feature_map(const Variable& feature_map, const Codes& w, const DecodeOptions& options) const;
     /// Density at points (B, P, 3) for codes in W: (B, P, 1).
     [[nodiscard]] Variable density(const Variable& points, const Codes& w) const;

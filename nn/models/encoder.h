@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/config.h"
+#include "core/io/tensor_file.h"
 #include "core/rng.h"
 #include "nn/models/codes.h"
 #include "nn/parameter_store.h"
@@ -13,7 +14,7 @@ namespace stymo {
 
 struct EncoderConfig {
     std::string backbone = "mobilefacenet";  ///< one of backbone_names()
-    std::string backbone_weights;            ///< a .safetensors file, or empty: trained from scratch
+    std::string backbone_weights{};          ///< a .safetensors file, or empty: trained from scratch
     double embedding_scale = 1.0;            ///< factor on the embedding before the heads
     std::int64_t head_width = 512;           ///< heads: embedding -> width -> width / 2 -> code
 };
@@ -29,16 +30,21 @@ public:
     [[nodiscard]] virtual Variable operator()(const Variable& image) const = 0;
     [[nodiscard]] virtual std::int64_t embedding_size() const = 0;
     [[nodiscard]] virtual std::int64_t input_side() const = 0;
+    /// Sets the weights from a published file, in its own names and layout. Throws FileError naming `source` and the first tensor
+    /// that is missing or of another shape, ConfigError for a backbone that has no published weights.
+    virtual void load_pretrained(const TensorFile& file, const std::string& source) = 0;
 };
 
 [[nodiscard]] std::vector<std::string> backbone_names();
-/// Creates the backbone's parameters under `prefix`. Throws ConfigError for an unknown name.
+/// Creates the backbone's parameters under `prefix`, which ends with a dot. Throws ConfigError for an unknown name.
 [[nodiscard]] std::unique_ptr<Backbone> make_backbone(const std::string& name, ParameterStore& store, const std::string& prefix,
                                                       Rng& rng);
 
 /// E of the paper: backbone and four semantic heads. Parameters under `prefix`.backbone. and `prefix`.heads. .
 class Encoder {
 public:
+    /// Reads `config.backbone_weights` unless it is empty; throws FileError naming that key if the file does not serve. Whoever
+    /// loads a trained model's values afterwards clears the field first.
     Encoder(const EncoderConfig& config, ParameterStore& store, const std::string& prefix, Rng& rng);
 
     /// image (B, S, S, 3) in [-1, 1], the whole unmasked crop -> codes in Z, near 0 at the start.

@@ -17,16 +17,21 @@ void describe(ConfigSchema& schema, ModelConfig& config) {
     describe(schema, config.decoder);
     describe(schema, config.encoder);
     CameraConfig& camera = config.camera;
-    schema.number("camera.focal", camera.intrinsics.focal, 0.1, 100.0, "focal length in units of the image side, shared by all images");
+    schema.number("camera.focal", camera.intrinsics.focal, 0.1, 100.0,
+                  "focal length in units of the image side, shared by all images");
     schema.number("camera.center_x", camera.intrinsics.center_x, -1.0, 2.0, "principal point in units of the image side");
     schema.number("camera.center_y", camera.intrinsics.center_y, -1.0, 2.0, "principal point in units of the image side");
-    schema.number("camera.distance", camera.distance, 0.1, 100.0, "from the head's origin to the camera of a frontal view, in decimetres");
-    schema.number("camera.pivot_depth", camera.pivot_depth, -10.0, 10.0, "z of the point that stays in the middle of the image as the head turns");
+    schema.number("camera.distance", camera.distance, 0.1, 100.0,
+                  "from the head's origin to the camera of a frontal view, in decimetres");
+    schema.number("camera.pivot_depth", camera.pivot_depth, -10.0, 10.0,
+                  "z of the point that stays in the middle of the image as the head turns");
     ReconstructionConfig& reconstruction = config.reconstruction;
     schema.numbers("reconstruction.resolution_weights", reconstruction.resolution_weights, 0.0, 1e6,
                    "gamma of the L1 term at 64, 128, 256, 512 (paper: 0.01, 0.1, 0.5, 1)");
-    schema.number("reconstruction.photometric_weight", reconstruction.photometric_weight, 0.0, 1e6, "lambda of the photometric loss (paper: 1)");
-    schema.integer("reconstruction.fit_samples_per_ray", reconstruction.fit_samples_per_ray, 2, 4096, "samples per ray while fitting (paper: 64)");
+    schema.number("reconstruction.photometric_weight", reconstruction.photometric_weight, 0.0, 1e6,
+                  "lambda of the photometric loss (paper: 1)");
+    schema.integer("reconstruction.fit_samples_per_ray", reconstruction.fit_samples_per_ray, 2, 4096,
+                   "samples per ray while fitting (paper: 64)");
     schema.number("reconstruction.fit_regularizer", reconstruction.fit_regularizer, 0.0, 1e6,
                   "weight of the squared code offsets while fitting (paper: 1, which holds the offsets near zero)");
 }
@@ -39,14 +44,17 @@ std::string to_json(const ModelConfig& config) {
 }
 
 Model::Model(const ModelConfig& config, Rng& rng)
-    : config_(config), encoder_(config.encoder, parameters_, "encoder", rng), decoder_(config.decoder, parameters_, "decoder", rng) {}
+    : config_(config),
+      encoder_(config.encoder, parameters_, "encoder", rng),
+      decoder_(config.decoder, parameters_, "decoder", rng) {}
 
 Model Model::load(const std::filesystem::path& path) {
     const TensorFile file = read_tensor_file(path);
     const auto format = file.metadata.find(format_key);
     const auto text = file.metadata.find(config_key);
     if (format == file.metadata.end() || format->second != format_name || text == file.metadata.end()) {
-        fail<FileError>(path.string(), ": not a model of stymo (its metadata lack \"format\": \"", format_name, "\" or \"config\")");
+        fail<FileError>(path.string(), ": not a model of stymo (its metadata lack \"format\": \"", format_name,
+                        "\" or \"config\")");
     }
     ModelConfig config;
     ConfigSchema schema;

@@ -69,7 +69,7 @@ TEST_CASE("On a terminal one line is redrawn in place and never wider than the t
         progress.update(1, "a text that is far too long for the line");
         progress.message("photo.png skipped");
     }
-    CHECK(display.stream.str() == "\r\x1b[Kfit [######..................]  25% 1/4\r\x1b[Kphoto.png skipped\n\n");
+    CHECK(display.stream.str() == "\r\x1b[Kfit [######..................]  25% 1/4\r\x1b[Kphoto.png skipped\n");
 }
 
 TEST_CASE("A signal within a guard is noted and does not end the process") {

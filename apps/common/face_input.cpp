@@ -1,0 +1,54 @@
+#include "apps/common/face_input.h"
+
+#include <algorithm>
+
+#include "core/error.h"
+#include "core/io/image.h"
+#include "core/kernels/elementwise.h"
+#include "nn/models/code_file.h"
+#include "train/dataset.h"
+
+namespace stymo {
+
+namespace {
+
+Tensor at_side(const Tensor& image, std::int64_t side) {
+    const int length = static_cast<int>(side);
+    return kernels::clamp(resize_image(central_square(image), length, length), 0.0, 1.0);
+}
+
+Face face_of_folder(const FaceSource& source, std::int64_t side) {
+    const Dataset data(source.data, side, {.cache_megabytes = 0}, Split::all);
+    const auto found = std::ranges::find(data.ids(), source.id);
+    if (found == data.ids().end())
+        fail<FileError>(source.data.string(), ": no face with the id ", source.id, "; give one of its ", data.size(),
+                        " ids with --id");
+    return data.load(found - data.ids().begin());
+}
+
+}  // namespace
+
+Face read_face(const FaceSource& source, const ModelConfig& config) {
+    const std::int64_t side = config.decoder.resolution;
+    Face face;
+    if (!source.data.empty()) {
+        face = face_of_folder(source, side);
+    } else {
+        face.id = source.image.stem().string();
+        face.pose = pivot_pose(0.0, 0.0, 0.0, config.camera.distance, config.camera.pivot_depth);
+        face.intrinsics = config.camera.intrinsics;
+        face.mask = Tensor::full({side, side, 1}, 1.0);
+    }
+    if (!source.image.empty()) face.image = at_side(read_image(source.image), side);
+    if (!source.mask.empty()) {
+        face.mask = at_side(read_mask(source.mask), side);
+        face.has_mask = true;
+    }
+    if (!source.pose.empty()) {
+        face.pose = read_pose(source.pose);
+        face.has_pose = true;
+    }
+    return face;
+}
+
+}  // namespace stymo

@@ -1,0 +1,84 @@
+#include <chrono>
+#include <filesystem>
+#include <iomanip>
+#include <sstream>
+
+#include "apps/common/command_line.h"
+#include "apps/common/face_input.h"
+#include "core/error.h"
+#include "core/interrupt.h"
+#include "core/io/file.h"
+#include "core/io/image.h"
+#include "core/progress.h"
+#include "fit/fit_report.h"
+#include "nn/models/code_file.h"
+
+namespace {
+
+struct Options {
+    std::filesystem::path model;
+    std::filesystem::path out;
+    stymo::FaceSource face;
+    stymo::FitOptions fit;
+};
+
+void write_metrics(std::ostream& stream, const char* name, const stymo::ImageMetrics& metrics) {
+    stream << std::left << std::setw(9) << name << std::right << std::fixed << std::setprecision(4) << std::setw(9) << metrics.l1
+           << std::setw(9) << metrics.ssim << std::setprecision(2) << std::setw(9) << metrics.psnr << '\n';
+}
+
+std::string summary(const stymo::FitReport& report, double seconds) {
+    std::ostringstream text;
+    text << "                L1     SSIM  PSNR dB\n";
+    write_metrics(text, "initial", report.initial_metrics);
+    write_metrics(text, "fitted", report.fitted_metrics);
+    text << std::setprecision(1) << seconds << " s\n";
+    return text.str();
+}
+
+stymo::AppResult fit(Options options) {
+    if (options.face.image.empty() && options.face.data.empty())
+        stymo::fail<stymo::ConfigError>("--image is missing; give a photo, or --data and --id");
+    const stymo::Model model = stymo::Model::load(options.model);
+    const stymo::Face face = stymo::read_face(options.face, model.config());
+    const stymo::TrainingBatch batch = stymo::make_batch(std::vector{face});
+    const stymo::FitTarget target{batch.input, batch.targets, batch.cameras};
+    stymo::require_writable_folder(options.out);
+
+    const stymo::InterruptGuard guard;
+    stymo::Progress progress({.title = "fit", .total = options.fit.steps, .unit = "steps"});
+    options.fit.on_step = [&](std::int64_t step, double loss) { progress.update(step, "loss " + std::to_string(loss)); };
+    const auto start = std::chrono::steady_clock::now();
+    const stymo::FitResult result = stymo::fit_codes(model, target, options.fit);
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    progress.finish();
+
+    const stymo::FitReport report = stymo::report_fit(model, target, batch.mask, result, 0);
+    stymo::JsonValue json = to_json(report, result, seconds);
+    json.add("out", options.out.string());
+    stymo::write_image(options.out / "fit.png", stymo::comparison_sheet(report));
+    stymo::write_image(options.out / "render.png", report.fitted);
+    stymo::write_code_file(options.out / "codes.json", result.fitted, 0, face.pose);
+    stymo::write_text_file(options.out / "report.json", json.text() + "\n");
+    return {summary(report, seconds), json};
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    Options options;
+    stymo::CommandLine line("stymo-fit", "Fits a model to one photo: codes that reproduce it, for rendering from any side.");
+    line.option("--model", options.model, "model.safetensors of a training run").required();
+    line.option("--image", options.face.image, "the photo, aligned as FFHQ");
+    line.option("--mask", options.face.mask, "head mask of the photo; without one the whole frame is fitted");
+    line.option("--pose", options.face.pose, "JSON file with the photo's pose; without one the face is taken as frontal");
+    line.option("--data", options.face.data, "folder of faces in FFHQ format that has the photo's mask and pose");
+    line.option("--id", options.face.id, "the photo's id in --data").needs("--data");
+    line.option("--out", options.out, "folder for fit.png, render.png, codes.json, report.json").required();
+    line.option("--steps", options.fit.steps, "optimiser steps").range(0, 1e6);
+    line.option("--learning-rate", options.fit.learning_rate, "of the first step").range(0, 10);
+    line.option("--decay", options.fit.decay, "factor on the learning rate after each step").range(0, 1);
+    line.option("--regularizer", options.fit.regularizer, "weight of the squared code offsets; negative: the model's own");
+    line.option("--samples", options.fit.samples_per_ray, "samples per ray; 0: the model's own").range(0, 4096);
+    return line.run(argc, argv, [&](const stymo::CommonOptions&) { return fit(options); });
+}

@@ -1,0 +1,37 @@
+#include <chrono>
+#include <filesystem>
+#include <optional>
+#include <sstream>
+
+#include "apps/common/command_line.h"
+#include "core/progress.h"
+#include "render/morphable/builtin_head.h"
+#include "render/morphable/head_file.h"
+#include "train/synthetic_faces.h"
+
+int main(int argc, char** argv) {
+    stymo::CommandLine line("stymo-synth", "Renders random morphable heads with their codes, poses and masks as a training set.");
+    std::filesystem::path folder;
+    std::optional<std::filesystem::path> morphable;
+    stymo::SyntheticFaceSettings settings;
+    line.option("--out", folder, "Folder to write: images, masks, faces.jsonl, camera.json").required();
+    line.option("--count", settings.count, "Number of heads").range(1, 10000000);
+    line.option("--size", settings.side, "Side of the images in pixels").range(8, 4096);
+    line.option("--morphable", morphable, "Head model in a .safetensors file (default: the built-in head)");
+    return line.run(argc, argv, [&](const stymo::CommonOptions& common) {
+        const auto start = std::chrono::steady_clock::now();
+        const stymo::MorphableHead head = morphable ? stymo::read_morphable_head(*morphable) : stymo::builtin_head();
+        stymo::Progress progress({"Heads", settings.count, 0, "heads"});
+        stymo::write_synthetic_faces(head, settings, stymo::Rng(common.seed), folder,
+                                     [&](std::int64_t done) { progress.update(done); });
+        progress.finish();
+        const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        std::ostringstream text;
+        text << settings.count << " heads of " << settings.side << " x " << settings.side << " pixels in " << folder.string();
+        return stymo::AppResult{text.str(), stymo::JsonValue::object({{"folder", folder.string()},
+                                                                      {"count", settings.count},
+                                                                      {"size", settings.side},
+                                                                      {"vertices", head.vertex_count()},
+                                                                      {"seconds", seconds}})};
+    });
+}

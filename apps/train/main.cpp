@@ -1,0 +1,63 @@
+#include <filesystem>
+#include <iostream>
+#include <optional>
+
+#include "apps/common/command_line.h"
+#include "core/error.h"
+#include "train/plan.h"
+#include "train/trainer.h"
+
+namespace {
+
+struct Options {
+    std::filesystem::path config;
+    std::filesystem::path data;
+    std::filesystem::path out;
+    std::vector<std::string> set;
+    std::string resume;
+    double max_minutes = 0.0;
+    bool dry_run = false;
+    bool print_keys = false;
+};
+
+std::optional<stymo::Dataset> validation_faces(const Options& options, const stymo::TrainConfig& config) {
+    if (config.data.validation == 0) return std::nullopt;
+    return stymo::Dataset(options.data, config.model.decoder.resolution, config.data, stymo::Split::validation);
+}
+
+stymo::AppResult train(const Options& options, const stymo::CommonOptions& common) {
+    if (options.print_keys) return {stymo::configuration_table(), {}};
+    for (const auto& [name, path] :
+         {std::pair{"--config", options.config}, std::pair{"--data", options.data}, std::pair{"--out", options.out}}) {
+        if (path.empty()) stymo::fail<stymo::ConfigError>(name, " is missing; see --help");
+    }
+    stymo::TrainConfig config = stymo::load_train_config(options.config, options.set);
+    const stymo::Dataset training(options.data, config.model.decoder.resolution, config.data, stymo::Split::training);
+    config.model.camera.intrinsics = training.load(0).intrinsics;
+    const std::optional<stymo::Dataset> validation = validation_faces(options, config);
+    std::cerr << "training: " << training.summary().text() << '\n';
+    stymo::Trainer trainer(config, training, validation ? &*validation : nullptr, common.seed);
+    if (options.dry_run) return {stymo::plan_text(trainer, config, training), {}};
+    const stymo::RunFolder folder(options.out, !options.resume.empty());
+    if (!options.resume.empty())
+        trainer.resume(options.resume == "latest" ? folder.latest_checkpoint() : std::filesystem::path(options.resume));
+    folder.write_config(stymo::to_json(config));
+    const stymo::TrainingOutcome outcome = trainer.run(folder, {.minutes = options.max_minutes});
+    return {stymo::outcome_text(outcome, folder), stymo::to_json(outcome, folder)};
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    Options options;
+    stymo::CommandLine line("stymo-train", "Trains a model on a folder of faces.");
+    line.option("--config", options.config, "JSON configuration (docs/configuration.md)");
+    line.option("--data", options.data, "folder of faces in FFHQ format (docs/data.md)");
+    line.option("--out", options.out, "run folder");
+    line.option("--set", options.set, "a.b=value: override one key of the configuration; may be repeated");
+    line.option("--resume", options.resume, "'latest' or the folder of a checkpoint");
+    line.option("--max-minutes", options.max_minutes, "stop after so many minutes; 0: when all steps are done").range(0.0, 1e6);
+    line.flag("--dry-run", options.dry_run, "print the plan with measured time and memory of a step, and write nothing");
+    line.flag("--print-keys", options.print_keys, "print the table of all configuration keys and stop");
+    return line.run(argc, argv, [&](const stymo::CommonOptions& common) { return train(options, common); });
+}

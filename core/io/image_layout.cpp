@@ -1,0 +1,99 @@
+#include <algorithm>
+
+#include "core/error.h"
+#include "core/io/image.h"
+#include "core/io/image_bytes.h"
+#include "core/ops/resample.h"
+
+namespace stymo {
+
+void require_image(const Tensor& image, const char* operation) {
+    if (image.rank() != 3 || image.size() == 0 || (image.shape(2) != 1 && image.shape(2) != 3)) {
+        fail<ShapeError>("[", operation, "] an image is (height, width, 1 or 3); got ", image.shape());
+    }
+}
+
+std::vector<std::uint8_t> image_bytes(const Tensor& image) {
+    const Tensor narrow = image.to(DType::float32);
+    std::vector<std::uint8_t> bytes;
+    bytes.reserve(static_cast<std::size_t>(narrow.size()));
+    for (const float value : narrow.values<float>()) {
+        // Written so that a comparison with what is not a number ends in 0.
+        const float clipped = value > 0.0F ? std::min(value, 1.0F) : 0.0F;
+        bytes.push_back(static_cast<std::uint8_t>(clipped * 255.0F + 0.5F));
+    }
+    return bytes;
+}
+
+Tensor resize_image(const Tensor& image, int height, int width) {
+    if (image.rank() != 3 || image.size() == 0 || height <= 0 || width <= 0) {
+        fail<ShapeError>("[resize_image] cannot make ", height, " x ", width, " of ", image.shape());
+    }
+    if (image.shape(0) == height && image.shape(1) == width) {
+        return image;
+    }
+    const Variable batch = image.reshaped({1, image.shape(0), image.shape(1), image.shape(2)});
+    return resize_bicubic(batch, height, width).value().reshaped({height, width, image.shape(2)});
+}
+
+Tensor central_square(const Tensor& image) {
+    const std::int64_t height = image.shape(0);
+    const std::int64_t width = image.shape(1);
+    const std::int64_t channels = image.shape(2);
+    if (height == width) return image;
+    const std::int64_t side = std::min(height, width);
+    const std::int64_t top = (height - side) / 2;
+    const std::int64_t left = (width - side) / 2;
+    Tensor square({side, side, channels});
+    const std::span<const float> from = image.values<float>();
+    const std::span<float> to = square.mutable_values<float>();
+    for (std::int64_t row = 0; row < side; ++row)
+        std::copy_n(from.begin() + ((top + row) * width + left) * channels, side * channels, to.begin() + row * side * channels);
+    return square;
+}
+
+Tensor tile_images(const std::vector<Tensor>& images, int columns) {
+    if (images.empty() || columns <= 0) {
+        fail<ValueError>("[tile_images] needs at least one image and one column; got ", images.size(), " and ", columns);
+    }
+    const Shape shape = images.front().shape();
+    require_image(images.front(), "tile_images");
+    const auto count = static_cast<std::int64_t>(images.size());
+    const std::int64_t across = std::min<std::int64_t>(columns, count);
+    const std::int64_t down = (count + across - 1) / across;
+    const std::int64_t row_length = shape[1] * shape[2];
+    Tensor result = Tensor::zeros({down * shape[0], across * shape[1], shape[2]});
+    const auto target = result.mutable_values<float>();
+    for (std::int64_t i = 0; i < count; ++i) {
+        const Tensor& image = images[static_cast<std::size_t>(i)];
+        if (!(image.shape() == shape)) {
+            fail<ShapeError>("[tile_images] images differ in size: ", shape, " and ", image.shape());
+        }
+        const auto source = image.values<float>();
+        for (std::int64_t row = 0; row < shape[0]; ++row) {
+            const std::int64_t begin = (((i / across) * shape[0] + row) * across + i % across) * row_length;
+            std::copy_n(source.begin() + row * row_length, row_length, target.begin() + begin);
+        }
+    }
+    return result;
+}
+
+Tensor mirror_image(const Tensor& image) {
+    if (image.rank() != 3) {
+        fail<ShapeError>("[mirror_image] an image is (height, width, channels); got ", image.shape());
+    }
+    const std::int64_t width = image.shape(1);
+    const std::int64_t channels = image.shape(2);
+    Tensor result(image.shape());
+    const auto source = image.values<float>();
+    const auto target = result.mutable_values<float>();
+    for (std::int64_t row = 0; row < image.shape(0); ++row) {
+        for (std::int64_t column = 0; column < width; ++column) {
+            const auto from = source.begin() + (row * width + column) * channels;
+            std::copy_n(from, channels, target.begin() + (row * width + width - 1 - column) * channels);
+        }
+    }
+    return result;
+}
+
+}  // namespace stymo

@@ -1,0 +1,319 @@
+#include "core/io/tensor_file.h"
+
+#include <algorithm>
+#include <bit>
+#include <cerrno>
+#include <cstdint>
+#include <cstring>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string_view>
+#include <vector>
+
+#include "core/error.h"
+#include "core/io/file.h"
+
+namespace stymo {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+static_assert(std::endian::native == std::endian::little, "safetensors files are little-endian and read in place");
+
+/// The limit of the format.
+constexpr std::uint64_t maximum_header_length = 100'000'000;
+constexpr std::uint64_t length_bytes = 8;
+
+template <class... Parts>
+[[noreturn]] void refuse(const fs::path& path, const Parts&... parts) {
+    fail<FileError>(path.string(), ": not a readable safetensors file (", parts..., ")");
+}
+
+template <class Source>
+float widened(Source value) {
+    return static_cast<float>(value);
+}
+
+struct Half {
+    std::uint16_t bits;
+};
+struct BrainFloat {
+    std::uint16_t bits;
+};
+
+float widened(BrainFloat value) {
+    return std::bit_cast<float>(std::uint32_t{value.bits} << 16);
+}
+
+float widened(Half value) {
+    const std::uint32_t sign = (value.bits & 0x8000U) << 16;
+    const std::uint32_t exponent = (value.bits >> 10) & 0x1FU;
+    const std::uint32_t fraction = value.bits & 0x3FFU;
+    if (exponent == 0) {
+        // Subnormal halves are multiples of 2^-24, which float32 holds exactly.
+        const float magnitude = static_cast<float>(fraction) * 0x1.0p-24F;
+        return sign != 0 ? -magnitude : magnitude;
+    }
+    const std::uint32_t wide_exponent = exponent == 0x1F ? 0xFFU : exponent + 127 - 15;
+    return std::bit_cast<float>(sign | (wide_exponent << 23) | (fraction << 13));
+}
+
+using Converter = Tensor (*)(const Shape&, const char*);
+
+template <class Source>
+Tensor convert(const Shape& shape, const char* bytes) {
+    Tensor result(shape);
+    for (float& value : result.mutable_values<float>()) {
+        Source source;
+        std::memcpy(&source, bytes, sizeof source);
+        bytes += sizeof source;
+        value = widened(source);
+    }
+    return result;
+}
+
+template <class Value>
+Tensor copy(const Shape& shape, const char* bytes) {
+    Tensor result(shape, dtype_of<Value>());
+    const auto values = result.mutable_values<Value>();
+    if (!values.empty()) {
+        std::memcpy(values.data(), bytes, values.size_bytes());
+    }
+    return result;
+}
+
+struct ElementType {
+    std::string_view name;
+    std::uint64_t bytes;
+    Converter converter;
+};
+
+constexpr ElementType element_types[] = {
+    {"F32", 4, copy<float>},
+    {"F64", 8, copy<double>},
+    {"F16", 2, convert<Half>},
+    {"BF16", 2, convert<BrainFloat>},
+    {"I8", 1, convert<std::int8_t>},
+    {"I16", 2, convert<std::int16_t>},
+    {"I32", 4, convert<std::int32_t>},
+    {"I64", 8, convert<std::int64_t>},
+    {"U8", 1, convert<std::uint8_t>},
+    {"U16", 2, convert<std::uint16_t>},
+    {"U32", 4, convert<std::uint32_t>},
+    {"U64", 8, convert<std::uint64_t>},
+    {"BOOL", 1, convert<std::uint8_t>},
+};
+
+/// The header as JSON, where nlohmann alone would keep the last of two equal names.
+json parse_header(const fs::path& path, std::string_view text) {
+    std::vector<std::set<std::string>> open_objects;
+    const auto check = [&](int, json::parse_event_t event, json& parsed) {
+        if (event == json::parse_event_t::object_start) {
+            // Deeper nesting than entries and their fields has no meaning here.
+            if (open_objects.size() == 2) {
+                refuse(path, "the header is nested too deeply");
+            }
+            open_objects.emplace_back();
+        } else if (event == json::parse_event_t::object_end) {
+            open_objects.pop_back();
+        } else if (event == json::parse_event_t::key && !open_objects.back().insert(parsed.get<std::string>()).second) {
+            refuse(path, "the header names \"", parsed.get<std::string>(), "\" twice");
+        }
+        return true;
+    };
+    json header;
+    try {
+        header = json::parse(text, check);
+    } catch (const json::exception&) {
+        refuse(path, "the header is not JSON");
+    }
+    if (!header.is_object()) {
+        refuse(path, "the header is not a JSON object");
+    }
+    return header;
+}
+
+struct Entry {
+    std::string name;
+    const ElementType* type = nullptr;
+    Shape shape;
+    std::uint64_t begin = 0;
+    std::uint64_t end = 0;
+};
+
+std::uint64_t natural_number(const fs::path& path, const std::string& name, const json& value) {
+    if (!value.is_number_unsigned()) {
+        refuse(path, "tensor \"", name, "\" has an extent or offset that is not a natural number");
+    }
+    return value.get<std::uint64_t>();
+}
+
+/// Extents of `entry` and the bytes they need; refuses what overflows.
+Shape checked_shape(const fs::path& path, const Entry& entry, const json& extents) {
+    if (extents.size() > Shape::max_rank) {
+        refuse(path, "tensor \"", entry.name, "\" has more than ", Shape::max_rank, " axes");
+    }
+    std::vector<std::int64_t> result;
+    std::uint64_t bytes = entry.type->bytes;
+    for (const json& extent : extents) {
+        const std::uint64_t length = natural_number(path, entry.name, extent);
+        std::uint64_t product = 0;
+        if (length > static_cast<std::uint64_t>(INT64_MAX) || __builtin_mul_overflow(bytes, length, &product)) {
+            refuse(path, "tensor \"", entry.name, "\" has extents that overflow");
+        }
+        bytes = product;
+        result.push_back(static_cast<std::int64_t>(length));
+    }
+    if (bytes != entry.end - entry.begin) {
+        refuse(path, "tensor \"", entry.name, "\" needs ", bytes, " bytes by its extents but has ", entry.end - entry.begin);
+    }
+    return Shape(result);
+}
+
+Entry parse_entry(const fs::path& path, const std::string& name, const json& fields, std::uint64_t data_length) {
+    Entry entry{name, nullptr, {}, 0, 0};
+    if (!fields.is_object() || fields.size() != 3 || !fields.contains("dtype") || !fields["dtype"].is_string() ||
+        !fields.contains("shape") || !fields["shape"].is_array() || !fields.contains("data_offsets") ||
+        !fields["data_offsets"].is_array() || fields["data_offsets"].size() != 2) {
+        refuse(path, "tensor \"", name, "\" needs exactly dtype, shape and data_offsets");
+    }
+    const auto& type_name = fields["dtype"].get_ref<const std::string&>();
+    const auto* type = std::ranges::find(element_types, type_name, &ElementType::name);
+    if (type == std::end(element_types)) {
+        refuse(path, "tensor \"", name, "\" has the unknown element type \"", type_name, "\"");
+    }
+    entry.type = type;
+    entry.begin = natural_number(path, name, fields["data_offsets"][0]);
+    entry.end = natural_number(path, name, fields["data_offsets"][1]);
+    if (entry.begin > entry.end || entry.end > data_length) {
+        refuse(path, "tensor \"", name, "\" reaches beyond the file; is it truncated?");
+    }
+    entry.shape = checked_shape(path, entry, fields["shape"]);
+    return entry;
+}
+
+std::map<std::string, std::string> parse_metadata(const fs::path& path, const json& fields) {
+    if (!fields.is_object() || !std::ranges::all_of(fields, [](const json& value) { return value.is_string(); })) {
+        refuse(path, "__metadata__ is not a map of texts");
+    }
+    return fields.get<std::map<std::string, std::string>>();
+}
+
+/// Refuses tensors that share bytes and bytes that belong to no tensor.
+void require_tiling(const fs::path& path, std::vector<Entry>& entries, std::uint64_t data_length) {
+    std::ranges::sort(entries, {}, [](const Entry& entry) { return std::pair(entry.begin, entry.end); });
+    std::uint64_t covered = 0;
+    for (const Entry& entry : entries) {
+        if (entry.begin < covered) {
+            refuse(path, "tensor \"", entry.name, "\" overlaps another one");
+        }
+        if (entry.begin > covered) {
+            refuse(path, "there is a hole before tensor \"", entry.name, "\"");
+        }
+        covered = entry.end;
+    }
+    if (covered != data_length) {
+        refuse(path, data_length - covered, " bytes at the end belong to no tensor");
+    }
+}
+
+std::string_view type_name_of(DType dtype) {
+    return dtype == DType::float32 ? "F32" : "F64";
+}
+
+/// The header with its length before it and spaces behind it, so that the tensors begin at a multiple of 8 bytes.
+std::string encoded_header(const TensorFile& contents, const std::vector<const std::pair<const std::string, Tensor>*>& order) {
+    json header = json::object();
+    if (!contents.metadata.empty()) {
+        header["__metadata__"] = contents.metadata;
+    }
+    std::uint64_t begin = 0;
+    for (const auto* item : order) {
+        const auto& [name, tensor] = *item;
+        const std::uint64_t end = begin + static_cast<std::uint64_t>(tensor.size()) * size_in_bytes(tensor.dtype());
+        header[name] = {{"dtype", type_name_of(tensor.dtype())}, {"shape", json::array()}, {"data_offsets", {begin, end}}};
+        for (const std::int64_t extent : tensor.shape().extents()) {
+            header[name]["shape"].push_back(extent);
+        }
+        begin = end;
+    }
+    std::string text;
+    try {
+        text = header.dump();
+    } catch (const json::exception&) {
+        fail<ValueError>("[write_tensor_file] a name or a text of the metadata is not UTF-8");
+    }
+    text.append((length_bytes - text.size() % length_bytes) % length_bytes, ' ');
+    const std::uint64_t length = text.size();
+    std::string encoded(length_bytes, '\0');
+    std::memcpy(encoded.data(), &length, length_bytes);
+    return encoded + text;
+}
+
+}  // namespace
+
+TensorFile read_tensor_file(const fs::path& path) {
+    const std::string bytes = read_text_file(path);
+    if (bytes.size() < length_bytes) {
+        refuse(path, "truncated before the header");
+    }
+    std::uint64_t header_length = 0;
+    std::memcpy(&header_length, bytes.data(), length_bytes);
+    if (header_length > maximum_header_length) {
+        refuse(path, "a header of ", header_length, " bytes is too long");
+    }
+    if (header_length > bytes.size() - length_bytes) {
+        refuse(path, "truncated within the header");
+    }
+    const json header = parse_header(path, std::string_view(bytes).substr(length_bytes, header_length));
+    const char* data = bytes.data() + length_bytes + header_length;
+    const std::uint64_t data_length = bytes.size() - length_bytes - header_length;
+
+    TensorFile contents;
+    std::vector<Entry> entries;
+    for (const auto& [name, fields] : header.items()) {
+        if (name == "__metadata__") {
+            contents.metadata = parse_metadata(path, fields);
+        } else {
+            entries.push_back(parse_entry(path, name, fields, data_length));
+        }
+    }
+    require_tiling(path, entries, data_length);
+    for (const Entry& entry : entries) {
+        contents.tensors.emplace(entry.name, entry.type->converter(entry.shape, data + entry.begin));
+    }
+    return contents;
+}
+
+void write_tensor_file(const fs::path& path, const TensorFile& contents) {
+    // Wide elements first, so that every tensor is aligned to its elements.
+    std::vector<const std::pair<const std::string, Tensor>*> order;
+    for (const auto& item : contents.tensors) {
+        if (!item.second.defined() || item.first == "__metadata__") {
+            fail<ValueError>("[write_tensor_file] tensor \"", item.first, "\" is undefined or has a reserved name");
+        }
+        order.push_back(&item);
+    }
+    std::ranges::stable_sort(order, std::ranges::greater(), [](const auto* item) { return size_in_bytes(item->second.dtype()); });
+
+    write_whole(path, [&](const fs::path& temporary) {
+        errno = 0;
+        std::ofstream stream(temporary, std::ios::binary);
+        const std::string header = encoded_header(contents, order);
+        stream.write(header.data(), static_cast<std::streamsize>(header.size()));
+        for (const auto* item : order) {
+            dispatch(item->second.dtype(), [&](auto zero) {
+                const auto bytes = std::as_bytes(item->second.values<decltype(zero)>());
+                stream.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+            });
+        }
+        stream.close();
+        if (!stream) {
+            fail<FileError>(path.string(), ": cannot be written (", std::strerror(errno), ")");
+        }
+    });
+}
+
+}  // namespace stymo

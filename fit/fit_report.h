@@ -1,0 +1,29 @@
+#pragma once
+
+#include <filesystem>
+
+#include "core/io/json_writer.h"
+#include "fit/evaluation.h"
+#include "fit/fitter.h"
+
+namespace stymo {
+
+/// What a fit looks like and how good it is.
+struct FitReport {
+    Tensor target;   ///< (S, S, 3) in [0, 1], masked
+    Tensor initial;  ///< rendered from the encoder's codes
+    Tensor fitted;   ///< rendered from the fitted codes
+    Tensor mask;     ///< (S, S, 1): the model's own head mask for the fitted codes
+    ImageMetrics initial_metrics;
+    ImageMetrics fitted_metrics;
+};
+
+/// Renders row `index` before and after and measures both within `mask` (B, S, S, 1).
+[[nodiscard]] FitReport report_fit(const Model& model, const FitTarget& target, const Tensor& mask, const FitResult& result,
+                                   std::int64_t index);
+/// {"initial": {...}, "fitted": {...}, "steps", "seconds", "loss": [...]}
+[[nodiscard]] JsonValue to_json(const FitReport& report, const FitResult& result, double seconds);
+/// target | initial | fitted | mask
+[[nodiscard]] Tensor comparison_sheet(const FitReport& report);
+
+}  // namespace stymo

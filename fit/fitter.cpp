@@ -1,0 +1,82 @@
+#include "fit/fitter.h"
+
+#include <cmath>
+
+#include "core/autograd/grad.h"
+#include "core/error.h"
+#include "core/interrupt.h"
+#include "core/ops/ops.h"
+#include "nn/losses.h"
+#include "nn/optim/adam.h"
+
+namespace stymo {
+
+namespace {
+
+/// The code offsets as parameters of their own.
+struct Offsets {
+    ParameterStore store;
+
+    explicit Offsets(const Codes& codes) {
+        for (std::size_t group = 0; group < code_names.size(); ++group) {
+            store.create(std::string("offset.") + code_names[group],
+                         Tensor::zeros(codes.groups[group].shape(), codes.groups[group].dtype()));
+        }
+    }
+
+    [[nodiscard]] Codes codes() const {
+        Codes result;
+        for (std::size_t group = 0; group < code_names.size(); ++group) result.groups[group] = store.all()[group].variable();
+        return result;
+    }
+
+    [[nodiscard]] Variable squared_length() const {
+        Variable total;
+        for (const Parameter& group : store.all()) {
+            const Variable length = sum(square(group.variable()));
+            total = total.defined() ? total + length : length;
+        }
+        return total;
+    }
+};
+
+Codes detached(const Codes& codes) {
+    Codes result;
+    for (std::size_t group = 0; group < code_names.size(); ++group) result.groups[group] = codes.groups[group].detach();
+    return result;
+}
+
+}  // namespace
+
+FitResult fit_codes(const Model& model, const FitTarget& target, const FitOptions& options) {
+    const ReconstructionConfig& reconstruction = model.config().reconstruction;
+    const double regularizer = options.regularizer < 0.0 ? reconstruction.fit_regularizer : options.regularizer;
+    const DecodeOptions decode{.samples_per_ray =
+                                   options.samples_per_ray > 0 ? options.samples_per_ray : reconstruction.fit_samples_per_ray};
+    FitResult result;
+    result.initial = detached(model.encoder()(Variable(target.input)));
+    const auto batch = static_cast<double>(result.initial.batch());
+    const Offsets offsets(result.initial);
+    Adam adam;
+    double learning_rate = options.learning_rate;
+    for (std::int64_t step = 0; step < options.steps && !interrupted(); ++step) {
+        const Decoded decoded = model.decoder()(add(result.initial, offsets.codes()), target.cameras, decode);
+        // A mean over the batch times its size: the faces' gradients do not depend on how many are fitted together.
+        const Variable loss = photometric_loss(decoded.images, target.targets, reconstruction.resolution_weights) *
+                                  (reconstruction.photometric_weight * batch) +
+                              offsets.squared_length() * regularizer;
+        result.losses.push_back(loss.value().item() / batch);
+        if (!std::isfinite(result.losses.back()))
+            fail<NumericError>("fitting step ", step, ": the loss is not finite; lower the learning rate");
+        std::vector<Variable> leaves;
+        for (const Parameter& offset : offsets.store.all()) leaves.push_back(offset.variable());
+        const std::vector<Variable> gradients = grad(loss, leaves);
+        adam.step(offsets.store.all(), gradients, learning_rate);
+        learning_rate *= options.decay;
+        if (options.on_step) options.on_step(step + 1, result.losses.back());
+    }
+    result.fitted = detached(add(result.initial, offsets.codes()));
+    return result;
+}
+
+}  // namespace stymo

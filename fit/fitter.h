@@ -1,0 +1,38 @@
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "nn/models/model.h"
+
+namespace stymo {
+
+/// Faces to fit, one for each row.
+struct FitTarget {
+    Tensor input;                 ///< (B, S, S, 3) in [-1, 1], unmasked, for the encoder
+    std::vector<Tensor> targets;  ///< (B, R, R, 3) in [-1, 1] for R = 64, 128, ...: masked, background -1
+    std::vector<Camera> cameras;
+};
+
+struct FitOptions {
+    std::int64_t steps = 200;
+    double learning_rate = 0.01;
+    double decay = 0.99;  ///< factor on the learning rate after each step
+    /// Weight of the sum of squared offsets; the model's own (ReconstructionConfig::fit_regularizer) if negative.
+    double regularizer = -1.0;
+    std::int64_t samples_per_ray = 0;  ///< 0: the model's own
+    /// Called after each step with the number of steps done and the loss.
+    std::function<void(std::int64_t, double)> on_step;
+};
+
+struct FitResult {
+    Codes initial;               ///< the encoder's, in Z
+    Codes fitted;                ///< initial + offsets
+    std::vector<double> losses;  ///< mean over the faces, before each step
+};
+
+/// The paper's fitting: Adam on code offsets that start at zero, everything else fixed; each face is its own problem whatever the
+/// batch. Throws ShapeError for targets that do not suit the model, NumericError if the loss becomes non-finite.
+[[nodiscard]] FitResult fit_codes(const Model& model, const FitTarget& target, const FitOptions& options);
+
+}  // namespace stymo

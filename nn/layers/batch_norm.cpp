@@ -1,0 +1,26 @@
+#include "nn/layers/batch_norm.h"
+
+#include "core/ops/elementwise.h"
+
+namespace stymo {
+
+BatchNorm::BatchNorm(ParameterStore& store, const std::string& name, std::int64_t channels)
+    : weight_(store.create(name + ".weight", Tensor::full({channels}, 1.0))),
+      bias_(store.create(name + ".bias", Tensor::zeros({channels}))),
+      running_mean_(store.create_constant(name + ".running_mean", Tensor::zeros({channels}))),
+      running_variance_(store.create_constant(name + ".running_variance", Tensor::full({channels}, 1.0))) {}
+
+Variable BatchNorm::operator()(const Variable& x) const {
+    const Variable factor = scale();
+    return x * factor + shift(factor);
+}
+
+Variable BatchNorm::scale() const {
+    return weight_.variable() / sqrt(running_variance_.variable() + epsilon);
+}
+
+Variable BatchNorm::shift(const Variable& scale) const {
+    return bias_.variable() - running_mean_.variable() * scale;
+}
+
+}  // namespace stymo

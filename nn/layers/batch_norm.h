@@ -1,0 +1,38 @@
+#pragma once
+
+#include <string>
+
+#include "nn/parameter_store.h"
+
+namespace stymo {
+
+/// Batch normalisation in inference mode, always: (x - mean) / sqrt(variance + epsilon) * weight + bias with statistics that are
+/// stored and never updated, since the micro-batches of training are too small to estimate them (facts 7.3).
+/// Folded to scale * x + shift, one pair for each channel (last axis).
+class BatchNorm {
+public:
+    static constexpr double epsilon = 1e-5;
+
+    /// Creates `name`.weight and `name`.bias (trainable, 1 and 0), `name`.running_mean and `name`.running_variance (constants, 0
+    /// and 1).
+    BatchNorm(ParameterStore& store, const std::string& name, std::int64_t channels);
+
+    [[nodiscard]] Variable operator()(const Variable& x) const;
+    /// weight / sqrt(variance + epsilon), (channels)
+    [[nodiscard]] Variable scale() const;
+    /// bias - mean * scale, (channels)
+    [[nodiscard]] Variable shift(const Variable& scale) const;
+
+    [[nodiscard]] const Parameter& weight() const { return weight_; }
+    [[nodiscard]] const Parameter& bias() const { return bias_; }
+    [[nodiscard]] const Parameter& running_mean() const { return running_mean_; }
+    [[nodiscard]] const Parameter& running_variance() const { return running_variance_; }
+
+private:
+    Parameter weight_;
+    Parameter bias_;
+    Parameter running_mean_;
+    Parameter running_variance_;
+};
+
+}  // namespace stymo

@@ -1,0 +1,49 @@
+#include "nn/layers/conv_layer.h"
+
+#include <cmath>
+
+#include "core/error.h"
+#include "core/ops/elementwise.h"
+#include "core/ops/linalg.h"
+#include "core/ops/shape_ops.h"
+
+namespace stymo {
+
+ConvLayer::ConvLayer(ParameterStore& store, const std::string& name, std::int64_t in, std::int64_t out,
+                     const ConvLayerOptions& options, Rng& rng)
+    : options_{options.stride, options.padding, options.groups} {
+    if (options.groups < 1 || in % options.groups != 0 || out % options.groups != 0)
+        fail<ValueError>(name, ": ", options.groups, " groups do not divide ", in, " and ", out, " channels");
+    const Shape shape{out, options.kernel, options.kernel, in / options.groups};
+    const auto fan_in = static_cast<double>(shape.product(1, 4));
+    const bool equalised = options.scaling == WeightScaling::equalised;
+    weight_gain_ = equalised ? 1.0 / std::sqrt(fan_in) : 1.0;
+    Rng draws = rng.split(name + ".weight");
+    weight_ = store.create(name + ".weight", draws.normal(shape, 0.0, equalised ? 1.0 : std::sqrt(2.0 / fan_in)));
+    if (options.bias) bias_ = store.create(name + ".bias", Tensor::zeros({out}));
+}
+
+Variable ConvLayer::operator()(const Variable& x) const {
+    const Variable weight = weight_gain_ == 1.0 ? weight_.variable() : weight_.variable() * weight_gain_;
+    return apply(x, weight, bias_.defined() ? bias_.variable() : Variable());
+}
+
+Variable ConvLayer::scaled(const Variable& x, const Variable& scale, const Variable& shift) const {
+    if (bias_.defined()) fail<ValueError>(bias_.name(), ": a layer with a bias cannot take a normalisation's shift");
+    return apply(x, weight_.variable() * reshape(scale * weight_gain_, {-1, 1, 1, 1}), shift);
+}
+
+Variable ConvLayer::apply(const Variable& x, const Variable& weight, const Variable& bias) const {
+    const std::int64_t out = weight.shape(0);
+    const bool pointwise =
+        weight.shape(1) == 1 && weight.shape(2) == 1 && options_.stride == 1 && options_.padding == 0 && options_.groups == 1;
+    if (pointwise) {
+        // One matrix product over all pixels, with the bias added while the result is in cache.
+        const Variable pixels = reshape(x, {1, -1, x.shape(3)});
+        return reshape(linear(pixels, reshape(weight, {1, out, -1}), bias), {x.shape(0), x.shape(1), x.shape(2), out});
+    }
+    const Variable y = conv2d(x, weight, options_);
+    return bias.defined() ? y + bias : y;
+}
+
+}  // namespace stymo

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <string>
+
+#include "core/ops/conv.h"
+#include "core/rng.h"
+#include "nn/parameter_store.h"
+
+namespace stymo {
+
+/// How the weights begin, and what scales them while they are used.
+enum class WeightScaling {
+    plain,      ///< He initialisation, used as stored: for published weights
+    equalised,  ///< standard normal, multiplied by 1 / sqrt(fan in) at each use (StyleGAN): the same learning rate fits every
+                ///< layer
+};
+
+struct ConvLayerOptions {
+    std::int64_t kernel = 3;
+    int stride = 1;
+    int padding = 1;
+    int groups = 1;
+    bool bias = true;  ///< starts at 0
+    WeightScaling scaling = WeightScaling::plain;
+};
+
+/// Two-dimensional convolution, (B, H, W, in) -> (B, H', W', out) with the sizes of conv2d.
+class ConvLayer {
+public:
+    /// Creates `name`.weight (out, kernel, kernel, in / groups) and, if asked for, `name`.bias (out).
+    /// The weights depend on the generator's state and on the name alone. Throws ValueError if the groups do not divide both
+    /// channel counts.
+    ConvLayer(ParameterStore& store, const std::string& name, std::int64_t in, std::int64_t out, const ConvLayerOptions& options,
+              Rng& rng);
+
+    [[nodiscard]] Variable operator()(const Variable& x) const;
+    /// The same with each output channel multiplied by `scale` (out) and moved by `shift` (out): what a normalisation in
+    /// inference mode does to it, at the price of scaling the weight instead of the image. Not for a layer with a bias.
+    [[nodiscard]] Variable scaled(const Variable& x, const Variable& scale, const Variable& shift) const;
+
+    [[nodiscard]] const Parameter& weight() const { return weight_; }
+    /// Undefined for a layer without bias.
+    [[nodiscard]] const Parameter& bias() const { return bias_; }
+
+private:
+    [[nodiscard]] Variable apply(const Variable& x, const Variable& weight, const Variable& bias) const;
+
+    Parameter weight_;
+    Parameter bias_;
+    Conv2dOptions options_;
+    double weight_gain_ = 1.0;
+};
+
+}  // namespace stymo

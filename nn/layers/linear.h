@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "core/ops/linalg.h"
+#include "core/rng.h"
+#include "nn/parameter_store.h"
+
+namespace stymo {
+
+struct LinearOptions {
+    Activation activation = Activation::none;
+    double learning_rate_multiplier = 1.0;
+    double initial_weight_scale = 1.0;  ///< deviation of the weights at the start, in units of the equalised one
+    double initial_bias = 0.0;
+    /// On weight and bias. 1 / sqrt(2) takes StyleGAN2's gain out of the leaky ReLU, which commutes with scaling.
+    double gain = 1.0;
+};
+
+/// Fully connected layer or 1x1 convolution with equalised learning rate (StyleGAN2's EqualLinear): the stored weight (out, in)
+/// is N(0, 1) / multiplier and is scaled by multiplier / sqrt(in) when used, the bias (out) by the multiplier.
+class Linear {
+public:
+    /// Creates `prefix`.weight and `prefix`.bias. The weights depend on the generator's state and on the name alone, not on what
+    /// other layers drew.
+    Linear(ParameterStore& store, const std::string& prefix, std::int64_t in, std::int64_t out, const LinearOptions& options,
+           Rng& rng);
+
+    /// x (..., in) of rank 2 to 4 -> (..., out). Throws ShapeError for another last extent.
+    [[nodiscard]] Variable operator()(const Variable& x) const;
+
+    /// The weight as used, (out, in).
+    [[nodiscard]] Variable effective_weight() const;
+    /// The bias as used, (out).
+    [[nodiscard]] Variable effective_bias() const;
+
+private:
+    Parameter weight_;
+    Parameter bias_;
+    LinearOptions options_;
+};
+
+}  // namespace stymo

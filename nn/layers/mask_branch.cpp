@@ -1,0 +1,33 @@
+#include "nn/layers/mask_branch.h"
+
+#include <numbers>
+
+#include "core/error.h"
+#include "core/ops/elementwise.h"
+#include "core/ops/resample.h"
+
+namespace stymo {
+
+MaskBranch::MaskBranch(ParameterStore& store, const std::string& prefix, std::span<const std::int64_t> channels,
+                       std::span<const std::string> names, std::int64_t mask_channels, Rng& rng)
+    : logit_(store, prefix + ".logit", mask_channels, 1, {}, rng) {
+    if (channels.size() != names.size())
+        fail<ValueError>("mask branch ", prefix, ": ", channels.size(), " channel counts for ", names.size(), " names");
+    const LinearOptions options{.activation = Activation::leaky_relu, .gain = 1.0 / std::numbers::sqrt2};
+    for (std::size_t i = 0; i < channels.size(); ++i) {
+        laterals_.emplace_back(store, prefix + ".lateral" + names[i], channels[i], mask_channels, options, rng);
+    }
+}
+
+Variable MaskBranch::operator()(std::span<const Variable> features) const {
+    if (features.empty() || features.size() > laterals_.size())
+        fail<ShapeError>("mask branch: ", features.size(), " feature maps for ", laterals_.size(), " laterals");
+    Variable sum = laterals_[0](features[0]);
+    for (std::size_t i = 1; i < features.size(); ++i) {
+        const auto side = [&](int axis) { return static_cast<int>(features[i].shape(axis)); };
+        sum = laterals_[i](features[i]) + resize_bilinear(sum, side(1), side(2));
+    }
+    return logit_(sum);
+}
+
+}  // namespace stymo

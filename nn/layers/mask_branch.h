@@ -1,0 +1,29 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "nn/layers/linear.h"
+
+namespace stymo {
+
+/// Head mask from the features of all render blocks (the paper's SegLite, whose insides are not published): a 1x1 layer with
+/// leaky ReLU (slope 0.2, no gain) from each to a few channels, summed from coarse to fine with bilinear doubling, and one logit.
+class MaskBranch {
+public:
+    /// `channels` and `names`: those of the render blocks. Creates `prefix`.lateral<name> and `prefix`.logit.
+    MaskBranch(ParameterStore& store, const std::string& prefix, std::span<const std::int64_t> channels,
+               std::span<const std::string> names, std::int64_t mask_channels, Rng& rng);
+
+    /// Features of the first blocks in ascending order, each (B, S, S, channels) of twice the side of the one before ->
+    /// logit (B, S, S, 1) at the side of the last. Throws ShapeError for none, or for more than there are blocks.
+    [[nodiscard]] Variable operator()(std::span<const Variable> features) const;
+
+private:
+    std::vector<Linear> laterals_;
+    Linear logit_;
+};
+
+}  // namespace stymo

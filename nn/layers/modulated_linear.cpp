@@ -1,0 +1,74 @@
+#include "nn/layers/modulated_linear.h"
+
+#include <cmath>
+#include <numbers>
+
+#include "core/error.h"
+#include "core/ops/activation.h"
+#include "core/ops/elementwise.h"
+#include "core/ops/reduce.h"
+#include "core/ops/shape_ops.h"
+
+namespace stymo {
+namespace {
+
+constexpr double demodulation_epsilon = 1e-8;
+
+Tensor initial_bias(std::int64_t in, std::int64_t out, Activation activation, Rng draws) {
+    if (activation != Activation::sine) return Tensor::zeros({out});
+    const double bound = 1.0 / std::sqrt(static_cast<double>(in));
+    return draws.uniform({out}, -bound, bound);
+}
+
+Variable activate(const Variable& x, Activation activation) {
+    if (activation == Activation::none) return x;
+    return activation == Activation::sine ? sin(x) : leaky_relu(x, 0.2) * std::numbers::sqrt2;
+}
+
+}  // namespace
+
+ModulatedLinear::ModulatedLinear(ParameterStore& store, const std::string& prefix, std::int64_t in, std::int64_t out,
+                                 std::int64_t style_size, Activation activation, Rng& rng)
+    : style_(store, prefix + ".style", style_size, in, {.initial_bias = 1.0}, rng),
+      weight_(store.create(prefix + ".weight", rng.split(prefix + ".weight").normal({out, in}, 0.0, 1.0))),
+      bias_(store.create(prefix + ".bias", initial_bias(in, out, activation, rng.split(prefix + ".bias")))),
+      activation_(activation),
+      gain_(activation == Activation::sine ? std::numbers::sqrt2 : 1.0) {}
+
+Variable ModulatedLinear::scales(const Variable& style) const {
+    return reshape(style_(style), {style.shape(0), 1, weight_.variable().shape(1)});
+}
+
+Variable ModulatedLinear::equalised_weight() const {
+    const Variable& weight = weight_.variable();
+    return reshape(weight, {1, weight.shape(0), weight.shape(1)}) * (1.0 / std::sqrt(static_cast<double>(weight.shape(1))));
+}
+
+Variable ModulatedLinear::rows(const Variable& x, const Variable& style) const {
+    const Shape& weight_shape = weight_.variable().shape();
+    if (x.rank() < 3 || x.shape(-1) != weight_shape[1] || style.rank() != 2 || style.shape(0) != x.shape(0))
+        fail<ShapeError>("layer ", weight_.name(), " ", weight_shape, " does not fit ", x.shape(), " with styles ",
+                         style.shape());
+    return reshape(x, {x.shape(0), -1, weight_shape[1]});
+}
+
+Variable ModulatedLinear::operator()(const Variable& x, const Variable& style) const {
+    // Pixels and points far outnumber weights: folding everything into one weight for each sample leaves a single pass over them.
+    const Variable in = rows(x, style);
+    const Variable modulated = equalised_weight() * scales(style);
+    const Variable norm = sqrt(sum(square(modulated), {2}) + demodulation_epsilon);
+    const Variable y = linear(in, modulated / (norm * (1.0 / gain_)), bias_.variable(), activation_);
+    return reshape(y, x.shape().with(-1, y.shape(2)));
+}
+
+Variable ModulatedLinear::reference(const Variable& x, const Variable& style) const {
+    const Variable in = rows(x, style);
+    const Variable weight = equalised_weight();
+    const Variable scale = scales(style);
+    const Variable squared_norm = matmul(square(scale), square(weight), {.transpose_b = true});
+    const Variable product = matmul(in * scale, weight, {.transpose_b = true});
+    const Variable y = activate(product * gain_ / sqrt(squared_norm + demodulation_epsilon) + bias_.variable(), activation_);
+    return reshape(y, x.shape().with(-1, weight.shape(1)));
+}
+
+}  // namespace stymo

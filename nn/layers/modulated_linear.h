@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "nn/layers/linear.h"
+
+namespace stymo {
+
+/// Weight-demodulated pointwise layer (StyleGAN2's modulated convolution with a 1x1 kernel; paper, "modulated layer"):
+///
+///     s_i   = style layer (equalised, bias 1 at the start)
+///     w'_oi = W_oi s_i / sqrt(in)
+///     y_o   = activation(gain * sum_i w'_oi x_i / sqrt(sum_i w'_oi^2 + 1e-8) + bias_o)
+///
+/// W ~ N(0, 1). Sine: gain sqrt(2), which keeps the deviation of what enters the sine near 1 through any depth (SIREN's 30 would
+/// make noise of it, because demodulation cancels SIREN's small weights), bias uniform in +-1 / sqrt(in). Else gain 1, bias 0;
+/// the leaky ReLU brings its own factor sqrt(2).
+class ModulatedLinear {
+public:
+    /// Creates `prefix`.weight (out, in), `prefix`.bias (out) and `prefix`.style.{weight,bias}.
+    ModulatedLinear(ParameterStore& store, const std::string& prefix, std::int64_t in, std::int64_t out, std::int64_t style_size,
+                    Activation activation, Rng& rng);
+
+    /// x (B, ..., in) of rank 3 or 4, style (B, style_size) -> (B, ..., out). Throws ShapeError for what does not fit.
+    [[nodiscard]] Variable operator()(const Variable& x, const Variable& style) const;
+    /// The same with one weight for all samples, between a scaling of the inputs and one of the outputs: its oracle.
+    [[nodiscard]] Variable reference(const Variable& x, const Variable& style) const;
+
+private:
+    [[nodiscard]] Variable rows(const Variable& x, const Variable& style) const;
+    /// (B, 1, in)
+    [[nodiscard]] Variable scales(const Variable& style) const;
+    /// W / sqrt(in), (1, out, in)
+    [[nodiscard]] Variable equalised_weight() const;
+
+    Linear style_;
+    Parameter weight_;
+    Parameter bias_;
+    Activation activation_;
+    double gain_;
+};
+
+}  // namespace stymo

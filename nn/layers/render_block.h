@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "nn/layers/modulated_linear.h"
+#include "nn/layers/upsampler.h"
+
+namespace stymo {
+
+/// What one doubling of the resolution hands to the next.
+struct Rendered {
+    Variable features;  ///< (B, S, S, channels)
+    Variable rgb;       ///< (B, S, S, 3) before the tanh, the sum over all blocks so far
+};
+
+/// One render block of the paper: learnt doubling, two modulated layers with leaky ReLU, and a plain 1x1 layer to RGB, whose
+/// result is added to the doubled RGB of the blocks before.
+class RenderBlock {
+public:
+    /// Creates `prefix`.{upsampler,modulated0,modulated1,to_rgb}.
+    RenderBlock(ParameterStore& store, const std::string& prefix, std::int64_t in, std::int64_t out, std::int64_t style_size,
+                Rng& rng);
+
+    /// `below`: features (B, S, S, in) and rgb (B, S, S, 3), or no rgb at the first block; style (B, style_size). Doubles S.
+    [[nodiscard]] Rendered operator()(const Rendered& below, const Variable& style) const;
+
+private:
+    Upsampler upsampler_;
+    ModulatedLinear modulated0_;
+    ModulatedLinear modulated1_;
+    Linear to_rgb_;
+};
+
+}  // namespace stymo

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "nn/layers/linear.h"
+
+namespace stymo {
+
+/// Learnt doubling of an image: a 1x1 layer C -> 4C with leaky ReLU (slope 0.2, no gain) gives the detail that is added to the
+/// nearest neighbour; pixel shuffle; [1,2,1] blur with mirrored border. HeadNeRF's upsampler with one layer instead of two, and
+/// with the channels of the residual interleaved, so that near zero weights it is an exact (blurred) nearest-neighbour doubling.
+class Upsampler {
+public:
+    /// Creates `prefix`.detail.{weight,bias}.
+    Upsampler(ParameterStore& store, const std::string& prefix, std::int64_t channels, Rng& rng);
+
+    /// (B, H, W, C) -> (B, 2H, 2W, C)
+    [[nodiscard]] Variable operator()(const Variable& x) const;
+
+private:
+    Linear detail_;
+};
+
+/// Fixed doubling of an image, for the sum of RGB images: bilinear, then the same blur. (B, H, W, C) -> (B, 2H, 2W, C).
+[[nodiscard]] Variable double_smoothly(const Variable& image);
+
+}  // namespace stymo

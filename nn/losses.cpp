@@ -1,0 +1,62 @@
+#include "nn/losses.h"
+
+#include "core/error.h"
+#include "core/ops/ops.h"
+
+namespace stymo {
+namespace {
+
+void require_same_shape(const char* loss, const Shape& prediction, const Shape& target) {
+    if (!(prediction == target)) fail<ShapeError>(loss, ": prediction ", prediction, " and target ", target, " differ in shape");
+}
+
+}  // namespace
+
+Variable photometric_loss(std::span<const Variable> images, std::span<const Tensor> targets, std::span<const double> weights) {
+    if (images.empty() || images.size() != targets.size() || images.size() > weights.size()) {
+        fail<ShapeError>("photometric_loss: ", images.size(), " images, ", targets.size(), " targets and ", weights.size(),
+                         " weights");
+    }
+    Variable total;
+    for (std::size_t i = 0; i < images.size(); ++i) {
+        require_same_shape("photometric_loss", images[i].shape(), targets[i].shape());
+        const Variable term = mean(abs(images[i] - Variable(targets[i]))) * weights[i];
+        total = i == 0 ? term : total + term;
+    }
+    return total;
+}
+
+Variable code_loss(const Codes& z, const std::array<Tensor, 4>& targets, std::span<const double, 4> weights,
+                   const Tensor& present) {
+    const std::int64_t batch = z.batch();
+    require_same_shape("code_loss, present faces", {batch}, present.shape());
+    const Variable factor = present.reshaped({batch, 1});
+    Variable total;
+    for (std::size_t i = 0; i < targets.size(); ++i) {
+        require_same_shape("code_loss", z.groups[i].shape(), targets[i].shape());
+        // A missing target may hold anything, even what is not a number, so it is left out rather than multiplied by 0.
+        const Tensor there = broadcast_to(factor, targets[i].shape()).value();
+        const Variable difference =
+            where(there, z.groups[i] - Variable(targets[i]), Tensor::zeros(targets[i].shape(), z.groups[i].dtype()));
+        const Variable term = sum(square(difference)) * (weights[i] / static_cast<double>(batch));
+        total = i == 0 ? term : total + term;
+    }
+    return total;
+}
+
+Variable mask_loss(const Variable& logit, const Tensor& mask) {
+    require_same_shape("mask_loss", logit.shape(), mask.shape());
+    return mean(binary_cross_entropy_with_logits(logit, mask));
+}
+
+Variable opacity_loss(const Variable& transmittance, const Tensor& mask) {
+    if (transmittance.value().size() != mask.size())
+        fail<ShapeError>("opacity_loss: transmittance ", transmittance.shape(), " and mask ", mask.shape(), " differ in size");
+    constexpr double lift = 1e-3;
+    const Variable inside = mask.reshaped(transmittance.shape());
+    const Variable log_opaque = log(affine(transmittance, -1.0, 1.0 + lift));
+    const Variable log_clear = log(transmittance + lift);
+    return negate(mean(inside * log_opaque + affine(inside, -1.0, 1.0) * log_clear));
+}
+
+}  // namespace stymo

@@ -1,0 +1,96 @@
+#include "nn/models/code_file.h"
+
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+#include "core/error.h"
+#include "core/io/file.h"
+#include "core/io/json_writer.h"
+
+namespace stymo {
+
+namespace {
+
+constexpr double degrees_per_radian = 180.0 / std::numbers::pi;
+
+using Json = nlohmann::json;
+
+const Json& member(const Json& object, const char* key, const std::string& source) {
+    if (!object.is_object() || !object.contains(key)) fail<FileError>(source, ": not a code file (\"", key, "\" is missing)");
+    return object.at(key);
+}
+
+double number(const Json& value, const char* key, const std::string& source) {
+    if (!value.is_number()) fail<FileError>(source, ": \"", key, "\" is not a number");
+    return value.get<double>();
+}
+
+std::vector<double> numbers(const Json& value, std::size_t count, const char* key, const std::string& source) {
+    if (!value.is_array() || value.size() != count)
+        fail<FileError>(source, ": \"", key, "\" is not an array of ", count, " numbers");
+    std::vector<double> result;
+    for (const Json& item : value) result.push_back(number(item, key, source));
+    return result;
+}
+
+JsonValue row(const Tensor& values, std::int64_t index) {
+    const auto size = static_cast<std::size_t>(values.shape(1));
+    const std::vector<double> all = values.to_vector();
+    return {std::vector<double>(all.begin() + static_cast<std::ptrdiff_t>(size) * index,
+                                all.begin() + static_cast<std::ptrdiff_t>(size) * (index + 1))};
+}
+
+}  // namespace
+
+Pose pose_from_degrees(double yaw, double pitch, double roll, const Vector3& translation) {
+    return {yaw / degrees_per_radian, pitch / degrees_per_radian, roll / degrees_per_radian, translation};
+}
+
+namespace {
+
+Json parsed(const std::filesystem::path& path) {
+    Json json = Json::parse(read_text_file(path), nullptr, false);
+    if (json.is_discarded()) fail<FileError>(path.string(), ": not JSON");
+    return json;
+}
+
+Pose pose_of(const Json& json, const std::string& source) {
+    const Json& pose = member(json, "pose", source);
+    const std::vector<double> t = numbers(member(pose, "t", source), 3, "t", source);
+    const auto angle = [&](const char* key) { return number(member(pose, key, source), key, source); };
+    return pose_from_degrees(angle("yaw_deg"), angle("pitch_deg"), angle("roll_deg"), {t[0], t[1], t[2]});
+}
+
+}  // namespace
+
+Pose read_pose(const std::filesystem::path& path) {
+    return pose_of(parsed(path), path.string());
+}
+
+CodeFile read_code_file(const std::filesystem::path& path) {
+    const std::string source = path.string();
+    const Json json = parsed(path);
+    CodeFile result;
+    const Json& code = member(json, "code", source);
+    for (std::size_t group = 0; group < code_names.size(); ++group) {
+        const std::vector<double> values = numbers(member(code, code_names[group], source),
+                                                   static_cast<std::size_t>(code_sizes[group]), code_names[group], source);
+        result.codes.groups[group] =
+            Variable(Tensor::from({1, code_sizes[group]}, std::span<const double>(values)).to(DType::float32));
+    }
+    result.pose = pose_of(json, source);
+    return result;
+}
+
+void write_code_file(const std::filesystem::path& path, const Codes& codes, std::int64_t index, const Pose& pose) {
+    JsonValue code = JsonValue::object();
+    for (std::size_t group = 0; group < code_names.size(); ++group)
+        code.add(code_names[group], row(codes.groups[group].value(), index));
+    const JsonValue pose_json = JsonValue::object({{"yaw_deg", pose.yaw * degrees_per_radian},
+                                                   {"pitch_deg", pose.pitch * degrees_per_radian},
+                                                   {"roll_deg", pose.roll * degrees_per_radian},
+                                                   {"t", std::vector<double>(pose.translation.begin(), pose.translation.end())}});
+    write_text_file(path, JsonValue::object({{"code", code}, {"pose", pose_json}}).text() + "\n");
+}
+
+}  // namespace stymo

@@ -1,0 +1,54 @@
+#include "nn/models/radiance_field.h"
+
+#include "core/error.h"
+#include "core/ops/activation.h"
+#include "core/ops/elementwise.h"
+#include "core/ops/shape_ops.h"
+#include "render/encoding.h"
+
+namespace stymo {
+namespace {
+
+/// The layer whose input is joined by the encoding; layer 0 where none is, since it sees the encoding anyway.
+std::int64_t skip_layer(std::int64_t layers) {
+    return layers >= 4 ? layers / 2 + 1 : 0;
+}
+
+}  // namespace
+
+RadianceField::RadianceField(const RadianceFieldConfig& config, ParameterStore& store, const std::string& prefix, Rng& rng)
+    : frequencies_(config.frequencies),
+      skip_layer_(static_cast<std::size_t>(skip_layer(config.layers))),
+      density_(store, prefix + ".density", config.width, 1, {}, rng),
+      feature0_(store, prefix + ".feature0", config.width, config.width, config.style_size, Activation::sine, rng),
+      feature1_(store, prefix + ".feature1", config.width, config.feature_channels, {}, rng) {
+    if (config.layers < 1) fail<ValueError>("radiance field ", prefix, " needs at least one layer, got ", config.layers);
+    const std::int64_t encoding = encoded_channels(config.frequencies);
+    for (std::int64_t i = 0; i < config.layers; ++i) {
+        const bool joined = i > 0 && i == skip_layer(config.layers);
+        const std::int64_t in = i == 0 ? encoding : config.width + (joined ? encoding : 0);
+        layers_.emplace_back(store, prefix + ".layer" + std::to_string(i), in, config.width, config.style_size, Activation::sine,
+                             rng);
+    }
+}
+
+FieldSamples RadianceField::operator()(const Variable& points, const Variable& style, bool density_only) const {
+    if (points.rank() != 3 || points.shape(2) != 3)
+        fail<ShapeError>("radiance field: expected points (B, P, 3), got ", points.shape());
+    const Variable encoding = positional_encoding(points, frequencies_);
+    Variable x = encoding;
+    for (std::size_t i = 0; i < layers_.size(); ++i) {
+        x = layers_[i](i > 0 && i == skip_layer_ ? concat({encoding, x}, 2) : x, style);
+    }
+    FieldSamples samples{softplus(density_(x) - 1.0), {}};
+    if (!density_only) samples.features = feature0_(x, style);
+    return samples;
+}
+
+Variable RadianceField::finish(const Variable& composited, const Variable& opacity) const {
+    const Variable weight = feature1_.effective_weight();
+    const Variable product = linear(composited, reshape(weight, {1, weight.shape(0), weight.shape(1)}), {});
+    return product + opacity * feature1_.effective_bias();
+}
+
+}  // namespace stymo

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "nn/layers/modulated_linear.h"
+
+namespace stymo {
+
+struct RadianceFieldConfig {
+    std::int64_t frequencies = 10;
+    std::int64_t width = 256;
+    std::int64_t layers = 8;
+    std::int64_t feature_channels = 256;
+    std::int64_t style_size = 179;
+};
+
+struct FieldSamples {
+    Variable density;   ///< (B, P, 1), >= 0
+    Variable features;  ///< (B, P, width) before the last, linear layer; undefined if only the density was asked for
+};
+
+/// The paper's NeRF: modulated sine layers on encoded points. With four or more of them the encoding enters again at the input of
+/// layer number layers / 2 + 1 (counted from 0). Density: a plain layer and softplus(x - 1). Features: one more modulated sine
+/// layer, and a plain one that is applied after compositing.
+class RadianceField {
+public:
+    /// Creates `prefix`.layer0 and so on, `prefix`.density, `prefix`.feature0, `prefix`.feature1.
+    RadianceField(const RadianceFieldConfig& config, ParameterStore& store, const std::string& prefix, Rng& rng);
+
+    /// points (B, P, 3) in world coordinates, style (B, style_size).
+    [[nodiscard]] FieldSamples operator()(const Variable& points, const Variable& style, bool density_only = false) const;
+
+    /// The last layer W r + b on composited features, (B, R, width) = sum_i w_i r_i and opacity (B, R, 1) = sum_i w_i ->
+    /// (B, R, feature_channels) = W sum_i w_i r_i + b sum_i w_i = sum_i w_i (W r_i + b), with as many times fewer rows as there
+    /// are samples on a ray.
+    [[nodiscard]] Variable finish(const Variable& composited, const Variable& opacity) const;
+
+private:
+    std::int64_t frequencies_;
+    std::size_t skip_layer_;
+    std::vector<ModulatedLinear> layers_;
+    Linear density_;
+    ModulatedLinear feature0_;
+    Linear feature1_;
+};
+
+}  // namespace stymo

@@ -1,0 +1,28 @@
+#pragma once
+
+#include "nn/models/model.h"
+
+namespace stymo {
+
+struct ViewOptions {
+    std::int64_t samples_per_ray = 64;
+    std::int64_t resolution = 0;  ///< 0: the model's own
+    bool mask = false;
+    bool depth = false;
+};
+
+/// One face seen by one camera.
+struct View {
+    Tensor picture;  ///< (S, S, 3) in [0, 1]
+    Tensor mask;     ///< (S, S, 1) in [0, 1], undefined unless asked for
+    Tensor depth;    ///< (R, R, 1) expected Euclidean distance from the camera of each ray, undefined unless asked for
+};
+
+/// Renders row `index` of codes in Z. Rays that hit nothing have the depth of the far plane.
+[[nodiscard]] View render_view(const Model& model, const Codes& codes, std::int64_t index, const Camera& camera,
+                               const ViewOptions& options);
+
+/// The camera of this model that sees the head turned by these angles (radians), the face in the middle of the image.
+[[nodiscard]] Camera model_camera(const Model& model, double yaw, double pitch, double roll);
+
+}  // namespace stymo

@@ -1,0 +1,24 @@
+#include "render/morphable/builtin_head.h"
+
+#include "render/morphable/displacement.h"
+#include "render/morphable/landmarks.h"
+
+namespace stymo {
+
+MorphableHead builtin_head() {
+    const morphable::HeadParameters parameters;
+    morphable::HeadMesh mesh = morphable::generate_head(parameters);
+    const Shape vertices{static_cast<std::int64_t>(mesh.vertices.size()), 3};
+    MorphableHead head;
+    head.mean = morphable::rows_tensor({mesh.vertices}).reshaped(vertices);
+    head.mean_albedo = morphable::rows_tensor({mesh.albedo}).reshaped(vertices);
+    head.identity = morphable::rows_tensor(morphable::identity_basis(mesh));
+    head.expression = morphable::rows_tensor(morphable::expression_basis(mesh, head.one_sided));
+    head.albedo = morphable::rows_tensor(morphable::texture_basis(mesh.vertices, mesh.parts, mesh.albedo));
+    head.landmarks = morphable::landmark_vertices(mesh, parameters);
+    head.triangles = std::move(mesh.triangles);
+    head.parts = std::move(mesh.parts);
+    return head;
+}
+
+}  // namespace stymo

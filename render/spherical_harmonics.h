@@ -1,0 +1,21 @@
+#pragma once
+
+#include <array>
+#include <span>
+
+#include "render/camera.h"
+
+namespace stymo {
+
+/// Real spherical harmonics up to band 2 at a unit normal in camera space (x right, y down, z forward), times the weights of the
+/// Lambertian reflection kernel, with the signs and the order usual among 3D morphable face models (facts 11.2).
+[[nodiscard]] std::array<double, 9> spherical_harmonics(const Vector3& normal);
+
+/// Irradiance in RGB: sum_k light[3 k + channel] Y_k(normal). `light` holds 27 coefficients, function major, colour minor.
+/// Throws ShapeError for another number.
+[[nodiscard]] Vector3 irradiance(std::span<const float> light, const Vector3& normal);
+
+/// The white ambient light: 0.8 in the constant function, 0 elsewhere.
+[[nodiscard]] std::array<float, 27> neutral_light();
+
+}  // namespace stymo

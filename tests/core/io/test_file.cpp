@@ -1,0 +1,55 @@
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+
+#include "core/error.h"
+#include "core/io/file.h"
+#include "core/io/scratch_folder.h"
+
+using namespace stymo;
+using Catch::Matchers::Contains;
+
+TEST_CASE("a text comes back as it was written and nothing is left beside it") {
+    const ScratchFolder folder;
+    const std::string text("one\ntwo\r\n\0three", 16);
+    write_text_file(folder / "a.txt", text);
+    write_text_file(folder / "a.txt", text);
+    CHECK(read_text_file(folder / "a.txt") == text);
+    CHECK(folder.file_count() == 1);
+}
+
+TEST_CASE("a missing file and a folder are refused as texts") {
+    const ScratchFolder folder;
+    CHECK_THROWS_WITH(read_text_file(folder / "none.txt"), Contains("none.txt: cannot be read (No such file or directory)"));
+    CHECK_THROWS_AS(read_text_file(folder.path()), FileError);
+}
+
+TEST_CASE("a write that fails leaves the old file and no temporary one") {
+    const ScratchFolder folder;
+    write_text_file(folder / "a.txt", "old");
+    CHECK_THROWS_AS(write_whole(folder / "a.txt",
+                                [](const std::filesystem::path& temporary) {
+                                    CHECK(temporary.extension() == ".txt");
+                                    std::ofstream(temporary) << "half";
+                                    fail<ValueError>("stopped");
+                                }),
+                    ValueError);
+    CHECK(read_text_file(folder / "a.txt") == "old");
+    CHECK(folder.file_count() == 1);
+}
+
+TEST_CASE("writing into a missing folder is refused") {
+    const ScratchFolder folder;
+    CHECK_THROWS_WITH(write_text_file(folder / "none/a.txt", "x"), Contains("cannot be written (No such file or directory)"));
+    CHECK_THROWS_AS(write_text_file(folder.path(), "x"), FileError);
+}
+
+TEST_CASE("a folder is made with its parents unless a file is in the way") {
+    const ScratchFolder folder;
+    require_writable_folder(folder / "a/b/c");
+    require_writable_folder(folder / "a/b/c");
+    CHECK(std::filesystem::is_directory(folder / "a/b/c"));
+    write_text_file(folder / "file", "x");
+    CHECK_THROWS_AS(require_writable_folder(folder / "file"), FileError);
+    CHECK_THROWS_AS(require_writable_folder(folder / "file/below"), FileError);
+}

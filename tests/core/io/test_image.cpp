@@ -1,0 +1,229 @@
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+#include "core/io/file.h"
+#include "core/io/image.h"
+#include "core/io/scratch_folder.h"
+#include "core/rng.h"
+
+using namespace stymo;
+using Catch::Matchers::Contains;
+
+namespace {
+
+std::filesystem::path golden(const std::string& name) {
+    return std::filesystem::path(STYMO_SOURCE_DIR) / "tests/golden/images" / name;
+}
+
+void check_values(const Tensor& actual, const Shape& shape, const std::vector<double>& expected, double scale = 1.0) {
+    REQUIRE(actual.shape() == shape);
+    const std::vector<double> values = actual.to_vector();
+    for (std::size_t i = 0; i < expected.size(); ++i) {
+        CHECK(values[i] * scale == Approx(expected[i]).margin(1e-4));
+    }
+}
+
+Tensor random_image(std::int64_t height, std::int64_t width, std::int64_t channels) {
+    return Rng(1).uniform({height, width, channels}, 0.0, 1.0);
+}
+
+double largest_difference(const Tensor& left, const Tensor& right) {
+    REQUIRE(left.shape() == right.shape());
+    const std::vector<double> a = left.to_vector();
+    const std::vector<double> b = right.to_vector();
+    double largest = 0.0;
+    for (std::size_t i = 0; i < a.size(); ++i) {
+        largest = std::max(largest, std::abs(a[i] - b[i]));
+    }
+    return largest;
+}
+
+}  // namespace
+
+TEST_CASE("class maps are read as indices, not as colours") {
+    check_values(read_class_map(golden("palette_8bit.png")), {2, 3, 1}, {0, 1, 2, 3, 3, 0});
+    check_values(read_class_map(golden("palette_2bit.png")), {1, 4, 1}, {0, 1, 2, 3});
+    check_values(read_class_map(golden("palette_transparent.png")), {2, 3, 1}, {0, 1, 2, 3, 3, 0});
+    check_values(read_class_map(golden("grey_8bit.png")), {1, 3, 1}, {0, 18, 255});
+}
+
+TEST_CASE("pictures that are no class maps are refused as such") {
+    CHECK_THROWS_WITH(read_class_map(golden("rgba.png")), Contains("not a class map"));
+    CHECK_THROWS_WITH(read_class_map(golden("rgb_16bit.png")), Contains("not a class map"));
+    CHECK_THROWS_WITH(read_class_map(golden("grey_alpha.png")), Contains("not a class map"));
+    const ScratchFolder folder;
+    write_image(folder / "a.jpg", random_image(8, 8, 1));
+    CHECK_THROWS_WITH(read_class_map(folder / "a.jpg"), Contains("not a PNG image"));
+}
+
+TEST_CASE("every kind of PNG becomes RGB between 0 and 1") {
+    check_values(read_image(golden("palette_8bit.png")), {2, 3, 3},
+                 {0, 0, 0, 204, 0, 0, 76, 153, 0, 204, 0, 0, 204, 0, 0, 0, 0, 0}, 255.0);
+    check_values(read_image(golden("grey_8bit.png")), {1, 3, 3}, {0, 0, 0, 18, 18, 18, 255, 255, 255}, 255.0);
+    check_values(read_image(golden("grey_alpha.png")), {1, 2, 3}, {200, 200, 200, 40, 40, 40}, 255.0);
+    check_values(read_image(golden("rgba.png")), {1, 2, 3}, {255, 100, 0, 51, 20, 0}, 255.0);
+    check_values(read_image(golden("rgb_16bit.png")), {1, 1, 3}, {1, 32768, 65535}, 65535.0);
+}
+
+TEST_CASE("a PNG with an orientation is turned upright") {
+    check_values(read_image(golden("turned.png")), {2, 2, 3}, {0, 0, 1, 1, 0, 0, 1, 1, 1, 0, 1, 0});
+}
+
+TEST_CASE("a JPEG with an orientation is turned upright") {
+    const ScratchFolder folder;
+    std::vector<float> values(16 * 8 * 3, 0.0F);
+    for (std::size_t i = 0; i < 16UL * 8 * 3; ++i) {
+        values[i] = i / 3 % 16 < 8 ? 1.0F : 0.0F;  // 8 rows of 16: the left half is white
+    }
+    write_image(folder / "flat.jpg", Tensor::from({8, 16, 3}, std::span<const float>(values)));
+    const std::string flat = read_text_file(folder / "flat.jpg");
+    const std::string exif(
+        "\xff\xe1\x00\x22"
+        "Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0",
+        36);
+    write_text_file(folder / "turned.jpg", flat.substr(0, 2) + exif + flat.substr(2));
+    const Tensor turned = read_image(folder / "turned.jpg");
+    REQUIRE(turned.shape() == Shape{16, 8, 3});
+    for (std::int64_t i = 0; i < turned.size(); ++i) {
+        CHECK(turned.values<float>()[static_cast<std::size_t>(i)] == Approx(i < 8 * 8 * 3 ? 1.0 : 0.0).margin(0.02));
+    }
+}
+
+TEST_CASE("a mask is grey as it is and colour as its luminance") {
+    check_values(read_mask(golden("grey_8bit.png")), {1, 3, 1}, {0, 18, 255}, 255.0);
+    check_values(read_mask(golden("turned.png")), {2, 2, 1}, {0.114, 0.299, 1.0, 0.587});
+}
+
+TEST_CASE("an image comes back from PNG to half a step and from JPEG closely") {
+    const ScratchFolder folder;
+    for (const std::int64_t channels : {1, 3}) {
+        const Tensor image = random_image(7, 5, channels);
+        write_image(folder / "a.png", image);
+        const Tensor read = channels == 1 ? read_mask(folder / "a.png") : read_image(folder / "a.png");
+        CHECK(largest_difference(read, image) < 0.5 / 255.0 + 1e-6);
+    }
+    const Tensor flat = Tensor::full({16, 16, 3}, 0.4);
+    write_image(folder / "a.jpg", flat);
+    CHECK(largest_difference(read_image(folder / "a.jpg"), flat) < 2.0 / 255.0);
+    CHECK(folder.file_count() == 2);
+}
+
+TEST_CASE("written values are clipped, and what is not a number is black") {
+    const ScratchFolder folder;
+    const std::vector<double> values = {-0.5, 1.5, std::numeric_limits<double>::quiet_NaN()};
+    write_image(folder / "a.png", Tensor::from({1, 1, 3}, std::span<const double>(values)));
+    check_values(read_image(folder / "a.png"), {1, 1, 3}, {0.0, 1.0, 0.0});
+}
+
+TEST_CASE("float files keep their bytes and are clipped when read as images") {
+    const ScratchFolder folder;
+    const std::vector<float> values = {-2.0F, 0.25F, 7.5F};
+    write_exr(folder / "colour.exr", Tensor::from({1, 1, 3}, std::span<const float>(values)));
+    check_values(read_image(folder / "colour.exr"), {1, 1, 3}, {0.0, 0.25, 1.0});
+    write_exr(folder / "depth.exr", Tensor::full({2, 3, 1}, 0.75));
+    check_values(read_mask(folder / "depth.exr"), {2, 3, 1}, std::vector<double>(6, 0.75));
+    const std::string bytes = read_text_file(folder / "depth.exr");
+    CHECK(bytes.find(std::string("Z\0\x02\0\0\0", 6)) != std::string::npos);  // channel Z of 32-bit floats
+}
+
+TEST_CASE("what is not a readable image is refused in one line that says why") {
+    const ScratchFolder folder;
+    const auto refused = [&](const std::string& name, const std::string& bytes, const std::string& reason) {
+        std::ofstream(folder / name, std::ios::binary) << bytes;
+        try {
+            static_cast<void>(read_image(folder / name));
+            FAIL(name << " was read");
+        } catch (const FileError& error) {
+            const std::string message = error.what();
+            CHECK_THAT(message, Contains(name) && Contains(reason));
+            CHECK(message.find('\n') == std::string::npos);
+        }
+    };
+    write_image(folder / "whole.png", random_image(32, 32, 3));
+    write_image(folder / "whole.jpg", random_image(32, 32, 3));
+    const std::string png = read_text_file(folder / "whole.png");
+    const std::string jpg = read_text_file(folder / "whole.jpg");
+    std::string damaged = png;
+    damaged[damaged.size() / 2] ^= 1;
+
+    refused("empty.jpg", "", "not an image (zero bytes)");
+    refused("text.png", "hello, world", "not an image");
+    refused("text.jpg", "hello, world", "not an image");
+    refused("text.unknown", "hello, world", "not an image");
+    refused("cut.png", png.substr(0, png.size() / 2), "truncated");
+    refused("head.png", png.substr(0, 20), "truncated");
+    refused("signature.png", png.substr(0, 8), "truncated");
+    refused("damaged.png", damaged, "damaged");
+    refused("cut.jpg", jpg.substr(0, jpg.size() / 2), "Premature end");
+    CHECK_THROWS_WITH(read_image(folder / "none.png"), Contains("No such file"));
+    CHECK_THROWS_AS(read_image(folder.path()), FileError);
+}
+
+TEST_CASE("images that cannot be written are refused and leave nothing") {
+    const ScratchFolder folder;
+    const Tensor image = random_image(4, 4, 3);
+    CHECK_THROWS_WITH(write_image(folder / "a.bmp", image), Contains("end in .png or .jpg"));
+    CHECK_THROWS_AS(write_image(folder / "none/a.png", image), FileError);
+    CHECK_THROWS_AS(write_image(folder / "a.png", random_image(4, 4, 2)), ShapeError);
+    CHECK_THROWS_AS(write_exr(folder / "a.png", image), FileError);
+    CHECK_THROWS_AS(write_animation(folder / "a.gif", {}, 10.0), ValueError);
+    CHECK_THROWS_AS(write_animation(folder / "a.gif", {image}, 0.0), ValueError);
+    CHECK_THROWS_AS(write_animation(folder / "a.gif", {image, random_image(4, 5, 3)}, 10.0), ShapeError);
+    CHECK_THROWS_AS(write_animation(folder / "a.webm", {image}, 10.0), FileError);
+    CHECK(folder.file_count() == 0);
+}
+
+TEST_CASE("animations repeat without end and hold every frame") {
+    const ScratchFolder folder;
+    std::vector<Tensor> frames;
+    for (int i = 0; i < 5; ++i) {
+        frames.push_back(Tensor::full({31, 33, 3}, 0.2 * i));
+    }
+    write_animation(folder / "a.gif", frames, 12.5);
+    const std::string gif = read_text_file(folder / "a.gif");
+    CHECK(gif.find(std::string("NETSCAPE2.0\x03\x01\0\0", 15)) != std::string::npos);
+    std::size_t frame_count = 0;
+    const std::string frame_header("\x21\xf9\x04\x05\x08\0", 6);  // a delay of 8 hundredths
+    for (std::size_t at = gif.find(frame_header); at != std::string::npos; at = gif.find(frame_header, at + 1)) {
+        ++frame_count;
+    }
+    CHECK(frame_count == 5);
+    CHECK(read_image(folder / "a.gif").shape() == Shape{31, 33, 3});
+
+    write_animation(folder / "a.mp4", frames, 12.5);
+    CHECK(read_text_file(folder / "a.mp4").substr(4, 4) == "ftyp");
+    CHECK(folder.file_count() == 2);
+}
+
+TEST_CASE("resampling keeps a constant and averages a fine pattern") {
+    CHECK(largest_difference(resize_image(Tensor::full({9, 7, 3}, 0.3), 4, 20), Tensor::full({4, 20, 3}, 0.3)) < 1e-6);
+    std::vector<float> stripes(32 * 32);
+    for (std::size_t i = 0; i < stripes.size(); ++i) {
+        stripes[i] = static_cast<float>(i % 2);
+    }
+    const Tensor small = resize_image(Tensor::from({32, 32, 1}, std::span<const float>(stripes)), 8, 8);
+    for (std::int64_t row = 0; row < 8; ++row) {
+        for (std::int64_t column = 2; column < 6; ++column) {
+            CHECK(small.values<float>()[static_cast<std::size_t>(row * 8 + column)] == Approx(0.5).margin(0.02));
+        }
+    }
+    CHECK_THROWS_AS(resize_image(Tensor::zeros({4, 4, 3}), 0, 4), ShapeError);
+}
+
+TEST_CASE("tiles stand in rows and the missing ones are black") {
+    const std::vector<Tensor> images = {Tensor::full({1, 2, 1}, 0.1), Tensor::full({1, 2, 1}, 0.2), Tensor::full({1, 2, 1}, 0.3)};
+    check_values(tile_images(images, 2), {2, 4, 1}, {0.1, 0.1, 0.2, 0.2, 0.3, 0.3, 0.0, 0.0});
+    check_values(tile_images(images, 5), {1, 6, 1}, {0.1, 0.1, 0.2, 0.2, 0.3, 0.3});
+    CHECK_THROWS_AS(tile_images({Tensor::zeros({1, 2, 1}), Tensor::zeros({2, 1, 1})}, 2), ShapeError);
+}
+
+TEST_CASE("mirroring swaps left and right and keeps the channels in order") {
+    const std::vector<float> values = {1, 2, 3, 4, 5, 6};
+    check_values(mirror_image(Tensor::from({1, 2, 3}, std::span<const float>(values))), {1, 2, 3}, {4, 5, 6, 1, 2, 3});
+}

@@ -1,0 +1,185 @@
+#include <catch2/catch.hpp>
+
+#include "core/autograd/grad.h"
+#include "core/error.h"
+#include "core/ops/ops.h"
+#include "nn/models/decoder.h"
+#include "nn/models/radiance_field.h"
+#include "support/check_close.h"
+
+using namespace stymo;
+using namespace stymo::test;
+
+namespace {
+
+/// Few channels, but the paper's rays and resolutions.
+DecoderConfig narrow(std::int64_t resolution) {
+    DecoderConfig config;
+    config.resolution = resolution;
+    config.field_width = 12;
+    config.field_layers = 4;
+    config.feature_channels = 8;
+    config.block_channels = {6, 5, 4, 4};
+    config.mask_channels = 3;
+    return config;
+}
+
+Codes random_codes(std::int64_t batch, DType dtype = DType::float32) {
+    Rng rng(8);
+    Codes codes;
+    for (std::size_t i = 0; i < 4; ++i) codes.groups[i] = rng.normal({batch, code_sizes[i]}, 0.0, 1.0, dtype);
+    return codes;
+}
+
+Camera frontal(double yaw = 0.0) {
+    return camera_from_pose(orbit_pose(yaw, 0.0, 0.0, 5.3), {});
+}
+
+struct Model {
+    ParameterStore store;
+    Decoder decoder;
+    explicit Model(const DecoderConfig& config) : decoder(make(store, config)) {}
+    static Decoder make(ParameterStore& store, const DecoderConfig& config) {
+        Rng rng(1);
+        return {config, store, "decoder", rng};
+    }
+};
+
+}  // namespace
+
+TEST_CASE("the default decoder has the parameters of the paper's size table") {
+    const Model model{DecoderConfig{}};
+    const ParameterStore& store = model.store;
+    CHECK(store.element_count("decoder.mapping.") == 109'104);
+    CHECK(store.element_count("decoder.mask.") == 4'177);
+    CHECK(store.element_count("decoder.block64.") == 362'115);
+    CHECK(store.element_count("decoder.block128.") == 103'235);
+    CHECK(store.element_count("decoder.block256.") == 32'163);
+    CHECK(store.element_count("decoder.block512.") == 14'627);
+    CHECK(store.element_count("decoder.field.") == 1'016'217);
+    CHECK(store.element_count() == store.element_count("decoder."));
+    CHECK(store.element_count() == 1'641'638);
+}
+
+TEST_CASE("a decoder renders every resolution of its model with any number of samples") {
+    for (const std::int64_t resolution : {64, 128, 256, 512}) {
+        const Model model(narrow(resolution));
+        for (const std::int64_t samples : {2, 7, 32}) {
+            if (resolution == 512 && samples != 7) continue;
+            const Decoded decoded =
+                model.decoder(random_codes(2), {frontal(), frontal(0.3)}, {.samples_per_ray = samples, .mask = true});
+            REQUIRE(decoded.images.size() == static_cast<std::size_t>(resolution == 64    ? 1
+                                                                      : resolution == 128 ? 2
+                                                                      : resolution == 256 ? 3
+                                                                                          : 4));
+            std::int64_t side = 64;
+            for (const Variable& image : decoded.images) {
+                CHECK(image.shape() == Shape{2, side, side, 3});
+                CHECK(image.value().all_finite());
+                side *= 2;
+            }
+            CHECK(decoded.mask_logit.shape() == Shape{2, resolution, resolution, 1});
+            CHECK(decoded.feature_map.shape() == Shape{2, 32, 32, 8});
+            CHECK(decoded.weights.weights.shape() == Shape{2, 1024, samples});
+        }
+    }
+}
+
+TEST_CASE("a smaller resolution leaves the later blocks out and changes nothing else") {
+    const Model model(narrow(256));
+    const Decoded whole = model.decoder(random_codes(1), {frontal()}, {.samples_per_ray = 4});
+    const Decoded part = model.decoder(random_codes(1), {frontal()}, {.samples_per_ray = 4, .resolution = 128, .mask = true});
+    REQUIRE(part.images.size() == 2);
+    CHECK(identical(part.images[1].value(), whole.images[1].value()));
+    CHECK(part.mask_logit.shape() == Shape{1, 128, 128, 1});
+    CHECK_FALSE(whole.mask_logit.defined());
+    CHECK_THROWS_WITH(model.decoder(random_codes(1), {frontal()}, {.resolution = 100}), Catch::Contains("64 to 256"));
+}
+
+TEST_CASE("a feature map that is kept gives the same images") {
+    const Model model(narrow(128));
+    const Codes z = random_codes(2);
+    const Decoded decoded = model.decoder(z, {frontal(), frontal(0.2)}, {.samples_per_ray = 5, .mask = true});
+    const Decoded again = model.decoder.decode_feature_map(decoded.feature_map, model.decoder.map(z), {.mask = true});
+    for (std::size_t i = 0; i < 2; ++i) CHECK(identical(again.images[i].value(), decoded.images[i].value()));
+    CHECK(identical(again.mask_logit.value(), decoded.mask_logit.value()));
+}
+
+TEST_CASE("the density alone is what rendering composites") {
+    const Model model(narrow(64));
+    const Codes z = random_codes(1);
+    const Decoded decoded = model.decoder(z, {frontal()}, {.samples_per_ray = 6});
+    const Variable density = model.decoder.density(decoded.samples.points, model.decoder.map(z));
+    CHECK(density.shape() == Shape{1, 6144, 1});
+    const CompositeWeights weights = composite_weights(reshape(density, decoded.samples.deltas.shape()), decoded.samples.deltas);
+    CHECK(identical(weights.weights.value(), decoded.weights.weights.value()));
+}
+
+TEST_CASE("at the start every ray is partly opaque, so that gradients flow everywhere") {
+    const Model model(narrow(64));
+    const Decoded decoded = model.decoder(random_codes(1), {frontal()}, {});
+    const double opacity = 1.0 - mean(decoded.weights.transmittance).value().item();
+    CHECK(opacity > 0.5);
+    CHECK(opacity < 0.99);
+}
+
+TEST_CASE("the last feature layer after compositing equals the same layer before it") {
+    Rng rng(3);
+    ParameterStore store;
+    const RadianceField field({.frequencies = 2, .width = 6, .layers = 4, .feature_channels = 5, .style_size = 3}, store, "field",
+                              rng);
+    for (const Parameter& parameter : store.all()) {
+        if (parameter.name() == "field.feature1.bias") parameter.set_value(rng.normal({5}, 0.0, 1.0));
+    }
+    store.convert(DType::float64);
+    const Tensor r = rng.normal({2, 4 * 3, 6}, 0.0, 1.0, DType::float64);
+    const Tensor weights = rng.uniform({2, 4, 3}, 0.0, 0.5, DType::float64);
+    const Tensor ones = Tensor::full({2, 4 * 3, 1}, 1.0, DType::float64);
+    const Variable before = composite(weights, field.finish(r, ones));
+    const Variable after = field.finish(composite(weights, r), sum(Variable(weights), {2}));
+    CHECK(check_close(after.value(), before.value(), 1e-13).passed);
+}
+
+TEST_CASE("float32 and float64 render the same picture") {
+    Model model(narrow(128));
+    const Decoded single = model.decoder(random_codes(1), {frontal()}, {.samples_per_ray = 8});
+    model.store.convert(DType::float64);
+    Codes z = random_codes(1);
+    for (Variable& group : z.groups) group = group.value().to(DType::float64);
+    const Decoded precise = model.decoder(z, {frontal()}, {.samples_per_ray = 8});
+    CHECK(precise.images[1].dtype() == DType::float64);
+    CHECK(check_close(single.images[1].value().to(DType::float64), precise.images[1].value(), 1e-3).passed);
+}
+
+TEST_CASE("a frozen decoder passes gradients to the codes without recording its weights") {
+    Model model(narrow(64));
+    model.store.set_trainable("", false);
+    Codes z = random_codes(1);
+    for (Variable& group : z.groups) group = Variable::leaf(group.value());
+    const Variable loss = mean(square(model.decoder(z, {frontal()}, {.samples_per_ray = 4}).images[0]));
+    for (const Variable& gradient : grad(loss, z.groups)) {
+        CHECK(gradient.value().all_finite());
+        CHECK(sum(abs(gradient)).value().item() > 0.0);
+    }
+    CHECK_FALSE(model.decoder(random_codes(1), {frontal()}, {.samples_per_ray = 4}).images[0].tracked());
+}
+
+TEST_CASE("a decoder says what does not fit") {
+    const auto build = [](DecoderConfig config) { return Model(config).store.element_count(); };
+    DecoderConfig config = narrow(64);
+    config.resolution = 96;
+    CHECK_THROWS_WITH(build(config), Catch::Contains("decoder.resolution 96"));
+    config = narrow(512);
+    config.block_channels.resize(2);
+    CHECK_THROWS_WITH(build(config), Catch::Contains("needs 4 numbers in decoder.block_channels, got 2"));
+    config = narrow(64);
+    config.depth_planes = "spherical";
+    CHECK_THROWS_AS(build(config), ConfigError);
+
+    const Model model(narrow(64));
+    CHECK_THROWS_AS(model.decoder(random_codes(2), {frontal()}, {}), ShapeError);
+    Codes z = random_codes(1);
+    z.groups[3] = Tensor::zeros({1, 26});
+    CHECK_THROWS_WITH(model.decoder.map(z), Catch::Contains("code light must be (1, 27)"));
+    CHECK_THROWS_AS(model.decoder(random_codes(1), {frontal()}, {.samples_per_ray = 1}), ValueError);
+}

@@ -1,0 +1,25 @@
+#include <catch2/catch.hpp>
+
+#include "core/error.h"
+#include "nn/models/decoder.h"
+
+using namespace stymo;
+
+TEST_CASE("the decoder's configuration is read, bounded and documented with the paper's values") {
+    DecoderConfig config;
+    ConfigSchema schema;
+    describe(schema, config);
+    schema.set("decoder.resolution=128");
+    schema.set("decoder.block_channels=[64, 32]");
+    schema.set("decoder.depth_planes=optical_axis");
+    schema.set("decoder.near_z=2.0");
+    schema.set("decoder.pixel_centers=false");
+    CHECK(config.resolution == 128);
+    CHECK(config.block_channels == std::vector<std::int64_t>{64, 32});
+    CHECK(config.depth_planes == "optical_axis");
+    CHECK(config.rays.near_z == 2.0);
+    CHECK_FALSE(config.rays.pixel_centers);
+    CHECK_THROWS_AS(schema.set("decoder.field_layers=0"), ConfigError);
+    CHECK_THROWS_AS(schema.set("decoder.depth_planes=spherical"), ConfigError);
+    CHECK_THAT(schema.to_markdown(), Catch::Contains("decoder.feature_channels") && Catch::Contains("paper: 256"));
+}

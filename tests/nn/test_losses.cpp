@@ -1,0 +1,64 @@
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <limits>
+
+#include "core/autograd/grad.h"
+#include "core/error.h"
+#include "nn/losses.h"
+
+using namespace stymo;
+
+namespace {
+
+Tensor tensor(const Shape& shape, const std::vector<double>& values) {
+    return Tensor::from(shape, values);
+}
+
+}  // namespace
+
+TEST_CASE("the photometric loss is the weighted sum of mean absolute differences") {
+    const std::vector<Variable> images{tensor({1, 1, 1, 3}, {0.5, -1.0, 0.0}), tensor({1, 1, 2, 3}, {0, 0, 0, 1, 1, 1})};
+    const std::vector<Tensor> targets{tensor({1, 1, 1, 3}, {-0.5, -1.0, 0.5}), tensor({1, 1, 2, 3}, {0, 0, 0, 0, 1, -1})};
+    const std::vector<double> weights{0.1, 2.0};
+    CHECK(photometric_loss(images, targets, weights).value().item() == Approx(0.1 * 1.5 / 3.0 + 2.0 * 3.0 / 6.0));
+    CHECK(photometric_loss(std::span(images).first(1), std::span(targets).first(1), weights).value().item() == Approx(0.05));
+    CHECK_THROWS_AS(photometric_loss(images, targets, std::vector<double>{1.0}), ShapeError);
+    CHECK_THROWS_AS(photometric_loss(images, {{targets[1], targets[0]}}, weights), ShapeError);
+}
+
+TEST_CASE("the code loss sums squares over a code, averages over the batch and leaves out faces without codes") {
+    const Variable zero = Tensor::zeros({3, 2}, DType::float64);
+    const Codes z{{Variable::leaf(Tensor::full({3, 2}, 1.0, DType::float64)), zero, zero, zero}};
+    const double missing = std::numeric_limits<double>::quiet_NaN();
+    const Tensor target = tensor({3, 2}, {0.0, 3.0, missing, missing, 1.0, 2.0});
+    const Tensor none = zero.value();
+    const std::array<double, 4> weights{0.5, 1.0, 1.0, 1.0};
+    const Variable loss = code_loss(z, {target, none, none, none}, weights, tensor({3}, {1.0, 0.0, 1.0}));
+    // Face 0: 1 + 4; face 2: 0 + 1; face 1 has no codes.
+    CHECK(loss.value().item() == Approx(0.5 * (5.0 + 1.0) / 3.0));
+    const std::vector<double> gradient = grad(loss, z.groups[0]).value().to_vector();
+    CHECK(gradient[0] == Approx(0.5 * 2.0 / 3.0));
+    CHECK(gradient[2] == 0.0);
+    CHECK_THROWS_AS(code_loss(z, {target, none, none, none}, weights, tensor({2}, {1.0, 0.0})), ShapeError);
+}
+
+TEST_CASE("the mask loss is the mean binary cross-entropy, finite for any logit") {
+    const Variable logit = tensor({1, 1, 3, 1}, {0.0, 2.0, -1e4});
+    const Tensor mask = tensor({1, 1, 3, 1}, {1.0, 0.0, 1.0});
+    CHECK(mask_loss(logit, mask).value().item() == Approx((std::log(2.0) + std::log1p(std::exp(2.0)) + 1e4) / 3.0));
+    CHECK_THROWS_AS(mask_loss(logit, tensor({3}, {1.0, 0.0, 1.0})), ShapeError);
+}
+
+TEST_CASE("the opacity loss is the cross-entropy of opacity and mask, with a bounded gradient") {
+    const Tensor transmittance = tensor({1, 4, 1}, {0.25, 0.25, 0.0, 1.0});
+    const auto loss = [&](const std::vector<double>& mask) {
+        return opacity_loss(transmittance, tensor({1, 2, 2, 1}, mask)).value().item();
+    };
+    CHECK(loss({1, 0, 1, 0}) == Approx(-(std::log(0.751) + std::log(0.251) + 2.0 * std::log(1.001)) / 4.0));
+    CHECK(loss({0, 0, 0, 1}) == Approx(-(2.0 * std::log(0.251) + 2.0 * std::log(0.001)) / 4.0));
+    const Variable leaf = Variable::leaf(transmittance);
+    const Variable dL_dt = grad(opacity_loss(leaf, tensor({1, 4, 1}, {0, 0, 0, 1})), leaf);
+    CHECK(dL_dt.value().values<double>()[2] == Approx(-1000.0 / 4.0));
+    CHECK(dL_dt.value().values<double>()[3] == Approx(1000.0 / 4.0));
+    CHECK_THROWS_AS(opacity_loss(transmittance, tensor({1}, {1.0})), ShapeError);
+}

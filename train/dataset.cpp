@@ -1,0 +1,276 @@
+#include "train/dataset.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <sstream>
+
+#include "core/error.h"
+#include "core/io/image.h"
+#include "core/parallel.h"
+#include "train/folder_scan.h"
+
+namespace stymo {
+namespace {
+
+/// Image and mask at the training size, 8 bits a channel.
+struct Pixels {
+    std::vector<std::uint8_t> image;
+    std::vector<std::uint8_t> mask;  ///< empty: the whole frame
+};
+
+/// What decoding a face gave: its pixels, or why there are none.
+struct DecodedFace {
+    std::optional<Pixels> pixels;
+    DatasetSummary::Broken broken;
+};
+
+std::vector<std::uint8_t> bytes_at_side(const Tensor& image, std::int64_t side) {
+    const Tensor resized = resize_image(central_square(image), static_cast<int>(side), static_cast<int>(side));
+    const std::span<const float> values = resized.values<float>();
+    std::vector<std::uint8_t> bytes(values.size());
+    std::transform(values.begin(), values.end(), bytes.begin(),
+                   [](float value) { return static_cast<std::uint8_t>(std::lround(std::clamp(value, 0.0F, 1.0F) * 255.0F)); });
+    return bytes;
+}
+
+Tensor tensor_of(const std::vector<std::uint8_t>& bytes, std::int64_t side) {
+    Tensor result({side, side, static_cast<std::int64_t>(bytes.size()) / (side * side)});
+    std::transform(bytes.begin(), bytes.end(), result.mutable_values<float>().begin(),
+                   [](std::uint8_t byte) { return static_cast<float>(byte) / 255.0F; });
+    return result;
+}
+
+Tensor head_of_parsing(Tensor classes) {
+    for (float& value : classes.mutable_values<float>()) value = is_head_class(static_cast<int>(value)) ? 1.0F : 0.0F;
+    return classes;
+}
+
+Tensor merged(Tensor mask, const Tensor& part) {
+    if (!(mask.shape() == part.shape())) fail<FileError>("has the size ", part.shape(), ", the part before it ", mask.shape());
+    const std::span<float> values = mask.mutable_values<float>();
+    const std::span<const float> more = part.values<float>();
+    std::transform(values.begin(), values.end(), more.begin(), values.begin(), [](float a, float b) { return std::max(a, b); });
+    return mask;
+}
+
+/// The message of an error about a file without the file's name, which is said beside it.
+std::string reason_of(const Error& error, const std::filesystem::path& file) {
+    const std::string message = error.what();
+    const std::string prefix = file.string() + ": ";
+    return message.starts_with(prefix) ? message.substr(prefix.size()) : message;
+}
+
+DecodedFace decode(const FaceFiles& files, std::int64_t side) {
+    const std::filesystem::path* reading = &files.image;
+    try {
+        Pixels pixels;
+        pixels.image = bytes_at_side(read_image(files.image), side);
+        Tensor mask;
+        if (!files.mask.empty()) {
+            reading = &files.mask;
+            mask = read_mask(files.mask);
+        } else if (!files.parsing.empty()) {
+            reading = &files.parsing;
+            mask = head_of_parsing(read_class_map(files.parsing));
+        }
+        for (const std::filesystem::path& part : files.mask_parts) {
+            reading = &part;
+            mask = mask.defined() ? merged(std::move(mask), read_mask(part)) : read_mask(part);
+        }
+        if (mask.defined()) pixels.mask = bytes_at_side(mask, side);
+        return {std::move(pixels), {}};
+    } catch (const Error& error) {
+        return {std::nullopt, {reading->string(), reason_of(error, *reading)}};
+    }
+}
+
+bool has_mask(const FaceFiles& files) {
+    return !files.mask.empty() || !files.parsing.empty() || !files.mask_parts.empty();
+}
+
+/// The faces of one split; `faces` are in order of id.
+std::vector<FaceFiles> faces_of_split(std::vector<FaceFiles> faces, const DataConfig& config, Split split) {
+    const auto count = static_cast<std::int64_t>(faces.size());
+    const std::int64_t test = std::min(config.test, count);
+    const std::int64_t validation = std::min(config.validation, count - test);
+    const std::int64_t training = count - test - validation;
+    const bool first = config.held_out == "first";
+    std::int64_t begin = 0;
+    std::int64_t length = count;
+    switch (split) {
+        case Split::test:
+            begin = first ? 0 : training + validation, length = test;
+            break;
+        case Split::validation:
+            begin = first ? test : training, length = validation;
+            break;
+        case Split::training:
+            begin = first ? test + validation : 0, length = training;
+            break;
+        case Split::all:
+            break;
+    }
+    if (length == 0)
+        fail<ConfigError>("data.split: test ", config.test, " and val ", config.validation, " of ", count,
+                          " faces leave none for this use; set data.split.test and data.split.val to other numbers");
+    return {std::make_move_iterator(faces.begin() + begin), std::make_move_iterator(faces.begin() + begin + length)};
+}
+
+}  // namespace
+
+void describe(ConfigSchema& schema, DataConfig& config) {
+    schema.integer("data.split.test", config.test, 0, 100000000, "faces held out for the test, by order of id (paper: 1000)");
+    schema.integer("data.split.val", config.validation, 0, 100000000,
+                   "faces held out for validation, by order of id (paper: 1000)");
+    schema.choice(
+        "data.split.held_out", config.held_out, {"first", "last"},
+        "which ids are held out: first (test, validation, training in order; paper) or last (training, validation, test)");
+    schema.boolean("data.mirror", config.mirror, "mirror half of the training faces at random; a mirrored face has no code loss");
+    schema.integer("data.cache_megabytes", config.cache_megabytes, 0, 10000000,
+                   "memory for decoded faces at the training size; a larger set is decoded again at each use");
+}
+
+std::string DatasetSummary::text() const {
+    std::ostringstream text;
+    text << faces << (faces == 1 ? " face" : " faces");
+    if (without_mask > 0) text << "; " << without_mask << " without a mask (the whole frame is taken)";
+    if (without_pose > 0) text << "; " << without_pose << " without a pose (frontal is assumed)";
+    if (without_code > 0) text << "; " << without_code << " without a code (no code loss)";
+    if (!broken.empty()) text << "; " << broken.size() << " broken and skipped:";
+    for (const Broken& item : broken) text << '\n' << item.file << ": " << item.reason;
+    return text.str();
+}
+
+struct Dataset::Implementation {
+    std::int64_t side = 0;
+    std::vector<FaceFiles> faces;
+    std::vector<std::string> ids;
+    std::map<std::string, FaceRecord> records;
+    Intrinsics intrinsics;
+    std::vector<Pixels> cache;  ///< one for each face, or empty
+    mutable std::mutex broken_mutex;
+    mutable std::map<std::int64_t, DatasetSummary::Broken> broken;  ///< by place in the split
+
+    void fill_cache();
+    [[nodiscard]] std::optional<Face> try_load(std::int64_t index) const;
+    [[nodiscard]] Face face(std::int64_t index, const Pixels& pixels) const;
+};
+
+void Dataset::Implementation::fill_cache() {
+    const auto count = static_cast<std::int64_t>(faces.size());
+    std::vector<DecodedFace> decoded(faces.size());
+    parallel_for(count, 1, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t i = begin; i < end; ++i)
+            decoded[static_cast<std::size_t>(i)] = decode(faces[static_cast<std::size_t>(i)], side);
+    });
+    std::vector<FaceFiles> readable;
+    for (std::size_t i = 0; i < decoded.size(); ++i) {
+        if (decoded[i].pixels) {
+            cache.push_back(std::move(*decoded[i].pixels));
+            readable.push_back(std::move(faces[i]));
+        } else {
+            broken.emplace(static_cast<std::int64_t>(i), std::move(decoded[i].broken));
+        }
+    }
+    faces = std::move(readable);
+}
+
+Face Dataset::Implementation::face(std::int64_t index, const Pixels& pixels) const {
+    const FaceFiles& files = faces[static_cast<std::size_t>(index)];
+    Face face;
+    face.id = files.id;
+    face.image = tensor_of(pixels.image, side);
+    face.has_mask = !pixels.mask.empty();
+    face.mask = face.has_mask ? tensor_of(pixels.mask, side) : Tensor::full({side, side, 1}, 1.0);
+    face.intrinsics = intrinsics;
+    if (const auto found = records.find(files.id); found != records.end()) {
+        face.has_pose = found->second.pose.has_value();
+        face.pose = found->second.pose.value_or(Pose{});
+        face.code = found->second.code;
+        face.has_code = !face.code.empty();
+    }
+    return face;
+}
+
+std::optional<Face> Dataset::Implementation::try_load(std::int64_t index) const {
+    if (!cache.empty()) return face(index, cache[static_cast<std::size_t>(index)]);
+    DecodedFace decoded = decode(faces[static_cast<std::size_t>(index)], side);
+    if (decoded.pixels) return face(index, *decoded.pixels);
+    const std::lock_guard lock(broken_mutex);
+    broken.emplace(index, std::move(decoded.broken));
+    return std::nullopt;
+}
+
+Dataset::Dataset(const std::filesystem::path& folder, std::int64_t side, const DataConfig& config, Split split)
+    : implementation_(std::make_unique<Implementation>()) {
+    if (side < 1) fail<ValueError>("faces cannot be decoded to a side of ", side);
+    FolderScan scan = scan_folder(folder);
+    Implementation& data = *implementation_;
+    data.side = side;
+    data.faces = faces_of_split(std::move(scan.faces), config, split);
+    data.records = std::move(scan.records);
+    data.intrinsics = scan.intrinsics;
+    constexpr std::int64_t channels = 4;
+    if (static_cast<std::int64_t>(data.faces.size()) * side * side * channels <= config.cache_megabytes * 1000000)
+        data.fill_cache();
+    if (data.faces.empty()) {
+        const DatasetSummary::Broken& one = data.broken.begin()->second;
+        fail<FileError>(folder.string(), ": none of its ", data.broken.size(), " pictures can be read; the first: ", one.file,
+                        ": ", one.reason);
+    }
+    for (const FaceFiles& files : data.faces) data.ids.push_back(files.id);
+}
+
+Dataset::~Dataset() = default;
+Dataset::Dataset(Dataset&&) noexcept = default;
+Dataset& Dataset::operator=(Dataset&&) noexcept = default;
+
+std::int64_t Dataset::size() const {
+    return static_cast<std::int64_t>(implementation_->faces.size());
+}
+
+std::int64_t Dataset::side() const {
+    return implementation_->side;
+}
+
+const std::vector<std::string>& Dataset::ids() const {
+    return implementation_->ids;
+}
+
+Face Dataset::load(std::int64_t index) const {
+    if (index < 0 || index >= size()) fail<ValueError>("face ", index, " of a data set of ", size());
+    for (std::int64_t step = 0; step < size(); ++step)
+        if (std::optional<Face> face = implementation_->try_load((index + step) % size())) return std::move(*face);
+    fail<FileError>("none of the ", size(), " pictures of the data set can be read");
+}
+
+std::vector<Face> Dataset::load(std::span<const std::int64_t> indices) const {
+    std::vector<Face> faces(indices.size());
+    parallel_for(static_cast<std::int64_t>(indices.size()), 1, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t i = begin; i < end; ++i)
+            faces[static_cast<std::size_t>(i)] = load(indices[static_cast<std::size_t>(i)]);
+    });
+    return faces;
+}
+
+DatasetSummary Dataset::summary() const {
+    const Implementation& data = *implementation_;
+    const std::lock_guard lock(data.broken_mutex);
+    DatasetSummary summary;
+    for (std::size_t i = 0; i < data.faces.size(); ++i) {
+        // A cached set has no broken faces left in it; its notes carry places from before they were taken out.
+        if (data.cache.empty() && data.broken.contains(static_cast<std::int64_t>(i))) continue;
+        ++summary.faces;
+        if (!has_mask(data.faces[i])) ++summary.without_mask;
+        const auto record = data.records.find(data.faces[i].id);
+        if (record == data.records.end() || !record->second.pose) ++summary.without_pose;
+        if (record == data.records.end() || record->second.code.empty()) ++summary.without_code;
+    }
+    for (const auto& [place, item] : data.broken) summary.broken.push_back(item);
+    return summary;
+}
+
+}  // namespace stymo

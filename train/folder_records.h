@@ -1,0 +1,29 @@
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "render/camera.h"
+
+namespace stymo {
+
+/// What one line of `faces.jsonl` says of a face.
+struct FaceRecord {
+    std::optional<Pose> pose;
+    std::vector<float> code;                       ///< identity, expression, texture, light: 306 numbers, or none
+    std::vector<std::array<double, 2>> landmarks;  ///< 68 points in pixels of the stored image, or none
+};
+
+/// Reads `faces.jsonl`: {"id", "pose": {"yaw_deg", "pitch_deg", "roll_deg", "t": [x,y,z]}, "code": {"id", "expr", "tex",
+/// "light"}, "landmarks": [[x,y] x68]}, all but the id optional. Throws FileError with file and line number for what is not such
+/// an object: malformed JSON, an unknown key, a wrong type or length, an id that comes twice.
+[[nodiscard]] std::map<std::string, FaceRecord> read_face_records(const std::filesystem::path& path);
+
+/// Reads `camera.json`: {"focal", "cx", "cy"} in units of the image side, each optional. Throws FileError as above.
+[[nodiscard]] Intrinsics read_intrinsics(const std::filesystem::path& path);
+
+}  // namespace stymo

@@ -1,0 +1,69 @@
+#include "train/reconstruction_stage.h"
+
+#include "core/autograd/grad.h"
+#include "core/ops/ops.h"
+#include "nn/losses.h"
+
+namespace stymo {
+
+void LossTerms::accumulate(const LossTerms& other, double part) {
+    total += part * other.total;
+    reconstruction += part * other.reconstruction;
+    code += part * other.code;
+    mask += part * other.mask;
+    opacity += part * other.opacity;
+    depth_variance += part * other.depth_variance;
+}
+
+namespace {
+
+/// Adds weight * term to `total` and the bare term to `report`. A term without weight is not even computed.
+template <class Term>
+void add_term(Variable& total, double& report, double weight, Term term) {
+    if (weight == 0.0) return;
+    const Variable value = term();
+    report = value.value().item();
+    total = total + value * weight;
+}
+
+Variable code_norm(const Codes& codes) {
+    Variable total;
+    for (const Variable& group : codes.groups) total = total.defined() ? total + sum(square(group)) : sum(square(group));
+    return total / static_cast<double>(codes.batch() * code_size);
+}
+
+}  // namespace
+
+LossAndGradients reconstruction_gradients(const Model& model, const TrainingBatch& batch, const TrainConfig& config,
+                                          const std::vector<Parameter>& parameters, bool mask_loss, Rng jitter) {
+    const LossConfig& weights = config.loss;
+    const ReconstructionConfig& reconstruction = config.model.reconstruction;
+    const Codes codes = model.encoder()(Variable(batch.input));
+    const bool with_mask = mask_loss && weights.mask_weight > 0.0;
+    const Decoded decoded = model.decoder()(
+        codes, batch.cameras, {.samples_per_ray = config.stage1.samples_per_ray, .mask = with_mask, .jitter = &jitter});
+
+    LossAndGradients result;
+    LossTerms& report = result.losses;
+    Variable total =
+        photometric_loss(decoded.images, batch.targets, reconstruction.resolution_weights) * reconstruction.photometric_weight;
+    report.reconstruction = total.value().item();
+    add_term(total, report.code, batch.has_codes() ? 1.0 : 0.0,
+             [&] { return code_loss(codes, batch.codes, std::span<const double, 4>(weights.code_weights), batch.code_present); });
+    add_term(total, report.mask, with_mask ? weights.mask_weight : 0.0,
+             [&] { return stymo::mask_loss(decoded.mask_logit, batch.mask); });
+    add_term(total, report.opacity, weights.opacity_weight,
+             [&] { return opacity_loss(decoded.weights.transmittance, batch.mask_32); });
+    add_term(total, report.depth_variance, weights.depth_variance_weight,
+             [&] { return depth_variance(decoded.weights.weights, decoded.samples.depths); });
+    double unreported = 0.0;
+    add_term(total, unreported, weights.code_norm_weight, [&] { return code_norm(codes); });
+    report.total = total.value().item();
+
+    std::vector<Variable> leaves;
+    for (const Parameter& parameter : parameters) leaves.push_back(parameter.variable());
+    result.gradients = grad(total, leaves);
+    return result;
+}
+
+}  // namespace stymo

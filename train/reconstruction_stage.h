@@ -1,0 +1,34 @@
+#pragma once
+
+#include <vector>
+
+#include "nn/models/model.h"
+#include "train/batch.h"
+#include "train/train_config.h"
+
+namespace stymo {
+
+/// The terms of the first stage's loss, each without its weight, and their weighted sum.
+struct LossTerms {
+    double total = 0.0;
+    double reconstruction = 0.0;  ///< L_recon, weighted as in equation (recon)
+    double code = 0.0;            ///< L_code with its group weights
+    double mask = 0.0;
+    double opacity = 0.0;
+    double depth_variance = 0.0;
+
+    /// Adds `part` of another batch's terms.
+    void accumulate(const LossTerms& other, double part);
+};
+
+struct LossAndGradients {
+    LossTerms losses;
+    std::vector<Variable> gradients;  ///< one for each of `parameters`, in their order
+};
+
+/// Forward and backward pass of the first stage on one micro-batch: encoder, decoder with stratified samples, loss.
+/// `mask_loss` says whether the mask term is on yet. The loss is a mean over the images of the batch.
+[[nodiscard]] LossAndGradients reconstruction_gradients(const Model& model, const TrainingBatch& batch, const TrainConfig& config,
+                                                        const std::vector<Parameter>& parameters, bool mask_loss, Rng jitter);
+
+}  // namespace stymo

@@ -1,0 +1,118 @@
+#include "train/run_folder.h"
+
+#include <algorithm>
+#include <charconv>
+#include <chrono>
+#include <ctime>
+#include <fstream>
+#include <iomanip>
+#include <sstream>
+#include <vector>
+
+#include "core/error.h"
+#include "core/io/file.h"
+#include "core/io/image.h"
+
+namespace stymo {
+
+namespace {
+
+std::string numbered(std::int64_t step) {
+    std::ostringstream text;
+    text << std::setw(6) << std::setfill('0') << step;
+    return text.str();
+}
+
+void append_line(const std::filesystem::path& path, std::string_view line) {
+    std::ofstream stream(path, std::ios::app);
+    stream << line << '\n';
+    if (!stream.flush()) fail<FileError>(path.string(), ": cannot write; check space and rights");
+}
+
+std::string time_text() {
+    const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
+    std::tm parts{};
+    localtime_r(&now, &parts);
+    std::ostringstream text;
+    text << std::put_time(&parts, "%F %T");
+    return text.str();
+}
+
+/// The number behind "step": at the start of a line of stats.jsonl, or -1.
+std::int64_t step_of(std::string_view line) {
+    constexpr std::string_view start = "{\"step\":";
+    std::int64_t step = -1;
+    if (line.starts_with(start)) std::from_chars(line.data() + start.size(), line.data() + line.size(), step);
+    return step;
+}
+
+}  // namespace
+
+RunFolder::RunFolder(std::filesystem::path path, bool resume) : path_(std::move(path)) {
+    if (!resume && std::filesystem::exists(path_ / "latest")) {
+        fail<FileError>(path_.string(),
+                        ": holds a training run already; continue it with --resume latest or choose another --out");
+    }
+    require_writable_folder(path_);
+    require_writable_folder(path_ / "samples");
+    require_writable_folder(path_ / "checkpoints");
+}
+
+std::filesystem::path RunFolder::checkpoint(std::int64_t step) const {
+    return path_ / "checkpoints" / numbered(step);
+}
+
+std::filesystem::path RunFolder::latest_checkpoint() const {
+    const std::filesystem::path pointer = path_ / "latest";
+    if (!std::filesystem::exists(pointer))
+        fail<FileError>(path_.string(), ": no checkpoint to resume from; start without --resume");
+    std::string name = read_text_file(pointer);
+    while (!name.empty() && (name.back() == '\n' || name.back() == '\r' || name.back() == ' ')) name.pop_back();
+    return path_ / "checkpoints" / name;
+}
+
+void RunFolder::write_config(std::string_view json) const {
+    write_text_file(path_ / "config.json", json);
+}
+
+void RunFolder::log(std::string_view line) const {
+    append_line(path_ / "log.txt", time_text() + " " + std::string(line));
+}
+
+void RunFolder::statistics(const JsonValue& object) const {
+    append_line(path_ / "stats.jsonl", object.text());
+}
+
+void RunFolder::forget_statistics_after(std::int64_t step) const {
+    const std::filesystem::path file = path_ / "stats.jsonl";
+    if (!std::filesystem::exists(file)) return;
+    std::istringstream lines(read_text_file(file));
+    std::string kept;
+    for (std::string line; std::getline(lines, line);) {
+        if (step_of(line) <= step) kept += line + '\n';
+    }
+    write_text_file(file, kept);
+}
+
+void RunFolder::sample(std::int64_t step, const Tensor& image) const {
+    write_image(path_ / "samples" / (numbered(step) + ".png"), image);
+}
+
+void RunFolder::finish_checkpoint(std::int64_t step, std::int64_t keep) const {
+    write_text_file(path_ / "latest", numbered(step) + "\n");
+    std::vector<std::filesystem::path> folders;
+    for (const auto& entry : std::filesystem::directory_iterator(path_ / "checkpoints")) folders.push_back(entry.path());
+    // Numbers may outgrow six digits, so a longer name is a later one.
+    std::ranges::sort(folders, [](const auto& a, const auto& b) {
+        const std::string x = a.filename().string();
+        const std::string y = b.filename().string();
+        return x.size() != y.size() ? x.size() < y.size() : x < y;
+    });
+    const auto surplus = static_cast<std::int64_t>(folders.size()) - keep;
+    for (std::int64_t i = 0; i < surplus; ++i) {
+        if (folders[static_cast<std::size_t>(i)] != checkpoint(step))
+            std::filesystem::remove_all(folders[static_cast<std::size_t>(i)]);
+    }
+}
+
+}  // namespace stymo

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+#include "core/io/json_writer.h"
+#include "core/tensor.h"
+
+namespace stymo {
+
+/// The folder of one training run: config.json, log.txt, stats.jsonl, samples/, checkpoints/NNNNNN/, latest, model.safetensors.
+class RunFolder {
+public:
+    /// Creates what is missing. Throws FileError if the folder cannot be written, or if it holds a run already and `resume` is false.
+    RunFolder(std::filesystem::path path, bool resume);
+
+    [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+    [[nodiscard]] std::filesystem::path model_file() const { return path_ / "model.safetensors"; }
+    [[nodiscard]] std::filesystem::path best_file() const { return path_ / "best.safetensors"; }
+    [[nodiscard]] std::filesystem::path checkpoint(std::int64_t step) const;
+    /// The checkpoint named by `latest`; throws FileError if there is none.
+    [[nodiscard]] std::filesystem::path latest_checkpoint() const;
+
+    void write_config(std::string_view json) const;
+    /// Appends a line with the time to log.txt.
+    void log(std::string_view line) const;
+    /// Appends one object to stats.jsonl.
+    void statistics(const JsonValue& object) const;
+    /// Drops lines of stats.jsonl that a resumed run will write again: those with a step beyond `step`.
+    void forget_statistics_after(std::int64_t step) const;
+    void sample(std::int64_t step, const Tensor& image) const;
+    /// Points `latest` at the checkpoint and removes older ones beyond the last `keep`.
+    void finish_checkpoint(std::int64_t step, std::int64_t keep) const;
+
+private:
+    std::filesystem::path path_;
+};
+
+}  // namespace stymo

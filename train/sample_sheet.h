@@ -1,0 +1,11 @@
+#pragma once
+
+#include "nn/models/model.h"
+#include "train/dataset.h"
+
+namespace stymo {
+
+/// One row for each of the first few faces: target | initial | three views at yaw -30, 0 and 30 degrees.
+[[nodiscard]] Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t samples_per_ray);
+
+}  // namespace stymo

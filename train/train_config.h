@@ -1,0 +1,70 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "nn/models/model.h"
+#include "train/dataset.h"
+
+namespace stymo {
+
+struct LossConfig {
+    std::vector<double> code_weights{0.001, 0.1, 0.001, 0.01};  ///< lambda of id, expr, tex, light
+    double mask_weight = 0.01;
+    std::int64_t mask_start_epoch = 10;    ///< the mask loss is on from this epoch at the latest ...
+    double mask_start_improvement = 0.01;  ///< ... or from the first one that improved on the two before by less
+    double opacity_weight = 0.0;           ///< accumulated opacity against the mask
+    double depth_variance_weight = 0.0;    ///< variance of the depth along each ray
+    double code_norm_weight = 0.0;         ///< squared length of the encoder's codes, which keeps them within reach of fitting
+};
+
+struct OptimizerConfig {
+    double learning_rate = 1e-4;
+    std::string schedule = "epoch";  ///< "epoch": times `decay` after each; "cosine": to zero over all steps
+    double decay = 0.98;
+    double beta1 = 0.9;
+    double beta2 = 0.999;
+    double epsilon = 1e-8;
+    double backbone_factor = 1.0;  ///< on the learning rate of the encoder's backbone
+    std::int64_t backbone_frozen_epochs = 1;
+};
+
+struct StageConfig {
+    std::int64_t steps = 200000;
+    std::int64_t batch = 32;
+    std::int64_t micro_batch = 8;
+    std::int64_t samples_per_ray = 32;
+    double average_half_life = 0.0;      ///< images over which the averaged model forgets half; 0: no averaging
+    std::int64_t failures_allowed = 20;  ///< steps in a row that may be skipped for a non-finite loss or gradient
+};
+
+struct OutputConfig {
+    std::int64_t tick_steps = 50;
+    std::int64_t sample_steps = 500;
+    double checkpoint_minutes = 10.0;
+    std::int64_t keep_last = 3;
+    std::int64_t validation_images = 16;  ///< held-out images that the best checkpoint is chosen by; 0: none is chosen
+};
+
+/// Everything a training run depends on beside its data. The defaults are the paper's first stage.
+struct TrainConfig {
+    ModelConfig model;
+    DataConfig data;
+    LossConfig loss;
+    OptimizerConfig optimizer;
+    StageConfig stage1;
+    OutputConfig output;
+};
+
+void describe(ConfigSchema& schema, TrainConfig& config);
+
+/// Reads a file with its parents, then the overrides "a.b=value", then checks what no single key can: that weights are given for
+/// each resolution and the micro-batch divides the batch. Throws ConfigError.
+[[nodiscard]] TrainConfig load_train_config(const std::filesystem::path& path, const std::vector<std::string>& overrides);
+/// Every key with its value, as `config.json` in the run folder holds it.
+[[nodiscard]] std::string to_json(const TrainConfig& config);
+/// Table of all keys for docs/configuration.md.
+[[nodiscard]] std::string configuration_table();
+
+}  // namespace stymo
