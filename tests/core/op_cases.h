@@ -29,7 +29,7 @@ struct OpCase {
     std::string form;  ///< what tells this row from the op's other rows
     std::vector<CaseInput> inputs;
     OpFunction function;
-    OpReference reference;            ///< the value from the definition, in plain loops
+    OpReference reference;              ///< the value from the definition, in plain loops
     std::vector<Shape> speed_shapes{};  ///< of the inputs in the benchmark; the first row of every op has them
 
     [[nodiscard]] std::string name() const { return op + "/" + form; }

@@ -48,7 +48,9 @@ std::vector<OpCase> cases_of(const ConvForm& form, bool with_speed) {
     const std::vector<std::int64_t> x_extents = extents_of(form.x);
     const std::vector<std::int64_t> weight_extents = extents_of(form.weight);
     std::vector<OpCase> rows;
-    rows.push_back({"conv2d", form.name, {{form.x}, {form.weight}},
+    rows.push_back({"conv2d",
+                    form.name,
+                    {{form.x}, {form.weight}},
                     [=](const auto& v) { return conv2d(v[0], v[1], options); },
                     [=](const std::vector<Array>& v) {
                         Array out = zeros(extents_of(y));
@@ -58,7 +60,9 @@ std::vector<OpCase> cases_of(const ConvForm& form, bool with_speed) {
                         return out;
                     }});
     // The benchmark's convolution keeps height and width, so the shapes that its adjoints need follow from their inputs.
-    rows.push_back({"conv2d_transpose", form.name, {{y}, {form.weight}},
+    rows.push_back({"conv2d_transpose",
+                    form.name,
+                    {{y}, {form.weight}},
                     [=](const auto& v) {
                         const Shape shape = v[0].shape() == y ? form.x : v[0].shape().with(3, v[1].shape(3));
                         return conv2d_transpose(v[0], v[1], shape, options);
@@ -70,7 +74,9 @@ std::vector<OpCase> cases_of(const ConvForm& form, bool with_speed) {
                         });
                         return out;
                     }});
-    rows.push_back({"conv2d_weight_grad", form.name, {{y}, {form.x}},
+    rows.push_back({"conv2d_weight_grad",
+                    form.name,
+                    {{y}, {form.x}},
                     [=](const auto& v) {
                         const Shape shape = v[0].shape() == y ? form.weight : Shape{v[0].shape(3), 3, 3, v[1].shape(3)};
                         return conv2d_weight_grad(v[0], v[1], shape, options);

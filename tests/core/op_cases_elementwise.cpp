@@ -88,17 +88,24 @@ std::vector<OpCase> elementwise_cases() {
     const CaseInput tick{{}, -1.0, 1.0, 0.2, 0.0};
     const CaseInput tock{{}, -1.0, 1.0, 0.2, 0.1};
     std::vector<OpCase> rows;
-    add_binary(rows, "add", add, [](double a, double b) { return a + b; }, any, any);
-    add_binary(rows, "subtract", subtract, [](double a, double b) { return a - b; }, any, any);
-    add_binary(rows, "multiply", multiply, [](double a, double b) { return a * b; }, any, any);
-    add_binary(rows, "divide", divide, [](double a, double b) { return a / b; }, any, positive);
-    add_binary(rows, "maximum", maximum, [](double a, double b) { return a > b ? a : b; }, tick, tock);
-    add_binary(rows, "minimum", minimum, [](double a, double b) { return a < b ? a : b; }, tick, tock);
-    rows.push_back({"where", "same shape", {{{3, 4}}, {{3, 4}}}, masked_choice, masked_choice_reference, {{4096, 256}, {4096, 256}}});
+    add_binary(
+        rows, "add", add, [](double a, double b) { return a + b; }, any, any);
+    add_binary(
+        rows, "subtract", subtract, [](double a, double b) { return a - b; }, any, any);
+    add_binary(
+        rows, "multiply", multiply, [](double a, double b) { return a * b; }, any, any);
+    add_binary(
+        rows, "divide", divide, [](double a, double b) { return a / b; }, any, positive);
+    add_binary(
+        rows, "maximum", maximum, [](double a, double b) { return a > b ? a : b; }, tick, tock);
+    add_binary(
+        rows, "minimum", minimum, [](double a, double b) { return a < b ? a : b; }, tick, tock);
+    rows.push_back(
+        {"where", "same shape", {{{3, 4}}, {{3, 4}}}, masked_choice, masked_choice_reference, {{4096, 256}, {4096, 256}}});
     rows.push_back({"where", "row and column", {{{3, 1}}, {{1, 4}}}, masked_choice, masked_choice_reference});
     rows.push_back(unary("negate", any, negate, [](double x) { return -x; }));
-    rows.push_back(unary("affine", any, [](const Variable& x) { return affine(x, -1.5, 0.25); },
-                         [](double x) { return -1.5 * x + 0.25; }));
+    rows.push_back(unary(
+        "affine", any, [](const Variable& x) { return affine(x, -1.5, 0.25); }, [](double x) { return -1.5 * x + 0.25; }));
     rows.push_back(unary("exp", any, exp, [](double x) { return std::exp(x); }));
     rows.push_back(unary("log", positive, log, [](double x) { return std::log(x); }));
     rows.push_back(unary("sin", {{}, -6.0, 6.0}, sin, [](double x) { return std::sin(x); }));
@@ -106,8 +113,9 @@ std::vector<OpCase> elementwise_cases() {
     rows.push_back(unary("sqrt", positive, sqrt, [](double x) { return std::sqrt(x); }));
     rows.push_back(unary("square", any, square, [](double x) { return x * x; }));
     rows.push_back(unary("abs", around_zero, abs, [](double x) { return std::abs(x); }));
-    rows.push_back(unary("clamp", tick, [](const Variable& x) { return clamp(x, -0.5, 0.7); },
-                         [](double x) { return std::min(std::max(x, -0.5), 0.7); }));
+    rows.push_back(unary(
+        "clamp", tick, [](const Variable& x) { return clamp(x, -0.5, 0.7); },
+        [](double x) { return std::min(std::max(x, -0.5), 0.7); }));
     return rows;
 }
 
@@ -119,8 +127,9 @@ std::vector<OpCase> activation_cases() {
     rows.push_back(unary("tanh", wide, tanh, [](double x) { return std::tanh(x); }));
     rows.push_back(unary("softplus", wide, softplus, [](double x) { return std::log(1.0 + std::exp(x)); }));
     rows.push_back(unary("log_sigmoid", wide, log_sigmoid, [](double x) { return -std::log(1.0 + std::exp(-x)); }));
-    rows.push_back(unary("leaky_relu", around_zero, [](const Variable& x) { return leaky_relu(x, 0.2); },
-                         [](double x) { return x > 0.0 ? x : 0.2 * x; }));
+    rows.push_back(unary(
+        "leaky_relu", around_zero, [](const Variable& x) { return leaky_relu(x, 0.2); },
+        [](double x) { return x > 0.0 ? x : 0.2 * x; }));
     rows.push_back(unary("relu", around_zero, relu, [](double x) { return x > 0.0 ? x : 0.0; }));
 
     const auto prelu_reference = pairwise([](double x, double slope) { return x > 0.0 ? x : slope * x; });
@@ -141,24 +150,35 @@ std::vector<OpCase> activation_cases() {
         };
         const std::string form = "axis " + std::to_string(axis);
         const CaseInput input{{2, 3, 4}, -2.0, 2.0};
-        rows.push_back({"log_sum_exp", form, {input}, [axis](const auto& x) { return log_sum_exp(x[0], axis); },
+        rows.push_back({"log_sum_exp",
+                        form,
+                        {input},
+                        [axis](const auto& x) { return log_sum_exp(x[0], axis); },
                         [=](const std::vector<Array>& x) {
                             auto extents = x[0].extents;
                             extents[place] = 1;
                             return generate(extents, [&](const Index& i) { return std::log(total_of_exp(x[0], i)); });
-                        }, {{64, 64, 256}}});
-        rows.push_back({"softmax", form, {input}, [axis](const auto& x) { return softmax(x[0], axis); },
+                        },
+                        {{64, 64, 256}}});
+        rows.push_back({"softmax",
+                        form,
+                        {input},
+                        [axis](const auto& x) { return softmax(x[0], axis); },
                         [=](const std::vector<Array>& x) {
                             return generate(x[0].extents,
                                             [&](const Index& i) { return std::exp(x[0].at(i)) / total_of_exp(x[0], i); });
-                        }, {{64, 64, 256}}});
+                        },
+                        {{64, 64, 256}}});
     }
-    rows.push_back({"binary_cross_entropy_with_logits", "elements", {{{3, 4}, -4.0, 4.0}, {{3, 4}, 0.0, 1.0}},
+    rows.push_back({"binary_cross_entropy_with_logits",
+                    "elements",
+                    {{{3, 4}, -4.0, 4.0}, {{3, 4}, 0.0, 1.0}},
                     [](const auto& x) { return binary_cross_entropy_with_logits(x[0], x[1]); },
                     pairwise([](double x, double target) {
                         const double p = 1.0 / (1.0 + std::exp(-x));
                         return -target * std::log(p) - (1.0 - target) * std::log(1.0 - p);
-                    }), {{4096, 256}, {4096, 256}}});
+                    }),
+                    {{4096, 256}, {4096, 256}}});
     return rows;
 }
 

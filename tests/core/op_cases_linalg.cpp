@@ -48,7 +48,8 @@ void add_products(std::vector<OpCase>& rows) {
             for (const bool transpose_b : {false, true}) {
                 const MatmulOptions options{transpose_a, transpose_b};
                 const std::string suffix = std::string(transpose_a ? " transposed a" : "") + (transpose_b ? " transposed b" : "");
-                rows.push_back({"matmul", form.name + suffix,
+                rows.push_back({"matmul",
+                                form.name + suffix,
                                 {{matrix(form.batch_a, 2, 3, transpose_a)}, {matrix(form.batch_b, 3, 4, transpose_b)}},
                                 [options](const auto& x) { return matmul(x[0], x[1], options); },
                                 [=](const std::vector<Array>& x) { return product(x[0], x[1], transpose_a, transpose_b); },
@@ -71,9 +72,8 @@ const char* name_of(Activation activation) {
 
 Array layer(const std::vector<Array>& x, Activation activation) {
     Array y = product(x[0], x[1], false, true);
-    for_each_index(y.extents, [&](const Index& i) {
-        y.at(i) = activated(activation, y.at(i) + (x.size() > 2 ? x[2].at({i[2]}) : 0.0));
-    });
+    for_each_index(y.extents,
+                   [&](const Index& i) { y.at(i) = activated(activation, y.at(i) + (x.size() > 2 ? x[2].at({i[2]}) : 0.0)); });
     return y;
 }
 
@@ -85,13 +85,16 @@ void add_layers(std::vector<OpCase>& rows, const char* name, LayerFunction funct
     for (const Activation activation : {Activation::none, Activation::sine, Activation::leaky_relu}) {
         for (const bool shared : {true, false}) {
             const std::int64_t weights = shared ? 1 : 2;
-            rows.push_back({name, std::string(name_of(activation)) + (shared ? "" : ", weight of each sample"),
+            rows.push_back({name,
+                            std::string(name_of(activation)) + (shared ? "" : ", weight of each sample"),
                             {{{2, 3, 3}, -0.5, 0.5}, {{weights, 4, 3}, -0.4, 0.4}, bias},
                             [=](const auto& x) { return function(x[0], x[1], x[2], activation); },
                             [=](const std::vector<Array>& x) { return layer(x, activation); },
                             {{2, 4096, 256}, {weights, 256, 256}, {256}}});
         }
-        rows.push_back({name, std::string(name_of(activation)) + ", no bias", {{{2, 3, 3}, 0.2, 1.0}, {{1, 4, 3}, 0.2, 1.0}},
+        rows.push_back({name,
+                        std::string(name_of(activation)) + ", no bias",
+                        {{{2, 3, 3}, 0.2, 1.0}, {{1, 4, 3}, 0.2, 1.0}},
                         [=](const auto& x) { return function(x[0], x[1], Variable(), activation); },
                         [=](const std::vector<Array>& x) { return layer(x, activation); }});
     }

@@ -26,10 +26,18 @@ Array divided_by_count(Array total, const Array& x) {
 void add_totals(std::vector<OpCase>& rows) {
     const CaseInput input{{2, 3, 4}};
     const Shape speed{64, 64, 256};
-    rows.push_back({"sum", "all", {input}, [](const auto& x) { return sum(x[0]); },
-                    [](const std::vector<Array>& x) { return summed_to(x[0], {}); }, {speed}});
-    rows.push_back({"mean", "all", {input}, [](const auto& x) { return mean(x[0]); },
-                    [](const std::vector<Array>& x) { return divided_by_count(summed_to(x[0], {}), x[0]); }, {speed}});
+    rows.push_back({"sum",
+                    "all",
+                    {input},
+                    [](const auto& x) { return sum(x[0]); },
+                    [](const std::vector<Array>& x) { return summed_to(x[0], {}); },
+                    {speed}});
+    rows.push_back({"mean",
+                    "all",
+                    {input},
+                    [](const auto& x) { return mean(x[0]); },
+                    [](const std::vector<Array>& x) { return divided_by_count(summed_to(x[0], {}), x[0]); },
+                    {speed}});
     struct Form {
         const char* name;
         std::vector<int> axes;
@@ -41,9 +49,16 @@ void add_totals(std::vector<OpCase>& rows) {
                                   {"axes 0 and 2", {0, 2}, {1, 3, 1}},
                                   {"axes 1 and 2", {2, 1}, {2, 1, 1}}};
     for (const Form& form : forms) {
-        rows.push_back({"sum", form.name, {input}, [form](const auto& x) { return sum(x[0], form.axes); },
-                        [form](const std::vector<Array>& x) { return summed_to(x[0], form.kept); }, {speed}});
-        rows.push_back({"mean", form.name, {input}, [form](const auto& x) { return mean(x[0], form.axes); },
+        rows.push_back({"sum",
+                        form.name,
+                        {input},
+                        [form](const auto& x) { return sum(x[0], form.axes); },
+                        [form](const std::vector<Array>& x) { return summed_to(x[0], form.kept); },
+                        {speed}});
+        rows.push_back({"mean",
+                        form.name,
+                        {input},
+                        [form](const auto& x) { return mean(x[0], form.axes); },
                         [form](const std::vector<Array>& x) { return divided_by_count(summed_to(x[0], form.kept), x[0]); }});
     }
 }
@@ -52,7 +67,9 @@ void add_running_sums(std::vector<OpCase>& rows) {
     for (const int axis : {0, 1, -1}) {
         for (const bool exclusive : {false, true}) {
             const std::size_t place = axis < 0 ? 2 : static_cast<std::size_t>(axis);
-            rows.push_back({"cumsum", (exclusive ? "exclusive axis " : "inclusive axis ") + std::to_string(axis), {{{2, 3, 4}}},
+            rows.push_back({"cumsum",
+                            (exclusive ? "exclusive axis " : "inclusive axis ") + std::to_string(axis),
+                            {{{2, 3, 4}}},
                             [=](const auto& x) { return cumsum(x[0], axis, exclusive); },
                             [=](const std::vector<Array>& x) {
                                 return generate(x[0].extents, [&](const Index& i) {
@@ -62,7 +79,8 @@ void add_running_sums(std::vector<OpCase>& rows) {
                                     for (j[place] = 0; j[place] < end; ++j[place]) total += x[0].at(j);
                                     return total;
                                 });
-                            }, {{64, 64, 256}}});
+                            },
+                            {{64, 64, 256}}});
         }
     }
 }
@@ -100,11 +118,25 @@ RowIndices some_rows(std::int64_t count, std::int64_t row_count) {
 std::vector<OpCase> reduce_cases() {
     std::vector<OpCase> rows;
     add_totals(rows);
-    rows.push_back({"sum_to", "channels", {{{2, 3, 4}}}, [](const auto& x) { return sum_to(x[0], {x[0].shape(2)}); },
-                    [](const std::vector<Array>& x) { return summed_to(x[0], {4}); }, {{64, 64, 256}}});
-    rows.push_back({"sum_to", "column", {{{2, 3, 4}}}, [](const auto& x) { return sum_to(x[0], {3, 1}); },
-                    [](const std::vector<Array>& x) { return summed_to(x[0], {3, 1}); }});
-    rows.push_back({"sum_to", "scalar", {{{2, 3}}}, [](const auto& x) { return sum_to(x[0], {}); },
+    rows.push_back({"sum_to",
+                    "channels",
+                    {{{2, 3, 4}}},
+                    [](const auto& x) { return sum_to(x[0], {x[0].shape(2)}); },
+                    [](const std::vector<Array>& x) { return summed_to(x[0], {4}); },
+                    {{64, 64, 256}}});
+    rows.push_back({"sum_to",
+                    "column",
+                    {{{2, 3, 4}}},
+                    [](const auto& x) {
+                        return sum_to(x[0], {3, 1});
+                    },
+                    [](const std::vector<Array>& x) {
+                        return summed_to(x[0], {3, 1});
+                    }});
+    rows.push_back({"sum_to",
+                    "scalar",
+                    {{{2, 3}}},
+                    [](const auto& x) { return sum_to(x[0], {}); },
                     [](const std::vector<Array>& x) { return summed_to(x[0], {}); }});
     add_running_sums(rows);
     return rows;

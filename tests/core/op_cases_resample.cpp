@@ -9,7 +9,8 @@ namespace {
 /// Weight of input element `input` in output element `output` along one axis.
 using AxisWeight = std::function<double(std::int64_t output, std::int64_t input)>;
 
-Array separable(const Array& x, std::int64_t height, std::int64_t width, const AxisWeight& vertical, const AxisWeight& horizontal) {
+Array separable(const Array& x, std::int64_t height, std::int64_t width, const AxisWeight& vertical,
+                const AxisWeight& horizontal) {
     return generate({x.extents[0], height, width, x.extents[3]}, [&](const Index& i) {
         double total = 0.0;
         for (std::int64_t row = 0; row < x.extents[1]; ++row) {
@@ -21,7 +22,7 @@ Array separable(const Array& x, std::int64_t height, std::int64_t width, const A
     });
 }
 
-const Shape speed_image{4, 64, 64, 32};
+const Shape speed_image{4, 96, 96, 16};
 
 /// An arbitrary sparse matrix with one row more than columns, some of its places given twice.
 ResampleMatrix arbitrary_matrix(int length) {
@@ -52,7 +53,8 @@ struct FilterForm {
 /// The definition, step by step: insert zeros, pad, convolve, decimate.
 std::vector<double> upfirdn(const std::vector<double>& x, const FilterForm& form) {
     const std::size_t before = static_cast<std::size_t>(form.pad_before);
-    std::vector<double> padded(before + x.size() * static_cast<std::size_t>(form.up) + static_cast<std::size_t>(form.pad_after), 0.0);
+    std::vector<double> padded(before + x.size() * static_cast<std::size_t>(form.up) + static_cast<std::size_t>(form.pad_after),
+                               0.0);
     for (std::size_t i = 0; i < x.size(); ++i) padded[before + i * static_cast<std::size_t>(form.up)] = x[i];
     const std::size_t taps = form.filter.size();
     std::vector<double> result;
@@ -72,7 +74,9 @@ std::vector<double> impulse_response(std::int64_t length, std::int64_t input, co
 }
 
 OpCase filter_case(const FilterForm& form, const Shape& shape) {
-    return {"upfirdn2d", form.name, {{shape}},
+    return {"upfirdn2d",
+            form.name,
+            {{shape}},
             [form](const auto& x) { return upfirdn2d(x[0], form.filter, form.up, form.down, form.pad_before, form.pad_after); },
             [form](const std::vector<Array>& x) {
                 const auto weight = [&form](std::int64_t length) {
@@ -86,7 +90,8 @@ OpCase filter_case(const FilterForm& form, const Shape& shape) {
                     return static_cast<std::int64_t>(impulse_response(length, 0, form).size());
                 };
                 return separable(x[0], size(height), size(width), weight(height), weight(width));
-            }, {speed_image}};
+            },
+            {speed_image}};
 }
 
 double mirrored_blur(std::int64_t length, std::int64_t output, std::int64_t input) {
@@ -133,7 +138,9 @@ using ResizeWeight = double (*)(double scale, std::int64_t length, std::int64_t 
 /// Sizes are numerators over denominators of the input's, so that they also serve the benchmark.
 OpCase resize_case(const char* name, const char* form, const Shape& shape, int numerator, int denominator, ResizeFunction resize,
                    ResizeWeight weight) {
-    return {name, form, {{shape}},
+    return {name,
+            form,
+            {{shape}},
             [=](const auto& x) {
                 return resize(x[0], static_cast<int>(x[0].shape(1) * numerator / denominator),
                               static_cast<int>(x[0].shape(2) * numerator / denominator));
@@ -146,30 +153,41 @@ OpCase resize_case(const char* name, const char* form, const Shape& shape, int n
                 const std::int64_t height = x[0].extents[1] * numerator / denominator;
                 const std::int64_t width = x[0].extents[2] * numerator / denominator;
                 return separable(x[0], height, width, axis(x[0].extents[1], height), axis(x[0].extents[2], width));
-            }, {speed_image}};
+            },
+            {speed_image}};
 }
 
 void add_pixel_cases(std::vector<OpCase>& rows) {
     const auto inside = [](const Index& i) { return Index{i[0], i[1] / 2, i[2] / 2, 4 * i[3] + 2 * (i[1] % 2) + i[2] % 2}; };
-    rows.push_back({"pixel_shuffle", "image", {{{2, 2, 1, 8}}}, [](const auto& x) { return pixel_shuffle(x[0]); },
+    rows.push_back({"pixel_shuffle",
+                    "image",
+                    {{{2, 2, 1, 8}}},
+                    [](const auto& x) { return pixel_shuffle(x[0]); },
                     [inside](const std::vector<Array>& x) {
                         const auto& e = x[0].extents;
                         return generate({e[0], 2 * e[1], 2 * e[2], e[3] / 4}, [&](const Index& i) { return x[0].at(inside(i)); });
-                    }, {speed_image}});
-    rows.push_back({"pixel_unshuffle", "image", {{{2, 2, 4, 2}}}, [](const auto& x) { return pixel_unshuffle(x[0]); },
+                    },
+                    {speed_image}});
+    rows.push_back({"pixel_unshuffle",
+                    "image",
+                    {{{2, 2, 4, 2}}},
+                    [](const auto& x) { return pixel_unshuffle(x[0]); },
                     [inside](const std::vector<Array>& x) {
                         const auto& e = x[0].extents;
                         Array y = generate({e[0], e[1] / 2, e[2] / 2, 4 * e[3]}, [](const Index&) { return 0.0; });
                         for_each_index(e, [&](const Index& i) { y.at(inside(i)) = x[0].at(i); });
                         return y;
-                    }, {speed_image}});
+                    },
+                    {speed_image}});
 }
 
 }  // namespace
 
 std::vector<OpCase> resample_cases() {
     std::vector<OpCase> rows;
-    rows.push_back({"resample", "arbitrary matrices", {{{2, 3, 4, 2}}},
+    rows.push_back({"resample",
+                    "arbitrary matrices",
+                    {{{2, 3, 4, 2}}},
                     [](const auto& x) {
                         return resample(x[0], arbitrary_matrix(static_cast<int>(x[0].shape(1))),
                                         arbitrary_matrix(static_cast<int>(x[0].shape(2))));
@@ -181,19 +199,24 @@ std::vector<OpCase> resample_cases() {
                         const std::int64_t height = x[0].extents[1];
                         const std::int64_t width = x[0].extents[2];
                         return separable(x[0], height + 1, width + 1, axis(height), axis(width));
-                    }, {speed_image}});
+                    },
+                    {speed_image}});
     const std::vector<double> binomial{0.125, 0.375, 0.375, 0.125};
     rows.push_back(filter_case({"up 2", {0.25, 0.75, 0.75, 0.25}, 2, 1, 2, 1}, {1, 3, 2, 2}));
     rows.push_back(filter_case({"down 2", binomial, 1, 2, 1, 1}, {1, 4, 5, 2}));
     rows.push_back(filter_case({"asymmetric filter", {0.1, 0.2, 0.7}, 1, 1, 2, 0}, {1, 3, 4, 1}));
     rows.push_back(filter_case({"up 2, down 3", {0.3, 0.5, 0.1, 0.1}, 2, 3, 3, 2}, {1, 4, 3, 2}));
-    rows.push_back({"blur", "image", {{{1, 4, 3, 2}}}, [](const auto& x) { return blur(x[0]); },
+    rows.push_back({"blur",
+                    "image",
+                    {{{1, 4, 3, 2}}},
+                    [](const auto& x) { return blur(x[0]); },
                     [](const std::vector<Array>& x) {
                         const auto axis = [](std::int64_t length) {
                             return [length](std::int64_t o, std::int64_t i) { return mirrored_blur(length, o, i); };
                         };
                         return separable(x[0], x[0].extents[1], x[0].extents[2], axis(x[0].extents[1]), axis(x[0].extents[2]));
-                    }, {speed_image}});
+                    },
+                    {speed_image}});
     rows.push_back(resize_case("resize_bilinear", "twice the size", {1, 3, 2, 2}, 2, 1, resize_bilinear, triangle));
     rows.push_back(resize_case("resize_bilinear", "two thirds", {1, 6, 3, 1}, 2, 3, resize_bilinear, triangle));
     rows.push_back(resize_case("resize_bilinear", "five thirds", {1, 3, 3, 1}, 5, 3, resize_bilinear, triangle));

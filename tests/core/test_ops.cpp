@@ -4,10 +4,10 @@
 #include "core/autograd/grad.h"
 #include "core/op_cases.h"
 #include "core/ops/ops.h"
-#include "core/parallel.h"
 #include "support/check_close.h"
 #include "support/check_grad.h"
 #include "support/live_nodes.h"
+#include "support/thread_count.h"
 
 using namespace stymo;
 using namespace stymo::test;
@@ -33,18 +33,6 @@ std::vector<Tensor> value_and_gradients(const OpCase& row, const std::vector<Ten
     }
     return results;
 }
-
-/// Puts the number of threads back when a test ends, however it ends.
-class ThreadCount {
-public:
-    ThreadCount() = default;
-    ThreadCount(const ThreadCount&) = delete;
-    ThreadCount& operator=(const ThreadCount&) = delete;
-    ~ThreadCount() { set_thread_count(before_); }
-
-private:
-    int before_ = thread_count();
-};
 
 }  // namespace
 
