@@ -29,6 +29,8 @@ Node::~Node() {
         for (Input& input : node.inputs_) {
             if (input.node) pending.push_back(std::move(input.node));
         }
+        // Rules may hold inputs too; let go while `pending` still owns those, they are released one by one.
+        node.rules_.clear();
     };
     take_inputs(*this);
     while (!pending.empty()) {

@@ -19,6 +19,8 @@ using RowMajor = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajo
 
 /// Rows of one tile: enough to pay for packing the right operand, few enough that the tile's result stays in cache.
 constexpr std::int64_t tile_rows = 512;
+/// The same for a transposed left operand, whose columns are the rows of the result: channels, of which there are few.
+constexpr std::int64_t transposed_tile_rows = 128;
 /// Length of one piece of a long inner sum; the pieces are added in order.
 constexpr std::int64_t inner_piece = 8192;
 
@@ -47,8 +49,7 @@ void multiply_long_inner(const T* a, const T* b, T* c, const Extents& e, MatmulO
 template <class T>
 void multiply_tiles(const T* a, const T* b, T* c, const Extents& e, std::int64_t stride_a, std::int64_t stride_b,
                     MatmulOptions options) {
-    // A transposed left operand has no contiguous rows to tile by.
-    const std::int64_t rows = options.transpose_a ? e.m : tile_rows;
+    const std::int64_t rows = options.transpose_a ? transposed_tile_rows : tile_rows;
     const std::int64_t tiles = std::max<std::int64_t>(1, chunk_count(e.m, rows));
     const std::int64_t grain = std::max<std::int64_t>(1, 32768 / std::max<std::int64_t>(1, e.m * e.n * e.k / tiles));
     parallel_for(e.batch * tiles, grain, [&](std::int64_t begin, std::int64_t end) {
@@ -56,8 +57,9 @@ void multiply_tiles(const T* a, const T* b, T* c, const Extents& e, std::int64_t
             const std::int64_t batch = tile / tiles;
             const std::int64_t first = tile % tiles * rows;
             const std::int64_t count = std::min(rows, e.m - first);
-            const T* from = a + batch * stride_a + (options.transpose_a ? 0 : first * e.k);
-            multiply_into(c + (batch * e.m + first) * e.n, from, b + batch * stride_b, count, e.n, e.k, options, false);
+            const T* from = a + batch * stride_a + (options.transpose_a ? first : first * e.k);
+            multiply_into(c + (batch * e.m + first) * e.n, from, b + batch * stride_b, count, e.n, e.k, options, false,
+                          options.transpose_a ? e.m : e.k);
         }
     });
 }
@@ -66,9 +68,11 @@ void multiply_tiles(const T* a, const T* b, T* c, const Extents& e, std::int64_t
 
 template <class T>
 void multiply_into(T* c, const T* a, const T* b, std::int64_t m, std::int64_t n, std::int64_t k, MatmulOptions options,
-                   bool accumulate) {
+                   bool accumulate, std::int64_t stride_a) {
     using Map = Eigen::Map<const RowMajor<T>>;
-    const Map left(a, options.transpose_a ? k : m, options.transpose_a ? m : k);
+    const std::int64_t left_columns = options.transpose_a ? m : k;
+    const Eigen::Map<const RowMajor<T>, Eigen::Unaligned, Eigen::OuterStride<>> left(
+        a, options.transpose_a ? k : m, left_columns, Eigen::OuterStride<>(stride_a == 0 ? left_columns : stride_a));
     const Map right(b, options.transpose_b ? n : k, options.transpose_b ? k : n);
     Eigen::Map<RowMajor<T>> result(c, m, n);
     if (!accumulate) result.setZero();
@@ -84,9 +88,9 @@ void multiply_into(T* c, const T* a, const T* b, std::int64_t m, std::int64_t n,
 }
 
 template void multiply_into<float>(float*, const float*, const float*, std::int64_t, std::int64_t, std::int64_t, MatmulOptions,
-                                   bool);
+                                   bool, std::int64_t);
 template void multiply_into<double>(double*, const double*, const double*, std::int64_t, std::int64_t, std::int64_t,
-                                    MatmulOptions, bool);
+                                    MatmulOptions, bool, std::int64_t);
 
 Tensor matmul(const Tensor& a, const Tensor& b, MatmulOptions options) {
     const Extents e{std::max(a.shape(0), b.shape(0)), a.shape(options.transpose_a ? 2 : 1), b.shape(options.transpose_b ? 1 : 2),

@@ -135,8 +135,8 @@ void check_order(const std::string& name, const Problem& problem, int order, con
         if (error <= options.tolerance) continue;
         report.passed = false;
         message << '[' << name << "] order " << order << ", " << problem.labels[which] << ' ' << gradient.shape() << ", seed "
-                << options.seed << ": exact " << exact << ", numeric " << numeric << ", relative error " << error
-                << ", allowed " << options.tolerance;
+                << options.seed << ": exact " << exact << ", numeric " << numeric << ", relative error " << error << ", allowed "
+                << options.tolerance;
         if (gradient.size() <= small_input) write_table(message, problem, cotangents, which, gradient, options.step);
         message << '\n';
     }

@@ -12,10 +12,10 @@ namespace stymo::test {
 using GradFunction = std::function<Variable(const std::vector<Variable>&)>;
 
 struct CheckGradOptions {
-    int order = 2;             ///< highest order of derivative that is checked
-    double step = 1e-3;        ///< in units of the inputs; a kink must be more than twice as far away
-    double tolerance = 1e-6;   ///< relative to the derivative in the drawn direction
-    std::uint64_t seed = 1;    ///< of the cotangents and directions
+    int order = 2;                         ///< highest order of derivative that is checked
+    double step = 1e-3;                    ///< in units of the inputs; a kink must be more than twice as far away
+    double tolerance = 1e-6;               ///< relative to the derivative in the drawn direction
+    std::uint64_t seed = 1;                ///< of the cotangents and directions
     std::vector<std::size_t> constants{};  ///< inputs that no gradient is asked of
 };
 

@@ -1,0 +1,87 @@
+#include <atomic>
+#include <catch2/catch.hpp>
+#include <mutex>
+#include <numeric>
+#include <set>
+#include <vector>
+
+#include "core/error.h"
+#include "core/parallel.h"
+#include "support/thread_count.h"
+
+using namespace stymo;
+using namespace stymo::test;
+
+namespace {
+
+using Chunks = std::set<std::pair<std::int64_t, std::int64_t>>;
+
+Chunks chunks_of(std::int64_t count, std::int64_t grain) {
+    std::mutex mutex;
+    Chunks chunks;
+    parallel_for(count, grain, [&](std::int64_t begin, std::int64_t end) {
+        const std::lock_guard lock(mutex);
+        CHECK(chunks.emplace(begin, end).second);
+    });
+    return chunks;
+}
+
+}  // namespace
+
+TEST_CASE("The chunks do not depend on the number of threads", "[parallel]") {
+    const ThreadCount restored;
+    for (const int threads : {1, 2, 3}) {
+        set_thread_count(threads);
+        CHECK(thread_count() == threads);
+        CHECK(chunks_of(10, 4) == Chunks{{0, 4}, {4, 8}, {8, 10}});
+        CHECK(chunks_of(3, 100) == Chunks{{0, 3}});
+        CHECK(chunks_of(0, 4).empty());
+    }
+    CHECK(chunk_count(10, 4) == 3);
+    CHECK(chunk_count(8, 4) == 2);
+    CHECK(chunk_count(0, 4) == 0);
+}
+
+TEST_CASE("Every index is visited once", "[parallel]") {
+    const ThreadCount restored;
+    set_thread_count(2);
+    std::vector<int> visits(10007, 0);
+    parallel_for(10007, 13, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t i = begin; i < end; ++i) ++visits[static_cast<std::size_t>(i)];
+    });
+    CHECK(visits == std::vector<int>(10007, 1));
+}
+
+TEST_CASE("An exception of a body arrives at the caller with its type", "[parallel]") {
+    const ThreadCount restored;
+    for (const int threads : {1, 2}) {
+        set_thread_count(threads);
+        const auto failing = [](std::int64_t begin, std::int64_t) {
+            if (begin == 6) fail<ValueError>("chunk ", begin);
+        };
+        CHECK_THROWS_AS(parallel_for(10, 2, failing), ValueError);
+        CHECK_THROWS_WITH(parallel_for(10, 2, failing), "chunk 6");
+        std::atomic<int> visited{0};
+        parallel_for(10, 2, [&](std::int64_t, std::int64_t) { ++visited; });
+        CHECK(visited == 5);
+    }
+}
+
+TEST_CASE("A loop inside a loop runs on its own thread", "[parallel]") {
+    const ThreadCount restored;
+    set_thread_count(2);
+    std::vector<double> totals(8, 0.0);
+    parallel_for(8, 1, [&](std::int64_t outer, std::int64_t) {
+        parallel_for(100, 10, [&](std::int64_t begin, std::int64_t end) {
+            for (std::int64_t i = begin; i < end; ++i) totals[static_cast<std::size_t>(outer)] += static_cast<double>(i);
+        });
+    });
+    CHECK(totals == std::vector<double>(8, 4950.0));
+}
+
+TEST_CASE("A negative number of threads is refused, zero is one for each processor", "[parallel]") {
+    const ThreadCount restored;
+    CHECK_THROWS_AS(set_thread_count(-1), ValueError);
+    set_thread_count(0);
+    CHECK(thread_count() >= 1);
+}

@@ -1,0 +1,50 @@
+#!/usr/bin/env bash
+# check_sources.sh must accept a clean tree and refuse each kind of violation, naming the file.
+set -u
+check="$(cd "$(dirname "$0")" && pwd)/check_sources.sh"
+tree=$(mktemp -d)
+trap 'rm -rf "$tree"' EXIT
+failed=0
+
+fresh_tree() {
+    rm -rf "${tree:?}"/*
+    mkdir -p "$tree"/{core/kernels,nn/layers,nn/models,render,train,fit,apps/demo}
+    echo '#include "core/shape.h"' >"$tree/core/tensor.h"
+    echo '#include <Eigen/Core>' >"$tree/core/kernels/matrix.h"
+    echo '#pragma omp parallel' >"$tree/core/parallel.cpp"
+    printf '#include "core/tensor.h"\n#include "nn/parameter_store.h"\n' >"$tree/nn/layers/linear.cpp"
+    printf '#include "render/camera.h"\n#include "nn/layers/linear.h"\n' >"$tree/nn/models/decoder.h"
+    printf '#include <Eigen/Core>\n#include "fit/fitter.h"\n#include "nn/models/decoder.h"\n' >"$tree/fit/fitter.cpp"
+    printf '#include "fit/fitter.h"\n#include "train/trainer.h"\n' >"$tree/apps/demo/main.cpp"
+}
+
+refuses() { # what, file, its text
+    fresh_tree
+    mkdir -p "$(dirname "$tree/$2")"
+    printf '%b' "$3" >"$tree/$2"
+    local output
+    if output=$("$check" "$tree") || [[ $output != *"$2"* ]]; then
+        echo "not refused: $1 ($2): $output"
+        failed=1
+    fi
+}
+
+fresh_tree
+if ! output=$("$check" "$tree"); then
+    echo "a clean tree is refused: $output"
+    failed=1
+fi
+refuses 'core includes nn' core/bad.cpp '#include "nn/layers/linear.h"\n'
+refuses 'a layer includes render' nn/layers/bad.h '  #  include "render/camera.h"\n'
+refuses 'a layer includes a model' nn/layers/bad.cpp '#include "nn/models/decoder.h"\n'
+refuses 'render includes nn' render/bad.cpp '#include "nn/parameter_store.h"\n'
+refuses 'train includes fit' train/bad.cpp '#include "fit/fitter.h"\n'
+refuses 'fit includes train' fit/bad.cpp '#include "train/trainer.h"\n'
+refuses 'the library includes an app' fit/bad.h '#include "apps/common/command_line.h"\n'
+refuses 'a header includes Eigen' core/bad.h '#include <Eigen/Core>\n'
+refuses 'a header includes OpenCV' core/kernels/bad.h '#include <opencv2/core.hpp>\n'
+refuses 'a header includes nlohmann' nn/bad.h '#include <nlohmann/json.hpp>\n'
+refuses 'OpenMP elsewhere' render/bad.cpp '#pragma omp parallel for\n'
+refuses 'OpenMP in training' train/bad.cpp '#include <omp.h>\n'
+refuses 'a file that is too long' core/bad.cpp "$(printf '\\n%.0s' $(seq 601))"
+exit $failed
