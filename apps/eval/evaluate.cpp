@@ -1,0 +1,126 @@
+#include "apps/eval/evaluate.h"
+
+#include <algorithm>
+#include <charconv>
+#include <iomanip>
+#include <numbers>
+#include <sstream>
+
+#include "core/error.h"
+#include "core/interrupt.h"
+#include "core/io/image.h"
+#include "core/progress.h"
+#include "fit/fit_report.h"
+#include "nn/models/view.h"
+
+namespace stymo {
+
+namespace {
+
+std::int64_t parse_index(std::string_view text, const std::string& whole) {
+    std::int64_t value = 0;
+    const auto end = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (text.empty() || end.ec != std::errc{} || end.ptr != text.data() + text.size() || value < 0) {
+        fail<ConfigError>("--ids ", whole, ": must be a range of places in the order of ids, such as 700-799");
+    }
+    return value;
+}
+
+void add_turning_row(std::vector<Tensor>& tiles, const Model& model, const FitReport& report, const Codes& codes,
+                     std::int64_t index, std::int64_t samples) {
+    tiles.push_back(report.target);
+    tiles.push_back(report.fitted);
+    for (const double yaw_degrees : {-30.0, -15.0, 0.0, 15.0, 30.0}) {
+        const Camera camera = model_camera(model, yaw_degrees * std::numbers::pi / 180.0, 0.0, 0.0);
+        tiles.push_back(render_view(model, codes, index, camera, {.samples_per_ray = samples}).picture);
+    }
+}
+
+void write_row(std::ostream& stream, const char* name, const ImageMetrics& metrics) {
+    stream << std::left << std::setw(9) << name << std::right << std::fixed << std::setprecision(4) << std::setw(9) << metrics.l1
+           << std::setw(11) << metrics.l1_mean << std::setw(9) << metrics.ssim << std::setprecision(2) << std::setw(9)
+           << metrics.psnr << '\n';
+}
+
+struct Means {
+    ImageMetrics initial;
+    ImageMetrics fitted;
+};
+
+Means means(const std::vector<FaceScore>& scores) {
+    std::vector<ImageMetrics> initial;
+    std::vector<ImageMetrics> fitted;
+    for (const FaceScore& score : scores) {
+        initial.push_back(score.initial);
+        fitted.push_back(score.fitted);
+    }
+    return {mean(initial), mean(fitted)};
+}
+
+}  // namespace
+
+FaceRange parse_range(const std::string& text) {
+    if (text.empty()) return {};
+    const std::size_t dash = text.find('-');
+    const std::int64_t first = parse_index(std::string_view(text).substr(0, dash), text);
+    if (dash == std::string::npos) return {first, first};
+    if (dash + 1 == text.size()) return {first, -1};
+    return {first, parse_index(std::string_view(text).substr(dash + 1), text)};
+}
+
+Evaluation evaluate(const Model& model, const Dataset& faces, const EvaluationOptions& options) {
+    const std::int64_t last = options.range.last < 0 ? faces.size() - 1 : std::min(options.range.last, faces.size() - 1);
+    if (options.range.first > last) fail<ConfigError>("--ids: the folder has only ", faces.size(), " faces");
+    const InterruptGuard guard;
+    Progress progress({.title = "evaluate", .total = last - options.range.first + 1, .unit = "faces"});
+    FitOptions fitting = options.fitting;
+    if (!options.fit) fitting.steps = 0;
+    Evaluation evaluation;
+    std::vector<Tensor> tiles;
+    for (std::int64_t begin = options.range.first; begin <= last && !interrupted(); begin += options.batch) {
+        std::vector<Face> group;
+        for (std::int64_t i = begin; i <= std::min(last, begin + options.batch - 1); ++i) group.push_back(faces.load(i));
+        const TrainingBatch batch = make_batch(group);
+        const FitTarget target{batch.input, batch.targets, batch.cameras};
+        const FitResult result = fit_codes(model, target, fitting);
+        for (std::size_t i = 0; i < group.size(); ++i) {
+            const auto index = static_cast<std::int64_t>(i);
+            const FitReport report = report_fit(model, target, batch.mask, result, index);
+            evaluation.scores.push_back({group[i].id, report.initial_metrics, report.fitted_metrics});
+            if (static_cast<std::int64_t>(evaluation.scores.size()) <= options.yaw_rows) {
+                add_turning_row(tiles, model, report, result.fitted, index, model.config().reconstruction.fit_samples_per_ray);
+            }
+        }
+        const Means so_far = means(evaluation.scores);
+        std::ostringstream text;
+        text << std::fixed << std::setprecision(2) << "PSNR " << so_far.initial.psnr << " initial, " << so_far.fitted.psnr
+             << " fitted";
+        progress.update(static_cast<std::int64_t>(evaluation.scores.size()), text.str());
+    }
+    progress.finish();
+    if (!tiles.empty()) evaluation.turning_sheet = tile_images(tiles, 7);
+    return evaluation;
+}
+
+std::string table(const std::vector<FaceScore>& scores, bool fitted) {
+    const Means mean = means(scores);
+    std::ostringstream text;
+    text << scores.size() << " faces        L1  L1 (mean)     SSIM  PSNR dB\n";
+    write_row(text, "initial", mean.initial);
+    if (fitted) write_row(text, "fitted", mean.fitted);
+    return text.str();
+}
+
+JsonValue to_json(const std::vector<FaceScore>& scores, bool fitted) {
+    const auto row = [&](const ImageMetrics& initial, const ImageMetrics& after) {
+        JsonValue object = JsonValue::object({{"initial", to_json(initial)}});
+        if (fitted) object.add("fitted", to_json(after));
+        return object;
+    };
+    const Means mean = means(scores);
+    JsonValue faces = JsonValue::object();
+    for (const FaceScore& score : scores) faces.add(score.id, row(score.initial, score.fitted));
+    return JsonValue::object({{"count", scores.size()}, {"mean", row(mean.initial, mean.fitted)}, {"faces", faces}});
+}
+
+}  // namespace stymo

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/io/json_writer.h"
+#include "fit/evaluation.h"
+#include "fit/fitter.h"
+#include "train/dataset.h"
+
+namespace stymo {
+
+struct FaceRange {
+    std::int64_t first = 0;
+    std::int64_t last = -1;  ///< inclusive; -1: to the end
+};
+
+/// "700-799", "700-" or "5". Throws ConfigError for anything else.
+[[nodiscard]] FaceRange parse_range(const std::string& text);
+
+struct FaceScore {
+    std::string id;
+    ImageMetrics initial;
+    ImageMetrics fitted;  ///< equal to `initial` without fitting
+};
+
+struct EvaluationOptions {
+    FaceRange range;
+    bool fit = false;
+    FitOptions fitting;
+    std::int64_t batch = 4;     ///< faces fitted at once
+    std::int64_t yaw_rows = 0;  ///< faces of the turning sheet
+};
+
+struct Evaluation {
+    std::vector<FaceScore> scores;
+    Tensor turning_sheet;  ///< target | fitted | yaw -30, -15, 0, 15, 30 degrees; undefined unless asked for
+};
+
+/// Scores faces in order of id against the model.
+[[nodiscard]] Evaluation evaluate(const Model& model, const Dataset& faces, const EvaluationOptions& options);
+[[nodiscard]] std::string table(const std::vector<FaceScore>& scores, bool fitted);
+[[nodiscard]] JsonValue to_json(const std::vector<FaceScore>& scores, bool fitted);
+
+}  // namespace stymo
