@@ -1,7 +1,5 @@
 #include "core/kernels/matmul.h"
 
-// Threads are parallel_for's alone; Eigen's own would wait for each other in a busy loop.
-#define EIGEN_DONT_PARALLELIZE
 #include <Eigen/Core>
 #include <algorithm>
 #include <numbers>

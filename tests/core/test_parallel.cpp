@@ -3,6 +3,7 @@
 #include <mutex>
 #include <numeric>
 #include <set>
+#include <thread>
 #include <vector>
 
 #include "core/error.h"
@@ -84,4 +85,33 @@ TEST_CASE("A negative number of threads is refused, zero is one for each process
     CHECK_THROWS_AS(set_thread_count(-1), ValueError);
     set_thread_count(0);
     CHECK(thread_count() >= 1);
+}
+
+TEST_CASE("Calls from several threads at once each do all of their work", "[parallel]") {
+    const ThreadCount restored;
+    set_thread_count(2);
+    std::vector<std::vector<int>> visits(4, std::vector<int>(1000, 0));
+    std::vector<std::thread> callers;
+    for (std::vector<int>& own : visits) {
+        callers.emplace_back([&own] {
+            for (int repeat = 0; repeat < 50; ++repeat) {
+                parallel_for(1000, 7, [&own](std::int64_t begin, std::int64_t end) {
+                    for (std::int64_t i = begin; i < end; ++i) ++own[static_cast<std::size_t>(i)];
+                });
+            }
+        });
+    }
+    for (std::thread& caller : callers) caller.join();
+    for (const std::vector<int>& own : visits) CHECK(own == std::vector<int>(1000, 50));
+}
+
+TEST_CASE("The number of threads may change between calls", "[parallel]") {
+    const ThreadCount restored;
+    for (int repeat = 0; repeat < 20; ++repeat) {
+        set_thread_count(1 + repeat % 3);
+        std::atomic<std::int64_t> total{0};
+        for (int call = 0; call < 20; ++call)
+            parallel_for(100, 3, [&](std::int64_t begin, std::int64_t end) { total += end - begin; });
+        CHECK(total == 2000);
+    }
 }

@@ -38,10 +38,12 @@ while IFS= read -r file; do
     if [[ $file == *.h ]] && grep -qE "^[[:space:]]*#[[:space:]]*include[[:space:]]*[<\"]($forbidden)" "$file"; then
         violation "$file: a header includes one of $forbidden"
     fi
-    # `omp simd` makes no threads.
+    # `omp simd` makes no threads. Training and the tools may overlap reading with computing on threads of their own.
+    threads='omp\.h|#[[:space:]]*pragma[[:space:]]+omp|omp_[a-z_]+\('
+    [[ $file =~ ^(core|nn|render)/ ]] && threads+='|std::(thread|jthread|async)'
     if [[ $file != core/parallel.cpp ]] &&
-        grep -E 'omp\.h|#[[:space:]]*pragma[[:space:]]+omp|omp_[a-z_]+\(' "$file" | grep -qvE 'pragma[[:space:]]+omp[[:space:]]+simd'; then
-        violation "$file: OpenMP outside core/parallel.cpp"
+        grep -E "$threads" "$file" | grep -qvE 'pragma[[:space:]]+omp[[:space:]]+simd'; then
+        violation "$file: makes threads; that is for core/parallel.cpp"
     fi
 done < <(find core nn render train fit apps -type f \( -name '*.h' -o -name '*.cpp' \) 2>/dev/null | sort)
 

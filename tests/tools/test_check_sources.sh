@@ -11,7 +11,7 @@ fresh_tree() {
     mkdir -p "$tree"/{core/kernels,nn/layers,nn/models,render,train,fit,apps/demo}
     echo '#include "core/shape.h"' >"$tree/core/tensor.h"
     echo '#include <Eigen/Core>' >"$tree/core/kernels/matrix.h"
-    echo '#pragma omp parallel' >"$tree/core/parallel.cpp"
+    echo 'std::thread worker;' >"$tree/core/parallel.cpp"
     printf '#include "core/tensor.h"\n#include "nn/parameter_store.h"\n' >"$tree/nn/layers/linear.cpp"
     printf '#include "render/camera.h"\n#include "nn/layers/linear.h"\n' >"$tree/nn/models/decoder.h"
     printf '#include <Eigen/Core>\n#include "fit/fitter.h"\n#include "nn/models/decoder.h"\n' >"$tree/fit/fitter.cpp"
@@ -46,5 +46,6 @@ refuses 'a header includes OpenCV' core/kernels/bad.h '#include <opencv2/core.hp
 refuses 'a header includes nlohmann' nn/bad.h '#include <nlohmann/json.hpp>\n'
 refuses 'OpenMP elsewhere' render/bad.cpp '#pragma omp parallel for\n'
 refuses 'OpenMP in training' train/bad.cpp '#include <omp.h>\n'
+refuses 'threads in the library' nn/bad.cpp 'std::thread worker;\n'
 refuses 'a file that is too long' core/bad.cpp "$(printf '\\n%.0s' $(seq 601))"
 exit $failed
