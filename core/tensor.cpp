@@ -15,11 +15,15 @@ namespace {
 
 constexpr std::size_t alignment = 64;  // a cache line and the widest vector register
 
+/// Aligned by hand: glibc before 2.38 cannot give a freed aligned_alloc block to a request of the same size, so the heap would
+/// grow and every op would pay for fresh pages.
 std::shared_ptr<std::byte[]> allocate(std::size_t bytes) {
-    const std::size_t rounded = std::max(alignment, (bytes + alignment - 1) / alignment * alignment);
-    void* memory = std::aligned_alloc(alignment, rounded);
-    if (memory == nullptr) throw std::bad_alloc();
-    return {static_cast<std::byte*>(memory), [](std::byte* pointer) { std::free(pointer); }};
+    void* const block = std::malloc(bytes + alignment);
+    if (block == nullptr) throw std::bad_alloc();
+    void* aligned = block;
+    std::size_t space = bytes + alignment;
+    std::align(alignment, bytes, aligned, space);
+    return {static_cast<std::byte*>(aligned), [block](std::byte*) { std::free(block); }};
 }
 
 template <class T>

@@ -1,5 +1,8 @@
 #include "apps/common/allocator.h"
 
+// Any standard header tells whether this is the GNU library.
+#include <cstdlib>
+
 #ifdef __GLIBC__
 #include <malloc.h>
 #endif
