@@ -125,7 +125,10 @@ Tensor clamp(const Tensor& x, double low, double high) {
 Tensor within(const Tensor& x, double low, double high) {
     return map(x, [=](auto value) {
         using T = decltype(value);
-        return value >= static_cast<T>(low) && value <= static_cast<T>(high) ? T(1) : T(0);
+        // Two comparisons without a branch between them, which vectorise.
+        const T above = value >= static_cast<T>(low) ? T(1) : T(0);
+        const T below = value <= static_cast<T>(high) ? T(1) : T(0);
+        return above * below;
     });
 }
 Tensor nonzero(const Tensor& x) {
