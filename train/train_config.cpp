@@ -63,6 +63,11 @@ void check(const TrainConfig& config, const std::string& source) {
         fail<ConfigError>(source, ": stage1.micro_batch = ", config.stage1.micro_batch,
                           " does not divide stage1.batch = ", config.stage1.batch);
     }
+    // Targets begin at 64 and the rays' mask has 32 (train/batch.h).
+    if (config.model.decoder.rays.rays_per_side != 32) {
+        fail<ConfigError>(source, ": decoder.rays_per_side = ", config.model.decoder.rays.rays_per_side,
+                          "; training needs the paper's 32");
+    }
     std::size_t resolutions = 0;
     for (std::int64_t side = 64; side <= config.model.decoder.resolution; side *= 2) ++resolutions;
     if (config.model.reconstruction.resolution_weights.size() < resolutions) {

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "core/error.h"
 #include "nn/models/model.h"
 #include "render/morphable/builtin_head.h"
 #include "train/synthetic_faces.h"
@@ -49,5 +50,14 @@ TEST_CASE("the planes of demo-64.json enclose the synthetic heads") {
         }
         CHECK(nearest < rays.near_z);
         CHECK(farthest > rays.far_z);
+    }
+}
+
+TEST_CASE("what no single key can tell is refused with the file's name") {
+    for (const char* wrong : {"stage1.micro_batch=5", "reconstruction.resolution_weights=[1]", "loss.code_weights=[1,1,1]",
+                              "decoder.rays_per_side=16"}) {
+        INFO(wrong);
+        CHECK_THROWS_AS(load_train_config(configs / "paper-512.json", {wrong}), ConfigError);
+        CHECK_THROWS_WITH(load_train_config(configs / "paper-512.json", {wrong}), Catch::Contains("paper-512.json: "));
     }
 }
