@@ -63,8 +63,8 @@ void add_codes(TrainingBatch& batch, std::span<const Face> faces) {
 }  // namespace
 
 bool TrainingBatch::has_codes() const {
-    const std::span<const float> present = code_present.values<float>();
-    return std::any_of(present.begin(), present.end(), [](float value) { return value > 0.0F; });
+    const std::vector<double> present = code_present.to_vector();
+    return std::any_of(present.begin(), present.end(), [](double value) { return value > 0.0; });
 }
 
 Face mirrored(const Face& face) {

@@ -13,7 +13,8 @@ namespace stymo {
 /// The folder of one training run: config.json, log.txt, stats.jsonl, samples/, checkpoints/NNNNNN/, latest, model.safetensors.
 class RunFolder {
 public:
-    /// Creates what is missing. Throws FileError if the folder cannot be written, or if it holds a run already and `resume` is false.
+    /// Creates what is missing. Throws FileError if the folder cannot be written, or if it holds a run already and `resume` is
+    /// false.
     RunFolder(std::filesystem::path path, bool resume);
 
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
@@ -31,7 +32,8 @@ public:
     /// Drops lines of stats.jsonl that a resumed run will write again: those with a step beyond `step`.
     void forget_statistics_after(std::int64_t step) const;
     void sample(std::int64_t step, const Tensor& image) const;
-    /// Points `latest` at the checkpoint and removes older ones beyond the last `keep`.
+    /// Points `latest` at the checkpoint and removes older ones beyond the last `keep`, and unfinished ones. Checkpoints of later
+    /// steps, from before a run was resumed further back, stay until the run gets past them.
     void finish_checkpoint(std::int64_t step, std::int64_t keep) const;
 
 private:

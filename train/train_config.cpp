@@ -58,15 +58,16 @@ void describe_output(ConfigSchema& schema, OutputConfig& config) {
                    "held-out images that the best model is chosen by; 0: none is chosen");
 }
 
+constexpr std::int64_t training_rays_per_side = 32;
+
 void check(const TrainConfig& config, const std::string& source) {
     if (config.stage1.batch % config.stage1.micro_batch != 0) {
         fail<ConfigError>(source, ": stage1.micro_batch = ", config.stage1.micro_batch,
                           " does not divide stage1.batch = ", config.stage1.batch);
     }
-    // Targets begin at 64 and the rays' mask has 32 (train/batch.h).
-    if (config.model.decoder.rays.rays_per_side != 32) {
-        fail<ConfigError>(source, ": decoder.rays_per_side = ", config.model.decoder.rays.rays_per_side,
-                          "; training needs the paper's 32");
+    if (config.model.decoder.rays.rays_per_side != training_rays_per_side) {
+        fail<ConfigError>(source, ": decoder.rays_per_side = ", config.model.decoder.rays.rays_per_side, "; training needs ",
+                          training_rays_per_side, ", half the side of the smallest target");
     }
     std::size_t resolutions = 0;
     for (std::int64_t side = 64; side <= config.model.decoder.resolution; side *= 2) ++resolutions;
