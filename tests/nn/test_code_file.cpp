@@ -62,19 +62,22 @@ TEST_CASE("codes read back bit for bit and the pose to the last digits", "[code_
     }
 }
 
-TEST_CASE("poses are written in degrees", "[code_file]") {
-    CHECK(some_json()["pose"]["yaw_deg"].get<double>() == Approx(0.3 * 180.0 / std::numbers::pi));
-    const Pose pose = pose_from_degrees(90.0, -45.0, 180.0, {1.0, 2.0, 3.0});
-    CHECK(pose.yaw == Approx(std::numbers::pi / 2.0));
-    CHECK(pose.pitch == Approx(-std::numbers::pi / 4.0));
-    CHECK(pose.roll == Approx(std::numbers::pi));
-    CHECK(pose.translation == Vector3{1.0, 2.0, 3.0});
+TEST_CASE("poses are written and read in degrees", "[code_file]") {
+    const nlohmann::json json = nlohmann::json::parse(to_json(some_pose).text());
+    CHECK(json == some_json()["pose"]);
+    CHECK(json["yaw_deg"].get<double>() == Approx(0.3 * 180.0 / std::numbers::pi));
+    CHECK(json["t"] == nlohmann::json{0.5, -0.25, 5.125});
 }
 
 TEST_CASE("a pose is read from any object that has one", "[code_file]") {
     const ScratchFolder folder;
-    write_text_file(folder / "p.json", R"({"id": "7", "pose": {"yaw_deg": 10, "pitch_deg": 0, "roll_deg": 0, "t": [0, 0, 5]}})");
-    CHECK(read_pose(folder / "p.json").yaw == Approx(std::numbers::pi / 18.0));
+    write_text_file(folder / "p.json",
+                    R"({"id": "7", "pose": {"yaw_deg": 90, "pitch_deg": -45, "roll_deg": 180, "t": [1, 2, 3]}})");
+    const Pose pose = read_pose(folder / "p.json");
+    CHECK(pose.yaw == Approx(std::numbers::pi / 2.0));
+    CHECK(pose.pitch == Approx(-std::numbers::pi / 4.0));
+    CHECK(pose.roll == Approx(std::numbers::pi));
+    CHECK(pose.translation == Vector3{1.0, 2.0, 3.0});
 }
 
 TEST_CASE("a malformed code file is refused in one line with file and key", "[code_file]") {
