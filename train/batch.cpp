@@ -10,7 +10,6 @@
 namespace stymo {
 namespace {
 
-constexpr std::int64_t smallest_target = 64;
 constexpr std::int64_t ray_side = 32;
 
 std::int64_t common_side(std::span<const Face> faces) {

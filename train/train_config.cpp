@@ -63,6 +63,14 @@ void check(const TrainConfig& config, const std::string& source) {
         fail<ConfigError>(source, ": stage1.micro_batch = ", config.stage1.micro_batch,
                           " does not divide stage1.batch = ", config.stage1.batch);
     }
+    if (config.model.decoder.rays.rays_per_side != smallest_target / 2) {
+        fail<ConfigError>(source, ": decoder.rays_per_side = ", config.model.decoder.rays.rays_per_side, ": training needs ",
+                          smallest_target / 2, ", for pictures of ", smallest_target, ", ", 2 * smallest_target, ", ... pixels");
+    }
+    if (config.model.decoder.rays.near_z <= config.model.decoder.rays.far_z) {
+        fail<ConfigError>(source, ": decoder.near_z = ", config.model.decoder.rays.near_z,
+                          ": must be above decoder.far_z = ", config.model.decoder.rays.far_z);
+    }
     std::size_t resolutions = 0;
     for (std::int64_t side = 64; side <= config.model.decoder.resolution; side *= 2) ++resolutions;
     if (config.model.reconstruction.resolution_weights.size() < resolutions) {
