@@ -25,6 +25,8 @@ public:
     [[nodiscard]] std::filesystem::path best_file() const { return path_ / "best.safetensors"; }
     [[nodiscard]] std::filesystem::path checkpoint(std::int64_t step) const;
 
+    [[nodiscard]] std::filesystem::path latest_checkpoint() const { return stymo::latest_checkpoint(path_); }
+
     void write_config(std::string_view json) const;
     /// Appends a line with the time to log.txt.
     void log(std::string_view line) const;
