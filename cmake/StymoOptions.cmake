@@ -2,6 +2,7 @@ add_library(stymo_options INTERFACE)
 target_compile_options(stymo_options INTERFACE
   -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Wold-style-cast
   -fno-math-errno -fno-trapping-math
+  -fopenmp-simd  # `omp simd` alone: threads are made by core/parallel.cpp
   # False alarms of GCC 12: its own AVX-512 intrinsics, and std::string (GCC bug 105651).
   -Wno-maybe-uninitialized $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
   $<$<BOOL:${STYMO_WERROR}>:-Werror>

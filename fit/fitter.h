@@ -22,7 +22,7 @@ struct FitOptions {
     double regularizer = -1.0;
     std::int64_t samples_per_ray = 0;  ///< 0: the model's own
     /// Called after each step with the number of steps done and the loss.
-    std::function<void(std::int64_t, double)> on_step;
+    std::function<void(std::int64_t, double)> on_step = {};
 };
 
 struct FitResult {

@@ -53,9 +53,8 @@ model="$out/run/model.safetensors"
 
 # The split is by order of id and the held-out heads are its end.
 printf -v id '%05d' "$((heads - 1))"
-photo="$(find "$data" -name "$id.png" -path '*images*' -print -quit)"
 say "fitting head $id, which training has not seen"
-"$bin/stymo-fit" --model "$model" --image "$photo" --data "$data" --id "$id" --out "$out/fit"
+"$bin/stymo-fit" --model "$model" --data "$data" --id "$id" --out "$out/fit"
 
 say "rendering an orbit"
 "$bin/stymo-render" --model "$model" --codes "$out/fit/codes.json" --orbit 24 --out "$out/orbit.gif"

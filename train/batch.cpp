@@ -10,6 +10,7 @@
 namespace stymo {
 namespace {
 
+constexpr std::int64_t smallest_target = 64;
 constexpr std::int64_t ray_side = 32;
 
 std::int64_t common_side(std::span<const Face> faces) {
@@ -62,8 +63,8 @@ void add_codes(TrainingBatch& batch, std::span<const Face> faces) {
 }  // namespace
 
 bool TrainingBatch::has_codes() const {
-    const std::span<const float> present = code_present.values<float>();
-    return std::any_of(present.begin(), present.end(), [](float value) { return value > 0.0F; });
+    const std::vector<double> present = code_present.to_vector();
+    return std::any_of(present.begin(), present.end(), [](double value) { return value > 0.0; });
 }
 
 Face mirrored(const Face& face) {

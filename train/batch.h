@@ -1,7 +1,6 @@
 #pragma once
 
 #include <array>
-#include <cstdint>
 #include <span>
 #include <string>
 #include <vector>
@@ -27,9 +26,6 @@ struct Face {
 
 /// The face as a mirror shows it. Its code is gone: the codes of the mirrored face are not known.
 [[nodiscard]] Face mirrored(const Face& face);
-
-/// Side of the smallest picture that the losses look at; twice the number of rays along a side.
-constexpr std::int64_t smallest_target = 64;
 
 /// Several faces as the networks and the losses take them.
 struct TrainingBatch {

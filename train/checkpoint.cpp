@@ -3,6 +3,7 @@
 #include <charconv>
 
 #include "core/error.h"
+#include "core/io/file.h"
 
 namespace stymo {
 
@@ -48,18 +49,19 @@ void write_checkpoint(const std::filesystem::path& folder, const Model& model, c
     file.tensors[epoch_losses_name] = Tensor::from({epochs}, std::span<const double>(checkpoint.state.epoch_losses));
     std::filesystem::path unfinished = folder;
     unfinished += ".unfinished";
-    std::filesystem::remove_all(unfinished);
-    std::filesystem::create_directories(unfinished);
+    std::error_code error;
+    std::filesystem::remove_all(unfinished, error);
+    require_writable_folder(unfinished);
     model.save(unfinished / "model.safetensors");
     write_tensor_file(unfinished / "state.safetensors", file);
-    std::filesystem::remove_all(folder);
-    std::filesystem::rename(unfinished, folder);
+    std::filesystem::remove_all(folder, error);
+    std::filesystem::rename(unfinished, folder, error);
+    if (error) fail<FileError>(folder.string(), ": cannot be written (", error.message(), ")");
 }
 
 Checkpoint read_checkpoint(const std::filesystem::path& folder, Model& model) {
     const std::string model_file = (folder / "model.safetensors").string();
     const std::string source = (folder / "state.safetensors").string();
-    model.parameters().load(read_tensor_file(model_file), model_file);
     Checkpoint checkpoint{{}, read_tensor_file(source)};
     TensorFile& file = checkpoint.tensors;
     for_each_number(checkpoint.state, [&](const char* key, auto& value) { read_exact(file, source, key, value); });
@@ -69,6 +71,8 @@ Checkpoint read_checkpoint(const std::filesystem::path& folder, Model& model) {
     const auto losses = file.tensors.find(epoch_losses_name);
     if (losses == file.tensors.end()) fail<FileError>(source, ": not a training state (\"", epoch_losses_name, "\" is missing)");
     checkpoint.state.epoch_losses = losses->second.to_vector();
+    // Last, so that a state that cannot be read leaves the model as it was.
+    model.parameters().load(read_tensor_file(model_file), model_file);
     return checkpoint;
 }
 

@@ -9,17 +9,17 @@
 
 namespace stymo {
 
-/// What decides the next step beside the weights. Everything random is a pure function of seed and step, so no generator's state is
-/// needed.
+/// What decides the next step beside the weights. Everything random is a pure function of seed and step, so no generator's state
+/// is needed.
 struct TrainingState {
     std::uint64_t seed = 0;
-    std::int64_t step = 0;               ///< optimiser steps done
-    bool mask_loss = false;              ///< switched on, and stays so
-    double epoch_loss_sum = 0.0;         ///< reconstruction loss of the running epoch's steps
+    std::int64_t step = 0;        ///< optimiser steps done
+    bool mask_loss = false;       ///< switched on, and stays so
+    double epoch_loss_sum = 0.0;  ///< reconstruction loss of the running epoch's steps
     std::int64_t epoch_loss_count = 0;
-    std::vector<double> epoch_losses;    ///< means of the epochs that are over
-    std::int64_t failures = 0;           ///< steps skipped in a row
-    double best_validation = -1e300;     ///< highest validation PSNR so far
+    std::vector<double> epoch_losses;  ///< means of the epochs that are over
+    std::int64_t failures = 0;         ///< steps skipped in a row
+    double best_validation = -1e300;   ///< highest validation PSNR so far
 };
 
 struct Checkpoint {
@@ -27,9 +27,10 @@ struct Checkpoint {
     TensorFile tensors;  ///< the optimiser's moments and the averaged model, under prefixes
 };
 
-/// Writes `folder`/{model,state}.safetensors; the folder appears whole or not at all.
+/// Writes `folder`/{model,state}.safetensors; the folder appears whole or not at all. Throws FileError if it cannot be written.
 void write_checkpoint(const std::filesystem::path& folder, const Model& model, const Checkpoint& checkpoint);
-/// Reads the weights into `model` and returns the rest. Throws FileError naming what is missing or does not fit.
+/// Reads the weights into `model` and returns the rest. Throws FileError naming what is missing or does not fit, and leaves the
+/// model as it was.
 [[nodiscard]] Checkpoint read_checkpoint(const std::filesystem::path& folder, Model& model);
 
 }  // namespace stymo

@@ -9,6 +9,7 @@
 
 #include "core/error.h"
 #include "core/io/file.h"
+#include "core/io/json_writer.h"
 #include "nn/models/codes.h"
 
 namespace stymo {
@@ -128,6 +129,12 @@ Intrinsics read_intrinsics(const std::filesystem::path& path) {
     } catch (const Json::exception& error) {
         fail<FileError>(path.string(), ": not JSON: ", plain_message(error));
     }
+}
+
+void write_intrinsics(const std::filesystem::path& path, const Intrinsics& intrinsics) {
+    const JsonValue camera =
+        JsonValue::object({{"focal", intrinsics.focal}, {"cx", intrinsics.center_x}, {"cy", intrinsics.center_y}});
+    write_text_file(path, camera.text() + "\n");
 }
 
 }  // namespace stymo

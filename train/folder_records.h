@@ -25,5 +25,7 @@ struct FaceRecord {
 
 /// Reads `camera.json`: {"focal", "cx", "cy"} in units of the image side, each optional. Throws FileError as above.
 [[nodiscard]] Intrinsics read_intrinsics(const std::filesystem::path& path);
+/// Writes such a `camera.json`, whole or not at all.
+void write_intrinsics(const std::filesystem::path& path, const Intrinsics& intrinsics);
 
 }  // namespace stymo

@@ -10,6 +10,7 @@
 #include "core/io/folder_in_progress.h"
 #include "core/io/image.h"
 #include "core/parallel.h"
+#include "nn/models/code_file.h"
 #include "train/folder_scan.h"
 #include "train/pose_overlay.h"
 
@@ -117,25 +118,16 @@ JsonValue json_of(const AngleStatistics& angle) {
         {{"mean", angle.mean}, {"deviation", angle.deviation}, {"lowest", angle.lowest}, {"highest", angle.highest}});
 }
 
-JsonValue json_of(const Pose& pose) {
-    return JsonValue::object({{"yaw_deg", pose.yaw * degrees_per_radian},
-                              {"pitch_deg", pose.pitch * degrees_per_radian},
-                              {"roll_deg", pose.roll * degrees_per_radian},
-                              {"t", std::vector<double>(pose.translation.begin(), pose.translation.end())}});
-}
-
 /// `poses` is empty or has one for each id.
 void write_records(const fs::path& folder, const std::vector<std::string>& ids, const std::vector<Pose>& poses) {
     std::string lines;
     for (std::size_t i = 0; i < ids.size(); ++i) {
         JsonValue record = JsonValue::object({{"id", ids[i]}});
-        if (!poses.empty()) record.add("pose", json_of(poses[i]));
+        if (!poses.empty()) record.add("pose", to_json(poses[i]));
         lines += record.text() + "\n";
     }
     write_text_file(folder / "faces.jsonl", lines);
-    const Intrinsics camera;
-    write_text_file(folder / "camera.json",
-                    JsonValue::object({{"focal", camera.focal}, {"cx", camera.center_x}, {"cy", camera.center_y}}).text() + "\n");
+    write_intrinsics(folder / "camera.json", Intrinsics{});
 }
 
 void write_overlays(const fs::path& folder, const std::vector<std::string>& ids, const std::vector<Pose>& poses,

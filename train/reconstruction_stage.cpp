@@ -35,7 +35,7 @@ Variable code_norm(const Codes& codes) {
 }  // namespace
 
 LossAndGradients reconstruction_gradients(const Model& model, const TrainingBatch& batch, const TrainConfig& config,
-                                          const std::vector<Parameter>& parameters, bool mask_loss, Rng jitter) {
+                                          const std::vector<Parameter>& parameters, bool mask_loss, Rng& jitter) {
     const LossConfig& weights = config.loss;
     const ReconstructionConfig& reconstruction = config.model.reconstruction;
     const Codes codes = model.encoder()(Variable(batch.input));

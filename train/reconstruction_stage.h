@@ -27,8 +27,9 @@ struct LossAndGradients {
 };
 
 /// Forward and backward pass of the first stage on one micro-batch: encoder, decoder with stratified samples, loss.
-/// `mask_loss` says whether the mask term is on yet. The loss is a mean over the images of the batch.
+/// `mask_loss` says whether the mask term is on yet. The loss is a mean over the images of the batch. `jitter` moves on by as
+/// much for each image, so that several micro-batches in a row draw what one batch of all their images would.
 [[nodiscard]] LossAndGradients reconstruction_gradients(const Model& model, const TrainingBatch& batch, const TrainConfig& config,
-                                                        const std::vector<Parameter>& parameters, bool mask_loss, Rng jitter);
+                                                        const std::vector<Parameter>& parameters, bool mask_loss, Rng& jitter);
 
 }  // namespace stymo

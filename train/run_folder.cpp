@@ -6,7 +6,9 @@
 #include <ctime>
 #include <fstream>
 #include <iomanip>
+#include <optional>
 #include <sstream>
+#include <utility>
 #include <vector>
 
 #include "core/error.h"
@@ -43,6 +45,15 @@ std::int64_t step_of(std::string_view line) {
     constexpr std::string_view start = "{\"step\":";
     std::int64_t step = -1;
     if (line.starts_with(start)) std::from_chars(line.data() + start.size(), line.data() + line.size(), step);
+    return step;
+}
+
+/// The step that a checkpoint's folder is named by, or nothing for another name.
+std::optional<std::int64_t> checkpoint_step(const std::filesystem::path& folder) {
+    const std::string name = folder.filename().string();
+    std::int64_t step = 0;
+    const auto end = std::from_chars(name.data(), name.data() + name.size(), step);
+    if (end.ec != std::errc{} || end.ptr != name.data() + name.size()) return std::nullopt;
     return step;
 }
 
@@ -89,7 +100,8 @@ void RunFolder::forget_statistics_after(std::int64_t step) const {
     std::istringstream lines(read_text_file(file));
     std::string kept;
     for (std::string line; std::getline(lines, line);) {
-        if (step_of(line) <= step) kept += line + '\n';
+        // A crash may have cut the last line off.
+        if (line.ends_with('}') && step_of(line) <= step) kept += line + '\n';
     }
     write_text_file(file, kept);
 }
@@ -100,19 +112,19 @@ void RunFolder::sample(std::int64_t step, const Tensor& image) const {
 
 void RunFolder::finish_checkpoint(std::int64_t step, std::int64_t keep) const {
     write_text_file(path_ / "latest", numbered(step) + "\n");
-    std::vector<std::filesystem::path> folders;
-    for (const auto& entry : std::filesystem::directory_iterator(path_ / "checkpoints")) folders.push_back(entry.path());
-    // Numbers may outgrow six digits, so a longer name is a later one.
-    std::ranges::sort(folders, [](const auto& a, const auto& b) {
-        const std::string x = a.filename().string();
-        const std::string y = b.filename().string();
-        return x.size() != y.size() ? x.size() < y.size() : x < y;
-    });
-    const auto surplus = static_cast<std::int64_t>(folders.size()) - keep;
-    for (std::int64_t i = 0; i < surplus; ++i) {
-        if (folders[static_cast<std::size_t>(i)] != checkpoint(step))
-            std::filesystem::remove_all(folders[static_cast<std::size_t>(i)]);
+    std::vector<std::pair<std::int64_t, std::filesystem::path>> older;
+    for (const auto& entry : std::filesystem::directory_iterator(path_ / "checkpoints")) {
+        const std::optional<std::int64_t> number = checkpoint_step(entry.path());
+        if (!number) {
+            // A checkpoint that a process did not live to finish.
+            if (entry.path().extension() == ".unfinished") std::filesystem::remove_all(entry.path());
+        } else if (*number < step) {
+            older.emplace_back(*number, entry.path());
+        }
     }
+    std::ranges::sort(older);
+    const auto surplus = static_cast<std::int64_t>(older.size()) + 1 - keep;
+    for (std::int64_t i = 0; i < surplus; ++i) std::filesystem::remove_all(older[static_cast<std::size_t>(i)].second);
 }
 
 }  // namespace stymo

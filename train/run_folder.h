@@ -24,7 +24,6 @@ public:
     [[nodiscard]] std::filesystem::path model_file() const { return path_ / "model.safetensors"; }
     [[nodiscard]] std::filesystem::path best_file() const { return path_ / "best.safetensors"; }
     [[nodiscard]] std::filesystem::path checkpoint(std::int64_t step) const;
-
     [[nodiscard]] std::filesystem::path latest_checkpoint() const { return stymo::latest_checkpoint(path_); }
 
     void write_config(std::string_view json) const;
@@ -35,7 +34,8 @@ public:
     /// Drops lines of stats.jsonl that a resumed run will write again: those with a step beyond `step`.
     void forget_statistics_after(std::int64_t step) const;
     void sample(std::int64_t step, const Tensor& image) const;
-    /// Points `latest` at the checkpoint and removes older ones beyond the last `keep`.
+    /// Points `latest` at the checkpoint and removes older ones beyond the last `keep`, and unfinished ones. Checkpoints of later
+    /// steps, from before a run was resumed further back, stay until the run gets past them.
     void finish_checkpoint(std::int64_t step, std::int64_t keep) const;
 
 private:

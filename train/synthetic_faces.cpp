@@ -13,8 +13,10 @@
 #include "core/io/image.h"
 #include "core/io/json_writer.h"
 #include "core/parallel.h"
+#include "nn/models/code_file.h"
 #include "render/rasterizer.h"
 #include "render/spherical_harmonics.h"
+#include "train/folder_records.h"
 
 namespace stymo {
 
@@ -96,13 +98,9 @@ constexpr double degree = std::numbers::pi / 180.0;
 [[nodiscard]] std::string face_record(const std::string& id, const SyntheticFace& face, const SyntheticImage& image) {
     std::vector<std::vector<double>> landmarks;
     for (const auto& [x, y] : image.landmarks) landmarks.push_back({x, y});
-    const std::vector<double> translation(face.pose.translation.begin(), face.pose.translation.end());
     const JsonValue record = JsonValue::object(
         {{"id", id},
-         {"pose", JsonValue::object({{"yaw_deg", face.pose.yaw / degree},
-                                     {"pitch_deg", face.pose.pitch / degree},
-                                     {"roll_deg", face.pose.roll / degree},
-                                     {"t", translation}})},
+         {"pose", to_json(face.pose)},
          {"code",
           JsonValue::object({{"id", face.identity}, {"expr", face.expression}, {"tex", face.texture}, {"light", face.light}})},
          {"landmarks", landmarks}});
@@ -171,9 +169,7 @@ void write_synthetic_faces(const MorphableHead& head, const SyntheticFaceSetting
     FolderInProgress output(folder);
     require_writable_folder(output.path() / "images");
     require_writable_folder(output.path() / "masks");
-    const JsonValue camera = JsonValue::object(
-        {{"focal", settings.intrinsics.focal}, {"cx", settings.intrinsics.center_x}, {"cy", settings.intrinsics.center_y}});
-    write_text_file(output.path() / "camera.json", camera.text() + "\n");
+    write_intrinsics(output.path() / "camera.json", settings.intrinsics);
 
     std::vector<std::string> records(static_cast<std::size_t>(settings.count));
     constexpr std::int64_t faces_between_reports = 16;

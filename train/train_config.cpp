@@ -58,14 +58,16 @@ void describe_output(ConfigSchema& schema, OutputConfig& config) {
                    "held-out images that the best model is chosen by; 0: none is chosen");
 }
 
+constexpr std::int64_t training_rays_per_side = 32;
+
 void check(const TrainConfig& config, const std::string& source) {
     if (config.stage1.batch % config.stage1.micro_batch != 0) {
         fail<ConfigError>(source, ": stage1.micro_batch = ", config.stage1.micro_batch,
                           " does not divide stage1.batch = ", config.stage1.batch);
     }
-    if (config.model.decoder.rays.rays_per_side != smallest_target / 2) {
-        fail<ConfigError>(source, ": decoder.rays_per_side = ", config.model.decoder.rays.rays_per_side, ": training needs ",
-                          smallest_target / 2, ", for pictures of ", smallest_target, ", ", 2 * smallest_target, ", ... pixels");
+    if (config.model.decoder.rays.rays_per_side != training_rays_per_side) {
+        fail<ConfigError>(source, ": decoder.rays_per_side = ", config.model.decoder.rays.rays_per_side, "; training needs ",
+                          training_rays_per_side, ", half the side of the smallest target");
     }
     if (config.model.decoder.rays.near_z <= config.model.decoder.rays.far_z) {
         fail<ConfigError>(source, ": decoder.near_z = ", config.model.decoder.rays.near_z,

@@ -60,7 +60,7 @@ struct TrainConfig {
 void describe(ConfigSchema& schema, TrainConfig& config);
 
 /// Reads a file with its parents, then the overrides "a.b=value", then checks what no single key can: that weights are given for
-/// each resolution and the micro-batch divides the batch. Throws ConfigError.
+/// each resolution and code, that the micro-batch divides the batch, and that the rays suit the targets. Throws ConfigError.
 [[nodiscard]] TrainConfig load_train_config(const std::filesystem::path& path, const std::vector<std::string>& overrides);
 /// Every key with its value, as `config.json` in the run folder holds it.
 [[nodiscard]] std::string to_json(const TrainConfig& config);

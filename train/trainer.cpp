@@ -128,11 +128,10 @@ LossTerms Trainer::step() {
     const double part = 1.0 / static_cast<double>(micro_batches);
     LossTerms losses;
     std::vector<Variable> gradients;
+    Rng jitter = rng_.split("jitter").split(static_cast<std::uint64_t>(state_.step));
     for (std::int64_t micro = 0; micro < micro_batches; ++micro) {
-        const std::int64_t number = state_.step * micro_batches + micro;
-        const TrainingBatch batch = batch_at(number * config_.stage1.micro_batch);
-        const LossAndGradients result = reconstruction_gradients(model_, batch, config_, parameters, state_.mask_loss,
-                                                                 rng_.split("jitter").split(static_cast<std::uint64_t>(number)));
+        const TrainingBatch batch = batch_at(state_.step * config_.stage1.batch + micro * config_.stage1.micro_batch);
+        const LossAndGradients result = reconstruction_gradients(model_, batch, config_, parameters, state_.mask_loss, jitter);
         losses.accumulate(result.losses, part);
         for (std::size_t i = 0; i < result.gradients.size(); ++i) {
             const Variable share = result.gradients[i] * part;

@@ -6,7 +6,6 @@
 
 #include "core/error.h"
 #include "core/io/file.h"
-#include "core/io/json_writer.h"
 
 namespace stymo {
 
@@ -44,14 +43,6 @@ JsonValue row(const Tensor& values, std::int64_t index) {
                                 all.begin() + static_cast<std::ptrdiff_t>(size) * (index + 1))};
 }
 
-}  // namespace
-
-Pose pose_from_degrees(double yaw, double pitch, double roll, const Vector3& translation) {
-    return {yaw / degrees_per_radian, pitch / degrees_per_radian, roll / degrees_per_radian, translation};
-}
-
-namespace {
-
 Json parsed(const std::filesystem::path& path) {
     Json json = Json::parse(read_text_file(path), nullptr, false);
     if (json.is_discarded()) fail<FileError>(path.string(), ": not JSON");
@@ -61,8 +52,8 @@ Json parsed(const std::filesystem::path& path) {
 Pose pose_of(const Json& json, const std::string& source) {
     const Json& pose = member(json, "pose", source);
     const std::vector<double> t = numbers(member(pose, "t", source), 3, "t", source);
-    const auto angle = [&](const char* key) { return number(member(pose, key, source), key, source); };
-    return pose_from_degrees(angle("yaw_deg"), angle("pitch_deg"), angle("roll_deg"), {t[0], t[1], t[2]});
+    const auto angle = [&](const char* key) { return number(member(pose, key, source), key, source) / degrees_per_radian; };
+    return {angle("yaw_deg"), angle("pitch_deg"), angle("roll_deg"), {t[0], t[1], t[2]}};
 }
 
 }  // namespace
@@ -90,11 +81,14 @@ void write_code_file(const std::filesystem::path& path, const Codes& codes, std:
     JsonValue code = JsonValue::object();
     for (std::size_t group = 0; group < code_names.size(); ++group)
         code.add(code_names[group], row(codes.groups[group].value(), index));
-    const JsonValue pose_json = JsonValue::object({{"yaw_deg", pose.yaw * degrees_per_radian},
-                                                   {"pitch_deg", pose.pitch * degrees_per_radian},
-                                                   {"roll_deg", pose.roll * degrees_per_radian},
-                                                   {"t", std::vector<double>(pose.translation.begin(), pose.translation.end())}});
-    write_text_file(path, JsonValue::object({{"code", code}, {"pose", pose_json}}).text() + "\n");
+    write_text_file(path, JsonValue::object({{"code", code}, {"pose", to_json(pose)}}).text() + "\n");
+}
+
+JsonValue to_json(const Pose& pose) {
+    return JsonValue::object({{"yaw_deg", pose.yaw * degrees_per_radian},
+                              {"pitch_deg", pose.pitch * degrees_per_radian},
+                              {"roll_deg", pose.roll * degrees_per_radian},
+                              {"t", std::vector<double>(pose.translation.begin(), pose.translation.end())}});
 }
 
 }  // namespace stymo

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 
+#include "core/io/json_writer.h"
 #include "nn/models/codes.h"
 #include "render/camera.h"
 
@@ -20,7 +21,7 @@ struct CodeFile {
 [[nodiscard]] Pose read_pose(const std::filesystem::path& path);
 /// Row `index` of the codes. Whole or not at all.
 void write_code_file(const std::filesystem::path& path, const Codes& codes, std::int64_t index, const Pose& pose);
-/// A pose as faces.jsonl and codes.json write it, angles in degrees.
-[[nodiscard]] Pose pose_from_degrees(double yaw, double pitch, double roll, const Vector3& translation);
+/// The "pose" of codes.json and faces.jsonl.
+[[nodiscard]] JsonValue to_json(const Pose& pose);
 
 }  // namespace stymo

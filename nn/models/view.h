@@ -18,7 +18,7 @@ struct View {
     Tensor depth;    ///< (R, R, 1) expected Euclidean distance from the camera of each ray, undefined unless asked for
 };
 
-/// Renders row `index` of codes in Z. Rays that hit nothing have the depth of the far plane.
+/// Renders row `index` of codes in Z. Rays that hit nothing have the depth of the farthest sample of all.
 [[nodiscard]] View render_view(const Model& model, const Codes& codes, std::int64_t index, const Camera& camera,
                                const ViewOptions& options);
 

@@ -1,6 +1,7 @@
 #include "nn/optim/adam.h"
 
 #include <cmath>
+#include <ranges>
 #include <utility>
 
 #include "core/error.h"
@@ -77,16 +78,18 @@ void Adam::save(TensorFile& file, const std::string& prefix) const {
 }
 
 void Adam::load(const TensorFile& file, const std::string& source, const std::string& prefix) {
-    constexpr std::string_view ending = ".steps";
     std::map<std::string, Moments, std::less<>> loaded;
-    for (const auto& [entry, steps] : file.tensors) {
-        if (!entry.starts_with(prefix) || !entry.ends_with(ending)) continue;
-        const std::string name = entry.substr(prefix.size(), entry.size() - prefix.size() - ending.size());
+    for (const std::string& entry : std::views::keys(file.tensors)) {
+        if (!entry.starts_with(prefix)) continue;
+        const std::string name = entry.substr(prefix.size(), entry.rfind('.') - prefix.size());
+        if (loaded.contains(name)) continue;
         const auto first = file.tensors.find(prefix + name + ".first");
         const auto second = file.tensors.find(prefix + name + ".second");
-        if (first == file.tensors.end() || second == file.tensors.end() || steps.size() != 1)
+        const auto steps = file.tensors.find(prefix + name + ".steps");
+        const auto end = file.tensors.end();
+        if (first == end || second == end || steps == end || steps->second.size() != 1)
             fail<FileError>(source, ": the state of the optimizer for ", name, " is incomplete");
-        loaded[name] = {first->second, second->second, static_cast<std::int64_t>(steps.item())};
+        loaded[name] = {first->second, second->second, static_cast<std::int64_t>(steps->second.item())};
     }
     moments_ = std::move(loaded);
 }

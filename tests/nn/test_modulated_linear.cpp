@@ -70,7 +70,7 @@ TEST_CASE("both paths of the modulated layer agree with its definition written a
         for (const DType dtype : {DType::float32, DType::float64}) {
             const Case given(activation, dtype);
             const Tensor expected = to_tensor(by_loops(given, activation)).to(dtype);
-            const double tolerance = dtype == DType::float32 ? 2e-6 : 1e-12;
+            const double tolerance = dtype == DType::float32 ? 1e-6 : 1e-12;
             const CloseReport fast = check_close(given.layer(given.x, given.style).value(), expected, tolerance);
             const CloseReport slow = check_close(given.layer.reference(given.x, given.style).value(), expected, tolerance);
             CHECK((fast.passed ? "" : fast.message) == std::string());

@@ -1,0 +1,69 @@
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "core/rng.h"
+#include "fit/evaluation.h"
+
+using namespace stymo;
+
+namespace {
+
+constexpr std::int64_t side = 16;
+
+/// 1 on the left half.
+Tensor left_half() {
+    Tensor mask({side, side, 1});
+    const std::span<float> values = mask.mutable_values<float>();
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] = i % side < side / 2 ? 1.0F : 0.0F;
+    return mask;
+}
+
+}  // namespace
+
+TEST_CASE("what differs outside the mask does not count", "[evaluation]") {
+    Rng rng(1);
+    const Tensor picture = rng.uniform({side, side, 3}, 0.0, 1.0);
+    Tensor other = picture;
+    const std::span<float> values = other.mutable_values<float>();
+    for (std::size_t i = 0; i < values.size(); ++i)
+        if (i / 3 % side >= side / 2) values[i] = 1.0F - values[i];
+    const ImageMetrics metrics = measure(picture, other, left_half());
+    CHECK(metrics.l1 == 0.0);
+    CHECK(metrics.l1_mean == 0.0);
+    CHECK(metrics.ssim == Approx(1.0));
+    CHECK(metrics.psnr == std::numeric_limits<double>::infinity());
+}
+
+TEST_CASE("metrics of the head are averaged over the whole frame", "[evaluation]") {
+    const Tensor target = Tensor::full({side, side, 3}, 0.25);
+    const Tensor picture = Tensor::full({side, side, 3}, 0.75);
+    const ImageMetrics metrics = measure(picture, target, left_half());
+    // Half of the pixels differ, by one half in each of three channels.
+    CHECK(metrics.l1_mean == Approx(0.25));
+    CHECK(metrics.l1 == Approx(0.75));
+    CHECK(metrics.psnr == Approx(-10.0 * std::log10(0.125)));
+    CHECK(metrics.ssim < 0.9);
+}
+
+TEST_CASE("a soft mask weighs picture and target alike", "[evaluation]") {
+    const ImageMetrics metrics =
+        measure(Tensor::full({side, side, 3}, 0.75), Tensor::full({side, side, 3}, 0.25), Tensor::full({side, side, 1}, 0.5));
+    CHECK(metrics.l1_mean == Approx(0.25));
+}
+
+TEST_CASE("scores of several pictures are averaged one by one", "[evaluation]") {
+    const ImageMetrics average = mean({{0.1, 0.2, 0.3, 20.0}, {0.3, 0.4, 0.5, 30.0}});
+    CHECK(average.l1 == Approx(0.2));
+    CHECK(average.l1_mean == Approx(0.3));
+    CHECK(average.ssim == Approx(0.4));
+    CHECK(average.psnr == Approx(25.0));
+    CHECK(mean({}).l1 == 0.0);
+}
+
+TEST_CASE("scores are written with a null for an infinite one", "[evaluation]") {
+    const nlohmann::json json =
+        nlohmann::json::parse(to_json(ImageMetrics{0.5, 0.25, 0.75, std::numeric_limits<double>::infinity()}).text());
+    CHECK(json == nlohmann::json{{"l1", 0.5}, {"l1_mean", 0.25}, {"ssim", 0.75}, {"psnr", nullptr}});
+}

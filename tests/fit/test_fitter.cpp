@@ -1,0 +1,148 @@
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "core/ops/ops.h"
+#include "fit/fitter.h"
+#include "nn/models/view.h"
+#include "support/check_close.h"
+#include "support/error_message.h"
+#include "support/tiny_model.h"
+
+using namespace stymo;
+using namespace stymo::test;
+
+namespace {
+
+constexpr std::int64_t samples = 4;
+
+Model frozen_model() {
+    Model model = tiny_model(1);
+    model.parameters().convert(DType::float64);
+    model.parameters().set_trainable("", false);
+    return model;
+}
+
+/// What the model itself makes of known codes: a fit can reach a loss of zero. The encoder sees noise.
+FitTarget target_of(const Model& model, const Codes& codes) {
+    FitTarget target;
+    Rng rng(4);
+    target.input = rng.uniform({codes.batch(), 16, 16, 3}, -1.0, 1.0, DType::float64);
+    for (std::int64_t i = 0; i < codes.batch(); ++i)
+        target.cameras.push_back(model_camera(model, 0.2 * static_cast<double>(i) - 0.1, 0.05, 0.0));
+    for (const Variable& image : model.decoder()(codes, target.cameras, {.samples_per_ray = samples}).images)
+        target.targets.push_back(image.value());
+    return target;
+}
+
+FitTarget row(const FitTarget& target, std::int64_t index) {
+    const auto part = [&](const Tensor& tensor) { return slice(Variable(tensor), 0, index, index + 1).value(); };
+    FitTarget result{part(target.input), {}, {target.cameras[static_cast<std::size_t>(index)]}};
+    for (const Tensor& image : target.targets) result.targets.push_back(part(image));
+    return result;
+}
+
+double offset_length(const FitResult& result) {
+    double total = 0.0;
+    for (std::size_t group = 0; group < code_names.size(); ++group)
+        total += sum(square(result.fitted.groups[group] - result.initial.groups[group])).value().item();
+    return std::sqrt(total);
+}
+
+}  // namespace
+
+TEST_CASE("fitting finds codes that give the pictures of known codes", "[fitter]") {
+    const Model model = frozen_model();
+    const FitTarget target = target_of(model, random_codes(1, 7, 1.0, DType::float64));
+    std::int64_t calls = 0;
+    const FitOptions options{
+        .steps = 150, .learning_rate = 0.03, .decay = 0.98, .regularizer = 0.0, .on_step = [&](std::int64_t step, double) {
+            CHECK(step == ++calls);
+        }};
+    const FitResult result = fit_codes(model, target, options);
+    REQUIRE(result.losses.size() == 150);
+    CHECK(calls == 150);
+    CHECK(result.losses.back() < 0.1 * result.losses.front());
+    // Each twentieth is better than the one before, whatever single steps do.
+    for (std::size_t i = 20; i < 100; i += 20) {
+        const auto mean = [&](std::size_t first) {
+            double total = 0.0;
+            for (std::size_t k = first; k < first + 20; ++k) total += result.losses[k];
+            return total / 20.0;
+        };
+        CHECK(mean(i) < mean(i - 20));
+    }
+    const Decoded decoded = model.decoder()(result.fitted, target.cameras, {.samples_per_ray = samples});
+    CHECK(mean(abs(decoded.images.back() - Variable(target.targets.back()))).value().item() < 0.1 * result.losses.front());
+}
+
+TEST_CASE("faces fitted together come out as each alone", "[fitter]") {
+    const Model model = frozen_model();
+    const FitTarget target = target_of(model, random_codes(3, 8, 1.0, DType::float64));
+    const FitOptions options{.steps = 15, .learning_rate = 0.03, .regularizer = 1e-3};
+    const FitResult together = fit_codes(model, target, options);
+    double loss = 0.0;
+    for (std::int64_t i = 0; i < 3; ++i) {
+        const FitResult alone = fit_codes(model, row(target, i), options);
+        loss += alone.losses.back() / 3.0;
+        for (std::size_t group = 0; group < code_names.size(); ++group) {
+            const CloseReport report =
+                check_close(slice(together.fitted.groups[group], 0, i, i + 1).value(), alone.fitted.groups[group].value(), 1e-5);
+            INFO(report.message);
+            CHECK(report.passed);
+        }
+    }
+    CHECK(together.losses.back() == Approx(loss).epsilon(1e-8));
+}
+
+TEST_CASE("the regularizer holds the offsets near zero, the more the bigger it is", "[fitter]") {
+    const Model model = frozen_model();
+    const FitTarget target = target_of(model, random_codes(1, 9, 1.0, DType::float64));
+    std::vector<double> lengths;
+    for (const double regularizer : {0.0, 1e-3, 1e-1}) {
+        lengths.push_back(offset_length(
+            fit_codes(model, target, {.steps = 60, .learning_rate = 0.03, .decay = 0.97, .regularizer = regularizer})));
+    }
+    CHECK(lengths[1] < 0.9 * lengths[0]);
+    CHECK(lengths[2] < 0.5 * lengths[1]);
+    // The model's own weight is the paper's 1.
+    const FitOptions own{.steps = 5};
+    FitOptions one = own;
+    one.regularizer = 1.0;
+    CHECK(fit_codes(model, target, own).losses == fit_codes(model, target, one).losses);
+}
+
+TEST_CASE("no steps leave the encoder's codes", "[fitter]") {
+    const Model model = frozen_model();
+    const FitTarget target = target_of(model, random_codes(2, 10, 1.0, DType::float64));
+    const FitResult result = fit_codes(model, target, {.steps = 0});
+    const Codes encoded = model.encoder()(Variable(target.input));
+    CHECK(result.losses.empty());
+    for (std::size_t group = 0; group < code_names.size(); ++group) {
+        CHECK(identical(result.initial.groups[group].value(), encoded.groups[group].value()));
+        CHECK(identical(result.fitted.groups[group].value(), encoded.groups[group].value()));
+        CHECK_FALSE(result.fitted.groups[group].tracked());
+    }
+}
+
+TEST_CASE("targets that do not suit the model are refused, and so is what is not a number", "[fitter]") {
+    const Model model = frozen_model();
+    const FitTarget target = target_of(model, random_codes(1, 11, 1.0, DType::float64));
+    const auto refused = [&](const FitTarget& bad) {
+        return is_one_line(error_message<ShapeError>([&] { static_cast<void>(fit_codes(model, bad, {.steps = 1})); }));
+    };
+    FitTarget bad = target;
+    bad.targets.clear();
+    CHECK(refused(bad));
+    bad = target;
+    bad.targets[0] = Tensor::zeros({1, 8, 8, 3}, DType::float64);
+    CHECK(refused(bad));
+    bad = target;
+    bad.cameras.push_back(bad.cameras.front());
+    CHECK(refused(bad));
+
+    bad = target;
+    bad.targets[0].mutable_values<double>()[5] = std::nan("");
+    const std::string message = error_message<NumericError>([&] { static_cast<void>(fit_codes(model, bad, {.steps = 3})); });
+    CHECK_THAT(message, Catch::Contains("step 0") && Catch::Contains("not finite"));
+}

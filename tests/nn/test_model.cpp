@@ -1,0 +1,104 @@
+#include <catch2/catch.hpp>
+
+#include "core/io/file.h"
+#include "core/io/scratch_folder.h"
+#include "core/io/tensor_file.h"
+#include "nn/models/view.h"
+#include "support/check_close.h"
+#include "support/error_message.h"
+#include "support/tiny_model.h"
+
+using namespace stymo;
+using namespace stymo::test;
+
+namespace {
+
+std::string refusal(const std::filesystem::path& path) {
+    std::string message = error_message<FileError>([&] { static_cast<void>(Model::load(path)); });
+    CHECK(is_one_line(message));
+    CHECK_THAT(message, Catch::Contains(path.string()));
+    return message;
+}
+
+}  // namespace
+
+TEST_CASE("a model that was saved and loaded encodes and renders to the same bits", "[model]") {
+    const ScratchFolder folder;
+    const Model model = tiny_model(3);
+    model.save(folder / "model.safetensors");
+    const Model loaded = Model::load(folder / "model.safetensors");
+    CHECK(to_json(loaded.config()) == to_json(model.config()));
+    CHECK(loaded.parameters().trainable().empty());
+
+    Rng rng(1);
+    const Variable image(rng.uniform({1, 64, 64, 3}, -1.0, 1.0));
+    const Codes codes = model.encoder()(image);
+    const Codes loaded_codes = loaded.encoder()(image);
+    for (std::size_t group = 0; group < code_names.size(); ++group) {
+        CHECK(identical(codes.groups[group].value(), loaded_codes.groups[group].value()));
+        CHECK_FALSE(loaded_codes.groups[group].tracked());
+    }
+    const ViewOptions options{.samples_per_ray = 4, .mask = true, .depth = true};
+    const Camera camera = model_camera(model, 0.3, 0.0, 0.0);
+    const View view = render_view(model, codes, 0, camera, options);
+    const View loaded_view = render_view(loaded, loaded_codes, 0, model_camera(loaded, 0.3, 0.0, 0.0), options);
+    CHECK(identical(view.picture, loaded_view.picture));
+    CHECK(identical(view.mask, loaded_view.mask));
+    CHECK(identical(view.depth, loaded_view.depth));
+
+    loaded.save(folder / "again.safetensors");
+    CHECK(read_text_file(folder / "again.safetensors") == read_text_file(folder / "model.safetensors"));
+}
+
+TEST_CASE("a model loads though the weights its backbone came from are gone", "[model]") {
+    const ScratchFolder folder;
+    tiny_model(3).save(folder / "model.safetensors");
+    TensorFile file = read_tensor_file(folder / "model.safetensors");
+    std::string& config = file.metadata["config"];
+    const std::string empty = "\"backbone_weights\": \"\"";
+    REQUIRE(config.find(empty) != std::string::npos);
+    config.replace(config.find(empty), empty.size(), "\"backbone_weights\": \"/nowhere/weights.safetensors\"");
+    write_tensor_file(folder / "model.safetensors", file);
+    CHECK_NOTHROW(Model::load(folder / "model.safetensors"));
+}
+
+TEST_CASE("what is not a model is refused in one line that names the file", "[model]") {
+    const ScratchFolder folder;
+    CHECK_THAT(refusal(folder / "missing.safetensors"), Catch::Contains("cannot be read"));
+    write_text_file(folder / "text.safetensors", "not a model at all");
+    static_cast<void>(refusal(folder / "text.safetensors"));
+
+    tiny_model(3).save(folder / "model.safetensors");
+    const TensorFile good = read_tensor_file(folder / "model.safetensors");
+    const auto refused = [&](const TensorFile& file) {
+        write_tensor_file(folder / "bad.safetensors", file);
+        return refusal(folder / "bad.safetensors");
+    };
+    TensorFile foreign;
+    foreign.tensors["weight"] = Tensor::zeros({3});
+    CHECK_THAT(refused(foreign), Catch::Contains("not a model of stymo"));
+    for (const char* key : {"format", "config"}) {
+        TensorFile file = good;
+        file.metadata.erase(key);
+        CHECK_THAT(refused(file), Catch::Contains("not a model of stymo"));
+    }
+    TensorFile older = good;
+    older.metadata["format"] = "stymo-model-0";
+    CHECK_THAT(refused(older), Catch::Contains("stymo-model-1"));
+    TensorFile incomplete = good;
+    incomplete.tensors.erase("decoder.field.density.weight");
+    CHECK_THAT(refused(incomplete), Catch::Contains("has no tensor decoder.field.density.weight"));
+    TensorFile other_shape = good;
+    other_shape.tensors["decoder.field.density.weight"] = Tensor::zeros({5, 7});
+    CHECK_THAT(refused(other_shape), Catch::Contains("(5, 7)"));
+
+    std::filesystem::resize_file(folder / "model.safetensors", std::filesystem::file_size(folder / "model.safetensors") / 2);
+    static_cast<void>(refusal(folder / "model.safetensors"));
+}
+
+TEST_CASE("a model is written whole or not at all", "[model]") {
+    const ScratchFolder folder;
+    write_text_file(folder / "file", "");
+    CHECK(is_one_line(error_message<FileError>([&] { tiny_model().save(folder / "file" / "model.safetensors"); })));
+    CHECK(folder.file_count() == 1);
+}

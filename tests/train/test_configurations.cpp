@@ -1,0 +1,63 @@
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <filesystem>
+
+#include "core/error.h"
+#include "nn/models/model.h"
+#include "render/morphable/builtin_head.h"
+#include "train/synthetic_faces.h"
+#include "train/train_config.h"
+
+using namespace stymo;
+
+namespace {
+
+const std::filesystem::path configs = std::filesystem::path(STYMO_SOURCE_DIR) / "configs";
+
+}  // namespace
+
+TEST_CASE("every file of configs/ is a valid configuration of a model that can be built") {
+    for (const auto& entry : std::filesystem::directory_iterator(configs)) {
+        if (entry.path().extension() != ".json") continue;
+        INFO(entry.path());
+        ModelConfig model = load_train_config(entry.path(), {}).model;
+        model.encoder.backbone_weights.clear();
+        Rng rng(0);
+        CHECK(Model(model, rng).parameters().element_count() > 0);
+    }
+}
+
+TEST_CASE("paper-512.json says the same as the defaults") {
+    CHECK(to_json(load_train_config(configs / "paper-512.json", {})) == to_json(TrainConfig{}));
+}
+
+TEST_CASE("the planes of demo-64.json enclose the synthetic heads") {
+    const RaySampling rays = load_train_config(configs / "demo-64.json", {}).model.decoder.rays;
+    const MorphableHead head = builtin_head();
+    const Rng rng(1);
+    for (std::uint64_t index = 0; index < 20; ++index) {
+        const SyntheticFace face = sample_synthetic_face(head, rng.split(index));
+        const Camera camera = camera_from_pose(face.pose, Intrinsics{});
+        const double distance = std::hypot(camera.center[0], camera.center[1], camera.center[2]);
+        const std::vector<double> points = head_vertices(head, face.identity, face.expression).to_vector();
+        double nearest = -1e9;
+        double farthest = 1e9;
+        for (std::size_t k = 0; k < points.size(); k += 3) {
+            const double towards_camera = distance - project(camera, {points[k], points[k + 1], points[k + 2]})[2];
+            nearest = std::max(nearest, towards_camera);
+            farthest = std::min(farthest, towards_camera);
+        }
+        CHECK(nearest < rays.near_z);
+        CHECK(farthest > rays.far_z);
+    }
+}
+
+TEST_CASE("what no single key can tell is refused with the file's name") {
+    for (const char* wrong : {"stage1.micro_batch=5", "reconstruction.resolution_weights=[1]", "loss.code_weights=[1,1,1]",
+                              "decoder.rays_per_side=16"}) {
+        INFO(wrong);
+        CHECK_THROWS_AS(load_train_config(configs / "paper-512.json", {wrong}), ConfigError);
+        CHECK_THROWS_WITH(load_train_config(configs / "paper-512.json", {wrong}), Catch::Contains("paper-512.json: "));
+    }
+}

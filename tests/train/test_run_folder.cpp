@@ -1,0 +1,110 @@
+#include <catch2/catch.hpp>
+#include <set>
+
+#include "core/io/file.h"
+#include "core/io/scratch_folder.h"
+#include "support/error_message.h"
+#include "train/run_folder.h"
+
+using namespace stymo;
+using namespace stymo::test;
+namespace fs = std::filesystem;
+
+namespace {
+
+/// As if training had written a checkpoint at this step.
+void finish(const RunFolder& run, std::int64_t step, std::int64_t keep) {
+    fs::create_directories(run.checkpoint(step));
+    write_text_file(run.checkpoint(step) / "model.safetensors", "weights");
+    run.finish_checkpoint(step, keep);
+}
+
+std::set<std::string> checkpoints(const RunFolder& run) {
+    std::set<std::string> names;
+    for (const auto& entry : fs::directory_iterator(run.path() / "checkpoints")) names.insert(entry.path().filename().string());
+    return names;
+}
+
+}  // namespace
+
+TEST_CASE("a folder that holds a run is only opened to resume it", "[run_folder]") {
+    const ScratchFolder folder;
+    const fs::path path = folder / "run";
+    {
+        const RunFolder run(path, false);
+        CHECK_THAT(error_message<FileError>([&] { static_cast<void>(run.latest_checkpoint()); }),
+                   Catch::Contains(path.string()) && Catch::Contains("no checkpoint"));
+        finish(run, 5, 3);
+    }
+    const std::string message = error_message<FileError>([&] { const RunFolder again(path, false); });
+    CHECK(is_one_line(message));
+    CHECK_THAT(message, Catch::Contains(path.string()) && Catch::Contains("--resume latest"));
+    const RunFolder resumed(path, true);
+    CHECK(resumed.latest_checkpoint() == resumed.checkpoint(5));
+}
+
+TEST_CASE("only the last checkpoints are kept, numbers of any length in order", "[run_folder]") {
+    const ScratchFolder folder;
+    const RunFolder run(folder / "run", false);
+    for (const std::int64_t step : {9, 10, 999999, 1000000, 10000000}) finish(run, step, 3);
+    CHECK(checkpoints(run) == std::set<std::string>{"999999", "1000000", "10000000"});
+    CHECK(run.latest_checkpoint() == run.path() / "checkpoints/10000000");
+    finish(run, 10000001, 1);
+    CHECK(checkpoints(run) == std::set<std::string>{"10000001"});
+}
+
+TEST_CASE("an unfinished checkpoint is swept away and takes nobody's place", "[run_folder]") {
+    const ScratchFolder folder;
+    const RunFolder run(folder / "run", false);
+    finish(run, 1, 2);
+    fs::create_directories(run.path() / "checkpoints/000002.unfinished");
+    finish(run, 3, 2);
+    CHECK(checkpoints(run) == std::set<std::string>{"000001", "000003"});
+}
+
+TEST_CASE("a run resumed further back keeps its own checkpoints", "[run_folder]") {
+    const ScratchFolder folder;
+    const RunFolder run(folder / "run", false);
+    for (const std::int64_t step : {10, 20, 30}) finish(run, step, 3);
+    finish(run, 15, 3);
+    CHECK(run.latest_checkpoint() == run.checkpoint(15));
+    CHECK(checkpoints(run).count("000010") == 1);
+    CHECK(checkpoints(run).count("000015") == 1);
+    for (const std::int64_t step : {25, 35, 45, 55}) finish(run, step, 3);
+    CHECK(checkpoints(run) == std::set<std::string>{"000035", "000045", "000055"});
+}
+
+TEST_CASE("statistics beyond the step that a run resumes from are dropped", "[run_folder]") {
+    const ScratchFolder folder;
+    const RunFolder run(folder / "run", false);
+    run.forget_statistics_after(0);
+    CHECK_FALSE(fs::exists(run.path() / "stats.jsonl"));
+    std::string kept;
+    for (const std::int64_t step : {5, 10, 15, 100}) {
+        const JsonValue line = JsonValue::object({{"step", step}, {"loss", 0.5}});
+        run.statistics(line);
+        if (step <= 10) kept += line.text() + "\n";
+    }
+    run.forget_statistics_after(10);
+    CHECK(read_text_file(run.path() / "stats.jsonl") == kept);
+}
+
+TEST_CASE("a line of statistics that was cut off by a crash goes too", "[run_folder]") {
+    const ScratchFolder folder;
+    const RunFolder run(folder / "run", false);
+    write_text_file(run.path() / "stats.jsonl", "{\"step\":5,\"loss\":1}\n{\"step\":10,\"lo");
+    run.forget_statistics_after(10);
+    CHECK(read_text_file(run.path() / "stats.jsonl") == "{\"step\":5,\"loss\":1}\n");
+}
+
+TEST_CASE("a run folder that cannot be written is refused before anything is", "[run_folder]") {
+    const ScratchFolder folder;
+    write_text_file(folder / "file", "kept");
+    for (const bool resume : {false, true}) {
+        const std::string message = error_message<FileError>([&] { const RunFolder run(folder / "file" / "run", resume); });
+        CHECK(is_one_line(message));
+        CHECK_THAT(message, Catch::Contains((folder / "file").string()));
+    }
+    CHECK(folder.file_count() == 1);
+    CHECK(read_text_file(folder / "file") == "kept");
+}

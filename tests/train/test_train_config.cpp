@@ -1,0 +1,113 @@
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <iostream>
+
+#include "core/io/file.h"
+#include "core/io/scratch_folder.h"
+#include "support/error_message.h"
+#include "train/train_config.h"
+
+using namespace stymo;
+using namespace stymo::test;
+namespace fs = std::filesystem;
+
+namespace {
+
+const fs::path configurations = fs::path(STYMO_SOURCE_DIR) / "configs";
+
+std::vector<fs::path> configuration_files() {
+    std::vector<fs::path> files;
+    for (const auto& entry : fs::directory_iterator(configurations))
+        if (entry.path().extension() == ".json") files.push_back(entry.path());
+    std::ranges::sort(files);
+    return files;
+}
+
+std::string refusal(const std::vector<std::string>& overrides) {
+    const ScratchFolder folder;
+    write_text_file(folder / "config.json", "{}");
+    std::string message =
+        error_message<ConfigError>([&] { static_cast<void>(load_train_config(folder / "config.json", overrides)); });
+    CHECK(is_one_line(message));
+    return message;
+}
+
+}  // namespace
+
+TEST_CASE("every configuration that comes with the project is accepted and describes a model that can be made",
+          "[train_config]") {
+    REQUIRE_FALSE(configuration_files().empty());
+    for (const fs::path& file : configuration_files()) {
+        INFO(file.string());
+        const TrainConfig config = load_train_config(file, {});
+        CHECK(config.stage1.steps > 0);
+        ModelConfig model = config.model;
+        model.encoder.backbone_weights.clear();
+        Rng rng(1);
+        CHECK(Model(model, rng).parameters().element_count() > 0);
+    }
+}
+
+TEST_CASE("the configuration of the paper has the paper's numbers", "[train_config]") {
+    const fs::path file = configurations / "paper-512.json";
+    if (!fs::exists(file)) {
+        std::cout << "skipped: no " << file.filename().string() << '\n';
+        return;
+    }
+    const TrainConfig config = load_train_config(file, {});
+    CHECK(config.model.decoder.resolution == 512);
+    CHECK(config.model.decoder.rays.rays_per_side == 32);
+    CHECK(config.model.decoder.feature_channels == 256);
+    CHECK(config.model.reconstruction.resolution_weights == std::vector<double>{0.01, 0.1, 0.5, 1.0});
+    CHECK(config.model.reconstruction.photometric_weight == 1.0);
+    CHECK(config.model.reconstruction.fit_samples_per_ray == 64);
+    CHECK(config.model.reconstruction.fit_regularizer == 1.0);
+    CHECK(config.data.test == 1000);
+    CHECK(config.data.validation == 1000);
+    CHECK(config.loss.code_weights == std::vector<double>{0.001, 0.1, 0.001, 0.01});
+    CHECK(config.loss.mask_weight == 0.01);
+    CHECK(config.loss.opacity_weight == 0.0);
+    CHECK(config.loss.depth_variance_weight == 0.0);
+    CHECK(config.optimizer.learning_rate == 1e-4);
+    CHECK(config.optimizer.schedule == "epoch");
+    CHECK(config.optimizer.decay == 0.98);
+    CHECK(config.optimizer.backbone_frozen_epochs == 1);
+    CHECK(config.stage1.batch == 32);
+    CHECK(config.stage1.samples_per_ray == 32);
+}
+
+TEST_CASE("values that do not fit each other are refused in one line that names them", "[train_config]") {
+    CHECK_THAT(refusal({"stage1.batch=8", "stage1.micro_batch=3"}), Catch::Contains("config.json") &&
+                                                                        Catch::Contains("stage1.micro_batch = 3") &&
+                                                                        Catch::Contains("stage1.batch = 8"));
+    CHECK_THAT(refusal({"stage1.batch=4", "stage1.micro_batch=8"}), Catch::Contains("stage1.micro_batch = 8"));
+    CHECK_THAT(refusal({"reconstruction.resolution_weights=[1, 1]"}),
+               Catch::Contains("reconstruction.resolution_weights has 2") && Catch::Contains("512 pixels needs 4"));
+    CHECK_THAT(refusal({"loss.code_weights=[1, 1, 1]"}), Catch::Contains("loss.code_weights has 3"));
+    CHECK_THAT(refusal({"decoder.rays_per_side=16"}), Catch::Contains("decoder.rays_per_side = 16") && Catch::Contains("32"));
+}
+
+TEST_CASE("an unknown key, a wrong type and a value out of range are refused", "[train_config]") {
+    CHECK_THAT(refusal({"optimizer.learning_rat=1"}), Catch::Contains("optimizer.learning_rate"));
+    CHECK_THAT(refusal({"stage1.steps=many"}), Catch::Contains("stage1.steps"));
+    CHECK_THAT(refusal({"stage1.batch=0"}), Catch::Contains("stage1.batch"));
+    CHECK_THAT(refusal({"optimizer.schedule=linear"}), Catch::Contains("optimizer.schedule") && Catch::Contains("cosine"));
+}
+
+TEST_CASE("what is written of a configuration reads back to the same", "[train_config]") {
+    const ScratchFolder folder;
+    for (const fs::path& file : configuration_files()) {
+        const std::string text = to_json(load_train_config(file, {"optimizer.learning_rate=0.1234567890123"}));
+        write_text_file(folder / "config.json", text);
+        CHECK(to_json(load_train_config(folder / "config.json", {})) == text);
+    }
+}
+
+TEST_CASE("the table of keys has a line for every key of a written configuration", "[train_config]") {
+    const std::string table = configuration_table();
+    for (const char* key :
+         {"decoder.resolution", "encoder.backbone", "camera.focal", "reconstruction.fit_regularizer", "data.split.test",
+          "loss.mask_weight", "optimizer.schedule", "stage1.micro_batch", "output.keep_last"})
+        CHECK_THAT(table, Catch::Contains(key));
+}

@@ -1,0 +1,343 @@
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <sstream>
+#include <thread>
+
+#include "core/interrupt.h"
+#include "core/io/file.h"
+#include "support/check_close.h"
+#include "support/error_message.h"
+#include "support/thread_count.h"
+#include "train/tiny_training.h"
+#include "train/trainer.h"
+
+using namespace stymo;
+using namespace stymo::test;
+namespace fs = std::filesystem;
+
+namespace {
+
+const Dataset& faces() {
+    static const Dataset dataset = synthetic_dataset();
+    return dataset;
+}
+
+/// Trains in `folder` until `steps` are done, from the checkpoint of `resume_from` if that is not negative.
+TrainingOutcome train(TrainConfig config, const fs::path& folder, std::int64_t steps, std::int64_t resume_from = -1,
+                      const Dataset* validation = nullptr) {
+    config.stage1.steps = steps;
+    const RunFolder run(folder, resume_from >= 0);
+    Trainer trainer(config, faces(), validation, 5);
+    if (resume_from >= 0) trainer.resume(run.checkpoint(resume_from));
+    return trainer.run(run, {});
+}
+
+/// The lines of stats.jsonl without the speed, which no two runs share.
+std::vector<nlohmann::json> statistics(const fs::path& folder) {
+    std::istringstream lines(read_text_file(folder / "stats.jsonl"));
+    std::vector<nlohmann::json> result;
+    for (std::string line; std::getline(lines, line);) {
+        result.push_back(nlohmann::json::parse(line));
+        result.back().erase("images_per_second");
+    }
+    return result;
+}
+
+/// Weights, averaged weights, moments and state are all in these files, to the last bit.
+void check_same_run(const fs::path& a, const fs::path& b, const std::string& checkpoint) {
+    const fs::path folder = fs::path("checkpoints") / checkpoint;
+    for (const fs::path& file : {folder / "model.safetensors", folder / "state.safetensors", fs::path("model.safetensors")}) {
+        INFO(file.string());
+        CHECK(read_text_file(a / file) == read_text_file(b / file));
+    }
+    CHECK(statistics(a) == statistics(b));
+}
+
+std::vector<Tensor> values_of(const Model& model) {
+    std::vector<Tensor> values;
+    for (const Parameter& parameter : model.parameters().all()) values.push_back(parameter.variable().value());
+    return values;
+}
+
+bool all_identical(const std::vector<Tensor>& a, const std::vector<Tensor>& b) {
+    return std::ranges::equal(a, b, identical);
+}
+
+Parameter parameter_named(const Model& model, const std::string& name) {
+    const auto& all = model.parameters().all();
+    const auto found = std::ranges::find(all, name, &Parameter::name);
+    REQUIRE(found != all.end());
+    return *found;
+}
+
+/// A mobilefacenet with random weights in the file format of the published ones.
+void write_backbone_weights(const fs::path& path) {
+    std::vector<std::string> names;
+    const auto add = [&](const std::string& convolution, const std::string& norm) {
+        names.push_back(convolution + ".weight");
+        for (const char* part : {".weight", ".bias", ".running_mean", ".running_var"}) names.push_back(norm + part);
+    };
+    add("conv1.0", "conv1.1");
+    add("dw_conv.depthwise", "dw_conv.bn1");
+    add("dw_conv.pointwise", "dw_conv.bn2");
+    for (int block = 0; block < 15; ++block) {
+        const std::string prefix = "features." + std::to_string(block) + ".conv.";
+        add(prefix + "0.0", prefix + "0.1");
+        add(prefix + "1.0", prefix + "1.1");
+        add(prefix + "2", prefix + "3");
+    }
+    add("conv2.0", "conv2.1");
+    add("gdconv.depthwise", "gdconv.bn");
+    for (const char* name : {"conv3.weight", "conv3.bias", "bn.weight", "bn.bias", "bn.running_mean", "bn.running_var"})
+        names.emplace_back(name);
+
+    ParameterStore store;
+    Rng rng(3);
+    const auto backbone = make_backbone("mobilefacenet", store, "backbone.", rng);
+    REQUIRE(store.all().size() == names.size());
+    TensorFile file;
+    for (std::size_t i = 0; i < names.size(); ++i) {
+        Tensor value = store.all()[i].variable().value();
+        if (value.rank() == 4) {
+            const Shape shape{value.shape(0), value.shape(3), value.shape(1), value.shape(2)};
+            value = rng.normal(shape, 0.0, std::sqrt(2.0 / static_cast<double>(shape[1] * shape[2] * shape[3])));
+        }
+        file.tensors[names[i]] = value;
+    }
+    write_tensor_file(path, file);
+}
+
+}  // namespace
+
+TEST_CASE("a run that stops and resumes gives the same bits as one that does not", "[trainer]") {
+    const ScratchFolder folder;
+    TrainConfig config = tiny_train_config();
+    config.loss.mask_start_epoch = 2;  // after step 4
+    static_cast<void>(train(config, folder / "whole", 6));
+    for (const std::int64_t stop : {1, 3, 4}) {
+        const fs::path run = folder / std::to_string(stop);
+        CHECK(train(config, run, stop).finished);
+        const TrainingOutcome outcome = train(config, run, 6, stop);
+        CHECK(outcome.steps == 6);
+        CHECK(outcome.finished);
+        INFO("stopped after step " << stop);
+        check_same_run(folder / "whole", run, "000006");
+    }
+    const std::vector<nlohmann::json> lines = statistics(folder / "whole");
+    REQUIRE(lines.size() == 6);
+    for (std::size_t step = 1; step <= 6; ++step) CHECK((lines[step - 1]["mask"].get<double>() > 0.0) == (step > 4));
+}
+
+TEST_CASE("resuming is exact across the epoch in which the backbone thaws and the mask loss sets in", "[trainer]") {
+    const ScratchFolder folder;
+    TrainConfig config = tiny_train_config();
+    write_backbone_weights(folder / "backbone.safetensors");
+    config.model.encoder.backbone = "mobilefacenet";
+    config.model.encoder.backbone_weights = (folder / "backbone.safetensors").string();
+    config.optimizer.backbone_frozen_epochs = 1;
+    config.loss.mask_start_epoch = 1;  // both after step 2
+    static_cast<void>(train(config, folder / "whole", 3));
+    static_cast<void>(train(config, folder / "parts", 1));
+    static_cast<void>(train(config, folder / "parts", 2, 1));
+
+    const std::string backbone = "adam.encoder.backbone.embed.conv.weight.first";
+    const fs::path checkpoints = folder / "parts/checkpoints";
+    CHECK(read_tensor_file(checkpoints / "000002/state.safetensors").tensors.count(backbone) == 0);
+    static_cast<void>(train(config, folder / "parts", 3, 2));
+    CHECK(read_tensor_file(checkpoints / "000003/state.safetensors").tensors.count(backbone) == 1);
+    check_same_run(folder / "whole", folder / "parts", "000003");
+    CHECK(statistics(folder / "parts").back()["mask"].get<double>() > 0.0);
+
+    const TensorFile frozen = read_tensor_file(checkpoints / "000001/model.safetensors");
+    const TensorFile still_frozen = read_tensor_file(checkpoints / "000002/model.safetensors");
+    const TensorFile thawed = read_tensor_file(checkpoints / "000003/model.safetensors");
+    const std::string weight = "encoder.backbone.embed.conv.weight";
+    CHECK(identical(frozen.tensors.at(weight), still_frozen.tensors.at(weight)));
+    CHECK_FALSE(identical(frozen.tensors.at(weight), thawed.tensors.at(weight)));
+}
+
+TEST_CASE("the first losses of a run are those written down here", "[trainer]") {
+    Trainer trainer(tiny_train_config(), faces(), nullptr, 5);
+    const std::vector<double> expected{7.375521183, 1.306274116, 8.4707150459};
+    for (const double total : expected) CHECK(trainer.step().total == Approx(total).epsilon(1e-4));
+}
+
+TEST_CASE("how many images are computed at once does not change a step", "[trainer]") {
+    TrainConfig config = tiny_train_config();
+    config.stage1.steps = 1;
+    config.stage1.batch = 4;
+    config.loss.mask_start_epoch = 0;
+    std::vector<LossTerms> losses;
+    std::vector<std::vector<Tensor>> moments;
+    for (const std::int64_t micro_batch : {1, 2, 4}) {
+        config.stage1.micro_batch = micro_batch;
+        const ScratchFolder folder;
+        Trainer trainer(config, faces(), nullptr, 5);
+        losses.push_back(trainer.step());
+        static_cast<void>(trainer.run(RunFolder(folder.path(), false), {}));
+        // Adam's first step depends on the sign of a gradient alone; its first moment is a tenth of the gradient itself.
+        const TensorFile state = read_tensor_file(folder / "checkpoints/000001/state.safetensors");
+        moments.emplace_back();
+        for (const auto& [name, tensor] : state.tensors)
+            if (name.starts_with("adam.") && name.ends_with(".first")) moments.back().push_back(tensor);
+    }
+    for (std::size_t run = 1; run < 3; ++run) {
+        CHECK(losses[run].total == Approx(losses[0].total).epsilon(1e-5));
+        REQUIRE(moments[run].size() == moments[0].size());
+        for (std::size_t i = 0; i < moments[0].size(); ++i) {
+            const CloseReport report = check_close(moments[run][i], moments[0][i], 1e-5);
+            INFO(report.message);
+            CHECK(report.passed);
+        }
+    }
+}
+
+TEST_CASE("one and two threads train to the same bits", "[trainer]") {
+    const ThreadCount before;
+    std::vector<std::vector<Tensor>> values;
+    for (const int threads : {1, 2}) {
+        set_thread_count(threads);
+        Trainer trainer(tiny_train_config(), faces(), nullptr, 5);
+        for (int step = 0; step < 3; ++step) static_cast<void>(trainer.step());
+        values.push_back(values_of(trainer.model()));
+    }
+    CHECK(all_identical(values[0], values[1]));
+}
+
+TEST_CASE("steps without a finite gradient change nothing, and too many of them in a row end the run by name", "[trainer]") {
+    Trainer trainer(tiny_train_config(), faces(), nullptr, 5);
+    static_cast<void>(trainer.step());
+    const Parameter parameter = parameter_named(trainer.model(), "decoder.field.density.weight");
+    const Tensor healthy = parameter.variable().value();
+    const Tensor broken = Tensor::full(healthy.shape(), std::numeric_limits<double>::quiet_NaN());
+
+    parameter.set_value(broken);
+    const std::vector<Tensor> before = values_of(trainer.model());
+    for (const std::int64_t failures : {1, 2}) {
+        static_cast<void>(trainer.step());
+        CHECK(trainer.state().failures == failures);
+    }
+    CHECK(trainer.state().step == 3);
+    CHECK(all_identical(values_of(trainer.model()), before));
+
+    parameter.set_value(healthy);
+    CHECK(std::isfinite(trainer.step().total));
+    CHECK(trainer.state().failures == 0);
+
+    parameter.set_value(broken);
+    for (int step = 0; step < 2; ++step) static_cast<void>(trainer.step());
+    const std::string message = error_message<NumericError>([&] { static_cast<void>(trainer.step()); });
+    CHECK(is_one_line(message));
+    CHECK_THAT(message, Catch::Contains("step 6") && Catch::Contains("encoder.backbone.conv0.weight") &&
+                            Catch::Contains("3 steps in a row") && Catch::Contains("optimizer.learning_rate"));
+}
+
+TEST_CASE("the learning rate falls by its schedule", "[trainer]") {
+    const ScratchFolder folder;
+    TrainConfig config = tiny_train_config();
+    config.optimizer.decay = 0.5;
+    static_cast<void>(train(config, folder / "epoch", 5));
+    config.optimizer.schedule = "cosine";
+    static_cast<void>(train(config, folder / "cosine", 5));
+    const std::vector<nlohmann::json> epoch = statistics(folder / "epoch");
+    const std::vector<nlohmann::json> cosine = statistics(folder / "cosine");
+    REQUIRE(epoch.size() == 5);
+    REQUIRE(cosine.size() == 5);
+    // Four faces and batches of two: an epoch is over after steps 2 and 4.
+    const std::vector<double> factors{1.0, 0.5, 0.5, 0.25, 0.25};
+    for (std::size_t i = 0; i < 5; ++i) {
+        CHECK(epoch[i]["learning_rate"].get<double>() == Approx(1e-3 * factors[i]));
+        const double angle = std::numbers::pi * static_cast<double>(i + 1) / 5.0;
+        CHECK(cosine[i]["learning_rate"].get<double>() == Approx(0.5e-3 * (1.0 + std::cos(angle))).margin(1e-15));
+    }
+}
+
+TEST_CASE("a factor of zero keeps the backbone where it is", "[trainer]") {
+    TrainConfig config = tiny_train_config();
+    config.optimizer.backbone_factor = 0.0;
+    Trainer trainer(config, faces(), nullptr, 5);
+    const std::vector<Tensor> before = values_of(trainer.model());
+    static_cast<void>(trainer.step());
+    const std::vector<Parameter>& parameters = trainer.model().parameters().all();
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+        // The mask's branch takes no part before its loss does.
+        if (parameters[i].name().starts_with("decoder.mask.")) continue;
+        INFO(parameters[i].name());
+        CHECK(identical(before[i], parameters[i].variable().value()) == parameters[i].name().starts_with("encoder.backbone."));
+    }
+}
+
+TEST_CASE("a run that is told to stop leaves a checkpoint to go on from", "[trainer]") {
+    const ScratchFolder folder;
+    const fs::path run = folder / "run";
+    {
+        const InterruptGuard own;  // should the signal come before or after the run's guard
+        const std::jthread sender([&](const std::stop_token& stop) {
+            while (!fs::exists(run / "stats.jsonl") && !stop.stop_requested())
+                std::this_thread::sleep_for(std::chrono::milliseconds(5));
+            ::kill(::getpid(), SIGTERM);
+        });
+        const TrainingOutcome outcome = train(tiny_train_config(), run, 100000);
+        CHECK_FALSE(outcome.finished);
+        REQUIRE(outcome.steps > 0);
+        REQUIRE(outcome.steps < 100000);
+        CHECK(RunFolder(run, true).latest_checkpoint() == RunFolder(run, true).checkpoint(outcome.steps));
+        CHECK(train(tiny_train_config(), run, outcome.steps + 1, outcome.steps).finished);
+    }
+    const InterruptGuard forget;
+}
+
+TEST_CASE("a run keeps the model that scores best and samples of what it sees", "[trainer]") {
+    const ScratchFolder folder;
+    TrainConfig config = tiny_train_config();
+    config.output.sample_steps = 2;
+    const Dataset validation = synthetic_dataset();
+    static_cast<void>(train(config, folder / "run", 2, -1, &validation));
+    CHECK(fs::exists(folder / "run/samples/000002.png"));
+    const Model best = Model::load(folder / "run/best.safetensors");
+    const Model averaged = Model::load(folder / "run/model.safetensors");
+    CHECK(all_identical(values_of(best), values_of(averaged)));
+    const TensorFile raw = read_tensor_file(folder / "run/checkpoints/000002/model.safetensors");
+    CHECK_FALSE(identical(parameter_named(averaged, "decoder.field.density.weight").variable().value(),
+                          raw.tensors.at("decoder.field.density.weight")));
+}
+
+TEST_CASE("a checkpoint of another seed or another model is refused in one line", "[trainer]") {
+    const ScratchFolder folder;
+    static_cast<void>(train(tiny_train_config(), folder / "run", 1));
+    const fs::path checkpoint = folder / "run/checkpoints/000001";
+
+    Trainer other_seed(tiny_train_config(), faces(), nullptr, 6);
+    const std::string seeds = error_message<FileError>([&] { other_seed.resume(checkpoint); });
+    CHECK(is_one_line(seeds));
+    CHECK_THAT(seeds, Catch::Contains("--seed 5"));
+
+    TrainConfig wider = tiny_train_config();
+    wider.model.decoder.field_width = 9;
+    Trainer other_model(wider, faces(), nullptr, 5);
+    const std::string shapes = error_message<FileError>([&] { other_model.resume(checkpoint); });
+    CHECK(is_one_line(shapes));
+    CHECK_THAT(shapes, Catch::Contains("model.safetensors") && Catch::Contains("decoder.field."));
+
+    TrainConfig averaging = tiny_train_config();
+    averaging.stage1.average_half_life = 0.0;
+    static_cast<void>(train(averaging, folder / "plain", 1));
+    Trainer averaged(tiny_train_config(), faces(), nullptr, 5);
+    const std::string average = error_message<FileError>([&] { averaged.resume(folder / "plain/checkpoints/000001"); });
+    CHECK(is_one_line(average));
+    CHECK_THAT(average, Catch::Contains("average."));
+
+    TensorFile state = read_tensor_file(checkpoint / "state.safetensors");
+    state.tensors.erase("adam.decoder.field.density.weight.steps");
+    write_tensor_file(checkpoint / "state.safetensors", state);
+    Trainer same(tiny_train_config(), faces(), nullptr, 5);
+    const std::string moments = error_message<FileError>([&] { same.resume(checkpoint); });
+    CHECK(is_one_line(moments));
+    CHECK_THAT(moments, Catch::Contains("state.safetensors") && Catch::Contains("decoder.field.density.weight is incomplete"));
+}
