@@ -209,7 +209,16 @@ Face Dataset::load(std::int64_t index) const {
     if (index < 0 || index >= size()) fail<ValueError>("face ", index, " of a data set of ", size());
     for (std::int64_t step = 0; step < size(); ++step)
         if (std::optional<Face> face = implementation_->try_load((index + step) % size())) return std::move(*face);
-    fail<FileError>("none of the ", size(), " pictures of the data set can be read");
+    const BrokenFile one = summary().broken.front();
+    fail<FileError>("none of the ", size(), " pictures of the data set can be read; the first: ", one.file, ": ", one.reason);
+}
+
+Face Dataset::load_exactly(std::int64_t index) const {
+    if (index < 0 || index >= size()) fail<ValueError>("face ", index, " of a data set of ", size());
+    if (std::optional<Face> face = implementation_->try_load(index)) return std::move(*face);
+    const std::lock_guard lock(implementation_->broken_mutex);
+    const BrokenFile& broken = implementation_->broken.at(index);
+    fail<FileError>(broken.file, ": ", broken.reason);
 }
 
 std::vector<Face> Dataset::load(std::span<const std::int64_t> indices) const {

@@ -58,7 +58,9 @@ public:
     /// Safe from several threads. A broken file that was not found at the start (a set too large for the cache) is noted in the
     /// summary, and the next readable face stands in for it. Throws ValueError for an index outside the set.
     [[nodiscard]] Face load(std::int64_t index) const;
-    /// The same for several, on all threads, in the order of `indices`.
+    /// The same, but throws FileError with the name of a broken file instead of giving another face.
+    [[nodiscard]] Face load_exactly(std::int64_t index) const;
+    /// `load` for several, on all threads, in the order of `indices`.
     [[nodiscard]] std::vector<Face> load(std::span<const std::int64_t> indices) const;
     [[nodiscard]] DatasetSummary summary() const;
 

@@ -20,25 +20,49 @@ double peak_megabytes() {
 
 }  // namespace
 
-std::string plan_text(Trainer& trainer, const TrainConfig& config, const Dataset& training) {
+TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config, const Dataset& training) {
     const ParameterStore& parameters = trainer.model().parameters();
-    const std::int64_t encoder = parameters.element_count("encoder.");
-    const std::int64_t decoder = parameters.element_count("decoder.");
     const auto start = std::chrono::steady_clock::now();
     const LossTerms losses = trainer.step();
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    const auto steps = static_cast<double>(config.stage1.steps);
+    const double images_in_all = static_cast<double>(config.stage1.steps) * static_cast<double>(config.stage1.batch);
+    return {parameters.element_count("encoder."),
+            parameters.element_count("decoder."),
+            training.size(),
+            config.model.decoder.resolution,
+            config.stage1,
+            images_in_all / static_cast<double>(training.size()),
+            seconds,
+            losses.total,
+            peak_megabytes()};
+}
+
+std::string plan_text(const TrainingPlan& plan) {
     std::ostringstream text;
     text << std::fixed << std::setprecision(2);
-    text << "parameters    encoder " << encoder << ", decoder " << decoder << '\n'
-         << "images        " << training.size() << " for training, " << config.model.decoder.resolution << " pixels a side\n"
-         << "stage 1       " << config.stage1.steps << " steps of " << config.stage1.batch << " images ("
-         << config.stage1.micro_batch << " at once), " << config.stage1.samples_per_ray << " samples per ray, "
-         << steps * static_cast<double>(config.stage1.batch) / static_cast<double>(training.size()) << " epochs\n"
-         << "one step      " << seconds << " s, loss " << losses.total << '\n'
-         << "all steps     " << duration_text(seconds * steps) << '\n'
-         << "peak memory   " << peak_megabytes() << " MiB\n";
+    text << "parameters    encoder " << plan.encoder_parameters << ", decoder " << plan.decoder_parameters << '\n'
+         << "images        " << plan.images << " for training, " << plan.side << " pixels a side\n"
+         << "stage 1       " << plan.stage.steps << " steps of " << plan.stage.batch << " images (" << plan.stage.micro_batch
+         << " at once), " << plan.stage.samples_per_ray << " samples per ray, " << plan.epochs << " epochs\n"
+         << "one step      " << plan.step_seconds << " s, loss " << plan.step_loss << '\n'
+         << "all steps     " << duration_text(plan.step_seconds * static_cast<double>(plan.stage.steps)) << '\n'
+         << "peak memory   " << plan.peak_megabytes << " MiB\n";
     return text.str();
+}
+
+JsonValue to_json(const TrainingPlan& plan) {
+    return JsonValue::object({{"encoder_parameters", plan.encoder_parameters},
+                              {"decoder_parameters", plan.decoder_parameters},
+                              {"images", plan.images},
+                              {"side", plan.side},
+                              {"steps", plan.stage.steps},
+                              {"batch", plan.stage.batch},
+                              {"micro_batch", plan.stage.micro_batch},
+                              {"samples_per_ray", plan.stage.samples_per_ray},
+                              {"epochs", plan.epochs},
+                              {"step_seconds", plan.step_seconds},
+                              {"step_loss", plan.step_loss},
+                              {"peak_megabytes", plan.peak_megabytes}});
 }
 
 std::string outcome_text(const TrainingOutcome& outcome, const RunFolder& folder) {

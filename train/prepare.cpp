@@ -1,15 +1,13 @@
 #include "train/prepare.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <system_error>
 
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/file.h"
+#include "core/io/folder_in_progress.h"
 #include "core/io/image.h"
 #include "core/parallel.h"
 #include "nn/models/code_file.h"
@@ -24,35 +22,10 @@ namespace fs = std::filesystem;
 constexpr double degrees_per_radian = 180.0 / std::numbers::pi;
 constexpr std::int64_t photos_between_reports = 32;
 
-/// A folder beside the one to be written that takes its place once it is complete, and goes away otherwise.
-class FolderInProgress {
-public:
-    explicit FolderInProgress(const fs::path& folder) : target_((folder / "").parent_path()) {
-        if (fs::exists(target_) && (!fs::is_directory(target_) || !fs::is_empty(target_)))
-            fail<FileError>(target_.string(), ": exists already; choose another folder or remove it");
-        const fs::path parent = target_.parent_path();
-        require_writable_folder(parent.empty() ? fs::path(".") : parent);
-        path_ = parent / ("." + target_.filename().string() + "." + std::to_string(::getpid()) + ".part");
-        require_writable_folder(path_);
-    }
-    ~FolderInProgress() {
-        std::error_code ignored;
-        fs::remove_all(path_, ignored);
-    }
-    FolderInProgress(const FolderInProgress&) = delete;
-    FolderInProgress& operator=(const FolderInProgress&) = delete;
-
-    [[nodiscard]] const fs::path& path() const { return path_; }
-    void finish() {
-        std::error_code error;
-        fs::rename(path_, target_, error);
-        if (error) fail<FileError>(target_.string(), ": cannot be written (", error.message(), ")");
-    }
-
-private:
-    fs::path target_;
-    fs::path path_;
-};
+void require_new_folder(const fs::path& folder) {
+    if (fs::exists(folder) && (!fs::is_directory(folder) || !fs::is_empty(folder)))
+        fail<FileError>(folder.string(), ": exists already; choose another folder or remove it");
+}
 
 /// What became of one photo.
 struct Prepared {
@@ -218,6 +191,7 @@ std::vector<Pose> poses_from_rotations(const std::vector<Matrix3>& rotations, co
 PrepareReport prepare_aligned_photos(const fs::path& photos, const fs::path& folder, const PrepareSettings& settings,
                                      PoseNetwork* network, const std::function<void(std::int64_t, std::int64_t)>& progress) {
     const FolderScan scan = scan_folder(photos);
+    require_new_folder(folder);
     FolderInProgress output(folder);
     require_writable_folder(output.path() / "images");
     require_writable_folder(output.path() / "masks");

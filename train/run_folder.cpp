@@ -59,6 +59,15 @@ std::optional<std::int64_t> checkpoint_step(const std::filesystem::path& folder)
 
 }  // namespace
 
+std::filesystem::path latest_checkpoint(const std::filesystem::path& run) {
+    const std::filesystem::path pointer = run / "latest";
+    if (!std::filesystem::exists(pointer))
+        fail<FileError>(run.string(), ": no checkpoint to resume from; start without --resume");
+    std::string name = read_text_file(pointer);
+    while (!name.empty() && (name.back() == '\n' || name.back() == '\r' || name.back() == ' ')) name.pop_back();
+    return run / "checkpoints" / name;
+}
+
 RunFolder::RunFolder(std::filesystem::path path, bool resume) : path_(std::move(path)) {
     if (!resume && std::filesystem::exists(path_ / "latest")) {
         fail<FileError>(path_.string(),
@@ -71,15 +80,6 @@ RunFolder::RunFolder(std::filesystem::path path, bool resume) : path_(std::move(
 
 std::filesystem::path RunFolder::checkpoint(std::int64_t step) const {
     return path_ / "checkpoints" / numbered(step);
-}
-
-std::filesystem::path RunFolder::latest_checkpoint() const {
-    const std::filesystem::path pointer = path_ / "latest";
-    if (!std::filesystem::exists(pointer))
-        fail<FileError>(path_.string(), ": no checkpoint to resume from; start without --resume");
-    std::string name = read_text_file(pointer);
-    while (!name.empty() && (name.back() == '\n' || name.back() == '\r' || name.back() == ' ')) name.pop_back();
-    return path_ / "checkpoints" / name;
 }
 
 void RunFolder::write_config(std::string_view json) const {

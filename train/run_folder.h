@@ -10,6 +10,9 @@
 
 namespace stymo {
 
+/// The checkpoint that `latest` of the run folder `run` names; throws FileError if there is none.
+[[nodiscard]] std::filesystem::path latest_checkpoint(const std::filesystem::path& run);
+
 /// The folder of one training run: config.json, log.txt, stats.jsonl, samples/, checkpoints/NNNNNN/, latest, model.safetensors.
 class RunFolder {
 public:
@@ -21,8 +24,7 @@ public:
     [[nodiscard]] std::filesystem::path model_file() const { return path_ / "model.safetensors"; }
     [[nodiscard]] std::filesystem::path best_file() const { return path_ / "best.safetensors"; }
     [[nodiscard]] std::filesystem::path checkpoint(std::int64_t step) const;
-    /// The checkpoint named by `latest`; throws FileError if there is none.
-    [[nodiscard]] std::filesystem::path latest_checkpoint() const;
+    [[nodiscard]] std::filesystem::path latest_checkpoint() const { return stymo::latest_checkpoint(path_); }
 
     void write_config(std::string_view json) const;
     /// Appends a line with the time to log.txt.

@@ -7,7 +7,9 @@
 #include <string>
 
 #include "core/error.h"
+#include "core/interrupt.h"
 #include "core/io/file.h"
+#include "core/io/folder_in_progress.h"
 #include "core/io/image.h"
 #include "core/io/json_writer.h"
 #include "core/parallel.h"
@@ -164,21 +166,23 @@ void write_synthetic_faces(const MorphableHead& head, const SyntheticFaceSetting
                            const std::filesystem::path& folder, const std::function<void(std::int64_t)>& progress) {
     if (settings.count < 1) fail<ValueError>("[synthetic faces] the count must be at least 1; got ", settings.count);
     require_no_other_images(folder, settings.count);
-    require_writable_folder(folder / "images");
-    require_writable_folder(folder / "masks");
-    write_intrinsics(folder / "camera.json", settings.intrinsics);
+    FolderInProgress output(folder);
+    require_writable_folder(output.path() / "images");
+    require_writable_folder(output.path() / "masks");
+    write_intrinsics(output.path() / "camera.json", settings.intrinsics);
 
     std::vector<std::string> records(static_cast<std::size_t>(settings.count));
     constexpr std::int64_t faces_between_reports = 16;
     for (std::int64_t first = 0; first < settings.count; first += faces_between_reports) {
+        if (interrupted()) fail<Error>("interrupted; nothing was written");
         const std::int64_t count = std::min(faces_between_reports, settings.count - first);
         parallel_for(count, 1, [&](std::int64_t begin, std::int64_t end) {
             for (std::int64_t index = first + begin; index < first + end; ++index) {
                 const std::string id = face_id(index);
                 const SyntheticFace face = sample_synthetic_face(head, rng.split(static_cast<std::uint64_t>(index)));
                 const SyntheticImage image = render_synthetic_face(head, face, settings.intrinsics, settings.side);
-                write_image(folder / "images" / (id + ".png"), image.color);
-                write_image(folder / "masks" / (id + ".png"), image.mask);
+                write_image(output.path() / "images" / (id + ".png"), image.color);
+                write_image(output.path() / "masks" / (id + ".png"), image.mask);
                 records[static_cast<std::size_t>(index)] = face_record(id, face, image);
             }
         });
@@ -186,7 +190,8 @@ void write_synthetic_faces(const MorphableHead& head, const SyntheticFaceSetting
     }
     std::string lines;
     for (const std::string& record : records) lines += record;
-    write_text_file(folder / "faces.jsonl", lines);
+    write_text_file(output.path() / "faces.jsonl", lines);
+    output.finish();
 }
 
 }  // namespace stymo

@@ -44,9 +44,9 @@ struct SyntheticFaceSettings {
 };
 
 /// Writes `folder` in the format of FFHQ as this project reads it: images/00000.png, masks/00000.png, faces.jsonl, camera.json.
-/// Face n is drawn from rng.split(n) alone: the same seed gives the same bytes, and a greater count only adds faces. Each file
-/// appears whole or not at all, faces.jsonl last. `progress` is called with the number of faces done. Throws FileError if the
-/// folder cannot be written or holds images that are not among those to be written.
+/// Face n is drawn from rng.split(n) alone: the same seed gives the same bytes, and a greater count only adds faces. The
+/// files appear once all are written, over those of the same name. `progress` is called with the number of faces done. Throws
+/// FileError if the folder cannot be written or holds images that are not among those to be written, Error once interrupted().
 void write_synthetic_faces(const MorphableHead& head, const SyntheticFaceSettings& settings, const Rng& rng,
                            const std::filesystem::path& folder, const std::function<void(std::int64_t)>& progress = {});
 

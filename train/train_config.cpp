@@ -69,6 +69,10 @@ void check(const TrainConfig& config, const std::string& source) {
         fail<ConfigError>(source, ": decoder.rays_per_side = ", config.model.decoder.rays.rays_per_side, "; training needs ",
                           training_rays_per_side, ", half the side of the smallest target");
     }
+    if (config.model.decoder.rays.near_z <= config.model.decoder.rays.far_z) {
+        fail<ConfigError>(source, ": decoder.near_z = ", config.model.decoder.rays.near_z,
+                          ": must be above decoder.far_z = ", config.model.decoder.rays.far_z);
+    }
     std::size_t resolutions = 0;
     for (std::int64_t side = 64; side <= config.model.decoder.resolution; side *= 2) ++resolutions;
     if (config.model.reconstruction.resolution_weights.size() < resolutions) {

@@ -2,6 +2,8 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cstdlib>
+#include <iomanip>
 #include <iostream>
 #include <map>
 #include <new>
@@ -29,6 +31,24 @@ std::string one_line(std::string text) {
     std::replace(text.begin(), text.end(), '\n', ' ');
     text.erase(text.find_last_not_of(' ') + 1);
     return text;
+}
+
+/// The number `text` says, or nothing if it is not one from its first to its last character.
+std::optional<double> number_in(const std::string& text) {
+    char* end = nullptr;
+    const double number = std::strtod(text.c_str(), &end);
+    if (text.empty() || *end != '\0') return std::nullopt;
+    return number;
+}
+
+CLI::Validator in_range(double low, double high) {
+    std::ostringstream range;
+    range << "in [" << std::setprecision(12) << low << ", " << high << "]";
+    const auto problem = [low, high, range = range.str()](const std::string& text) -> std::string {
+        const std::optional<double> number = number_in(text);
+        return number && *number >= low && *number <= high ? "" : text + " is not a number " + range;
+    };
+    return {problem, range.str()};
 }
 
 const char* vector_instructions() {
@@ -60,7 +80,7 @@ OptionRules& OptionRules::required() {
 }
 
 OptionRules& OptionRules::range(double low, double high) {
-    option_->check(CLI::Range(low, high));
+    option_->check(in_range(low, high));
     return *this;
 }
 
@@ -86,6 +106,8 @@ OptionRules Command::option(const std::string& name, T& target, const std::strin
         auto* option = app_->add_option_function<std::string>(
             name, [&target](const std::string& text) { target = std::filesystem::path(text); }, help);
         if constexpr (!is_optional<T>) option->default_str(target.string());
+        const auto problem = [](const std::string& text) -> std::string { return text.empty() ? "the path is empty" : ""; };
+        option->check(CLI::Validator(problem, ""));
         return OptionRules(option->type_name("PATH"));
     } else {
         auto* option = app_->add_option(name, target, help);
@@ -93,6 +115,13 @@ OptionRules Command::option(const std::string& name, T& target, const std::strin
             option->allow_extra_args(false);
         } else if constexpr (!is_optional<T>) {
             option->capture_default_str();
+        }
+        if constexpr (std::is_same_v<T, std::uint64_t> || std::is_same_v<T, std::optional<std::uint64_t>>) {
+            // The conversion takes "-1" for the largest number there is.
+            const auto problem = [](const std::string& text) -> std::string {
+                return text.starts_with('-') ? text + " is negative" : "";
+            };
+            option->check(CLI::Validator(problem, ""));
         }
         return OptionRules(option);
     }
@@ -179,6 +208,9 @@ int CommandLine::run(int argc, const char* const* argv, const AppBody& body, std
         out.flush();
         if (!out) fail<FileError>("the result could not be written to the standard output; is the disk full?");
         return exit_done;
+    } catch (const UsageError& error) {
+        report(std::string(error.what()) + "; see " + app.get_name() + " --help");
+        return exit_wrong_usage;
     } catch (const std::bad_alloc&) {
         report("out of memory; choose a smaller size or batch");
     } catch (const std::exception& error) {

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "core/error.h"
 #include "core/io/json_writer.h"
 
 namespace CLI {
@@ -17,6 +18,12 @@ class Option;
 }  // namespace CLI
 
 namespace stymo {
+
+/// Options that do not fit together or cannot be understood, found by a tool's body; ends the tool with exit code 2.
+class UsageError : public Error {
+public:
+    using Error::Error;
+};
 
 /// Options that every tool has.
 struct CommonOptions {
@@ -39,7 +46,7 @@ public:
     explicit OptionRules(CLI::Option* option) : option_(option) {}
 
     OptionRules& required();
-    /// Numbers in [low, high].
+    /// Numbers in [low, high]; nan is none.
     OptionRules& range(double low, double high);
     OptionRules& one_of(const std::vector<std::string>& allowed);
     /// Only together with / never together with the option called `name`, which must have been declared already.
@@ -57,7 +64,7 @@ public:
 
     /// "--name" or "-n,--name" for an option, "name" for a positional argument. The present value of `target` is the default.
     /// T: int, std::int64_t, std::uint64_t, double, std::string, std::filesystem::path, std::optional of one of these
-    /// (empty unless given), std::vector<std::string> (the option may be repeated).
+    /// (empty unless given), std::vector<std::string> (the option may be repeated). A path that is given is never empty.
     template <class T>
     OptionRules option(const std::string& name, T& target, const std::string& help);
     OptionRules flag(const std::string& name, bool& target, const std::string& help);
@@ -67,7 +74,8 @@ private:
 };
 
 /// Turns argc and argv of a tool into a call of its body, and what the body does into output and an exit code:
-/// 0 done; 1 failed, with one line "stymo-fit: what, which file or key, what to do" on stderr; 2 wrong usage, likewise.
+/// 0 done; 1 failed, with one line "stymo-fit: what, which file or key, what to do" on stderr; 2 wrong usage, likewise (the
+/// parser's errors and UsageError).
 class CommandLine : public Command {
 public:
     CommandLine(const std::string& program, const std::string& description);

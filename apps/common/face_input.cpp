@@ -1,12 +1,13 @@
 #include "apps/common/face_input.h"
 
 #include <algorithm>
+#include <ostream>
 
+#include "apps/common/command_line.h"
 #include "core/error.h"
 #include "core/io/image.h"
 #include "core/kernels/elementwise.h"
 #include "nn/models/code_file.h"
-#include "train/dataset.h"
 
 namespace stymo {
 
@@ -23,10 +24,20 @@ Face face_of_folder(const FaceSource& source, std::int64_t side) {
     if (found == data.ids().end())
         fail<FileError>(source.data.string(), ": no face with the id ", source.id, "; give one of its ", data.size(),
                         " ids with --id");
-    return data.load(found - data.ids().begin());
+    return data.load_exactly(found - data.ids().begin());
 }
 
 }  // namespace
+
+void require_photo(const FaceSource& source) {
+    if (source.image.empty() && source.data.empty()) fail<UsageError>("--image is required, or --data and --id");
+    if (source.data.empty() != source.id.empty()) fail<UsageError>("--data and --id need each other");
+}
+
+void write_broken_files(std::ostream& stream, const DatasetSummary& summary, std::size_t known) {
+    for (std::size_t i = known; i < summary.broken.size(); ++i)
+        stream << "skipped " << summary.broken[i].file << ": " << summary.broken[i].reason << std::endl;
+}
 
 Face read_face(const FaceSource& source, const ModelConfig& config) {
     const std::int64_t side = config.decoder.resolution;

@@ -1,10 +1,13 @@
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
+#include <iosfwd>
 #include <string>
 
 #include "nn/models/model.h"
 #include "train/batch.h"
+#include "train/dataset.h"
 
 namespace stymo {
 
@@ -17,7 +20,13 @@ struct FaceSource {
     std::string id;              ///< ... this id
 };
 
+/// Throws UsageError unless the files name one photo: --image, or --data with --id.
+void require_photo(const FaceSource& source);
 /// The photo at the model's resolution. Throws FileError for what cannot be read.
 [[nodiscard]] Face read_face(const FaceSource& source, const ModelConfig& config);
+
+/// One line for each broken picture but the first `known`, which were named before: those of a set that is too large for the
+/// cache come to light when they are used.
+void write_broken_files(std::ostream& stream, const DatasetSummary& summary, std::size_t known);
 
 }  // namespace stymo

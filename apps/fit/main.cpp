@@ -1,11 +1,11 @@
 #include <chrono>
 #include <filesystem>
 #include <iomanip>
+#include <optional>
 #include <sstream>
 
 #include "apps/common/command_line.h"
 #include "apps/common/face_input.h"
-#include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
@@ -19,6 +19,7 @@ struct Options {
     std::filesystem::path model;
     std::filesystem::path out;
     stymo::FaceSource face;
+    std::optional<std::int64_t> samples;
     stymo::FitOptions fit;
 };
 
@@ -37,8 +38,8 @@ std::string summary(const stymo::FitReport& report, double seconds) {
 }
 
 stymo::AppResult fit(Options options) {
-    if (options.face.image.empty() && options.face.data.empty())
-        stymo::fail<stymo::ConfigError>("--image is missing; give a photo, or --data and --id");
+    stymo::require_photo(options.face);
+    if (options.samples) options.fit.samples_per_ray = *options.samples;
     const stymo::Model model = stymo::Model::load(options.model);
     const stymo::Face face = stymo::read_face(options.face, model.config());
     const stymo::TrainingBatch batch = stymo::make_batch(std::vector{face});
@@ -54,8 +55,7 @@ stymo::AppResult fit(Options options) {
     progress.finish();
 
     const stymo::FitReport report = stymo::report_fit(model, target, batch.mask, result, 0);
-    stymo::JsonValue json = to_json(report, result, seconds);
-    json.add("out", options.out.string());
+    const stymo::JsonValue json = to_json(report, result, seconds);
     stymo::write_image(options.out / "fit.png", stymo::comparison_sheet(report));
     stymo::write_image(options.out / "render.png", report.fitted);
     stymo::write_code_file(options.out / "codes.json", result.fitted, 0, face.pose);
@@ -78,7 +78,8 @@ int main(int argc, char** argv) {
     line.option("--steps", options.fit.steps, "optimiser steps").range(0, 1e6);
     line.option("--learning-rate", options.fit.learning_rate, "of the first step").range(0, 10);
     line.option("--decay", options.fit.decay, "factor on the learning rate after each step").range(0, 1);
-    line.option("--regularizer", options.fit.regularizer, "weight of the squared code offsets; negative: the model's own");
-    line.option("--samples", options.fit.samples_per_ray, "samples per ray; 0: the model's own").range(0, 4096);
+    line.option("--regularizer", options.fit.regularizer, "weight of the squared code offsets; negative: the model's own")
+        .range(-1, 1e6);
+    line.option("--samples", options.samples, "samples per ray; the model's own unless given").range(2, 4096);
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return fit(options); });
 }

@@ -5,7 +5,9 @@
 #include <vector>
 
 #include "apps/common/command_line.h"
+#include "apps/common/output_file.h"
 #include "core/error.h"
+#include "core/interrupt.h"
 #include "core/io/image.h"
 #include "core/progress.h"
 #include "nn/models/code_file.h"
@@ -41,8 +43,10 @@ stymo::Camera chosen_camera(const Options& options, const stymo::Model& model, c
 
 std::vector<stymo::Tensor> orbit_frames(const Options& options, const stymo::Model& model, const stymo::CodeFile& face) {
     std::vector<stymo::Tensor> frames;
+    const stymo::InterruptGuard guard;
     stymo::Progress progress({.title = "render", .total = options.orbit, .unit = "frames"});
     for (int frame = 0; frame < options.orbit; ++frame) {
+        if (stymo::interrupted()) stymo::fail<stymo::Error>("interrupted; nothing was written");
         const double turn = 2.0 * std::numbers::pi * frame / options.orbit;
         const stymo::Camera camera = stymo::model_camera(model, radians(options.orbit_yaw) * std::sin(turn),
                                                          radians(options.orbit_pitch) * std::cos(turn), 0.0);
@@ -54,8 +58,14 @@ std::vector<stymo::Tensor> orbit_frames(const Options& options, const stymo::Mod
 }
 
 stymo::AppResult render(Options options) {
+    if (options.orbit > 0) {
+        stymo::require_extension(options.out, {".gif", ".mp4"});
+    } else {
+        stymo::require_extension(options.out, {".png", ".jpg"});
+    }
     const stymo::Model model = stymo::Model::load(options.model);
     const stymo::CodeFile face = stymo::read_code_file(options.codes);
+    stymo::require_folder_of(options.out);
     std::vector<std::string> written{options.out.string()};
     if (options.orbit > 0) {
         stymo::write_animation(options.out, orbit_frames(options, model, face), options.frames_per_second);

@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "apps/common/command_line.h"
+#include "core/interrupt.h"
 #include "core/progress.h"
 #include "render/morphable/builtin_head.h"
 #include "render/morphable/head_file.h"
@@ -21,6 +22,7 @@ int main(int argc, char** argv) {
     return line.run(argc, argv, [&](const stymo::CommonOptions& common) {
         const auto start = std::chrono::steady_clock::now();
         const stymo::MorphableHead head = morphable ? stymo::read_morphable_head(*morphable) : stymo::builtin_head();
+        const stymo::InterruptGuard guard;
         stymo::Progress progress({"Heads", settings.count, 0, "heads"});
         stymo::write_synthetic_faces(head, settings, stymo::Rng(common.seed), folder,
                                      [&](std::int64_t done) { progress.update(done); });

@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "apps/common/command_line.h"
+#include "apps/common/face_input.h"
 #include "core/error.h"
 #include "train/plan.h"
 #include "train/trainer.h"
@@ -26,10 +27,11 @@ std::optional<stymo::Dataset> validation_faces(const Options& options, const sty
 }
 
 stymo::AppResult train(const Options& options, const stymo::CommonOptions& common) {
-    if (options.print_keys) return {stymo::configuration_table(), {}};
+    if (options.print_keys)
+        return {stymo::configuration_table(), stymo::JsonValue::object({{"table", stymo::configuration_table()}})};
     for (const auto& [name, path] :
          {std::pair{"--config", options.config}, std::pair{"--data", options.data}, std::pair{"--out", options.out}}) {
-        if (path.empty()) stymo::fail<stymo::ConfigError>(name, " is missing; see --help");
+        if (path.empty()) stymo::fail<stymo::UsageError>(name, " is required");
     }
     stymo::TrainConfig config = stymo::load_train_config(options.config, options.set);
     const stymo::Dataset training(options.data, config.model.decoder.resolution, config.data, stymo::Split::training);
@@ -37,12 +39,19 @@ stymo::AppResult train(const Options& options, const stymo::CommonOptions& commo
     const std::optional<stymo::Dataset> validation = validation_faces(options, config);
     std::cerr << "training: " << training.summary().text() << '\n';
     stymo::Trainer trainer(config, training, validation ? &*validation : nullptr, common.seed);
-    if (options.dry_run) return {stymo::plan_text(trainer, config, training), {}};
-    const stymo::RunFolder folder(options.out, !options.resume.empty());
+    if (options.dry_run) {
+        const stymo::TrainingPlan plan = stymo::measure_plan(trainer, config, training);
+        return {stymo::plan_text(plan), stymo::to_json(plan)};
+    }
+    // Before the run folder is made: a wrong --resume leaves nothing behind.
     if (!options.resume.empty())
-        trainer.resume(options.resume == "latest" ? folder.latest_checkpoint() : std::filesystem::path(options.resume));
+        trainer.resume(options.resume == "latest" ? stymo::latest_checkpoint(options.out)
+                                                  : std::filesystem::path(options.resume));
+    const stymo::RunFolder folder(options.out, !options.resume.empty());
     folder.write_config(stymo::to_json(config));
+    const std::size_t known = training.summary().broken.size();
     const stymo::TrainingOutcome outcome = trainer.run(folder, {.minutes = options.max_minutes});
+    stymo::write_broken_files(std::cerr, training.summary(), known);
     return {stymo::outcome_text(outcome, folder), stymo::to_json(outcome, folder)};
 }
 

@@ -1,5 +1,6 @@
 #include "nn/models/code_file.h"
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>
 
@@ -21,7 +22,10 @@ const Json& member(const Json& object, const char* key, const std::string& sourc
 
 double number(const Json& value, const char* key, const std::string& source) {
     if (!value.is_number()) fail<FileError>(source, ": \"", key, "\" is not a number");
-    return value.get<double>();
+    const auto result = value.get<double>();
+    if (!std::isfinite(static_cast<float>(result)))
+        fail<FileError>(source, ": \"", key, "\" holds ", result, ", which is too large");
+    return result;
 }
 
 std::vector<double> numbers(const Json& value, std::size_t count, const char* key, const std::string& source) {

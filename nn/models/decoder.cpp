@@ -126,8 +126,9 @@ std::size_t Decoder::Layers::blocks_for(const DecodeOptions& options) const {
     for (std::size_t i = 0; i < sides.size(); ++i) {
         if (sides[i] == options.resolution) return i + 1;
     }
-    fail<ValueError>("this model renders sides of ", sides.front(), " to ", sides.back(), " by doubling, not ",
-                     options.resolution);
+    std::string list;
+    for (const std::int64_t side : sides) list += (list.empty() ? "" : ", ") + std::to_string(side);
+    fail<ValueError>("this model renders pictures with a side of ", list, ", not ", options.resolution);
 }
 
 Decoder::Decoder(const DecoderConfig& config, ParameterStore& store, const std::string& prefix, Rng& rng)

@@ -88,7 +88,10 @@ TEST_CASE("Wrong usage names the option, points to the help and exits with 2") {
         {{"--image", "x.png", "--steps", "many"}, "--steps"},
         {{"--image", "x.png", "--steps", "2000"}, "--steps"},
         {{"--image", "x.png", "--mode", "fast"}, "--mode"},
+        {{"--image", "x.png", "--steps", "nan"}, "--steps"},
         {{"--image", "x.png", "--threads", "-1"}, "--threads"},
+        {{"--image", "x.png", "--seed", "-1"}, "--seed"},
+        {{"--image", ""}, "--image"},
         {{"--image"}, "--image"},
     }));
     const Outcome outcome = TinyTool().run(arguments);
@@ -97,6 +100,17 @@ TEST_CASE("Wrong usage names the option, points to the help and exits with 2") {
     CHECK(outcome.err.find("stymo-tiny: ") == 0);
     CHECK_THAT(outcome.err, Catch::Contains(culprit) && Catch::EndsWith("see stymo-tiny --help\n"));
     CHECK(std::count(outcome.err.begin(), outcome.err.end(), '\n') == 1);
+}
+
+TEST_CASE("A body that finds the options wrong ends the tool with 2") {
+    stymo::CommandLine line("stymo-tiny", "A tool of the tests.");
+    const char* const arguments[] = {"stymo-tiny"};
+    std::ostringstream out;
+    std::ostringstream err;
+    const auto body = [](const stymo::CommonOptions&) -> stymo::AppResult { stymo::fail<stymo::UsageError>("--a needs --b"); };
+    CHECK(line.run(1, arguments, body, out, err) == 2);
+    CHECK(err.str() == "stymo-tiny: --a needs --b; see stymo-tiny --help\n");
+    CHECK(out.str().empty());
 }
 
 TEST_CASE("--help and --version go to the standard output and need no other option") {

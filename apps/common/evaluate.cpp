@@ -1,4 +1,4 @@
-#include "apps/eval/evaluate.h"
+#include "apps/common/evaluate.h"
 
 #include <algorithm>
 #include <charconv>
@@ -6,6 +6,7 @@
 #include <numbers>
 #include <sstream>
 
+#include "apps/common/command_line.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/image.h"
@@ -21,7 +22,7 @@ std::int64_t parse_index(std::string_view text, const std::string& whole) {
     std::int64_t value = 0;
     const auto end = std::from_chars(text.data(), text.data() + text.size(), value);
     if (text.empty() || end.ec != std::errc{} || end.ptr != text.data() + text.size() || value < 0) {
-        fail<ConfigError>("--ids ", whole, ": must be a range of places in the order of ids, such as 700-799");
+        fail<UsageError>("--ids ", whole, ": must be a range of places in the order of ids, such as 700-799");
     }
     return value;
 }
@@ -65,12 +66,14 @@ FaceRange parse_range(const std::string& text) {
     const std::int64_t first = parse_index(std::string_view(text).substr(0, dash), text);
     if (dash == std::string::npos) return {first, first};
     if (dash + 1 == text.size()) return {first, -1};
-    return {first, parse_index(std::string_view(text).substr(dash + 1), text)};
+    const std::int64_t last = parse_index(std::string_view(text).substr(dash + 1), text);
+    if (last < first) fail<UsageError>("--ids ", text, ": the range ends before it begins");
+    return {first, last};
 }
 
 Evaluation evaluate(const Model& model, const Dataset& faces, const EvaluationOptions& options) {
     const std::int64_t last = options.range.last < 0 ? faces.size() - 1 : std::min(options.range.last, faces.size() - 1);
-    if (options.range.first > last) fail<ConfigError>("--ids: the folder has only ", faces.size(), " faces");
+    if (options.range.first > last) fail<ConfigError>("--ids: the folder has only ", faces.size(), " faces, counted from 0");
     const InterruptGuard guard;
     Progress progress({.title = "evaluate", .total = last - options.range.first + 1, .unit = "faces"});
     FitOptions fitting = options.fitting;
@@ -79,7 +82,12 @@ Evaluation evaluate(const Model& model, const Dataset& faces, const EvaluationOp
     std::vector<Tensor> tiles;
     for (std::int64_t begin = options.range.first; begin <= last && !interrupted(); begin += options.batch) {
         std::vector<Face> group;
-        for (std::int64_t i = begin; i <= std::min(last, begin + options.batch - 1); ++i) group.push_back(faces.load(i));
+        for (std::int64_t i = begin; i <= std::min(last, begin + options.batch - 1); ++i) {
+            Face face = faces.load(i);
+            // Else the set has put another face in the place of a broken one.
+            if (face.id == faces.ids()[static_cast<std::size_t>(i)]) group.push_back(std::move(face));
+        }
+        if (group.empty()) continue;
         const TrainingBatch batch = make_batch(group);
         const FitTarget target{batch.input, batch.targets, batch.cameras};
         const FitResult result = fit_codes(model, target, fitting);
@@ -98,6 +106,8 @@ Evaluation evaluate(const Model& model, const Dataset& faces, const EvaluationOp
         progress.update(static_cast<std::int64_t>(evaluation.scores.size()), text.str());
     }
     progress.finish();
+    if (evaluation.scores.empty())
+        fail<FileError>(interrupted() ? "interrupted; no face was scored" : "--ids: none of these faces can be read");
     if (!tiles.empty()) evaluation.turning_sheet = tile_images(tiles, 7);
     return evaluation;
 }
@@ -105,7 +115,7 @@ Evaluation evaluate(const Model& model, const Dataset& faces, const EvaluationOp
 std::string table(const std::vector<FaceScore>& scores, bool fitted) {
     const Means mean = means(scores);
     std::ostringstream text;
-    text << scores.size() << " faces        L1  L1 (mean)     SSIM  PSNR dB\n";
+    text << scores.size() << " face(s)      L1  L1 (mean)     SSIM  PSNR dB\n";
     write_row(text, "initial", mean.initial);
     if (fitted) write_row(text, "fitted", mean.fitted);
     return text.str();

@@ -16,7 +16,7 @@ struct FaceRange {
     std::int64_t last = -1;  ///< inclusive; -1: to the end
 };
 
-/// "700-799", "700-" or "5". Throws ConfigError for anything else.
+/// "700-799", "700-" or "5". Throws UsageError for anything else.
 [[nodiscard]] FaceRange parse_range(const std::string& text);
 
 struct FaceScore {
@@ -38,7 +38,8 @@ struct Evaluation {
     Tensor turning_sheet;  ///< target | fitted | yaw -30, -15, 0, 15, 30 degrees; undefined unless asked for
 };
 
-/// Scores faces in order of id against the model.
+/// Scores faces in order of id against the model; a face whose picture is broken is left out. After an interruption the scores so
+/// far. Throws FileError if there is none.
 [[nodiscard]] Evaluation evaluate(const Model& model, const Dataset& faces, const EvaluationOptions& options);
 [[nodiscard]] std::string table(const std::vector<FaceScore>& scores, bool fitted);
 [[nodiscard]] JsonValue to_json(const std::vector<FaceScore>& scores, bool fitted);

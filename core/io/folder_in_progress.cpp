@@ -1,0 +1,54 @@
+#include "core/io/folder_in_progress.h"
+
+#include <unistd.h>
+
+#include <string>
+#include <system_error>
+#include <vector>
+
+#include "core/error.h"
+#include "core/io/file.h"
+
+namespace stymo {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+void rename_or_fail(const fs::path& from, const fs::path& to) {
+    std::error_code error;
+    fs::rename(from, to, error);
+    if (error) fail<FileError>(to.string(), ": cannot be written (", error.message(), ")");
+}
+
+}  // namespace
+
+FolderInProgress::FolderInProgress(const fs::path& target) : target_((target / "").parent_path()) {
+    std::error_code ignored;
+    if (fs::exists(target_, ignored)) require_writable_folder(target_);
+    const fs::path parent = target_.parent_path().empty() ? fs::path(".") : target_.parent_path();
+    require_writable_folder(parent);
+    path_ = parent / ("." + target_.filename().string() + "." + std::to_string(::getpid()) + ".part");
+    require_writable_folder(path_);
+}
+
+FolderInProgress::~FolderInProgress() {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+}
+
+void FolderInProgress::finish() {
+    if (!fs::exists(target_)) return rename_or_fail(path_, target_);
+    std::vector<fs::path> files;
+    for (const auto& entry : fs::recursive_directory_iterator(path_)) {
+        const fs::path place = target_ / entry.path().lexically_relative(path_);
+        if (entry.is_directory()) {
+            require_writable_folder(place);
+        } else {
+            files.push_back(place);
+        }
+    }
+    for (const fs::path& file : files) rename_or_fail(path_ / file.lexically_relative(target_), file);
+}
+
+}  // namespace stymo

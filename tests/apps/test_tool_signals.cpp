@@ -1,0 +1,74 @@
+// Ctrl-C and SIGTERM to the real tools.
+#include <catch2/catch.hpp>
+#include <csignal>
+#include <nlohmann/json.hpp>
+
+#include "apps/tiny_run.h"
+#include "apps/tool_run.h"
+#include "core/io/file.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using stymo::RunningTool;
+using stymo::tiny_run;
+using stymo::ToolOutcome;
+
+/// Starts a command, waits for its first line of progress and sends the signal.
+ToolOutcome interrupted(const std::string& command, const std::string& first_words, int signal_number) {
+    std::vector<std::string> arguments = stymo::words(command);
+    const std::string tool = arguments.front();
+    arguments.erase(arguments.begin());
+    RunningTool running(tiny_run(), tool, arguments);
+    CHECK(running.says(first_words));
+    running.send(signal_number);
+    return running.wait();
+}
+
+/// Files of a killed tool: hidden names with ".part" in them.
+bool leftovers() {
+    for (const auto& entry : fs::directory_iterator(tiny_run()))
+        if (entry.path().filename().string().find(".part") != std::string::npos) return true;
+    return false;
+}
+
+}  // namespace
+
+TEST_CASE("Training that is interrupted saves a checkpoint first, and goes on from there") {
+    const std::string train = "stymo-train --config tiny.json --data faces --out stopped --set stage1.steps=100000 ";
+    const ToolOutcome first = interrupted(train + "--json", "train ", SIGTERM);
+    CHECK(first.exit_code == 0);
+    const json outcome = json::parse(first.out);
+    CHECK(outcome["finished"] == false);
+    const std::string latest = stymo::read_text_file(tiny_run() / "stopped/latest");
+    CHECK(std::stoll(latest) == outcome["steps"].get<std::int64_t>());
+    CHECK(fs::exists(tiny_run() / "stopped/model.safetensors"));
+    const ToolOutcome second = interrupted(train + "--resume latest", "train ", SIGINT);
+    CHECK(second.exit_code == 0);
+    CHECK(std::stoll(stymo::read_text_file(tiny_run() / "stopped/latest")) > std::stoll(latest));
+    CHECK_THAT(second.out, Catch::Contains("stopped early"));
+}
+
+TEST_CASE("A fit that is interrupted keeps what it has") {
+    const std::string fit =
+        "stymo-fit --model run/model.safetensors --image faces/images/00000.png --out stopped_fit --steps 1000000 --json";
+    const ToolOutcome outcome = interrupted(fit, "fit ", SIGINT);
+    CHECK(outcome.exit_code == 0);
+    const json report = json::parse(outcome.out);
+    CHECK(report["steps"].get<std::int64_t>() < 1000000);
+    CHECK(fs::exists(tiny_run() / "stopped_fit/codes.json"));
+}
+
+TEST_CASE("What cannot be of use in part is not written when it is interrupted") {
+    const ToolOutcome synth = interrupted("stymo-synth --out stopped_faces --count 100000 --size 64", "Heads ", SIGTERM);
+    CHECK(synth.exit_code == 1);
+    CHECK_THAT(synth.err, Catch::Contains("stymo-synth: interrupted; nothing was written\n"));
+    CHECK_FALSE(fs::exists(tiny_run() / "stopped_faces"));
+    const ToolOutcome orbit = interrupted(
+        "stymo-render --model run/model.safetensors --codes fit/codes.json --out stopped.gif --orbit 10000", "render ", SIGINT);
+    CHECK(orbit.exit_code == 1);
+    CHECK_THAT(orbit.err, Catch::Contains("stymo-render: interrupted; nothing was written\n"));
+    CHECK_FALSE(fs::exists(tiny_run() / "stopped.gif"));
+    CHECK_FALSE(leftovers());
+}

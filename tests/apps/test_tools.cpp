@@ -1,0 +1,216 @@
+// The tools from end to end on tiny data: files, exit codes, what stdout and stderr hold.
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "apps/tiny_run.h"
+#include "apps/tool_run.h"
+#include "core/io/file.h"
+#include "core/io/image.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using stymo::run_tool;
+using stymo::ToolOutcome;
+
+std::set<std::string> names_in(const fs::path& folder) {
+    std::set<std::string> names;
+    for (const auto& entry : fs::directory_iterator(folder)) names.insert(entry.path().filename().string());
+    return names;
+}
+
+json parsed_file(const fs::path& file) {
+    return json::parse(stymo::read_text_file(file));
+}
+
+/// Runs a command of the tools in the tiny run's folder, which must succeed.
+ToolOutcome done(const std::string& command) {
+    ToolOutcome outcome = run_tool(stymo::tiny_run(), command);
+    INFO(command << "\n" << outcome.err);
+    CHECK(outcome.exit_code == 0);
+    return outcome;
+}
+
+constexpr const char* train = "stymo-train --config tiny.json --data faces ";
+constexpr const char* fit = "stymo-fit --model run/model.safetensors ";
+constexpr const char* render = "stymo-render --model run/model.safetensors --codes fit/codes.json ";
+
+std::set<std::string> keys(const json& object) {
+    std::set<std::string> result;
+    for (const auto& item : object.items()) result.insert(item.key());
+    return result;
+}
+
+}  // namespace
+
+TEST_CASE("stymo-synth writes a folder of faces and nothing else") {
+    const fs::path& folder = stymo::tiny_run();
+    CHECK(names_in(folder / "faces") == std::set<std::string>{"camera.json", "faces.jsonl", "images", "masks"});
+    CHECK(names_in(folder / "faces/images").size() == 12);
+    CHECK(names_in(folder / "faces/masks") == names_in(folder / "faces/images"));
+    CHECK(stymo::line_count(stymo::read_text_file(folder / "faces/faces.jsonl")) == 12);
+    CHECK(stymo::read_image(folder / "faces/images/00000.png").shape() == stymo::Shape{64, 64, 3});
+}
+
+TEST_CASE("A training run leaves everything that fitting, resuming and looking back need") {
+    const fs::path run = stymo::tiny_run() / "run";
+    CHECK(names_in(run) == std::set<std::string>{"checkpoints", "config.json", "latest", "log.txt", "model.safetensors",
+                                                 "samples", "stats.jsonl"});
+    CHECK(names_in(run / "checkpoints/000004") == std::set<std::string>{"model.safetensors", "state.safetensors"});
+    CHECK(names_in(run / "samples") == std::set<std::string>{"000002.png", "000004.png"});
+    CHECK(stymo::read_text_file(run / "latest") == "000004\n");
+    CHECK(stymo::line_count(stymo::read_text_file(run / "stats.jsonl")) == 4);
+    const json config = parsed_file(run / "config.json");
+    CHECK(config["stage1"]["steps"] == 4);
+    CHECK(config["optimizer"]["beta1"] == 0.9);
+}
+
+TEST_CASE("Two steps, stop, resume for two more are four steps, bit for bit") {
+    const fs::path& folder = stymo::tiny_run();
+    done(std::string(train) + "--out halves --set stage1.steps=2");
+    const ToolOutcome outcome = done(std::string(train) + "--out halves --resume latest --json");
+    CHECK(json::parse(outcome.out)["steps"] == 4);
+    for (const char* file :
+         {"model.safetensors", "checkpoints/000004/model.safetensors", "checkpoints/000004/state.safetensors"}) {
+        INFO(file);
+        CHECK(stymo::read_text_file(folder / "halves" / file) == stymo::read_text_file(folder / "run" / file));
+    }
+    CHECK(stymo::line_count(stymo::read_text_file(folder / "halves/stats.jsonl")) == 4);
+}
+
+TEST_CASE("The written configuration trains the same model again") {
+    done("stymo-train --config run/config.json --data faces --out again");
+    const fs::path& folder = stymo::tiny_run();
+    CHECK(stymo::read_text_file(folder / "again/model.safetensors") == stymo::read_text_file(folder / "run/model.safetensors"));
+}
+
+TEST_CASE("A dry run and the table of keys write nothing, and are one object with --json") {
+    const ToolOutcome text = done(std::string(train) + "--out dry --dry-run");
+    CHECK_THAT(text.out, Catch::Contains("parameters") && Catch::Contains("peak memory"));
+    const json plan = json::parse(done(std::string(train) + "--out dry --dry-run --json").out);
+    CHECK(plan["images"] == 10);
+    CHECK(plan["steps"] == 4);
+    CHECK_FALSE(fs::exists(stymo::tiny_run() / "dry"));
+    CHECK_THAT(done("stymo-train --print-keys").out, Catch::StartsWith("| key"));
+    CHECK(json::parse(done("stymo-train --print-keys --json").out).is_object());
+}
+
+TEST_CASE("stymo-fit writes four files; the report says how good and how fast") {
+    const fs::path& folder = stymo::tiny_run();
+    CHECK(names_in(folder / "fit") == std::set<std::string>{"codes.json", "fit.png", "render.png", "report.json"});
+    const json report = parsed_file(folder / "fit/report.json");
+    CHECK(keys(report) == std::set<std::string>{"initial", "fitted", "steps", "seconds", "loss"});
+    for (const char* when : {"initial", "fitted"})
+        for (const char* metric : {"l1", "ssim", "psnr"}) CHECK(report[when][metric].is_number());
+    CHECK(report["steps"] == 3);
+    CHECK(report["loss"].size() == 3);
+    CHECK(stymo::read_image(folder / "fit/render.png").shape() == stymo::Shape{64, 64, 3});
+    CHECK(stymo::read_image(folder / "fit/fit.png").shape() == stymo::Shape{64, 4 * 64, 3});
+    const json codes = parsed_file(folder / "fit/codes.json");
+    CHECK(codes["code"]["id"].size() == 100);
+    CHECK(codes["code"]["expr"].size() == 79);
+    CHECK(codes["code"]["tex"].size() == 100);
+    CHECK(codes["code"]["light"].size() == 27);
+}
+
+TEST_CASE("A fit needs a photo only, makes its folder with its parents, and prints one object with --json") {
+    const ToolOutcome outcome = done(std::string(fit) + "--image faces/images/00001.png --out new/deep/fit --steps 1 --json");
+    CHECK(json::parse(outcome.out) == parsed_file(stymo::tiny_run() / "new/deep/fit/report.json"));
+    CHECK(stymo::line_count(outcome.out) == 1);
+    CHECK_THAT(outcome.err, Catch::Contains("1/1"));
+}
+
+TEST_CASE("A second fit into the same folder replaces the files of the first and leaves no others") {
+    const fs::path& folder = stymo::tiny_run();
+    done(std::string(fit) + "--image faces/images/00002.png --out twice --steps 1");
+    const std::string first = stymo::read_text_file(folder / "twice/codes.json");
+    done(std::string(fit) +
+         "--image faces/images/00003.png --mask faces/masks/00003.png --pose fit/codes.json --out twice --steps 2");
+    CHECK(stymo::read_text_file(folder / "twice/codes.json") != first);
+    CHECK(parsed_file(folder / "twice/report.json")["steps"] == 2);
+    CHECK(names_in(folder / "twice").size() == 4);
+    CHECK(parsed_file(folder / "twice/codes.json")["pose"]["yaw_deg"].get<double>() ==
+          Approx(parsed_file(folder / "fit/codes.json")["pose"]["yaw_deg"].get<double>()));
+}
+
+TEST_CASE("Fitting from a folder of faces is fitting the same files one by one") {
+    const fs::path& folder = stymo::tiny_run();
+    done(std::string(fit) + "--data faces --id 00004 --out by_id --steps 1");
+    done(std::string(fit) +
+         "--image faces/images/00004.png --mask faces/masks/00004.png --pose by_id/codes.json --out by_files --steps 1");
+    json by_id = parsed_file(folder / "by_id/report.json");
+    json by_files = parsed_file(folder / "by_files/report.json");
+    CHECK(by_id["loss"][0].get<double>() == Approx(by_files["loss"][0].get<double>()).epsilon(1e-6));
+}
+
+TEST_CASE("Grey, transparent, palette, 16-bit, turned and odd-sized photos are fitted and trained on") {
+    const fs::path& folder = stymo::tiny_run();
+    const fs::path golden = fs::path(STYMO_SOURCE_DIR) / "tests/golden/images";
+    fs::create_directories(folder / "mixed");
+    for (const auto& entry : fs::directory_iterator(golden))
+        fs::copy_file(entry.path(), folder / "mixed" / entry.path().filename(), fs::copy_options::overwrite_existing);
+    stymo::write_image(folder / "mixed/odd.jpg", stymo::Tensor::full({91, 37, 1}, 0.5));
+    for (const std::string& name : names_in(folder / "mixed"))
+        done(std::string(fit) + "--image mixed/" + name + " --out kinds --steps 1");
+    const ToolOutcome outcome = done("stymo-train --config tiny.json --data mixed --out kinds_run --set data.split.test=0");
+    CHECK_THAT(outcome.err,
+               Catch::Contains(std::to_string(names_in(folder / "mixed").size()) + " faces") && !Catch::Contains("broken"));
+}
+
+TEST_CASE("Pictures, masks and depth are written as their names say, from the photo's side and any other") {
+    const fs::path& folder = stymo::tiny_run();
+    const ToolOutcome outcome = done(std::string(render) + "--out views/own.png --samples 4 --mask --depth --json");
+    CHECK(json::parse(outcome.out)["written"] == json{"views/own.png", "views/own_mask.png", "views/own_depth.exr"});
+    CHECK(stymo::read_image(folder / "views/own.png").to_vector() == stymo::read_image(folder / "fit/render.png").to_vector());
+    CHECK(stymo::read_mask(folder / "views/own_mask.png").shape() == stymo::Shape{64, 64, 1});
+    CHECK(stymo::read_image(folder / "views/own_depth.exr").shape() == stymo::Shape{32, 32, 3});
+    done(std::string(render) + "--out views/side.jpg --yaw -20 --pitch 5 --roll 3 --samples 8 --size 64");
+    CHECK(stymo::read_image(folder / "views/side.jpg").shape() == stymo::Shape{64, 64, 3});
+    CHECK(names_in(folder / "views") == std::set<std::string>{"own.png", "own_mask.png", "own_depth.exr", "side.jpg"});
+}
+
+TEST_CASE("An orbit becomes a GIF or a film, of one frame or more") {
+    const fs::path& folder = stymo::tiny_run();
+    done(std::string(render) + "--out orbit.gif --orbit 3 --samples 4");
+    done(std::string(render) + "--out orbit.mp4 --orbit 3 --samples 4");
+    done(std::string(render) + "--out one.gif --orbit 1 --samples 4");
+    done(std::string(render) + "--out one.mp4 --orbit 1 --samples 4");
+    CHECK(stymo::read_text_file(folder / "orbit.gif").starts_with("GIF89a"));
+    CHECK(stymo::read_text_file(folder / "orbit.mp4").substr(4, 4) == "ftyp");
+    CHECK(fs::file_size(folder / "one.gif") < fs::file_size(folder / "orbit.gif"));
+    CHECK(fs::file_size(folder / "one.mp4") > 0);
+}
+
+TEST_CASE("stymo-eval scores the faces that were asked for, and the fitted codes too with --fit") {
+    const ToolOutcome outcome =
+        done("stymo-eval --model run/model.safetensors --data faces --ids 10- --fit --steps 2 --json --sheet rows/sheet.png");
+    const json scores = json::parse(outcome.out);
+    CHECK(scores["count"] == 2);
+    CHECK(keys(scores["faces"]) == std::set<std::string>{"00010", "00011"});
+    for (const char* when : {"initial", "fitted"}) {
+        const double mean =
+            (scores["faces"]["00010"][when]["l1"].get<double>() + scores["faces"]["00011"][when]["l1"].get<double>()) / 2;
+        CHECK(scores["mean"][when]["l1"].get<double>() == Approx(mean));
+    }
+    CHECK(stymo::read_image(stymo::tiny_run() / "rows/sheet.png").shape() == stymo::Shape{2 * 64, 7 * 64, 3});
+    const ToolOutcome text = done("stymo-eval --model run/model.safetensors --data faces --ids 3");
+    CHECK_THAT(text.out, Catch::Contains("initial") && !Catch::Contains("fitted"));
+}
+
+TEST_CASE("stymo-prep makes a folder that trains, and names what it left out") {
+    const fs::path& folder = stymo::tiny_run();
+    fs::create_directories(folder / "photos");
+    for (const char* name : {"00000.png", "00001.png", "00002.png"})
+        fs::copy_file(folder / "faces/images" / name, folder / "photos" / name, fs::copy_options::overwrite_existing);
+    fs::copy_file(folder / "zero.png", folder / "photos/zero.png", fs::copy_options::overwrite_existing);
+    const json report = json::parse(done("stymo-prep --photos photos --out prepared --size 64 --json").out);
+    CHECK(report["found"] == 4);
+    CHECK(report["ok"] == 3);
+    CHECK(report["failed"][0]["file"] == "photos/zero.png");
+    CHECK(report["failed"][0]["reason"] == "not an image (zero bytes)");
+    CHECK(names_in(folder / "prepared/images") == std::set<std::string>{"00000.png", "00001.png", "00002.png"});
+    done("stymo-train --config tiny.json --data prepared --out prepared_run --set stage1.steps=1 --set data.split.test=0");
+}
