@@ -76,7 +76,8 @@ public:
         inside_parallel_for = true;
         job->work();
         inside_parallel_for = false;
-        for (int spins = 0; job->finished.load() < job->chunks; ++spins) spins < spins_before_sleep ? pause() : std::this_thread::yield();
+        for (int spins = 0; job->finished.load() < job->chunks; ++spins)
+            spins < spins_before_sleep ? pause() : std::this_thread::yield();
         const std::lock_guard lock(mutex_);
         job_.reset();
     }
@@ -145,7 +146,9 @@ void set_thread_count(int count) {
     pool().resize(count);
 }
 
-int thread_count() { return pool().size(); }
+int thread_count() {
+    return pool().size();
+}
 
 void parallel_for(std::int64_t count, std::int64_t grain, const std::function<void(std::int64_t, std::int64_t)>& body) {
     grain = std::max<std::int64_t>(grain, 1);
