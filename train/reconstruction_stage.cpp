@@ -13,6 +13,7 @@ void LossTerms::accumulate(const LossTerms& other, double part) {
     mask += part * other.mask;
     opacity += part * other.opacity;
     depth_variance += part * other.depth_variance;
+    code_norm += part * other.code_norm;
 }
 
 namespace {
@@ -56,8 +57,7 @@ LossAndGradients reconstruction_gradients(const Model& model, const TrainingBatc
              [&] { return opacity_loss(decoded.weights.transmittance, batch.mask_32); });
     add_term(total, report.depth_variance, weights.depth_variance_weight,
              [&] { return depth_variance(decoded.weights.weights, decoded.samples.depths); });
-    double unreported = 0.0;
-    add_term(total, unreported, weights.code_norm_weight, [&] { return code_norm(codes); });
+    add_term(total, report.code_norm, weights.code_norm_weight, [&] { return code_norm(codes); });
     report.total = total.value().item();
 
     std::vector<Variable> leaves;

@@ -16,6 +16,7 @@ struct LossTerms {
     double mask = 0.0;
     double opacity = 0.0;
     double depth_variance = 0.0;
+    double code_norm = 0.0;
 
     /// Adds `part` of another batch's terms.
     void accumulate(const LossTerms& other, double part);

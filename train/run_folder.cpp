@@ -82,8 +82,12 @@ std::filesystem::path RunFolder::checkpoint(std::int64_t step) const {
     return path_ / "checkpoints" / numbered(step);
 }
 
-void RunFolder::write_config(std::string_view json) const {
-    write_text_file(path_ / "config.json", json);
+bool RunFolder::replace_config(std::string_view json) const {
+    const std::filesystem::path file = path_ / "config.json";
+    const bool changed = std::filesystem::exists(file) && read_text_file(file) != json;
+    if (changed) log("the configuration has changed");
+    write_text_file(file, json);
+    return changed;
 }
 
 void RunFolder::log(std::string_view line) const {

@@ -26,7 +26,8 @@ public:
     [[nodiscard]] std::filesystem::path checkpoint(std::int64_t step) const;
     [[nodiscard]] std::filesystem::path latest_checkpoint() const { return stymo::latest_checkpoint(path_); }
 
-    void write_config(std::string_view json) const;
+    /// Writes config.json; true (and a line in log.txt) if the run had another one before.
+    bool replace_config(std::string_view json) const;
     /// Appends a line with the time to log.txt.
     void log(std::string_view line) const;
     /// Appends one object to stats.jsonl.

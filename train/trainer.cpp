@@ -57,7 +57,8 @@ JsonValue tick_json(std::int64_t step, double epoch, double learning_rate, doubl
                               {"code", losses.code},
                               {"mask", losses.mask},
                               {"opacity", losses.opacity},
-                              {"depth_variance", losses.depth_variance}});
+                              {"depth_variance", losses.depth_variance},
+                              {"code_norm", losses.code_norm}});
 }
 
 }  // namespace
@@ -252,9 +253,9 @@ TrainingOutcome Trainer::run(const RunFolder& folder, const TrainingLimits& limi
     const std::int64_t first_step = state_.step;
     folder.forget_statistics_after(first_step);
     Progress progress({.title = "train",
-                       .total = config_.stage1.steps,
-                       .first = first_step,
-                       .unit = "steps",
+                       .total = config_.stage1.steps * config_.stage1.batch,
+                       .first = first_step * config_.stage1.batch,
+                       .unit = "images",
                        .time_limit = limits.minutes * 60.0});
     TrainingOutcome outcome;
     LossTerms tick;
@@ -277,7 +278,7 @@ TrainingOutcome Trainer::run(const RunFolder& folder, const TrainingLimits& limi
             tick_steps = 0;
             tick_start = seconds_now();
         }
-        progress.update(state_.step, tick_text(losses));
+        progress.update(state_.step * config_.stage1.batch, tick_text(losses));
         if (output.sample_steps > 0 && state_.step % output.sample_steps == 0) {
             const EvaluationScope evaluation(*this);
             folder.sample(state_.step, sample_sheet(model_, shown_faces(), config_.stage1.samples_per_ray));

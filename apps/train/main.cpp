@@ -48,7 +48,8 @@ stymo::AppResult train(const Options& options, const stymo::CommonOptions& commo
         trainer.resume(options.resume == "latest" ? stymo::latest_checkpoint(options.out)
                                                   : std::filesystem::path(options.resume));
     const stymo::RunFolder folder(options.out, !options.resume.empty());
-    folder.write_config(stymo::to_json(config));
+    if (folder.replace_config(stymo::to_json(config)))
+        std::cerr << "the configuration differs from that of the run so far; the run goes on with the new one\n";
     const std::size_t known = training.summary().broken.size();
     const stymo::TrainingOutcome outcome = trainer.run(folder, {.minutes = options.max_minutes});
     stymo::write_broken_files(std::cerr, training.summary(), known);
