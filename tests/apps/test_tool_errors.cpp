@@ -177,7 +177,7 @@ TEST_CASE("A wrong configuration is told by key, value and what is allowed, befo
 TEST_CASE("Resuming what is not there, or with another seed, leaves no run folder behind") {
     const std::string train = "stymo-train --config tiny.json --data faces --out out ";
     check_refused({{train + "--resume latest", "out: no checkpoint to resume from"}}, failed, 1);
-    check_refused({{train + "--resume none", "none/model.safetensors"}}, failed, 1);
+    check_refused({{train + "--resume none", "none/"}}, failed, 1);
     check_refused({{train + "--resume run/checkpoints/000004 --seed 3", "--seed 0, not 3"}}, failed, 1);
     check_refused({{train + "--resume run/checkpoints/000004 --set decoder.field_width=8", "shape"}}, failed, 1);
 }
