@@ -133,14 +133,8 @@ TEST_CASE("an average follows its closed form, and swaps with the model and back
     CHECK_THROWS_WITH(other.load(file, "state.safetensors", "ema."), "state.safetensors: has no tensor ema.b");
 }
 
-TEST_CASE("schedules have the values of the paper and of StyleGAN2") {
-    CHECK(exponential_decay(0.01, 0.99, 200) == Approx(0.001340).epsilon(1e-3));
+TEST_CASE("the averaged model forgets at the rate of StyleGAN2") {
     CHECK(ema_decay(32, 10000.0) == Approx(0.99778).epsilon(1e-5));
     CHECK(ema_decay(12, 10000.0) == Approx(0.99917).epsilon(1e-5));
     CHECK(ema_decay(32, 0.0) == 0.0);
-    const AdamSettings lazy = with_lazy_regularization({1e-4, {0.0, 0.99, 1e-8}}, 16);
-    CHECK(lazy.learning_rate == Approx(9.41e-5).epsilon(1e-3));
-    CHECK(lazy.options.beta1 == 0.0);
-    CHECK(lazy.options.beta2 == Approx(0.99059).epsilon(1e-5));
-    CHECK_THROWS_AS(with_lazy_regularization({}, 0), ValueError);
 }
