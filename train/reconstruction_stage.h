@@ -12,7 +12,10 @@ namespace stymo {
 struct LossTerms {
     double total = 0.0;
     double reconstruction = 0.0;  ///< L_recon, weighted as in equation (recon)
-    double code = 0.0;            ///< L_code with its group weights
+    double photometric = 0.0;     ///< without its weight, as all that follow
+    double perceptual = 0.0;
+    double adversarial = 0.0;  ///< second stage
+    double code = 0.0;         ///< L_code with its group weights
     double mask = 0.0;
     double opacity = 0.0;
     double depth_variance = 0.0;

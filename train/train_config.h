@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "nn/models/discriminator.h"
 #include "nn/models/model.h"
 #include "train/dataset.h"
 
@@ -16,6 +17,7 @@ struct LossConfig {
     double mask_start_improvement = 0.01;  ///< ... or from the first one that improved on the two before by less
     double opacity_weight = 0.0;           ///< accumulated opacity against the mask
     double depth_variance_weight = 0.0;    ///< variance of the depth along each ray
+    double adversarial_weight = 0.1;       ///< lambda_G, second stage
     double code_norm_weight = 0.0;         ///< squared length of the encoder's codes, which keeps them within reach of fitting
 };
 
@@ -39,21 +41,50 @@ struct StageConfig {
     std::int64_t failures_allowed = 20;  ///< steps in a row that may be skipped for a non-finite loss or gradient
 };
 
+/// The second stage: the decoder against a discriminator, from 64 pixels up to the model's resolution. The lists have one entry
+/// for each phase.
+struct AdversarialStageConfig {
+    std::vector<std::int64_t> resolutions{64, 128, 256, 512};  ///< consecutive doublings; empty: no second stage
+    std::vector<std::int64_t> images{200000, 300000, 300000, 500000};
+    std::vector<std::int64_t> fade_images{0, 100000, 100000, 100000};  ///< of them, while the new block of D fades in
+    std::vector<std::int64_t> batch{32, 32, 16, 12};
+    std::vector<std::int64_t> micro_batch{8, 8, 4, 4};
+    std::vector<double> r1_gamma{0.026, 0.1, 0.82, 10.0};
+    std::int64_t r1_interval = 16;  ///< discriminator steps from one R1 step to the next; each counts as much as all of them
+    std::int64_t samples_per_ray = 64;
+    double learning_rate = 2e-3;
+    double discriminator_learning_rate = 1e-4;
+    double mapping_factor = 0.01;  ///< on the learning rate of the mapping networks
+    double beta1 = 0.0;
+    double beta2 = 0.99;
+    double epsilon = 1e-8;
+    double average_half_life = 10000.0;  ///< images over which the averaged decoder forgets half; 0: no averaging
+};
+
+/// What a training step may use; beyond it, ray tiles and render blocks are recomputed in the backward pass.
+struct MemoryConfig {
+    double budget_gibibytes = 0.0;  ///< 0: no limit, nothing is recomputed
+};
+
 struct OutputConfig {
     std::int64_t tick_steps = 50;
     std::int64_t sample_steps = 500;
     double checkpoint_minutes = 10.0;
+    std::int64_t checkpoint_steps = 0;  ///< also after so many steps; 0: by time alone
     std::int64_t keep_last = 3;
     std::int64_t validation_images = 16;  ///< held-out images that the best checkpoint is chosen by; 0: none is chosen
 };
 
-/// Everything a training run depends on beside its data. The defaults are the paper's first stage.
+/// Everything a training run depends on beside its data. The defaults are the paper's.
 struct TrainConfig {
     ModelConfig model;
     DataConfig data;
     LossConfig loss;
     OptimizerConfig optimizer;
     StageConfig stage1;
+    AdversarialStageConfig stage2;
+    DiscriminatorConfig discriminator;
+    MemoryConfig memory;
     OutputConfig output;
 };
 

@@ -36,7 +36,11 @@ struct DecodeOptions {
     std::int64_t samples_per_ray = 32;
     std::int64_t resolution = 0;  ///< largest image wanted, 0 for the model's own; later blocks are left out
     bool mask = false;            ///< also the head mask, at the side of the largest image
-    Rng* jitter = nullptr;        ///< stratified samples (training); null: fixed samples
+    /// What the backward pass computes once more instead of keeping it: the field, in tiles of so many rays (0: kept), and the
+    /// render blocks. Neither changes a value or gradient.
+    std::int64_t recomputed_rays = 0;
+    bool recompute_blocks = false;
+    Rng* jitter = nullptr;  ///< stratified samples (training); null: fixed samples
 };
 
 struct Decoded {

@@ -6,6 +6,7 @@
 
 #include "nn/models/decoder.h"
 #include "nn/models/encoder.h"
+#include "nn/models/perceptual/lpips.h"
 
 namespace stymo {
 
@@ -20,6 +21,8 @@ struct CameraConfig {
 struct ReconstructionConfig {
     std::vector<double> resolution_weights{0.01, 0.1, 0.5, 1.0};  ///< gamma of 64, 128, 256, 512
     double photometric_weight = 1.0;
+    double perceptual_weight = 0.1;  ///< lambda of LPIPS at the largest resolution
+    LpipsConfig perceptual;
     std::int64_t fit_samples_per_ray = 64;
     double fit_regularizer = 1.0;  ///< weight of the sum of squared code offsets
 };

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/autograd/variable.h"
+#include "core/config.h"
+#include "core/rng.h"
+#include "nn/parameter_store.h"
+
+namespace stymo {
+
+/// Which learned perceptual distance, and where its weights are.
+struct LpipsConfig {
+    std::string network = "vgg16";  ///< one of lpips_networks()
+    std::string trunk{};            ///< torchvision's weights as .safetensors; "random": untrained ones
+    std::string heads{};            ///< the linear heads (v0.1) as .safetensors; "random": all ones
+};
+
+/// "vgg16", "alexnet", "squeezenet1_1"
+[[nodiscard]] std::vector<std::string> lpips_networks();
+/// Binds "`prefix`network", "`prefix`trunk", "`prefix`heads".
+void describe(ConfigSchema& schema, LpipsConfig& config, const std::string& prefix);
+
+/// LPIPS v0.1 (Zhang et al. 2018): channel-normalised activations of a frozen classification network, squared differences
+/// weighted by linear heads, mean over the image, sum over the taps.
+class Lpips {
+public:
+    /// Activations at the taps, each (B, h, w, C), normalised over the channels.
+    using Features = std::vector<Variable>;
+
+    /// Reads the weights. Throws ConfigError if a file is not given, saying which one to get, how to import it and which setting
+    /// turns the term off (`off_switch`, for example "reconstruction.perceptual_weight = 0"); FileError for one that does not
+    /// serve, naming the first tensor that is missing or of another shape.
+    Lpips(const LpipsConfig& config, const std::string& off_switch);
+    ~Lpips();
+    Lpips(Lpips&&) noexcept;
+    Lpips& operator=(Lpips&&) noexcept;
+
+    /// images (B, S, S, 3) in [-1, 1], S at least smallest_side(). A target's are computed once and kept (`detach`).
+    [[nodiscard]] Features features(const Variable& images) const;
+    /// One term for each tap, each (B): mean over the pixels of sum_c head_c (a_c - b_c)^2.
+    [[nodiscard]] std::vector<Variable> terms(const Features& a, const Features& b) const;
+    /// Sum of the terms, (B).
+    [[nodiscard]] Variable distance(const Features& a, const Features& b) const;
+
+    [[nodiscard]] const LpipsConfig& config() const;
+    /// True if any of the weights are random ones.
+    [[nodiscard]] bool random() const;
+    /// Frozen parameters "trunk. ..." (torchvision's names) and "heads. ...", to convert to float64 or compare with.
+    [[nodiscard]] ParameterStore& parameters();
+
+private:
+    struct Implementation;
+    std::unique_ptr<Implementation> implementation_;
+};
+
+}  // namespace stymo

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "nn/models/model.h"
+#include "nn/models/perceptual/lpips.h"
+
+namespace stymo {
+
+/// L_recon of the paper: what makes a rendered face equal a photo, in both training stages and in fitting alike.
+class ReconstructionLoss {
+public:
+    /// Loads the perceptual network unless its weight is 0; throws what `Lpips` throws.
+    explicit ReconstructionLoss(const ReconstructionConfig& config);
+
+    /// Photos on black with what is computed of them only once.
+    struct Target {
+        std::vector<Tensor> pictures;  ///< (B, s, s, 3) in [-1, 1], background -1, for s = 64, 128, ... up to the resolution R
+        Lpips::Features features;      ///< of the largest picture; empty without the perceptual term
+    };
+    /// `pictures` up to the side `resolution` (0: all of them).
+    [[nodiscard]] Target target(std::span<const Tensor> pictures, std::int64_t resolution = 0) const;
+
+    struct Terms {
+        Variable total;        ///< weighted sum, a scalar: mean over the batch
+        Variable photometric;  ///< without its weight
+        Variable perceptual;   ///< without its weight; undefined if that is 0
+    };
+    /// `images` as the decoder gives them, as many as the target has pictures.
+    [[nodiscard]] Terms operator()(const std::vector<Variable>& images, const Target& target) const;
+
+    /// Null without the perceptual term.
+    [[nodiscard]] const Lpips* lpips() const { return lpips_ ? &*lpips_ : nullptr; }
+    [[nodiscard]] Lpips* lpips() { return lpips_ ? &*lpips_ : nullptr; }
+
+private:
+    ReconstructionConfig config_;
+    std::optional<Lpips> lpips_;
+};
+
+}  // namespace stymo
