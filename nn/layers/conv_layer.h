@@ -22,6 +22,8 @@ struct ConvLayerOptions {
     int groups = 1;
     bool bias = true;  ///< starts at 0
     WeightScaling scaling = WeightScaling::plain;
+    /// On weight and bias. Folds in a factor that comes before or after a leaky ReLU, which commutes with scaling.
+    double gain = 1.0;
 };
 
 /// Two-dimensional convolution, (B, H, W, in) -> (B, H', W', out) with the sizes of conv2d.
@@ -49,6 +51,7 @@ private:
     Parameter bias_;
     Conv2dOptions options_;
     double weight_gain_ = 1.0;
+    double bias_gain_ = 1.0;
 };
 
 }  // namespace stymo
