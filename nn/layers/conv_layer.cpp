@@ -8,8 +8,12 @@
 #include "core/ops/shape_ops.h"
 
 namespace stymo {
-
 namespace {
+
+double initial_deviation(const ConvLayerOptions& options, double fan_in) {
+    if (options.scaling == WeightScaling::equalised) return 1.0;
+    return options.initial_deviation > 0.0 ? options.initial_deviation : std::sqrt(2.0 / fan_in);
+}
 
 Variable times(const Variable& x, double gain) {
     return gain == 1.0 ? x : x * gain;
@@ -24,10 +28,9 @@ ConvLayer::ConvLayer(ParameterStore& store, const std::string& name, std::int64_
         fail<ValueError>(name, ": ", options.groups, " groups do not divide ", in, " and ", out, " channels");
     const Shape shape{out, options.kernel, options.kernel, in / options.groups};
     const auto fan_in = static_cast<double>(shape.product(1, 4));
-    const bool equalised = options.scaling == WeightScaling::equalised;
-    weight_gain_ = options.gain * (equalised ? 1.0 / std::sqrt(fan_in) : 1.0);
+    weight_gain_ = options.gain * (options.scaling == WeightScaling::equalised ? 1.0 / std::sqrt(fan_in) : 1.0);
     Rng draws = rng.split(name + ".weight");
-    weight_ = store.create(name + ".weight", draws.normal(shape, 0.0, equalised ? 1.0 : std::sqrt(2.0 / fan_in)));
+    weight_ = store.create(name + ".weight", draws.normal(shape, 0.0, initial_deviation(options, fan_in)));
     if (options.bias) bias_ = store.create(name + ".bias", Tensor::zeros({out}));
 }
 
