@@ -126,6 +126,10 @@ TEST_CASE("an ONNX network that is no iresnet is refused in one line by the firs
     computed.nodes.at(place_of(computed, "Gemm", 0)).inputs[1] = "elsewhere";
     CHECK_THAT(refusal(computed), Catch::Contains("Gemm") && Catch::Contains("not a constant"));
 
+    CHECK(begins_like_iresnet(folded()));
+    CHECK(begins_like_iresnet(other));
+    CHECK_FALSE(begins_like_iresnet({}));
+
     // Without its second block, the third stage has one.
     OnnxGraph shallow = folded();
     const auto first_of = [&](int add) {

@@ -1,7 +1,6 @@
 #include "nn/models/backbones/iresnet_onnx.h"
 
 #include <algorithm>
-#include <array>
 #include <sstream>
 #include <utility>
 #include <vector>
@@ -10,19 +9,10 @@
 #include "core/ops/elementwise.h"
 #include "core/ops/shape_ops.h"
 #include "nn/layers/batch_norm.h"
+#include "nn/models/backbones/iresnet.h"
 
 namespace stymo {
 namespace {
-
-struct Depth {
-    const char* name;
-    std::array<int, 4> blocks;
-};
-constexpr std::array<Depth, 5> depths{{{"iresnet18", {2, 2, 2, 2}},
-                                       {"iresnet34", {3, 4, 6, 3}},
-                                       {"iresnet50", {3, 4, 14, 3}},
-                                       {"iresnet100", {3, 13, 30, 3}},
-                                       {"iresnet200", {6, 26, 60, 6}}}};
 
 /// Reads the operations one after the other and names their tensors.
 class Reader {
@@ -152,7 +142,7 @@ private:
     [[nodiscard]] const Tensor& tensor(const std::string& name) const { return graph_.tensors.at(resolved(name)); }
 
     [[nodiscard]] std::string name_of(const std::vector<int>& blocks) const {
-        for (const Depth& depth : depths) {
+        for (const IresnetDepth& depth : iresnet_depths) {
             if (std::ranges::equal(blocks, depth.blocks)) return depth.name;
         }
         std::ostringstream counts;
@@ -170,6 +160,16 @@ private:
 };
 
 }  // namespace
+
+bool begins_like_iresnet(const OnnxGraph& graph) {
+    std::vector<std::string> operations;
+    for (const OnnxNode& node : graph.nodes) {
+        if (node.operation != "Identity" && node.operation != "Constant") operations.push_back(node.operation);
+        if (operations.size() == 4) break;
+    }
+    return operations == std::vector<std::string>{"Conv", "PRelu", "BatchNormalization", "Conv"} ||
+           operations == std::vector<std::string>{"Conv", "BatchNormalization", "PRelu", "BatchNormalization"};
+}
 
 NamedIresnet iresnet_from_onnx(const OnnxGraph& graph, const std::string& source) {
     return Reader(graph, source).network();
