@@ -7,6 +7,7 @@
 #include "apps/common/face_input.h"
 #include "apps/common/output_file.h"
 #include "core/io/image.h"
+#include "nn/models/view.h"
 
 namespace {
 
@@ -27,7 +28,8 @@ stymo::AppResult evaluate(Options options) {
         options.evaluation.yaw_rows = 8;
     }
     const stymo::Model model = stymo::Model::load(options.model);
-    const stymo::Dataset faces(options.data, model.config().decoder.resolution, {.cache_megabytes = 0}, stymo::Split::all);
+    const stymo::Dataset faces(options.data, model.config().decoder.resolution, {.cache_megabytes = 0}, stymo::Split::all,
+                               stymo::frontal_pose(model.config().camera));
     if (!options.sheet.empty()) stymo::require_folder_of(options.sheet);
     const stymo::Evaluation evaluation = stymo::evaluate(model, faces, options.evaluation);
     stymo::write_broken_files(std::cerr, faces.summary(), 0);
