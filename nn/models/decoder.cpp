@@ -103,6 +103,8 @@ void describe(ConfigSchema& schema, DecoderConfig& config) {
     schema.integers(key("block_channels"), config.block_channels, 1, 4096,
                     "channels of the render blocks from coarse to fine (paper: silent; HeadNeRF has 128, 64, 32, 32)");
     schema.integer(key("mask_channels"), config.mask_channels, 1, 4096, "channels of the mask branch (paper: silent)");
+    schema.boolean(key("mask_detach"), config.mask_detach,
+                   "the mask loss trains the mask branch alone (paper: false, it is minimised over all of the decoder)");
     schema.integer(key("mapping_layers"), config.mapping_layers, 1, 16,
                    "layers of each mapping network (paper: silent; StyleGAN2 has 8)");
     schema.number(key("mapping_learning_rate_multiplier"), config.mapping_learning_rate_multiplier, 1e-4, 1.0,
@@ -218,7 +220,7 @@ Decoded Decoder::decode_feature_map(const Variable& feature_map, const Codes& w,
     for (std::size_t i = 0; i < layers_->blocks_for(options); ++i) {
         rendered = layers_->blocks[i](rendered, style, options.recompute_blocks);
         decoded.images.push_back(tanh(rendered.rgb));
-        if (options.mask) features.push_back(rendered.features);
+        if (options.mask) features.push_back(config().mask_detach ? rendered.features.detach() : rendered.features);
     }
     if (options.mask && options.recompute_blocks) {
         decoded.mask_logit =

@@ -23,6 +23,7 @@ struct DecoderConfig {
     /// One for each doubling from 64 on; further ones are left unused.
     std::vector<std::int64_t> block_channels{128, 64, 32, 32};
     std::int64_t mask_channels = 16;
+    bool mask_detach = false;  ///< keeps the mask loss from the render blocks: it trains the mask branch alone
     std::int64_t mapping_layers = 4;
     double mapping_learning_rate_multiplier = 1.0;
     std::string depth_planes = "world_z";  ///< "world_z" or "optical_axis"; decides rays.planes

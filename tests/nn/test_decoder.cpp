@@ -97,6 +97,27 @@ TEST_CASE("a smaller resolution leaves the later blocks out and changes nothing 
     CHECK_THROWS_WITH(model.decoder(random_codes(1), {frontal()}, {.resolution = 100}), Catch::Contains("64, 128, 256, not 100"));
 }
 
+TEST_CASE("the mask loss shapes the render blocks, unless the mask branch is detached") {
+    for (const bool detached : {false, true}) {
+        DecoderConfig config = narrow(64);
+        config.mask_detach = detached;
+        const Model model(config);
+        const Decoded decoded = model.decoder(random_codes(1), {frontal()}, {.samples_per_ray = 3, .mask = true});
+        const std::vector<Parameter> parameters = model.store.all();
+        std::vector<Variable> values;
+        for (const Parameter& parameter : parameters) values.push_back(parameter.variable());
+        const std::vector<Variable> gradients = grad(sum(decoded.mask_logit), values);
+        for (std::size_t i = 0; i < parameters.size(); ++i) {
+            const std::string& name = parameters[i].name();
+            const bool moved = sum(abs(gradients[i])).value().item() > 0.0;
+            INFO(name << (detached ? ", detached" : ""));
+            if (name.starts_with("decoder.mask.")) CHECK(moved);
+            if (name == "decoder.block64.modulated1.weight") CHECK(moved == !detached);
+            if (name.starts_with("decoder.field.") && detached) CHECK_FALSE(moved);
+        }
+    }
+}
+
 TEST_CASE("a feature map that is kept gives the same images") {
     const Model model(narrow(128));
     const Codes z = random_codes(2);
