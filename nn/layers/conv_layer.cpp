@@ -8,6 +8,14 @@
 #include "core/ops/shape_ops.h"
 
 namespace stymo {
+namespace {
+
+double initial_deviation(const ConvLayerOptions& options, double fan_in) {
+    if (options.scaling == WeightScaling::equalised) return 1.0;
+    return options.initial_deviation > 0.0 ? options.initial_deviation : std::sqrt(2.0 / fan_in);
+}
+
+}  // namespace
 
 ConvLayer::ConvLayer(ParameterStore& store, const std::string& name, std::int64_t in, std::int64_t out,
                      const ConvLayerOptions& options, Rng& rng)
@@ -16,10 +24,9 @@ ConvLayer::ConvLayer(ParameterStore& store, const std::string& name, std::int64_
         fail<ValueError>(name, ": ", options.groups, " groups do not divide ", in, " and ", out, " channels");
     const Shape shape{out, options.kernel, options.kernel, in / options.groups};
     const auto fan_in = static_cast<double>(shape.product(1, 4));
-    const bool equalised = options.scaling == WeightScaling::equalised;
-    weight_gain_ = equalised ? 1.0 / std::sqrt(fan_in) : 1.0;
+    weight_gain_ = options.scaling == WeightScaling::equalised ? 1.0 / std::sqrt(fan_in) : 1.0;
     Rng draws = rng.split(name + ".weight");
-    weight_ = store.create(name + ".weight", draws.normal(shape, 0.0, equalised ? 1.0 : std::sqrt(2.0 / fan_in)));
+    weight_ = store.create(name + ".weight", draws.normal(shape, 0.0, initial_deviation(options, fan_in)));
     if (options.bias) bias_ = store.create(name + ".bias", Tensor::zeros({out}));
 }
 
