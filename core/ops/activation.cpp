@@ -30,8 +30,13 @@ Variable log_sigmoid(const Variable& x) {
 }
 
 Variable leaky_relu(const Variable& x, double slope) {
-    return record("leaky_relu", kernels::leaky_relu(x.value(), slope), {x}, Save::input(0),
-                  {[slope](const Vjp& v) { return v.grad() * Variable(kernels::leaky_slope(v.input(0).value(), slope)); }});
+    // For such a slope the output tells the side of 0 as well as the input does, and what follows often keeps it anyway.
+    const bool from_output = slope >= 0.0;
+    return record("leaky_relu", kernels::leaky_relu(x.value(), slope), {x}, from_output ? Save::the_output() : Save::input(0),
+                  {[slope, from_output](const Vjp& v) {
+                      const Variable side = from_output ? v.output() : v.input(0);
+                      return v.grad() * Variable(kernels::leaky_slope(side.value(), slope));
+                  }});
 }
 
 Variable prelu(const Variable& x, const Variable& slope) {
