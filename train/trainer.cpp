@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "core/error.h"
+#include "nn/optim/schedule.h"
 #include "train/adversarial_updater.h"
 #include "train/reconstruction_updater.h"
 #include "train/validation.h"
