@@ -1,5 +1,6 @@
 #include <catch2/catch.hpp>
 
+#include "core/error.h"
 #include "train/schedule.h"
 #include "train/tiny_training.h"
 
