@@ -94,7 +94,7 @@ TEST_CASE("A dry run and the table of keys write nothing, and are one object wit
     CHECK_THAT(text.out, Catch::Contains("parameters") && Catch::Contains("peak memory"));
     const json plan = json::parse(done(std::string(train) + "--out dry --dry-run --json").out);
     CHECK(plan["images"] == 10);
-    CHECK(plan["steps"] == 4);
+    CHECK(plan["phases"][0]["steps"] == 4);
     CHECK_FALSE(fs::exists(stymo::tiny_run() / "dry"));
     CHECK_THAT(done("stymo-train --print-keys").out, Catch::StartsWith("| key"));
     CHECK(json::parse(done("stymo-train --print-keys --json").out).is_object());
