@@ -1,6 +1,7 @@
 #include "core/ops/activation.h"
 
 #include "core/autograd/record.h"
+#include "core/error.h"
 #include "core/kernels/elementwise.h"
 #include "core/kernels/reduce.h"
 #include "core/ops/elementwise.h"
@@ -30,13 +31,12 @@ Variable log_sigmoid(const Variable& x) {
 }
 
 Variable leaky_relu(const Variable& x, double slope) {
-    // For such a slope the output tells the side of 0 as well as the input does, and what follows often keeps it anyway.
-    const bool from_output = slope >= 0.0;
-    return record("leaky_relu", kernels::leaky_relu(x.value(), slope), {x}, from_output ? Save::the_output() : Save::input(0),
-                  {[slope, from_output](const Vjp& v) {
-                      const Variable side = from_output ? v.output() : v.input(0);
-                      return v.grad() * Variable(kernels::leaky_slope(side.value(), slope));
-                  }});
+    if (!(slope >= 0.0)) fail<ValueError>("[leaky_relu] the slope must not be negative, got ", slope);
+    // The output has the sign of the input, and what follows it in a network keeps it anyway.
+    if (!(slope >= 0.0)) fail<ValueError>("[leaky_relu] slope ", slope, " is negative");
+    // The output has the sign of the input, and the next layer keeps it anyway.
+    return record("leaky_relu", kernels::leaky_relu(x.value(), slope), {x}, Save::the_output(),
+                  {[slope](const Vjp& v) { return v.grad() * Variable(kernels::leaky_slope(v.output().value(), slope)); }});
 }
 
 Variable prelu(const Variable& x, const Variable& slope) {

@@ -1,6 +1,8 @@
 #include "nn/layers/render_block.h"
 
+#include "core/autograd/recompute.h"
 #include "core/ops/elementwise.h"
+#include "core/ops/shape_ops.h"
 
 namespace stymo {
 
@@ -11,10 +13,25 @@ RenderBlock::RenderBlock(ParameterStore& store, const std::string& prefix, std::
       modulated1_(store, prefix + ".modulated1", out, out, style_size, Activation::leaky_relu, rng),
       to_rgb_(store, prefix + ".to_rgb", out, 3, {}, rng) {}
 
-Rendered RenderBlock::operator()(const Rendered& below, const Variable& style) const {
-    const Variable features = modulated1_(modulated0_(upsampler_(below.features), style), style);
-    const Variable rgb = to_rgb_(features);
-    return {features, below.rgb.defined() ? rgb + double_smoothly(below.rgb) : rgb};
+Variable RenderBlock::features(const Variable& below, const Variable& style) const {
+    return modulated1_(modulated0_(upsampler_(below), style), style);
+}
+
+Variable RenderBlock::recomputed_features(const Variable& below, const Variable& style) const {
+    std::vector<Variable> images;
+    for (std::int64_t image = 0; image < below.shape(0); ++image) {
+        const Segment segment = [block = *this, image](std::span<const Variable> inputs) {
+            return block.features(slice(inputs[0], 0, image, image + 1), slice(inputs[1], 0, image, image + 1));
+        };
+        images.push_back(recompute(segment, {below, style}));
+    }
+    return concat(images, 0);
+}
+
+Rendered RenderBlock::operator()(const Rendered& below, const Variable& style, bool recomputed) const {
+    const Variable above = recomputed ? recomputed_features(below.features, style) : features(below.features, style);
+    const Variable rgb = to_rgb_(above);
+    return {above, below.rgb.defined() ? rgb + double_smoothly(below.rgb) : rgb};
 }
 
 }  // namespace stymo
