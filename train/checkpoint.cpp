@@ -3,7 +3,7 @@
 #include <charconv>
 
 #include "core/error.h"
-#include "core/io/file.h"
+#include "train/checkpoint_folder.h"
 
 namespace stymo {
 
@@ -47,19 +47,14 @@ void write_checkpoint(const std::filesystem::path& folder, const Model& model, c
     file.metadata["mask_loss"] = checkpoint.state.mask_loss ? "1" : "0";
     const auto epochs = static_cast<std::int64_t>(checkpoint.state.epoch_losses.size());
     file.tensors[epoch_losses_name] = Tensor::from({epochs}, std::span<const double>(checkpoint.state.epoch_losses));
-    std::filesystem::path unfinished = folder;
-    unfinished += ".unfinished";
-    std::error_code error;
-    std::filesystem::remove_all(unfinished, error);
-    require_writable_folder(unfinished);
-    model.save(unfinished / "model.safetensors");
-    write_tensor_file(unfinished / "state.safetensors", file);
-    std::filesystem::remove_all(folder, error);
-    std::filesystem::rename(unfinished, folder, error);
-    if (error) fail<FileError>(folder.string(), ": cannot be written (", error.message(), ")");
+    write_checkpoint_folder(folder, [&](const std::filesystem::path& unfinished) {
+        model.save(unfinished / "model.safetensors");
+        write_tensor_file(unfinished / "state.safetensors", file);
+    });
 }
 
 Checkpoint read_checkpoint(const std::filesystem::path& folder, Model& model) {
+    repair_checkpoint_folder(folder);
     const std::string model_file = (folder / "model.safetensors").string();
     const std::string source = (folder / "state.safetensors").string();
     Checkpoint checkpoint{{}, read_tensor_file(source)};

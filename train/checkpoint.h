@@ -27,7 +27,8 @@ struct Checkpoint {
     TensorFile tensors;  ///< the optimiser's moments and the averaged model, under prefixes
 };
 
-/// Writes `folder`/{model,state}.safetensors; the folder appears whole or not at all. Throws FileError if it cannot be written.
+/// Writes `folder`/{model,state}.safetensors; the folder appears whole or not at all, in place of an older one of its name.
+/// Throws FileError if it cannot be written.
 void write_checkpoint(const std::filesystem::path& folder, const Model& model, const Checkpoint& checkpoint);
 /// Reads the weights into `model` and returns the rest. Throws FileError naming what is missing or does not fit, and leaves the
 /// model as it was.

@@ -6,6 +6,7 @@
 #include <ctime>
 #include <fstream>
 #include <iomanip>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
 #include <utility>
@@ -14,6 +15,7 @@
 #include "core/error.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
+#include "train/checkpoint_folder.h"
 
 namespace stymo {
 
@@ -57,6 +59,14 @@ std::optional<std::int64_t> checkpoint_step(const std::filesystem::path& folder)
     return step;
 }
 
+/// Numbers of a JSON object as scalars; null stands for what is not finite.
+void write_scalars(EventFile& events, std::int64_t step, const std::string& prefix, const nlohmann::ordered_json& object) {
+    for (const auto& [key, value] : object.items()) {
+        if (value.is_object()) write_scalars(events, step, prefix + key + "/", value);
+        if (value.is_number()) events.scalar(step, prefix + key, value.get<double>());
+    }
+}
+
 }  // namespace
 
 std::filesystem::path latest_checkpoint(const std::filesystem::path& run) {
@@ -76,6 +86,12 @@ RunFolder::RunFolder(std::filesystem::path path, bool resume) : path_(std::move(
     require_writable_folder(path_);
     require_writable_folder(path_ / "samples");
     require_writable_folder(path_ / "checkpoints");
+    repair_checkpoint_folders(path_ / "checkpoints");
+}
+
+EventFile& RunFolder::events() const {
+    if (!events_) events_.emplace(path_);
+    return *events_;
 }
 
 std::filesystem::path RunFolder::checkpoint(std::int64_t step) const {
@@ -96,9 +112,14 @@ void RunFolder::log(std::string_view line) const {
 
 void RunFolder::statistics(const JsonValue& object) const {
     append_line(path_ / "stats.jsonl", object.text());
+    nlohmann::ordered_json numbers = nlohmann::ordered_json::parse(object.text());
+    const std::int64_t step = numbers.value("step", std::int64_t{0});
+    numbers.erase("step");
+    write_scalars(events(), step, "", numbers);
 }
 
 void RunFolder::forget_statistics_after(std::int64_t step) const {
+    events().restart(step + 1);
     const std::filesystem::path file = path_ / "stats.jsonl";
     if (!std::filesystem::exists(file)) return;
     std::istringstream lines(read_text_file(file));
@@ -112,23 +133,20 @@ void RunFolder::forget_statistics_after(std::int64_t step) const {
 
 void RunFolder::sample(std::int64_t step, const Tensor& image) const {
     write_image(path_ / "samples" / (numbered(step) + ".png"), image);
+    events().image(step, "samples", image);
 }
 
 void RunFolder::finish_checkpoint(std::int64_t step, std::int64_t keep) const {
     write_text_file(path_ / "latest", numbered(step) + "\n");
+    repair_checkpoint_folders(path_ / "checkpoints");
     std::vector<std::pair<std::int64_t, std::filesystem::path>> older;
     for (const auto& entry : std::filesystem::directory_iterator(path_ / "checkpoints")) {
         const std::optional<std::int64_t> number = checkpoint_step(entry.path());
-        if (!number) {
-            // A checkpoint that a process did not live to finish.
-            if (entry.path().extension() == ".unfinished") std::filesystem::remove_all(entry.path());
-        } else if (*number < step) {
-            older.emplace_back(*number, entry.path());
-        }
+        if (number && *number < step) older.emplace_back(*number, entry.path());
     }
     std::ranges::sort(older);
     const auto surplus = static_cast<std::int64_t>(older.size()) + 1 - keep;
-    for (std::int64_t i = 0; i < surplus; ++i) std::filesystem::remove_all(older[static_cast<std::size_t>(i)].second);
+    for (std::int64_t i = 0; i < surplus; ++i) remove_checkpoint_folder(older[static_cast<std::size_t>(i)].second);
 }
 
 }  // namespace stymo

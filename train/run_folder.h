@@ -2,9 +2,11 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 
+#include "core/io/event_file.h"
 #include "core/io/json_writer.h"
 #include "core/tensor.h"
 
@@ -13,11 +15,12 @@ namespace stymo {
 /// The checkpoint that `latest` of the run folder `run` names; throws FileError if there is none.
 [[nodiscard]] std::filesystem::path latest_checkpoint(const std::filesystem::path& run);
 
-/// The folder of one training run: config.json, log.txt, stats.jsonl, samples/, checkpoints/NNNNNN/, latest, model.safetensors.
+/// The folder of one training run: config.json, log.txt, stats.jsonl, events.out.tfevents.* (TensorBoard; a new one each time
+/// that the run is taken up), samples/, checkpoints/NNNNNN/, latest, model.safetensors.
 class RunFolder {
 public:
-    /// Creates what is missing. Throws FileError if the folder cannot be written, or if it holds a run already and `resume` is
-    /// false.
+    /// Creates what is missing and repairs checkpoints that a crash broke off. Throws FileError if the folder cannot be written,
+    /// or if it holds a run already and `resume` is false.
     RunFolder(std::filesystem::path path, bool resume);
 
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
@@ -30,17 +33,24 @@ public:
     bool replace_config(std::string_view json) const;
     /// Appends a line with the time to log.txt.
     void log(std::string_view line) const;
-    /// Appends one object to stats.jsonl.
+    /// Appends one object, whose first member is "step", to stats.jsonl, and its numbers to the event file; those of an object
+    /// within are named "outer/inner" there.
     void statistics(const JsonValue& object) const;
-    /// Drops lines of stats.jsonl that a resumed run will write again: those with a step beyond `step`.
+    /// Drops what a resumed run will write again, that is everything beyond `step`, from stats.jsonl and from what TensorBoard
+    /// shows.
     void forget_statistics_after(std::int64_t step) const;
+    /// Writes samples/NNNNNN.png, and the same picture to the event file.
     void sample(std::int64_t step, const Tensor& image) const;
     /// Points `latest` at the checkpoint and removes older ones beyond the last `keep`, and unfinished ones. Checkpoints of later
     /// steps, from before a run was resumed further back, stay until the run gets past them.
     void finish_checkpoint(std::int64_t step, std::int64_t keep) const;
 
 private:
+    [[nodiscard]] EventFile& events() const;
+
     std::filesystem::path path_;
+    /// Opened with its first entry: who only looks into a run leaves no file behind.
+    mutable std::optional<EventFile> events_;
 };
 
 }  // namespace stymo

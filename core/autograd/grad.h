@@ -10,6 +10,8 @@ namespace stymo {
 struct GradOptions {
     /// Record the gradient's own computation, so that it can be differentiated again.
     bool create_graph = false;
+    /// Hold the other xs fixed: a path from y ends at the first x it meets.
+    bool partial = false;
     /// dL/dy where y is not a scalar; ones of y's shape for a scalar.
     Variable dL_dy;
 };

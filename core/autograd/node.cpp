@@ -20,6 +20,11 @@ Node::Node(const char* name, std::vector<Input> inputs, std::vector<VjpRule> rul
     ++live_nodes();
 }
 
+Node::Node(const char* name, std::vector<Input> inputs, JointVjpRule joint_rule)
+    : name_(name), inputs_(std::move(inputs)), joint_rule_(std::move(joint_rule)), save_(Save::all_inputs()) {
+    ++live_nodes();
+}
+
 /// Releases the graph behind this node in a loop: the default, one destructor inside the other, overflows the stack
 /// on a chain of some ten thousand ops.
 Node::~Node() {
@@ -31,6 +36,7 @@ Node::~Node() {
         }
         // Rules may hold inputs too; let go while `pending` still owns those, they are released one by one.
         node.rules_.clear();
+        node.joint_rule_ = nullptr;
     };
     take_inputs(*this);
     while (!pending.empty()) {

@@ -15,6 +15,10 @@ class Vjp;
 /// that input. Written in ops, so that it can itself be differentiated. An empty function means "has no gradient".
 using VjpRule = std::function<Variable(const Vjp&)>;
 
+/// The gradients of all inputs at once, for an op whose rules would share their work. Called once in a backward pass, it returns
+/// one gradient for each input, in their order, and may leave those undefined that are not `needed`.
+using JointVjpRule = std::function<std::vector<Variable>(const Vjp&, const std::vector<bool>& needed)>;
+
 /// What a rule may read besides shapes; all else is let go as soon as the forward pass is done with it.
 struct Save {
     bool output = false;
@@ -39,13 +43,17 @@ public:
     };
 
     Node(const char* name, std::vector<Input> inputs, std::vector<VjpRule> rules, Tensor saved_output, Save save);
+    /// All inputs whose value is defined count as saved.
+    Node(const char* name, std::vector<Input> inputs, JointVjpRule joint_rule);
     ~Node();
     Node(const Node&) = delete;
     Node& operator=(const Node&) = delete;
 
     [[nodiscard]] const char* name() const { return name_; }
     [[nodiscard]] const std::vector<Input>& inputs() const { return inputs_; }
+    /// One for each input; empty if there is a joint rule.
     [[nodiscard]] const std::vector<VjpRule>& rules() const { return rules_; }
+    [[nodiscard]] const JointVjpRule& joint_rule() const { return joint_rule_; }
     [[nodiscard]] const Tensor& saved_output() const { return saved_output_; }
     [[nodiscard]] Save save() const { return save_; }
 
@@ -56,6 +64,7 @@ private:
     const char* name_;
     std::vector<Input> inputs_;
     std::vector<VjpRule> rules_;
+    JointVjpRule joint_rule_;
     Tensor saved_output_;
     Save save_;
 };

@@ -12,11 +12,15 @@ namespace stymo {
 using Segment = std::function<Variable(std::span<const Variable>)>;
 
 /// segment(inputs), of whose graph nothing is kept but the inputs: the backward pass computes the segment once more, takes all of
-/// its gradients at once and lets go of it again. Same bits as segment(inputs), values and gradients alike; with create_graph the
-/// recomputed graph stays, and derivatives of any order follow.
+/// the gradients that are needed at once and lets go of it again. With create_graph the recomputed graph stays, and derivatives
+/// of any order follow.
 ///
-/// `inputs` must hold every tracked Variable that the segment reads and that is not a leaf; leaves are found by themselves.
-/// Throws GradientError if the segment reached the graph around it in another way.
+/// Values have the bits of segment(inputs). So have the gradients, except that what the segment contributes to one leaf or input
+/// is added up before it meets the contributions of others: where one is used by several segments, sums differ by rounding.
+///
+/// `inputs` must hold every tracked Variable that the segment reads and that is not a leaf; leaves are found by themselves and
+/// must be the same ones in the backward pass. Throws GradientError if the segment reached the graph around it in another way,
+/// or let a Variable of its own out.
 [[nodiscard]] Variable recompute(const Segment& segment, std::vector<Variable> inputs);
 
 }  // namespace stymo

@@ -20,4 +20,8 @@ Variable record(const char* name, Tensor value, std::vector<Variable> inputs, Sa
     return {std::move(value), std::move(node)};
 }
 
+Variable record(const char* name, Tensor value, std::vector<Node::Input> inputs, JointVjpRule joint_rule) {
+    return {std::move(value), std::make_shared<Node>(name, std::move(inputs), std::move(joint_rule))};
+}
+
 }  // namespace stymo

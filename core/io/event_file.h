@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string_view>
 
@@ -13,14 +14,20 @@ namespace stymo {
 /// it grows.
 class EventFile {
 public:
-    /// Creates `folder`/events.out.tfevents.<seconds>.stymo. Throws FileError if it cannot be written.
-    explicit EventFile(const std::filesystem::path& folder);
+    using Clock = std::function<double()>;  ///< seconds since 1970
+
+    /// Creates `folder`/events.out.tfevents.<seconds>.stymo, with the next second that no file has. Every event bears the time of
+    /// `clock` (none: the system's). Throws FileError if it cannot be written, as the others do.
+    explicit EventFile(const std::filesystem::path& folder, Clock clock = {});
     ~EventFile();
     EventFile(EventFile&&) noexcept;
+    EventFile& operator=(EventFile&&) noexcept;
 
     void scalar(std::int64_t step, std::string_view tag, double value);
     /// picture (h, w, 3) in [0, 1]
     void image(std::int64_t step, std::string_view tag, const Tensor& picture);
+    /// Makes TensorBoard forget what older files of the folder hold from `step` on: a run that was resumed writes it again.
+    void restart(std::int64_t step);
 
 private:
     struct Implementation;

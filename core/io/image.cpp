@@ -1,5 +1,6 @@
 #include "core/io/image.h"
 
+#include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imagebuf.h>
 #include <OpenImageIO/imagebufalgo.h>
 #include <OpenImageIO/imageio.h>
@@ -142,6 +143,15 @@ Tensor rgb_of(const Pixels& pixels) {
     return result;
 }
 
+OIIO::ImageSpec byte_spec(const Tensor& image) {
+    OIIO::ImageSpec spec(static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)), static_cast<int>(image.shape(2)),
+                         OIIO::TypeUInt8);
+    spec.attribute("oiio:ColorSpace", "sRGB");
+    spec.attribute("CompressionQuality", 95);
+    spec.attribute("jpeg:subsampling", "4:4:4");
+    return spec;
+}
+
 void write_file(const fs::path& path, const OIIO::ImageSpec& spec, const void* pixels) {
     write_whole(path, [&](const fs::path& temporary) {
         const auto output = OIIO::ImageOutput::create(temporary.string());
@@ -202,12 +212,18 @@ void write_image(const fs::path& path, const Tensor& image) {
     if (extension != ".png" && extension != ".jpg" && extension != ".jpeg") {
         fail<FileError>(path.string(), ": cannot be written (images end in .png or .jpg)");
     }
-    OIIO::ImageSpec spec(static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)), static_cast<int>(image.shape(2)),
-                         OIIO::TypeUInt8);
-    spec.attribute("oiio:ColorSpace", "sRGB");
-    spec.attribute("CompressionQuality", 95);
-    spec.attribute("jpeg:subsampling", "4:4:4");
-    write_file(path, spec, image_bytes(image).data());
+    write_file(path, byte_spec(image), image_bytes(image).data());
+}
+
+std::string png_bytes(const Tensor& image) {
+    require_image(image, "png_bytes");
+    OIIO::Filesystem::IOVecOutput memory;
+    const auto output = OIIO::ImageOutput::create("memory.png", &memory);
+    if (!output || !output->open("memory.png", byte_spec(image)) ||
+        !output->write_image(OIIO::TypeUInt8, image_bytes(image).data()) || !output->close()) {
+        fail<FileError>("a picture cannot be encoded as PNG (", output ? output->geterror() : OIIO::geterror(), ")");
+    }
+    return {memory.buffer().begin(), memory.buffer().end()};
 }
 
 void write_exr(const fs::path& path, const Tensor& image) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "core/tensor.h"
@@ -20,6 +21,8 @@ namespace stymo {
 /// Writes (height, width, 1 or 3), values in [0, 1] clipped and rounded to 8 bits, as the extension says (png, jpg).
 /// Whole or not at all.
 void write_image(const std::filesystem::path& path, const Tensor& image);
+/// What write_image would write to a .png file.
+[[nodiscard]] std::string png_bytes(const Tensor& image);
 /// Writes 32-bit float channels without clipping to EXR; one channel is named "Z" (depth), three "R,G,B".
 void write_exr(const std::filesystem::path& path, const Tensor& image);
 /// Writes an endless animation: .gif (palette) or .mp4. Frames are (height, width, 3) in [0, 1] of one size.

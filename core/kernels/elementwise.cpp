@@ -161,6 +161,9 @@ Tensor leaky_relu(const Tensor& x, double slope) {
         return value > T(0) ? value : static_cast<T>(slope) * value;
     });
 }
+Tensor prelu(const Tensor& x, const Tensor& slope) {
+    return zip(x, slope, "prelu", [](auto value, auto factor) { return value > decltype(value)(0) ? value : factor * value; });
+}
 Tensor leaky_slope(const Tensor& x, double slope) {
     return map(x, [=](auto value) {
         using T = decltype(value);

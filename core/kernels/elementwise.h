@@ -32,6 +32,8 @@ namespace stymo::kernels {
 [[nodiscard]] Tensor tanh(const Tensor& x);
 [[nodiscard]] Tensor softplus(const Tensor& x);
 [[nodiscard]] Tensor leaky_relu(const Tensor& x, double slope);
+/// x where x > 0, else slope * x; the slope is broadcast.
+[[nodiscard]] Tensor prelu(const Tensor& x, const Tensor& slope);
 /// 1 where x > 0, else `slope`.
 [[nodiscard]] Tensor leaky_slope(const Tensor& x, double slope);
 

@@ -1,6 +1,7 @@
 #include "core/ops/activation.h"
 
 #include "core/autograd/record.h"
+#include "core/error.h"
 #include "core/kernels/elementwise.h"
 #include "core/kernels/reduce.h"
 #include "core/ops/elementwise.h"
@@ -30,12 +31,20 @@ Variable log_sigmoid(const Variable& x) {
 }
 
 Variable leaky_relu(const Variable& x, double slope) {
-    return record("leaky_relu", kernels::leaky_relu(x.value(), slope), {x}, Save::input(0),
-                  {[slope](const Vjp& v) { return v.grad() * Variable(kernels::leaky_slope(v.input(0).value(), slope)); }});
+    if (!(slope >= 0.0)) fail<ValueError>("[leaky_relu] slope ", slope, " is negative");
+    // The output has the sign of the input, and the next layer keeps it anyway.
+    return record("leaky_relu", kernels::leaky_relu(x.value(), slope), {x}, Save::the_output(),
+                  {[slope](const Vjp& v) { return v.grad() * Variable(kernels::leaky_slope(v.output().value(), slope)); }});
 }
 
 Variable prelu(const Variable& x, const Variable& slope) {
-    return relu(x) - slope * relu(-x);
+    // One op, not a composition: a deep network keeps one image for each of these instead of three.
+    return record("prelu", kernels::prelu(x.value(), slope.value()), {x, slope}, Save::input(0) | Save::input(1),
+                  {[](const Vjp& v) {
+                       const Tensor positive = kernels::leaky_slope(v.input(0).value(), 0.0);
+                       return where(positive, v.grad(), v.grad() * v.input(1));
+                   },
+                   [](const Vjp& v) { return -sum_to(v.grad() * relu(-v.input(0)), v.shape(1)); }});
 }
 
 Variable log_sum_exp(const Variable& x, int axis) {

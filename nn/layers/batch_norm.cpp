@@ -4,11 +4,12 @@
 
 namespace stymo {
 
-BatchNorm::BatchNorm(ParameterStore& store, const std::string& name, std::int64_t channels)
-    : weight_(store.create(name + ".weight", Tensor::full({channels}, 1.0))),
+BatchNorm::BatchNorm(ParameterStore& store, const std::string& name, std::int64_t channels, const BatchNormOptions& options)
+    : weight_(options.fixed_weight ? store.create_constant(name + ".weight", Tensor::full({channels}, 1.0))
+                                   : store.create(name + ".weight", Tensor::full({channels}, 1.0))),
       bias_(store.create(name + ".bias", Tensor::zeros({channels}))),
       running_mean_(store.create_constant(name + ".running_mean", Tensor::zeros({channels}))),
-      running_variance_(store.create_constant(name + ".running_variance", Tensor::full({channels}, 1.0))) {}
+      running_variance_(store.create_constant(name + ".running_variance", Tensor::full({channels}, options.initial_variance))) {}
 
 Variable BatchNorm::operator()(const Variable& x) const {
     const Variable factor = scale();

@@ -10,7 +10,7 @@ namespace stymo {
 
 /// How the weights begin, and what scales them while they are used.
 enum class WeightScaling {
-    plain,      ///< He initialisation, used as stored: for published weights
+    plain,      ///< used as stored, for published weights; He initialisation unless a deviation is given
     equalised,  ///< standard normal, multiplied by 1 / sqrt(fan in) at each use (StyleGAN): the same learning rate fits every
                 ///< layer
 };
@@ -22,6 +22,9 @@ struct ConvLayerOptions {
     int groups = 1;
     bool bias = true;  ///< starts at 0
     WeightScaling scaling = WeightScaling::plain;
+    double initial_deviation = 0.0;  ///< of plain weights; 0: He's, sqrt(2 / fan in)
+    /// On weight and bias. Folds in a factor that comes before or after a leaky ReLU, which commutes with scaling.
+    double gain = 1.0;
 };
 
 /// Two-dimensional convolution, (B, H, W, in) -> (B, H', W', out) with the sizes of conv2d.
@@ -49,6 +52,7 @@ private:
     Parameter bias_;
     Conv2dOptions options_;
     double weight_gain_ = 1.0;
+    double bias_gain_ = 1.0;
 };
 
 }  // namespace stymo

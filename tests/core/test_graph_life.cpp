@@ -108,6 +108,18 @@ TEST_CASE("Gradients of intermediate values, of repeated and of unrelated inputs
     CHECK(gradients[3].dtype() == DType::float64);
 }
 
+TEST_CASE("Partial gradients hold the other inputs fixed", "[graph]") {
+    const Variable x = leaf(2.0);
+    const Variable middle = square(x);
+    const std::vector<Variable> asked{x, middle};
+    const std::vector<Variable> whole = grad(middle * x, asked);
+    CHECK(whole[0].value().item() == 12.0);
+    CHECK(whole[1].value().item() == 2.0);
+    const std::vector<Variable> partial = grad(middle * x, asked, {.partial = true, .dL_dy = {}});
+    CHECK(partial[0].value().item() == 4.0);
+    CHECK(partial[1].value().item() == 2.0);
+}
+
 TEST_CASE("What grad refuses", "[graph]") {
     const Variable x = leaf(1.0);
     const Variable vector = Variable::leaf(Tensor::zeros({3}, DType::float64));

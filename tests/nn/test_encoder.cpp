@@ -25,13 +25,22 @@ struct BackboneRow {
     std::int64_t input_side;
     std::int64_t embedding_size;
     std::int64_t parameters;  ///< counted by hand from the published layer table, batch-norm statistics included
+    bool large = false;       ///< made and run by the slow tests only
 };
 
 // A registered backbone without a row here fails "every registered backbone has a row".
 const std::vector<BackboneRow> rows{
+    {"iresnet100", 112, 512, 65'156'160 + 69'632, true},
+    {"iresnet50", 112, 512, 43'590'848 + 38'144, true},
     {"mobilefacenet", 112, 128, 1'019'648},
     {"small_conv", 64, 256, 1'240'896},
 };
+
+std::vector<BackboneRow> rows_where(bool large) {
+    std::vector<BackboneRow> result;
+    std::ranges::copy_if(rows, std::back_inserter(result), [&](const BackboneRow& row) { return row.large == large; });
+    return result;
+}
 
 std::optional<std::filesystem::path> shared_data() {
     const char* variable = std::getenv("STYMO_SHARED");
@@ -69,6 +78,52 @@ Variable sum_of_squares(const Codes& codes) {
     return total;
 }
 
+void check_size(const BackboneRow& row) {
+    INFO("backbone " << row.name);
+    ParameterStore store;
+    Rng rng(1);
+    const auto backbone = make_backbone(row.name, store, "backbone.", rng);
+    CHECK(backbone->input_side() == row.input_side);
+    CHECK(backbone->embedding_size() == row.embedding_size);
+    CHECK(store.element_count("backbone.") == row.parameters);
+    for (const std::int64_t side : {row.input_side, std::int64_t{80}}) {
+        const Variable embedding = (*backbone)(image_of(2, side, 2));
+        CHECK(embedding.shape() == Shape{2, row.embedding_size});
+        CHECK(embedding.value().all_finite());
+    }
+}
+
+void check_gradient_arrives(const BackboneRow& row) {
+    INFO("backbone " << row.name);
+    ParameterStore store;
+    Rng rng(6);
+    const Encoder encoder({.backbone = row.name, .head_width = 32}, store, "encoder", rng);
+    const auto trainable = store.trainable();
+    std::vector<Variable> leaves;
+    for (const Parameter& parameter : trainable) {
+        CHECK(parameter.name().find("running_") == std::string::npos);
+        leaves.push_back(parameter.variable());
+    }
+    const std::vector<Variable> gradients = grad(sum_of_squares(encoder(image_of(1, 64, 7))), leaves);
+    for (std::size_t i = 0; i < gradients.size(); ++i) {
+        INFO("parameter " << trainable[i].name());
+        CHECK(gradients[i].value().all_finite());
+        CHECK(largest(gradients[i].value()) > 0.0);
+    }
+}
+
+void check_codes_near_zero(const BackboneRow& row) {
+    INFO("backbone " << row.name);
+    ParameterStore store;
+    Rng rng(4);
+    const Encoder encoder({.backbone = row.name}, store, "encoder", rng);
+    const Codes codes = encoder(image_of(2, 64, 5));
+    for (std::size_t i = 0; i < codes.groups.size(); ++i) CHECK(codes.groups[i].shape() == Shape{2, code_sizes[i]});
+    const double mean_square = sum_of_squares(codes).value().item() / static_cast<double>(2 * code_size);
+    CHECK(mean_square > 0.0);
+    CHECK(mean_square < 1.0);
+}
+
 }  // namespace
 
 TEST_CASE("every registered backbone has a row in the table of the test", "[encoder]") {
@@ -82,24 +137,15 @@ TEST_CASE("every registered backbone has a row in the table of the test", "[enco
 }
 
 TEST_CASE("each backbone has its published size and turns an image of any side into its embedding", "[encoder]") {
-    for (const BackboneRow& row : rows) {
-        INFO("backbone " << row.name);
-        ParameterStore store;
-        Rng rng(1);
-        const auto backbone = make_backbone(row.name, store, "backbone.", rng);
-        CHECK(backbone->input_side() == row.input_side);
-        CHECK(backbone->embedding_size() == row.embedding_size);
-        CHECK(store.element_count("backbone.") == row.parameters);
-        for (const std::int64_t side : {row.input_side, std::int64_t{80}}) {
-            const Variable embedding = (*backbone)(image_of(2, side, 2));
-            CHECK(embedding.shape() == Shape{2, row.embedding_size});
-            CHECK(embedding.value().all_finite());
-        }
-    }
+    for (const BackboneRow& row : rows_where(false)) check_size(row);
+}
+
+TEST_CASE("each large backbone has its published size and turns an image of any side into its embedding", "[encoder][slow]") {
+    for (const BackboneRow& row : rows_where(true)) check_size(row);
 }
 
 TEST_CASE("images of a batch do not influence each other's embedding", "[encoder]") {
-    for (const BackboneRow& row : rows) {
+    for (const BackboneRow& row : rows_where(false)) {
         INFO("backbone " << row.name);
         ParameterStore store;
         Rng rng(1);
@@ -112,46 +158,27 @@ TEST_CASE("images of a batch do not influence each other's embedding", "[encoder
 }
 
 TEST_CASE("the encoder gives four codes near zero at the start", "[encoder]") {
-    for (const std::string& name : backbone_names()) {
-        INFO("backbone " << name);
-        ParameterStore store;
-        Rng rng(4);
-        const Encoder encoder({.backbone = name}, store, "encoder", rng);
-        const Codes codes = encoder(image_of(2, 64, 5));
-        for (std::size_t i = 0; i < codes.groups.size(); ++i) CHECK(codes.groups[i].shape() == Shape{2, code_sizes[i]});
-        const double mean_square = sum_of_squares(codes).value().item() / static_cast<double>(2 * code_size);
-        CHECK(mean_square > 0.0);
-        CHECK(mean_square < 1.0);
-    }
+    for (const BackboneRow& row : rows_where(false)) check_codes_near_zero(row);
+}
+
+TEST_CASE("the encoder with a large backbone gives four codes near zero at the start", "[encoder][slow]") {
+    for (const BackboneRow& row : rows_where(true)) check_codes_near_zero(row);
 }
 
 TEST_CASE("a gradient reaches every trainable parameter of the encoder, and none of the stored statistics", "[encoder]") {
-    for (const std::string& name : backbone_names()) {
-        INFO("backbone " << name);
-        ParameterStore store;
-        Rng rng(6);
-        const Encoder encoder({.backbone = name, .head_width = 32}, store, "encoder", rng);
-        const auto trainable = store.trainable();
-        std::vector<Variable> leaves;
-        for (const Parameter& parameter : trainable) {
-            CHECK(parameter.name().find("running_") == std::string::npos);
-            leaves.push_back(parameter.variable());
-        }
-        const std::vector<Variable> gradients = grad(sum_of_squares(encoder(image_of(1, 64, 7))), leaves);
-        for (std::size_t i = 0; i < gradients.size(); ++i) {
-            INFO("parameter " << trainable[i].name());
-            CHECK(gradients[i].value().all_finite());
-            CHECK(largest(gradients[i].value()) > 0.0);
-        }
-    }
+    for (const BackboneRow& row : rows_where(false)) check_gradient_arrives(row);
+}
+
+TEST_CASE("a gradient reaches every trainable parameter of a large encoder", "[encoder][slow]") {
+    for (const BackboneRow& row : rows_where(true)) check_gradient_arrives(row);
 }
 
 TEST_CASE("the encoder's gradient agrees with finite differences in float64", "[encoder]") {
-    for (const std::string& name : backbone_names()) {
-        INFO("backbone " << name);
+    for (const BackboneRow& row : rows_where(false)) {
+        INFO("backbone " << row.name);
         ParameterStore store;
         Rng rng(8);
-        const Encoder encoder({.backbone = name, .head_width = 16}, store, "encoder", rng);
+        const Encoder encoder({.backbone = row.name, .head_width = 16}, store, "encoder", rng);
         store.convert(DType::float64);
         const Variable image = image_of(1, 64, 9, DType::float64);
         const auto trainable = store.trainable();
@@ -178,6 +205,22 @@ TEST_CASE("the encoder's gradient agrees with finite differences in float64", "[
         const double difference = (loss_at(step) - loss_at(-step)) / (2.0 * step);
         CHECK(difference == Approx(slope).epsilon(1e-4));
     }
+}
+
+TEST_CASE("the ArcFace crop shows the backbone the middle 76.5 % of the image and nothing else", "[encoder]") {
+    const auto codes_of = [](bool arcface_crop, const Variable& image) {
+        ParameterStore store;
+        Rng rng(16);
+        const Encoder encoder({.backbone = "small_conv", .arcface_crop = arcface_crop, .head_width = 16}, store, "encoder", rng);
+        return encoder(image).groups[0].value().to_vector();
+    };
+    // The frame is 195.84 of 256 pixels; whole ones come closest with 30 off each side.
+    const Variable image = image_of(1, 256, 17);
+    const Variable middle = slice(slice(image, 1, 30, 226), 2, 30, 226);
+    const Variable reframed = pad(pad(middle, 1, 30, 30), 2, 30, 30);
+    CHECK(codes_of(true, image) == codes_of(false, middle));
+    CHECK(codes_of(true, image) == codes_of(true, reframed));
+    CHECK(codes_of(true, image) != codes_of(false, image));
 }
 
 TEST_CASE("mobilefacenet reproduces the reference embedding of its published weights", "[encoder]") {

@@ -1,9 +1,13 @@
+#include <algorithm>
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <set>
+#include <vector>
 
 #include "core/io/file.h"
 #include "core/io/scratch_folder.h"
 #include "support/error_message.h"
+#include "train/checkpoint_folder.h"
 #include "train/run_folder.h"
 
 using namespace stymo;
@@ -60,6 +64,87 @@ TEST_CASE("an unfinished checkpoint is swept away and takes nobody's place", "[r
     fs::create_directories(run.path() / "checkpoints/000002.unfinished");
     finish(run, 3, 2);
     CHECK(checkpoints(run) == std::set<std::string>{"000001", "000003"});
+}
+
+TEST_CASE("what TensorBoard shows is written beside statistics and samples, once there are any", "[run_folder]") {
+    const ScratchFolder folder;
+    const auto event_files = [&] {
+        std::vector<std::string> texts;
+        for (const auto& entry : fs::directory_iterator(folder / "run")) {
+            if (entry.path().filename().string().starts_with("events.out.tfevents."))
+                texts.push_back(read_text_file(entry.path()));
+        }
+        return texts;
+    };
+    {
+        const RunFolder run(folder / "run", false);
+        CHECK(event_files().empty());
+        run.statistics(JsonValue::object({{"step", 50},
+                                          {"loss", 0.5},
+                                          {"unknown", std::nan("")},
+                                          {"phase", "stage1"},
+                                          {"discriminator", JsonValue::object({{"real", 1}})}}));
+        run.sample(50, Tensor::full({4, 8, 3}, 0.5));
+    }
+    REQUIRE(event_files().size() == 1);
+    const std::string text = event_files()[0];
+    CHECK_THAT(text, Catch::Contains("loss") && Catch::Contains("discriminator/real") && Catch::Contains("samples"));
+    CHECK_THAT(text, !Catch::Contains("step") && !Catch::Contains("unknown") && !Catch::Contains("phase"));
+    CHECK(text.find(read_text_file(folder / "run/samples/000050.png")) != std::string::npos);
+    // A START event (field 7 holding field 1 = 1) behind the first step (field 2) that is written again.
+    const RunFolder resumed(folder / "run", true);
+    resumed.forget_statistics_after(50);
+    REQUIRE(event_files().size() == 2);
+    const std::string start("\x10\x33\x3A\x02\x08\x01");
+    CHECK(std::ranges::count_if(event_files(), [&](const std::string& file) { return file.find(start) != file.npos; }) == 1);
+}
+
+TEST_CASE("a checkpoint that is written again is complete or comes back, wherever a crash stops it", "[run_folder]") {
+    const ScratchFolder folder;
+    const fs::path path = folder / "run";
+    fs::path checkpoint;
+    {
+        const RunFolder run(path, false);
+        finish(run, 5, 3);
+        checkpoint = run.checkpoint(5);
+    }
+    const fs::path unfinished = checkpoint.string() + ".unfinished";
+    const fs::path replaced = checkpoint.string() + ".replaced";
+    const auto write = [](const fs::path& where, const char* text) {
+        fs::create_directories(where);
+        write_text_file(where / "model.safetensors", text);
+    };
+    std::string expected = "weights";
+    SECTION("while the new one was written") {
+        write(unfinished, "ne");
+    }
+    SECTION("between the two renames") {
+        fs::rename(checkpoint, replaced);
+        write(unfinished, "new");
+    }
+    SECTION("before the older one was removed") {
+        fs::rename(checkpoint, replaced);
+        write(checkpoint, "new");
+        expected = "new";
+    }
+    SECTION("while the older one was removed") {
+        fs::create_directories(replaced);
+    }
+    SECTION("nowhere") {
+        write_checkpoint_folder(checkpoint, [&](const fs::path& where) { write(where, "new"); });
+        expected = "new";
+    }
+    SECTION("because the disk was full") {
+        const auto stopped = [&](const fs::path& where) {
+            write(where, "ne");
+            fail<FileError>("no space");
+        };
+        CHECK_THROWS_AS(write_checkpoint_folder(checkpoint, stopped), FileError);
+    }
+    const RunFolder run(path, true);
+    CHECK(run.latest_checkpoint() == checkpoint);
+    CHECK(read_text_file(checkpoint / "model.safetensors") == expected);
+    CHECK(checkpoints(run) == std::set<std::string>{"000005"});
 }
 
 TEST_CASE("a run resumed further back keeps its own checkpoints", "[run_folder]") {

@@ -1,6 +1,7 @@
 #include <array>
 
 #include "core/error.h"
+#include "nn/models/backbones/iresnet.h"
 #include "nn/models/backbones/mobilefacenet.h"
 #include "nn/models/backbones/small_conv.h"
 #include "nn/models/encoder.h"
@@ -14,7 +15,9 @@ struct Entry {
 };
 
 /// Every backbone there is: a new one is a file beside this one and a row here, and a row in the test's table.
-constexpr std::array<Entry, 2> registry{{
+constexpr std::array<Entry, 4> registry{{
+    {"iresnet100", make_iresnet100},
+    {"iresnet50", make_iresnet50},
     {"mobilefacenet", make_mobilefacenet},
     {"small_conv", make_small_conv},
 }};

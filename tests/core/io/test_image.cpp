@@ -250,3 +250,12 @@ TEST_CASE("mirroring swaps left and right and keeps the channels in order") {
     const std::vector<float> values = {1, 2, 3, 4, 5, 6};
     check_values(mirror_image(Tensor::from({1, 2, 3}, std::span<const float>(values))), {1, 2, 3}, {4, 5, 6, 1, 2, 3});
 }
+
+TEST_CASE("a PNG in memory has the bytes of the file") {
+    const ScratchFolder folder;
+    for (const std::int64_t channels : {1, 3}) {
+        const Tensor image = random_image(7, 5, channels);
+        write_image(folder / "a.png", image);
+        CHECK(png_bytes(image) == read_text_file(folder / "a.png"));
+    }
+}

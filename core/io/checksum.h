@@ -1,0 +1,11 @@
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+namespace stymo {
+
+/// CRC-32C (Castagnoli) of RFC 3720; zlib's crc32 is another polynomial.
+[[nodiscard]] std::uint32_t crc32c(std::string_view bytes);
+
+}  // namespace stymo

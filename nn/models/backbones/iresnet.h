@@ -1,0 +1,35 @@
+#pragma once
+
+#include <array>
+#include <memory>
+#include <string>
+
+#include "core/rng.h"
+#include "nn/models/encoder.h"
+
+namespace stymo {
+
+/// How many residual blocks each of the four stages has, and how wide they are.
+struct IresnetLayout {
+    std::array<int, 4> blocks{};
+    std::array<std::int64_t, 4> widths{64, 128, 256, 512};
+    std::int64_t input_side = 112;  ///< a multiple of 16: each stage halves the image
+    std::int64_t embedding_size = 512;
+};
+
+/// The improved residual network of insightface (recognition/arcface_torch/backbones/iresnet.py), image -> embedding, not
+/// normalised. Any image is resized to the input's side by antialiased bicubic resampling; it stays in [-1, 1]. PReLU for each
+/// channel, batch norms with epsilon 1e-5 in inference mode, the last of them with its weight fixed to 1.
+/// Weights begin as insightface's, N(0, 0.1) for every convolution, and the stored variances as what such weights make of an
+/// image, so that a network that is trained from scratch begins with values of size one in every layer.
+/// Published files carry insightface's names ("layer1.0.bn1.weight", "fc.weight", "features.running_var").
+/// Throws ValueError for a side that is no multiple of 16.
+[[nodiscard]] std::unique_ptr<Backbone> make_iresnet(const IresnetLayout& layout, ParameterStore& store,
+                                                     const std::string& prefix, Rng& rng);
+
+/// 112x112 -> 512 numbers, 43.6 million parameters, 6.3 GMAC.
+[[nodiscard]] std::unique_ptr<Backbone> make_iresnet50(ParameterStore& store, const std::string& prefix, Rng& rng);
+/// 112x112 -> 512 numbers, 65.2 million parameters, 12.1 GMAC.
+[[nodiscard]] std::unique_ptr<Backbone> make_iresnet100(ParameterStore& store, const std::string& prefix, Rng& rng);
+
+}  // namespace stymo
