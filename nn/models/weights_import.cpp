@@ -138,8 +138,7 @@ std::vector<Network> published_networks() {
             iresnet(18, {2, 2, 2, 2}),
             iresnet(34, {3, 4, 6, 3}),
             iresnet(50, {3, 4, 14, 3}),
-            iresnet(100, {3, 13, 30, 3}),
-            iresnet(200, {6, 26, 60, 6})};
+            iresnet(100, {3, 13, 30, 3})};
 }
 
 bool fits(const Network& network, const Tensors& tensors) {
