@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "core/io/file.h"
+#include "core/io/scratch_folder.h"
 #include "nn/models/weights_import.h"
 
 using namespace stymo;
@@ -127,10 +128,20 @@ TEST_CASE("wrappers are taken off, whether the network is known or not") {
     CHECK(recognised(beside).file.tensors.contains("net.b"));
 }
 
+TEST_CASE("a safetensors file is not taken for ONNX whatever the length of its header") {
+    const ScratchFolder folder;
+    for (std::size_t letters = 1; letters < 300; letters += 8) {
+        const std::string name(letters, 'w');
+        write_tensor_file(folder / std::to_string(letters), {{{name, Tensor::zeros({1})}}, {}});
+        CHECK(import_weights(folder / std::to_string(letters)).file.tensors.contains(name));
+    }
+}
+
 TEST_CASE("the format of a weight file is told by what it holds") {
     CHECK(import_weights(golden("views.pth")).file.tensors.contains("whole"));
     CHECK(read_weight_file(golden("views_legacy.pth")).tensors.contains("state_dict.whole"));
     CHECK(import_weights(golden("small.onnx")).file.tensors.contains("conv.weight"));
+    CHECK(import_weights(golden("../onnx/iresnet_folded.onnx")).file.tensors.contains("layer4.1.bn3.running_var"));
     CHECK(import_weights(golden("../safetensors/types.safetensors")).file.tensors.contains("f32"));
     CHECK_THROWS_WITH(import_weights(golden("plain.pkl")), Contains("plain.pkl: not a weight file (neither"));
     CHECK_THROWS_WITH(import_weights(golden("published_names.json")), Contains("not a weight file"));
