@@ -89,12 +89,6 @@ const fs::path& whole_run() {
     return run.path;
 }
 
-std::vector<Tensor> values_of(const Model& model) {
-    std::vector<Tensor> values;
-    for (const Parameter& parameter : model.parameters().all()) values.push_back(parameter.variable().value());
-    return values;
-}
-
 }  // namespace
 
 TEST_CASE("a run that stops and resumes gives the same bits in both stages and across every change of phase", "[two_stages]") {
