@@ -26,7 +26,8 @@ const Dataset& faces() {
     return dataset;
 }
 
-void train(const TrainConfig& config, const fs::path& folder, const fs::path& resume_from = {}, const Dataset* validation = nullptr) {
+void train(const TrainConfig& config, const fs::path& folder, const fs::path& resume_from = {},
+           const Dataset* validation = nullptr) {
     const RunFolder run(folder, !resume_from.empty());
     Trainer trainer(config, faces(), validation, 5);
     if (!resume_from.empty()) trainer.resume(resume_from);
