@@ -44,7 +44,7 @@ TEST_CASE("a report shows and measures one face before and after its fit", "[fit
     CHECK_FALSE(check_close(report.initial, report.target, 1e-3).passed);
     CHECK(report.fitted_metrics.l1 < 1e-5);
     CHECK(report.fitted_metrics.psnr > report.initial_metrics.psnr);
-    const ImageMetrics expected = measure(report.initial, report.target, Tensor::full({side, side, 1}, 1.0));
+    const ImageMetrics expected = MetricTarget(report.target, Tensor::full({side, side, 1}, 1.0)).measure(report.initial);
     CHECK(report.initial_metrics.l1 == expected.l1);
     CHECK(report.initial_metrics.ssim == expected.ssim);
     // The first face's target has a pixel that its fit has not.
@@ -68,6 +68,17 @@ TEST_CASE("a report as JSON has both scores, the number of steps and every loss"
     CHECK(json["loss"] == nlohmann::json{0.5, 0.25, 0.125});
     CHECK(json["initial"]["l1"] == report.initial_metrics.l1);
     CHECK(json["fitted"]["ssim"] == report.fitted_metrics.ssim);
+}
+
+TEST_CASE("a report names the network of LPIPS if it was measured", "[fit_report]") {
+    const Fit fit;
+    const Lpips lpips({.network = "vgg16", .trunk = "random", .heads = "random"}, "");
+    const FitReport report = report_fit(fit.model, fit.target, fit.mask, fit.result, 1, &lpips);
+    const nlohmann::json json = nlohmann::json::parse(to_json(report, fit.result, 1.5).text());
+    CHECK(json["lpips_network"] == "vgg16, random weights");
+    CHECK(json["initial"]["lpips"].get<double>() > json["fitted"]["lpips"].get<double>());
+    const FitReport without = report_fit(fit.model, fit.target, fit.mask, fit.result, 1);
+    CHECK_THAT(to_json(without, fit.result, 1.5).text(), !Catch::Contains("lpips"));
 }
 
 TEST_CASE("the comparison shows target, initial, fitted and mask side by side", "[fit_report]") {

@@ -48,7 +48,8 @@ std::optional<std::filesystem::path> golden_folder() {
 
 GoldenVectors::GoldenVectors(const std::filesystem::path& path, bool folded) : file_(read_tensor_file(path)), folded_(folded) {}
 
-void GoldenVectors::check(const std::string& group, const std::map<std::string, Tensor>& actual, bool report) const {
+void GoldenVectors::check(const std::string& group, const std::map<std::string, Tensor>& actual, bool report,
+                          double least_magnitude) const {
     const DType dtype = actual.begin()->second.dtype();
     const double tolerance = dtype == DType::float64 ? 1e-8 : 1e-4;
     double worst = 0.0;
@@ -57,7 +58,7 @@ void GoldenVectors::check(const std::string& group, const std::map<std::string, 
         const auto expected = file_.tensors.find(group + "/" + name);
         INFO(group << "/" << name);
         REQUIRE(expected != file_.tensors.end());
-        const CloseReport close = check_close(folded_ ? folded(tensor) : tensor, expected->second, tolerance, 0.0);
+        const CloseReport close = check_close(folded_ ? folded(tensor) : tensor, expected->second, tolerance, least_magnitude);
         INFO(close.message);
         CHECK(close.passed);
         if (!(close.error <= worst)) {

@@ -27,8 +27,12 @@ public:
     GoldenVectors(const std::filesystem::path& path, bool folded);
 
     /// Compares a whole group in both directions: no name may be missing on either side. Differences count relative to the
-    /// largest magnitude of their tensor, at most 1e-4 in float32 and 1e-8 in float64. Prints the worst one if `report`.
-    void check(const std::string& group, const std::map<std::string, Tensor>& actual, bool report) const;
+    /// largest magnitude of their tensor (or to `least_magnitude` if that is larger), at most 1e-4 in float32 and 1e-8 in
+    /// float64. Prints the worst one if `report`.
+    void check(const std::string& group, const std::map<std::string, Tensor>& actual, bool report,
+               double least_magnitude = 0.0) const;
+
+    [[nodiscard]] const Shape& shape(const std::string& name) const { return file_.tensors.at(name).shape(); }
 
 private:
     TensorFile file_;

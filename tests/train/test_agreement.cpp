@@ -134,6 +134,7 @@ TrainConfig stage_config(const AgreementCase& agreement) {
     config.model.encoder.backbone = "small_conv";
     config.model.encoder.head_width = agreement.head_width;
     config.model.reconstruction.resolution_weights = {0.7};
+    config.model.reconstruction.perceptual_weight = 0.0;
     config.loss.opacity_weight = 0.2;
     config.loss.depth_variance_weight = 0.3;
     config.loss.code_norm_weight = 0.1;
@@ -174,7 +175,9 @@ void stage1_agrees(const AgreementCase& agreement, DType dtype) {
     set_golden_parameters(model.parameters(), dtype);
     const std::vector<Parameter> parameters = model.parameters().trainable();
     Rng jitter = Rng(1).split("stage1.jitter");
-    const LossAndGradients result = reconstruction_gradients(model, stage1_batch(dtype), config, parameters, true, jitter);
+    const ReconstructionLoss reconstruction(config.model.reconstruction);
+    const LossAndGradients result =
+        reconstruction_gradients(model, reconstruction, stage1_batch(dtype), config, parameters, true, jitter);
     agreement.vectors.check("stage1/loss", terms(result.losses, dtype), agreement.report);
     agreement.vectors.check("stage1/gradient", by_name(parameters, result.gradients), agreement.report);
     Adam({config.optimizer.beta1, config.optimizer.beta2, config.optimizer.epsilon})
