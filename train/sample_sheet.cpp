@@ -1,8 +1,8 @@
 #include "train/sample_sheet.h"
 
 #include <algorithm>
-#include <numbers>
 
+#include "core/angle.h"
 #include "core/io/image.h"
 #include "nn/models/picture.h"
 #include "train/batch.h"
@@ -30,7 +30,7 @@ Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t resol
         tiles.push_back(picture(*target, 0));
         show(batch.cameras.front());
         for (const double yaw_degrees : {-30.0, 0.0, 30.0}) {
-            const Pose pose = pivot_pose(yaw_degrees * std::numbers::pi / 180.0, 0.0, 0.0, place.distance, place.pivot_depth);
+            const Pose pose = pivot_pose(radians_from_degrees(yaw_degrees), 0.0, 0.0, place.distance, place.pivot_depth);
             show(camera_from_pose(pose, place.intrinsics));
         }
     }
