@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/autograd/grad.h"
+#include "core/autograd/recompute.h"
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "nn/adversarial.h"
@@ -70,10 +71,8 @@ Judged judged(const Discriminator& discriminator, const Tensor& images, double f
 /// The adversarial loss of `images` with its gradient already taken, so that the discriminator's graph is gone before the
 /// perceptual network's is made.
 Variable adversarial_loss(const Discriminator& discriminator, const Variable& images, double fade) {
-    const Variable leaf = Variable::leaf(images.value());
-    const Variable loss = generator_loss(discriminator(faded_image(leaf, fade), fade));
-    const Variable gradient = grad(loss, leaf);
-    return sum((images - images.detach()) * gradient) + loss.value().item();
+    return differentiate_at_once([&](const Variable& x) { return generator_loss(discriminator(faded_image(x, fade), fade)); },
+                                 images);
 }
 
 }  // namespace
