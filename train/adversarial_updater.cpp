@@ -91,12 +91,11 @@ std::optional<std::string> AdversarialUpdater::update_discriminator(const Traini
     parts_.model.parameters().set_trainable("", false);
     const std::vector<Parameter> parameters = thaw_discriminator(place);
     GradientMean mean(micro_batches.size());
-    Rng jitter =
-        parts_.rng.split("discriminator jitter").split(static_cast<std::uint64_t>(place.phase.first_step + place.step));
+    Rng jitter = parts_.rng.split("discriminator jitter").split(static_cast<std::uint64_t>(place.phase.first_step + place.step));
     for (const std::int64_t first_image : micro_batches) {
         const TrainingBatch batch = parts_.images.batch(first_image, place.phase.micro_batch);
-        const DiscriminatorGradients result = discriminator_gradients(parts_.model, judge_->discriminator, batch,
-                                                                      adversarial_phase(place), parameters, jitter);
+        const DiscriminatorGradients result =
+            discriminator_gradients(parts_.model, judge_->discriminator, batch, adversarial_phase(place), parameters, jitter);
         report.discriminator.accumulate(result.losses, mean.part());
         mean.add(result.gradients);
     }

@@ -58,7 +58,8 @@ TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config, const Dat
     const std::vector<TrainingPhase>& phases = trainer.schedule().phases();
     for (const TrainingPhase& phase : phases) {
         const double images = static_cast<double>(phase.steps * phase.batch);
-        PhasePlan& part = plan.phases.emplace_back(PhasePlan{.phase = phase, .epochs = images / static_cast<double>(plan.images)});
+        PhasePlan& part =
+            plan.phases.emplace_back(PhasePlan{.phase = phase, .epochs = images / static_cast<double>(plan.images)});
         const bool at_an_end = &phase == &phases.front() || &phase == &phases.back();
         if (measured == MeasuredPhases::all || (measured == MeasuredPhases::ends && at_an_end)) measure(part, trainer, config);
     }

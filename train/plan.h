@@ -28,7 +28,8 @@ struct TrainingPlan {
     std::vector<PhasePlan> phases{};
 };
 
-/// Which phases are measured by doing optimiser steps: one of the first stage, two of a phase of the second (with R1 and without).
+/// Which phases are measured by doing optimiser steps: one of the first stage, two of a phase of the second (with R1 and
+/// without).
 enum class MeasuredPhases { none, ends, all };
 
 /// The plan of a run that has not begun; its trainer is spoilt by the steps that are measured.

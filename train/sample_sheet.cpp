@@ -22,7 +22,8 @@ Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t resol
         const TrainingBatch batch = make_batch(std::vector{faces.load(index)});
         const Codes codes = model.encoder()(Variable(batch.input));
         const auto show = [&](const Camera& camera) {
-            const Decoded decoded = model.decoder()(codes, {camera}, {.samples_per_ray = samples_per_ray, .resolution = resolution});
+            const Decoded decoded =
+                model.decoder()(codes, {camera}, {.samples_per_ray = samples_per_ray, .resolution = resolution});
             tiles.push_back(picture(decoded.images.back().value(), 0));
         };
         const auto target = std::ranges::find(batch.targets, resolution, [](const Tensor& images) { return images.shape(1); });

@@ -131,8 +131,8 @@ void check_stage2(const TrainConfig& config, const std::string& source) {
     check_length("r1_gamma", stage.r1_gamma.size());
     for (std::size_t i = 0; i < sides.size(); ++i) {
         if (stage.batch[i] % stage.micro_batch[i] != 0) {
-            fail<ConfigError>(source, ": stage2.micro_batch = ", list_text(stage.micro_batch), " does not divide stage2.batch = ",
-                              list_text(stage.batch));
+            fail<ConfigError>(source, ": stage2.micro_batch = ", list_text(stage.micro_batch),
+                              " does not divide stage2.batch = ", list_text(stage.batch));
         }
         if (stage.fade_images[i] > stage.images[i]) {
             fail<ConfigError>(source, ": stage2.fade_images = ", list_text(stage.fade_images),

@@ -80,8 +80,7 @@ StepReport Trainer::step() {
     const TrainingPlace place = schedule_.place(state_.step);
     enter_stage(place.phase.stage);
     // The second stage needs its last resolution for it, where all features are there that the branch takes.
-    const bool mask_loss =
-        place.phase.stage == 1 ? state_.mask_loss : place.phase.resolution == config_.model.decoder.resolution;
+    const bool mask_loss = place.phase.stage == 1 ? state_.mask_loss : place.phase.resolution == config_.model.decoder.resolution;
     StepReport report = updater_->step(place, mask_loss);
     if (report.non_finite) {
         count_failure(*report.non_finite);

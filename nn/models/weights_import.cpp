@@ -200,8 +200,8 @@ bool is_tensor_file(std::string_view beginning) {
 }
 
 bool is_onnx_file(std::string_view beginning) {
-    // The first field of the message, ir_version: a number with the tag 1.
-    return beginning.starts_with('\x08');
+    // The first field of the message, ir_version: a number with the tag 1. The length of a header may begin alike.
+    return beginning.starts_with('\x08') && !is_tensor_file(beginning);
 }
 
 }  // namespace

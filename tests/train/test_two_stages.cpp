@@ -26,7 +26,8 @@ const Dataset& faces() {
     return dataset;
 }
 
-void train(const TrainConfig& config, const fs::path& folder, const fs::path& resume_from = {}, const Dataset* validation = nullptr) {
+void train(const TrainConfig& config, const fs::path& folder, const fs::path& resume_from = {},
+           const Dataset* validation = nullptr) {
     const RunFolder run(folder, !resume_from.empty());
     Trainer trainer(config, faces(), validation, 5);
     if (!resume_from.empty()) trainer.resume(resume_from);
@@ -87,12 +88,6 @@ const fs::path& whole_run() {
     };
     static const Run run;
     return run.path;
-}
-
-std::vector<Tensor> values_of(const Model& model) {
-    std::vector<Tensor> values;
-    for (const Parameter& parameter : model.parameters().all()) values.push_back(parameter.variable().value());
-    return values;
 }
 
 }  // namespace
