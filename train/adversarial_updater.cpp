@@ -63,10 +63,6 @@ AdversarialUpdater::AdversarialUpdater(const TrainingParts& parts)
     if (parts.config.loss.adversarial_weight > 0.0) judge_.emplace(parts.config, parts.rng.split(discriminator_name));
 }
 
-double AdversarialUpdater::learning_rate(const TrainingPlace& /*place*/) const {
-    return parts_.config.stage2.learning_rate;
-}
-
 double AdversarialUpdater::discriminator_learning_rate() const {
     return parts_.config.stage2.discriminator_learning_rate * lazy_part(parts_.config.stage2);
 }
@@ -138,7 +134,7 @@ std::optional<std::string> AdversarialUpdater::update_generator(const TrainingPl
         report.losses.accumulate(result.losses, mean.part());
         mean.add(result.gradients);
     }
-    report.learning_rate = learning_rate(place);
+    report.learning_rate = parts_.config.stage2.learning_rate;
     std::optional<std::string> broken = non_finite(report.losses.total, parameters, mean.gradients());
     if (!broken) {
         step_in_two_groups(adam_, parameters, mean.gradients(), report.learning_rate, mapping_prefix,

@@ -79,7 +79,6 @@ private:
     [[nodiscard]] double average_half_life(const TrainingPlace& place) const;
     /// Makes what the stage of the next step needs and drops what no step will need again.
     void enter_stage(int stage);
-    void update_average(const TrainingPlace& place);
     void count_failure(const std::string& what);
     void count_epoch(double reconstruction_loss);
     /// Also scores the model on the validation images, if there are any.
