@@ -2,10 +2,10 @@
 
 #include <sys/resource.h>
 
-#include <chrono>
 #include <iomanip>
 #include <sstream>
 
+#include "core/clock.h"
 #include "core/progress.h"
 
 namespace stymo {
@@ -20,9 +20,9 @@ double peak_megabytes() {
 
 /// One more step, and how long it took.
 double measured_step(Trainer& trainer, StepReport& report) {
-    const auto start = std::chrono::steady_clock::now();
+    const double start = seconds_now();
     report = trainer.step();
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return seconds_now() - start;
 }
 
 void measure(PhasePlan& plan, Trainer& trainer, const TrainConfig& config) {

@@ -1,8 +1,8 @@
 #include <algorithm>
-#include <chrono>
 #include <iomanip>
 #include <sstream>
 
+#include "core/clock.h"
 #include "core/interrupt.h"
 #include "core/progress.h"
 #include "train/sample_sheet.h"
@@ -11,10 +11,6 @@
 namespace stymo {
 
 namespace {
-
-double seconds_now() {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 std::string step_text(const LossTerms& losses) {
     std::ostringstream text;
