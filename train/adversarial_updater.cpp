@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ranges>
 #include <utility>
 
 namespace stymo {
@@ -28,10 +27,6 @@ AdamOptions discriminator_adam(const AdversarialStageConfig& config) {
 
 AdversarialPhase adversarial_phase(const TrainingPlace& place) {
     return {place.phase.resolution, place.fade, place.phase.samples_per_ray};
-}
-
-bool has_prefix(const TensorFile& file, std::string_view prefix) {
-    return std::ranges::any_of(std::views::keys(file.tensors), [&](const std::string& name) { return name.starts_with(prefix); });
 }
 
 /// Thaws the decoder up to the phase's resolution, and nothing else: what takes no part has no gradient, and the optimiser must

@@ -22,11 +22,6 @@ Model initial_model(const ModelConfig& config, const Rng& rng) {
     return {config, weights};
 }
 
-bool has_average(const TensorFile& file) {
-    const auto found = file.tensors.lower_bound(average_prefix);
-    return found != file.tensors.end() && found->first.starts_with(average_prefix);
-}
-
 }  // namespace
 
 Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Dataset* validation, std::uint64_t seed)
@@ -131,7 +126,7 @@ void Trainer::resume(const std::filesystem::path& folder) {
     stage_ = 0;
     average_.reset();
     // Before the stage is entered: an average that goes on is not begun anew.
-    if (has_average(checkpoint.tensors)) {
+    if (has_prefix(checkpoint.tensors, average_prefix)) {
         average_.emplace(model_.parameters().all());
         average_->load(checkpoint.tensors, source, average_prefix);
     }

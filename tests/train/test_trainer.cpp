@@ -6,7 +6,6 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <numbers>
-#include <sstream>
 #include <thread>
 
 #include "core/interrupt.h"
@@ -36,17 +35,6 @@ TrainingOutcome train(TrainConfig config, const fs::path& folder, std::int64_t s
     Trainer trainer(config, faces(), validation, 5);
     if (resume_from >= 0) trainer.resume(run.checkpoint(resume_from));
     return trainer.run(run, {});
-}
-
-/// The lines of stats.jsonl without the speed, which no two runs share.
-std::vector<nlohmann::json> statistics(const fs::path& folder) {
-    std::istringstream lines(read_text_file(folder / "stats.jsonl"));
-    std::vector<nlohmann::json> result;
-    for (std::string line; std::getline(lines, line);) {
-        result.push_back(nlohmann::json::parse(line));
-        result.back().erase("images_per_second");
-    }
-    return result;
 }
 
 /// Weights, averaged weights, moments and state are all in these files, to the last bit.

@@ -3,7 +3,6 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "core/error.h"
 #include "core/io/file.h"
@@ -38,26 +37,12 @@ fs::path checkpoint(const fs::path& run, std::int64_t step) {
     return run / "checkpoints" / ("00000" + std::to_string(step));
 }
 
-std::vector<nlohmann::json> statistics(const fs::path& folder) {
-    std::istringstream lines(read_text_file(folder / "stats.jsonl"));
-    std::vector<nlohmann::json> result;
-    for (std::string line; std::getline(lines, line);) {
-        result.push_back(nlohmann::json::parse(line));
-        result.back().erase("images_per_second");
-    }
-    return result;
-}
-
 TensorFile state_at(const fs::path& run, std::int64_t step) {
     return read_tensor_file(checkpoint(run, step) / "state.safetensors");
 }
 
 TensorFile weights_at(const fs::path& run, std::int64_t step) {
     return read_tensor_file(checkpoint(run, step) / "model.safetensors");
-}
-
-bool has_prefix(const TensorFile& file, const std::string& prefix) {
-    return std::ranges::any_of(file.tensors, [&](const auto& entry) { return entry.first.starts_with(prefix); });
 }
 
 /// Whether any tensor below the prefix differs.
