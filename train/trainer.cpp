@@ -34,6 +34,7 @@ Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Datas
       model_(initial_model(config.model, rng_)),
       reconstruction_(config.model.reconstruction) {
     state_.seed = seed;
+    state_.mask_loss = config.loss.mask_start_epoch == 0;
 }
 
 Trainer::~Trainer() = default;
@@ -91,7 +92,7 @@ StepReport Trainer::step() {
 void Trainer::count_failure(const std::string& what) {
     ++state_.failures;
     if (state_.failures > config_.optimizer.failures_allowed) {
-        fail<NumericError>("step ", state_.step, ": ", what, " is not finite, ", state_.failures, " steps in a row; lower ",
+        fail<NumericError>("step ", state_.step + 1, ": ", what, " is not finite, ", state_.failures, " steps in a row; lower ",
                            updater_->learning_rate_key());
     }
 }
