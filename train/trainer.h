@@ -57,6 +57,7 @@ public:
     [[nodiscard]] const Model& model() const { return model_; }
     [[nodiscard]] const TrainingState& state() const { return state_; }
     [[nodiscard]] const TrainingSchedule& schedule() const { return schedule_; }
+    [[nodiscard]] const ReconstructionLoss& reconstruction() const { return reconstruction_; }
 
 private:
     /// While it lives the model is frozen and holds the averaged weights, if there are any: what is shown, measured and saved

@@ -39,6 +39,11 @@ TrainingOutcome Trainer::run(const RunFolder& folder, const TrainingLimits& limi
                        .first = first_image,
                        .unit = "images",
                        .time_limit = limits.minutes * 60.0});
+    if (const Lpips* lpips = reconstruction_.lpips(); lpips != nullptr) {
+        const std::string line = "LPIPS: " + lpips->label();
+        folder.log(line);
+        if (lpips->random()) progress.message(line);
+    }
     TrainingOutcome outcome;
     Tick tick;
     const auto time_is_up = [&] { return limits.minutes > 0.0 && seconds_now() - start >= limits.minutes * 60.0; };

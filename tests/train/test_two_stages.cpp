@@ -258,3 +258,19 @@ TEST_CASE("the plan of both stages counts the discriminator and measures what it
     CHECK_THAT(plan_text(plan), Catch::Contains("discriminator") && Catch::Contains("stage 2,   64 2 steps of 2 images"));
     for (const PhasePlan& phase : plan_of(MeasuredPhases::none).phases) CHECK_FALSE(phase.measured);
 }
+
+TEST_CASE("random weights of LPIPS are reported as such by the plan and by the run", "[two_stages]") {
+    TrainConfig config = tiny_train_config();
+    config.stage1.steps = 1;
+    config.model.reconstruction.perceptual_weight = 0.1;
+    config.model.reconstruction.perceptual = {.network = "squeezenet1_1", .trunk = "random", .heads = "random"};
+    const ScratchFolder folder;
+    train(config, folder / "run");
+    CHECK_THAT(read_text_file(folder / "run/log.txt"), Catch::Contains("LPIPS: squeezenet1_1, random weights"));
+
+    Trainer trainer(config, faces(), nullptr, 5);
+    const TrainingPlan plan = measure_plan(trainer, config, faces(), MeasuredPhases::none);
+    CHECK(plan.lpips_network == "squeezenet1_1, random weights");
+    CHECK_THAT(plan_text(plan), Catch::Contains("LPIPS         squeezenet1_1, random weights"));
+    CHECK(nlohmann::json::parse(to_json(plan).text())["lpips_network"] == "squeezenet1_1, random weights");
+}
