@@ -7,7 +7,6 @@
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "nn/adversarial.h"
-#include "nn/losses.h"
 #include "train/loss_sum.h"
 
 namespace stymo {

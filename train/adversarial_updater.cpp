@@ -1,8 +1,6 @@
 #include "train/adversarial_updater.h"
 
-#include <algorithm>
 #include <cmath>
-#include <utility>
 
 namespace stymo {
 
