@@ -33,19 +33,22 @@ struct DiscriminatorGradients {
 };
 
 /// One micro-batch of the discriminator's update: real photos on black against the generator's pictures of the same faces, which
-/// no gradient flows into. Means over the micro-batch. `jitter` as in reconstruction_gradients.
+/// no gradient flows into. Means over the micro-batch. `jitter` as in reconstruction_gradients. The pictures are rendered one
+/// face at a time; a model whose parameters are frozen meanwhile saves the graph that is otherwise made and dropped for each of
+/// them. Throws ShapeError for a batch without pictures of the phase's resolution.
 [[nodiscard]] DiscriminatorGradients discriminator_gradients(const Model& model, const Discriminator& discriminator,
                                                              const TrainingBatch& batch, const AdversarialPhase& phase,
                                                              const std::vector<Parameter>& parameters, Rng& jitter);
 
-/// One micro-batch of R1: gradients of `weight` * E |dD/dx|^2 / 2 on the real photos.
+/// One micro-batch of R1: gradients of `weight` * E |dD/dx|^2 / 2 on the real photos. Throws as discriminator_gradients.
 [[nodiscard]] DiscriminatorGradients r1_gradients(const Discriminator& discriminator, const TrainingBatch& batch,
                                                   const AdversarialPhase& phase, double weight,
                                                   const std::vector<Parameter>& parameters);
 
 /// One micro-batch of the generator's update: reconstruction up to the phase's resolution, mask loss, opacity, depth variance,
 /// non-saturating adversarial loss with its weight. The encoder's codes are constants, and so is the discriminator; there is no
-/// code loss. Without adversarial weight the discriminator is not run.
+/// code loss. Without adversarial weight the discriminator is not run. A discriminator whose parameters are frozen meanwhile
+/// takes less memory for the same gradients. The mask loss needs `mask_loss` and the model's own resolution.
 [[nodiscard]] LossAndGradients generator_gradients(const Model& model, const Discriminator& discriminator,
                                                    const ReconstructionLoss& reconstruction, const TrainingBatch& batch,
                                                    const AdversarialPhase& phase, const TrainConfig& config,

@@ -3,6 +3,7 @@
 #include "core/autograd/grad.h"
 #include "core/ops/ops.h"
 #include "nn/losses.h"
+#include "train/loss_sum.h"
 
 namespace stymo {
 
@@ -17,15 +18,6 @@ void LossTerms::accumulate(const LossTerms& other, double part) {
 }
 
 namespace {
-
-/// Adds weight * term to `total` and the bare term to `report`. A term without weight is not even computed.
-template <class Term>
-void add_term(Variable& total, double& report, double weight, Term term) {
-    if (weight == 0.0) return;
-    const Variable value = term();
-    report = value.value().item();
-    total = total + value * weight;
-}
 
 Variable code_norm(const Codes& codes) {
     Variable total;

@@ -40,9 +40,7 @@ const char* reason_of(int error_number) {
     return std::strerror(error_number);
 }
 
-}  // namespace
-
-std::string read_text_file(const fs::path& path) {
+std::ifstream opened(const fs::path& path) {
     std::error_code error;
     if (fs::is_directory(path, error)) {
         fail<FileError>(path.string(), ": cannot be read (is a folder)");
@@ -52,10 +50,28 @@ std::string read_text_file(const fs::path& path) {
     if (!stream) {
         fail<FileError>(path.string(), ": cannot be read (", reason_of(errno), ")");
     }
+    return stream;
+}
+
+}  // namespace
+
+std::string read_text_file(const fs::path& path) {
+    std::ifstream stream = opened(path);
     std::string text{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
     if (stream.bad()) {
         fail<FileError>(path.string(), ": cannot be read (", reason_of(errno), ")");
     }
+    return text;
+}
+
+std::string read_beginning(const fs::path& path, std::size_t count) {
+    std::ifstream stream = opened(path);
+    std::string text(count, '\0');
+    stream.read(text.data(), static_cast<std::streamsize>(count));
+    if (stream.bad()) {
+        fail<FileError>(path.string(), ": cannot be read (", reason_of(errno), ")");
+    }
+    text.resize(static_cast<std::size_t>(stream.gcount()));
     return text;
 }
 

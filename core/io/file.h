@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
 #include <functional>
 #include <string>
@@ -9,6 +10,8 @@ namespace stymo {
 
 /// Whole contents of a file; throws FileError if it cannot be read.
 [[nodiscard]] std::string read_text_file(const std::filesystem::path& path);
+/// The first bytes of a file, at most `count`, to tell what it is; throws FileError if it cannot be read.
+[[nodiscard]] std::string read_beginning(const std::filesystem::path& path, std::size_t count);
 /// Calls `write(temporary)` and renames the result to `path`, so that `path` is whole or absent. The temporary file keeps
 /// path's extension and is removed if `write` throws. Throws FileError if the rename fails.
 void write_whole(const std::filesystem::path& path, const std::function<void(const std::filesystem::path&)>& write);

@@ -1,7 +1,6 @@
 #include "core/io/tensor_file.h"
 
 #include <algorithm>
-#include <bit>
 #include <cerrno>
 #include <cstdint>
 #include <cstring>
@@ -12,6 +11,7 @@
 #include <vector>
 
 #include "core/error.h"
+#include "core/io/element_type.h"
 #include "core/io/file.h"
 
 namespace stymo {
@@ -19,8 +19,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
-
-static_assert(std::endian::native == std::endian::little, "safetensors files are little-endian and read in place");
 
 /// The limit of the format.
 constexpr std::uint64_t maximum_header_length = 100'000'000;
@@ -30,81 +28,6 @@ template <class... Parts>
 [[noreturn]] void refuse(const fs::path& path, const Parts&... parts) {
     fail<FileError>(path.string(), ": not a readable safetensors file (", parts..., ")");
 }
-
-template <class Source>
-float widened(Source value) {
-    return static_cast<float>(value);
-}
-
-struct Half {
-    std::uint16_t bits;
-};
-struct BrainFloat {
-    std::uint16_t bits;
-};
-
-float widened(BrainFloat value) {
-    return std::bit_cast<float>(std::uint32_t{value.bits} << 16);
-}
-
-float widened(Half value) {
-    const std::uint32_t sign = (value.bits & 0x8000U) << 16;
-    const std::uint32_t exponent = (value.bits >> 10) & 0x1FU;
-    const std::uint32_t fraction = value.bits & 0x3FFU;
-    if (exponent == 0) {
-        // Subnormal halves are multiples of 2^-24, which float32 holds exactly.
-        const float magnitude = static_cast<float>(fraction) * 0x1.0p-24F;
-        return sign != 0 ? -magnitude : magnitude;
-    }
-    const std::uint32_t wide_exponent = exponent == 0x1F ? 0xFFU : exponent + 127 - 15;
-    return std::bit_cast<float>(sign | (wide_exponent << 23) | (fraction << 13));
-}
-
-using Converter = Tensor (*)(const Shape&, const char*);
-
-template <class Source>
-Tensor convert(const Shape& shape, const char* bytes) {
-    Tensor result(shape);
-    for (float& value : result.mutable_values<float>()) {
-        Source source;
-        std::memcpy(&source, bytes, sizeof source);
-        bytes += sizeof source;
-        value = widened(source);
-    }
-    return result;
-}
-
-template <class Value>
-Tensor copy(const Shape& shape, const char* bytes) {
-    Tensor result(shape, dtype_of<Value>());
-    const auto values = result.mutable_values<Value>();
-    if (!values.empty()) {
-        std::memcpy(values.data(), bytes, values.size_bytes());
-    }
-    return result;
-}
-
-struct ElementType {
-    std::string_view name;
-    std::uint64_t bytes;
-    Converter converter;
-};
-
-constexpr ElementType element_types[] = {
-    {"F32", 4, copy<float>},
-    {"F64", 8, copy<double>},
-    {"F16", 2, convert<Half>},
-    {"BF16", 2, convert<BrainFloat>},
-    {"I8", 1, convert<std::int8_t>},
-    {"I16", 2, convert<std::int16_t>},
-    {"I32", 4, convert<std::int32_t>},
-    {"I64", 8, convert<std::int64_t>},
-    {"U8", 1, convert<std::uint8_t>},
-    {"U16", 2, convert<std::uint16_t>},
-    {"U32", 4, convert<std::uint32_t>},
-    {"U64", 8, convert<std::uint64_t>},
-    {"BOOL", 1, convert<std::uint8_t>},
-};
 
 /// The header as JSON, where nlohmann alone would keep the last of two equal names.
 json parse_header(const fs::path& path, std::string_view text) {
@@ -180,11 +103,10 @@ Entry parse_entry(const fs::path& path, const std::string& name, const json& fie
         refuse(path, "tensor \"", name, "\" needs exactly dtype, shape and data_offsets");
     }
     const auto& type_name = fields["dtype"].get_ref<const std::string&>();
-    const auto* type = std::ranges::find(element_types, type_name, &ElementType::name);
-    if (type == std::end(element_types)) {
+    entry.type = find_element_type(type_name);
+    if (entry.type == nullptr) {
         refuse(path, "tensor \"", name, "\" has the unknown element type \"", type_name, "\"");
     }
-    entry.type = type;
     entry.begin = natural_number(path, name, fields["data_offsets"][0]);
     entry.end = natural_number(path, name, fields["data_offsets"][1]);
     if (entry.begin > entry.end || entry.end > data_length) {
@@ -282,7 +204,7 @@ TensorFile read_tensor_file(const fs::path& path) {
     }
     require_tiling(path, entries, data_length);
     for (const Entry& entry : entries) {
-        contents.tensors.emplace(entry.name, entry.type->converter(entry.shape, data + entry.begin));
+        contents.tensors.emplace(entry.name, entry.type->read(entry.shape, data + entry.begin));
     }
     return contents;
 }

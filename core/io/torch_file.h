@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
+#include <string_view>
 
 #include "core/io/tensor_file.h"
 
@@ -11,5 +13,10 @@ namespace stymo {
 /// refuses every other class or function by name. Nested dictionaries give dotted names. Throws FileError for a file that is
 /// truncated, malformed, not a checkpoint, or that names anything beyond the list.
 [[nodiscard]] TensorFile read_torch_file(const std::filesystem::path& path);
+
+/// Number of bytes at the beginning of a file that tell if it is one.
+inline constexpr std::size_t torch_file_beginning = 64;
+/// True if a file that begins so has one of the two formats.
+[[nodiscard]] bool is_torch_file(std::string_view beginning);
 
 }  // namespace stymo

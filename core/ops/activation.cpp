@@ -1,6 +1,7 @@
 #include "core/ops/activation.h"
 
 #include "core/autograd/record.h"
+#include "core/error.h"
 #include "core/kernels/elementwise.h"
 #include "core/kernels/reduce.h"
 #include "core/ops/elementwise.h"
@@ -30,8 +31,10 @@ Variable log_sigmoid(const Variable& x) {
 }
 
 Variable leaky_relu(const Variable& x, double slope) {
-    return record("leaky_relu", kernels::leaky_relu(x.value(), slope), {x}, Save::input(0),
-                  {[slope](const Vjp& v) { return v.grad() * Variable(kernels::leaky_slope(v.input(0).value(), slope)); }});
+    if (!(slope >= 0.0)) fail<ValueError>("[leaky_relu] slope ", slope, " is negative");
+    // The output has the sign of the input, and the next layer keeps it anyway.
+    return record("leaky_relu", kernels::leaky_relu(x.value(), slope), {x}, Save::the_output(),
+                  {[slope](const Vjp& v) { return v.grad() * Variable(kernels::leaky_slope(v.output().value(), slope)); }});
 }
 
 Variable prelu(const Variable& x, const Variable& slope) {

@@ -11,7 +11,7 @@ namespace stymo {
 [[nodiscard]] Variable softplus(const Variable& x);
 /// log(sigmoid(x)) = -softplus(-x)
 [[nodiscard]] Variable log_sigmoid(const Variable& x);
-/// Subgradient `slope` at 0.
+/// Subgradient `slope` at 0. Throws ValueError for a negative slope.
 [[nodiscard]] Variable leaky_relu(const Variable& x, double slope);
 [[nodiscard]] inline Variable relu(const Variable& x) {
     return leaky_relu(x, 0.0);

@@ -5,6 +5,7 @@
 #include "core/ops/elementwise.h"
 #include "core/ops/index.h"
 #include "core/ops/linalg.h"
+#include "core/ops/pool.h"
 #include "core/ops/reduce.h"
 #include "core/ops/resample.h"
 #include "core/ops/shape_ops.h"

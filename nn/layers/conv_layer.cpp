@@ -15,24 +15,28 @@ double initial_deviation(const ConvLayerOptions& options, double fan_in) {
     return options.initial_deviation > 0.0 ? options.initial_deviation : std::sqrt(2.0 / fan_in);
 }
 
+Variable times(const Variable& x, double gain) {
+    return gain == 1.0 ? x : x * gain;
+}
+
 }  // namespace
 
 ConvLayer::ConvLayer(ParameterStore& store, const std::string& name, std::int64_t in, std::int64_t out,
                      const ConvLayerOptions& options, Rng& rng)
-    : options_{options.stride, options.padding, options.groups} {
+    : options_{options.stride, options.padding, options.groups}, bias_gain_(options.gain) {
     if (options.groups < 1 || in % options.groups != 0 || out % options.groups != 0)
         fail<ValueError>(name, ": ", options.groups, " groups do not divide ", in, " and ", out, " channels");
     const Shape shape{out, options.kernel, options.kernel, in / options.groups};
     const auto fan_in = static_cast<double>(shape.product(1, 4));
-    weight_gain_ = options.scaling == WeightScaling::equalised ? 1.0 / std::sqrt(fan_in) : 1.0;
+    weight_gain_ = options.gain * (options.scaling == WeightScaling::equalised ? 1.0 / std::sqrt(fan_in) : 1.0);
     Rng draws = rng.split(name + ".weight");
     weight_ = store.create(name + ".weight", draws.normal(shape, 0.0, initial_deviation(options, fan_in)));
     if (options.bias) bias_ = store.create(name + ".bias", Tensor::zeros({out}));
 }
 
 Variable ConvLayer::operator()(const Variable& x) const {
-    const Variable weight = weight_gain_ == 1.0 ? weight_.variable() : weight_.variable() * weight_gain_;
-    return apply(x, weight, bias_.defined() ? bias_.variable() : Variable());
+    const Variable bias = bias_.defined() ? times(bias_.variable(), bias_gain_) : Variable();
+    return apply(x, times(weight_.variable(), weight_gain_), bias);
 }
 
 Variable ConvLayer::scaled(const Variable& x, const Variable& scale, const Variable& shift) const {

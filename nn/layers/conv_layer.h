@@ -23,6 +23,8 @@ struct ConvLayerOptions {
     bool bias = true;  ///< starts at 0
     WeightScaling scaling = WeightScaling::plain;
     double initial_deviation = 0.0;  ///< of plain weights; 0: He's, sqrt(2 / fan in)
+    /// On weight and bias. Folds in a factor that comes before or after a leaky ReLU, which commutes with scaling.
+    double gain = 1.0;
 };
 
 /// Two-dimensional convolution, (B, H, W, in) -> (B, H', W', out) with the sizes of conv2d.
@@ -50,6 +52,7 @@ private:
     Parameter bias_;
     Conv2dOptions options_;
     double weight_gain_ = 1.0;
+    double bias_gain_ = 1.0;
 };
 
 }  // namespace stymo

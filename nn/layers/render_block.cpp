@@ -1,5 +1,6 @@
 #include "nn/layers/render_block.h"
 
+#include "core/autograd/recompute.h"
 #include "core/ops/elementwise.h"
 
 namespace stymo {
@@ -11,10 +12,15 @@ RenderBlock::RenderBlock(ParameterStore& store, const std::string& prefix, std::
       modulated1_(store, prefix + ".modulated1", out, out, style_size, Activation::leaky_relu, rng),
       to_rgb_(store, prefix + ".to_rgb", out, 3, {}, rng) {}
 
-Rendered RenderBlock::operator()(const Rendered& below, const Variable& style) const {
-    const Variable features = modulated1_(modulated0_(upsampler_(below.features), style), style);
-    const Variable rgb = to_rgb_(features);
-    return {features, below.rgb.defined() ? rgb + double_smoothly(below.rgb) : rgb};
+Variable RenderBlock::features(const Variable& below, const Variable& style) const {
+    return modulated1_(modulated0_(upsampler_(below), style), style);
+}
+
+Rendered RenderBlock::operator()(const Rendered& below, const Variable& style, bool recomputed) const {
+    const Segment segment = [block = *this](std::span<const Variable> inputs) { return block.features(inputs[0], inputs[1]); };
+    const Variable above = recomputed ? recompute(segment, {below.features, style}) : features(below.features, style);
+    const Variable rgb = to_rgb_(above);
+    return {above, below.rgb.defined() ? rgb + double_smoothly(below.rgb) : rgb};
 }
 
 }  // namespace stymo

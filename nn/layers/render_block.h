@@ -23,9 +23,12 @@ public:
                 Rng& rng);
 
     /// `below`: features (B, S, S, in) and rgb (B, S, S, 3), or no rgb at the first block; style (B, style_size). Doubles S.
-    [[nodiscard]] Rendered operator()(const Rendered& below, const Variable& style) const;
+    /// `recomputed`: keeps the resulting features but nothing on the way to them, which the backward pass computes once more.
+    [[nodiscard]] Rendered operator()(const Rendered& below, const Variable& style, bool recomputed = false) const;
 
 private:
+    [[nodiscard]] Variable features(const Variable& below, const Variable& style) const;
+
     Upsampler upsampler_;
     ModulatedLinear modulated0_;
     ModulatedLinear modulated1_;

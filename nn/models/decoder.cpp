@@ -1,9 +1,11 @@
 #include "nn/models/decoder.h"
 
+#include <algorithm>
 #include <array>
 #include <optional>
 #include <utility>
 
+#include "core/autograd/recompute.h"
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "nn/layers/mapping.h"
@@ -54,6 +56,36 @@ Variable appearance_style(const Codes& w) {
     return concat({w.texture(), w.light()}, 1);
 }
 
+struct RenderedRays {
+    Variable composited;  ///< (B, R, width)
+    CompositeWeights weights;
+};
+
+RenderedRays render_rays(const RadianceField& field, const Tensor& points, const Tensor& deltas, const Variable& style) {
+    const FieldSamples samples = field(points, style);
+    CompositeWeights weights = composite_weights(reshape(samples.density, deltas.shape()), deltas);
+    const Variable composited = composite(weights.weights, samples.features);
+    return {composited, std::move(weights)};
+}
+
+/// The same in tiles of rays, of all images at once so that the products stay large; a segment has one result to give.
+RenderedRays render_ray_tiles(const RadianceField& field, const RaySamples& samples, const Variable& style, std::int64_t tile) {
+    const std::int64_t rays = samples.deltas.shape(1), per_ray = samples.deltas.shape(2);
+    std::vector<Variable> tiles;
+    for (std::int64_t first = 0; first < rays; first += tile) {
+        const std::int64_t end = std::min(first + tile, rays);
+        const Tensor points = slice(samples.points, 1, first * per_ray, end * per_ray).value();
+        const Tensor deltas = slice(samples.deltas, 1, first, end).value();
+        const Segment segment = [field, points, deltas](std::span<const Variable> inputs) {
+            const RenderedRays rendered = render_rays(field, points, deltas, inputs[0]);
+            return concat({rendered.weights.weights, rendered.weights.transmittance, rendered.composited}, 2);
+        };
+        tiles.push_back(recompute(segment, {style}));
+    }
+    const Variable all = concat(tiles, 1);
+    return {slice(all, 2, per_ray + 1, all.shape(2)), {slice(all, 2, 0, per_ray), slice(all, 2, per_ray, per_ray + 1)}};
+}
+
 }  // namespace
 
 void describe(ConfigSchema& schema, DecoderConfig& config) {
@@ -71,6 +103,8 @@ void describe(ConfigSchema& schema, DecoderConfig& config) {
     schema.integers(key("block_channels"), config.block_channels, 1, 4096,
                     "channels of the render blocks from coarse to fine (paper: silent; HeadNeRF has 128, 64, 32, 32)");
     schema.integer(key("mask_channels"), config.mask_channels, 1, 4096, "channels of the mask branch (paper: silent)");
+    schema.boolean(key("mask_detach"), config.mask_detach,
+                   "the mask loss trains the mask branch alone (paper: false, it is minimised over all of the decoder)");
     schema.integer(key("mapping_layers"), config.mapping_layers, 1, 16,
                    "layers of each mapping network (paper: silent; StyleGAN2 has 8)");
     schema.number(key("mapping_learning_rate_multiplier"), config.mapping_learning_rate_multiplier, 1e-4, 1.0,
@@ -160,14 +194,14 @@ Decoded Decoder::operator()(const Codes& z, const std::vector<Camera>& cameras, 
     sampling.samples_per_ray = options.samples_per_ray;
     RaySamples samples = sample_rays(cameras, sampling, options.jitter, w.identity().dtype());
 
-    const FieldSamples field = layers_->field(samples.points, geometry_style(w));
-    CompositeWeights weights = composite_weights(reshape(field.density, samples.deltas.shape()), samples.deltas);
-    const Variable composited = composite(weights.weights, field.features);
+    const Variable style = geometry_style(w);
+    RenderedRays rays = options.recomputed_rays > 0 ? render_ray_tiles(layers_->field, samples, style, options.recomputed_rays)
+                                                    : render_rays(layers_->field, samples.points, samples.deltas, style);
     const std::int64_t side = sampling.rays_per_side;
-    const Variable features = layers_->field.finish(composited, sum(weights.weights, {2}));
+    const Variable features = layers_->field.finish(rays.composited, sum(rays.weights.weights, {2}));
 
     Decoded decoded = decode_feature_map(reshape(features, {batch, side, side, config().feature_channels}), w, options);
-    decoded.weights = std::move(weights);
+    decoded.weights = std::move(rays.weights);
     decoded.samples = std::move(samples);
     return decoded;
 }
@@ -184,11 +218,16 @@ Decoded Decoder::decode_feature_map(const Variable& feature_map, const Codes& w,
     std::vector<Variable> features;
     Rendered rendered{feature_map, {}};
     for (std::size_t i = 0; i < layers_->blocks_for(options); ++i) {
-        rendered = layers_->blocks[i](rendered, style);
+        rendered = layers_->blocks[i](rendered, style, options.recompute_blocks);
         decoded.images.push_back(tanh(rendered.rgb));
-        if (options.mask) features.push_back(rendered.features);
+        if (options.mask) features.push_back(config().mask_detach ? rendered.features.detach() : rendered.features);
     }
-    if (options.mask) decoded.mask_logit = (*layers_->mask)(features);
+    if (options.mask && options.recompute_blocks) {
+        decoded.mask_logit =
+            recompute([mask = *layers_->mask](std::span<const Variable> inputs) { return mask(inputs); }, features);
+    } else if (options.mask) {
+        decoded.mask_logit = (*layers_->mask)(features);
+    }
     return decoded;
 }
 

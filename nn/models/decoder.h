@@ -23,6 +23,7 @@ struct DecoderConfig {
     /// One for each doubling from 64 on; further ones are left unused.
     std::vector<std::int64_t> block_channels{128, 64, 32, 32};
     std::int64_t mask_channels = 16;
+    bool mask_detach = false;  ///< keeps the mask loss from the render blocks: it trains the mask branch alone
     std::int64_t mapping_layers = 4;
     double mapping_learning_rate_multiplier = 1.0;
     std::string depth_planes = "world_z";  ///< "world_z" or "optical_axis"; decides rays.planes
@@ -36,8 +37,10 @@ struct DecodeOptions {
     std::int64_t samples_per_ray = 32;
     std::int64_t resolution = 0;  ///< largest image wanted, 0 for the model's own; later blocks are left out
     bool mask = false;            ///< also the head mask, at the side of the largest image
-    /// What the backward pass computes once more instead of keeping it: the field, in tiles of so many rays (0: kept), and the
-    /// render blocks. Neither changes a value or gradient.
+    /// What the backward pass computes once more instead of keeping it: the field, in tiles of so many rays of each image (0:
+    /// kept, in one piece), and the render blocks with the mask branch. Changes results by rounding: gradients, because their
+    /// sums are grouped by part; values only where a tile's rows end elsewhere in the product's own tiling, which powers of two
+    /// avoid.
     std::int64_t recomputed_rays = 0;
     bool recompute_blocks = false;
     Rng* jitter = nullptr;  ///< stratified samples (training); null: fixed samples

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "core/autograd/variable.h"
 #include "core/config.h"
@@ -32,7 +33,8 @@ public:
 
     /// images (B, S, S, 3) in [-1, 1] for S = 64, 128, ... up to the resolution -> logits (B, 1), high for real ones. Below
     /// `fade` = 1 the block of S is being faded in: its features are mixed with fromRGB of the image shrunk to S / 2 (box), with
-    /// weight 1 - fade. Throws ShapeError for another side, or if the group size (at most B) does not divide B.
+    /// weight 1 - fade. Throws ShapeError for another side, or if the group size (at most B) does not divide B; ValueError for a
+    /// fade outside [0, 1], or below 1 at 64 pixels, where there is nothing to fade from.
     [[nodiscard]] Variable operator()(const Variable& images, double fade = 1.0) const;
 
     [[nodiscard]] std::int64_t resolution() const;

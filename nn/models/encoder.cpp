@@ -1,10 +1,12 @@
 #include "nn/models/encoder.h"
 
 #include <array>
+#include <cmath>
 #include <filesystem>
 
 #include "core/error.h"
 #include "core/ops/elementwise.h"
+#include "core/ops/shape_ops.h"
 #include "nn/layers/linear.h"
 
 namespace stymo {
@@ -20,6 +22,14 @@ void load_backbone(Backbone& backbone, const std::string& path) {
     } catch (const FileError& error) {
         fail<FileError>(key, error.what());
     }
+}
+
+/// Cuts the same whole number of pixels off every side.
+Variable arcface_frame(const Variable& image) {
+    constexpr double kept = 0.765;
+    const std::int64_t side = image.shape(1);
+    const std::int64_t margin = std::lround(0.5 * (1.0 - kept) * static_cast<double>(side));
+    return slice(slice(image, 1, margin, side - margin), 2, margin, side - margin);
 }
 
 }  // namespace
@@ -51,6 +61,10 @@ void describe(ConfigSchema& schema, EncoderConfig& config) {
                   "network from the image to an embedding (paper: ArcFace)");
     schema.text("encoder.backbone_weights", config.backbone_weights,
                 "published weights of the backbone, a .safetensors file; empty: trained from scratch");
+    schema.boolean(
+        "encoder.arcface_crop", config.arcface_crop,
+        "show the backbone only the frame that ArcFace was trained on, the middle 76.5 % of the FFHQ crop, without most "
+        "of the hair");
     schema.number("encoder.embedding_scale", config.embedding_scale, 1e-3, 1e3,
                   "factor on the embedding before the semantic heads");
     schema.integer("encoder.head_width", config.head_width, 2, 8192,
@@ -58,16 +72,17 @@ void describe(ConfigSchema& schema, EncoderConfig& config) {
 }
 
 Encoder::Encoder(const EncoderConfig& config, ParameterStore& store, const std::string& prefix, Rng& rng)
-    : backbone_(make_backbone(config.backbone, store, prefix + ".backbone.", rng)),
+    : arcface_crop_(config.arcface_crop),
+      backbone_(make_backbone(config.backbone, store, prefix + ".backbone.", rng)),
       heads_(std::make_shared<Heads>(backbone_->embedding_size(), config.head_width, store, prefix + ".heads.", rng)),
       embedding_scale_(config.embedding_scale) {
     if (!config.backbone_weights.empty()) load_backbone(*backbone_, config.backbone_weights);
 }
 
 Codes Encoder::operator()(const Variable& image) const {
-    if (image.rank() != 4 || image.shape(3) != 3)
+    if (image.rank() != 4 || image.shape(1) != image.shape(2) || image.shape(3) != 3)
         fail<ShapeError>("the encoder needs images (batch, side, side, 3), got ", image.shape());
-    const Variable embedding = (*backbone_)(image)*embedding_scale_;
+    const Variable embedding = (*backbone_)(arcface_crop_ ? arcface_frame(image) : image) * embedding_scale_;
     Codes codes;
     for (std::size_t i = 0; i < codes.groups.size(); ++i) {
         const Heads::Head& head = heads_->heads[i];

@@ -54,6 +54,7 @@ public:
 
 private:
     struct Heads;
+    bool arcface_crop_;
     std::unique_ptr<Backbone> backbone_;
     std::shared_ptr<Heads> heads_;
     double embedding_scale_;

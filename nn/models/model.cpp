@@ -30,6 +30,9 @@ void describe(ConfigSchema& schema, ModelConfig& config) {
                    "gamma of the L1 term at 64, 128, 256, 512 (paper: 0.01, 0.1, 0.5, 1)");
     schema.number("reconstruction.photometric_weight", reconstruction.photometric_weight, 0.0, 1e6,
                   "lambda of the photometric loss (paper: 1)");
+    schema.number("reconstruction.perceptual_weight", reconstruction.perceptual_weight, 0.0, 1e6,
+                  "lambda of LPIPS at the largest resolution (paper: 0.1); 0: without");
+    describe(schema, reconstruction.perceptual, "reconstruction.perceptual_");
     schema.integer("reconstruction.fit_samples_per_ray", reconstruction.fit_samples_per_ray, 2, 4096,
                    "samples per ray while fitting (paper: 64)");
     schema.number("reconstruction.fit_regularizer", reconstruction.fit_regularizer, 0.0, 1e6,

@@ -1,7 +1,9 @@
 #pragma once
 
-#include <memory>
+#include <cstdint>
 #include <optional>
+#include <span>
+#include <string>
 #include <vector>
 
 #include "nn/models/model.h"
@@ -12,8 +14,10 @@ namespace stymo {
 /// L_recon of the paper: what makes a rendered face equal a photo, in both training stages and in fitting alike.
 class ReconstructionLoss {
 public:
-    /// Loads the perceptual network unless its weight is 0; throws what `Lpips` throws.
-    explicit ReconstructionLoss(const ReconstructionConfig& config);
+    /// Loads the perceptual network unless its weight is 0; throws what `Lpips` throws. `off_switch`: how the user turns the
+    /// perceptual term off.
+    explicit ReconstructionLoss(const ReconstructionConfig& config,
+                                const std::string& off_switch = "reconstruction.perceptual_weight = 0");
 
     /// Photos on black with what is computed of them only once.
     struct Target {

@@ -13,10 +13,18 @@ struct ImportedWeights {
         recognised;  ///< "torchvision vgg16", "insightface iresnet50", "LPIPS heads (vgg)", ...; empty: names as they were
 };
 
-/// Reads .safetensors, .onnx or PyTorch's .pth by what the file holds, not by its name, and recognises published networks by
-/// their tensors: torchvision's vgg16, alexnet and squeezenet1_1, LPIPS' linear heads, insightface's iresnets (also as ONNX with
-/// batch norms folded into convolutions). Wrappers ("state_dict", "module.") are removed. Other files keep their names.
-/// Throws FileError.
+/// Reads .safetensors, .onnx or PyTorch's .pth by what the file holds, not by its name. Tensors are called as in the file; those
+/// of ONNX are its initializers. Throws FileError.
+[[nodiscard]] TensorFile read_weight_file(const std::filesystem::path& path);
+
+/// Recognises published networks by their tensors: torchvision's vgg16, alexnet and squeezenet1_1, LPIPS' linear heads,
+/// insightface's iresnets. Of these the tensors that the encoder and LPIPS read are kept, in PyTorch's layout (out, in, height,
+/// width). Wrappers
+/// ("state_dict", "module.") are removed. Other files keep their names.
+[[nodiscard]] ImportedWeights recognise_weights(TensorFile file);
+
+/// recognise_weights of read_weight_file; ONNX files of insightface's iresnets, in which batch norms are folded into
+/// convolutions, are recognised too. Throws FileError.
 [[nodiscard]] ImportedWeights import_weights(const std::filesystem::path& path);
 
 }  // namespace stymo

@@ -14,7 +14,7 @@ constexpr const char* configuration = R"({
   "decoder": {"resolution": 64, "field_width": 16, "field_layers": 2, "feature_channels": 16, "frequencies": 4,
               "block_channels": [16], "mapping_layers": 1},
   "encoder": {"backbone": "small_conv", "head_width": 32},
-  "reconstruction": {"resolution_weights": [1.0], "fit_samples_per_ray": 4},
+  "reconstruction": {"resolution_weights": [1.0], "perceptual_weight": 0, "fit_samples_per_ray": 4},
   "data": {"split": {"test": 2, "val": 0, "held_out": "last"}},
   "stage1": {"steps": 4, "batch": 2, "micro_batch": 2, "samples_per_ray": 4},
   "output": {"tick_steps": 1, "sample_steps": 2, "checkpoint_minutes": 0}

@@ -192,6 +192,16 @@ def convolutions():
         case(f"conv2d_weight_grad/{form}", weight_grad, uniform(*y_shape), uniform(*x_shape))
 
 
+def pooling():
+    forms = {"2x2": ((2, 4, 6, 2), (2, 2, False)), "3x3, stride 2 with a rest": ((1, 6, 7, 2), (3, 2, False)),
+             "3x3, stride 2, ceil": ((1, 6, 7, 2), (3, 2, True)), "2x2, stride 3, ceil": ((1, 4, 6, 1), (2, 3, True))}
+    for form, (shape, (kernel, stride, ceil)) in forms.items():
+        case(f"max_pool2d/{form}",
+             lambda x, k=kernel, s=stride, c=ceil: nhwc(F.max_pool2d(nchw(x), k, s, ceil_mode=c)), uniform(*shape, low=-500.0, high=500.0))
+    case("max_pool2d/3x3, stride 1, squared", lambda x: nhwc(F.max_pool2d(nchw(x), 3, 1)).square(),
+         uniform(1, 4, 4, 2, low=-500.0, high=500.0))
+
+
 def arbitrary_matrix(length):
     matrix = torch.zeros(length + 1, length, dtype=torch.float64)
     for output in range(length + 1):
@@ -258,7 +268,7 @@ def gradients(y, xs, dL_dy):
 
 
 def main():
-    for family in (elementwise, activations, shapes, reductions, indexing, products, convolutions, resampling):
+    for family in (elementwise, activations, shapes, reductions, indexing, products, convolutions, pooling, resampling):
         family()
     tensors = {}
     for name, (function, specs) in CASES.items():

@@ -6,8 +6,10 @@
 #include "core/ops/ops.h"
 #include "nn/layers/batch_norm.h"
 #include "nn/layers/conv_layer.h"
+#include "nn/layers/discriminator_block.h"
 #include "nn/layers/mapping.h"
 #include "nn/layers/mask_branch.h"
+#include "nn/layers/minibatch_deviation.h"
 #include "nn/layers/modulated_linear.h"
 #include "nn/layers/render_block.h"
 #include "nn/layers/upsampler.h"
@@ -127,6 +129,20 @@ std::vector<LayerCase> make_layers() {
          {2, 3, 2, 5},
          [](ParameterStore& store, Rng&) {
              return with(BatchNorm(store, "norm", 5), [](const auto& f, const Inputs& x) { return f(x[0]); });
+         }},
+        {"discriminator block",
+         "discriminator_block",
+         {{2, 6, 4, 3}},
+         {2, 3, 2, 5},
+         [](ParameterStore& store, Rng& rng) {
+             return with(DiscriminatorBlock(store, "block", 3, 5, rng), [](const auto& f, const Inputs& x) { return f(x[0]); });
+         }},
+        {"minibatch standard deviation",
+         "minibatch_deviation",
+         {{6, 2, 3, 2}},
+         {6, 2, 3, 3},
+         [](ParameterStore&, Rng&) -> LayerFunction {
+             return [](const Inputs& x) { return append_minibatch_deviation(x[0], 3); };
          }},
     };
 }

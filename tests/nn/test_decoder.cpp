@@ -6,6 +6,7 @@
 #include "nn/models/decoder.h"
 #include "nn/models/radiance_field.h"
 #include "support/check_close.h"
+#include "support/live_nodes.h"
 
 using namespace stymo;
 using namespace stymo::test;
@@ -96,6 +97,27 @@ TEST_CASE("a smaller resolution leaves the later blocks out and changes nothing 
     CHECK_THROWS_WITH(model.decoder(random_codes(1), {frontal()}, {.resolution = 100}), Catch::Contains("64, 128, 256, not 100"));
 }
 
+TEST_CASE("the mask loss shapes the render blocks, unless the mask branch is detached") {
+    for (const bool detached : {false, true}) {
+        DecoderConfig config = narrow(64);
+        config.mask_detach = detached;
+        const Model model(config);
+        const Decoded decoded = model.decoder(random_codes(1), {frontal()}, {.samples_per_ray = 3, .mask = true});
+        const std::vector<Parameter> parameters = model.store.all();
+        std::vector<Variable> values;
+        for (const Parameter& parameter : parameters) values.push_back(parameter.variable());
+        const std::vector<Variable> gradients = grad(sum(decoded.mask_logit), values);
+        for (std::size_t i = 0; i < parameters.size(); ++i) {
+            const std::string& name = parameters[i].name();
+            const bool moved = sum(abs(gradients[i])).value().item() > 0.0;
+            INFO(name << (detached ? ", detached" : ""));
+            if (name.starts_with("decoder.mask.")) CHECK(moved);
+            if (name == "decoder.block64.modulated1.weight") CHECK(moved == !detached);
+            if (name.starts_with("decoder.field.") && detached) CHECK_FALSE(moved);
+        }
+    }
+}
+
 TEST_CASE("a feature map that is kept gives the same images") {
     const Model model(narrow(128));
     const Codes z = random_codes(2);
@@ -149,6 +171,49 @@ TEST_CASE("float32 and float64 render the same picture") {
     const Decoded precise = model.decoder(z, {frontal()}, {.samples_per_ray = 8});
     CHECK(precise.images[1].dtype() == DType::float64);
     CHECK(check_close(single.images[1].value().to(DType::float64), precise.images[1].value(), 1e-3).passed);
+}
+
+TEST_CASE("recomputation changes images and gradients by rounding at most") {
+    Model model(narrow(128));
+    struct Result {
+        std::vector<Tensor> values;
+        std::vector<Variable> gradients;
+        std::int64_t nodes;
+    };
+    const auto result_of = [&](std::int64_t rays, bool blocks) {
+        Codes z = random_codes(2);
+        std::vector<Variable> leaves;
+        for (Variable& group : z.groups) leaves.push_back(group = Variable::leaf(group.value()));
+        for (const Parameter& parameter : model.store.trainable()) leaves.push_back(parameter.variable());
+        const LiveNodes live;
+        Rng jitter(5);
+        const Decoded decoded = model.decoder(
+            z, {frontal(), frontal(0.3)},
+            {.samples_per_ray = 6, .mask = true, .recomputed_rays = rays, .recompute_blocks = blocks, .jitter = &jitter});
+        const std::int64_t nodes = live.added();
+        const Variable loss = mean(square(decoded.images[0])) + mean(square(decoded.images[1])) + mean(decoded.mask_logit) +
+                              depth_variance(decoded.weights.weights, decoded.samples.depths) +
+                              mean(square(decoded.weights.transmittance));
+        return Result{{decoded.images[0].value(), decoded.images[1].value(), decoded.mask_logit.value(),
+                       decoded.weights.weights.value(), decoded.weights.transmittance.value(), decoded.feature_map.value()},
+                      grad(loss, leaves),
+                      nodes};
+    };
+    const Result kept = result_of(0, false);
+    for (const auto& [rays, blocks] : {std::pair<std::int64_t, bool>{0, true}, {1024, false}, {256, false}, {77, true}}) {
+        CAPTURE(rays, blocks);
+        const Result recomputed = result_of(rays, blocks);
+        CHECK(recomputed.nodes < kept.nodes);
+        for (std::size_t i = 0; i < kept.values.size(); ++i) {
+            CHECK(check_close(recomputed.values[i], kept.values[i], 1e-6).passed);
+            if (rays != 77) CHECK(identical(recomputed.values[i], kept.values[i]));
+        }
+        for (std::size_t i = 0; i < kept.gradients.size(); ++i) {
+            const CloseReport report = check_close(recomputed.gradients[i].value(), kept.gradients[i].value(), 1e-5);
+            INFO(report.message);
+            CHECK(report.passed);
+        }
+    }
 }
 
 TEST_CASE("a frozen decoder passes gradients to the codes without recording its weights") {

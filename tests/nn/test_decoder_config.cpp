@@ -19,6 +19,9 @@ TEST_CASE("the decoder's configuration is read, bounded and documented with the 
     CHECK(config.depth_planes == "optical_axis");
     CHECK(config.rays.near_z == 2.0);
     CHECK_FALSE(config.rays.pixel_centers);
+    CHECK_FALSE(config.mask_detach);
+    schema.set("decoder.mask_detach=true");
+    CHECK(config.mask_detach);
     CHECK_THROWS_AS(schema.set("decoder.field_layers=0"), ConfigError);
     CHECK_THROWS_AS(schema.set("decoder.depth_planes=spherical"), ConfigError);
     CHECK_THAT(schema.to_markdown(), Catch::Contains("decoder.feature_channels") && Catch::Contains("paper: 256"));

@@ -207,6 +207,22 @@ TEST_CASE("the encoder's gradient agrees with finite differences in float64", "[
     }
 }
 
+TEST_CASE("the ArcFace crop shows the backbone the middle 76.5 % of the image and nothing else", "[encoder]") {
+    const auto codes_of = [](bool arcface_crop, const Variable& image) {
+        ParameterStore store;
+        Rng rng(16);
+        const Encoder encoder({.backbone = "small_conv", .arcface_crop = arcface_crop, .head_width = 16}, store, "encoder", rng);
+        return encoder(image).groups[0].value().to_vector();
+    };
+    // The frame is 195.84 of 256 pixels; whole ones come closest with 30 off each side.
+    const Variable image = image_of(1, 256, 17);
+    const Variable middle = slice(slice(image, 1, 30, 226), 2, 30, 226);
+    const Variable reframed = pad(pad(middle, 1, 30, 30), 2, 30, 30);
+    CHECK(codes_of(true, image) == codes_of(false, middle));
+    CHECK(codes_of(true, image) == codes_of(true, reframed));
+    CHECK(codes_of(true, image) != codes_of(false, image));
+}
+
 TEST_CASE("mobilefacenet reproduces the reference embedding of its published weights", "[encoder]") {
     const auto shared = shared_data();
     if (!shared) return;

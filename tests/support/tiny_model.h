@@ -21,6 +21,7 @@ namespace stymo::test {
     config.encoder.backbone = "small_conv";
     config.encoder.head_width = 8;
     config.reconstruction.resolution_weights = {1.0};
+    config.reconstruction.perceptual_weight = 0.0;
     config.reconstruction.fit_samples_per_ray = 4;
     return config;
 }

@@ -83,6 +83,15 @@ TEST_CASE("writing again replaces a checkpoint and what an earlier attempt left"
     CHECK(folder.file_count() == 1);
 }
 
+TEST_CASE("a checkpoint that stepped aside for one that never came is read all the same", "[checkpoint]") {
+    const ScratchFolder folder;
+    write_checkpoint(folder / "c", tiny_model(), some_checkpoint());
+    fs::rename(folder / "c", folder / "c.replaced");
+    Model model = tiny_model();
+    CHECK(read_checkpoint(folder / "c", model).state.step == some_checkpoint().state.step);
+    CHECK(folder.file_count() == 1);
+}
+
 TEST_CASE("a damaged or foreign checkpoint is refused in one line that names the file", "[checkpoint]") {
     const ScratchFolder folder;
     const fs::path checkpoint = folder / "c";

@@ -14,8 +14,9 @@ namespace stymo {
 /// Which learned perceptual distance, and where its weights are.
 struct LpipsConfig {
     std::string network = "vgg16";  ///< one of lpips_networks()
-    std::string trunk{};            ///< torchvision's weights as .safetensors; "random": untrained ones
-    std::string heads{};            ///< the linear heads (v0.1) as .safetensors; "random": all ones
+    std::string trunk{};            ///< torchvision's weights as .safetensors, in its names and layout; "random": untrained ones
+    /// The linear heads (v0.1) as .safetensors, "lin0.model.1.weight" or "vgg.lin0.model.1.weight" and so on; "random": all ones.
+    std::string heads{};
 };
 
 /// "vgg16", "alexnet", "squeezenet1_1"
@@ -38,8 +39,11 @@ public:
     Lpips(Lpips&&) noexcept;
     Lpips& operator=(Lpips&&) noexcept;
 
-    /// images (B, S, S, 3) in [-1, 1], S at least smallest_side(). A target's are computed once and kept (`detach`).
+    /// images (B, S, S, 3) in [-1, 1], S at least smallest_side(). A target's are computed once and kept (`detach`). Where all
+    /// channels are 0, so are the feature and its gradient's part through the norm. Throws ShapeError for other shapes.
     [[nodiscard]] Features features(const Variable& images) const;
+    /// Side of the smallest image that reaches the last tap: 16 for vgg16.
+    [[nodiscard]] std::int64_t smallest_side() const;
     /// One term for each tap, each (B): mean over the pixels of sum_c head_c (a_c - b_c)^2.
     [[nodiscard]] std::vector<Variable> terms(const Features& a, const Features& b) const;
     /// Sum of the terms, (B).
@@ -48,6 +52,8 @@ public:
     [[nodiscard]] const LpipsConfig& config() const;
     /// True if any of the weights are random ones.
     [[nodiscard]] bool random() const;
+    /// How a report calls it: "vgg16", or "vgg16, random weights".
+    [[nodiscard]] std::string label() const;
     /// Frozen parameters "trunk. ..." (torchvision's names) and "heads. ...", to convert to float64 or compare with.
     [[nodiscard]] ParameterStore& parameters();
 

@@ -1,0 +1,83 @@
+#include <cmath>
+#include <filesystem>
+#include <iomanip>
+#include <sstream>
+
+#include "apps/common/command_line.h"
+#include "apps/common/output_file.h"
+#include "nn/models/weights_import.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+
+std::int64_t value_count(const stymo::TensorFile& file) {
+    std::int64_t count = 0;
+    for (const auto& [name, tensor] : file.tensors) count += tensor.size();
+    return count;
+}
+
+stymo::AppResult import(const fs::path& in, const fs::path& out) {
+    stymo::require_extension(out, {".safetensors"});
+    const stymo::ImportedWeights weights = stymo::import_weights(in);
+    stymo::require_folder_of(out);
+    stymo::write_tensor_file(out, weights.file);
+    const std::int64_t values = value_count(weights.file);
+    std::ostringstream text;
+    text << out.string() << ": "
+         << (weights.recognised.empty() ? "no network known here, names as they were" : weights.recognised) << ", "
+         << weights.file.tensors.size() << " tensors, " << values << " values\n";
+    return {text.str(), stymo::JsonValue::object({{"written", out.string()},
+                                                  {"recognised", weights.recognised},
+                                                  {"tensors", weights.file.tensors.size()},
+                                                  {"values", values}})};
+}
+
+double norm(const stymo::Tensor& tensor) {
+    double squares = 0.0;
+    stymo::dispatch(tensor.dtype(), [&](auto zero) {
+        for (const auto value : tensor.values<decltype(zero)>())
+            squares += static_cast<double>(value) * static_cast<double>(value);
+    });
+    return std::sqrt(squares);
+}
+
+stymo::AppResult show(const fs::path& path) {
+    const stymo::TensorFile file = stymo::read_weight_file(path);
+    std::size_t width = 0;
+    for (const auto& [name, tensor] : file.tensors) width = std::max(width, name.size());
+    std::ostringstream text;
+    std::vector<stymo::JsonValue> rows;
+    for (const auto& [name, tensor] : file.tensors) {
+        std::ostringstream shape;
+        shape << tensor.shape();
+        text << std::left << std::setw(static_cast<int>(width)) << name << "  " << tensor.dtype() << "  " << std::setw(20)
+             << shape.str() << "  norm " << norm(tensor) << "\n";
+        std::ostringstream type;
+        type << tensor.dtype();
+        rows.push_back(stymo::JsonValue::object(
+            {{"name", name}, {"shape", tensor.shape().extents()}, {"type", type.str()}, {"norm", norm(tensor)}}));
+    }
+    const std::int64_t values = value_count(file);
+    text << file.tensors.size() << " tensors, " << values << " values\n";
+    return {text.str(), stymo::JsonValue::object({{"tensors", rows}, {"values", values}})};
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    fs::path in;
+    fs::path out;
+    fs::path shown;
+    stymo::CommandLine line("stymo-weights", "Reads weights of other programs: .safetensors, .onnx, PyTorch's .pth.");
+    stymo::Command import_command =
+        line.command("import", "Writes the weights of a published network in the form that the tools read.",
+                     [&](const stymo::CommonOptions&) { return import(in, out); });
+    import_command.option("in", in, "Weights, in any of the three formats").required();
+    import_command.option("out", out, "File to write, .safetensors").required();
+    stymo::Command show_command =
+        line.command("show", "Lists names, types, shapes and norms; integers and halves are read as float32.",
+                     [&](const stymo::CommonOptions&) { return show(shown); });
+    show_command.option("file", shown, "Weights, in any of the three formats").required();
+    return line.run(argc, argv);
+}

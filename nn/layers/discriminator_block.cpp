@@ -1,0 +1,33 @@
+#include "nn/layers/discriminator_block.h"
+
+#include <array>
+#include <numbers>
+
+#include "core/ops/activation.h"
+#include "core/ops/elementwise.h"
+#include "core/ops/resample.h"
+
+namespace stymo {
+namespace {
+
+constexpr std::array<double, 4> blur_filter{0.125, 0.375, 0.375, 0.125};
+
+}  // namespace
+
+DiscriminatorBlock::DiscriminatorBlock(ParameterStore& store, const std::string& prefix, std::int64_t in, std::int64_t out,
+                                       Rng& rng)
+    : conv0_(store, prefix + ".conv0", in, in, {.scaling = WeightScaling::equalised, .gain = std::numbers::sqrt2}, rng),
+      // The division by sqrt(2) at the end takes this layer's gain away and leaves the skip with one.
+      conv1_(store, prefix + ".conv1", in, out, {.stride = 2, .padding = 0, .scaling = WeightScaling::equalised}, rng),
+      skip_(store, prefix + ".skip", in, out,
+            {.kernel = 1, .padding = 0, .bias = false, .scaling = WeightScaling::equalised, .gain = 1.0 / std::numbers::sqrt2},
+            rng) {}
+
+Variable DiscriminatorBlock::operator()(const Variable& x) const {
+    // A 1x1 convolution sees the pixels that its stride picks, and no others: the blur need not compute the rest.
+    const Variable skip = skip_(upfirdn2d(x, blur_filter, 1, 2, 1, 1));
+    const Variable blurred = upfirdn2d(leaky_relu(conv0_(x), 0.2), blur_filter, 1, 1, 2, 2);
+    return leaky_relu(conv1_(blurred), 0.2) + skip;
+}
+
+}  // namespace stymo

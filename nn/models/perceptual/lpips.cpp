@@ -1,0 +1,193 @@
+#include "nn/models/perceptual/lpips.h"
+
+#include <algorithm>
+#include <array>
+
+#include "core/error.h"
+#include "core/io/tensor_file.h"
+#include "core/ops/ops.h"
+#include "nn/models/perceptual/trunk.h"
+
+namespace stymo {
+namespace {
+
+constexpr const char* random_weights = "random";
+constexpr const char* trunk_prefix = "trunk.";
+constexpr const char* heads_prefix = "heads.";
+
+const TrunkDescription& description_of(const std::string& network) {
+    const std::vector<TrunkDescription>& all = trunk_descriptions();
+    const auto found = std::ranges::find(all, network, &TrunkDescription::name);
+    if (found != all.end()) return *found;
+    std::string known;
+    for (const TrunkDescription& one : all) known += (known.empty() ? "" : ", ") + one.name;
+    fail<ConfigError>("LPIPS: no network is called \"", network, "\"; choose one of ", known);
+}
+
+[[noreturn]] void fail_without(const char* part, const std::string& network, const std::string& source,
+                               const std::string& published, const std::string& imported, const std::string& off_switch) {
+    fail<ConfigError>("LPIPS (", network, "): no ", part, "; get ", source, " ", published,
+                      ", import it with `stymo-weights import ", published, " ", imported,
+                      "` and name the result in reconstruction.perceptual_", part, " or --lpips-", part,
+                      ", or turn the term off with ", off_switch);
+}
+
+TensorFile read_weights(const std::string& path, const char* part) {
+    try {
+        return read_tensor_file(path);
+    } catch (const FileError& error) {
+        fail<FileError>("LPIPS ", part, ": ", error.what());
+    }
+}
+
+/// torchvision's names and layout: convolutions are (out, in, height, width).
+void load_trunk(const ParameterStore& store, const TensorFile& file, const std::string& source, const std::string& network) {
+    for (const Parameter& parameter : store.all()) {
+        if (!parameter.name().starts_with(trunk_prefix)) continue;
+        const std::string name = parameter.name().substr(std::string(trunk_prefix).size());
+        const auto found = file.tensors.find(name);
+        if (found == file.tensors.end()) fail<FileError>(source, ": no tensor ", name, "; this is not torchvision's ", network);
+        Tensor value = found->second;
+        if (value.rank() == 4) value = permute(value, {0, 2, 3, 1}).value();
+        if (!(value.shape() == parameter.variable().shape()))
+            fail<FileError>(source, ": ", name, " has shape ", found->second.shape(), "; this is not torchvision's ", network);
+        parameter.set_value(value.to(parameter.variable().dtype()));
+    }
+}
+
+void load_heads(const std::vector<Parameter>& heads, const TensorFile& file, const std::string& source,
+                const std::string& prefix) {
+    for (std::size_t k = 0; k < heads.size(); ++k) {
+        const std::string name = "lin" + std::to_string(k) + ".model.1.weight";
+        auto found = file.tensors.find(prefix + "." + name);
+        if (found == file.tensors.end()) found = file.tensors.find(name);
+        if (found == file.tensors.end())
+            fail<FileError>(source, ": no tensor ", name, " or ", prefix, ".", name, "; these are not LPIPS' heads");
+        const Shape wanted = heads[k].variable().shape();
+        if (found->second.size() != wanted.size())
+            fail<FileError>(source, ": ", found->first, " has shape ", found->second.shape(), " where ", wanted.size(),
+                            " numbers are needed; these heads are not those of ", prefix);
+        heads[k].set_value(found->second.reshaped(wanted).to(heads[k].variable().dtype()));
+    }
+}
+
+/// f / (|f| + 1e-10) over the channels. A vector of zeros has no direction: its norm counts as a constant, which keeps the value
+/// and leaves out the derivative of a root at 0.
+Variable normalised(const Variable& f) {
+    const Variable squared_norm = sum(square(f), {3});
+    const Variable one = Tensor::scalar(1.0, f.dtype());
+    const Variable norm = sqrt(where(squared_norm.value(), squared_norm, one));
+    return f * (one / (norm + 1e-10));
+}
+
+Variable as_the_network_expects(const Variable& images) {
+    constexpr std::array<double, 3> shift{-0.030, -0.088, -0.188};
+    constexpr std::array<double, 3> scale{0.458, 0.448, 0.450};
+    return (images - Tensor::from({3}, shift).to(images.dtype())) / Tensor::from({3}, scale).to(images.dtype());
+}
+
+}  // namespace
+
+std::vector<std::string> lpips_networks() {
+    std::vector<std::string> names;
+    for (const TrunkDescription& description : trunk_descriptions()) names.push_back(description.name);
+    return names;
+}
+
+void describe(ConfigSchema& schema, LpipsConfig& config, const std::string& prefix) {
+    schema.choice(prefix + "network", config.network, lpips_networks(), "trunk of LPIPS (paper: silent; its author has VGG-16)");
+    schema.text(
+        prefix + "trunk", config.trunk,
+        "torchvision's weights of that network, a .safetensors file made by stymo-weights import; random: untrained ones");
+    schema.text(prefix + "heads", config.heads,
+                "linear heads of LPIPS v0.1, a .safetensors file made by stymo-weights import; random: all ones");
+}
+
+struct Lpips::Implementation {
+    LpipsConfig config;
+    ParameterStore store;
+    Trunk trunk;
+    std::vector<Parameter> heads;
+
+    Implementation(const LpipsConfig& settings, const TrunkDescription& description, Rng rng)
+        : config(settings), trunk(description, store, trunk_prefix, rng) {
+        const std::vector<std::int64_t> channels = trunk.tap_channels();
+        for (std::size_t k = 0; k < channels.size(); ++k) {
+            heads.push_back(store.create(heads_prefix + ("lin" + std::to_string(k)), Tensor::full({1, 1, 1, channels[k]}, 1.0)));
+        }
+        store.set_trainable("", false);
+    }
+};
+
+Lpips::Lpips(const LpipsConfig& config, const std::string& off_switch) {
+    const TrunkDescription& description = description_of(config.network);
+    if (config.trunk.empty())
+        fail_without("trunk", config.network, "torchvision's", description.weights_file, config.network + ".safetensors",
+                     off_switch);
+    if (config.heads.empty())
+        fail_without("heads", config.network, "lpips/weights/v0.1 of PerceptualSimilarity:", description.heads_name + ".pth",
+                     "lpips_" + description.heads_name + ".safetensors", off_switch);
+    // Random weights are part of what "random" means: the same ones wherever it is asked for.
+    implementation_ = std::make_unique<Implementation>(config, description, Rng(0).split("lpips").split(config.network));
+    if (config.trunk != random_weights)
+        load_trunk(implementation_->store, read_weights(config.trunk, "trunk"), config.trunk, config.network);
+    if (config.heads != random_weights)
+        load_heads(implementation_->heads, read_weights(config.heads, "heads"), config.heads, description.heads_name);
+}
+
+Lpips::~Lpips() = default;
+Lpips::Lpips(Lpips&&) noexcept = default;
+Lpips& Lpips::operator=(Lpips&&) noexcept = default;
+
+Lpips::Features Lpips::features(const Variable& images) const {
+    if (images.rank() != 4 || images.shape(3) != 3)
+        fail<ShapeError>("LPIPS needs images (batch, height, width, 3), got ", images.shape());
+    if (std::min(images.shape(1), images.shape(2)) < smallest_side())
+        fail<ShapeError>("LPIPS with ", config().network, " needs images of at least ", smallest_side(), " x ", smallest_side(),
+                         " pixels, got ", images.shape());
+    Features features;
+    for (const Variable& tap : implementation_->trunk(as_the_network_expects(images))) features.push_back(normalised(tap));
+    return features;
+}
+
+std::vector<Variable> Lpips::terms(const Features& a, const Features& b) const {
+    const std::vector<Parameter>& heads = implementation_->heads;
+    if (a.size() != heads.size() || b.size() != heads.size())
+        fail<ShapeError>("LPIPS with ", config().network, " compares ", heads.size(), " features, got ", a.size(), " and ",
+                         b.size());
+    std::vector<Variable> terms;
+    for (std::size_t k = 0; k < heads.size(); ++k) {
+        const Variable difference = mean(square(a[k] - b[k]), {1, 2});
+        terms.push_back(reshape(sum(difference * heads[k].variable(), {3}), {-1}));
+    }
+    return terms;
+}
+
+Variable Lpips::distance(const Features& a, const Features& b) const {
+    const std::vector<Variable> all = terms(a, b);
+    Variable total = all.front();
+    for (std::size_t k = 1; k < all.size(); ++k) total = total + all[k];
+    return total;
+}
+
+std::int64_t Lpips::smallest_side() const {
+    return implementation_->trunk.smallest_side();
+}
+
+const LpipsConfig& Lpips::config() const {
+    return implementation_->config;
+}
+
+bool Lpips::random() const {
+    return config().trunk == random_weights || config().heads == random_weights;
+}
+
+std::string Lpips::label() const {
+    return config().network + (random() ? ", random weights" : "");
+}
+
+ParameterStore& Lpips::parameters() {
+    return implementation_->store;
+}
+
+}  // namespace stymo

@@ -1,0 +1,232 @@
+#include "nn/models/weights_import.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "core/error.h"
+#include "core/io/file.h"
+#include "core/io/onnx_file.h"
+#include "core/io/torch_file.h"
+
+namespace stymo {
+namespace {
+
+namespace fs = std::filesystem;
+using Tensors = std::map<std::string, Tensor>;
+
+/// The tensors by which a published network is recognised, and which are kept of it.
+struct Network {
+    std::string title;
+    std::map<std::string, Shape> tensors{};
+    std::string other_prefix{};    ///< with another tensor of this name the file holds a larger network of the same kind
+    std::string written_prefix{};  ///< put before the names
+
+    void conv(const std::string& name, std::int64_t out, std::int64_t in, std::int64_t kernel) {
+        tensors[name + ".weight"] = {out, in, kernel, kernel};
+        tensors[name + ".bias"] = {out};
+    }
+    void batch_norm(const std::string& name, std::int64_t channels) {
+        for (const char* part : {".weight", ".bias", ".running_mean", ".running_var"}) tensors[name + part] = {channels};
+    }
+};
+
+Network vgg16() {
+    Network network{.title = "torchvision vgg16", .other_prefix = "features."};
+    constexpr std::array<std::pair<int, std::int64_t>, 13> convolutions{{{0, 64},
+                                                                         {2, 64},
+                                                                         {5, 128},
+                                                                         {7, 128},
+                                                                         {10, 256},
+                                                                         {12, 256},
+                                                                         {14, 256},
+                                                                         {17, 512},
+                                                                         {19, 512},
+                                                                         {21, 512},
+                                                                         {24, 512},
+                                                                         {26, 512},
+                                                                         {28, 512}}};
+    std::int64_t in = 3;
+    for (const auto& [index, out] : convolutions) {
+        network.conv("features." + std::to_string(index), out, in, 3);
+        in = out;
+    }
+    return network;
+}
+
+Network alexnet() {
+    Network network{.title = "torchvision alexnet", .other_prefix = "features."};
+    network.conv("features.0", 64, 3, 11);
+    network.conv("features.3", 192, 64, 5);
+    network.conv("features.6", 384, 192, 3);
+    network.conv("features.8", 256, 384, 3);
+    network.conv("features.10", 256, 256, 3);
+    return network;
+}
+
+Network squeezenet() {
+    Network network{.title = "torchvision squeezenet1_1", .other_prefix = "features."};
+    network.conv("features.0", 64, 3, 3);
+    std::int64_t in = 64;
+    std::int64_t squeezed = 16;
+    for (const auto& [first, second] : {std::pair(3, 4), std::pair(6, 7), std::pair(9, 10), std::pair(11, 12)}) {
+        for (const int index : {first, second}) {
+            const std::string name = "features." + std::to_string(index);
+            network.conv(name + ".squeeze", squeezed, in, 1);
+            network.conv(name + ".expand1x1", 4 * squeezed, squeezed, 1);
+            network.conv(name + ".expand3x3", 4 * squeezed, squeezed, 3);
+            in = 8 * squeezed;
+        }
+        squeezed += 16;
+    }
+    return network;
+}
+
+Network lpips_heads(const std::string& trunk, const std::vector<std::int64_t>& channels) {
+    Network network{.title = "LPIPS heads (" + trunk + ")",
+                    .other_prefix = "lin" + std::to_string(channels.size()) + ".",
+                    .written_prefix = trunk + "."};
+    for (std::size_t i = 0; i < channels.size(); ++i)
+        network.tensors["lin" + std::to_string(i) + ".model.1.weight"] = {1, channels[i], 1, 1};
+    return network;
+}
+
+Network iresnet(int layers, const std::array<int, 4>& blocks) {
+    Network network{.title = "insightface iresnet" + std::to_string(layers), .other_prefix = "layer"};
+    const auto conv = [&](const std::string& name, std::int64_t out, std::int64_t in, std::int64_t kernel) {
+        network.tensors[name + ".weight"] = {out, in, kernel, kernel};
+    };
+    conv("conv1", 64, 3, 3);
+    network.batch_norm("bn1", 64);
+    network.tensors["prelu.weight"] = {64};
+    std::int64_t in = 64;
+    for (std::size_t stage = 0; stage < blocks.size(); ++stage) {
+        const std::int64_t out = std::int64_t{64} << stage;
+        for (int i = 0; i < blocks[stage]; ++i) {
+            const std::string block = "layer" + std::to_string(stage + 1) + "." + std::to_string(i) + ".";
+            network.batch_norm(block + "bn1", in);
+            conv(block + "conv1", out, in, 3);
+            network.batch_norm(block + "bn2", out);
+            network.tensors[block + "prelu.weight"] = {out};
+            conv(block + "conv2", out, out, 3);
+            network.batch_norm(block + "bn3", out);
+            if (i == 0) {
+                conv(block + "downsample.0", out, in, 1);
+                network.batch_norm(block + "downsample.1", out);
+            }
+            in = out;
+        }
+    }
+    constexpr std::int64_t embedding = 512;
+    network.batch_norm("bn2", in);
+    network.tensors["fc.weight"] = {embedding, in * 7 * 7};
+    network.tensors["fc.bias"] = {embedding};
+    network.batch_norm("features", embedding);
+    return network;
+}
+
+std::vector<Network> published_networks() {
+    return {vgg16(),
+            alexnet(),
+            squeezenet(),
+            lpips_heads("vgg", {64, 128, 256, 512, 512}),
+            lpips_heads("alex", {64, 192, 384, 256, 256}),
+            lpips_heads("squeeze", {64, 128, 256, 384, 384, 512, 512}),
+            iresnet(18, {2, 2, 2, 2}),
+            iresnet(34, {3, 4, 6, 3}),
+            iresnet(50, {3, 4, 14, 3}),
+            iresnet(100, {3, 13, 30, 3}),
+            iresnet(200, {6, 26, 60, 6})};
+}
+
+bool fits(const Network& network, const Tensors& tensors) {
+    const bool complete = std::ranges::all_of(network.tensors, [&](const auto& expected) {
+        const auto found = tensors.find(expected.first);
+        return found != tensors.end() && found->second.shape() == expected.second;
+    });
+    return complete && std::ranges::none_of(tensors, [&](const auto& item) {
+               const std::string& name = item.first;
+               return name.starts_with(network.other_prefix) && name.ends_with(".weight") && !network.tensors.contains(name);
+           });
+}
+
+/// The tensors whose names begin with `prefix`, without it.
+Tensors below(const Tensors& tensors, const std::string& prefix) {
+    Tensors result;
+    for (auto item = tensors.lower_bound(prefix); item != tensors.end() && item->first.starts_with(prefix); ++item)
+        if (item->first.size() > prefix.size()) result.emplace(item->first.substr(prefix.size()), item->second);
+    return result;
+}
+
+/// What training programs put around a network's names.
+constexpr std::array<const char*, 5> wrappers{"state_dict.", "module.", "model.", "net.", "model_state_dict."};
+constexpr int deepest_wrapper = 4;
+
+/// The published network that the file holds, perhaps inside of wrappers and beside other things.
+std::optional<ImportedWeights> recognised(const Tensors& tensors, const std::vector<Network>& networks, int depth = 0) {
+    for (const Network& network : networks) {
+        if (!fits(network, tensors)) continue;
+        ImportedWeights result{.file = {}, .recognised = network.title};
+        for (const auto& [name, shape] : network.tensors) result.file.tensors[network.written_prefix + name] = tensors.at(name);
+        return result;
+    }
+    if (depth == deepest_wrapper) return std::nullopt;
+    for (const char* wrapper : wrappers) {
+        const Tensors wrapped = below(tensors, wrapper);
+        if (wrapped.empty()) continue;
+        if (auto result = recognised(wrapped, networks, depth + 1)) return result;
+    }
+    return std::nullopt;
+}
+
+/// Takes wrappers off that hold all of the tensors. "state_dict" needs not: what stands beside it is the optimiser's.
+Tensors unwrapped(Tensors tensors) {
+    for (int depth = 0; depth < deepest_wrapper; ++depth) {
+        for (const char* wrapper : wrappers) {
+            Tensors wrapped = below(tensors, wrapper);
+            const bool takes_part = std::string(wrapper).ends_with("state_dict.");
+            if (!wrapped.empty() && (takes_part || wrapped.size() == tensors.size())) tensors = std::move(wrapped);
+        }
+    }
+    return tensors;
+}
+
+bool is_tensor_file(std::string_view beginning) {
+    // A header of JSON behind its length.
+    constexpr std::size_t header = 8;
+    return beginning.size() > header && beginning[header] == '{';
+}
+
+bool is_onnx_file(std::string_view beginning) {
+    // The first field of the message, ir_version: a number with the tag 1.
+    return beginning.starts_with('\x08');
+}
+
+}  // namespace
+
+TensorFile read_weight_file(const fs::path& path) {
+    const std::string beginning = read_beginning(path, torch_file_beginning);
+    if (is_torch_file(beginning)) return read_torch_file(path);
+    if (is_tensor_file(beginning)) return read_tensor_file(path);
+    if (is_onnx_file(beginning)) return {read_onnx_file(path).tensors, {}};
+    fail<FileError>(path.string(), ": not a weight file (",
+                    beginning.empty() ? "zero bytes" : "neither safetensors, ONNX nor PyTorch", ")");
+}
+
+ImportedWeights recognise_weights(TensorFile file) {
+    if (auto result = recognised(file.tensors, published_networks())) {
+        result->file.metadata = std::move(file.metadata);
+        return *std::move(result);
+    }
+    file.tensors = unwrapped(std::move(file.tensors));
+    return {.file = std::move(file), .recognised = ""};
+}
+
+ImportedWeights import_weights(const fs::path& path) {
+    return recognise_weights(read_weight_file(path));
+}
+
+}  // namespace stymo

@@ -1,0 +1,105 @@
+#include <catch2/catch.hpp>
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+#include "core/io/file.h"
+#include "core/io/onnx_file.h"
+#include "core/io/scratch_folder.h"
+
+using namespace stymo;
+using Catch::Matchers::Contains;
+using Values = std::vector<double>;
+using Names = std::vector<std::string>;
+
+namespace {
+
+std::string golden(const std::string& name) {
+    return std::string(STYMO_SOURCE_DIR) + "/tests/golden/weights/" + name;
+}
+
+std::string error_of(const std::filesystem::path& path) {
+    try {
+        static_cast<void>(read_onnx_file(path));
+    } catch (const FileError& error) {
+        return error.what();
+    }
+    return "read";
+}
+
+}  // namespace
+
+TEST_CASE("the tensors of an ONNX model are read however they are stored") {
+    const OnnxGraph graph = read_onnx_file(golden("small.onnx"));
+    const auto values = [&](const std::string& tensor) { return graph.tensors.at(tensor).to_vector(); };
+    CHECK(graph.tensors.size() == 17);
+    CHECK(graph.tensors.at("conv.weight").shape() == Shape{2, 2, 3, 3});
+    CHECK(values("conv.weight")[35] == 34.5);
+    CHECK(values("f16_raw") == Values{1.5, -65504.0, 0x1p-24});
+    CHECK(values("i64_raw") == Values{-1, 0x1p40});
+    CHECK(graph.tensors.at("f64_scalar").rank() == 0);
+    CHECK(graph.tensors.at("f64_scalar").dtype() == DType::float64);
+    CHECK(values("f64_scalar") == Values{4.25});
+    CHECK(graph.tensors.at("empty").shape() == Shape{0, 3});
+    CHECK(graph.tensors.at("f32").shape() == Shape{2, 1});
+    CHECK(values("f32") == Values{0.25, -3.0});
+    CHECK(values("f64") == Values{3.141592653589793});
+    CHECK(values("f16") == Values{1.5, -0.5});
+    CHECK(values("bf16") == Values{1.0, -2.5});
+    CHECK(values("i8") == Values{-128, 127});
+    CHECK(values("u8") == Values{0, 255});
+    CHECK(values("i16") == Values{-32768});
+    CHECK(values("i32") == Values{-2147483648.0, 7});
+    CHECK(values("i64") == Values{-5, 0x1p40});
+    CHECK(values("u64") == Values{0x1p63});
+    CHECK(values("bool") == Values{1, 0});
+    CHECK(values("shape") == Values{1, -1});
+}
+
+TEST_CASE("the operations of an ONNX model come in their order with inputs, outputs and attributes") {
+    const std::vector<OnnxNode> nodes = read_onnx_file(golden("small.onnx")).nodes;
+    REQUIRE(nodes.size() == 4);
+    CHECK(nodes[0].operation == "Conv");
+    CHECK(nodes[0].name == "first");
+    CHECK(nodes[0].inputs == Names{"image", "conv.weight"});
+    CHECK(nodes[0].outputs == Names{"a"});
+    CHECK(nodes[0].numbers == std::map<std::string, double>{{"group", 1.0}});
+    CHECK(nodes[0].integers == std::map<std::string, std::vector<std::int64_t>>{{"kernel_shape", {3, 3}}, {"strides", {2, 2}}});
+    CHECK(nodes[1].numbers.at("alpha") == 0.25);
+    CHECK(nodes[2].integers.at("perm") == std::vector<std::int64_t>{0, 2, 3, 1});
+    CHECK(nodes[3].numbers.at("allowzero") == -1.0);
+}
+
+TEST_CASE("an ONNX model whose weights lie elsewhere, or that holds texts, is refused by the tensor's name") {
+    CHECK_THAT(error_of(golden("external.onnx")),
+               Contains("external.onnx: tensor \"conv.weight\" is kept in another file, \"external.bin\""));
+    CHECK_THAT(error_of(golden("string.onnx")), Contains("tensor \"words\" has the unsupported element type 8"));
+}
+
+TEST_CASE("what is no ONNX model is refused") {
+    const ScratchFolder folder;
+    for (const std::string text : {std::string(), std::string("text"), std::string("\x08\x07", 2), std::string("\x3a\x7f", 2)}) {
+        write_text_file(folder / "bad.onnx", text);
+        CHECK_THAT(error_of(folder / "bad.onnx"), Contains("bad.onnx: not a readable ONNX model ("));
+    }
+}
+
+TEST_CASE("an ONNX model that is cut anywhere, or in which a byte is wrong, is read or refused but never worse") {
+    const ScratchFolder folder;
+    const std::string bytes = read_text_file(golden("small.onnx"));
+    bool all = true;
+    const auto survives = [&](const std::string& changed) {
+        write_text_file(folder / "a.onnx", changed);
+        const std::string error = error_of(folder / "a.onnx");
+        return error == "read" || error.find("a.onnx: ") != std::string::npos;
+    };
+    for (std::size_t length = 0; length < bytes.size(); ++length) {
+        all = all && survives(bytes.substr(0, length));
+        for (unsigned bit = 0; bit < 8; ++bit) {
+            std::string changed = bytes;
+            changed[length] = static_cast<char>(static_cast<unsigned char>(changed[length]) ^ (1U << bit));
+            all = all && survives(changed);
+        }
+    }
+    CHECK(all);
+}
