@@ -65,10 +65,13 @@ class Numbers:
         return ((self.random.split(name).uniform(*shape) - 0.5) * 3.5).float().double()
 
 
+numbers = Numbers(1)
+
+
 class Parameters:
     """Makes the parameters that layers ask for, and keeps them in order."""
 
-    def __init__(self, numbers):
+    def __init__(self, numbers=numbers):
         self.numbers, self.tensors = numbers, {}
 
     def __call__(self, name, *shape, scale=1.0, offset=0.0):

@@ -13,10 +13,10 @@
 namespace stymo::test {
 
 /// Uniform in +-1.75, of deviation 1, a function of seed and name; float64 that float32 holds exactly.
-[[nodiscard]] Tensor golden_numbers(const Rng& seed, const std::string& name, const Shape& shape);
+[[nodiscard]] Tensor golden_numbers(const std::string& name, const Shape& shape, const Rng& seed = Rng(1));
 /// Gives every parameter the numbers of its name, of deviation 1 for weights and 0.25 for biases (those of styles around 1), and
 /// converts the store to `dtype`.
-void set_golden_parameters(ParameterStore& store, const Rng& seed, DType dtype);
+void set_golden_parameters(ParameterStore& store, DType dtype, const Rng& seed = Rng(1));
 
 /// Folder of the vectors that are made on demand: the environment variable STYMO_GOLDEN. Without it, says so on stdout.
 [[nodiscard]] std::optional<std::filesystem::path> golden_folder();
@@ -26,7 +26,7 @@ using Tensors = std::map<std::string, Tensor>;
 /// A file of PyTorch's numbers, computed in float64 and named "<case>/<group>/<name>".
 class GoldenVectors {
 public:
-    /// `folded`: each tensor was reduced to 32 sums over its elements i times cos(i).
+    /// `folded`: each tensor was reduced to a few sums, the n-th over elements i = n modulo their number, times cos(i).
     GoldenVectors(const std::filesystem::path& path, bool folded);
 
     /// Compares a group; no name may be missing on either side. In float64 the largest difference may be 1e-8 of the largest
