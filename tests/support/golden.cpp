@@ -21,12 +21,11 @@ struct RelativeError {
     double norm = 0.0;     ///< norm of the differences, in units of the norm
 };
 
-double ratio(double difference, double magnitude) {
-    return difference == 0.0 ? 0.0 : difference / magnitude;
-}
+/// Where a sum cancels to zero, nothing but its rounding errors is left.
+constexpr double least_magnitude = 1e-6;
 
 RelativeError relative_error(const std::vector<double>& actual, const std::vector<double>& expected) {
-    double difference = 0.0, magnitude = 0.0, difference_square = 0.0, square = 0.0;
+    double difference = 0.0, magnitude = least_magnitude, difference_square = 0.0, square = 0.0;
     for (std::size_t i = 0; i < expected.size(); ++i) {
         const double each = actual[i] - expected[i];
         if (!std::isfinite(each)) return {each, each};
@@ -35,7 +34,7 @@ RelativeError relative_error(const std::vector<double>& actual, const std::vecto
         difference_square += each * each;
         square += expected[i] * expected[i];
     }
-    return {ratio(difference, magnitude), ratio(std::sqrt(difference_square), std::sqrt(square))};
+    return {difference / magnitude, std::sqrt(difference_square) / std::max(std::sqrt(square), least_magnitude)};
 }
 
 }  // namespace

@@ -32,7 +32,7 @@ public:
     /// Compares a group; no name may be missing on either side. In float64 the largest difference may be 1e-8 of the largest
     /// magnitude of its tensor. In float32 the norm of the differences may be 1e-4 of the norm of the tensor: where a leaky ReLU
     /// sees a number that is zero within rounding, either slope is right, and single elements of a gradient differ by more.
-    /// Prints both if `report`.
+    /// Magnitudes and norms count as at least 1e-6. Prints both errors if `report`.
     void check(const std::string& group, const Tensors& actual, bool report) const;
 
 private:
