@@ -1,9 +1,11 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "core/io/json_writer.h"
 #include "core/tensor.h"
+#include "nn/models/perceptual/lpips.h"
 
 namespace stymo {
 
@@ -12,12 +14,31 @@ struct ImageMetrics {
     double l1 = 0.0;       ///< summed over RGB, as in the paper's tables
     double l1_mean = 0.0;  ///< averaged over RGB
     double ssim = 0.0;
-    double psnr = 0.0;  ///< decibels; infinite for identical pictures
+    double psnr = 0.0;              ///< decibels; infinite for identical pictures
+    std::optional<double> lpips{};  ///< empty: not measured
 };
 
-/// picture, target (S, S, 3) and mask (S, S, 1), all in [0, 1].
-[[nodiscard]] ImageMetrics measure(const Tensor& picture, const Tensor& target, const Tensor& mask);
+/// A target with what is computed of it only once.
+class MetricTarget {
+public:
+    /// target (S, S, 3) and mask (S, S, 1), all in [0, 1]. `lpips` must outlive this object; null: LPIPS is not measured.
+    MetricTarget(const Tensor& target, const Tensor& mask, const Lpips* lpips = nullptr);
+
+    /// picture (S, S, 3) in [0, 1].
+    [[nodiscard]] ImageMetrics measure(const Tensor& picture) const;
+
+private:
+    Tensor masked_target_;
+    Tensor mask_;
+    const Lpips* lpips_;
+    Lpips::Features features_;
+};
+
+/// A picture (S, S, 3) in [0, 1] as what LPIPS takes, (1, S, S, 3) in [-1, 1].
+[[nodiscard]] Tensor lpips_input(const Tensor& picture);
+
 [[nodiscard]] ImageMetrics mean(const std::vector<ImageMetrics>& metrics);
+/// {"l1", "l1_mean", "ssim", "psnr"} and, where it was measured, "lpips".
 [[nodiscard]] JsonValue to_json(const ImageMetrics& metrics);
 
 }  // namespace stymo

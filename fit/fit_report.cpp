@@ -7,8 +7,8 @@
 
 namespace stymo {
 
-FitReport report_fit(const Model& model, const FitTarget& target, const Tensor& mask, const FitResult& result,
-                     std::int64_t index) {
+FitReport report_fit(const Model& model, const FitTarget& target, const Tensor& mask, const FitResult& result, std::int64_t index,
+                     const Lpips* lpips) {
     const Camera& camera = target.cameras[static_cast<std::size_t>(index)];
     ViewOptions options{.samples_per_ray = model.config().reconstruction.fit_samples_per_ray};
     FitReport report;
@@ -18,18 +18,21 @@ FitReport report_fit(const Model& model, const FitTarget& target, const Tensor& 
     const View fitted = render_view(model, result.fitted, index, camera, options);
     report.fitted = fitted.picture;
     report.mask = fitted.mask;
-    const Tensor head = picture_mask(mask, index);
-    report.initial_metrics = measure(report.initial, report.target, head);
-    report.fitted_metrics = measure(report.fitted, report.target, head);
+    const MetricTarget measured(report.target, picture_mask(mask, index), lpips);
+    report.initial_metrics = measured.measure(report.initial);
+    report.fitted_metrics = measured.measure(report.fitted);
+    if (lpips != nullptr) report.lpips_network = lpips->label();
     return report;
 }
 
 JsonValue to_json(const FitReport& report, const FitResult& result, double seconds) {
-    return JsonValue::object({{"initial", to_json(report.initial_metrics)},
-                              {"fitted", to_json(report.fitted_metrics)},
-                              {"steps", result.losses.size()},
-                              {"seconds", seconds},
-                              {"loss", result.losses}});
+    JsonValue json =
+        JsonValue::object({{"initial", to_json(report.initial_metrics)}, {"fitted", to_json(report.fitted_metrics)}});
+    if (!report.lpips_network.empty()) json.add("lpips_network", report.lpips_network);
+    json.add("steps", result.losses.size());
+    json.add("seconds", seconds);
+    json.add("loss", result.losses);
+    return json;
 }
 
 Tensor comparison_sheet(const FitReport& report) {

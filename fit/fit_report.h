@@ -1,6 +1,7 @@
 #pragma once
 
-#include <filesystem>
+#include <cstdint>
+#include <string>
 
 #include "core/io/json_writer.h"
 #include "fit/evaluation.h"
@@ -16,12 +17,13 @@ struct FitReport {
     Tensor mask;     ///< (S, S, 1): the model's own head mask for the fitted codes
     ImageMetrics initial_metrics;
     ImageMetrics fitted_metrics;
+    std::string lpips_network;  ///< Lpips::label(); empty: LPIPS was not measured
 };
 
-/// Renders row `index` before and after and measures both within `mask` (B, S, S, 1).
+/// Renders row `index` before and after and measures both within `mask` (B, S, S, 1), with LPIPS unless `lpips` is null.
 [[nodiscard]] FitReport report_fit(const Model& model, const FitTarget& target, const Tensor& mask, const FitResult& result,
-                                   std::int64_t index);
-/// {"initial": {...}, "fitted": {...}, "steps", "seconds", "loss": [...]}
+                                   std::int64_t index, const Lpips* lpips = nullptr);
+/// {"initial": {...}, "fitted": {...}, "lpips_network" if it was measured, "steps", "seconds", "loss": [...]}
 [[nodiscard]] JsonValue to_json(const FitReport& report, const FitResult& result, double seconds);
 /// target | initial | fitted | mask
 [[nodiscard]] Tensor comparison_sheet(const FitReport& report);

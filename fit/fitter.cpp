@@ -6,7 +6,6 @@
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/ops/ops.h"
-#include "nn/losses.h"
 #include "nn/optim/adam.h"
 
 namespace stymo {
@@ -48,7 +47,8 @@ Codes detached(const Codes& codes) {
 
 }  // namespace
 
-FitResult fit_codes(const Model& model, const FitTarget& target, const FitOptions& options) {
+FitResult fit_codes(const Model& model, const ReconstructionLoss& reconstruction_loss, const FitTarget& target,
+                    const FitOptions& options) {
     const ReconstructionConfig& reconstruction = model.config().reconstruction;
     const double regularizer = options.regularizer < 0.0 ? reconstruction.fit_regularizer : options.regularizer;
     const DecodeOptions decode{.samples_per_ray =
@@ -57,14 +57,14 @@ FitResult fit_codes(const Model& model, const FitTarget& target, const FitOption
     result.initial = detached(model.encoder()(Variable(target.input)));
     const auto batch = static_cast<double>(result.initial.batch());
     const Offsets offsets(result.initial);
+    ReconstructionLoss::Target photos;
+    if (options.steps > 0) photos = reconstruction_loss.target(target.targets);
     Adam adam;
     double learning_rate = options.learning_rate;
     for (std::int64_t step = 0; step < options.steps && !interrupted(); ++step) {
         const Decoded decoded = model.decoder()(add(result.initial, offsets.codes()), target.cameras, decode);
         // A mean over the batch times its size: the faces' gradients do not depend on how many are fitted together.
-        const Variable loss = photometric_loss(decoded.images, target.targets, reconstruction.resolution_weights) *
-                                  (reconstruction.photometric_weight * batch) +
-                              offsets.squared_length() * regularizer;
+        const Variable loss = reconstruction_loss(decoded.images, photos).total * batch + offsets.squared_length() * regularizer;
         result.losses.push_back(loss.value().item() / batch);
         if (!std::isfinite(result.losses.back()))
             fail<NumericError>("fitting step ", step, ": the loss is not finite; lower the learning rate");

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "nn/models/model.h"
+#include "nn/models/reconstruction.h"
 
 namespace stymo {
 
@@ -32,7 +33,9 @@ struct FitResult {
 };
 
 /// The paper's fitting: Adam on code offsets that start at zero, everything else fixed; each face is its own problem whatever the
-/// batch. Throws ShapeError for targets that do not suit the model, NumericError if the loss becomes non-finite.
-[[nodiscard]] FitResult fit_codes(const Model& model, const FitTarget& target, const FitOptions& options);
+/// batch. `loss` is the model's own reconstruction loss or another one. Throws ShapeError for targets that do not suit the model,
+/// NumericError if the loss becomes non-finite.
+[[nodiscard]] FitResult fit_codes(const Model& model, const ReconstructionLoss& loss, const FitTarget& target,
+                                  const FitOptions& options);
 
 }  // namespace stymo

@@ -103,7 +103,7 @@ DiscriminatorGradients r1_gradients(const Discriminator& discriminator, const Tr
     return result;
 }
 
-LossAndGradients generator_gradients(const Model& model, const Discriminator& discriminator,
+LossAndGradients generator_gradients(const Model& model, const Discriminator* discriminator,
                                      const ReconstructionLoss& reconstruction, const TrainingBatch& batch,
                                      const AdversarialPhase& phase, const TrainConfig& config,
                                      const std::vector<Parameter>& parameters, bool mask_loss, Rng& jitter) {
@@ -119,7 +119,7 @@ LossAndGradients generator_gradients(const Model& model, const Discriminator& di
     LossTerms& report = result.losses;
     Variable total = Tensor::zeros({}, decoded.images.back().dtype());
     add_term(total, report.adversarial, weights.adversarial_weight,
-             [&] { return adversarial_loss(discriminator, decoded.images.back(), phase.fade); });
+             [&] { return adversarial_loss(*discriminator, decoded.images.back(), phase.fade); });
     const ReconstructionLoss::Terms terms =
         reconstruction(decoded.images, reconstruction.target(batch.targets, phase.resolution));
     total = total + terms.total;

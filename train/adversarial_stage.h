@@ -47,9 +47,9 @@ struct DiscriminatorGradients {
 
 /// One micro-batch of the generator's update: reconstruction up to the phase's resolution, mask loss, opacity, depth variance,
 /// non-saturating adversarial loss with its weight. The encoder's codes are constants, and so is the discriminator; there is no
-/// code loss. Without adversarial weight the discriminator is not run. A discriminator whose parameters are frozen meanwhile
-/// takes less memory for the same gradients. The mask loss needs `mask_loss` and the model's own resolution.
-[[nodiscard]] LossAndGradients generator_gradients(const Model& model, const Discriminator& discriminator,
+/// code loss. Without adversarial weight the discriminator is not run and may be null. A discriminator whose parameters are
+/// frozen meanwhile takes less memory for the same gradients. The mask loss needs `mask_loss` and the model's own resolution.
+[[nodiscard]] LossAndGradients generator_gradients(const Model& model, const Discriminator* discriminator,
                                                    const ReconstructionLoss& reconstruction, const TrainingBatch& batch,
                                                    const AdversarialPhase& phase, const TrainConfig& config,
                                                    const std::vector<Parameter>& parameters, bool mask_loss, Rng& jitter);

@@ -37,6 +37,7 @@ void for_each_number(State& state, Visit visit) {
     visit("epoch_loss_count", state.epoch_loss_count);
     visit("failures", state.failures);
     visit("best_validation", state.best_validation);
+    visit("best_resolution", state.best_resolution);
 }
 
 }  // namespace

@@ -19,12 +19,13 @@ struct TrainingState {
     std::int64_t epoch_loss_count = 0;
     std::vector<double> epoch_losses;  ///< means of the epochs that are over
     std::int64_t failures = 0;         ///< steps skipped in a row
-    double best_validation = -1e300;   ///< highest validation PSNR so far
+    double best_validation = 1e300;    ///< lowest L_recon on the validation images so far ...
+    std::int64_t best_resolution = 0;  ///< ... at this resolution; others do not compare
 };
 
 struct Checkpoint {
     TrainingState state;
-    TensorFile tensors;  ///< the optimiser's moments and the averaged model, under prefixes
+    TensorFile tensors;  ///< discriminator, optimisers' moments and averaged model, under prefixes
 };
 
 /// Writes `folder`/{model,state}.safetensors; the folder appears whole or not at all, in place of an older one of its name.

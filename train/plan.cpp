@@ -18,51 +18,95 @@ double peak_megabytes() {
     return static_cast<double>(usage.ru_maxrss) / 1024.0;
 }
 
+/// One more step, and how long it took.
+double measured_step(Trainer& trainer, StepReport& report) {
+    const auto start = std::chrono::steady_clock::now();
+    report = trainer.step();
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+void measure(PhasePlan& plan, Trainer& trainer, const TrainConfig& config) {
+    trainer.skip_to(plan.phase.first_step);
+    StepReport report;
+    plan.step_seconds = measured_step(trainer, report);
+    plan.step_loss = report.losses.total;
+    if (report.regularized) {
+        StepReport plain;
+        const double part = 1.0 / static_cast<double>(config.stage2.r1_interval);
+        plan.step_seconds = part * plan.step_seconds + (1.0 - part) * measured_step(trainer, plain);
+    }
+    plan.peak_megabytes = peak_megabytes();
+    plan.measured = true;
+}
+
+std::int64_t discriminator_parameters(const TrainConfig& config) {
+    if (config.stage2.resolutions.empty() || config.loss.adversarial_weight == 0.0) return 0;
+    ParameterStore store;
+    Rng rng(0);
+    const Discriminator discriminator(config.discriminator, config.model.decoder.resolution, store, "discriminator", rng);
+    return store.element_count();
+}
+
 }  // namespace
 
-TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config, const Dataset& training) {
-    const ParameterStore& parameters = trainer.model().parameters();
-    const auto start = std::chrono::steady_clock::now();
-    const LossTerms losses = trainer.step();
-    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    const double images_in_all = static_cast<double>(config.stage1.steps) * static_cast<double>(config.stage1.batch);
-    return {parameters.element_count("encoder."),
-            parameters.element_count("decoder."),
-            training.size(),
-            config.model.decoder.resolution,
-            config.stage1,
-            images_in_all / static_cast<double>(training.size()),
-            seconds,
-            losses.total,
-            peak_megabytes()};
+TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config, const Dataset& training, MeasuredPhases measured) {
+    TrainingPlan plan{.encoder_parameters = trainer.model().parameters().element_count("encoder."),
+                      .decoder_parameters = trainer.model().parameters().element_count("decoder."),
+                      .discriminator_parameters = discriminator_parameters(config),
+                      .images = training.size(),
+                      .side = config.model.decoder.resolution};
+    const std::vector<TrainingPhase>& phases = trainer.schedule().phases();
+    for (const TrainingPhase& phase : phases) {
+        const double images = static_cast<double>(phase.steps * phase.batch);
+        PhasePlan& part = plan.phases.emplace_back(PhasePlan{.phase = phase, .epochs = images / static_cast<double>(plan.images)});
+        const bool at_an_end = &phase == &phases.front() || &phase == &phases.back();
+        if (measured == MeasuredPhases::all || (measured == MeasuredPhases::ends && at_an_end)) measure(part, trainer, config);
+    }
+    return plan;
 }
 
 std::string plan_text(const TrainingPlan& plan) {
     std::ostringstream text;
     text << std::fixed << std::setprecision(2);
-    text << "parameters    encoder " << plan.encoder_parameters << ", decoder " << plan.decoder_parameters << '\n'
-         << "images        " << plan.images << " for training, " << plan.side << " pixels a side\n"
-         << "stage 1       " << plan.stage.steps << " steps of " << plan.stage.batch << " images (" << plan.stage.micro_batch
-         << " at once), " << plan.stage.samples_per_ray << " samples per ray, " << plan.epochs << " epochs\n"
-         << "one step      " << plan.step_seconds << " s, loss " << plan.step_loss << '\n'
-         << "all steps     " << duration_text(plan.step_seconds * static_cast<double>(plan.stage.steps)) << '\n'
-         << "peak memory   " << plan.peak_megabytes << " MiB\n";
+    text << "parameters    encoder " << plan.encoder_parameters << ", decoder " << plan.decoder_parameters;
+    if (plan.discriminator_parameters > 0) text << ", discriminator " << plan.discriminator_parameters;
+    text << "\nimages        " << plan.images << " for training, " << plan.side << " pixels a side\n";
+    for (const PhasePlan& part : plan.phases) {
+        const TrainingPhase& phase = part.phase;
+        text << "stage " << phase.stage << ", " << std::setw(4) << phase.resolution << ' ' << phase.steps << " steps of "
+             << phase.batch << " images (" << phase.micro_batch << " at once), " << phase.samples_per_ray << " samples per ray, "
+             << part.epochs << " epochs\n";
+        if (!part.measured) continue;
+        text << "  one step    " << part.step_seconds << " s, loss " << part.step_loss << ", peak memory " << part.peak_megabytes
+             << " MiB\n  all steps   " << duration_text(part.step_seconds * static_cast<double>(phase.steps)) << '\n';
+    }
     return text.str();
 }
 
 JsonValue to_json(const TrainingPlan& plan) {
+    std::vector<JsonValue> phases;
+    for (const PhasePlan& part : plan.phases) {
+        JsonValue phase = JsonValue::object({{"stage", part.phase.stage},
+                                             {"resolution", part.phase.resolution},
+                                             {"first_step", part.phase.first_step},
+                                             {"steps", part.phase.steps},
+                                             {"batch", part.phase.batch},
+                                             {"micro_batch", part.phase.micro_batch},
+                                             {"samples_per_ray", part.phase.samples_per_ray},
+                                             {"epochs", part.epochs}});
+        if (part.measured) {
+            phase.add("step_seconds", part.step_seconds);
+            phase.add("step_loss", part.step_loss);
+            phase.add("peak_megabytes", part.peak_megabytes);
+        }
+        phases.push_back(phase);
+    }
     return JsonValue::object({{"encoder_parameters", plan.encoder_parameters},
                               {"decoder_parameters", plan.decoder_parameters},
+                              {"discriminator_parameters", plan.discriminator_parameters},
                               {"images", plan.images},
                               {"side", plan.side},
-                              {"steps", plan.stage.steps},
-                              {"batch", plan.stage.batch},
-                              {"micro_batch", plan.stage.micro_batch},
-                              {"samples_per_ray", plan.stage.samples_per_ray},
-                              {"epochs", plan.epochs},
-                              {"step_seconds", plan.step_seconds},
-                              {"step_loss", plan.step_loss},
-                              {"peak_megabytes", plan.peak_megabytes}});
+                              {"phases", phases}});
 }
 
 std::string outcome_text(const TrainingOutcome& outcome, const RunFolder& folder) {

@@ -2,27 +2,38 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "core/io/json_writer.h"
 #include "train/trainer.h"
 
 namespace stymo {
 
+struct PhasePlan {
+    TrainingPhase phase;
+    double epochs = 0.0;  ///< passes over the training images
+    bool measured = false;
+    double step_seconds = 0.0;  ///< of a step, with its share of R1; 0 unless measured, as what follows
+    double step_loss = 0.0;     ///< of the first step
+    double peak_megabytes = 0.0;
+};
+
 /// What a run would do.
 struct TrainingPlan {
     std::int64_t encoder_parameters = 0;
     std::int64_t decoder_parameters = 0;
+    std::int64_t discriminator_parameters = 0;  ///< 0 without one
     std::int64_t images = 0;
     std::int64_t side = 0;  ///< of the images, in pixels
-    StageConfig stage;
-    double epochs = 0.0;
-    double step_seconds = 0.0;
-    double step_loss = 0.0;
-    double peak_megabytes = 0.0;
+    std::vector<PhasePlan> phases{};
 };
 
-/// Measures time, loss and peak memory of an optimiser step by doing one.
-[[nodiscard]] TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config, const Dataset& training);
+/// Which phases are measured by doing optimiser steps: one of the first stage, two of a phase of the second (with R1 and without).
+enum class MeasuredPhases { none, ends, all };
+
+/// The plan of a run that has not begun; its trainer is spoilt by the steps that are measured.
+[[nodiscard]] TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config, const Dataset& training,
+                                        MeasuredPhases measured);
 [[nodiscard]] std::string plan_text(const TrainingPlan& plan);
 [[nodiscard]] JsonValue to_json(const TrainingPlan& plan);
 /// One line on how a run ended.

@@ -10,6 +10,9 @@ namespace stymo {
 void LossTerms::accumulate(const LossTerms& other, double part) {
     total += part * other.total;
     reconstruction += part * other.reconstruction;
+    photometric += part * other.photometric;
+    perceptual += part * other.perceptual;
+    adversarial += part * other.adversarial;
     code += part * other.code;
     mask += part * other.mask;
     opacity += part * other.opacity;
@@ -27,10 +30,10 @@ Variable code_norm(const Codes& codes) {
 
 }  // namespace
 
-LossAndGradients reconstruction_gradients(const Model& model, const TrainingBatch& batch, const TrainConfig& config,
+LossAndGradients reconstruction_gradients(const Model& model, const ReconstructionLoss& reconstruction,
+                                          const TrainingBatch& batch, const TrainConfig& config,
                                           const std::vector<Parameter>& parameters, bool mask_loss, Rng& jitter) {
     const LossConfig& weights = config.loss;
-    const ReconstructionConfig& reconstruction = config.model.reconstruction;
     const Codes codes = model.encoder()(Variable(batch.input));
     const bool with_mask = mask_loss && weights.mask_weight > 0.0;
     const Decoded decoded = model.decoder()(
@@ -38,9 +41,11 @@ LossAndGradients reconstruction_gradients(const Model& model, const TrainingBatc
 
     LossAndGradients result;
     LossTerms& report = result.losses;
-    Variable total =
-        photometric_loss(decoded.images, batch.targets, reconstruction.resolution_weights) * reconstruction.photometric_weight;
-    report.reconstruction = total.value().item();
+    const ReconstructionLoss::Terms terms = reconstruction(decoded.images, reconstruction.target(batch.targets));
+    Variable total = terms.total;
+    report.reconstruction = terms.total.value().item();
+    report.photometric = terms.photometric.value().item();
+    if (terms.perceptual.defined()) report.perceptual = terms.perceptual.value().item();
     add_term(total, report.code, batch.has_codes() ? 1.0 : 0.0,
              [&] { return code_loss(codes, batch.codes, std::span<const double, 4>(weights.code_weights), batch.code_present); });
     add_term(total, report.mask, with_mask ? weights.mask_weight : 0.0,

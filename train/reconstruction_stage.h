@@ -3,12 +3,13 @@
 #include <vector>
 
 #include "nn/models/model.h"
+#include "nn/models/reconstruction.h"
 #include "train/batch.h"
 #include "train/train_config.h"
 
 namespace stymo {
 
-/// The terms of the first stage's loss, each without its weight, and their weighted sum.
+/// The terms of a stage's loss on encoder and decoder, each without its weight, and their weighted sum.
 struct LossTerms {
     double total = 0.0;
     double reconstruction = 0.0;  ///< L_recon, weighted as in equation (recon)
@@ -33,7 +34,8 @@ struct LossAndGradients {
 /// Forward and backward pass of the first stage on one micro-batch: encoder, decoder with stratified samples, loss.
 /// `mask_loss` says whether the mask term is on yet. The loss is a mean over the images of the batch. `jitter` moves on by as
 /// much for each image, so that several micro-batches in a row draw what one batch of all their images would.
-[[nodiscard]] LossAndGradients reconstruction_gradients(const Model& model, const TrainingBatch& batch, const TrainConfig& config,
+[[nodiscard]] LossAndGradients reconstruction_gradients(const Model& model, const ReconstructionLoss& reconstruction,
+                                                        const TrainingBatch& batch, const TrainConfig& config,
                                                         const std::vector<Parameter>& parameters, bool mask_loss, Rng& jitter);
 
 }  // namespace stymo

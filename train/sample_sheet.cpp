@@ -15,17 +15,18 @@ constexpr std::int64_t faces_shown = 6;
 
 }  // namespace
 
-Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t samples_per_ray) {
+Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t resolution, std::int64_t samples_per_ray) {
     std::vector<Tensor> tiles;
     const CameraConfig& place = model.config().camera;
     for (std::int64_t index = 0; index < std::min(faces_shown, faces.size()); ++index) {
         const TrainingBatch batch = make_batch(std::vector{faces.load(index)});
         const Codes codes = model.encoder()(Variable(batch.input));
         const auto show = [&](const Camera& camera) {
-            const Decoded decoded = model.decoder()(codes, {camera}, {.samples_per_ray = samples_per_ray});
+            const Decoded decoded = model.decoder()(codes, {camera}, {.samples_per_ray = samples_per_ray, .resolution = resolution});
             tiles.push_back(picture(decoded.images.back().value(), 0));
         };
-        tiles.push_back(picture(batch.targets.back(), 0));
+        const auto target = std::ranges::find(batch.targets, resolution, [](const Tensor& images) { return images.shape(1); });
+        tiles.push_back(picture(*target, 0));
         show(batch.cameras.front());
         for (const double yaw_degrees : {-30.0, 0.0, 30.0}) {
             const Pose pose = pivot_pose(yaw_degrees * std::numbers::pi / 180.0, 0.0, 0.0, place.distance, place.pivot_depth);

@@ -5,7 +5,9 @@
 
 namespace stymo {
 
-/// One row for each of the first few faces: target | initial | three views at yaw -30, 0 and 30 degrees.
-[[nodiscard]] Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t samples_per_ray);
+/// One row for each of the first few faces: target | initial | three views at yaw -30, 0 and 30 degrees, at a resolution
+/// of the model.
+[[nodiscard]] Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t resolution,
+                                  std::int64_t samples_per_ray);
 
 }  // namespace stymo

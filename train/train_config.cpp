@@ -1,5 +1,7 @@
 #include "train/train_config.h"
 
+#include <algorithm>
+
 #include "core/error.h"
 
 namespace stymo {
@@ -18,6 +20,8 @@ void describe_loss(ConfigSchema& schema, LossConfig& config) {
     schema.number("loss.opacity_weight", config.opacity_weight, 0.0, 1e6, "accumulated opacity against the mask (paper: none)");
     schema.number("loss.depth_variance_weight", config.depth_variance_weight, 0.0, 1e6,
                   "variance of the depth along each ray (paper: none)");
+    schema.number("loss.adversarial_weight", config.adversarial_weight, 0.0, 1e6,
+                  "lambda of the adversarial loss in stage 2 (paper: 0.1); 0: no discriminator is trained");
     schema.number("loss.code_norm_weight", config.code_norm_weight, 0.0, 1e6,
                   "mean squared number of the encoder's codes (paper: none)");
 }
@@ -34,6 +38,8 @@ void describe_optimizer(ConfigSchema& schema, OptimizerConfig& config) {
                   "factor on the learning rate of the encoder's backbone");
     schema.integer("optimizer.backbone_frozen_epochs", config.backbone_frozen_epochs, 0, 1'000'000,
                    "epochs in which the encoder's backbone stays as it is (paper: 1)");
+    schema.integer("optimizer.failures_allowed", config.failures_allowed, 0, 1'000'000,
+                   "steps in a row, of either stage, that may be skipped for a loss or gradient that is not finite");
 }
 
 void describe_stage1(ConfigSchema& schema, StageConfig& config) {
@@ -44,21 +50,101 @@ void describe_stage1(ConfigSchema& schema, StageConfig& config) {
     schema.integer("stage1.samples_per_ray", config.samples_per_ray, 2, 4096, "N (paper: 32)");
     schema.number("stage1.average_half_life", config.average_half_life, 0.0, 1e12,
                   "images over which the averaged model forgets half; 0: none is kept");
-    schema.integer("stage1.failures_allowed", config.failures_allowed, 0, 1'000'000,
-                   "steps in a row that may be skipped for a loss or gradient that is not finite");
+}
+
+void describe_stage2(ConfigSchema& schema, AdversarialStageConfig& config) {
+    schema.integers("stage2.resolutions", config.resolutions, 64, 1024,
+                    "one phase each: 64, 128, ... up to decoder.resolution (paper); []: no second stage");
+    schema.integers("stage2.images", config.images, 1, 1'000'000'000, "images of each phase (paper: silent)");
+    schema.integers("stage2.fade_images", config.fade_images, 0, 1'000'000'000,
+                    "of them, while the discriminator's new block fades in (paper: silent)");
+    schema.integers("stage2.batch", config.batch, 1, 65536, "images in one optimiser step (paper: 32, 32, 16, 12)");
+    schema.integers("stage2.micro_batch", config.micro_batch, 1, 65536, "images computed at once; gradients add up to the batch");
+    schema.numbers("stage2.r1_gamma", config.r1_gamma, 0.0, 1e6, "weight of R1 (paper: silent; StyleGAN2 has 10 at 1024)");
+    schema.integer("stage2.r1_interval", config.r1_interval, 1, 1'000'000,
+                   "discriminator steps from one R1 step to the next (paper: silent; StyleGAN2 has 16)");
+    schema.integer("stage2.samples_per_ray", config.samples_per_ray, 2, 4096, "N (paper: 64)");
+    schema.number("stage2.learning_rate", config.learning_rate, 0.0, 1.0, "Adam's learning rate of the decoder (paper: 2e-3)");
+    schema.number("stage2.discriminator_learning_rate", config.discriminator_learning_rate, 0.0, 1.0,
+                  "of the discriminator (paper: 1e-4)");
+    schema.number("stage2.mapping_factor", config.mapping_factor, 0.0, 100.0,
+                  "factor on the learning rate of the mapping networks (paper: silent; StyleGAN2 has 0.01)");
+    schema.number("stage2.beta1", config.beta1, 0.0, 0.999999, "Adam's decay of the mean (paper: silent; StyleGAN2 has 0)");
+    schema.number("stage2.beta2", config.beta2, 0.0, 0.999999, "Adam's decay of the square (paper: silent; StyleGAN2 has 0.99)");
+    schema.number("stage2.epsilon", config.epsilon, 1e-30, 1.0, "Adam's epsilon");
+    schema.number("stage2.average_half_life", config.average_half_life, 0.0, 1e12,
+                  "images over which the averaged model forgets half (paper: silent; StyleGAN2 has 10000); 0: none is kept");
 }
 
 void describe_output(ConfigSchema& schema, OutputConfig& config) {
     schema.integer("output.tick_steps", config.tick_steps, 1, 1'000'000, "steps between two lines of statistics");
     schema.integer("output.sample_steps", config.sample_steps, 0, 100'000'000, "steps between two sample sheets; 0: none");
     schema.number("output.checkpoint_minutes", config.checkpoint_minutes, 0.0, 1e6,
-                  "minutes between two checkpoints; 0: only the last one");
+                  "minutes between two checkpoints; 0: only by steps, and at the end of each phase");
+    schema.integer("output.checkpoint_steps", config.checkpoint_steps, 0, 100'000'000,
+                   "steps between two checkpoints, beside those by minutes; 0: only by time");
     schema.integer("output.keep_last", config.keep_last, 1, 1'000'000, "checkpoints kept");
     schema.integer("output.validation_images", config.validation_images, 0, 1'000'000,
                    "held-out images that the best model is chosen by; 0: none is chosen");
 }
 
 constexpr std::int64_t training_rays_per_side = 32;
+
+std::string list_text(const std::vector<std::int64_t>& numbers) {
+    std::string text;
+    for (const std::int64_t number : numbers) text += (text.empty() ? "" : ", ") + std::to_string(number);
+    return "[" + text + "]";
+}
+
+/// 64, 128, ... up to the resolution.
+std::vector<std::int64_t> sides_up_to(std::int64_t resolution) {
+    std::vector<std::int64_t> sides;
+    for (std::int64_t side = 64; side <= resolution; side *= 2) sides.push_back(side);
+    return sides;
+}
+
+void check_group(const TrainConfig& config, std::size_t phase, const std::string& source) {
+    const std::int64_t micro_batch = config.stage2.micro_batch[phase];
+    const std::int64_t group = std::min(config.discriminator.group_size, micro_batch);
+    if (config.loss.adversarial_weight > 0.0 && micro_batch % group != 0) {
+        fail<ConfigError>(source, ": discriminator.group_size = ", group, " does not divide ", micro_batch,
+                          " of stage2.micro_batch = ", list_text(config.stage2.micro_batch));
+    }
+}
+
+void check_stage2(const TrainConfig& config, const std::string& source) {
+    const AdversarialStageConfig& stage = config.stage2;
+    if (stage.resolutions.empty()) return;
+    const std::vector<std::int64_t> sides = sides_up_to(config.model.decoder.resolution);
+    if (stage.resolutions != sides) {
+        fail<ConfigError>(source, ": stage2.resolutions = ", list_text(stage.resolutions), ": a model of ",
+                          config.model.decoder.resolution, " pixels needs ", list_text(sides), ", or [] for no second stage");
+    }
+    const auto check_length = [&](const char* key, std::size_t length) {
+        if (length != sides.size())
+            fail<ConfigError>(source, ": stage2.", key, " has ", length, " numbers, stage2.resolutions ", sides.size());
+    };
+    check_length("images", stage.images.size());
+    check_length("fade_images", stage.fade_images.size());
+    check_length("batch", stage.batch.size());
+    check_length("micro_batch", stage.micro_batch.size());
+    check_length("r1_gamma", stage.r1_gamma.size());
+    for (std::size_t i = 0; i < sides.size(); ++i) {
+        if (stage.batch[i] % stage.micro_batch[i] != 0) {
+            fail<ConfigError>(source, ": stage2.micro_batch = ", list_text(stage.micro_batch), " does not divide stage2.batch = ",
+                              list_text(stage.batch));
+        }
+        if (stage.fade_images[i] > stage.images[i]) {
+            fail<ConfigError>(source, ": stage2.fade_images = ", list_text(stage.fade_images),
+                              ": must not exceed stage2.images = ", list_text(stage.images));
+        }
+        check_group(config, i, source);
+    }
+    if (stage.fade_images.front() != 0) {
+        fail<ConfigError>(source, ": stage2.fade_images = ", list_text(stage.fade_images),
+                          ": must begin with 0; the first phase has nothing to fade from");
+    }
+}
 
 void check(const TrainConfig& config, const std::string& source) {
     if (config.stage1.batch % config.stage1.micro_batch != 0) {
@@ -73,8 +159,7 @@ void check(const TrainConfig& config, const std::string& source) {
         fail<ConfigError>(source, ": decoder.near_z = ", config.model.decoder.rays.near_z,
                           ": must be above decoder.far_z = ", config.model.decoder.rays.far_z);
     }
-    std::size_t resolutions = 0;
-    for (std::int64_t side = 64; side <= config.model.decoder.resolution; side *= 2) ++resolutions;
+    const std::size_t resolutions = sides_up_to(config.model.decoder.resolution).size();
     if (config.model.reconstruction.resolution_weights.size() < resolutions) {
         fail<ConfigError>(source, ": reconstruction.resolution_weights has ",
                           config.model.reconstruction.resolution_weights.size(), " numbers; a model of ",
@@ -84,6 +169,7 @@ void check(const TrainConfig& config, const std::string& source) {
         fail<ConfigError>(source, ": loss.code_weights has ", config.loss.code_weights.size(),
                           " numbers; id, expr, tex and light need one each");
     }
+    check_stage2(config, source);
 }
 
 }  // namespace
@@ -94,6 +180,10 @@ void describe(ConfigSchema& schema, TrainConfig& config) {
     describe_loss(schema, config.loss);
     describe_optimizer(schema, config.optimizer);
     describe_stage1(schema, config.stage1);
+    describe_stage2(schema, config.stage2);
+    describe(schema, config.discriminator);
+    schema.number("memory.budget_gibibytes", config.memory.budget_gibibytes, 0.0, 1e6,
+                  "what a training step may use; beyond it, parts are computed again in the backward pass; 0: no limit");
     describe_output(schema, config.output);
 }
 

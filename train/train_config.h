@@ -30,6 +30,7 @@ struct OptimizerConfig {
     double epsilon = 1e-8;
     double backbone_factor = 1.0;  ///< on the learning rate of the encoder's backbone
     std::int64_t backbone_frozen_epochs = 1;
+    std::int64_t failures_allowed = 20;  ///< steps in a row, of either stage, skipped for a non-finite loss or gradient
 };
 
 struct StageConfig {
@@ -37,8 +38,7 @@ struct StageConfig {
     std::int64_t batch = 32;
     std::int64_t micro_batch = 8;
     std::int64_t samples_per_ray = 32;
-    double average_half_life = 0.0;      ///< images over which the averaged model forgets half; 0: no averaging
-    std::int64_t failures_allowed = 20;  ///< steps in a row that may be skipped for a non-finite loss or gradient
+    double average_half_life = 0.0;  ///< images over which the averaged model forgets half; 0: no averaging
 };
 
 /// The second stage: the decoder against a discriminator, from 64 pixels up to the model's resolution. The lists have one entry
@@ -69,8 +69,8 @@ struct MemoryConfig {
 struct OutputConfig {
     std::int64_t tick_steps = 50;
     std::int64_t sample_steps = 500;
-    double checkpoint_minutes = 10.0;
-    std::int64_t checkpoint_steps = 0;  ///< also after so many steps; 0: by time alone
+    double checkpoint_minutes = 10.0;   ///< 0: not by time
+    std::int64_t checkpoint_steps = 0;  ///< also after so many steps; 0: not by steps
     std::int64_t keep_last = 3;
     std::int64_t validation_images = 16;  ///< held-out images that the best checkpoint is chosen by; 0: none is chosen
 };
@@ -91,7 +91,8 @@ struct TrainConfig {
 void describe(ConfigSchema& schema, TrainConfig& config);
 
 /// Reads a file with its parents, then the overrides "a.b=value", then checks what no single key can: that weights are given for
-/// each resolution and code, that the micro-batch divides the batch, and that the rays suit the targets. Throws ConfigError.
+/// each resolution and code, that micro-batches divide batches and groups micro-batches, that the rays suit the targets, and that
+/// the second stage leads from 64 pixels to the model's resolution. Throws ConfigError.
 [[nodiscard]] TrainConfig load_train_config(const std::filesystem::path& path, const std::vector<std::string>& overrides);
 /// Every key with its value, as `config.json` in the run folder holds it.
 [[nodiscard]] std::string to_json(const TrainConfig& config);

@@ -1,17 +1,19 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "nn/optim/adam.h"
 #include "nn/optim/ema.h"
 #include "train/checkpoint.h"
 #include "train/dataset.h"
-#include "train/reconstruction_stage.h"
 #include "train/run_folder.h"
+#include "train/schedule.h"
+#include "train/tick.h"
 #include "train/train_config.h"
+#include "train/updater.h"
 
 namespace stymo {
 
@@ -28,25 +30,33 @@ struct TrainingOutcome {
     bool finished = false;  ///< all steps of the configuration are done
 };
 
-/// The first stage: trains encoder and decoder on a data set and keeps the run folder.
+/// Trains a model on a data set, through the first stage and then the second, and keeps the run folder.
 ///
 /// The n-th step is a pure function of the state before it and the seed: stopping at any step and resuming gives the same bits
-/// as never having stopped, at any thread count that is the same for both.
+/// as never having stopped, at any thread count that is the same for both, within a stage or across its end.
 class Trainer {
 public:
     /// `validation` may be null: then no best model is chosen, and the sample sheets show training images. Both outlive this.
+    /// Throws what Model and ReconstructionLoss throw.
     Trainer(const TrainConfig& config, const Dataset& training, const Dataset* validation, std::uint64_t seed);
+    ~Trainer();
+    Trainer(const Trainer&) = delete;
+    Trainer& operator=(const Trainer&) = delete;
 
-    /// Continues from a checkpoint of the same configuration.
+    /// Continues from a checkpoint of a model of the same shape. What the checkpoint lacks because its run did without it (an
+    /// averaged model, a discriminator, the second stage's optimisers) begins here.
     void resume(const std::filesystem::path& checkpoint);
-    /// Trains until the configured steps are done, the time is up or the process is asked to stop; writes checkpoints on the way
-    /// and one at the end. Throws NumericError after too many steps in a row without a finite gradient.
+    /// Trains until the configured steps are done, the time is up or the process is asked to stop; writes checkpoints on the way,
+    /// at the end of each phase and at the end. Throws NumericError after too many steps in a row without a finite gradient.
     TrainingOutcome run(const RunFolder& folder, const TrainingLimits& limits);
     /// One optimiser step that counts; without any output. For plans and tests.
-    LossTerms step();
+    StepReport step();
+    /// Goes on from this step with the weights as they are, for plans.
+    void skip_to(std::int64_t step) { state_.step = step; }
 
     [[nodiscard]] const Model& model() const { return model_; }
     [[nodiscard]] const TrainingState& state() const { return state_; }
+    [[nodiscard]] const TrainingSchedule& schedule() const { return schedule_; }
 
 private:
     /// While it lives the model is frozen and holds the averaged weights, if there are any: what is shown, measured and saved
@@ -63,22 +73,28 @@ private:
     };
 
     [[nodiscard]] const Dataset& shown_faces() const { return validation_ != nullptr ? *validation_ : training_; }
-    /// Mean PSNR of the initial codes on the validation images, masked; nothing without such images.
-    [[nodiscard]] std::optional<double> validate() const;
-    [[nodiscard]] double epochs_at(std::int64_t step) const;
-    [[nodiscard]] double learning_rate() const;
-    [[nodiscard]] TrainingBatch batch_at(std::int64_t first_image) const;
-    void set_trainable_parts();
-    void apply(const std::vector<Parameter>& parameters, const std::vector<Variable>& gradients);
+    /// The phase that the model has come out of, which is what it is good for.
+    [[nodiscard]] TrainingPhase phase_done() const;
+    [[nodiscard]] double epochs_at(std::int64_t step) const { return images_.epochs(schedule_.images_before(step)); }
+    [[nodiscard]] double average_half_life(const TrainingPlace& place) const;
+    /// Makes what the stage of the next step needs and drops what no step will need again.
+    void enter_stage(int stage);
+    void update_average(const TrainingPlace& place);
+    void count_failure(const std::string& what);
     void count_epoch(double reconstruction_loss);
+    /// Also scores the model on the validation images, if there are any.
     void save_checkpoint(const RunFolder& folder);
 
     TrainConfig config_;
     const Dataset& training_;
     const Dataset* validation_;
     Rng rng_;
+    TrainingSchedule schedule_;
+    TrainingImages images_;
     Model model_;
-    Adam adam_;
+    ReconstructionLoss reconstruction_;
+    int stage_ = 0;  ///< that `updater_` is of; 0 before the first step
+    std::unique_ptr<Updater> updater_;
     std::optional<Ema> average_;
     TrainingState state_;
 };

@@ -39,8 +39,9 @@ void add_turning_row(std::vector<Tensor>& tiles, const Model& model, const FitRe
 
 void write_row(std::ostream& stream, const char* name, const ImageMetrics& metrics) {
     stream << std::left << std::setw(9) << name << std::right << std::fixed << std::setprecision(4) << std::setw(9) << metrics.l1
-           << std::setw(11) << metrics.l1_mean << std::setw(9) << metrics.ssim << std::setprecision(2) << std::setw(9)
-           << metrics.psnr << '\n';
+           << std::setw(11) << metrics.l1_mean;
+    if (metrics.lpips) stream << std::setw(9) << *metrics.lpips;
+    stream << std::setw(9) << metrics.ssim << std::setprecision(2) << std::setw(9) << metrics.psnr << '\n';
 }
 
 struct Means {
@@ -71,7 +72,7 @@ FaceRange parse_range(const std::string& text) {
     return {first, last};
 }
 
-Evaluation evaluate(const Model& model, const Dataset& faces, const EvaluationOptions& options) {
+Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Dataset& faces, const EvaluationOptions& options) {
     const std::int64_t last = options.range.last < 0 ? faces.size() - 1 : std::min(options.range.last, faces.size() - 1);
     if (options.range.first > last) fail<ConfigError>("--ids: the folder has only ", faces.size(), " faces, counted from 0");
     const InterruptGuard guard;
@@ -90,10 +91,10 @@ Evaluation evaluate(const Model& model, const Dataset& faces, const EvaluationOp
         if (group.empty()) continue;
         const TrainingBatch batch = make_batch(group);
         const FitTarget target{batch.input, batch.targets, batch.cameras};
-        const FitResult result = fit_codes(model, target, fitting);
+        const FitResult result = fit_codes(model, loss, target, fitting);
         for (std::size_t i = 0; i < group.size(); ++i) {
             const auto index = static_cast<std::int64_t>(i);
-            const FitReport report = report_fit(model, target, batch.mask, result, index);
+            const FitReport report = report_fit(model, target, batch.mask, result, index, options.lpips);
             evaluation.scores.push_back({group[i].id, report.initial_metrics, report.fitted_metrics});
             if (static_cast<std::int64_t>(evaluation.scores.size()) <= options.yaw_rows) {
                 add_turning_row(tiles, model, report, result.fitted, index, model.config().reconstruction.fit_samples_per_ray);
@@ -115,7 +116,7 @@ Evaluation evaluate(const Model& model, const Dataset& faces, const EvaluationOp
 std::string table(const std::vector<FaceScore>& scores, bool fitted) {
     const Means mean = means(scores);
     std::ostringstream text;
-    text << scores.size() << " face(s)      L1  L1 (mean)     SSIM  PSNR dB\n";
+    text << scores.size() << " face(s)      L1  L1 (mean)" << (mean.initial.lpips ? "    LPIPS" : "") << "     SSIM  PSNR dB\n";
     write_row(text, "initial", mean.initial);
     if (fitted) write_row(text, "fitted", mean.fitted);
     return text.str();

@@ -29,8 +29,9 @@ struct EvaluationOptions {
     FaceRange range;
     bool fit = false;
     FitOptions fitting;
-    std::int64_t batch = 4;     ///< faces fitted at once
-    std::int64_t yaw_rows = 0;  ///< faces of the turning sheet
+    const Lpips* lpips = nullptr;  ///< also measures LPIPS with it
+    std::int64_t batch = 4;        ///< faces fitted at once
+    std::int64_t yaw_rows = 0;     ///< faces of the turning sheet
 };
 
 struct Evaluation {
@@ -38,9 +39,10 @@ struct Evaluation {
     Tensor turning_sheet;  ///< target | fitted | yaw -30, -15, 0, 15, 30 degrees; undefined unless asked for
 };
 
-/// Scores faces in order of id against the model; a face whose picture is broken is left out. After an interruption the scores so
-/// far. Throws FileError if there is none.
-[[nodiscard]] Evaluation evaluate(const Model& model, const Dataset& faces, const EvaluationOptions& options);
+/// Scores faces in order of id against the model; `loss` is what fitting minimises. A face whose picture is broken is left out.
+/// After an interruption the scores so far. Throws FileError if there is none.
+[[nodiscard]] Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Dataset& faces,
+                                  const EvaluationOptions& options);
 [[nodiscard]] std::string table(const std::vector<FaceScore>& scores, bool fitted);
 [[nodiscard]] JsonValue to_json(const std::vector<FaceScore>& scores, bool fitted);
 

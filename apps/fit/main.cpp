@@ -1,11 +1,13 @@
 #include <chrono>
 #include <filesystem>
 #include <iomanip>
+#include <iostream>
 #include <optional>
 #include <sstream>
 
 #include "apps/common/command_line.h"
 #include "apps/common/face_input.h"
+#include "apps/common/lpips_options.h"
 #include "core/interrupt.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
@@ -20,20 +22,23 @@ struct Options {
     std::filesystem::path out;
     stymo::FaceSource face;
     std::optional<std::int64_t> samples;
+    stymo::LpipsOptions lpips;
     stymo::FitOptions fit;
 };
 
 void write_metrics(std::ostream& stream, const char* name, const stymo::ImageMetrics& metrics) {
-    stream << std::left << std::setw(9) << name << std::right << std::fixed << std::setprecision(4) << std::setw(9) << metrics.l1
-           << std::setw(9) << metrics.ssim << std::setprecision(2) << std::setw(9) << metrics.psnr << '\n';
+    stream << std::left << std::setw(9) << name << std::right << std::fixed << std::setprecision(4) << std::setw(9) << metrics.l1;
+    if (metrics.lpips) stream << std::setw(9) << *metrics.lpips;
+    stream << std::setw(9) << metrics.ssim << std::setprecision(2) << std::setw(9) << metrics.psnr << '\n';
 }
 
 std::string summary(const stymo::FitReport& report, double seconds) {
     std::ostringstream text;
-    text << "                L1     SSIM  PSNR dB\n";
+    text << "                L1" << (report.lpips_network.empty() ? "" : "    LPIPS") << "     SSIM  PSNR dB\n";
     write_metrics(text, "initial", report.initial_metrics);
     write_metrics(text, "fitted", report.fitted_metrics);
     text << std::setprecision(1) << seconds << " s\n";
+    if (!report.lpips_network.empty()) text << "LPIPS: " << report.lpips_network << '\n';
     return text.str();
 }
 
@@ -41,6 +46,12 @@ stymo::AppResult fit(Options options) {
     stymo::require_photo(options.face);
     if (options.samples) options.fit.samples_per_ray = *options.samples;
     const stymo::Model model = stymo::Model::load(options.model);
+    const stymo::ReconstructionConfig config = stymo::fitting_config(options.lpips, model.config().reconstruction);
+    const stymo::ReconstructionLoss reconstruction(config, "--perceptual-weight 0");
+    // Files that are named are read, even where fitting does without the term.
+    std::optional<stymo::Lpips> metric;
+    if (reconstruction.lpips() == nullptr && !options.lpips.trunk.empty())
+        metric.emplace(config.perceptual, "leave out --lpips-trunk");
     const stymo::Face face = stymo::read_face(options.face, model.config());
     const stymo::TrainingBatch batch = stymo::make_batch(std::vector{face});
     const stymo::FitTarget target{batch.input, batch.targets, batch.cameras};
@@ -50,11 +61,14 @@ stymo::AppResult fit(Options options) {
     stymo::Progress progress({.title = "fit", .total = options.fit.steps, .unit = "steps"});
     options.fit.on_step = [&](std::int64_t step, double loss) { progress.update(step, "loss " + std::to_string(loss)); };
     const auto start = std::chrono::steady_clock::now();
-    const stymo::FitResult result = stymo::fit_codes(model, target, options.fit);
+    const stymo::FitResult result = stymo::fit_codes(model, reconstruction, target, options.fit);
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     progress.finish();
 
-    const stymo::FitReport report = stymo::report_fit(model, target, batch.mask, result, 0);
+    const stymo::Lpips* lpips = metric ? &*metric : reconstruction.lpips();
+    if (lpips == nullptr)
+        std::cerr << "LPIPS is not measured; name its weights with --lpips-trunk and --lpips-heads" << std::endl;
+    const stymo::FitReport report = stymo::report_fit(model, target, batch.mask, result, 0, lpips);
     const stymo::JsonValue json = to_json(report, result, seconds);
     stymo::write_image(options.out / "fit.png", stymo::comparison_sheet(report));
     stymo::write_image(options.out / "render.png", report.fitted);
@@ -81,5 +95,7 @@ int main(int argc, char** argv) {
     line.option("--regularizer", options.fit.regularizer, "weight of the squared code offsets; negative: the model's own")
         .range(-1, 1e6);
     line.option("--samples", options.samples, "samples per ray; the model's own unless given").range(2, 4096);
+    stymo::declare_perceptual_weight(line, options.lpips);
+    stymo::declare_lpips_files(line, options.lpips);
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return fit(options); });
 }

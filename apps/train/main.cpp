@@ -18,12 +18,18 @@ struct Options {
     std::string resume;
     double max_minutes = 0.0;
     bool dry_run = false;
+    std::string measure = "ends";
     bool print_keys = false;
 };
 
 std::optional<stymo::Dataset> validation_faces(const Options& options, const stymo::TrainConfig& config) {
     if (config.data.validation == 0) return std::nullopt;
     return stymo::Dataset(options.data, config.model.decoder.resolution, config.data, stymo::Split::validation);
+}
+
+stymo::MeasuredPhases measured_phases(const std::string& name) {
+    if (name == "none") return stymo::MeasuredPhases::none;
+    return name == "all" ? stymo::MeasuredPhases::all : stymo::MeasuredPhases::ends;
 }
 
 stymo::AppResult train(const Options& options, const stymo::CommonOptions& common) {
@@ -40,7 +46,7 @@ stymo::AppResult train(const Options& options, const stymo::CommonOptions& commo
     std::cerr << "training: " << training.summary().text() << '\n';
     stymo::Trainer trainer(config, training, validation ? &*validation : nullptr, common.seed);
     if (options.dry_run) {
-        const stymo::TrainingPlan plan = stymo::measure_plan(trainer, config, training);
+        const stymo::TrainingPlan plan = stymo::measure_plan(trainer, config, training, measured_phases(options.measure));
         return {stymo::plan_text(plan), stymo::to_json(plan)};
     }
     // Before the run folder is made: a wrong --resume leaves nothing behind.
@@ -68,6 +74,9 @@ int main(int argc, char** argv) {
     line.option("--resume", options.resume, "'latest' or the folder of a checkpoint");
     line.option("--max-minutes", options.max_minutes, "stop after so many minutes; 0: when all steps are done").range(0.0, 1e6);
     line.flag("--dry-run", options.dry_run, "print the plan with measured time and memory of a step, and write nothing");
+    line.option("--measure", options.measure, "phases whose steps the dry run measures: the first and the last, all, or none")
+        .one_of({"ends", "all", "none"})
+        .needs("--dry-run");
     line.flag("--print-keys", options.print_keys, "print the table of all configuration keys and stop");
     return line.run(argc, argv, [&](const stymo::CommonOptions& common) { return train(options, common); });
 }

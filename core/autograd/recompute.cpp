@@ -1,5 +1,6 @@
 #include "core/autograd/recompute.h"
 
+#include <memory>
 #include <unordered_set>
 
 #include "core/autograd/grad.h"

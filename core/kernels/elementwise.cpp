@@ -164,10 +164,10 @@ Tensor leaky_relu(const Tensor& x, double slope) {
 Tensor prelu(const Tensor& x, const Tensor& slope) {
     return zip(x, slope, "prelu", [](auto value, auto factor) { return value > decltype(value)(0) ? value : factor * value; });
 }
-Tensor leaky_slope(const Tensor& x, double slope) {
+Tensor leaky_slope(const Tensor& x, double slope, double gain) {
     return map(x, [=](auto value) {
         using T = decltype(value);
-        return value > T(0) ? T(1) : static_cast<T>(slope);
+        return value > T(0) ? static_cast<T>(gain) : static_cast<T>(gain) * static_cast<T>(slope);
     });
 }
 

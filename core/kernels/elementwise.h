@@ -34,8 +34,8 @@ namespace stymo::kernels {
 [[nodiscard]] Tensor leaky_relu(const Tensor& x, double slope);
 /// x where x > 0, else slope * x; the slope is broadcast.
 [[nodiscard]] Tensor prelu(const Tensor& x, const Tensor& slope);
-/// 1 where x > 0, else `slope`.
-[[nodiscard]] Tensor leaky_slope(const Tensor& x, double slope);
+/// `gain` where x > 0, else `gain` * `slope`.
+[[nodiscard]] Tensor leaky_slope(const Tensor& x, double slope, double gain = 1.0);
 
 /// x repeated to `shape`.
 [[nodiscard]] Tensor broadcast_to(const Tensor& x, const Shape& shape);

@@ -4,6 +4,7 @@
 
 #include "core/autograd/record.h"
 #include "core/error.h"
+#include "core/kernels/elementwise.h"
 #include "core/kernels/matmul.h"
 #include "core/ops/activation.h"
 #include "core/ops/elementwise.h"
@@ -111,15 +112,21 @@ Variable linear_reference(const Variable& x, const Variable& weight, const Varia
 Variable linear(const Variable& x, const Variable& weight, const Variable& bias, Activation activation) {
     check_linear(x, weight, bias);
     const bool tracked = x.tracked() || weight.tracked() || (bias.defined() && bias.tracked());
-    const bool with_slope = tracked && activation != Activation::none;
+    const bool with_slope = tracked && activation == Activation::sine;
     const kernels::LinearResult result =
         kernels::linear(x.value(), weight.value(), bias.defined() ? bias.value() : Tensor{}, activation, with_slope);
     if (!tracked) return Variable(result.value);
     const Variable map = record_linear_map(result.value, x, weight, bias);
     if (activation == Activation::none) return map;
-    // The slope of the leaky ReLU is constant; that of the sine is differentiated through the composition.
+    if (activation == Activation::leaky_relu) {
+        // The slope follows from the sign of the output, which the next layer keeps anyway.
+        return record("linear_activation", result.value, {map}, Save::the_output(), {[](const Vjp& v) {
+                          return v.grad() * Variable(kernels::leaky_slope(v.output().value(), 0.2, std::numbers::sqrt2));
+                      }});
+    }
     return record("linear_activation", result.value, {map}, Save::none(), {[=, slope = result.slope](const Vjp& v) {
-                      if (!v.create_graph() || activation == Activation::leaky_relu) return v.grad() * Variable(slope);
+                      if (!v.create_graph()) return v.grad() * Variable(slope);
+                      // The slope of the sine is differentiated through the composition.
                       return v.grad() * cos(linear_reference(x, weight, bias, Activation::none));
                   }});
 }

@@ -2,6 +2,7 @@
 
 #include "core/autograd/recompute.h"
 #include "core/ops/elementwise.h"
+#include "core/ops/shape_ops.h"
 
 namespace stymo {
 
@@ -16,9 +17,19 @@ Variable RenderBlock::features(const Variable& below, const Variable& style) con
     return modulated1_(modulated0_(upsampler_(below), style), style);
 }
 
+Variable RenderBlock::recomputed_features(const Variable& below, const Variable& style) const {
+    std::vector<Variable> images;
+    for (std::int64_t image = 0; image < below.shape(0); ++image) {
+        const Segment segment = [block = *this, image](std::span<const Variable> inputs) {
+            return block.features(slice(inputs[0], 0, image, image + 1), slice(inputs[1], 0, image, image + 1));
+        };
+        images.push_back(recompute(segment, {below, style}));
+    }
+    return concat(images, 0);
+}
+
 Rendered RenderBlock::operator()(const Rendered& below, const Variable& style, bool recomputed) const {
-    const Segment segment = [block = *this](std::span<const Variable> inputs) { return block.features(inputs[0], inputs[1]); };
-    const Variable above = recomputed ? recompute(segment, {below.features, style}) : features(below.features, style);
+    const Variable above = recomputed ? recomputed_features(below.features, style) : features(below.features, style);
     const Variable rgb = to_rgb_(above);
     return {above, below.rgb.defined() ? rgb + double_smoothly(below.rgb) : rgb};
 }

@@ -28,6 +28,8 @@ public:
 
 private:
     [[nodiscard]] Variable features(const Variable& below, const Variable& style) const;
+    /// Image by image, so that the backward pass never holds what lies in between for more than one.
+    [[nodiscard]] Variable recomputed_features(const Variable& below, const Variable& style) const;
 
     Upsampler upsampler_;
     ModulatedLinear modulated0_;

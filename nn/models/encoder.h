@@ -13,7 +13,7 @@
 namespace stymo {
 
 struct EncoderConfig {
-    std::string backbone = "mobilefacenet";  ///< one of backbone_names()
+    std::string backbone = "iresnet50";  ///< one of backbone_names()
     std::string backbone_weights{};          ///< a .safetensors file, or empty: trained from scratch
     bool arcface_crop = false;               ///< the frame that ArcFace was trained on: the middle 76.5 % of the FFHQ crop
     double embedding_scale = 1.0;            ///< factor on the embedding before the heads

@@ -11,6 +11,8 @@
 #include "core/io/file.h"
 #include "core/io/onnx_file.h"
 #include "core/io/torch_file.h"
+#include "nn/models/backbones/iresnet.h"
+#include "nn/models/backbones/iresnet_onnx.h"
 
 namespace stymo {
 namespace {
@@ -94,8 +96,8 @@ Network lpips_heads(const std::string& trunk, const std::vector<std::int64_t>& c
     return network;
 }
 
-Network iresnet(int layers, const std::array<int, 4>& blocks) {
-    Network network{.title = "insightface iresnet" + std::to_string(layers), .other_prefix = "layer"};
+Network iresnet(const IresnetDepth& depth) {
+    Network network{.title = std::string("insightface ") + depth.name, .other_prefix = "layer"};
     const auto conv = [&](const std::string& name, std::int64_t out, std::int64_t in, std::int64_t kernel) {
         network.tensors[name + ".weight"] = {out, in, kernel, kernel};
     };
@@ -103,9 +105,9 @@ Network iresnet(int layers, const std::array<int, 4>& blocks) {
     network.batch_norm("bn1", 64);
     network.tensors["prelu.weight"] = {64};
     std::int64_t in = 64;
-    for (std::size_t stage = 0; stage < blocks.size(); ++stage) {
+    for (std::size_t stage = 0; stage < depth.blocks.size(); ++stage) {
         const std::int64_t out = std::int64_t{64} << stage;
-        for (int i = 0; i < blocks[stage]; ++i) {
+        for (int i = 0; i < depth.blocks[stage]; ++i) {
             const std::string block = "layer" + std::to_string(stage + 1) + "." + std::to_string(i) + ".";
             network.batch_norm(block + "bn1", in);
             conv(block + "conv1", out, in, 3);
@@ -129,17 +131,14 @@ Network iresnet(int layers, const std::array<int, 4>& blocks) {
 }
 
 std::vector<Network> published_networks() {
-    return {vgg16(),
-            alexnet(),
-            squeezenet(),
-            lpips_heads("vgg", {64, 128, 256, 512, 512}),
-            lpips_heads("alex", {64, 192, 384, 256, 256}),
-            lpips_heads("squeeze", {64, 128, 256, 384, 384, 512, 512}),
-            iresnet(18, {2, 2, 2, 2}),
-            iresnet(34, {3, 4, 6, 3}),
-            iresnet(50, {3, 4, 14, 3}),
-            iresnet(100, {3, 13, 30, 3}),
-            iresnet(200, {6, 26, 60, 6})};
+    std::vector<Network> networks{vgg16(),
+                                  alexnet(),
+                                  squeezenet(),
+                                  lpips_heads("vgg", {64, 128, 256, 512, 512}),
+                                  lpips_heads("alex", {64, 192, 384, 256, 256}),
+                                  lpips_heads("squeeze", {64, 128, 256, 384, 384, 512, 512})};
+    for (const IresnetDepth& depth : iresnet_depths) networks.push_back(iresnet(depth));
+    return networks;
 }
 
 bool fits(const Network& network, const Tensors& tensors) {
@@ -226,7 +225,10 @@ ImportedWeights recognise_weights(TensorFile file) {
 }
 
 ImportedWeights import_weights(const fs::path& path) {
-    return recognise_weights(read_weight_file(path));
+    if (!is_onnx_file(read_beginning(path, torch_file_beginning))) return recognise_weights(read_weight_file(path));
+    const OnnxGraph graph = read_onnx_file(path);
+    return recognise_weights(begins_like_iresnet(graph) ? iresnet_from_onnx(graph, path.string()).file
+                                                        : TensorFile{graph.tensors, {}});
 }
 
 }  // namespace stymo

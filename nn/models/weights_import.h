@@ -23,8 +23,8 @@ struct ImportedWeights {
 /// ("state_dict", "module.") are removed. Other files keep their names.
 [[nodiscard]] ImportedWeights recognise_weights(TensorFile file);
 
-/// recognise_weights of read_weight_file; ONNX files of insightface's iresnets, in which batch norms are folded into
-/// convolutions, are recognised too. Throws FileError.
+/// recognise_weights of read_weight_file; an iresnet in ONNX, as insightface ships it, gets the names that it has in PyTorch.
+/// Throws FileError, also for an ONNX network that begins like an iresnet and goes on otherwise.
 [[nodiscard]] ImportedWeights import_weights(const std::filesystem::path& path);
 
 }  // namespace stymo

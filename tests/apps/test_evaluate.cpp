@@ -50,14 +50,15 @@ TEST_CASE("The scores of a folder are the means over its faces") {
 TEST_CASE("How many faces are fitted at once does not change their scores") {
     const stymo::Model model = stymo::Model::load(stymo::tiny_run() / "run/model.safetensors");
     const stymo::Dataset faces(stymo::tiny_run() / "faces", 64, {}, stymo::Split::all);
+    const stymo::ReconstructionLoss loss(model.config().reconstruction);
     stymo::EvaluationOptions options;
     options.range = {0, 2};
     options.fit = true;
     options.fitting.steps = 2;
     options.batch = 1;
-    const auto one_by_one = stymo::evaluate(model, faces, options).scores;
+    const auto one_by_one = stymo::evaluate(model, loss, faces, options).scores;
     options.batch = 4;
-    const auto together = stymo::evaluate(model, faces, options).scores;
+    const auto together = stymo::evaluate(model, loss, faces, options).scores;
     REQUIRE(one_by_one.size() == 3);
     REQUIRE(together.size() == 3);
     for (std::size_t i = 0; i < 3; ++i) {
@@ -65,5 +66,5 @@ TEST_CASE("How many faces are fitted at once does not change their scores") {
         CHECK(one_by_one[i].fitted.l1 == Approx(together[i].fitted.l1).epsilon(1e-3));
     }
     options.range = {12, -1};
-    CHECK_THROWS_AS(stymo::evaluate(model, faces, options), stymo::ConfigError);
+    CHECK_THROWS_AS(stymo::evaluate(model, loss, faces, options), stymo::ConfigError);
 }

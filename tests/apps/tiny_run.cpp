@@ -17,6 +17,7 @@ constexpr const char* configuration = R"({
   "reconstruction": {"resolution_weights": [1.0], "perceptual_weight": 0, "fit_samples_per_ray": 4},
   "data": {"split": {"test": 2, "val": 0, "held_out": "last"}},
   "stage1": {"steps": 4, "batch": 2, "micro_batch": 2, "samples_per_ray": 4},
+  "stage2": {"resolutions": []},
   "output": {"tick_steps": 1, "sample_steps": 2, "checkpoint_minutes": 0}
 })";
 

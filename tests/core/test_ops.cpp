@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "core/autograd/grad.h"
+#include "core/error.h"
 #include "core/op_cases.h"
 #include "core/ops/ops.h"
 #include "support/check_close.h"
@@ -129,6 +130,7 @@ TEST_CASE("At a kink the gradient is the documented one", "[ops]") {
     const Variable other = Variable::leaf(Tensor::scalar(0.0, DType::float64));
     CHECK(grad(abs(zero), zero).value().item() == 0.0);
     CHECK(grad(leaky_relu(zero, 0.2), zero).value().item() == 0.2);
+    CHECK_THROWS_AS(leaky_relu(zero, -0.1), ValueError);
     CHECK(grad(relu(zero), zero).value().item() == 0.0);
     CHECK(grad(clamp(zero, 0.0, 1.0), zero).value().item() == 1.0);
     CHECK(grad(maximum(zero, other), zero).value().item() == 1.0);

@@ -29,7 +29,7 @@ TEST_CASE("what differs outside the mask does not count", "[evaluation]") {
     const std::span<float> values = other.mutable_values<float>();
     for (std::size_t i = 0; i < values.size(); ++i)
         if (i / 3 % side >= side / 2) values[i] = 1.0F - values[i];
-    const ImageMetrics metrics = measure(picture, other, left_half());
+    const ImageMetrics metrics = MetricTarget(other, left_half()).measure(picture);
     CHECK(metrics.l1 == 0.0);
     CHECK(metrics.l1_mean == 0.0);
     CHECK(metrics.ssim == Approx(1.0));
@@ -39,7 +39,7 @@ TEST_CASE("what differs outside the mask does not count", "[evaluation]") {
 TEST_CASE("metrics of the head are averaged over the whole frame", "[evaluation]") {
     const Tensor target = Tensor::full({side, side, 3}, 0.25);
     const Tensor picture = Tensor::full({side, side, 3}, 0.75);
-    const ImageMetrics metrics = measure(picture, target, left_half());
+    const ImageMetrics metrics = MetricTarget(target, left_half()).measure(picture);
     // Half of the pixels differ, by one half in each of three channels.
     CHECK(metrics.l1_mean == Approx(0.25));
     CHECK(metrics.l1 == Approx(0.75));
@@ -48,8 +48,8 @@ TEST_CASE("metrics of the head are averaged over the whole frame", "[evaluation]
 }
 
 TEST_CASE("a soft mask weighs picture and target alike", "[evaluation]") {
-    const ImageMetrics metrics =
-        measure(Tensor::full({side, side, 3}, 0.75), Tensor::full({side, side, 3}, 0.25), Tensor::full({side, side, 1}, 0.5));
+    const ImageMetrics metrics = MetricTarget(Tensor::full({side, side, 3}, 0.25), Tensor::full({side, side, 1}, 0.5))
+                                     .measure(Tensor::full({side, side, 3}, 0.75));
     CHECK(metrics.l1_mean == Approx(0.25));
 }
 

@@ -44,7 +44,7 @@ TEST_CASE("a report shows and measures one face before and after its fit", "[fit
     CHECK_FALSE(check_close(report.initial, report.target, 1e-3).passed);
     CHECK(report.fitted_metrics.l1 < 1e-5);
     CHECK(report.fitted_metrics.psnr > report.initial_metrics.psnr);
-    const ImageMetrics expected = measure(report.initial, report.target, Tensor::full({side, side, 1}, 1.0));
+    const ImageMetrics expected = MetricTarget(report.target, Tensor::full({side, side, 1}, 1.0)).measure(report.initial);
     CHECK(report.initial_metrics.l1 == expected.l1);
     CHECK(report.initial_metrics.ssim == expected.ssim);
     // The first face's target has a pixel that its fit has not.

@@ -42,6 +42,10 @@ FitTarget row(const FitTarget& target, std::int64_t index) {
     return result;
 }
 
+ReconstructionLoss loss_of(const Model& model) {
+    return ReconstructionLoss(model.config().reconstruction);
+}
+
 double offset_length(const FitResult& result) {
     double total = 0.0;
     for (std::size_t group = 0; group < code_names.size(); ++group)
@@ -59,7 +63,7 @@ TEST_CASE("fitting finds codes that give the pictures of known codes", "[fitter]
         .steps = 150, .learning_rate = 0.03, .decay = 0.98, .regularizer = 0.0, .on_step = [&](std::int64_t step, double) {
             CHECK(step == ++calls);
         }};
-    const FitResult result = fit_codes(model, target, options);
+    const FitResult result = fit_codes(model, loss_of(model), target, options);
     REQUIRE(result.losses.size() == 150);
     CHECK(calls == 150);
     CHECK(result.losses.back() < 0.1 * result.losses.front());
@@ -80,10 +84,10 @@ TEST_CASE("faces fitted together come out as each alone", "[fitter]") {
     const Model model = frozen_model();
     const FitTarget target = target_of(model, random_codes(3, 8, 1.0, DType::float64));
     const FitOptions options{.steps = 15, .learning_rate = 0.03, .regularizer = 1e-3};
-    const FitResult together = fit_codes(model, target, options);
+    const FitResult together = fit_codes(model, loss_of(model), target, options);
     double loss = 0.0;
     for (std::int64_t i = 0; i < 3; ++i) {
-        const FitResult alone = fit_codes(model, row(target, i), options);
+        const FitResult alone = fit_codes(model, loss_of(model), row(target, i), options);
         loss += alone.losses.back() / 3.0;
         for (std::size_t group = 0; group < code_names.size(); ++group) {
             const CloseReport report =
@@ -100,8 +104,8 @@ TEST_CASE("the regularizer holds the offsets near zero, the more the bigger it i
     const FitTarget target = target_of(model, random_codes(1, 9, 1.0, DType::float64));
     std::vector<double> lengths;
     for (const double regularizer : {0.0, 1e-3, 1e-1}) {
-        lengths.push_back(offset_length(
-            fit_codes(model, target, {.steps = 60, .learning_rate = 0.03, .decay = 0.97, .regularizer = regularizer})));
+        lengths.push_back(offset_length(fit_codes(
+            model, loss_of(model), target, {.steps = 60, .learning_rate = 0.03, .decay = 0.97, .regularizer = regularizer})));
     }
     CHECK(lengths[1] < 0.9 * lengths[0]);
     CHECK(lengths[2] < 0.5 * lengths[1]);
@@ -109,13 +113,13 @@ TEST_CASE("the regularizer holds the offsets near zero, the more the bigger it i
     const FitOptions own{.steps = 5};
     FitOptions one = own;
     one.regularizer = 1.0;
-    CHECK(fit_codes(model, target, own).losses == fit_codes(model, target, one).losses);
+    CHECK(fit_codes(model, loss_of(model), target, own).losses == fit_codes(model, loss_of(model), target, one).losses);
 }
 
 TEST_CASE("no steps leave the encoder's codes", "[fitter]") {
     const Model model = frozen_model();
     const FitTarget target = target_of(model, random_codes(2, 10, 1.0, DType::float64));
-    const FitResult result = fit_codes(model, target, {.steps = 0});
+    const FitResult result = fit_codes(model, loss_of(model), target, {.steps = 0});
     const Codes encoded = model.encoder()(Variable(target.input));
     CHECK(result.losses.empty());
     for (std::size_t group = 0; group < code_names.size(); ++group) {
@@ -129,7 +133,8 @@ TEST_CASE("targets that do not suit the model are refused, and so is what is not
     const Model model = frozen_model();
     const FitTarget target = target_of(model, random_codes(1, 11, 1.0, DType::float64));
     const auto refused = [&](const FitTarget& bad) {
-        return is_one_line(error_message<ShapeError>([&] { static_cast<void>(fit_codes(model, bad, {.steps = 1})); }));
+        return is_one_line(
+            error_message<ShapeError>([&] { static_cast<void>(fit_codes(model, loss_of(model), bad, {.steps = 1})); }));
     };
     FitTarget bad = target;
     bad.targets.clear();
@@ -143,6 +148,7 @@ TEST_CASE("targets that do not suit the model are refused, and so is what is not
 
     bad = target;
     bad.targets[0].mutable_values<double>()[5] = std::nan("");
-    const std::string message = error_message<NumericError>([&] { static_cast<void>(fit_codes(model, bad, {.steps = 3})); });
+    const std::string message =
+        error_message<NumericError>([&] { static_cast<void>(fit_codes(model, loss_of(model), bad, {.steps = 3})); });
     CHECK_THAT(message, Catch::Contains("step 0") && Catch::Contains("not finite"));
 }

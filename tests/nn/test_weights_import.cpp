@@ -131,6 +131,7 @@ TEST_CASE("the format of a weight file is told by what it holds") {
     CHECK(import_weights(golden("views.pth")).file.tensors.contains("whole"));
     CHECK(read_weight_file(golden("views_legacy.pth")).tensors.contains("state_dict.whole"));
     CHECK(import_weights(golden("small.onnx")).file.tensors.contains("conv.weight"));
+    CHECK(import_weights(golden("../onnx/iresnet_folded.onnx")).file.tensors.contains("layer4.1.bn3.running_var"));
     CHECK(import_weights(golden("../safetensors/types.safetensors")).file.tensors.contains("f32"));
     CHECK_THROWS_WITH(import_weights(golden("plain.pkl")), Contains("plain.pkl: not a weight file (neither"));
     CHECK_THROWS_WITH(import_weights(golden("published_names.json")), Contains("not a weight file"));

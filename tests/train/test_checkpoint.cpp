@@ -23,7 +23,8 @@ Checkpoint some_checkpoint() {
                         .epoch_loss_count = 7,
                         .epoch_losses = {1.0 / 3.0, 1e-300},
                         .failures = 2,
-                        .best_validation = 21.123456789012345};
+                        .best_validation = 0.123456789012345,
+                        .best_resolution = 128};
     checkpoint.tensors.tensors["adam.x.first"] = Tensor::full({2, 3}, 0.1);
     return checkpoint;
 }
@@ -58,12 +59,13 @@ TEST_CASE("a checkpoint reads back as it was written", "[checkpoint]") {
     CHECK(read.state.epoch_losses == written.state.epoch_losses);
     CHECK(read.state.failures == written.state.failures);
     CHECK(read.state.best_validation == written.state.best_validation);
+    CHECK(read.state.best_resolution == written.state.best_resolution);
     CHECK(identical(read.tensors.tensors.at("adam.x.first"), written.tensors.tensors.at("adam.x.first")));
     for (std::size_t i = 0; i < model.parameters().all().size(); ++i)
         CHECK(identical(model.parameters().all()[i].variable().value(), other.parameters().all()[i].variable().value()));
 }
 
-TEST_CASE("a run's first checkpoint has no epochs and the lowest score", "[checkpoint]") {
+TEST_CASE("a run's first checkpoint has no epochs and no score", "[checkpoint]") {
     const ScratchFolder folder;
     write_checkpoint(folder / "c", tiny_model(), {});
     Model model = tiny_model();
@@ -115,7 +117,8 @@ TEST_CASE("a damaged or foreign checkpoint is refused in one line that names the
     }
     SECTION("a missing number") {
         for (const char* key :
-             {"seed", "step", "mask_loss", "epoch_loss_sum", "epoch_loss_count", "failures", "best_validation"}) {
+             {"seed", "step", "mask_loss", "epoch_loss_sum", "epoch_loss_count", "failures", "best_validation",
+              "best_resolution"}) {
             write_checkpoint(checkpoint, tiny_model(), some_checkpoint());
             TensorFile file = read_tensor_file(state);
             file.metadata.erase(key);

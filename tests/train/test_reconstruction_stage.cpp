@@ -42,9 +42,10 @@ TEST_CASE("the gradient of the whole loss is that of central differences for enc
     Model model(config.model, weights);
     model.parameters().convert(DType::float64);
     const std::vector<Parameter> parameters = model.parameters().trainable();
+    const ReconstructionLoss reconstruction(config.model.reconstruction);
     const auto evaluate = [&](const std::vector<Parameter>& wanted) {
         Rng jitter(2);
-        return reconstruction_gradients(model, batch, config, wanted, true, jitter);
+        return reconstruction_gradients(model, reconstruction, batch, config, wanted, true, jitter);
     };
     const LossAndGradients result = evaluate(parameters);
     for (const double term : {result.losses.reconstruction, result.losses.code, result.losses.mask, result.losses.opacity,
@@ -94,7 +95,7 @@ TEST_CASE("terms without weight, or whose time has not come, are neither compute
     Rng weights(1);
     const Model model(config.model, weights);
     Rng jitter(2);
-    const LossTerms losses = reconstruction_gradients(model, batch, config, {}, false, jitter).losses;
+    const LossTerms losses = reconstruction_gradients(model, ReconstructionLoss(config.model.reconstruction), batch, config, {}, false, jitter).losses;
     CHECK(losses.total == losses.reconstruction);
     CHECK(losses.code == 0.0);
     CHECK(losses.mask == 0.0);

@@ -22,9 +22,30 @@ namespace stymo::test {
     config.loss.depth_variance_weight = 0.2;
     config.loss.code_norm_weight = 0.1;
     config.optimizer.learning_rate = 1e-3;
-    config.stage1 = {
-        .steps = 4, .batch = 2, .micro_batch = 1, .samples_per_ray = 4, .average_half_life = 4.0, .failures_allowed = 2};
+    config.optimizer.failures_allowed = 2;
+    config.stage1 = {.steps = 4, .batch = 2, .micro_batch = 1, .samples_per_ray = 4, .average_half_life = 4.0};
+    config.stage2.resolutions = {};
     config.output = {.tick_steps = 1, .sample_steps = 0, .checkpoint_minutes = 0.0, .keep_last = 3, .validation_images = 2};
+    return config;
+}
+
+/// Both stages, the second one at 64 and at 128 pixels: two steps, then two steps of which the first one fades.
+[[nodiscard]] inline TrainConfig tiny_two_stage_config() {
+    TrainConfig config = tiny_train_config();
+    config.model.decoder.resolution = 128;
+    config.model.decoder.block_channels = {6, 4};
+    config.model.reconstruction.resolution_weights = {0.5, 1.0};
+    config.stage1.steps = 2;
+    config.stage2.resolutions = {64, 128};
+    config.stage2.images = {4, 4};
+    config.stage2.fade_images = {0, 4};
+    config.stage2.batch = {2, 2};
+    config.stage2.micro_batch = {1, 2};
+    config.stage2.r1_gamma = {0.1, 0.2};
+    config.stage2.r1_interval = 2;
+    config.stage2.samples_per_ray = 4;
+    config.stage2.average_half_life = 6.0;
+    config.discriminator = {.channel_multiplier = 2.0, .max_channels = 8, .group_size = 2};
     return config;
 }
 
@@ -39,8 +60,8 @@ namespace stymo::test {
     return folder.faces;
 }
 
-[[nodiscard]] inline Dataset synthetic_dataset() {
-    return {synthetic_folder(), 64, tiny_train_config().data, Split::all};
+[[nodiscard]] inline Dataset synthetic_dataset(std::int64_t side = 64) {
+    return {synthetic_folder(), side, tiny_train_config().data, Split::all};
 }
 
 }  // namespace stymo::test

@@ -198,11 +198,11 @@ std::unique_ptr<Backbone> make_iresnet(const IresnetLayout& layout, ParameterSto
 }
 
 std::unique_ptr<Backbone> make_iresnet50(ParameterStore& store, const std::string& prefix, Rng& rng) {
-    return make_iresnet({.blocks = {3, 4, 14, 3}}, store, prefix, rng);
+    return make_iresnet({.blocks = iresnet_depths[2].blocks}, store, prefix, rng);
 }
 
 std::unique_ptr<Backbone> make_iresnet100(ParameterStore& store, const std::string& prefix, Rng& rng) {
-    return make_iresnet({.blocks = {3, 13, 30, 3}}, store, prefix, rng);
+    return make_iresnet({.blocks = iresnet_depths[3].blocks}, store, prefix, rng);
 }
 
 }  // namespace stymo

@@ -17,6 +17,17 @@ struct IresnetLayout {
     std::int64_t embedding_size = 512;
 };
 
+/// A published size of the network.
+struct IresnetDepth {
+    const char* name;
+    std::array<int, 4> blocks;
+};
+inline constexpr std::array<IresnetDepth, 5> iresnet_depths{{{"iresnet18", {2, 2, 2, 2}},
+                                                             {"iresnet34", {3, 4, 6, 3}},
+                                                             {"iresnet50", {3, 4, 14, 3}},
+                                                             {"iresnet100", {3, 13, 30, 3}},
+                                                             {"iresnet200", {6, 26, 60, 6}}}};
+
 /// The improved residual network of insightface (recognition/arcface_torch/backbones/iresnet.py), image -> embedding, not
 /// normalised. Any image is resized to the input's side by antialiased bicubic resampling; it stays in [-1, 1]. PReLU for each
 /// channel, batch norms with epsilon 1e-5 in inference mode, the last of them with its weight fixed to 1.

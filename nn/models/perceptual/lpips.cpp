@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <filesystem>
 
 #include "core/error.h"
 #include "core/io/tensor_file.h"
@@ -24,20 +25,24 @@ const TrunkDescription& description_of(const std::string& network) {
     fail<ConfigError>("LPIPS: no network is called \"", network, "\"; choose one of ", known);
 }
 
-[[noreturn]] void fail_without(const char* part, const std::string& network, const std::string& source,
-                               const std::string& published, const std::string& imported, const std::string& off_switch) {
-    fail<ConfigError>("LPIPS (", network, "): no ", part, "; get ", source, " ", published,
-                      ", import it with `stymo-weights import ", published, " ", imported,
-                      "` and name the result in reconstruction.perceptual_", part, " or --lpips-", part,
-                      ", or turn the term off with ", off_switch);
+/// What the user can do about a file that is not there.
+std::string ways_out(const std::string& part, const std::string& off_switch) {
+    return "reconstruction.perceptual_" + part + " or --lpips-" + part + ", or do without LPIPS: " + off_switch;
 }
 
-TensorFile read_weights(const std::string& path, const char* part) {
-    try {
-        return read_tensor_file(path);
-    } catch (const FileError& error) {
-        fail<FileError>("LPIPS ", part, ": ", error.what());
-    }
+/// `published`: the file's name where it comes from, `imported`: once it is imported.
+void require_given(const std::string& path, const std::string& part, const std::string& network, const std::string& published,
+                   const std::string& source, const std::string& imported, const std::string& off_switch) {
+    if (!path.empty()) return;
+    fail<ConfigError>("LPIPS (", network, "): no ", part, "; get ", published, " (", source,
+                      "), import it with `stymo-weights import ", published, ' ', imported, "` and name the result in ",
+                      ways_out(part, off_switch));
+}
+
+TensorFile read_weights(const std::string& path, const std::string& part, const std::string& off_switch) {
+    if (!std::filesystem::exists(path))
+        fail<FileError>("LPIPS ", part, ": no file ", path, "; name another one in ", ways_out(part, off_switch));
+    return read_tensor_file(path);
 }
 
 /// torchvision's names and layout: convolutions are (out, in, height, width).
@@ -121,18 +126,16 @@ struct Lpips::Implementation {
 
 Lpips::Lpips(const LpipsConfig& config, const std::string& off_switch) {
     const TrunkDescription& description = description_of(config.network);
-    if (config.trunk.empty())
-        fail_without("trunk", config.network, "torchvision's", description.weights_file, config.network + ".safetensors",
-                     off_switch);
-    if (config.heads.empty())
-        fail_without("heads", config.network, "lpips/weights/v0.1 of PerceptualSimilarity:", description.heads_name + ".pth",
-                     "lpips_" + description.heads_name + ".safetensors", off_switch);
+    const std::string& network = config.network;
+    require_given(config.trunk, "trunk", network, description.weights_file, "torchvision", network + ".safetensors", off_switch);
+    require_given(config.heads, "heads", network, description.heads_name + ".pth", "PerceptualSimilarity, lpips/weights/v0.1",
+                  "lpips_" + description.heads_name + ".safetensors", off_switch);
     // Random weights are part of what "random" means: the same ones wherever it is asked for.
-    implementation_ = std::make_unique<Implementation>(config, description, Rng(0).split("lpips").split(config.network));
+    implementation_ = std::make_unique<Implementation>(config, description, Rng(0).split("lpips").split(network));
     if (config.trunk != random_weights)
-        load_trunk(implementation_->store, read_weights(config.trunk, "trunk"), config.trunk, config.network);
+        load_trunk(implementation_->store, read_weights(config.trunk, "trunk", off_switch), config.trunk, network);
     if (config.heads != random_weights)
-        load_heads(implementation_->heads, read_weights(config.heads, "heads"), config.heads, description.heads_name);
+        load_heads(implementation_->heads, read_weights(config.heads, "heads", off_switch), config.heads, description.heads_name);
 }
 
 Lpips::~Lpips() = default;

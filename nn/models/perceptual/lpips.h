@@ -17,6 +17,8 @@ struct LpipsConfig {
     std::string trunk{};            ///< torchvision's weights as .safetensors, in its names and layout; "random": untrained ones
     /// The linear heads (v0.1) as .safetensors, "lin0.model.1.weight" or "vgg.lin0.model.1.weight" and so on; "random": all ones.
     std::string heads{};
+
+    bool operator==(const LpipsConfig&) const = default;
 };
 
 /// "vgg16", "alexnet", "squeezenet1_1"

@@ -1,0 +1,50 @@
+#include "apps/common/lpips_options.h"
+
+namespace stymo {
+
+namespace {
+
+std::string network_called(const std::string& metric) {
+    if (metric == "squeeze") return "squeezenet1_1";
+    if (metric == "alex") return "alexnet";
+    return metric;
+}
+
+LpipsConfig with_files(LpipsConfig config, const LpipsOptions& options) {
+    if (!options.trunk.empty()) config.trunk = options.trunk;
+    if (!options.heads.empty()) config.heads = options.heads;
+    return config;
+}
+
+}  // namespace
+
+void declare_lpips_metric(Command& command, LpipsOptions& options) {
+    command.option("--lpips", options.metric, "also measure LPIPS, with this network").one_of({"squeeze", "vgg16", "alex"});
+}
+
+void declare_lpips_files(Command& command, LpipsOptions& options) {
+    command.option("--lpips-trunk", options.trunk,
+                   "weights of LPIPS' network, made by stymo-weights import; random: untrained ones");
+    command.option("--lpips-heads", options.heads, "linear heads of LPIPS, made by stymo-weights import; random: all ones");
+}
+
+void declare_perceptual_weight(Command& command, LpipsOptions& options) {
+    command
+        .option("--perceptual-weight", options.perceptual_weight,
+                "weight of LPIPS while fitting, 0 for none; the model's own unless given")
+        .range(0, 1e6);
+}
+
+LpipsConfig metric_config(const LpipsOptions& options, const LpipsConfig& model) {
+    const std::string network = options.metric.empty() ? model.network : network_called(options.metric);
+    return with_files(network == model.network ? model : LpipsConfig{.network = network}, options);
+}
+
+ReconstructionConfig fitting_config(const LpipsOptions& options, ReconstructionConfig model) {
+    if (options.perceptual_weight) model.perceptual_weight = *options.perceptual_weight;
+    const LpipsConfig metric = metric_config(options, model.perceptual);
+    if (metric.network == model.perceptual.network) model.perceptual = metric;
+    return model;
+}
+
+}  // namespace stymo

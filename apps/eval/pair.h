@@ -1,0 +1,18 @@
+#pragma once
+
+#include <filesystem>
+
+#include "apps/common/lpips_options.h"
+
+namespace stymo {
+
+struct PairOptions {
+    std::filesystem::path a;
+    std::filesystem::path b;
+    LpipsOptions lpips;
+};
+
+/// Two pictures of one size, measured as they are: L1, SSIM, PSNR, and with a network LPIPS and its terms.
+[[nodiscard]] AppResult compare_pair(const PairOptions& options);
+
+}  // namespace stymo

@@ -1,0 +1,55 @@
+#include "train/schedule.h"
+
+#include <algorithm>
+
+#include "core/error.h"
+
+namespace stymo {
+
+std::vector<std::int64_t> TrainingPlace::micro_batches() const {
+    std::vector<std::int64_t> first_images;
+    for (std::int64_t done = 0; done < phase.batch; done += phase.micro_batch) first_images.push_back(first_image + done);
+    return first_images;
+}
+
+TrainingSchedule::TrainingSchedule(const TrainConfig& config) {
+    const StageConfig& first = config.stage1;
+    phases_.push_back({.resolution = config.model.decoder.resolution,
+                       .steps = first.steps,
+                       .batch = first.batch,
+                       .micro_batch = first.micro_batch,
+                       .samples_per_ray = first.samples_per_ray});
+    const AdversarialStageConfig& second = config.stage2;
+    for (std::size_t i = 0; i < second.resolutions.size(); ++i) {
+        const TrainingPhase& last = phases_.back();
+        phases_.push_back({.stage = 2,
+                           .resolution = second.resolutions[i],
+                           .first_step = last.first_step + last.steps,
+                           .steps = (second.images[i] + second.batch[i] - 1) / second.batch[i],
+                           .first_image = last.first_image + last.steps * last.batch,
+                           .batch = second.batch[i],
+                           .micro_batch = second.micro_batch[i],
+                           .samples_per_ray = second.samples_per_ray,
+                           .fade_images = second.fade_images[i],
+                           .r1_gamma = second.r1_gamma[i]});
+    }
+    const TrainingPhase stage1 = phases_.front();
+    std::erase_if(phases_, [](const TrainingPhase& phase) { return phase.steps == 0; });
+    if (phases_.empty()) phases_.push_back(stage1);
+}
+
+std::int64_t TrainingSchedule::steps() const {
+    return phases_.back().first_step + phases_.back().steps;
+}
+
+TrainingPlace TrainingSchedule::place(std::int64_t step) const {
+    if (step < 0) fail<ValueError>("no training run has a step ", step);
+    const auto after = std::ranges::upper_bound(phases_, step, {}, &TrainingPhase::first_step);
+    const TrainingPhase& phase = *std::prev(after);
+    const std::int64_t within = step - phase.first_step;
+    // As far as this step takes it: a new block has some weight from its first step on.
+    const double faded = static_cast<double>((within + 1) * phase.batch) / std::max(1.0, static_cast<double>(phase.fade_images));
+    return {phase, within, std::min(1.0, faded), phase.first_image + within * phase.batch};
+}
+
+}  // namespace stymo

@@ -1,0 +1,92 @@
+#include <algorithm>
+#include <chrono>
+#include <iomanip>
+#include <sstream>
+
+#include "core/interrupt.h"
+#include "core/progress.h"
+#include "train/sample_sheet.h"
+#include "train/trainer.h"
+
+namespace stymo {
+
+namespace {
+
+double seconds_now() {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+std::string step_text(const LossTerms& losses) {
+    std::ostringstream text;
+    text << std::fixed << std::setprecision(4) << "loss " << losses.total << ", reconstruction " << losses.reconstruction;
+    return text.str();
+}
+
+bool is_due(std::int64_t step, std::int64_t interval) {
+    return interval > 0 && step % interval == 0;
+}
+
+}  // namespace
+
+TrainingOutcome Trainer::run(const RunFolder& folder, const TrainingLimits& limits) {
+    const InterruptGuard guard;
+    const OutputConfig& output = config_.output;
+    const double start = seconds_now();
+    const std::int64_t first_image = schedule_.images_before(state_.step);
+    double last_checkpoint = start;
+    std::int64_t saved_step = -1;
+    double tick_start = start;
+    std::int64_t tick_first_image = first_image;
+    folder.forget_statistics_after(state_.step);
+    Progress progress({.title = "train",
+                       .total = schedule_.images_before(schedule_.steps()),
+                       .first = first_image,
+                       .unit = "images",
+                       .time_limit = limits.minutes * 60.0});
+    TrainingOutcome outcome;
+    Tick tick;
+    const auto time_is_up = [&] { return limits.minutes > 0.0 && seconds_now() - start >= limits.minutes * 60.0; };
+    while (state_.step < schedule_.steps() && !interrupted() && !time_is_up()) {
+        const TrainingPlace place = schedule_.place(state_.step);
+        const StepReport report = step();
+        const std::int64_t images = schedule_.images_before(state_.step);
+        if (report.non_finite) {
+            progress.message("step " + std::to_string(state_.step) + " skipped: " + *report.non_finite + " is not finite");
+        }
+        tick.add(report);
+        if (is_due(state_.step, output.tick_steps)) {
+            const double rate = static_cast<double>(images - tick_first_image) / (seconds_now() - tick_start);
+            folder.statistics(tick.json(state_.step, place, images_.epochs(images), rate));
+            folder.log("step " + std::to_string(state_.step) + ": " + tick.text());
+            outcome.last_tick = tick.losses();
+            tick = {};
+            tick_start = seconds_now();
+            tick_first_image = images;
+        }
+        progress.update(images, step_text(report.losses));
+        if (is_due(state_.step, output.sample_steps)) {
+            const EvaluationScope evaluation(*this);
+            folder.sample(state_.step,
+                          sample_sheet(model_, shown_faces(), place.phase.resolution, place.phase.samples_per_ray));
+        }
+        const bool time_to_save =
+            output.checkpoint_minutes > 0.0 && seconds_now() - last_checkpoint >= output.checkpoint_minutes * 60.0;
+        const bool phase_is_over = place.step + 1 == place.phase.steps;
+        if (time_to_save || phase_is_over || is_due(state_.step, output.checkpoint_steps)) {
+            save_checkpoint(folder);
+            saved_step = state_.step;
+            last_checkpoint = seconds_now();
+        }
+    }
+    outcome.steps = state_.step;
+    outcome.seconds = seconds_now() - start;
+    outcome.images_per_second =
+        static_cast<double>(schedule_.images_before(state_.step) - first_image) / std::max(1e-9, outcome.seconds);
+    outcome.finished = state_.step >= schedule_.steps();
+    if (tick.steps() > 0 && outcome.last_tick.total == 0.0) outcome.last_tick = tick.losses();
+    if (saved_step != state_.step) save_checkpoint(folder);
+    progress.finish(step_text(outcome.last_tick));
+    return outcome;
+}
+
+}  // namespace stymo
