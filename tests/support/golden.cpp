@@ -21,10 +21,7 @@ struct RelativeError {
     double norm = 0.0;     ///< norm of the differences, in units of the norm
 };
 
-/// Where a sum cancels to zero, nothing but its rounding errors is left.
-constexpr double least_magnitude = 1e-6;
-
-RelativeError relative_error(const std::vector<double>& actual, const std::vector<double>& expected) {
+RelativeError relative_error(const std::vector<double>& actual, const std::vector<double>& expected, double least_magnitude) {
     double difference = 0.0, magnitude = least_magnitude, difference_square = 0.0, square = 0.0;
     for (std::size_t i = 0; i < expected.size(); ++i) {
         const double each = actual[i] - expected[i];
@@ -65,35 +62,21 @@ std::optional<std::filesystem::path> golden_folder() {
 
 GoldenVectors::GoldenVectors(const std::filesystem::path& path, bool folded) : file_(read_tensor_file(path)), folded_(folded) {}
 
-<<<<<<< HEAD
-void GoldenVectors::check(const std::string& group, const Tensors& actual, bool report) const {
-=======
-void GoldenVectors::check(const std::string& group, const std::map<std::string, Tensor>& actual, bool report,
-                          double least_magnitude) const {
->>>>>>> main
+void GoldenVectors::check(const std::string& group, const Tensors& actual, bool report, double least_magnitude) const {
     const DType dtype = actual.begin()->second.dtype();
     RelativeError worst;
     for (const auto& [name, tensor] : actual) {
         INFO(group << "/" << name << ", " << dtype);
         const auto expected = file_.tensors.find(group + "/" + name);
         REQUIRE(expected != file_.tensors.end());
-<<<<<<< HEAD
         if (!folded_) REQUIRE(tensor.shape() == expected->second.shape());
         const std::vector<double> golden = expected->second.to_vector();
         const std::vector<double> values = tensor.to_vector();
-        const RelativeError error = relative_error(folded_ ? folded(values, golden.size()) : values, golden);
+        const RelativeError error = relative_error(folded_ ? folded(values, golden.size()) : values, golden, least_magnitude);
         if (dtype == DType::float64) {
             CHECK(error.largest <= 1e-8);
         } else {
             CHECK(error.norm <= 1e-4);
-=======
-        const CloseReport close = check_close(folded_ ? folded(tensor) : tensor, expected->second, tolerance, least_magnitude);
-        INFO(close.message);
-        CHECK(close.passed);
-        if (!(close.error <= worst)) {
-            worst = close.error;
-            worst_name = name;
->>>>>>> main
         }
         worst = {std::max(worst.largest, error.largest), std::max(worst.norm, error.norm)};
     }

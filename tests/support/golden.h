@@ -29,21 +29,14 @@ public:
     /// `folded`: each tensor was reduced to a few sums, the n-th over elements i = n modulo their number, times cos(i).
     GoldenVectors(const std::filesystem::path& path, bool folded);
 
-<<<<<<< HEAD
     /// Compares a group; no name may be missing on either side. In float64 the largest difference may be 1e-8 of the largest
     /// magnitude of its tensor. In float32 the norm of the differences may be 1e-4 of the norm of the tensor: where a leaky ReLU
     /// sees a number that is zero within rounding, either slope is right, and single elements of a gradient differ by more.
-    /// Magnitudes and norms count as at least 1e-6. Prints both errors if `report`.
-    void check(const std::string& group, const Tensors& actual, bool report) const;
-=======
-    /// Compares a whole group in both directions: no name may be missing on either side. Differences count relative to the
-    /// largest magnitude of their tensor (or to `least_magnitude` if that is larger), at most 1e-4 in float32 and 1e-8 in
-    /// float64. Prints the worst one if `report`.
-    void check(const std::string& group, const std::map<std::string, Tensor>& actual, bool report,
-               double least_magnitude = 0.0) const;
+    /// Magnitudes and norms count as `least_magnitude` if they are smaller: where a sum cancels, its rounding errors are left.
+    /// Prints both errors if `report`.
+    void check(const std::string& group, const Tensors& actual, bool report, double least_magnitude = 1e-6) const;
 
     [[nodiscard]] const Shape& shape(const std::string& name) const { return file_.tensors.at(name).shape(); }
->>>>>>> main
 
 private:
     TensorFile file_;

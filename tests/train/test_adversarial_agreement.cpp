@@ -71,7 +71,7 @@ void second_stage_agrees(const AgreementCase& agreement, double fade, bool check
 }  // namespace
 
 TEST_CASE("a second-stage step of a tiny model agrees with PyTorch", "[agreement]") {
-    AgreementCase agreement = small_agreement("stage2", 1, {64, 8, 2, 8, 3, {6}, 2, 2, 32}, "squeezenet1_1");
+    AgreementCase agreement = small_agreement("stage2", 3, {64, 8, 2, 8, 3, {6}, 2, 2, 32}, "squeezenet1_1");
     agreement.batch = 4;
     for (const DType dtype : {DType::float64, DType::float32}) second_stage_agrees(agreement, 1.0, false, dtype);
 }
