@@ -115,6 +115,7 @@ struct Dataset::Implementation {
     std::vector<std::string> ids;
     std::map<std::string, FaceRecord> records;
     Intrinsics intrinsics;
+    Pose frontal;
     std::vector<Pixels> cache;  ///< one for each face, or empty
     mutable std::mutex broken_mutex;
     mutable std::map<std::int64_t, BrokenFile> broken;  ///< by place in the split
@@ -151,9 +152,10 @@ Face Dataset::Implementation::face(std::int64_t index, const Pixels& pixels) con
     face.has_mask = !pixels.mask.empty();
     face.mask = face.has_mask ? tensor_of(pixels.mask, side) : Tensor::full({side, side, 1}, 1.0);
     face.intrinsics = intrinsics;
+    face.pose = frontal;
     if (const auto found = records.find(files.id); found != records.end()) {
         face.has_pose = found->second.pose.has_value();
-        face.pose = found->second.pose.value_or(Pose{});
+        face.pose = found->second.pose.value_or(frontal);
         face.code = found->second.code;
         face.has_code = !face.code.empty();
     }
@@ -169,12 +171,14 @@ std::optional<Face> Dataset::Implementation::try_load(std::int64_t index) const 
     return std::nullopt;
 }
 
-Dataset::Dataset(const std::filesystem::path& folder, std::int64_t side, const DataConfig& config, Split split)
+Dataset::Dataset(const std::filesystem::path& folder, std::int64_t side, const DataConfig& config, Split split,
+                 const Pose& frontal)
     : implementation_(std::make_unique<Implementation>()) {
     if (side < 1) fail<ValueError>("faces cannot be decoded to a side of ", side);
     FolderScan scan = scan_folder(folder);
     Implementation& data = *implementation_;
     data.side = side;
+    data.frontal = frontal;
     data.faces = faces_of_split(std::move(scan.faces), config, split);
     data.records = std::move(scan.records);
     data.intrinsics = scan.intrinsics;

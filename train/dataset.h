@@ -44,9 +44,11 @@ struct DatasetSummary {
 /// is decoded on demand. The faces do not depend on which of the two happens, nor on the number of threads.
 class Dataset {
 public:
+    /// `frontal` is the pose of a face without one, for a model frontal_pose(camera).
     /// Throws FileError for a folder without pictures, with a malformed side file, or whose pictures are all broken, ConfigError
     /// if the split leaves no face.
-    Dataset(const std::filesystem::path& folder, std::int64_t side, const DataConfig& config, Split split);
+    Dataset(const std::filesystem::path& folder, std::int64_t side, const DataConfig& config, Split split,
+            const Pose& frontal = {});
     ~Dataset();
     Dataset(Dataset&&) noexcept;
     Dataset& operator=(Dataset&&) noexcept;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <initializer_list>
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <sstream>
 #include <string_view>
 
@@ -11,6 +10,7 @@
 #include "core/io/file.h"
 #include "core/io/json_writer.h"
 #include "nn/models/codes.h"
+#include "render/pose_json.h"
 
 namespace stymo {
 namespace {
@@ -36,22 +36,6 @@ std::vector<double> numbers_of(const Json& value, const char* what, std::size_t 
                          std::all_of(value.begin(), value.end(), [](const Json& item) { return item.is_number(); });
     if (!numbers) fail<FileError>("\"", what, "\" must be an array of ", count, " numbers");
     return value.get<std::vector<double>>();
-}
-
-Pose pose_of(const Json& value) {
-    require_keys(value, "\"pose\"", {"yaw_deg", "pitch_deg", "roll_deg", "t"});
-    constexpr double radians = std::numbers::pi / 180.0;
-    Pose pose;
-    pose.yaw = number_at(value, "yaw_deg", 0.0) * radians;
-    pose.pitch = number_at(value, "pitch_deg", 0.0) * radians;
-    pose.roll = number_at(value, "roll_deg", 0.0) * radians;
-    if (value.contains("t")) {
-        const std::vector<double> t = numbers_of(value["t"], "t", 3);
-        pose.translation = {t[0], t[1], t[2]};
-    } else {
-        pose = orbit_pose(pose.yaw, pose.pitch, pose.roll, pose.translation[2]);
-    }
-    return pose;
 }
 
 std::vector<float> code_of(const Json& value) {
@@ -81,7 +65,7 @@ std::pair<std::string, FaceRecord> record_of(const std::string& line) {
     require_keys(object, "the line", {"id", "pose", "code", "landmarks"});
     if (!object.contains("id") || !object["id"].is_string()) fail<FileError>("no \"id\" text");
     FaceRecord record;
-    if (object.contains("pose")) record.pose = pose_of(object["pose"]);
+    if (object.contains("pose")) record.pose = parse_pose(object["pose"].dump());
     if (object.contains("code")) record.code = code_of(object["code"]);
     if (object.contains("landmarks")) record.landmarks = landmarks_of(object["landmarks"]);
     return {object["id"].get<std::string>(), std::move(record)};

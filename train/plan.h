@@ -23,12 +23,14 @@ struct TrainingPlan {
     std::int64_t encoder_parameters = 0;
     std::int64_t decoder_parameters = 0;
     std::int64_t discriminator_parameters = 0;  ///< 0 without one
+    std::string lpips_network{};                ///< Lpips::label(); empty without the perceptual term
     std::int64_t images = 0;
     std::int64_t side = 0;  ///< of the images, in pixels
     std::vector<PhasePlan> phases{};
 };
 
-/// Which phases are measured by doing optimiser steps: one of the first stage, two of a phase of the second (with R1 and without).
+/// Which phases are measured by doing optimiser steps: one of the first stage, two of a phase of the second (with R1 and
+/// without).
 enum class MeasuredPhases { none, ends, all };
 
 /// The plan of a run that has not begun; its trainer is spoilt by the steps that are measured.

@@ -2,15 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
+#include "core/angle.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/file.h"
 #include "core/io/folder_in_progress.h"
 #include "core/io/image.h"
 #include "core/parallel.h"
-#include "nn/models/code_file.h"
+#include "render/pose_json.h"
 #include "train/folder_scan.h"
 #include "train/pose_overlay.h"
 
@@ -19,7 +19,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double degrees_per_radian = 180.0 / std::numbers::pi;
 constexpr std::int64_t photos_between_reports = 32;
 
 void require_new_folder(const fs::path& folder) {
@@ -109,11 +108,12 @@ AngleStatistics statistics(const std::vector<Pose>& poses, double Pose::*angle) 
     double variance = 0.0;
     for (const Pose& pose : poses) variance += (pose.*angle - result.mean) * (pose.*angle - result.mean) / count;
     result.deviation = std::sqrt(variance);
-    for (double* value : {&result.mean, &result.deviation, &result.lowest, &result.highest}) *value *= degrees_per_radian;
+    for (double* value : {&result.mean, &result.deviation, &result.lowest, &result.highest})
+        *value = degrees_from_radians(*value);
     return result;
 }
 
-JsonValue json_of(const AngleStatistics& angle) {
+JsonValue to_json(const AngleStatistics& angle) {
     return JsonValue::object(
         {{"mean", angle.mean}, {"deviation", angle.deviation}, {"lowest", angle.lowest}, {"highest", angle.highest}});
 }
@@ -150,7 +150,7 @@ void write_overlays(const fs::path& folder, const std::vector<std::string>& ids,
 
 }  // namespace
 
-JsonValue json_of(const PrepareReport& report) {
+JsonValue to_json(const PrepareReport& report) {
     std::vector<JsonValue> failed;
     for (const BrokenFile& item : report.failed)
         failed.push_back(JsonValue::object({{"file", item.file}, {"reason", item.reason}}));
@@ -158,9 +158,9 @@ JsonValue json_of(const PrepareReport& report) {
     if (report.poses)
         poses = JsonValue::object({{"pitch_offset_deg", report.poses->pitch_offset},
                                    {"roll_offset_deg", report.poses->roll_offset},
-                                   {"yaw_deg", json_of(report.poses->yaw)},
-                                   {"pitch_deg", json_of(report.poses->pitch)},
-                                   {"roll_deg", json_of(report.poses->roll)}});
+                                   {"yaw_deg", to_json(report.poses->yaw)},
+                                   {"pitch_deg", to_json(report.poses->pitch)},
+                                   {"roll_deg", to_json(report.poses->roll)}});
     return JsonValue::object({{"found", report.found},
                               {"ok", report.ok},
                               {"without_mask", report.without_mask},
@@ -183,7 +183,7 @@ std::vector<Pose> poses_from_rotations(const std::vector<Matrix3>& rotations, co
     std::vector<Pose> poses;
     for (const auto& [yaw, pitch, roll] : angles)
         poses.push_back(pivot_pose(yaw, pitch - pitch_offset, roll - roll_offset, settings.distance, settings.pivot_depth));
-    report = {pitch_offset * degrees_per_radian, roll_offset * degrees_per_radian, statistics(poses, &Pose::yaw),
+    report = {degrees_from_radians(pitch_offset), degrees_from_radians(roll_offset), statistics(poses, &Pose::yaw),
               statistics(poses, &Pose::pitch), statistics(poses, &Pose::roll)};
     return poses;
 }
@@ -218,7 +218,7 @@ PrepareReport prepare_aligned_photos(const fs::path& photos, const fs::path& fol
     if (network != nullptr) poses = poses_from_rotations(rotations, settings, report.poses.emplace());
     write_records(output.path(), ids, poses);
     if (settings.overlays && network != nullptr) write_overlays(output.path(), ids, poses, settings.pivot_depth);
-    write_text_file(output.path() / "report.json", json_of(report).text() + "\n");
+    write_text_file(output.path() / "report.json", to_json(report).text() + "\n");
     output.finish();
     return report;
 }

@@ -46,7 +46,7 @@ struct PrepareReport {
 
 /// {"found", "ok", "without_mask", "failed": [{"file", "reason"}], "poses": {"pitch_offset_deg", "roll_offset_deg", "yaw_deg":
 /// {"mean", "deviation", "lowest", "highest"}, "pitch_deg", "roll_deg"} or null}
-[[nodiscard]] JsonValue json_of(const PrepareReport& report);
+[[nodiscard]] JsonValue to_json(const PrepareReport& report);
 
 /// The poses of photos that are aligned as FFHQ from the rotations R that a network found. A network has a constant offset of
 /// its own in what it calls upright; so the medians of pitch and roll over all photos are subtracted from each.

@@ -14,14 +14,12 @@ constexpr const char* adam_prefix = "adam.";
 }  // namespace
 
 ReconstructionUpdater::ReconstructionUpdater(const TrainingParts& parts)
-    : parts_(parts),
-      adam_({parts.config.optimizer.beta1, parts.config.optimizer.beta2, parts.config.optimizer.epsilon}) {}
+    : parts_(parts), adam_({parts.config.optimizer.beta1, parts.config.optimizer.beta2, parts.config.optimizer.epsilon}) {}
 
 void ReconstructionUpdater::set_trainable_parts(const TrainingPlace& place) {
     const TrainConfig& config = parts_.config;
-    const bool frozen =
-        parts_.images.epochs(place.first_image) < static_cast<double>(config.optimizer.backbone_frozen_epochs) &&
-        !config.model.encoder.backbone_weights.empty();
+    const bool frozen = parts_.images.epochs(place.first_image) < static_cast<double>(config.optimizer.backbone_frozen_epochs) &&
+                        !config.model.encoder.backbone_weights.empty();
     parts_.model.parameters().set_trainable("", true);
     parts_.model.parameters().set_trainable(backbone_prefix, !frozen);
 }

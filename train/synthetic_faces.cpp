@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <set>
 #include <string>
 
+#include "core/angle.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/file.h"
@@ -13,7 +13,7 @@
 #include "core/io/image.h"
 #include "core/io/json_writer.h"
 #include "core/parallel.h"
-#include "nn/models/code_file.h"
+#include "render/pose_json.h"
 #include "render/rasterizer.h"
 #include "render/spherical_harmonics.h"
 #include "train/folder_records.h"
@@ -21,8 +21,6 @@
 namespace stymo {
 
 namespace {
-
-constexpr double degree = std::numbers::pi / 180.0;
 
 /// Normal with mean 0, drawn again until it lies within `limit`.
 [[nodiscard]] double truncated_normal(Rng& rng, double deviation, double limit) {
@@ -57,9 +55,9 @@ constexpr double degree = std::numbers::pi / 180.0;
 }
 
 [[nodiscard]] Pose sample_pose(Rng rng) {
-    const double yaw = truncated_normal(rng, 14.0, 35.0) * degree;
-    const double pitch = truncated_normal(rng, 6.0, 15.0) * degree;
-    const double roll = truncated_normal(rng, 2.0, 5.0) * degree;
+    const double yaw = radians_from_degrees(truncated_normal(rng, 14.0, 35.0));
+    const double pitch = radians_from_degrees(truncated_normal(rng, 6.0, 15.0));
+    const double roll = radians_from_degrees(truncated_normal(rng, 2.0, 5.0));
     const double distance = 5.3 + truncated_normal(rng, 0.06, 0.12);
     const double right = truncated_normal(rng, 0.02, 0.04);
     const double up = truncated_normal(rng, 0.02, 0.04);

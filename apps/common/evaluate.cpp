@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <charconv>
 #include <iomanip>
-#include <numbers>
 #include <sstream>
 
 #include "apps/common/command_line.h"
+#include "core/angle.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/image.h"
@@ -32,7 +32,7 @@ void add_turning_row(std::vector<Tensor>& tiles, const Model& model, const FitRe
     tiles.push_back(report.target);
     tiles.push_back(report.fitted);
     for (const double yaw_degrees : {-30.0, -15.0, 0.0, 15.0, 30.0}) {
-        const Camera camera = model_camera(model, yaw_degrees * std::numbers::pi / 180.0, 0.0, 0.0);
+        const Camera camera = model_camera(model, radians_from_degrees(yaw_degrees), 0.0, 0.0);
         tiles.push_back(render_view(model, codes, index, camera, {.samples_per_ray = samples}).picture);
     }
 }

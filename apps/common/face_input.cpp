@@ -6,8 +6,9 @@
 #include "apps/common/command_line.h"
 #include "core/error.h"
 #include "core/io/image.h"
-#include "core/kernels/elementwise.h"
+#include "core/ops/elementwise.h"
 #include "nn/models/code_file.h"
+#include "nn/models/view.h"
 
 namespace stymo {
 
@@ -15,11 +16,11 @@ namespace {
 
 Tensor at_side(const Tensor& image, std::int64_t side) {
     const int length = static_cast<int>(side);
-    return kernels::clamp(resize_image(central_square(image), length, length), 0.0, 1.0);
+    return clamp(resize_image(central_square(image), length, length), 0.0, 1.0).value();
 }
 
-Face face_of_folder(const FaceSource& source, std::int64_t side) {
-    const Dataset data(source.data, side, {.cache_megabytes = 0}, Split::all);
+Face face_of_folder(const FaceSource& source, const ModelConfig& config) {
+    const Dataset data(source.data, config.decoder.resolution, {.cache_megabytes = 0}, Split::all, frontal_pose(config.camera));
     const auto found = std::ranges::find(data.ids(), source.id);
     if (found == data.ids().end())
         fail<FileError>(source.data.string(), ": no face with the id ", source.id, "; give one of its ", data.size(),
@@ -43,10 +44,10 @@ Face read_face(const FaceSource& source, const ModelConfig& config) {
     const std::int64_t side = config.decoder.resolution;
     Face face;
     if (!source.data.empty()) {
-        face = face_of_folder(source, side);
+        face = face_of_folder(source, config);
     } else {
         face.id = source.image.stem().string();
-        face.pose = pivot_pose(0.0, 0.0, 0.0, config.camera.distance, config.camera.pivot_depth);
+        face.pose = frontal_pose(config.camera);
         face.intrinsics = config.camera.intrinsics;
         face.mask = Tensor::full({side, side, 1}, 1.0);
     }

@@ -9,6 +9,7 @@
 #include "apps/common/output_file.h"
 #include "apps/eval/pair.h"
 #include "core/io/image.h"
+#include "nn/models/view.h"
 
 namespace {
 
@@ -41,7 +42,8 @@ stymo::AppResult evaluate(Options options) {
         options.evaluation.yaw_rows = 8;
     }
     const stymo::Model model = stymo::Model::load(options.model);
-    const stymo::Dataset faces(options.data, model.config().decoder.resolution, {.cache_megabytes = 0}, stymo::Split::all);
+    const stymo::Dataset faces(options.data, model.config().decoder.resolution, {.cache_megabytes = 0}, stymo::Split::all,
+                               stymo::frontal_pose(model.config().camera));
     if (!options.sheet.empty()) stymo::require_folder_of(options.sheet);
     stymo::ReconstructionConfig config = stymo::fitting_config(options.lpips, model.config().reconstruction);
     if (!options.evaluation.fit) config.perceptual_weight = 0.0;

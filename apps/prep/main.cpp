@@ -61,6 +61,6 @@ int main(int argc, char** argv) {
                 progress->update(done);
             });
         progress.reset();
-        return stymo::AppResult{text_of(report, folder), stymo::json_of(report)};
+        return stymo::AppResult{text_of(report, folder), stymo::to_json(report)};
     });
 }

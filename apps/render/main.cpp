@@ -6,6 +6,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/output_file.h"
+#include "core/angle.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/image.h"
@@ -29,16 +30,13 @@ struct Options {
     stymo::ViewOptions view;
 };
 
-double radians(double degrees) {
-    return degrees * std::numbers::pi / 180.0;
-}
-
 /// The pose the photo was fitted in, unless an angle is given.
 stymo::Camera chosen_camera(const Options& options, const stymo::Model& model, const stymo::CodeFile& face) {
     if (!options.yaw && !options.pitch && !options.roll)
         return stymo::camera_from_pose(face.pose, model.config().camera.intrinsics);
-    return stymo::model_camera(model, radians(options.yaw.value_or(0.0)), radians(options.pitch.value_or(0.0)),
-                               radians(options.roll.value_or(0.0)));
+    return stymo::model_camera(model, stymo::radians_from_degrees(options.yaw.value_or(0.0)),
+                               stymo::radians_from_degrees(options.pitch.value_or(0.0)),
+                               stymo::radians_from_degrees(options.roll.value_or(0.0)));
 }
 
 std::vector<stymo::Tensor> orbit_frames(const Options& options, const stymo::Model& model, const stymo::CodeFile& face) {
@@ -48,8 +46,8 @@ std::vector<stymo::Tensor> orbit_frames(const Options& options, const stymo::Mod
     for (int frame = 0; frame < options.orbit; ++frame) {
         if (stymo::interrupted()) stymo::fail<stymo::Error>("interrupted; nothing was written");
         const double turn = 2.0 * std::numbers::pi * frame / options.orbit;
-        const stymo::Camera camera = stymo::model_camera(model, radians(options.orbit_yaw) * std::sin(turn),
-                                                         radians(options.orbit_pitch) * std::cos(turn), 0.0);
+        const stymo::Camera camera = stymo::model_camera(model, stymo::radians_from_degrees(options.orbit_yaw) * std::sin(turn),
+                                                         stymo::radians_from_degrees(options.orbit_pitch) * std::cos(turn), 0.0);
         frames.push_back(stymo::render_view(model, face.codes, 0, camera, options.view).picture);
         progress.update(frame + 1);
     }

@@ -5,6 +5,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/face_input.h"
 #include "core/error.h"
+#include "nn/models/view.h"
 #include "train/plan.h"
 #include "train/trainer.h"
 
@@ -24,7 +25,8 @@ struct Options {
 
 std::optional<stymo::Dataset> validation_faces(const Options& options, const stymo::TrainConfig& config) {
     if (config.data.validation == 0) return std::nullopt;
-    return stymo::Dataset(options.data, config.model.decoder.resolution, config.data, stymo::Split::validation);
+    return stymo::Dataset(options.data, config.model.decoder.resolution, config.data, stymo::Split::validation,
+                          stymo::frontal_pose(config.model.camera));
 }
 
 stymo::MeasuredPhases measured_phases(const std::string& name) {
@@ -40,7 +42,8 @@ stymo::AppResult train(const Options& options, const stymo::CommonOptions& commo
         if (path.empty()) stymo::fail<stymo::UsageError>(name, " is required");
     }
     stymo::TrainConfig config = stymo::load_train_config(options.config, options.set);
-    const stymo::Dataset training(options.data, config.model.decoder.resolution, config.data, stymo::Split::training);
+    const stymo::Dataset training(options.data, config.model.decoder.resolution, config.data, stymo::Split::training,
+                                  stymo::frontal_pose(config.model.camera));
     config.model.camera.intrinsics = training.load(0).intrinsics;
     const std::optional<stymo::Dataset> validation = validation_faces(options, config);
     std::cerr << "training: " << training.summary().text() << '\n';

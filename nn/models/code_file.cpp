@@ -2,16 +2,15 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <numbers>
 
 #include "core/error.h"
 #include "core/io/file.h"
+#include "core/io/json_writer.h"
+#include "render/pose_json.h"
 
 namespace stymo {
 
 namespace {
-
-constexpr double degrees_per_radian = 180.0 / std::numbers::pi;
 
 using Json = nlohmann::json;
 
@@ -51,9 +50,11 @@ Json parsed(const std::filesystem::path& path) {
 
 Pose pose_of(const Json& json, const std::string& source) {
     const Json& pose = member(json, "pose", source);
-    const std::vector<double> t = numbers(member(pose, "t", source), 3, "t", source);
-    const auto angle = [&](const char* key) { return number(member(pose, key, source), key, source) / degrees_per_radian; };
-    return {angle("yaw_deg"), angle("pitch_deg"), angle("roll_deg"), {t[0], t[1], t[2]}};
+    try {
+        return parse_pose(pose.dump());
+    } catch (const FileError& error) {
+        fail<FileError>(source, ": ", error.what());
+    }
 }
 
 }  // namespace
@@ -82,13 +83,6 @@ void write_code_file(const std::filesystem::path& path, const Codes& codes, std:
     for (std::size_t group = 0; group < code_names.size(); ++group)
         code.add(code_names[group], row(codes.groups[group].value(), index));
     write_text_file(path, JsonValue::object({{"code", code}, {"pose", to_json(pose)}}).text() + "\n");
-}
-
-JsonValue to_json(const Pose& pose) {
-    return JsonValue::object({{"yaw_deg", pose.yaw * degrees_per_radian},
-                              {"pitch_deg", pose.pitch * degrees_per_radian},
-                              {"roll_deg", pose.roll * degrees_per_radian},
-                              {"t", std::vector<double>(pose.translation.begin(), pose.translation.end())}});
 }
 
 }  // namespace stymo

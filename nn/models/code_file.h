@@ -2,7 +2,6 @@
 
 #include <filesystem>
 
-#include "core/io/json_writer.h"
 #include "nn/models/codes.h"
 #include "render/camera.h"
 
@@ -21,7 +20,5 @@ struct CodeFile {
 [[nodiscard]] Pose read_pose(const std::filesystem::path& path);
 /// Row `index` of the codes. Whole or not at all.
 void write_code_file(const std::filesystem::path& path, const Codes& codes, std::int64_t index, const Pose& pose);
-/// The "pose" of codes.json and faces.jsonl.
-[[nodiscard]] JsonValue to_json(const Pose& pose);
 
 }  // namespace stymo

@@ -13,7 +13,7 @@
 
 namespace stymo {
 
-/// Size of the decoder; the defaults are the paper's, and the facts' where it is silent.
+/// Size of the decoder; the defaults are the paper's, and those of docs/paper-notes.md where it is silent.
 struct DecoderConfig {
     std::int64_t resolution = 512;        ///< side of the largest image: 64, 128, 256 or 512
     std::int64_t field_width = 256;       ///< channels of the sine layers

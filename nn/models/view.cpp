@@ -38,6 +38,10 @@ View render_view(const Model& model, const Codes& codes, std::int64_t index, con
     return view;
 }
 
+Pose frontal_pose(const CameraConfig& camera) {
+    return pivot_pose(0.0, 0.0, 0.0, camera.distance, camera.pivot_depth);
+}
+
 Camera model_camera(const Model& model, double yaw, double pitch, double roll) {
     const CameraConfig& place = model.config().camera;
     return camera_from_pose(pivot_pose(yaw, pitch, roll, place.distance, place.pivot_depth), place.intrinsics);

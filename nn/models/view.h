@@ -22,6 +22,8 @@ struct View {
 [[nodiscard]] View render_view(const Model& model, const Codes& codes, std::int64_t index, const Camera& camera,
                                const ViewOptions& options);
 
+/// The pose of a photo of which none is known.
+[[nodiscard]] Pose frontal_pose(const CameraConfig& camera);
 /// The camera of this model that sees the head turned by these angles (radians), the face in the middle of the image.
 [[nodiscard]] Camera model_camera(const Model& model, double yaw, double pitch, double roll);
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/angle.h"
 #include "render/morphable/skin_surface.h"
 
 namespace stymo::morphable {
@@ -64,7 +65,7 @@ void add_eye(HeadMesh& mesh, const HeadParameters& p, double side) {
     for (const EyeRing& ring : eye_rings) {
         for (std::int64_t column = 0; column < eye_columns; ++column) {
             const double around = 2.0 * pi * static_cast<double>(column) / static_cast<double>(eye_columns);
-            const double polar = ring.degrees * pi / 180.0;
+            const double polar = radians_from_degrees(ring.degrees);
             const Vector3 local{std::sin(polar) * std::cos(around), std::sin(polar) * std::sin(around), std::cos(polar)};
             const double y = local[1] * std::cos(p.gaze_y) + local[2] * std::sin(p.gaze_y);
             const double z = local[2] * std::cos(p.gaze_y) - local[1] * std::sin(p.gaze_y);
@@ -176,7 +177,7 @@ void add_hair(HeadMesh& mesh, const HeadParameters& p) {
     for (std::int64_t row = 0; row < rows; ++row) {
         for (std::int64_t column = 0; column < hair_columns; ++column) {
             const double angle = 2.0 * pi * static_cast<double>(column) / static_cast<double>(hair_columns) - pi;
-            const double degrees = std::abs(angle) * 180.0 / pi;
+            const double degrees = degrees_from_radians(std::abs(angle));
             const double depth = static_cast<double>(row) / static_cast<double>(rows - 1);
             const double front = smooth_step(75.0, 30.0, degrees);
             const double edge = profile_parameter(along(line, degrees) + front * p.hairline);

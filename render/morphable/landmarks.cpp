@@ -2,8 +2,8 @@
 
 #include <cmath>
 #include <limits>
-#include <numbers>
 
+#include "core/angle.h"
 #include "render/morphable/skin_surface.h"
 
 namespace stymo::morphable {
@@ -39,7 +39,7 @@ void add_jaw(std::vector<Target>& targets) {
     constexpr std::array<double, 9> degrees{84.0, 83.0, 82.0, 79.0, 72.0, 60.0, 44.0, 23.0, 0.0};
     for (int k = -8; k <= 8; ++k) {
         const auto index = static_cast<std::size_t>(8 - std::abs(k));
-        const double angle = degrees[index] * std::numbers::pi / 180.0;
+        const double angle = radians_from_degrees(degrees[index]);
         targets.push_back({loft_point(profile_parameter(height[index]), k < 0 ? -angle : angle)});
     }
 }

@@ -62,6 +62,22 @@ TEST_CASE("scores of several pictures are averaged one by one", "[evaluation]") 
     CHECK(mean({}).l1 == 0.0);
 }
 
+TEST_CASE("LPIPS is measured where a network is given, between masked pictures", "[evaluation]") {
+    constexpr std::int64_t larger = 32;
+    const Lpips lpips({.network = "squeezenet1_1", .trunk = "random", .heads = "random"}, "");
+    Rng rng(2);
+    const Tensor a = rng.uniform({larger, larger, 3}, 0.0, 1.0);
+    const Tensor b = rng.uniform({larger, larger, 3}, 0.0, 1.0);
+    const Tensor everywhere = Tensor::full({larger, larger, 1}, 1.0);
+    const double expected = lpips.distance(lpips.features(lpips_input(a)), lpips.features(lpips_input(b))).value().item();
+    CHECK(MetricTarget(b, everywhere, &lpips).measure(a).lpips.value() == Approx(expected));
+    CHECK_FALSE(MetricTarget(b, everywhere).measure(a).lpips.has_value());
+    CHECK(MetricTarget(b, Tensor::zeros({larger, larger, 1}), &lpips).measure(a).lpips.value() == 0.0);
+    const ImageMetrics average = mean({{.lpips = 0.25}, {.lpips = 0.75}});
+    CHECK(average.lpips.value() == Approx(0.5));
+    CHECK_THAT(to_json(average).text(), Catch::Contains("\"lpips\":0.5"));
+}
+
 TEST_CASE("scores are written with a null for an infinite one", "[evaluation]") {
     const nlohmann::json json =
         nlohmann::json::parse(to_json(ImageMetrics{0.5, 0.25, 0.75, std::numeric_limits<double>::infinity()}).text());

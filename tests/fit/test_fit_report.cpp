@@ -70,6 +70,17 @@ TEST_CASE("a report as JSON has both scores, the number of steps and every loss"
     CHECK(json["fitted"]["ssim"] == report.fitted_metrics.ssim);
 }
 
+TEST_CASE("a report names the network of LPIPS if it was measured", "[fit_report]") {
+    const Fit fit;
+    const Lpips lpips({.network = "vgg16", .trunk = "random", .heads = "random"}, "");
+    const FitReport report = report_fit(fit.model, fit.target, fit.mask, fit.result, 1, &lpips);
+    const nlohmann::json json = nlohmann::json::parse(to_json(report, fit.result, 1.5).text());
+    CHECK(json["lpips_network"] == "vgg16, random weights");
+    CHECK(json["initial"]["lpips"].get<double>() > json["fitted"]["lpips"].get<double>());
+    const FitReport without = report_fit(fit.model, fit.target, fit.mask, fit.result, 1);
+    CHECK_THAT(to_json(without, fit.result, 1.5).text(), !Catch::Contains("lpips"));
+}
+
 TEST_CASE("the comparison shows target, initial, fitted and mask side by side", "[fit_report]") {
     const Fit fit;
     const FitReport report = report_fit(fit.model, fit.target, fit.mask, fit.result, 0);

@@ -116,6 +116,27 @@ TEST_CASE("the regularizer holds the offsets near zero, the more the bigger it i
     CHECK(fit_codes(model, loss_of(model), target, own).losses == fit_codes(model, loss_of(model), target, one).losses);
 }
 
+TEST_CASE("fitting lowers the perceptual term if it has a weight", "[fitter]") {
+    ModelConfig larger = tiny_model_config();
+    larger.decoder.resolution = 32;
+    larger.decoder.rays.rays_per_side = 16;
+    Rng rng(1);
+    Model model(larger, rng);
+    model.parameters().set_trainable("", false);
+    ReconstructionConfig config = larger.reconstruction;
+    config.photometric_weight = 0.0;
+    config.perceptual_weight = 1.0;
+    config.perceptual = {.network = "squeezenet1_1", .trunk = "random", .heads = "random"};
+    const ReconstructionLoss loss(config);
+    FitTarget target;
+    target.input = rng.uniform({1, 32, 32, 3}, -1.0, 1.0);
+    target.cameras = {model_camera(model, 0.1, 0.0, 0.0)};
+    target.targets = {model.decoder()(random_codes(1, 7), target.cameras, {.samples_per_ray = samples}).images.back().value()};
+    const FitResult result =
+        fit_codes(model, loss, target, {.steps = 40, .learning_rate = 0.03, .decay = 0.97, .regularizer = 0.0});
+    CHECK(result.losses.back() < 0.5 * result.losses.front());
+}
+
 TEST_CASE("no steps leave the encoder's codes", "[fitter]") {
     const Model model = frozen_model();
     const FitTarget target = target_of(model, random_codes(2, 10, 1.0, DType::float64));

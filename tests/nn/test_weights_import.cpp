@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "core/io/file.h"
+#include "core/io/scratch_folder.h"
 #include "nn/models/weights_import.h"
 
 using namespace stymo;
@@ -125,6 +126,15 @@ TEST_CASE("wrappers are taken off, whether the network is known or not") {
     Tensors beside = prefixed(unknown, "net.");
     beside["head.weight"] = Tensor(Shape{1});
     CHECK(recognised(beside).file.tensors.contains("net.b"));
+}
+
+TEST_CASE("a safetensors file is not taken for ONNX whatever the length of its header") {
+    const ScratchFolder folder;
+    for (std::size_t letters = 1; letters < 300; letters += 8) {
+        const std::string name(letters, 'w');
+        write_tensor_file(folder / std::to_string(letters), {{{name, Tensor::zeros({1})}}, {}});
+        CHECK(import_weights(folder / std::to_string(letters)).file.tensors.contains(name));
+    }
 }
 
 TEST_CASE("the format of a weight file is told by what it holds") {

@@ -116,9 +116,8 @@ TEST_CASE("a damaged or foreign checkpoint is refused in one line that names the
         CHECK_THAT(read_error(checkpoint), Catch::Contains(weights.string()));
     }
     SECTION("a missing number") {
-        for (const char* key :
-             {"seed", "step", "mask_loss", "epoch_loss_sum", "epoch_loss_count", "failures", "best_validation",
-              "best_resolution"}) {
+        for (const char* key : {"seed", "step", "mask_loss", "epoch_loss_sum", "epoch_loss_count", "failures", "best_validation",
+                                "best_resolution"}) {
             write_checkpoint(checkpoint, tiny_model(), some_checkpoint());
             TensorFile file = read_tensor_file(state);
             file.metadata.erase(key);

@@ -95,7 +95,8 @@ TEST_CASE("terms without weight, or whose time has not come, are neither compute
     Rng weights(1);
     const Model model(config.model, weights);
     Rng jitter(2);
-    const LossTerms losses = reconstruction_gradients(model, ReconstructionLoss(config.model.reconstruction), batch, config, {}, false, jitter).losses;
+    const LossTerms losses =
+        reconstruction_gradients(model, ReconstructionLoss(config.model.reconstruction), batch, config, {}, false, jitter).losses;
     CHECK(losses.total == losses.reconstruction);
     CHECK(losses.code == 0.0);
     CHECK(losses.mask == 0.0);

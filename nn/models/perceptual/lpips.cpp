@@ -116,7 +116,7 @@ struct Lpips::Implementation {
 
     Implementation(const LpipsConfig& settings, const TrunkDescription& description, Rng rng)
         : config(settings), trunk(description, store, trunk_prefix, rng) {
-        const std::vector<std::int64_t> channels = trunk.tap_channels();
+        const std::vector<std::int64_t> channels = tap_channels(description);
         for (std::size_t k = 0; k < channels.size(); ++k) {
             heads.push_back(store.create(heads_prefix + ("lin" + std::to_string(k)), Tensor::full({1, 1, 1, channels[k]}, 1.0)));
         }
@@ -130,12 +130,14 @@ Lpips::Lpips(const LpipsConfig& config, const std::string& off_switch) {
     require_given(config.trunk, "trunk", network, description.weights_file, "torchvision", network + ".safetensors", off_switch);
     require_given(config.heads, "heads", network, description.heads_name + ".pth", "PerceptualSimilarity, lpips/weights/v0.1",
                   "lpips_" + description.heads_name + ".safetensors", off_switch);
+    TensorFile trunk;
+    TensorFile heads;
+    if (config.trunk != random_weights) trunk = read_weights(config.trunk, "trunk", off_switch);
+    if (config.heads != random_weights) heads = read_weights(config.heads, "heads", off_switch);
     // Random weights are part of what "random" means: the same ones wherever it is asked for.
     implementation_ = std::make_unique<Implementation>(config, description, Rng(0).split("lpips").split(network));
-    if (config.trunk != random_weights)
-        load_trunk(implementation_->store, read_weights(config.trunk, "trunk", off_switch), config.trunk, network);
-    if (config.heads != random_weights)
-        load_heads(implementation_->heads, read_weights(config.heads, "heads", off_switch), config.heads, description.heads_name);
+    if (config.trunk != random_weights) load_trunk(implementation_->store, trunk, config.trunk, network);
+    if (config.heads != random_weights) load_heads(implementation_->heads, heads, config.heads, description.heads_name);
 }
 
 Lpips::~Lpips() = default;

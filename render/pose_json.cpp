@@ -1,0 +1,48 @@
+#include "render/pose_json.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "core/angle.h"
+#include "core/error.h"
+
+namespace stymo {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr std::array<const char*, 4> keys{"yaw_deg", "pitch_deg", "roll_deg", "t"};
+
+double number(const Json& value, const char* key) {
+    if (!value.is_number()) fail<FileError>("\"", key, "\" is not a number");
+    const auto result = value.get<double>();
+    if (!std::isfinite(static_cast<float>(result))) fail<FileError>("\"", key, "\" holds ", result, ", which is too large");
+    return result;
+}
+
+}  // namespace
+
+JsonValue to_json(const Pose& pose) {
+    return JsonValue::object({{"yaw_deg", degrees_from_radians(pose.yaw)},
+                              {"pitch_deg", degrees_from_radians(pose.pitch)},
+                              {"roll_deg", degrees_from_radians(pose.roll)},
+                              {"t", std::vector<double>(pose.translation.begin(), pose.translation.end())}});
+}
+
+Pose parse_pose(std::string_view json) {
+    const Json pose = Json::parse(json, nullptr, false);
+    if (!pose.is_object()) fail<FileError>("\"pose\" is not an object");
+    for (const char* key : keys)
+        if (!pose.contains(key)) fail<FileError>("\"", key, "\" is missing in \"pose\"");
+    for (const auto& member : pose.items())
+        if (std::ranges::find(keys, member.key()) == keys.end())
+            fail<FileError>("unknown key \"", member.key(), "\" in \"pose\"");
+    const auto angle = [&](const char* key) { return radians_from_degrees(number(pose[key], key)); };
+    const Json& t = pose["t"];
+    if (!t.is_array() || t.size() != 3) fail<FileError>("\"t\" is not an array of 3 numbers");
+    return {angle("yaw_deg"), angle("pitch_deg"), angle("roll_deg"), {number(t[0], "t"), number(t[1], "t"), number(t[2], "t")}};
+}
+
+}  // namespace stymo

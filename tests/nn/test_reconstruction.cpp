@@ -1,0 +1,80 @@
+#include <catch2/catch.hpp>
+
+#include "core/autograd/grad.h"
+#include "core/ops/ops.h"
+#include "nn/losses.h"
+#include "nn/models/reconstruction.h"
+#include "support/check_close.h"
+#include "support/error_message.h"
+
+using namespace stymo;
+using namespace stymo::test;
+
+namespace {
+
+ReconstructionConfig config_with(double perceptual_weight) {
+    ReconstructionConfig config;
+    config.resolution_weights = {0.5, 2.0};
+    config.photometric_weight = 3.0;
+    config.perceptual_weight = perceptual_weight;
+    config.perceptual = {.network = "squeezenet1_1", .trunk = "random", .heads = "random"};
+    return config;
+}
+
+std::vector<Tensor> pictures(std::uint64_t seed) {
+    Rng rng(seed);
+    return {rng.uniform({2, 20, 20, 3}, -1.0, 1.0), rng.uniform({2, 40, 40, 3}, -1.0, 1.0)};
+}
+
+std::vector<Variable> leaves(const std::vector<Tensor>& tensors) {
+    std::vector<Variable> result;
+    for (const Tensor& tensor : tensors) result.push_back(Variable::leaf(tensor));
+    return result;
+}
+
+}  // namespace
+
+TEST_CASE("The reconstruction loss is the weighted sum of the photometric loss and of LPIPS at the largest image",
+          "[reconstruction]") {
+    const ReconstructionLoss loss(config_with(0.25));
+    const std::vector<Tensor> photos = pictures(1);
+    const std::vector<Variable> images = leaves(pictures(2));
+    const ReconstructionLoss::Terms terms = loss(images, loss.target(photos));
+    const double photometric = photometric_loss(images, photos, config_with(0.25).resolution_weights).value().item();
+    const Lpips& lpips = *loss.lpips();
+    const double perceptual = mean(lpips.distance(lpips.features(images.back()), lpips.features(photos.back()))).value().item();
+    CHECK(terms.photometric.value().item() == Approx(photometric));
+    CHECK(terms.perceptual.value().item() == Approx(perceptual));
+    CHECK(terms.total.value().item() == Approx(3.0 * photometric + 0.25 * perceptual));
+    for (const Variable& gradient : grad(terms.total, images)) CHECK(gradient.value().all_finite());
+}
+
+TEST_CASE("Up to a resolution only the pictures that reach it count, and LPIPS compares the largest of them",
+          "[reconstruction]") {
+    const ReconstructionLoss loss(config_with(0.25));
+    const std::vector<Tensor> photos = pictures(1);
+    const ReconstructionLoss::Target target = loss.target(photos, 20);
+    REQUIRE(target.pictures.size() == 1);
+    CHECK(identical(target.pictures.front(), photos.front()));
+    const Lpips::Features expected = loss.lpips()->features(photos.front());
+    for (std::size_t k = 0; k < expected.size(); ++k) CHECK(identical(target.features[k].value(), expected[k].value()));
+    CHECK(loss.target(photos).pictures.size() == 2);
+    CHECK_THROWS_AS(loss(leaves(pictures(2)), target), ShapeError);
+}
+
+TEST_CASE("Without its weight the perceptual term needs no network", "[reconstruction]") {
+    ReconstructionConfig config = config_with(0.0);
+    config.perceptual = {};
+    const ReconstructionLoss loss(config);
+    CHECK(loss.lpips() == nullptr);
+    const ReconstructionLoss::Target target = loss.target(pictures(1));
+    CHECK(target.features.empty());
+    const ReconstructionLoss::Terms terms = loss(leaves(pictures(2)), target);
+    CHECK_FALSE(terms.perceptual.defined());
+    CHECK(terms.total.value().item() == Approx(3.0 * terms.photometric.value().item()));
+    config.perceptual_weight = 0.1;
+    CHECK_THAT(error_message<ConfigError>([&] { const ReconstructionLoss without_files(config); }),
+               Catch::Contains("reconstruction.perceptual_weight = 0"));
+    CHECK_THAT(error_message<ConfigError>([&] { const ReconstructionLoss of_a_tool(config, "--perceptual-weight 0"); }),
+               Catch::Contains("--perceptual-weight 0"));
+}
