@@ -54,19 +54,28 @@ class Philox:
         return torch.from_numpy((bits >> numpy.uint64(11)).astype(numpy.float64) * 2.0**-53).reshape(shape)
 
 
-def numbers(name, *shape):
-    """Uniform in +-1.75, of deviation 1, a function of the name alone; float64 that float32 holds exactly."""
-    return ((Philox(1).split(name).uniform(*shape) - 0.5) * 3.5).float().double()
+class Numbers:
+    """Weights and inputs that both sides make: functions of a seed and a name (tests/support/golden.h)."""
+
+    def __init__(self, seed):
+        self.random = Philox(seed)
+
+    def __call__(self, name, *shape):
+        """Uniform in +-1.75, of deviation 1; float64 that float32 holds exactly."""
+        return ((self.random.split(name).uniform(*shape) - 0.5) * 3.5).float().double()
+
+
+numbers = Numbers(1)
 
 
 class Parameters:
-    """Makes the parameters that layers ask for, and keeps them in order. The C++ tests make the same (tests/support/golden.h)."""
+    """Makes the parameters that layers ask for, and keeps them in order."""
 
-    def __init__(self):
-        self.tensors = {}
+    def __init__(self, numbers=numbers):
+        self.numbers, self.tensors = numbers, {}
 
     def __call__(self, name, *shape, scale=1.0, offset=0.0):
-        self.tensors[name] = (numbers(name, *shape) * scale + offset).float().double().requires_grad_()
+        self.tensors[name] = (self.numbers(name, *shape) * scale + offset).float().double().requires_grad_()
         return self.tensors[name]
 
 
@@ -304,7 +313,7 @@ class Encoder:
 
 
 def photometric_loss(images, targets, weights):
-    return sum(weight * (image - target).abs().mean() for image, target, weight in zip(images, targets, weights))
+    return sum(weight * F.l1_loss(image, target) for image, target, weight in zip(images, targets, weights))
 
 
 def code_loss(z, codes, present, weights):
