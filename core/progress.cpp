@@ -4,12 +4,13 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <iomanip>
 #include <iostream>
 #include <limits>
 #include <sstream>
+
+#include "core/clock.h"
 
 namespace stymo {
 namespace {
@@ -17,10 +18,6 @@ namespace {
 constexpr int bar_width = 24;
 constexpr double terminal_interval = 0.1;
 constexpr double plain_interval = 5.0;
-
-double steady_seconds() {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 int terminal_width() {
     winsize size{};
@@ -39,7 +36,7 @@ ProgressOutput::ProgressOutput()
       terminal(isatty(STDERR_FILENO) != 0),
       width(terminal ? terminal_width() : std::numeric_limits<int>::max()),
       interval(terminal ? terminal_interval : plain_interval),
-      seconds(steady_seconds) {}
+      seconds(seconds_now) {}
 
 std::string duration_text(double seconds) {
     const auto whole = static_cast<std::int64_t>(std::ceil(std::max(seconds, 0.0)));

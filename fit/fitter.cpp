@@ -28,22 +28,7 @@ struct Offsets {
         for (std::size_t group = 0; group < code_names.size(); ++group) result.groups[group] = store.all()[group].variable();
         return result;
     }
-
-    [[nodiscard]] Variable squared_length() const {
-        Variable total;
-        for (const Parameter& group : store.all()) {
-            const Variable length = sum(square(group.variable()));
-            total = total.defined() ? total + length : length;
-        }
-        return total;
-    }
 };
-
-Codes detached(const Codes& codes) {
-    Codes result;
-    for (std::size_t group = 0; group < code_names.size(); ++group) result.groups[group] = codes.groups[group].detach();
-    return result;
-}
 
 }  // namespace
 
@@ -64,13 +49,12 @@ FitResult fit_codes(const Model& model, const ReconstructionLoss& reconstruction
     for (std::int64_t step = 0; step < options.steps && !interrupted(); ++step) {
         const Decoded decoded = model.decoder()(add(result.initial, offsets.codes()), target.cameras, decode);
         // A mean over the batch times its size: the faces' gradients do not depend on how many are fitted together.
-        const Variable loss = reconstruction_loss(decoded.images, photos).total * batch + offsets.squared_length() * regularizer;
+        const Variable loss =
+            reconstruction_loss(decoded.images, photos).total * batch + squared_length(offsets.codes()) * regularizer;
         result.losses.push_back(loss.value().item() / batch);
         if (!std::isfinite(result.losses.back()))
             fail<NumericError>("fitting step ", step, ": the loss is not finite; lower the learning rate");
-        std::vector<Variable> leaves;
-        for (const Parameter& offset : offsets.store.all()) leaves.push_back(offset.variable());
-        const std::vector<Variable> gradients = grad(loss, leaves);
+        const std::vector<Variable> gradients = grad(loss, variables_of(offsets.store.all()));
         adam.step(offsets.store.all(), gradients, learning_rate);
         learning_rate *= options.decay;
         if (options.on_step) options.on_step(step + 1, result.losses.back());

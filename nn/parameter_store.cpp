@@ -16,6 +16,12 @@ void Parameter::set_value(Tensor value) const {
     slot_->variable = trainable() ? Variable::leaf(std::move(value)) : Variable(std::move(value));
 }
 
+std::vector<Variable> variables_of(const std::vector<Parameter>& parameters) {
+    std::vector<Variable> variables;
+    for (const Parameter& parameter : parameters) variables.push_back(parameter.variable());
+    return variables;
+}
+
 Parameter ParameterStore::create(std::string name, Tensor value) {
     const Parameter parameter = create_constant(std::move(name), std::move(value));
     constant_.back() = false;

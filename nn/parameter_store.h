@@ -33,6 +33,9 @@ private:
     std::shared_ptr<Slot> slot_;
 };
 
+/// The present values of parameters, which a loss has gradients with respect to.
+[[nodiscard]] std::vector<Variable> variables_of(const std::vector<Parameter>& parameters);
+
 /// Owns every weight of a model, in order of creation, under dotted names ("decoder.field.layer3.weight").
 class ParameterStore {
 public:

@@ -9,7 +9,7 @@ namespace stymo {
 using Matrix3 = std::array<std::array<double, 3>, 3>;
 using Vector3 = std::array<double, 3>;
 
-/// Intrinsics in units of the image side, shared by all images of a data set (facts: focal 2.03, centre 0.5).
+/// Intrinsics in units of the image side, shared by all images of a data set (docs/paper-notes.md: focal 2.03, centre 0.5).
 struct Intrinsics {
     double focal = 2.03;
     double center_x = 0.5;

@@ -8,7 +8,7 @@
 namespace stymo {
 
 /// Real spherical harmonics up to band 2 at a unit normal in camera space (x right, y down, z forward), times the weights of the
-/// Lambertian reflection kernel, with the signs and the order usual among 3D morphable face models (facts 11.2).
+/// Lambertian reflection kernel, with the signs and the order usual among 3D morphable face models.
 [[nodiscard]] std::array<double, 9> spherical_harmonics(const Vector3& normal);
 
 /// Irradiance in RGB: sum_k light[3 k + channel] Y_k(normal). `light` holds 27 coefficients, function major, colour minor.

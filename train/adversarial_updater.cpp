@@ -1,9 +1,6 @@
 #include "train/adversarial_updater.h"
 
-#include <algorithm>
 #include <cmath>
-#include <ranges>
-#include <utility>
 
 namespace stymo {
 
@@ -28,10 +25,6 @@ AdamOptions discriminator_adam(const AdversarialStageConfig& config) {
 
 AdversarialPhase adversarial_phase(const TrainingPlace& place) {
     return {place.phase.resolution, place.fade, place.phase.samples_per_ray};
-}
-
-bool has_prefix(const TensorFile& file, std::string_view prefix) {
-    return std::ranges::any_of(std::views::keys(file.tensors), [&](const std::string& name) { return name.starts_with(prefix); });
 }
 
 /// Thaws the decoder up to the phase's resolution, and nothing else: what takes no part has no gradient, and the optimiser must
@@ -61,10 +54,6 @@ AdversarialUpdater::Judge::Judge(const TrainConfig& config, Rng rng)
 AdversarialUpdater::AdversarialUpdater(const TrainingParts& parts)
     : parts_(parts), adam_({parts.config.stage2.beta1, parts.config.stage2.beta2, parts.config.stage2.epsilon}) {
     if (parts.config.loss.adversarial_weight > 0.0) judge_.emplace(parts.config, parts.rng.split(discriminator_name));
-}
-
-double AdversarialUpdater::learning_rate(const TrainingPlace& /*place*/) const {
-    return parts_.config.stage2.learning_rate;
 }
 
 double AdversarialUpdater::discriminator_learning_rate() const {
@@ -138,7 +127,7 @@ std::optional<std::string> AdversarialUpdater::update_generator(const TrainingPl
         report.losses.accumulate(result.losses, mean.part());
         mean.add(result.gradients);
     }
-    report.learning_rate = learning_rate(place);
+    report.learning_rate = parts_.config.stage2.learning_rate;
     std::optional<std::string> broken = non_finite(report.losses.total, parameters, mean.gradients());
     if (!broken) {
         step_in_two_groups(adam_, parameters, mean.gradients(), report.learning_rate, mapping_prefix,

@@ -14,7 +14,6 @@ public:
     explicit AdversarialUpdater(const TrainingParts& parts);
 
     [[nodiscard]] StepReport step(const TrainingPlace& place, bool mask_loss) override;
-    [[nodiscard]] double learning_rate(const TrainingPlace& place) const override;
     [[nodiscard]] std::string learning_rate_key() const override { return "stage2.learning_rate"; }
     void save(TensorFile& file) const override;
     void load(const TensorFile& file, const std::string& source) override;

@@ -41,7 +41,7 @@ struct TrainingBatch {
     [[nodiscard]] bool has_codes() const;
 };
 
-/// Each image is multiplied by its mask in [0, 1], then mapped to [-1, 1] (facts 0.3), then shrunk by antialiased bicubic
+/// Each image is multiplied by its mask in [0, 1], then mapped to [-1, 1], then shrunk by antialiased bicubic
 /// resampling and clipped to the range again. Throws ValueError for no faces, ShapeError for faces of different sides or a side
 /// that is not 64, 128, 256, ...
 [[nodiscard]] TrainingBatch make_batch(std::span<const Face> faces);

@@ -2,10 +2,10 @@
 
 #include <sys/resource.h>
 
-#include <chrono>
 #include <iomanip>
 #include <sstream>
 
+#include "core/clock.h"
 #include "core/progress.h"
 
 namespace stymo {
@@ -20,9 +20,9 @@ double peak_megabytes() {
 
 /// One more step, and how long it took.
 double measured_step(Trainer& trainer, StepReport& report) {
-    const auto start = std::chrono::steady_clock::now();
+    const double start = seconds_now();
     report = trainer.step();
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return seconds_now() - start;
 }
 
 void measure(PhasePlan& plan, Trainer& trainer, const TrainConfig& config) {
@@ -47,12 +47,17 @@ std::int64_t discriminator_parameters(const TrainConfig& config) {
     return store.element_count();
 }
 
+std::string network_of(const Lpips* lpips) {
+    return lpips == nullptr ? "" : lpips->label();
+}
+
 }  // namespace
 
 TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config, const Dataset& training, MeasuredPhases measured) {
     TrainingPlan plan{.encoder_parameters = trainer.model().parameters().element_count("encoder."),
                       .decoder_parameters = trainer.model().parameters().element_count("decoder."),
                       .discriminator_parameters = discriminator_parameters(config),
+                      .lpips_network = network_of(trainer.reconstruction().lpips()),
                       .images = training.size(),
                       .side = config.model.decoder.resolution};
     const std::vector<TrainingPhase>& phases = trainer.schedule().phases();
@@ -71,6 +76,7 @@ std::string plan_text(const TrainingPlan& plan) {
     text << std::fixed << std::setprecision(2);
     text << "parameters    encoder " << plan.encoder_parameters << ", decoder " << plan.decoder_parameters;
     if (plan.discriminator_parameters > 0) text << ", discriminator " << plan.discriminator_parameters;
+    if (!plan.lpips_network.empty()) text << "\nLPIPS         " << plan.lpips_network;
     text << "\nimages        " << plan.images << " for training, " << plan.side << " pixels a side\n";
     for (const PhasePlan& part : plan.phases) {
         const TrainingPhase& phase = part.phase;
@@ -102,12 +108,14 @@ JsonValue to_json(const TrainingPlan& plan) {
         }
         phases.push_back(phase);
     }
-    return JsonValue::object({{"encoder_parameters", plan.encoder_parameters},
-                              {"decoder_parameters", plan.decoder_parameters},
-                              {"discriminator_parameters", plan.discriminator_parameters},
-                              {"images", plan.images},
-                              {"side", plan.side},
-                              {"phases", phases}});
+    JsonValue object = JsonValue::object({{"encoder_parameters", plan.encoder_parameters},
+                                          {"decoder_parameters", plan.decoder_parameters},
+                                          {"discriminator_parameters", plan.discriminator_parameters},
+                                          {"images", plan.images},
+                                          {"side", plan.side},
+                                          {"phases", phases}});
+    if (!plan.lpips_network.empty()) object.add("lpips_network", plan.lpips_network);
+    return object;
 }
 
 std::string outcome_text(const TrainingOutcome& outcome, const RunFolder& folder) {

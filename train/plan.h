@@ -23,6 +23,7 @@ struct TrainingPlan {
     std::int64_t encoder_parameters = 0;
     std::int64_t decoder_parameters = 0;
     std::int64_t discriminator_parameters = 0;  ///< 0 without one
+    std::string lpips_network{};                ///< Lpips::label(); empty without the perceptual term
     std::int64_t images = 0;
     std::int64_t side = 0;  ///< of the images, in pixels
     std::vector<PhasePlan> phases{};

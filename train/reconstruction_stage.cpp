@@ -20,15 +20,19 @@ void LossTerms::accumulate(const LossTerms& other, double part) {
     code_norm += part * other.code_norm;
 }
 
-namespace {
-
-Variable code_norm(const Codes& codes) {
-    Variable total;
-    for (const Variable& group : codes.groups) total = total.defined() ? total + sum(square(group)) : sum(square(group));
-    return total / static_cast<double>(codes.batch() * code_size);
+void add_common_terms(Variable& total, LossTerms& report, const ReconstructionLoss::Terms& terms, const Decoded& decoded,
+                      const TrainingBatch& batch, bool with_mask, const LossConfig& weights) {
+    total = total + terms.total;
+    report.reconstruction = terms.total.value().item();
+    report.photometric = terms.photometric.value().item();
+    if (terms.perceptual.defined()) report.perceptual = terms.perceptual.value().item();
+    add_term(total, report.mask, with_mask ? weights.mask_weight : 0.0,
+             [&] { return mask_loss(decoded.mask_logit, batch.mask); });
+    add_term(total, report.opacity, weights.opacity_weight,
+             [&] { return opacity_loss(decoded.weights.transmittance, batch.mask_32); });
+    add_term(total, report.depth_variance, weights.depth_variance_weight,
+             [&] { return depth_variance(decoded.weights.weights, decoded.samples.depths); });
 }
-
-}  // namespace
 
 LossAndGradients reconstruction_gradients(const Model& model, const ReconstructionLoss& reconstruction,
                                           const TrainingBatch& batch, const TrainConfig& config,
@@ -41,25 +45,15 @@ LossAndGradients reconstruction_gradients(const Model& model, const Reconstructi
 
     LossAndGradients result;
     LossTerms& report = result.losses;
-    const ReconstructionLoss::Terms terms = reconstruction(decoded.images, reconstruction.target(batch.targets));
-    Variable total = terms.total;
-    report.reconstruction = terms.total.value().item();
-    report.photometric = terms.photometric.value().item();
-    if (terms.perceptual.defined()) report.perceptual = terms.perceptual.value().item();
+    Variable total = Tensor::zeros({}, decoded.images.back().dtype());
+    add_common_terms(total, report, reconstruction(decoded.images, reconstruction.target(batch.targets)), decoded, batch,
+                     with_mask, weights);
     add_term(total, report.code, batch.has_codes() ? 1.0 : 0.0,
              [&] { return code_loss(codes, batch.codes, std::span<const double, 4>(weights.code_weights), batch.code_present); });
-    add_term(total, report.mask, with_mask ? weights.mask_weight : 0.0,
-             [&] { return stymo::mask_loss(decoded.mask_logit, batch.mask); });
-    add_term(total, report.opacity, weights.opacity_weight,
-             [&] { return opacity_loss(decoded.weights.transmittance, batch.mask_32); });
-    add_term(total, report.depth_variance, weights.depth_variance_weight,
-             [&] { return depth_variance(decoded.weights.weights, decoded.samples.depths); });
-    add_term(total, report.code_norm, weights.code_norm_weight, [&] { return code_norm(codes); });
+    add_term(total, report.code_norm, weights.code_norm_weight,
+             [&] { return squared_length(codes) / static_cast<double>(codes.batch() * code_size); });
     report.total = total.value().item();
-
-    std::vector<Variable> leaves;
-    for (const Parameter& parameter : parameters) leaves.push_back(parameter.variable());
-    result.gradients = grad(total, leaves);
+    result.gradients = grad(total, variables_of(parameters));
     return result;
 }
 

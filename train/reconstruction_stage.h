@@ -31,6 +31,11 @@ struct LossAndGradients {
     std::vector<Variable> gradients;  ///< one for each of `parameters`, in their order
 };
 
+/// Adds the terms that both stages have to `total` and notes them in `report`: reconstruction, mask loss if `with_mask`, opacity,
+/// depth variance.
+void add_common_terms(Variable& total, LossTerms& report, const ReconstructionLoss::Terms& terms, const Decoded& decoded,
+                      const TrainingBatch& batch, bool with_mask, const LossConfig& weights);
+
 /// Forward and backward pass of the first stage on one micro-batch: encoder, decoder with stratified samples, loss.
 /// `mask_loss` says whether the mask term is on yet. The loss is a mean over the images of the batch. `jitter` moves on by as
 /// much for each image, so that several micro-batches in a row draw what one batch of all their images would.

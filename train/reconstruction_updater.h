@@ -10,7 +10,6 @@ public:
     explicit ReconstructionUpdater(const TrainingParts& parts);
 
     [[nodiscard]] StepReport step(const TrainingPlace& place, bool mask_loss) override;
-    [[nodiscard]] double learning_rate(const TrainingPlace& place) const override;
     [[nodiscard]] std::string learning_rate_key() const override { return "optimizer.learning_rate"; }
     void save(TensorFile& file) const override;
     void load(const TensorFile& file, const std::string& source) override;
@@ -18,6 +17,7 @@ public:
 private:
     /// A pre-trained backbone stays as it is for the first epochs.
     void set_trainable_parts(const TrainingPlace& place);
+    [[nodiscard]] double learning_rate(const TrainingPlace& place) const;
 
     TrainingParts parts_;
     Adam adam_;

@@ -5,6 +5,7 @@
 #include "core/angle.h"
 #include "core/io/image.h"
 #include "nn/models/picture.h"
+#include "nn/models/view.h"
 #include "train/batch.h"
 
 namespace stymo {
@@ -17,7 +18,6 @@ constexpr std::int64_t faces_shown = 6;
 
 Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t resolution, std::int64_t samples_per_ray) {
     std::vector<Tensor> tiles;
-    const CameraConfig& place = model.config().camera;
     for (std::int64_t index = 0; index < std::min(faces_shown, faces.size()); ++index) {
         const TrainingBatch batch = make_batch(std::vector{faces.load(index)});
         const Codes codes = model.encoder()(Variable(batch.input));
@@ -30,8 +30,7 @@ Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t resol
         tiles.push_back(picture(*target, 0));
         show(batch.cameras.front());
         for (const double yaw_degrees : {-30.0, 0.0, 30.0}) {
-            const Pose pose = pivot_pose(radians_from_degrees(yaw_degrees), 0.0, 0.0, place.distance, place.pivot_depth);
-            show(camera_from_pose(pose, place.intrinsics));
+            show(model_camera(model, radians_from_degrees(yaw_degrees), 0.0, 0.0));
         }
     }
     return tile_images(tiles, 5);

@@ -29,7 +29,7 @@ void describe_loss(ConfigSchema& schema, LossConfig& config) {
 void describe_optimizer(ConfigSchema& schema, OptimizerConfig& config) {
     schema.number("optimizer.learning_rate", config.learning_rate, 0.0, 1.0, "Adam's learning rate in stage 1 (paper: 1e-4)");
     schema.choice("optimizer.schedule", config.schedule, {"epoch", "cosine"},
-                  "epoch: times the decay after each (paper); cosine: to zero over all steps");
+                  "epoch: times the decay after each (paper); cosine: to zero over the steps of stage 1");
     schema.number("optimizer.decay", config.decay, 0.0, 1.0, "factor on the learning rate after each epoch (paper: 0.98)");
     schema.number("optimizer.beta1", config.beta1, 0.0, 0.999999, "Adam's decay of the mean");
     schema.number("optimizer.beta2", config.beta2, 0.0, 0.999999, "Adam's decay of the square");

@@ -23,7 +23,7 @@ struct LossConfig {
 
 struct OptimizerConfig {
     double learning_rate = 1e-4;
-    std::string schedule = "epoch";  ///< "epoch": times `decay` after each; "cosine": to zero over all steps
+    std::string schedule = "epoch";  ///< "epoch": times `decay` after each; "cosine": to zero over the steps of stage 1
     double decay = 0.98;
     double beta1 = 0.9;
     double beta2 = 0.999;

@@ -22,11 +22,6 @@ Model initial_model(const ModelConfig& config, const Rng& rng) {
     return {config, weights};
 }
 
-bool has_average(const TensorFile& file) {
-    const auto found = file.tensors.lower_bound(average_prefix);
-    return found != file.tensors.end() && found->first.starts_with(average_prefix);
-}
-
 }  // namespace
 
 Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Dataset* validation, std::uint64_t seed)
@@ -39,6 +34,7 @@ Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Datas
       model_(initial_model(config.model, rng_)),
       reconstruction_(config.model.reconstruction) {
     state_.seed = seed;
+    state_.mask_loss = config.loss.mask_start_epoch == 0;
 }
 
 Trainer::~Trainer() = default;
@@ -96,7 +92,7 @@ StepReport Trainer::step() {
 void Trainer::count_failure(const std::string& what) {
     ++state_.failures;
     if (state_.failures > config_.optimizer.failures_allowed) {
-        fail<NumericError>("step ", state_.step, ": ", what, " is not finite, ", state_.failures, " steps in a row; lower ",
+        fail<NumericError>("step ", state_.step + 1, ": ", what, " is not finite, ", state_.failures, " steps in a row; lower ",
                            updater_->learning_rate_key());
     }
 }
@@ -131,7 +127,7 @@ void Trainer::resume(const std::filesystem::path& folder) {
     stage_ = 0;
     average_.reset();
     // Before the stage is entered: an average that goes on is not begun anew.
-    if (has_average(checkpoint.tensors)) {
+    if (has_prefix(checkpoint.tensors, average_prefix)) {
         average_.emplace(model_.parameters().all());
         average_->load(checkpoint.tensors, source, average_prefix);
     }

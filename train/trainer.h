@@ -57,6 +57,7 @@ public:
     [[nodiscard]] const Model& model() const { return model_; }
     [[nodiscard]] const TrainingState& state() const { return state_; }
     [[nodiscard]] const TrainingSchedule& schedule() const { return schedule_; }
+    [[nodiscard]] const ReconstructionLoss& reconstruction() const { return reconstruction_; }
 
 private:
     /// While it lives the model is frozen and holds the averaged weights, if there are any: what is shown, measured and saved
@@ -79,7 +80,6 @@ private:
     [[nodiscard]] double average_half_life(const TrainingPlace& place) const;
     /// Makes what the stage of the next step needs and drops what no step will need again.
     void enter_stage(int stage);
-    void update_average(const TrainingPlace& place);
     void count_failure(const std::string& what);
     void count_epoch(double reconstruction_loss);
     /// Also scores the model on the validation images, if there are any.

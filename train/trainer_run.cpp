@@ -1,8 +1,8 @@
 #include <algorithm>
-#include <chrono>
 #include <iomanip>
 #include <sstream>
 
+#include "core/clock.h"
 #include "core/interrupt.h"
 #include "core/progress.h"
 #include "train/sample_sheet.h"
@@ -11,10 +11,6 @@
 namespace stymo {
 
 namespace {
-
-double seconds_now() {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 std::string step_text(const LossTerms& losses) {
     std::ostringstream text;
@@ -43,6 +39,11 @@ TrainingOutcome Trainer::run(const RunFolder& folder, const TrainingLimits& limi
                        .first = first_image,
                        .unit = "images",
                        .time_limit = limits.minutes * 60.0});
+    if (const Lpips* lpips = reconstruction_.lpips(); lpips != nullptr) {
+        const std::string line = "LPIPS: " + lpips->label();
+        folder.log(line);
+        if (lpips->random()) progress.message(line);
+    }
     TrainingOutcome outcome;
     Tick tick;
     const auto time_is_up = [&] { return limits.minutes > 0.0 && seconds_now() - start >= limits.minutes * 60.0; };

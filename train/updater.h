@@ -41,8 +41,7 @@ public:
     /// One optimiser step; a pure function of the place, the weights and what the updater remembers. With a loss or gradient that
     /// is not finite nothing changes at all.
     [[nodiscard]] virtual StepReport step(const TrainingPlace& place, bool mask_loss) = 0;
-    [[nodiscard]] virtual double learning_rate(const TrainingPlace& place) const = 0;
-    /// The configuration's key of that rate.
+    /// The configuration's key of its learning rate.
     [[nodiscard]] virtual std::string learning_rate_key() const = 0;
 
     /// Adds what the next step depends on, the model's weights aside.

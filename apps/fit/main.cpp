@@ -1,4 +1,3 @@
-#include <chrono>
 #include <filesystem>
 #include <iomanip>
 #include <iostream>
@@ -8,6 +7,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/face_input.h"
 #include "apps/common/lpips_options.h"
+#include "core/clock.h"
 #include "core/interrupt.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
@@ -60,9 +60,9 @@ stymo::AppResult fit(Options options) {
     const stymo::InterruptGuard guard;
     stymo::Progress progress({.title = "fit", .total = options.fit.steps, .unit = "steps"});
     options.fit.on_step = [&](std::int64_t step, double loss) { progress.update(step, "loss " + std::to_string(loss)); };
-    const auto start = std::chrono::steady_clock::now();
+    const double start = stymo::seconds_now();
     const stymo::FitResult result = stymo::fit_codes(model, reconstruction, target, options.fit);
-    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    const double seconds = stymo::seconds_now() - start;
     progress.finish();
 
     const stymo::Lpips* lpips = metric ? &*metric : reconstruction.lpips();

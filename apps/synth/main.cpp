@@ -1,9 +1,9 @@
-#include <chrono>
 #include <filesystem>
 #include <optional>
 #include <sstream>
 
 #include "apps/common/command_line.h"
+#include "core/clock.h"
 #include "core/interrupt.h"
 #include "core/progress.h"
 #include "render/morphable/builtin_head.h"
@@ -20,14 +20,14 @@ int main(int argc, char** argv) {
     line.option("--size", settings.side, "Side of the images in pixels").range(8, 4096);
     line.option("--morphable", morphable, "Head model in a .safetensors file (default: the built-in head)");
     return line.run(argc, argv, [&](const stymo::CommonOptions& common) {
-        const auto start = std::chrono::steady_clock::now();
+        const double start = stymo::seconds_now();
         const stymo::MorphableHead head = morphable ? stymo::read_morphable_head(*morphable) : stymo::builtin_head();
         const stymo::InterruptGuard guard;
         stymo::Progress progress({"Heads", settings.count, 0, "heads"});
         stymo::write_synthetic_faces(head, settings, stymo::Rng(common.seed), folder,
                                      [&](std::int64_t done) { progress.update(done); });
         progress.finish();
-        const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        const double seconds = stymo::seconds_now() - start;
         std::ostringstream text;
         text << settings.count << " heads of " << settings.side << " x " << settings.side << " pixels in " << folder.string();
         return stymo::AppResult{text.str(), stymo::JsonValue::object({{"folder", folder.string()},

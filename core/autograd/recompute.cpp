@@ -6,6 +6,7 @@
 #include "core/autograd/grad.h"
 #include "core/autograd/record.h"
 #include "core/error.h"
+#include "core/ops/elementwise.h"
 
 namespace stymo {
 
@@ -124,6 +125,17 @@ Variable recompute(const Segment& segment, std::vector<Variable> inputs) {
         [segment, input_count = inputs.size(), leaves = std::move(leaves)](const Vjp& v, const std::vector<bool>& needed) {
             return gradients(segment, input_count, leaves, v, needed);
         });
+}
+
+Variable differentiate_at_once(const std::function<Variable(const Variable&)>& function, const Variable& x) {
+    if (!x.tracked()) return function(x).detach();
+    const Variable argument = Variable::leaf(x.value());
+    const Variable y = function(argument);
+    const Tensor gradient = grad(y, argument).value();
+    return record("differentiate_at_once", y.value(), {x}, Save::none(), {[gradient](const Vjp& v) {
+                      if (v.create_graph()) fail<GradientError>("[differentiate_at_once] has no derivatives beyond the first");
+                      return v.grad() * Variable(gradient);
+                  }});
 }
 
 }  // namespace stymo

@@ -23,4 +23,9 @@ using Segment = std::function<Variable(std::span<const Variable>)>;
 /// or let a Variable of its own out.
 [[nodiscard]] Variable recompute(const Segment& segment, std::vector<Variable> inputs);
 
+/// function(x), a scalar, whose gradient is taken right away: its graph is gone before whatever follows makes its own. Costs no
+/// more than the gradient later would. No gradient flows to anything that the function reads beside x, and there are no
+/// derivatives beyond the first: grad with create_graph throws GradientError.
+[[nodiscard]] Variable differentiate_at_once(const std::function<Variable(const Variable&)>& function, const Variable& x);
+
 }  // namespace stymo

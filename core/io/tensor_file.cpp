@@ -176,6 +176,11 @@ std::string encoded_header(const TensorFile& contents, const std::vector<const s
 
 }  // namespace
 
+bool has_prefix(const TensorFile& file, std::string_view prefix) {
+    const auto found = file.tensors.lower_bound(std::string(prefix));
+    return found != file.tensors.end() && found->first.starts_with(prefix);
+}
+
 TensorFile read_tensor_file(const fs::path& path) {
     const std::string bytes = read_text_file(path);
     if (bytes.size() < length_bytes) {

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <map>
 #include <string>
+#include <string_view>
 
 #include "core/tensor.h"
 
@@ -13,6 +14,9 @@ struct TensorFile {
     std::map<std::string, Tensor> tensors;
     std::map<std::string, std::string> metadata;
 };
+
+/// Whether the name of any tensor begins so.
+[[nodiscard]] bool has_prefix(const TensorFile& file, std::string_view prefix);
 
 /// Reads .safetensors. F16, BF16 and integer tensors are widened to float32 (F64 stays float64).
 /// Throws FileError naming the file for a header that is truncated, too long, not JSON or repeats a name, and for tensors

@@ -33,8 +33,6 @@ Variable log_sigmoid(const Variable& x) {
 Variable leaky_relu(const Variable& x, double slope) {
     if (!(slope >= 0.0)) fail<ValueError>("[leaky_relu] the slope must not be negative, got ", slope);
     // The output has the sign of the input, and what follows it in a network keeps it anyway.
-    if (!(slope >= 0.0)) fail<ValueError>("[leaky_relu] slope ", slope, " is negative");
-    // The output has the sign of the input, and the next layer keeps it anyway.
     return record("leaky_relu", kernels::leaky_relu(x.value(), slope), {x}, Save::the_output(),
                   {[slope](const Vjp& v) { return v.grad() * Variable(kernels::leaky_slope(v.output().value(), slope)); }});
 }

@@ -12,7 +12,7 @@ struct BatchNormOptions {
 };
 
 /// Batch normalisation in inference mode, always: (x - mean) / sqrt(variance + epsilon) * weight + bias with statistics that are
-/// stored and never updated, since the micro-batches of training are too small to estimate them (facts 7.3).
+/// stored and never updated, since the micro-batches of training are too small to estimate them.
 /// Folded to scale * x + shift, one pair for each channel (last axis).
 class BatchNorm {
 public:

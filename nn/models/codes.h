@@ -25,5 +25,9 @@ struct Codes {
 
 /// a + b, group by group.
 [[nodiscard]] Codes add(const Codes& a, const Codes& b);
+/// The same numbers as constants.
+[[nodiscard]] Codes detached(const Codes& codes);
+/// Sum of the squares of all numbers of all faces, a scalar.
+[[nodiscard]] Variable squared_length(const Codes& codes);
 
 }  // namespace stymo

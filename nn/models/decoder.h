@@ -13,7 +13,7 @@
 
 namespace stymo {
 
-/// Size of the decoder; the defaults are the paper's, and the facts' where it is silent.
+/// Size of the decoder; the defaults are the paper's, and those of docs/paper-notes.md where it is silent.
 struct DecoderConfig {
     std::int64_t resolution = 512;        ///< side of the largest image: 64, 128, 256 or 512
     std::int64_t field_width = 256;       ///< channels of the sine layers
@@ -38,9 +38,9 @@ struct DecodeOptions {
     std::int64_t resolution = 0;  ///< largest image wanted, 0 for the model's own; later blocks are left out
     bool mask = false;            ///< also the head mask, at the side of the largest image
     /// What the backward pass computes once more instead of keeping it: the field, in tiles of so many rays of each image (0:
-    /// kept, in one piece), and the render blocks with the mask branch. Changes results by rounding: gradients, because their
-    /// sums are grouped by part; values only where a tile's rows end elsewhere in the product's own tiling, which powers of two
-    /// avoid.
+    /// kept, in one piece), and the render blocks with the mask branch, image by image. Changes results by rounding: gradients,
+    /// because their sums are grouped by part; values where a part's rows end elsewhere in the product's own tiling (tiles of a
+    /// power of two rays end alike).
     std::int64_t recomputed_rays = 0;
     bool recompute_blocks = false;
     Rng* jitter = nullptr;  ///< stratified samples (training); null: fixed samples

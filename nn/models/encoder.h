@@ -14,10 +14,10 @@ namespace stymo {
 
 struct EncoderConfig {
     std::string backbone = "iresnet50";  ///< one of backbone_names()
-    std::string backbone_weights{};          ///< a .safetensors file, or empty: trained from scratch
-    bool arcface_crop = false;               ///< the frame that ArcFace was trained on: the middle 76.5 % of the FFHQ crop
-    double embedding_scale = 1.0;            ///< factor on the embedding before the heads
-    std::int64_t head_width = 512;           ///< heads: embedding -> width -> width / 2 -> code
+    std::string backbone_weights{};      ///< a .safetensors file, or empty: trained from scratch
+    bool arcface_crop = false;           ///< the frame that ArcFace was trained on: the middle 76.5 % of the FFHQ crop
+    double embedding_scale = 1.0;        ///< factor on the embedding before the heads
+    std::int64_t head_width = 512;       ///< heads: embedding -> width -> width / 2 -> code
 };
 
 /// Binds the fields under "encoder." .

@@ -1,6 +1,6 @@
 #include "nn/models/reconstruction.h"
 
-#include "core/error.h"
+#include "core/autograd/recompute.h"
 #include "core/ops/ops.h"
 #include "nn/losses.h"
 
@@ -18,12 +18,32 @@ ReconstructionLoss::Target ReconstructionLoss::target(std::span<const Tensor> pi
     return target;
 }
 
+namespace {
+
+/// Mean of LPIPS over the batch. Each image's gradient is taken before the next one's features are made, since those of a large
+/// picture take more memory than all else.
+Variable perceptual_loss(const Lpips& lpips, const Variable& images, const Lpips::Features& target) {
+    Variable total;
+    for (std::int64_t i = 0; i < images.shape(0); ++i) {
+        const auto distance = [&lpips, &target, i](const Variable& image) {
+            Lpips::Features features;
+            for (const Variable& feature : target) features.push_back(slice(feature, 0, i, i + 1));
+            return sum(lpips.distance(lpips.features(image), features));
+        };
+        const Variable one = differentiate_at_once(distance, slice(images, 0, i, i + 1));
+        total = total.defined() ? total + one : one;
+    }
+    return total / static_cast<double>(images.shape(0));
+}
+
+}  // namespace
+
 ReconstructionLoss::Terms ReconstructionLoss::operator()(const std::vector<Variable>& images, const Target& target) const {
     Terms terms;
     terms.photometric = photometric_loss(images, target.pictures, config_.resolution_weights);
     terms.total = terms.photometric * config_.photometric_weight;
     if (lpips_) {
-        terms.perceptual = mean(lpips_->distance(lpips_->features(images.back()), target.features));
+        terms.perceptual = perceptual_loss(*lpips_, images.back(), target.features);
         terms.total = terms.total + terms.perceptual * config_.perceptual_weight;
     }
     return terms;

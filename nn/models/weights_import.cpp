@@ -13,6 +13,7 @@
 #include "core/io/torch_file.h"
 #include "nn/models/backbones/iresnet.h"
 #include "nn/models/backbones/iresnet_onnx.h"
+#include "nn/models/perceptual/trunk.h"
 
 namespace stymo {
 namespace {
@@ -36,61 +37,29 @@ struct Network {
     }
 };
 
-Network vgg16() {
-    Network network{.title = "torchvision vgg16", .other_prefix = "features."};
-    constexpr std::array<std::pair<int, std::int64_t>, 13> convolutions{{{0, 64},
-                                                                         {2, 64},
-                                                                         {5, 128},
-                                                                         {7, 128},
-                                                                         {10, 256},
-                                                                         {12, 256},
-                                                                         {14, 256},
-                                                                         {17, 512},
-                                                                         {19, 512},
-                                                                         {21, 512},
-                                                                         {24, 512},
-                                                                         {26, 512},
-                                                                         {28, 512}}};
+Network trunk(const TrunkDescription& description) {
+    Network network{.title = "torchvision " + description.name, .other_prefix = "features."};
     std::int64_t in = 3;
-    for (const auto& [index, out] : convolutions) {
-        network.conv("features." + std::to_string(index), out, in, 3);
-        in = out;
-    }
-    return network;
-}
-
-Network alexnet() {
-    Network network{.title = "torchvision alexnet", .other_prefix = "features."};
-    network.conv("features.0", 64, 3, 11);
-    network.conv("features.3", 192, 64, 5);
-    network.conv("features.6", 384, 192, 3);
-    network.conv("features.8", 256, 384, 3);
-    network.conv("features.10", 256, 256, 3);
-    return network;
-}
-
-Network squeezenet() {
-    Network network{.title = "torchvision squeezenet1_1", .other_prefix = "features."};
-    network.conv("features.0", 64, 3, 3);
-    std::int64_t in = 64;
-    std::int64_t squeezed = 16;
-    for (const auto& [first, second] : {std::pair(3, 4), std::pair(6, 7), std::pair(9, 10), std::pair(11, 12)}) {
-        for (const int index : {first, second}) {
-            const std::string name = "features." + std::to_string(index);
-            network.conv(name + ".squeeze", squeezed, in, 1);
-            network.conv(name + ".expand1x1", 4 * squeezed, squeezed, 1);
-            network.conv(name + ".expand3x3", 4 * squeezed, squeezed, 3);
-            in = 8 * squeezed;
+    for (const TrunkLayer& layer : description.layers) {
+        const std::string name = "features." + std::to_string(layer.place);
+        if (layer.kind == TrunkLayer::Kind::max_pool) continue;
+        if (layer.kind == TrunkLayer::Kind::convolution) {
+            network.conv(name, layer.out, in, layer.kernel);
+        } else {
+            network.conv(name + ".squeeze", layer.squeezed, in, 1);
+            network.conv(name + ".expand1x1", layer.out / 2, layer.squeezed, 1);
+            network.conv(name + ".expand3x3", layer.out / 2, layer.squeezed, 3);
         }
-        squeezed += 16;
+        in = layer.out;
     }
     return network;
 }
 
-Network lpips_heads(const std::string& trunk, const std::vector<std::int64_t>& channels) {
-    Network network{.title = "LPIPS heads (" + trunk + ")",
+Network lpips_heads(const TrunkDescription& description) {
+    const std::vector<std::int64_t> channels = tap_channels(description);
+    Network network{.title = "LPIPS heads (" + description.heads_name + ")",
                     .other_prefix = "lin" + std::to_string(channels.size()) + ".",
-                    .written_prefix = trunk + "."};
+                    .written_prefix = description.heads_name + "."};
     for (std::size_t i = 0; i < channels.size(); ++i)
         network.tensors["lin" + std::to_string(i) + ".model.1.weight"] = {1, channels[i], 1, 1};
     return network;
@@ -131,12 +100,11 @@ Network iresnet(const IresnetDepth& depth) {
 }
 
 std::vector<Network> published_networks() {
-    std::vector<Network> networks{vgg16(),
-                                  alexnet(),
-                                  squeezenet(),
-                                  lpips_heads("vgg", {64, 128, 256, 512, 512}),
-                                  lpips_heads("alex", {64, 192, 384, 256, 256}),
-                                  lpips_heads("squeeze", {64, 128, 256, 384, 384, 512, 512})};
+    std::vector<Network> networks;
+    for (const TrunkDescription& description : trunk_descriptions()) {
+        networks.push_back(trunk(description));
+        networks.push_back(lpips_heads(description));
+    }
     for (const IresnetDepth& depth : iresnet_depths) networks.push_back(iresnet(depth));
     return networks;
 }

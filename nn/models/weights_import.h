@@ -19,8 +19,7 @@ struct ImportedWeights {
 
 /// Recognises published networks by their tensors: torchvision's vgg16, alexnet and squeezenet1_1, LPIPS' linear heads,
 /// insightface's iresnets. Of these the tensors that the encoder and LPIPS read are kept, in PyTorch's layout (out, in, height,
-/// width). Wrappers
-/// ("state_dict", "module.") are removed. Other files keep their names.
+/// width). Wrappers ("state_dict", "module.") are removed. Other files keep their names.
 [[nodiscard]] ImportedWeights recognise_weights(TensorFile file);
 
 /// recognise_weights of read_weight_file; an iresnet in ONNX, as insightface ships it, gets the names that it has in PyTorch.

@@ -64,10 +64,6 @@ void Adam::step(std::span<const Parameter> parameters, std::span<const Variable>
     }
 }
 
-void Adam::forget(std::string_view prefix) {
-    std::erase_if(moments_, [&](const auto& entry) { return entry.first.starts_with(prefix); });
-}
-
 void Adam::save(TensorFile& file, const std::string& prefix) const {
     for (const auto& [name, moments] : moments_) {
         file.tensors.insert_or_assign(prefix + name + ".first", moments.first);

@@ -5,7 +5,6 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <string_view>
 
 #include "core/io/tensor_file.h"
 #include "nn/parameter_store.h"
@@ -24,12 +23,9 @@ class Adam {
 public:
     explicit Adam(const AdamOptions& options = {}) : options_(options) {}
 
-    [[nodiscard]] const AdamOptions& options() const { return options_; }
     /// Moves each parameter against its gradient. Throws ValueError for another number of gradients than parameters, ShapeError
     /// or TypeError for one that does not fit.
     void step(std::span<const Parameter> parameters, std::span<const Variable> gradients, double learning_rate);
-    /// Forgets what it remembers of the parameters whose name begins with `prefix`.
-    void forget(std::string_view prefix = "");
 
     /// Adds `prefix`<name>.first, .second and .steps of every parameter.
     void save(TensorFile& file, const std::string& prefix) const;

@@ -64,6 +64,10 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
     const std::string render = "stymo-render --model run/model.safetensors --codes fit/codes.json ";
     const std::string eval = "stymo-eval --model run/model.safetensors --data faces ";
     const std::vector<BadCall> calls = {
+        {"stymo-eval", "--model"},
+        {"stymo-eval --model run/model.safetensors", "--data"},
+        {"stymo-eval pair whole.jpg", "B"},
+        {eval + "--lpips resnet", "--lpips"},
         {"stymo-synth", "--out"},
         {"stymo-synth --out out --count 0", "--count"},
         {"stymo-synth --out out --count many", "--count"},
@@ -129,6 +133,13 @@ TEST_CASE("Inputs that are missing, empty or something else are named") {
         {"stymo-eval --model none --data faces", "none: "},
         {"stymo-eval --model run/model.safetensors --data empty", "empty: "},
         {"stymo-eval --model run/model.safetensors --data faces --ids 12", "--ids"},
+        {"stymo-eval --model run/model.safetensors --data faces --lpips vgg16", "vgg16-397923af.pth"},
+        {"stymo-eval pair zero.png whole.jpg", "zero.png: not an image (zero bytes)"},
+        {"stymo-eval pair whole.jpg text.png", "text.png: not an image"},
+        {"stymo-eval pair whole.jpg whole.jpg --lpips squeeze", "squeezenet1_1-b8a52dc0.pth"},
+        {"stymo-eval pair whole.jpg whole.jpg --lpips alex --lpips-trunk none --lpips-heads random", "no file none"},
+        {fit + "--image faces/images/00000.png --perceptual-weight 0.1", "--perceptual-weight 0"},
+        {fit + "--image faces/images/00000.png --lpips-trunk text.png --lpips-heads random", "text.png: "},
     };
     check_refused(calls, failed);
 }

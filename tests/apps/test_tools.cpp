@@ -202,6 +202,36 @@ TEST_CASE("stymo-eval scores the faces that were asked for, and the fitted codes
     CHECK_THAT(text.out, Catch::Contains("initial") && !Catch::Contains("fitted"));
 }
 
+TEST_CASE("LPIPS is measured where it was asked for, and random weights are called so") {
+    const std::string eval = "stymo-eval --model run/model.safetensors --data faces --ids 10 --lpips squeeze ";
+    const std::string random = "--lpips-trunk random --lpips-heads random ";
+    const json scores = json::parse(done(eval + random + "--json").out);
+    CHECK(scores["mean"]["initial"]["lpips"].is_number());
+    CHECK(scores["lpips_network"] == "squeezenet1_1, random weights");
+    CHECK_THAT(done(eval + random).out, Catch::Contains("LPIPS: squeezenet1_1, random weights"));
+
+    const std::string options = "--image faces/images/00001.png --out perceptual --steps 2 --json ";
+    const json report = json::parse(done(fit + options + random + "--perceptual-weight 0.5").out);
+    CHECK(report["fitted"]["lpips"].is_number());
+    CHECK(report["lpips_network"] == "vgg16, random weights");
+}
+
+TEST_CASE("stymo-eval pair compares two pictures") {
+    const std::string pair = "stymo-eval pair faces/images/00000.png faces/images/00001.png ";
+    const json plain = json::parse(done(pair + "--json").out);
+    CHECK(keys(plain) == std::set<std::string>{"l1", "l1_mean", "ssim", "psnr"});
+    const json measured = json::parse(done(pair + "--lpips alex --lpips-trunk random --lpips-heads random --json").out);
+    CHECK(measured["l1"] == plain["l1"]);
+    double total = 0.0;
+    for (const json& term : measured["lpips_terms"]) total += term.get<double>();
+    CHECK(measured["lpips_terms"].size() == 5);
+    CHECK(measured["lpips"].get<double>() == Approx(total));
+    CHECK(measured["lpips_network"] == "alexnet, random weights");
+    CHECK_THAT(done(pair).out, Catch::Contains("PSNR") && !Catch::Contains("LPIPS"));
+    const json equal = json::parse(done("stymo-eval pair faces/images/00000.png faces/images/00000.png --json").out);
+    CHECK(equal["l1"] == 0.0);
+}
+
 TEST_CASE("stymo-prep makes a folder that trains, and names what it left out") {
     const fs::path& folder = stymo::tiny_run();
     fs::create_directories(folder / "photos");

@@ -150,6 +150,23 @@ TEST_CASE("A segment runs once more for each backward pass, whatever is asked of
     CHECK(runs == 4);
 }
 
+TEST_CASE("A gradient taken at once is the gradient, and nothing of the function's graph is kept", "[recompute]") {
+    const auto function = [](const Variable& x) { return sum(square(sin(x)) * exp(x)); };
+    const Variable x = Variable::leaf(normal({3, 4}, 1, DType::float32));
+    const Variable kept = grad(function(square(x)) * 3.0, x);
+    const LiveNodes live;
+    {
+        const Variable y = differentiate_at_once(function, square(x));
+        CHECK(live.added() == 2);
+        CHECK(identical(y.value(), function(square(x)).value()));
+        CHECK(check_close(grad(y * 3.0, x).value(), kept.value(), 1e-6).passed);
+    }
+    CHECK(live.added() == 0);
+    CHECK_FALSE(differentiate_at_once(function, x.detach()).tracked());
+    CHECK_THROWS_AS(differentiate_at_once([](const Variable& v) { return exp(v); }, x), GradientError);
+    CHECK_THROWS_AS(grad(differentiate_at_once(function, x), x, {.create_graph = true, .dL_dy = {}}), GradientError);
+}
+
 TEST_CASE("A segment without anything tracked is computed once and recorded nowhere", "[recompute]") {
     const LiveNodes live;
     const Variable y = recompute([](std::span<const Variable> inputs) { return exp(inputs[0]); }, {normal({3}, 1)});

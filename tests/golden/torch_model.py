@@ -54,19 +54,28 @@ class Philox:
         return torch.from_numpy((bits >> numpy.uint64(11)).astype(numpy.float64) * 2.0**-53).reshape(shape)
 
 
-def numbers(name, *shape):
-    """Uniform in +-1.75, of deviation 1, a function of the name alone; float64 that float32 holds exactly."""
-    return ((Philox(1).split(name).uniform(*shape) - 0.5) * 3.5).float().double()
+class Numbers:
+    """Weights and inputs that both sides make: functions of a seed and a name (tests/support/golden.h)."""
+
+    def __init__(self, seed):
+        self.random = Philox(seed)
+
+    def __call__(self, name, *shape):
+        """Uniform in +-1.75, of deviation 1; float64 that float32 holds exactly."""
+        return ((self.random.split(name).uniform(*shape) - 0.5) * 3.5).float().double()
+
+
+numbers = Numbers(1)
 
 
 class Parameters:
-    """Makes the parameters that layers ask for, and keeps them in order. The C++ tests make the same (tests/support/golden.h)."""
+    """Makes the parameters that layers ask for, and keeps them in order."""
 
-    def __init__(self):
-        self.tensors = {}
+    def __init__(self, numbers=numbers):
+        self.numbers, self.tensors = numbers, {}
 
     def __call__(self, name, *shape, scale=1.0, offset=0.0):
-        self.tensors[name] = (numbers(name, *shape) * scale + offset).float().double().requires_grad_()
+        self.tensors[name] = (self.numbers(name, *shape) * scale + offset).float().double().requires_grad_()
         return self.tensors[name]
 
 
@@ -240,24 +249,21 @@ class Decoder:
             inputs, side = channels, 2 * side
         self.logit = Equalised(create, f"{name}.mask.logit", size.mask_channels, 1)
 
-    def __call__(self, z, poses, samples, uniforms=None, resolution=None):
+    def __call__(self, z, rays):
         """Everything that the losses see: images, mask_logit, feature_map, weights, transmittance and depths."""
         w = {group: mapping(z[group]) for group, mapping in self.mapping.items()}
         appearance = torch.cat([w["tex"], w["light"]], 1)
         side = self.size.rays_per_side
-        points, deltas, depths = sample_rays(poses, side, samples, uniforms)
+        points, deltas, depths = rays
         density, features = self.field(points, torch.cat([w["id"], w["expr"]], 1))
         alpha = 1.0 - torch.exp(-density * deltas)
         passed = torch.cumprod(1.0 - alpha, 3)
         weights = alpha * torch.cat([torch.ones_like(alpha[..., :1]), passed[..., :-1]], 3)
-        x = (weights * features).sum(3).reshape(len(poses), -1, side, side)
+        x = (weights * features).sum(3).reshape(len(points), -1, side, side)
         result = {"feature_map": x, "weights": weights[:, 0], "transmittance": passed[:, 0, :, -1:], "depths": depths[:, 0]}
         result["images"] = []
         rgb = total = None
         for (upsampler, first, second, to_rgb), lateral in zip(self.blocks, self.laterals):
-            side *= 2
-            if resolution is not None and side > resolution:
-                break
             x = second(first(upsampler(x), appearance), appearance)
             rgb = to_rgb(x) if rgb is None else to_rgb(x) + blur(doubled(rgb))
             result["images"].append(torch.tanh(rgb))
@@ -304,7 +310,7 @@ class Encoder:
 
 
 def photometric_loss(images, targets, weights):
-    return sum(weight * (image - target).abs().mean() for image, target, weight in zip(images, targets, weights))
+    return sum(weight * F.l1_loss(image, target) for image, target, weight in zip(images, targets, weights))
 
 
 def code_loss(z, codes, present, weights):

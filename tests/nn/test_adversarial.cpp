@@ -71,11 +71,7 @@ struct Judge {
         store.convert(DType::float64);
     }
     Variable operator()(const Variable& images) const { return discriminator(images); }
-    [[nodiscard]] std::vector<Variable> leaves() const {
-        std::vector<Variable> result;
-        for (const Parameter& parameter : store.all()) result.push_back(parameter.variable());
-        return result;
-    }
+    [[nodiscard]] std::vector<Variable> leaves() const { return variables_of(store.all()); }
 };
 
 }  // namespace

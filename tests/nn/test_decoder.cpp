@@ -206,7 +206,8 @@ TEST_CASE("recomputation changes images and gradients by rounding at most") {
         CHECK(recomputed.nodes < kept.nodes);
         for (std::size_t i = 0; i < kept.values.size(); ++i) {
             CHECK(check_close(recomputed.values[i], kept.values[i], 1e-6).passed);
-            if (rays != 77) CHECK(identical(recomputed.values[i], kept.values[i]));
+            // Blocks are computed image by image, so that their rows end elsewhere in the product's tiles.
+            if (!blocks) CHECK(identical(recomputed.values[i], kept.values[i]));
         }
         for (std::size_t i = 0; i < kept.gradients.size(); ++i) {
             const CloseReport report = check_close(recomputed.gradients[i].value(), kept.gradients[i].value(), 1e-5);

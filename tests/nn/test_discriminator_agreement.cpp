@@ -32,11 +32,9 @@ Tensor picture(const std::string& name, const Case& c, DType dtype) {
 }
 
 Tensors gradients(const Variable& loss, const ParameterStore& store) {
-    std::vector<Variable> leaves;
-    for (const Parameter& parameter : store.all()) leaves.push_back(parameter.variable());
-    const std::vector<Variable> found = grad(loss, leaves);
+    const std::vector<Variable> found = grad(loss, variables_of(store.all()));
     Tensors result;
-    for (std::size_t i = 0; i < leaves.size(); ++i) result[store.all()[i].name()] = found[i].value();
+    for (std::size_t i = 0; i < found.size(); ++i) result[store.all()[i].name()] = found[i].value();
     return result;
 }
 

@@ -1,7 +1,5 @@
 #include <catch2/catch.hpp>
-#include <cstdlib>
 #include <filesystem>
-#include <iostream>
 #include <string>
 #include <vector>
 
@@ -12,6 +10,7 @@
 #include "nn/models/backbones/iresnet.h"
 #include "support/check_close.h"
 #include "support/error_message.h"
+#include "support/golden.h"
 
 using namespace stymo;
 using namespace stymo::test;
@@ -42,9 +41,9 @@ void check_against(const TensorFile& file, const IresnetLayout& layout, DType dt
     const Variable x = Variable::leaf(expected("x").to(dtype));
     const Variable y = (*backbone)(x);
     check("y", y);
-    std::vector<Variable> xs{x};
     const std::vector<Parameter> parameters = store.trainable();
-    for (const Parameter& parameter : parameters) xs.push_back(parameter.variable());
+    std::vector<Variable> xs = variables_of(parameters);
+    xs.insert(xs.begin(), x);
     const std::vector<Variable> gradients = grad(y, xs, {.dL_dy = expected("dL_dy").to(dtype)});
     check("dL_dx", gradients[0]);
     for (std::size_t i = 0; i < parameters.size(); ++i)
@@ -60,12 +59,9 @@ TEST_CASE("a tiny iresnet and all of its gradients agree with PyTorch") {
 }
 
 TEST_CASE("iresnet50 at true size and all of its gradients agree with PyTorch", "[slow]") {
-    const char* folder = std::getenv("STYMO_GOLDEN");
-    if (folder == nullptr || !std::filesystem::exists(std::filesystem::path(folder) / "iresnet50.safetensors")) {
-        std::cout << "skipped: no golden vectors\n";
-        return;
-    }
-    const TensorFile file = read_tensor_file(std::filesystem::path(folder) / "iresnet50.safetensors");
+    const auto folder = golden_folder();
+    if (!folder) return;
+    const TensorFile file = read_tensor_file(*folder / "iresnet50.safetensors");
     check_against(file, {.blocks = {3, 4, 14, 3}}, DType::float64, 1e-8);
     check_against(file, {.blocks = {3, 4, 14, 3}}, DType::float32, 1e-4);
 }

@@ -87,17 +87,6 @@ TEST_CASE("Adam goes on bit for bit from what it saved") {
                       Catch::Contains("state.safetensors") && Catch::Contains("b"));
 }
 
-TEST_CASE("a parameter that Adam forgot starts anew") {
-    ParameterStore store = two_parameters();
-    Adam adam;
-    run(adam, store, 0, 5);
-    adam.forget("b");
-    TensorFile file;
-    adam.save(file, "");
-    CHECK(file.tensors.contains("a.steps"));
-    CHECK_FALSE(file.tensors.contains("b.steps"));
-}
-
 TEST_CASE("Adam refuses gradients that do not fit") {
     const ParameterStore store = two_parameters();
     Adam adam;

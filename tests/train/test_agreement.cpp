@@ -3,204 +3,78 @@
 #include "core/autograd/grad.h"
 #include "core/ops/ops.h"
 #include "nn/optim/adam.h"
-#include "support/golden.h"
-#include "train/reconstruction_stage.h"
+#include "train/agreement_case.h"
 
 using namespace stymo;
 using namespace stymo::test;
 
-// The numbers are PyTorch's, in float64: tests/golden/make_agreement_vectors.py, which has the same sizes.
+// The numbers are PyTorch's, in float64: tests/golden/make_agreement_vectors.py.
 namespace {
 
-using Tensors = std::map<std::string, Tensor>;
-
-constexpr std::array<std::array<double, 6>, 2> poses{{{0.2, -0.1, 0.05, 0.9, 0.6, 5.1}, {-0.3, 0.15, -0.1, -1.4, -0.7, 5.4}}};
-
-struct AgreementCase {
-    GoldenVectors vectors;
-    DecoderConfig decoder;  ///< of the decoder alone
-    DecoderConfig stage;    ///< of the training steps
-    std::int64_t samples;
-    std::int64_t head_width;
-    bool report;  ///< whether to print the errors
-};
-
-DecoderConfig decoder_config(std::int64_t resolution, std::int64_t width, std::int64_t layers, std::int64_t features,
-                             std::int64_t frequencies, std::vector<std::int64_t> blocks, std::int64_t mask, std::int64_t mapping,
-                             std::int64_t rays_per_side = 32) {
-    DecoderConfig config;
-    config.resolution = resolution;
-    config.field_width = width;
-    config.field_layers = layers;
-    config.feature_channels = features;
-    config.frequencies = frequencies;
-    config.block_channels = std::move(blocks);
-    config.mask_channels = mask;
-    config.mapping_layers = mapping;
-    config.rays.rays_per_side = rays_per_side;
-    return config;
-}
-
-AgreementCase small_case() {
-    return {.vectors = {STYMO_SOURCE_DIR "/tests/golden/agreement_vectors.safetensors", true},
-            .decoder = decoder_config(16, 8, 4, 6, 2, {5, 4}, 3, 2, 4),
-            .stage = decoder_config(64, 8, 2, 8, 3, {6}, 2, 2),
-            .samples = 5,
-            .head_width = 8,
-            .report = false};
-}
-
-/// The paper's decoder cut at 64 pixels.
-AgreementCase full_case(const std::filesystem::path& folder) {
-    const DecoderConfig size = decoder_config(64, 256, 8, 256, 10, {128}, 16, 4);
-    return {.vectors = {folder / "agreement_vectors.safetensors", false},
-            .decoder = size,
-            .stage = size,
-            .samples = 8,
-            .head_width = 512,
-            .report = true};
-}
-
-/// (B, side, side, channels) in [-1, 1]
-Tensor picture(const std::string& name, std::int64_t side, DType dtype, std::int64_t channels = 3) {
-    Tensor values = golden_numbers(name, {poses.size(), side, side, channels});
-    for (double& value : values.mutable_values<double>()) value = static_cast<float>(value / 1.75);
-    return values.to(dtype);
-}
-
-Tensor mask(const std::string& name, std::int64_t side, DType dtype) {
-    return affine(Variable(picture(name, side, DType::float64, 1)), 0.5, 0.5).value().to(dtype);
-}
-
-std::array<Tensor, 4> codes(const std::string& prefix, DType dtype) {
-    std::array<Tensor, 4> result;
-    for (std::size_t i = 0; i < result.size(); ++i)
-        result[i] = golden_numbers(prefix + "." + code_names[i], {poses.size(), code_sizes[i]}).to(dtype);
-    return result;
-}
-
-std::vector<Camera> cameras() {
-    std::vector<Camera> result;
-    for (const auto& [yaw, pitch, roll, x, y, z] : poses) result.push_back(camera_from_pose({yaw, pitch, roll, {x, y, z}}, {}));
-    return result;
-}
-
-Tensors by_name(const std::vector<Parameter>& parameters, const std::vector<Variable>& gradients) {
-    Tensors result;
-    for (std::size_t i = 0; i < parameters.size(); ++i) result[parameters[i].name()] = gradients[i].value();
-    return result;
-}
-
-Tensors values_of(const std::vector<Parameter>& parameters) {
-    Tensors result;
-    for (const Parameter& parameter : parameters) result[parameter.name()] = parameter.variable().value();
-    return result;
-}
-
 void decoder_agrees(const AgreementCase& agreement, DType dtype) {
-    Rng rng(1);
+    Rng unused(1);
     ParameterStore store;
-    const Decoder decoder(agreement.decoder, store, "decoder", rng);
-    set_golden_parameters(store, dtype);
+    const Decoder decoder(agreement.decoder, store, "decoder", unused);
+    set_golden_parameters(store, dtype, agreement.seed);
     Codes z;
-    const std::array<Tensor, 4> numbers = codes("decoder.z", dtype);
-    for (std::size_t i = 0; i < numbers.size(); ++i) z.groups[i] = Variable::leaf(numbers[i]);
-    const Decoded decoded = decoder(z, cameras(), {.samples_per_ray = agreement.samples, .mask = true});
+    const std::array<Tensor, 4> codes = agreement.codes("z", dtype);
+    for (std::size_t i = 0; i < codes.size(); ++i) z.groups[i] = Variable::leaf(codes[i]);
+    const Decoded decoded = decoder(z, agreement.cameras(), {.samples_per_ray = agreement.samples, .mask = true});
 
     std::map<std::string, Variable> outputs{{"feature_map", decoded.feature_map}, {"mask_logit", decoded.mask_logit}};
     for (std::size_t i = 0; i < decoded.images.size(); ++i) outputs["image" + std::to_string(i)] = decoded.images[i];
     Tensors values;
-    Variable loss;
+    Variable loss = Tensor::zeros({}, dtype);
     for (const auto& [name, output] : outputs) {
         values[name] = output.value();
-        const Variable term = mean(square(output));
-        loss = loss.defined() ? loss + term : term;
+        loss = loss + mean(square(output));
     }
-    agreement.vectors.check("decoder/output", values, agreement.report);
+    agreement.check("output", values);
 
-    std::vector<Variable> leaves;
-    for (const Parameter& parameter : store.all()) leaves.push_back(parameter.variable());
+    std::vector<Variable> leaves = variables_of(store.all());
     leaves.insert(leaves.end(), z.groups.begin(), z.groups.end());
     const std::vector<Variable> gradients = grad(loss, leaves);
-    Tensors named = by_name(store.all(), gradients);
+    Tensors named = gradients_of(store.all(), gradients);
     for (std::size_t i = 0; i < z.groups.size(); ++i)
         named[std::string("z.") + code_names[i]] = gradients[store.all().size() + i].value();
-    agreement.vectors.check("decoder/gradient", named, agreement.report);
+    agreement.check("gradient", named);
 }
 
-TrainConfig stage_config(const AgreementCase& agreement) {
-    TrainConfig config;
-    config.model.decoder = agreement.stage;
-    config.model.encoder.backbone = "small_conv";
-    config.model.encoder.head_width = agreement.head_width;
-    config.model.reconstruction.resolution_weights = {0.7};
-    config.model.reconstruction.perceptual_weight = 0.0;
-    config.loss.opacity_weight = 0.2;
-    config.loss.depth_variance_weight = 0.3;
-    config.loss.code_norm_weight = 0.1;
-    config.stage1.samples_per_ray = agreement.samples;
-    return config;
-}
-
-TrainingBatch stage1_batch(DType dtype) {
-    TrainingBatch batch;
-    batch.input = picture("stage1.input", 64, dtype);
-    batch.targets = {picture("stage1.target0", 64, dtype)};
-    batch.mask = mask("stage1.mask", 64, dtype);
-    batch.mask_32 = mask("stage1.mask_32", 32, dtype);
-    batch.cameras = cameras();
-    batch.codes = codes("stage1.code", dtype);
-    batch.code_present = Tensor::from({2}, std::vector{1.0, 0.0}).to(dtype);
-    return batch;
-}
-
-Tensors terms(const LossTerms& losses, DType dtype) {
-    Tensors result;
-    for (const auto& [name, value] : std::initializer_list<std::pair<const char*, double>>{
-             {"total", losses.total},
-             {"reconstruction", losses.reconstruction},
-             {"code", losses.code},
-             {"mask", losses.mask},
-             {"opacity", losses.opacity},
-             {"depth_variance", losses.depth_variance},
-             {"code_norm", losses.code_norm}})
-        result[name] = Tensor::scalar(value, dtype);
-    return result;
-}
-
-void stage1_agrees(const AgreementCase& agreement, DType dtype) {
-    const TrainConfig config = stage_config(agreement);
-    Rng rng(1);
-    Model model(config.model, rng);
-    set_golden_parameters(model.parameters(), dtype);
+void first_stage_agrees(const AgreementCase& agreement, DType dtype) {
+    const TrainConfig config = agreement.config();
+    const Model model = agreement.model(dtype);
     const std::vector<Parameter> parameters = model.parameters().trainable();
-    Rng jitter = Rng(1).split("stage1.jitter");
-    const ReconstructionLoss reconstruction(config.model.reconstruction);
-    const LossAndGradients result =
-        reconstruction_gradients(model, reconstruction, stage1_batch(dtype), config, parameters, true, jitter);
-    agreement.vectors.check("stage1/loss", terms(result.losses, dtype), agreement.report);
-    agreement.vectors.check("stage1/gradient", by_name(parameters, result.gradients), agreement.report);
+    Rng jitter = agreement.jitter();
+    const LossAndGradients result = reconstruction_gradients(model, agreement.reconstruction(dtype), agreement.training_batch(dtype),
+                                                             config, parameters, true, jitter);
+    Tensors losses = common_terms(result.losses, dtype);
+    losses["code"] = Tensor::scalar(result.losses.code, dtype);
+    losses["code_norm"] = Tensor::scalar(result.losses.code_norm, dtype);
+    agreement.check("loss", losses);
+    agreement.check("gradient", gradients_of(parameters, result.gradients));
     Adam({config.optimizer.beta1, config.optimizer.beta2, config.optimizer.epsilon})
         .step(parameters, result.gradients, config.optimizer.learning_rate);
-    agreement.vectors.check("stage1/stepped", values_of(parameters), agreement.report);
+    agreement.check("stepped", values_of(parameters));
 }
 
 }  // namespace
 
 TEST_CASE("a tiny decoder with its rays, images and mask, and all its gradients agree with PyTorch", "[agreement]") {
-    for (const DType dtype : {DType::float64, DType::float32}) decoder_agrees(small_case(), dtype);
+    const AgreementCase agreement = small_agreement("decoder", 9, {16, 8, 4, 6, 2, {5, 4}, 3, 2, 4});
+    for (const DType dtype : {DType::float64, DType::float32}) decoder_agrees(agreement, dtype);
 }
 
 TEST_CASE("a first-stage step of a tiny model agrees with PyTorch", "[agreement]") {
-    for (const DType dtype : {DType::float64, DType::float32}) stage1_agrees(small_case(), dtype);
+    const AgreementCase agreement = small_agreement("stage1", 3, {64, 8, 2, 8, 3, {6, 5}, 2, 2, 16}, "squeezenet1_1");
+    for (const DType dtype : {DType::float64, DType::float32}) first_stage_agrees(agreement, dtype);
 }
 
 TEST_CASE("the paper's decoder at 64 pixels and all its gradients agree with PyTorch", "[agreement][slow]") {
     if (const auto folder = golden_folder())
-        for (const DType dtype : {DType::float64, DType::float32}) decoder_agrees(full_case(*folder), dtype);
+        for (const DType dtype : {DType::float64, DType::float32}) decoder_agrees(full_agreement("decoder", *folder, dtype), dtype);
 }
 
 TEST_CASE("a first-stage step at the paper's width agrees with PyTorch", "[agreement][slow]") {
     if (const auto folder = golden_folder())
-        for (const DType dtype : {DType::float64, DType::float32}) stage1_agrees(full_case(*folder), dtype);
+        for (const DType dtype : {DType::float64, DType::float32}) first_stage_agrees(full_agreement("stage1", *folder, dtype), dtype);
 }

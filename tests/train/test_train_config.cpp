@@ -69,6 +69,15 @@ TEST_CASE("the configuration of the paper has the paper's numbers", "[train_conf
     CHECK(config.optimizer.backbone_frozen_epochs == 1);
     CHECK(config.stage1.batch == 32);
     CHECK(config.stage1.samples_per_ray == 32);
+    CHECK(config.model.encoder.backbone == "iresnet50");
+    CHECK(config.model.reconstruction.perceptual.network == "vgg16");
+    CHECK(config.model.reconstruction.perceptual_weight == 0.1);
+    CHECK(config.loss.adversarial_weight == 0.1);
+    CHECK(config.stage2.resolutions == std::vector<std::int64_t>{64, 128, 256, 512});
+    CHECK(config.stage2.batch == std::vector<std::int64_t>{32, 32, 16, 12});
+    CHECK(config.stage2.samples_per_ray == 64);
+    CHECK(config.stage2.learning_rate == 2e-3);
+    CHECK(config.stage2.discriminator_learning_rate == 1e-4);
 }
 
 TEST_CASE("values that do not fit each other are refused in one line that names them", "[train_config]") {
@@ -80,6 +89,30 @@ TEST_CASE("values that do not fit each other are refused in one line that names 
                Catch::Contains("reconstruction.resolution_weights has 2") && Catch::Contains("512 pixels needs 4"));
     CHECK_THAT(refusal({"loss.code_weights=[1, 1, 1]"}), Catch::Contains("loss.code_weights has 3"));
     CHECK_THAT(refusal({"decoder.rays_per_side=16"}), Catch::Contains("decoder.rays_per_side = 16") && Catch::Contains("32"));
+}
+
+TEST_CASE("a second stage that does not fit the model or itself is refused in one line that names the key", "[train_config]") {
+    CHECK_THAT(refusal({"decoder.resolution=128"}),
+               Catch::Contains("stage2.resolutions = [64, 128, 256, 512]: a model of 128 pixels needs [64, 128]"));
+    CHECK_THAT(refusal({"stage2.resolutions=[128, 256, 512]"}), Catch::Contains("stage2.resolutions = [128, 256, 512]"));
+    for (const std::string key : {"images", "fade_images", "batch", "micro_batch", "r1_gamma"})
+        CHECK_THAT(refusal({"stage2." + key + "=[2, 2]"}),
+                   Catch::Contains("stage2." + key + " has 2 numbers, stage2.resolutions 4"));
+    CHECK_THAT(refusal({"stage2.micro_batch=[8, 8, 5, 4]"}),
+               Catch::Contains("stage2.micro_batch = [8, 8, 5, 4] does not divide"));
+    CHECK_THAT(refusal({"stage2.fade_images=[0, 0, 0, 500001]"}), Catch::Contains("must not exceed stage2.images"));
+    CHECK_THAT(refusal({"stage2.fade_images=[1, 0, 0, 0]"}), Catch::Contains("must begin with 0"));
+    CHECK_THAT(refusal({"discriminator.group_size=3"}), Catch::Contains("discriminator.group_size = 3 does not divide 8"));
+    CHECK_THAT(refusal({"stage2.images=[0, 1, 1, 1]"}), Catch::Contains("stage2.images"));
+}
+
+TEST_CASE("an empty list of resolutions is no second stage, whatever the other lists hold", "[train_config]") {
+    const ScratchFolder folder;
+    write_text_file(folder / "config.json", "{}");
+    const TrainConfig config =
+        load_train_config(folder / "config.json", {"stage2.resolutions=[]", "decoder.resolution=64", "stage2.batch=[3]"});
+    CHECK(config.stage2.resolutions.empty());
+    CHECK_NOTHROW(load_train_config(folder / "config.json", {"loss.adversarial_weight=0", "discriminator.group_size=3"}));
 }
 
 TEST_CASE("an unknown key, a wrong type and a value out of range are refused", "[train_config]") {

@@ -3,7 +3,6 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "core/error.h"
 #include "core/io/file.h"
@@ -38,26 +37,12 @@ fs::path checkpoint(const fs::path& run, std::int64_t step) {
     return run / "checkpoints" / ("00000" + std::to_string(step));
 }
 
-std::vector<nlohmann::json> statistics(const fs::path& folder) {
-    std::istringstream lines(read_text_file(folder / "stats.jsonl"));
-    std::vector<nlohmann::json> result;
-    for (std::string line; std::getline(lines, line);) {
-        result.push_back(nlohmann::json::parse(line));
-        result.back().erase("images_per_second");
-    }
-    return result;
-}
-
 TensorFile state_at(const fs::path& run, std::int64_t step) {
     return read_tensor_file(checkpoint(run, step) / "state.safetensors");
 }
 
 TensorFile weights_at(const fs::path& run, std::int64_t step) {
     return read_tensor_file(checkpoint(run, step) / "model.safetensors");
-}
-
-bool has_prefix(const TensorFile& file, const std::string& prefix) {
-    return std::ranges::any_of(file.tensors, [&](const auto& entry) { return entry.first.starts_with(prefix); });
 }
 
 /// Whether any tensor below the prefix differs.
@@ -272,4 +257,21 @@ TEST_CASE("the plan of both stages counts the discriminator and measures what it
     CHECK(plan.phases[2].step_seconds > 0.0);
     CHECK_THAT(plan_text(plan), Catch::Contains("discriminator") && Catch::Contains("stage 2,   64 2 steps of 2 images"));
     for (const PhasePlan& phase : plan_of(MeasuredPhases::none).phases) CHECK_FALSE(phase.measured);
+}
+
+TEST_CASE("random weights of LPIPS are reported as such by the plan and by the run", "[two_stages]") {
+    TrainConfig config = tiny_two_stage_config();
+    config.stage2.resolutions = {};
+    config.stage1.steps = 1;
+    config.model.reconstruction.perceptual_weight = 0.1;
+    config.model.reconstruction.perceptual = {.network = "squeezenet1_1", .trunk = "random", .heads = "random"};
+    const ScratchFolder folder;
+    train(config, folder / "run");
+    CHECK_THAT(read_text_file(folder / "run/log.txt"), Catch::Contains("LPIPS: squeezenet1_1, random weights"));
+
+    Trainer trainer(config, faces(), nullptr, 5);
+    const TrainingPlan plan = measure_plan(trainer, config, faces(), MeasuredPhases::none);
+    CHECK(plan.lpips_network == "squeezenet1_1, random weights");
+    CHECK_THAT(plan_text(plan), Catch::Contains("LPIPS         squeezenet1_1, random weights"));
+    CHECK(nlohmann::json::parse(to_json(plan).text())["lpips_network"] == "squeezenet1_1, random weights");
 }

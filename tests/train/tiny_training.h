@@ -1,5 +1,12 @@
 #pragma once
 
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "core/io/file.h"
 #include "core/io/scratch_folder.h"
 #include "render/morphable/builtin_head.h"
 #include "support/tiny_model.h"
@@ -62,6 +69,17 @@ namespace stymo::test {
 
 [[nodiscard]] inline Dataset synthetic_dataset(std::int64_t side = 64) {
     return {synthetic_folder(), side, tiny_train_config().data, Split::all};
+}
+
+/// The lines of stats.jsonl without the speed, which no two runs share.
+[[nodiscard]] inline std::vector<nlohmann::json> statistics(const std::filesystem::path& folder) {
+    std::istringstream lines(read_text_file(folder / "stats.jsonl"));
+    std::vector<nlohmann::json> result;
+    for (std::string line; std::getline(lines, line);) {
+        result.push_back(nlohmann::json::parse(line));
+        result.back().erase("images_per_second");
+    }
+    return result;
 }
 
 }  // namespace stymo::test

@@ -116,7 +116,7 @@ struct Lpips::Implementation {
 
     Implementation(const LpipsConfig& settings, const TrunkDescription& description, Rng rng)
         : config(settings), trunk(description, store, trunk_prefix, rng) {
-        const std::vector<std::int64_t> channels = trunk.tap_channels();
+        const std::vector<std::int64_t> channels = tap_channels(description);
         for (std::size_t k = 0; k < channels.size(); ++k) {
             heads.push_back(store.create(heads_prefix + ("lin" + std::to_string(k)), Tensor::full({1, 1, 1, channels[k]}, 1.0)));
         }

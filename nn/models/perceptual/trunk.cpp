@@ -81,6 +81,13 @@ const std::vector<TrunkDescription>& trunk_descriptions() {
     return all;
 }
 
+std::vector<std::int64_t> tap_channels(const TrunkDescription& description) {
+    std::vector<std::int64_t> channels;
+    for (const TrunkLayer& layer : description.layers)
+        if (layer.tap) channels.push_back(layer.out);
+    return channels;
+}
+
 Trunk::Trunk(const TrunkDescription& description, ParameterStore& store, const std::string& prefix, Rng& rng)
     : pool_ceil_mode_(description.pool_ceil_mode) {
     std::int64_t in = 3;
@@ -122,13 +129,6 @@ std::vector<Variable> Trunk::operator()(const Variable& images) const {
         if (stage.layer.tap) taps.push_back(x);
     }
     return taps;
-}
-
-std::vector<std::int64_t> Trunk::tap_channels() const {
-    std::vector<std::int64_t> channels;
-    for (const Stage& stage : stages_)
-        if (stage.layer.tap) channels.push_back(stage.layer.out);
-    return channels;
 }
 
 std::int64_t Trunk::smallest_side() const {

@@ -38,6 +38,7 @@ struct TrunkDescription {
 
 /// vgg16, alexnet and squeezenet1_1 up to their last tap (Simonyan and Zisserman 2015, Krizhevsky 2014, Iandola et al. 2016).
 [[nodiscard]] const std::vector<TrunkDescription>& trunk_descriptions();
+[[nodiscard]] std::vector<std::int64_t> tap_channels(const TrunkDescription& description);
 
 /// The feature stack of one of these networks.
 class Trunk {
@@ -48,7 +49,6 @@ public:
 
     /// What leaves the taps for images (B, S, S, 3), normalised as the network expects; S at least smallest_side().
     [[nodiscard]] std::vector<Variable> operator()(const Variable& images) const;
-    [[nodiscard]] std::vector<std::int64_t> tap_channels() const;
     [[nodiscard]] std::int64_t smallest_side() const;
 
 private:
