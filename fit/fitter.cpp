@@ -43,7 +43,7 @@ FitResult fit_codes(const Model& model, const ReconstructionLoss& reconstruction
     const auto batch = static_cast<double>(result.initial.batch());
     const Offsets offsets(result.initial);
     ReconstructionLoss::Target photos;
-    if (options.steps > 0) photos = reconstruction_loss.target(target.targets);
+    if (options.steps > 0) photos = reconstruction_loss.kept_target(target.targets);
     Adam adam;
     double learning_rate = options.learning_rate;
     for (std::int64_t step = 0; step < options.steps && !interrupted(); ++step) {

@@ -8,6 +8,7 @@
 #include "core/ops/ops.h"
 #include "nn/adversarial.h"
 #include "train/loss_sum.h"
+#include "train/memory_estimate.h"
 
 namespace stymo {
 
@@ -97,9 +98,16 @@ LossAndGradients generator_gradients(const Model& model, const Discriminator* di
     // The branch sums up the features of every block, so it is trained where all of them are there.
     const bool with_mask = mask_loss && weights.mask_weight > 0.0 && phase.resolution == model.decoder().config().resolution;
     const Codes codes = detached(model.encoder()(Variable(batch.input)));
-    const Decoded decoded = model.decoder()(
-        codes, batch.cameras,
-        {.samples_per_ray = phase.samples_per_ray, .resolution = phase.resolution, .mask = with_mask, .jitter = &jitter});
+    const Recomputation recomputation = choose_recomputation(
+        config,
+        {.stage = 2, .resolution = phase.resolution, .micro_batch = codes.batch(), .samples_per_ray = phase.samples_per_ray});
+    const Decoded decoded = model.decoder()(codes, batch.cameras,
+                                            {.samples_per_ray = phase.samples_per_ray,
+                                             .resolution = phase.resolution,
+                                             .mask = with_mask,
+                                             .recomputed_rays = recomputation.rays,
+                                             .recompute_blocks = recomputation.blocks,
+                                             .jitter = &jitter});
 
     LossAndGradients result;
     LossTerms& report = result.losses;

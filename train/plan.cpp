@@ -2,6 +2,7 @@
 
 #include <sys/resource.h>
 
+#include <cmath>
 #include <iomanip>
 #include <sstream>
 
@@ -51,6 +52,12 @@ std::string network_of(const Lpips* lpips) {
     return lpips == nullptr ? "" : lpips->label();
 }
 
+std::string recomputation_text(const Recomputation& recomputation) {
+    std::string text = recomputation.blocks ? ", render blocks computed twice" : "";
+    if (recomputation.rays > 0) text += ", and the field, " + std::to_string(recomputation.rays) + " rays at a time";
+    return text;
+}
+
 }  // namespace
 
 TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config, const Dataset& training, MeasuredPhases measured) {
@@ -65,6 +72,9 @@ TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config, const Dat
         const double images = static_cast<double>(phase.steps * phase.batch);
         PhasePlan& part =
             plan.phases.emplace_back(PhasePlan{.phase = phase, .epochs = images / static_cast<double>(plan.images)});
+        part.recomputation = choose_recomputation(config, phase);
+        part.estimated_megabytes =
+            static_cast<double>(estimate_step_memory(config, phase, part.recomputation).peak()) / 1048576.0;
         const bool at_an_end = &phase == &phases.front() || &phase == &phases.back();
         if (measured == MeasuredPhases::all || (measured == MeasuredPhases::ends && at_an_end)) measure(part, trainer, config);
     }
@@ -82,7 +92,8 @@ std::string plan_text(const TrainingPlan& plan) {
         const TrainingPhase& phase = part.phase;
         text << "stage " << phase.stage << ", " << std::setw(4) << phase.resolution << ' ' << phase.steps << " steps of "
              << phase.batch << " images (" << phase.micro_batch << " at once), " << phase.samples_per_ray << " samples per ray, "
-             << part.epochs << " epochs\n";
+             << part.epochs << " epochs\n  memory      about " << std::llround(part.estimated_megabytes) << " MiB"
+             << recomputation_text(part.recomputation) << '\n';
         if (!part.measured) continue;
         text << "  one step    " << part.step_seconds << " s, loss " << part.step_loss << ", peak memory " << part.peak_megabytes
              << " MiB\n  all steps   " << duration_text(part.step_seconds * static_cast<double>(phase.steps)) << '\n';
@@ -100,7 +111,10 @@ JsonValue to_json(const TrainingPlan& plan) {
                                              {"batch", part.phase.batch},
                                              {"micro_batch", part.phase.micro_batch},
                                              {"samples_per_ray", part.phase.samples_per_ray},
-                                             {"epochs", part.epochs}});
+                                             {"epochs", part.epochs},
+                                             {"recomputed_blocks", part.recomputation.blocks},
+                                             {"recomputed_rays", part.recomputation.rays},
+                                             {"estimated_megabytes", part.estimated_megabytes}});
         if (part.measured) {
             phase.add("step_seconds", part.step_seconds);
             phase.add("step_loss", part.step_loss);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/io/json_writer.h"
+#include "train/memory_estimate.h"
 #include "train/trainer.h"
 
 namespace stymo {
@@ -12,6 +13,8 @@ namespace stymo {
 struct PhasePlan {
     TrainingPhase phase;
     double epochs = 0.0;  ///< passes over the training images
+    Recomputation recomputation{};
+    double estimated_megabytes = 0.0;  ///< peak memory of a step
     bool measured = false;
     double step_seconds = 0.0;  ///< of a step, with its share of R1; 0 unless measured, as what follows
     double step_loss = 0.0;     ///< of the first step

@@ -4,6 +4,7 @@
 #include "core/ops/ops.h"
 #include "nn/losses.h"
 #include "train/loss_sum.h"
+#include "train/memory_estimate.h"
 
 namespace stymo {
 
@@ -40,8 +41,17 @@ LossAndGradients reconstruction_gradients(const Model& model, const Reconstructi
     const LossConfig& weights = config.loss;
     const Codes codes = model.encoder()(Variable(batch.input));
     const bool with_mask = mask_loss && weights.mask_weight > 0.0;
-    const Decoded decoded = model.decoder()(
-        codes, batch.cameras, {.samples_per_ray = config.stage1.samples_per_ray, .mask = with_mask, .jitter = &jitter});
+    const std::int64_t samples_per_ray = config.stage1.samples_per_ray;
+    const Recomputation recomputation = choose_recomputation(config, {.stage = 1,
+                                                                      .resolution = config.model.decoder.resolution,
+                                                                      .micro_batch = codes.batch(),
+                                                                      .samples_per_ray = samples_per_ray});
+    const Decoded decoded = model.decoder()(codes, batch.cameras,
+                                            {.samples_per_ray = samples_per_ray,
+                                             .mask = with_mask,
+                                             .recomputed_rays = recomputation.rays,
+                                             .recompute_blocks = recomputation.blocks,
+                                             .jitter = &jitter});
 
     LossAndGradients result;
     LossTerms& report = result.losses;

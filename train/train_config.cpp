@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/error.h"
+#include "train/memory_estimate.h"
 
 namespace stymo {
 
@@ -146,6 +147,15 @@ void check_stage2(const TrainConfig& config, const std::string& source) {
     }
 }
 
+void check_memory(const TrainConfig& config, const std::string& source) {
+    try {
+        const TrainingSchedule schedule(config);
+        for (const TrainingPhase& phase : schedule.phases()) static_cast<void>(choose_recomputation(config, phase));
+    } catch (const ConfigError& error) {
+        fail<ConfigError>(source, ": ", error.what());
+    }
+}
+
 void check(const TrainConfig& config, const std::string& source) {
     if (config.stage1.batch % config.stage1.micro_batch != 0) {
         fail<ConfigError>(source, ": stage1.micro_batch = ", config.stage1.micro_batch,
@@ -170,6 +180,7 @@ void check(const TrainConfig& config, const std::string& source) {
                           " numbers; id, expr, tex and light need one each");
     }
     check_stage2(config, source);
+    check_memory(config, source);
 }
 
 }  // namespace

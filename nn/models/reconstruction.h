@@ -22,10 +22,13 @@ public:
     /// Photos on black with what is computed of them only once.
     struct Target {
         std::vector<Tensor> pictures;  ///< (B, s, s, 3) in [-1, 1], background -1, for s = 64, 128, ... up to the resolution R
-        Lpips::Features features;      ///< of the largest picture; empty without the perceptual term
+        /// Of each face's largest picture; empty: computed where they are needed, one face at a time, and let go again.
+        std::vector<Lpips::Features> features;
     };
-    /// `pictures` up to the side `resolution` (0: all of them).
+    /// `pictures` up to the side `resolution` (0: all of them), without features: for a target that is used once.
     [[nodiscard]] Target target(std::span<const Tensor> pictures, std::int64_t resolution = 0) const;
+    /// All `pictures`, with the features of the largest ones if there is a perceptual term: for a target that stays the same.
+    [[nodiscard]] Target kept_target(std::span<const Tensor> pictures) const;
 
     struct Terms {
         Variable total;        ///< weighted sum, a scalar: mean over the batch

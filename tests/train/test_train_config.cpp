@@ -34,6 +34,15 @@ std::string refusal(const std::vector<std::string>& overrides) {
 
 }  // namespace
 
+TEST_CASE("a memory budget that no step fits is refused, with the key and what would do", "[train_config]") {
+    const std::string message = refusal({"memory.budget_gibibytes=0.5"});
+    CHECK(message.find("memory.budget_gibibytes = 0.5") != std::string::npos);
+    CHECK(message.find("it needs ") != std::string::npos);
+    const ScratchFolder folder;
+    write_text_file(folder / "config.json", "{}");
+    CHECK_NOTHROW(load_train_config(folder / "config.json", {"memory.budget_gibibytes=12"}));
+}
+
 TEST_CASE("every configuration that comes with the project is accepted and describes a model that can be made",
           "[train_config]") {
     REQUIRE_FALSE(configuration_files().empty());

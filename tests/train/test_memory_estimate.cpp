@@ -1,0 +1,192 @@
+#include <catch2/catch.hpp>
+
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
+
+#include <fstream>
+#include <optional>
+
+#include "core/autograd/grad.h"
+#include "core/error.h"
+#include "core/ops/ops.h"
+#include "support/check_close.h"
+#include "train/memory_estimate.h"
+#include "train/reconstruction_stage.h"
+#include "train/tiny_training.h"
+
+using namespace stymo;
+using namespace stymo::test;
+using Catch::Matchers::Contains;
+
+namespace {
+
+constexpr double mebibyte = 1024.0 * 1024.0;
+
+TrainingPhase phase_of(const TrainConfig& config, int stage, std::int64_t micro_batch) {
+    return {.stage = stage,
+            .resolution = config.model.decoder.resolution,
+            .micro_batch = micro_batch,
+            .samples_per_ray = stage == 1 ? config.stage1.samples_per_ray : config.stage2.samples_per_ray};
+}
+
+/// The paper's network without a perceptual term.
+TrainConfig paper() {
+    TrainConfig config;
+    config.model.reconstruction.perceptual_weight = 0.0;
+    return config;
+}
+
+double peak(const TrainConfig& config, int stage, std::int64_t micro_batch, const Recomputation& recomputation) {
+    return static_cast<double>(estimate_step_memory(config, phase_of(config, stage, micro_batch), recomputation).peak());
+}
+
+/// Of the process, in bytes; 0 where the system does not say.
+double memory_status(const std::string& key) {
+    std::ifstream status("/proc/self/status");
+    for (std::string word; status >> word;) {
+        double kibibytes = 0.0;
+        if (word == key && status >> kibibytes) return 1024.0 * kibibytes;
+    }
+    return 0.0;
+}
+
+/// What `work` takes at most beyond what the process holds already, in bytes; nothing where the system does not say.
+template <class Work>
+std::optional<double> measured_peak(const Work& work) {
+#ifdef __GLIBC__
+    malloc_trim(0);  // else it would take what other tests have left
+#endif
+    std::ofstream("/proc/self/clear_refs") << "5";
+    const double before = memory_status("VmRSS:");
+    if (before == 0.0 || memory_status("VmHWM:") > before + 8.0 * mebibyte) return std::nullopt;
+    work();
+    return memory_status("VmHWM:") - before;
+}
+
+}  // namespace
+
+TEST_CASE("the estimate knows every backbone and perceptual network", "[memory]") {
+    TrainConfig config;
+    for (const std::string& backbone : backbone_names()) {
+        config.model.encoder.backbone = backbone;
+        CHECK(peak(config, 1, 1, {}) > 0.0);
+    }
+    for (const std::string& network : lpips_networks()) {
+        config.model.reconstruction.perceptual.network = network;
+        CHECK(peak(config, 1, 1, {}) > 0.0);
+    }
+}
+
+TEST_CASE("what lasts is the weights with gradients, moments and averages", "[memory]") {
+    TrainConfig config = paper();
+    config.model.encoder.backbone = "mobilefacenet";
+    Rng rng(1);
+    const Model model(config.model, rng);
+    const auto lasting = [&](int stage) {
+        return static_cast<double>(estimate_step_memory(config, phase_of(config, stage, 1), {}).lasting) - 120.0 * mebibyte;
+    };
+    config.stage1.average_half_life = 0.0;
+    const auto weights = static_cast<double>(4 * model.parameters().element_count());
+    CHECK(lasting(1) == Approx(5.0 * weights).epsilon(0.05));
+    config.stage1.average_half_life = 1000.0;
+    CHECK(lasting(1) == Approx(6.0 * weights).epsilon(0.05));
+
+    ParameterStore store;
+    const Discriminator discriminator(config.discriminator, 512, store, "discriminator", rng);
+    const double with = lasting(2);
+    config.loss.adversarial_weight = 0.0;
+    CHECK(with - lasting(2) == Approx(static_cast<double>(8 * 4 * store.element_count())).epsilon(0.02));
+}
+
+TEST_CASE("the estimate is within a quarter of what a step takes", "[memory]") {
+    TrainConfig config = paper();
+    config.model.encoder.backbone = "small_conv";
+    config.model.decoder.resolution = 256;
+    config.model.decoder.field_width = 128;
+    config.stage1.samples_per_ray = 8;
+    Rng rng(1);
+    const Model model(config.model, rng);
+    std::vector<Variable> leaves;
+    for (const Parameter& parameter : model.parameters().trainable()) leaves.push_back(parameter.variable());
+    Codes codes = random_codes(2, 3);
+    const std::vector<Camera> cameras(2, camera_from_pose(orbit_pose(0.0, 0.0, 0.0, 5.3), {}));
+    for (const Recomputation& recomputation : {Recomputation{0, false}, Recomputation{0, true}, Recomputation{128, true}}) {
+        const auto peak_of_step = measured_peak([&] {
+            const Decoded decoded = model.decoder()(codes, cameras,
+                                                    {.samples_per_ray = config.stage1.samples_per_ray,
+                                                     .mask = true,
+                                                     .recomputed_rays = recomputation.rays,
+                                                     .recompute_blocks = recomputation.blocks});
+            Variable loss = mean(square(decoded.mask_logit));
+            for (const Variable& image : decoded.images) loss = loss + mean(square(image));
+            CHECK(grad(loss, leaves).size() == leaves.size());
+        });
+        if (!peak_of_step) {
+            WARN("skipped: the system does not tell the peak of a part of the run");
+            return;
+        }
+        const StepMemory memory = estimate_step_memory(config, phase_of(config, 1, 2), recomputation);
+        CAPTURE(recomputation.rays, recomputation.blocks, *peak_of_step / mebibyte);
+        CHECK(static_cast<double>(memory.generator) / mebibyte == Approx(*peak_of_step / mebibyte).epsilon(0.25).margin(16.0));
+    }
+}
+
+TEST_CASE("a smaller budget recomputes first the render blocks, then the field in smaller and smaller tiles", "[memory]") {
+    TrainConfig config = paper();
+    const TrainingPhase phase = phase_of(config, 1, 8);
+    CHECK(choose_recomputation(config, phase).rays == 0);
+    CHECK_FALSE(choose_recomputation(config, phase).blocks);
+
+    const auto choice = [&](double bytes) {
+        config.memory.budget_gibibytes = bytes / (1024.0 * mebibyte);
+        return choose_recomputation(config, phase);
+    };
+    double previous = peak(config, 1, 8, {});
+    for (const Recomputation& wanted :
+         {Recomputation{0, true}, Recomputation{512, true}, Recomputation{256, true}, Recomputation{128, true}}) {
+        const double needed = peak(config, 1, 8, wanted);
+        CHECK(needed < previous);
+        previous = needed;
+        const Recomputation chosen = choice(needed + mebibyte);
+        CHECK(chosen.blocks);
+        CHECK(chosen.rays == wanted.rays);
+    }
+    CHECK_THROWS_AS(choice(200.0 * mebibyte), ConfigError);
+    CHECK_THROWS_WITH(choice(200.0 * mebibyte), Contains("memory.budget_gibibytes") && Contains("8 images at once; it needs"));
+}
+
+TEST_CASE("both stages of the paper fit twelve gibibytes", "[memory]") {
+    TrainConfig config;
+    config.memory.budget_gibibytes = 12.0;
+    const TrainingSchedule schedule(config);
+    for (const TrainingPhase& phase : schedule.phases()) {
+        CAPTURE(phase.stage, phase.resolution);
+        const Recomputation recomputation = choose_recomputation(config, phase);
+        CHECK(estimate_step_memory(config, phase, recomputation).peak() <= std::int64_t{12} << 30);
+    }
+}
+
+TEST_CASE("a training step within a budget has the gradients of one without", "[memory]") {
+    TrainConfig config = tiny_train_config();
+    config.loss.mask_weight = 0.5;
+    const Dataset faces = synthetic_dataset();
+    const TrainingBatch batch = make_batch(std::vector{faces.load(0), faces.load(1)});
+    Rng weights(1);
+    const Model model(config.model, weights);
+    const ReconstructionLoss reconstruction(config.model.reconstruction);
+    const auto result_with = [&](double bytes) {
+        config.memory.budget_gibibytes = bytes / (1024.0 * mebibyte);
+        Rng jitter(2);
+        return reconstruction_gradients(model, reconstruction, batch, config, model.parameters().trainable(), true, jitter);
+    };
+    const LossAndGradients kept = result_with(0.0);
+    const LossAndGradients recomputed = result_with(peak(config, 1, 2, {128, true}) + 1.0);
+    CHECK(choose_recomputation(config, phase_of(config, 1, 2)).rays > 0);
+    CHECK(recomputed.losses.total == Approx(kept.losses.total).epsilon(1e-6));
+    for (std::size_t i = 0; i < kept.gradients.size(); ++i) {
+        const CloseReport report = check_close(recomputed.gradients[i].value(), kept.gradients[i].value(), 1e-4);
+        INFO(report.message);
+        CHECK(report.passed);
+    }
+}

@@ -1,0 +1,240 @@
+#include "train/memory_estimate.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string_view>
+
+#include "core/error.h"
+
+namespace stymo {
+
+namespace {
+
+constexpr std::int64_t bytes_per_number = 4;
+constexpr double gibibyte = 1024.0 * 1024.0 * 1024.0;
+/// Program and libraries.
+constexpr std::int64_t program_bytes = 120 << 20;
+/// What the heap takes for what a step asks of it: freed pieces do not always fit the next request.
+constexpr double heap_factor = 1.15;
+constexpr std::int64_t smallest_tile = 16;
+
+std::int64_t square(std::int64_t side) {
+    return side * side;
+}
+
+/// Numbers of weights, and numbers saved for the backward pass of one image.
+struct NetworkSize {
+    std::string_view name;
+    std::int64_t weights;
+    std::int64_t saved;
+    std::int64_t embedding = 512;
+};
+
+NetworkSize size_of(std::span<const NetworkSize> sizes, std::string_view name) {
+    const auto found = std::ranges::find(sizes, name, &NetworkSize::name);
+    if (found == sizes.end()) fail<ConfigError>("no estimate of the memory that ", name, " needs");
+    return *found;
+}
+
+NetworkSize backbone_size(std::string_view name) {
+    static constexpr std::array<NetworkSize, 4> sizes{{{"small_conv", 100'000, 500'000, 64},
+                                                       {"mobilefacenet", 1'000'000, 8'000'000, 128},
+                                                       {"iresnet50", 43'600'000, 27'000'000},
+                                                       {"iresnet100", 65'200'000, 50'000'000}}};
+    return size_of(sizes, name);
+}
+
+/// `saved`: for each pixel, all that is alive at the peak of the backward pass.
+NetworkSize perceptual_size(std::string_view name) {
+    static constexpr std::array<NetworkSize, 3> sizes{
+        {{"vgg16", 14'700'000, 800}, {"alexnet", 2'500'000, 60}, {"squeezenet1_1", 700'000, 150}}};
+    return size_of(sizes, name);
+}
+
+/// What a network with these layers keeps and what it needs for a moment, in numbers.
+struct Need {
+    std::int64_t saved = 0;
+    std::int64_t passing = 0;
+
+    void add(const Need& other) {
+        saved += other.saved;
+        passing = std::max(passing, other.passing);
+    }
+};
+
+std::int64_t decoder_weights(const DecoderConfig& config) {
+    constexpr std::int64_t geometry = 179, appearance = 127;
+    const std::int64_t width = config.field_width, encoding = 3 + 6 * config.frequencies;
+    std::int64_t weights = (config.field_layers + 1) * width * (width + geometry + 2) + 2 * encoding * (width + geometry) +
+                           width * config.feature_channels;
+    for (const std::int64_t size : code_sizes) weights += config.mapping_layers * size * (size + 1);
+    std::int64_t in = config.feature_channels;
+    for (const std::int64_t out : config.block_channels) {
+        weights += 4 * in * in + in * (out + appearance) + out * (out + appearance);
+        in = out;
+    }
+    return weights;
+}
+
+/// Field and compositing. Each sine layer keeps its input and its slope, and compositing keeps the features.
+Need field_need(const DecoderConfig& config, const TrainingPhase& phase, const Recomputation& recomputation) {
+    const std::int64_t rays = square(config.rays.rays_per_side);
+    const std::int64_t encoding = 3 + 6 * config.frequencies;
+    const std::int64_t images = phase.micro_batch;
+    const std::int64_t saved_by_point = 2 * encoding + config.field_width * (2 * config.field_layers + 2) + 16;
+    const std::int64_t passing_by_point = 4 * config.field_width;
+    const std::int64_t points = images * rays * phase.samples_per_ray;
+    const std::int64_t tile = std::min(rays, recomputation.rays) * images * phase.samples_per_ray;
+    const std::int64_t results = images * rays * 3 * (config.field_width + phase.samples_per_ray) + 5 * points;
+    if (recomputation.rays > 0) return {results, (saved_by_point + passing_by_point) * tile};
+    return {results + saved_by_point * points, passing_by_point * points};
+}
+
+/// A render block of this side: upsampled input, detail of the upsampler, and between the two modulated layers.
+Need block_need(std::int64_t side, std::int64_t in, std::int64_t out, std::int64_t images, bool recomputed) {
+    const std::int64_t pixels = square(side);
+    const std::int64_t features = pixels * out;
+    const std::int64_t between = pixels * (2 * in + out);
+    const std::int64_t largest = pixels * std::max(in, out);
+    // The picture in this block's colours, and what the loss keeps of it.
+    const std::int64_t colours = 5 * 3 * pixels;
+    if (recomputed) return {images * (features + colours), between + 4 * largest + 3 * images * features / 2};
+    return {images * (features + between + colours), 3 * images * largest};
+}
+
+Need decoder_need(const DecoderConfig& config, const TrainingPhase& phase, const Recomputation& recomputation, bool mask) {
+    Need need = field_need(config, phase, recomputation);
+    std::int64_t in = config.feature_channels;
+    std::int64_t side = config.rays.rays_per_side;
+    std::int64_t mask_numbers = 0;
+    for (const std::int64_t out : config.block_channels) {
+        side *= 2;
+        if (side > phase.resolution) break;
+        need.add(block_need(side, in, out, phase.micro_batch, recomputation.blocks));
+        mask_numbers += phase.micro_batch * config.mask_channels * square(side);
+        in = out;
+    }
+    if (mask) {
+        const std::int64_t last = phase.micro_batch * config.mask_channels * square(phase.resolution);
+        const std::int64_t passing = 3 * last + phase.micro_batch * in * square(phase.resolution);
+        if (recomputation.blocks) {
+            need.add({0, mask_numbers + last + passing});
+        } else {
+            need.add({mask_numbers + last, passing});
+        }
+    }
+    return need;
+}
+
+std::int64_t discriminator_channels(const DiscriminatorConfig& config, std::int64_t side) {
+    const double full = side < 64 ? 512.0 : config.channel_multiplier * 16384.0 / static_cast<double>(side);
+    return std::clamp<std::int64_t>(std::llround(full), 1, config.max_channels);
+}
+
+std::int64_t discriminator_weights(const DiscriminatorConfig& config, std::int64_t resolution) {
+    const std::int64_t top = discriminator_channels(config, 4);
+    std::int64_t weights = 9 * top * top + 16 * top * top;
+    for (std::int64_t side = 8; side <= resolution; side *= 2) {
+        const std::int64_t in = discriminator_channels(config, side), out = discriminator_channels(config, side / 2);
+        weights += 9 * in * in + 10 * in * out + 3 * in;
+    }
+    return weights;
+}
+
+/// Each block keeps the inputs of its two convolutions, the blurred one twice, and of its skip.
+Need discriminator_need(const DiscriminatorConfig& config, const TrainingPhase& phase) {
+    Need need;
+    for (std::int64_t side = 8; side <= phase.resolution; side *= 2) {
+        const std::int64_t in = discriminator_channels(config, side) * square(side);
+        const std::int64_t out = discriminator_channels(config, side / 2) * square(side / 2);
+        need.add({phase.micro_batch * (13 * in / 4 + out), phase.micro_batch * 4 * in});
+    }
+    return need;
+}
+
+bool has_discriminator(const TrainConfig& config, const TrainingPhase& phase) {
+    return phase.stage == 2 && config.loss.adversarial_weight > 0.0;
+}
+
+std::int64_t encoder_weights(const EncoderConfig& config) {
+    const NetworkSize backbone = backbone_size(config.backbone);
+    const std::int64_t width = config.head_width;
+    return backbone.weights + 4 * (backbone.embedding * width + width * width / 2) + width / 2 * code_size;
+}
+
+/// Weights; of those that are trained gradient, mean gradient and both moments; averages of all.
+std::int64_t lasting_numbers(const TrainConfig& config, const TrainingPhase& phase) {
+    const std::int64_t encoder = encoder_weights(config.model.encoder);
+    const std::int64_t decoder = decoder_weights(config.model.decoder);
+    const double half_life = phase.stage == 1 ? config.stage1.average_half_life : config.stage2.average_half_life;
+    std::int64_t numbers = encoder + decoder + (half_life > 0.0 ? encoder + decoder : 0);
+    numbers += 4 * (phase.stage == 1 ? encoder + decoder : decoder);
+    if (config.model.reconstruction.perceptual_weight > 0.0)
+        numbers += perceptual_size(config.model.reconstruction.perceptual.network).weights;
+    if (!has_discriminator(config, phase)) return numbers;
+    // Three more for the state that a failed step goes back to.
+    return numbers + 8 * discriminator_weights(config.discriminator, config.model.decoder.resolution);
+}
+
+std::int64_t generator_numbers(const TrainConfig& config, const TrainingPhase& phase, const Recomputation& recomputation) {
+    const ModelConfig& model = config.model;
+    // The photos at full size, as the encoder and as the losses see them, with their masks.
+    const std::int64_t photos = phase.micro_batch * 10 * square(model.decoder.resolution);
+    const bool mask = config.loss.mask_weight > 0.0 && phase.resolution == model.decoder.resolution;
+    Need need{photos, 0};
+    need.add(decoder_need(model.decoder, phase, recomputation, mask));
+    const std::int64_t encoder = phase.micro_batch * backbone_size(model.encoder.backbone).saved;
+    if (phase.stage == 1) need.saved += encoder;
+    if (model.reconstruction.perceptual_weight > 0.0)
+        need.add({0, perceptual_size(model.reconstruction.perceptual.network).saved * square(phase.resolution)});
+    if (has_discriminator(config, phase)) {
+        const Need judge = discriminator_need(config.discriminator, phase);
+        // A frozen layer keeps no input, only what its activation needs.
+        need.add({0, judge.saved / 2 + judge.passing});
+    }
+    return need.saved + need.passing;
+}
+
+std::int64_t smallest_need(const TrainConfig& config, const TrainingPhase& phase) {
+    return estimate_step_memory(config, phase, {smallest_tile, true}).peak();
+}
+
+}  // namespace
+
+std::int64_t StepMemory::peak() const {
+    return lasting + std::max({generator, discriminator, regularizer});
+}
+
+StepMemory estimate_step_memory(const TrainConfig& config, const TrainingPhase& phase, const Recomputation& recomputation) {
+    const auto heap_bytes = [](std::int64_t numbers) {
+        return static_cast<std::int64_t>(heap_factor * static_cast<double>(bytes_per_number * numbers));
+    };
+    StepMemory memory;
+    memory.lasting = program_bytes + bytes_per_number * lasting_numbers(config, phase);
+    memory.generator = heap_bytes(generator_numbers(config, phase, recomputation));
+    if (has_discriminator(config, phase)) {
+        const Need judge = discriminator_need(config.discriminator, phase);
+        memory.discriminator = heap_bytes(judge.saved + judge.passing);
+        memory.regularizer = heap_bytes(9 * judge.saved / 4 + judge.passing);
+    }
+    return memory;
+}
+
+Recomputation choose_recomputation(const TrainConfig& config, const TrainingPhase& phase) {
+    const double budget = config.memory.budget_gibibytes;
+    const auto fits = [&](const Recomputation& recomputation) {
+        return budget == 0.0 ||
+               static_cast<double>(estimate_step_memory(config, phase, recomputation).peak()) <= budget * gibibyte;
+    };
+    if (fits({0, false})) return {0, false};
+    if (fits({0, true})) return {0, true};
+    for (std::int64_t tile = square(config.model.decoder.rays.rays_per_side) / 2; tile >= smallest_tile; tile /= 2) {
+        if (fits({tile, true})) return {tile, true};
+    }
+    const double smallest = std::ceil(static_cast<double>(smallest_need(config, phase)) / gibibyte * 10.0) / 10.0;
+    fail<ConfigError>("memory.budget_gibibytes = ", budget, " is too little for stage ", phase.stage, " at ", phase.resolution,
+                      " pixels with ", phase.micro_batch, " images at once; it needs ", smallest, " or a smaller micro_batch");
+}
+
+}  // namespace stymo

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstdint>
+
+#include "train/schedule.h"
+#include "train/train_config.h"
+
+namespace stymo {
+
+/// What the backward pass computes once more instead of keeping it, as in DecodeOptions.
+struct Recomputation {
+    std::int64_t rays = 0;  ///< tile of rays of the field, 0: kept
+    bool blocks = false;
+};
+
+/// Estimated peak of one training step, in bytes: what lasts from step to step, and what each part of the step needs beyond it
+/// for one micro-batch. The parts follow one another.
+struct StepMemory {
+    std::int64_t lasting = 0;        ///< weights, their gradients, the optimisers' moments, averages
+    std::int64_t generator = 0;      ///< encoder, decoder and losses, forward and backward
+    std::int64_t discriminator = 0;  ///< 0 in the first stage
+    std::int64_t regularizer = 0;    ///< R1, a backward pass through a backward pass
+
+    [[nodiscard]] std::int64_t peak() const;
+};
+
+/// Of `phase` only stage, resolution, micro_batch and samples_per_ray are read. Counts what the layers save and the largest
+/// intermediate results beside it; within 25 % of the measured peak for the model sizes of configs/ (docs/decisions.md has the
+/// figures). Not counted: the decoded faces that the data set keeps (data.cache_megabytes).
+[[nodiscard]] StepMemory estimate_step_memory(const TrainConfig& config, const TrainingPhase& phase,
+                                              const Recomputation& recomputation);
+
+/// The least recomputation with which a step of this phase fits memory.budget_gibibytes: none, then the render blocks, then the
+/// field too, in tiles as large as fit (a power of two). Throws ConfigError naming the key and the smallest budget that would do.
+[[nodiscard]] Recomputation choose_recomputation(const TrainConfig& config, const TrainingPhase& phase);
+
+}  // namespace stymo
