@@ -56,10 +56,21 @@ TEST_CASE("Up to a resolution only the pictures that reach it count, and LPIPS c
     const ReconstructionLoss::Target target = loss.target(photos, 20);
     REQUIRE(target.pictures.size() == 1);
     CHECK(identical(target.pictures.front(), photos.front()));
-    const Lpips::Features expected = loss.lpips()->features(photos.front());
-    for (std::size_t k = 0; k < expected.size(); ++k) CHECK(identical(target.features[k].value(), expected[k].value()));
+    CHECK(target.features.empty());
     CHECK(loss.target(photos).pictures.size() == 2);
     CHECK_THROWS_AS(loss(leaves(pictures(2)), target), ShapeError);
+}
+
+TEST_CASE("A target that stays the same keeps the features of its largest pictures, and the loss keeps its bits",
+          "[reconstruction]") {
+    const ReconstructionLoss loss(config_with(0.25));
+    const std::vector<Tensor> photos = pictures(1);
+    const ReconstructionLoss::Target kept = loss.kept_target(photos);
+    REQUIRE(static_cast<std::int64_t>(kept.features.size()) == photos.back().shape(0));
+    const Lpips::Features expected = loss.lpips()->features(slice(photos.back(), 0, 0, 1));
+    for (std::size_t k = 0; k < expected.size(); ++k) CHECK(identical(kept.features.front()[k].value(), expected[k].value()));
+    const std::vector<Variable> images = leaves(pictures(2));
+    CHECK(identical(loss(images, kept).total.value(), loss(images, loss.target(photos)).total.value()));
 }
 
 TEST_CASE("Without its weight the perceptual term needs no network", "[reconstruction]") {
