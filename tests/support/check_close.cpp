@@ -7,7 +7,7 @@
 
 namespace stymo::test {
 
-CloseReport check_close(const Tensor& actual, const Tensor& expected, double tolerance, double least_magnitude) {
+CloseReport check_close(const Tensor& actual, const Tensor& expected, double tolerance) {
     CloseReport report;
     std::ostringstream message;
     message.precision(17);
@@ -18,13 +18,12 @@ CloseReport check_close(const Tensor& actual, const Tensor& expected, double tol
     }
     const std::vector<double> a = actual.to_vector();
     const std::vector<double> e = expected.to_vector();
-    double magnitude = least_magnitude;
+    double magnitude = 1e-3;
     for (const double value : e) magnitude = std::max(magnitude, std::abs(value));
     std::size_t worst = 0;
     report.passed = true;
     for (std::size_t i = 0; i < a.size(); ++i) {
-        const double difference = std::abs(a[i] - e[i]);
-        const double error = difference == 0.0 ? 0.0 : difference / magnitude;
+        const double error = std::abs(a[i] - e[i]) / magnitude;
         if (!(error <= tolerance)) report.passed = false;
         if (!(error <= report.error)) {
             report.error = error;

@@ -13,9 +13,8 @@ struct CloseReport {
 };
 
 /// Compares shapes, then elements: every difference must be at most `tolerance` times the largest magnitude in `expected`
-/// (or times `least_magnitude` if that is larger, so that zeros may be compared). Not-a-number never passes.
-[[nodiscard]] CloseReport check_close(const Tensor& actual, const Tensor& expected, double tolerance,
-                                      double least_magnitude = 1e-3);
+/// (or times 1e-3 if that is larger, so that zeros may be compared). Not-a-number never passes.
+[[nodiscard]] CloseReport check_close(const Tensor& actual, const Tensor& expected, double tolerance);
 
 /// True if type, shape and every bit agree.
 [[nodiscard]] bool identical(const Tensor& a, const Tensor& b);

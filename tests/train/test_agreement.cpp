@@ -45,8 +45,8 @@ void first_stage_agrees(const AgreementCase& agreement, DType dtype) {
     const Model model = agreement.model(dtype);
     const std::vector<Parameter> parameters = model.parameters().trainable();
     Rng jitter = agreement.jitter();
-    const LossAndGradients result = reconstruction_gradients(model, agreement.reconstruction(dtype), agreement.training_batch(dtype),
-                                                             config, parameters, true, jitter);
+    const LossAndGradients result = reconstruction_gradients(model, agreement.reconstruction(dtype),
+                                                             agreement.training_batch(dtype), config, parameters, true, jitter);
     Tensors losses = common_terms(result.losses, dtype);
     losses["code"] = Tensor::scalar(result.losses.code, dtype);
     losses["code_norm"] = Tensor::scalar(result.losses.code_norm, dtype);
@@ -71,10 +71,12 @@ TEST_CASE("a first-stage step of a tiny model agrees with PyTorch", "[agreement]
 
 TEST_CASE("the paper's decoder at 64 pixels and all its gradients agree with PyTorch", "[agreement][slow]") {
     if (const auto folder = golden_folder())
-        for (const DType dtype : {DType::float64, DType::float32}) decoder_agrees(full_agreement("decoder", *folder, dtype), dtype);
+        for (const DType dtype : {DType::float64, DType::float32})
+            decoder_agrees(full_agreement("decoder", *folder, dtype), dtype);
 }
 
 TEST_CASE("a first-stage step at the paper's width agrees with PyTorch", "[agreement][slow]") {
     if (const auto folder = golden_folder())
-        for (const DType dtype : {DType::float64, DType::float32}) first_stage_agrees(full_agreement("stage1", *folder, dtype), dtype);
+        for (const DType dtype : {DType::float64, DType::float32})
+            first_stage_agrees(full_agreement("stage1", *folder, dtype), dtype);
 }
