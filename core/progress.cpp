@@ -71,7 +71,9 @@ void Progress::message(std::string_view line) {
 
 void Progress::finish(std::string_view text) {
     if (!open_) return;
-    show(text);
+    // A terminal's bar is drawn over, plain lines would stay twice.
+    const bool said = shown_done_ == done_ && (text.empty() || text == shown_text_);
+    if (output_.terminal || !said) show(text);
     if (output_.terminal) *output_.stream << std::endl;
     open_ = false;
 }
@@ -116,6 +118,8 @@ void Progress::show(std::string_view text) {
         *output_.stream << std::endl;
     }
     last_shown_ = output_.seconds();
+    shown_done_ = done_;
+    shown_text_ = text;
 }
 
 }  // namespace stymo

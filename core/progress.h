@@ -41,7 +41,7 @@ public:
     void update(std::int64_t done, std::string_view text = {});
     /// A line of its own (a warning, a file that was skipped), above the bar.
     void message(std::string_view line);
-    /// Shows the last state, whatever the interval. Further calls do nothing.
+    /// Shows the last state, whatever the interval, unless the last line says it already. Further calls do nothing.
     void finish(std::string_view text = {});
 
 private:
@@ -53,6 +53,8 @@ private:
     double start_;
     double last_shown_;
     std::int64_t done_;
+    std::int64_t shown_done_ = -1;
+    std::string shown_text_;
     bool open_ = true;
 };
 

@@ -9,6 +9,7 @@ namespace stymo {
 namespace {
 
 constexpr const char* backbone_prefix = "encoder.backbone.";
+constexpr const char* mask_prefix = "decoder.mask.";
 constexpr const char* adam_prefix = "adam.";
 
 }  // namespace
@@ -16,12 +17,14 @@ constexpr const char* adam_prefix = "adam.";
 ReconstructionUpdater::ReconstructionUpdater(const TrainingParts& parts)
     : parts_(parts), adam_({parts.config.optimizer.beta1, parts.config.optimizer.beta2, parts.config.optimizer.epsilon}) {}
 
-void ReconstructionUpdater::set_trainable_parts(const TrainingPlace& place) {
+void ReconstructionUpdater::set_trainable_parts(const TrainingPlace& place, bool mask_loss) {
     const TrainConfig& config = parts_.config;
     const bool frozen = parts_.images.epochs(place.first_image) < static_cast<double>(config.optimizer.backbone_frozen_epochs) &&
                         !config.model.encoder.backbone_weights.empty();
     parts_.model.parameters().set_trainable("", true);
     parts_.model.parameters().set_trainable(backbone_prefix, !frozen);
+    // Steps with a gradient of zero would use up the bias correction of its moments.
+    parts_.model.parameters().set_trainable(mask_prefix, mask_loss);
 }
 
 double ReconstructionUpdater::learning_rate(const TrainingPlace& place) const {
@@ -35,7 +38,7 @@ double ReconstructionUpdater::learning_rate(const TrainingPlace& place) const {
 }
 
 StepReport ReconstructionUpdater::step(const TrainingPlace& place, bool mask_loss) {
-    set_trainable_parts(place);
+    set_trainable_parts(place, mask_loss);
     const std::vector<Parameter> parameters = parts_.model.parameters().trainable();
     const std::vector<std::int64_t> micro_batches = place.micro_batches();
     StepReport report;

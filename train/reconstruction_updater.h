@@ -15,8 +15,8 @@ public:
     void load(const TensorFile& file, const std::string& source) override;
 
 private:
-    /// A pre-trained backbone stays as it is for the first epochs.
-    void set_trainable_parts(const TrainingPlace& place);
+    /// A pre-trained backbone stays as it is for the first epochs, the mask branch until its loss is on.
+    void set_trainable_parts(const TrainingPlace& place, bool mask_loss);
     [[nodiscard]] double learning_rate(const TrainingPlace& place) const;
 
     TrainingParts parts_;

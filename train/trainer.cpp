@@ -148,7 +148,9 @@ void Trainer::save_checkpoint(const RunFolder& folder) {
                 validation_score(model_, reconstruction_, *validation_, count, phase.resolution, phase.samples_per_ray);
             line << std::fixed << ", validation at " << phase.resolution << " pixels: reconstruction " << std::setprecision(4)
                  << score.reconstruction << ", PSNR " << std::setprecision(2) << score.psnr << " dB";
-            if (phase.resolution != state_.best_resolution || score.reconstruction < state_.best_validation) {
+            // A run that goes on in another folder has no best model there yet.
+            if (phase.resolution != state_.best_resolution || score.reconstruction < state_.best_validation ||
+                !std::filesystem::exists(folder.best_file())) {
                 state_.best_resolution = phase.resolution;
                 state_.best_validation = score.reconstruction;
                 model_.save(folder.best_file());

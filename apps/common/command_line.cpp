@@ -207,7 +207,8 @@ int CommandLine::run(int argc, const char* const* argv, const AppBody& body, std
         }
         out.flush();
         if (!out) fail<FileError>("the result could not be written to the standard output; is the disk full?");
-        return exit_done;
+        if (result.incomplete.empty()) return exit_done;
+        report(result.incomplete);
     } catch (const UsageError& error) {
         report(std::string(error.what()) + "; see " + app.get_name() + " --help");
         return exit_wrong_usage;

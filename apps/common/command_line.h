@@ -32,10 +32,13 @@ struct CommonOptions {
     bool json = false;  ///< the result goes to stdout as one JSON object
 };
 
-/// What a tool found out: `text` for people, `json` for programs. Printed once, at the end, and only if the tool succeeded.
+/// What a tool found out: `text` for people, `json` for programs. Printed once, at the end, and not if the tool failed.
 struct AppResult {
     std::string text;
     JsonValue json = JsonValue::object();
+    /// Why this is only a part of what was asked for ("interrupted after 3 of 8 faces"); empty: it is all of it. Said on stderr
+    /// behind the result, and the tool ends with exit code 1.
+    std::string incomplete{};
 };
 
 using AppBody = std::function<AppResult(const CommonOptions&)>;
@@ -74,8 +77,8 @@ private:
 };
 
 /// Turns argc and argv of a tool into a call of its body, and what the body does into output and an exit code:
-/// 0 done; 1 failed, with one line "stymo-fit: what, which file or key, what to do" on stderr; 2 wrong usage, likewise (the
-/// parser's errors and UsageError).
+/// 0 done; 1 failed or incomplete, with one line "stymo-fit: what, which file or key, what to do" on stderr; 2 wrong usage,
+/// likewise (the parser's errors and UsageError).
 class CommandLine : public Command {
 public:
     CommandLine(const std::string& program, const std::string& description);

@@ -76,12 +76,14 @@ Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Da
     const std::int64_t last = options.range.last < 0 ? faces.size() - 1 : std::min(options.range.last, faces.size() - 1);
     if (options.range.first > last) fail<ConfigError>("--ids: the folder has only ", faces.size(), " faces, counted from 0");
     const InterruptGuard guard;
-    Progress progress({.title = "evaluate", .total = last - options.range.first + 1, .unit = "faces"});
+    const std::int64_t asked = last - options.range.first + 1;
+    Progress progress({.title = "evaluate", .total = asked, .unit = "faces"});
     FitOptions fitting = options.fitting;
     if (!options.fit) fitting.steps = 0;
     Evaluation evaluation;
     std::vector<Tensor> tiles;
-    for (std::int64_t begin = options.range.first; begin <= last && !interrupted(); begin += options.batch) {
+    std::int64_t begin = options.range.first;
+    for (; begin <= last && !interrupted(); begin += options.batch) {
         std::vector<Face> group;
         for (std::int64_t i = begin; i <= std::min(last, begin + options.batch - 1); ++i) {
             Face face = faces.load(i);
@@ -92,6 +94,7 @@ Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Da
         const TrainingBatch batch = make_batch(group);
         const FitTarget target{batch.input, batch.targets, batch.cameras};
         const FitResult result = fit_codes(model, loss, target, fitting);
+        if (std::ssize(result.losses) < fitting.steps) break;
         for (std::size_t i = 0; i < group.size(); ++i) {
             const auto index = static_cast<std::int64_t>(i);
             const FitReport report = report_fit(model, target, batch.mask, result, index, options.lpips);
@@ -109,6 +112,11 @@ Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Da
     progress.finish();
     if (evaluation.scores.empty())
         fail<FileError>(interrupted() ? "interrupted; no face was scored" : "--ids: none of these faces can be read");
+    if (begin <= last) {
+        std::ostringstream text;
+        text << "interrupted after " << evaluation.scores.size() << " of " << asked << " faces";
+        evaluation.incomplete = text.str();
+    }
     if (!tiles.empty()) evaluation.turning_sheet = tile_images(tiles, 7);
     return evaluation;
 }

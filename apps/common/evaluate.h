@@ -36,11 +36,12 @@ struct EvaluationOptions {
 
 struct Evaluation {
     std::vector<FaceScore> scores;
-    Tensor turning_sheet;  ///< target | fitted | yaw -30, -15, 0, 15, 30 degrees; undefined unless asked for
+    Tensor turning_sheet;      ///< target | fitted | yaw -30, -15, 0, 15, 30 degrees; undefined unless asked for
+    std::string incomplete{};  ///< after an interruption how far it came, else empty
 };
 
 /// Scores faces in order of id against the model; `loss` is what fitting minimises. A face whose picture is broken is left out.
-/// After an interruption the scores so far. Throws FileError if there is none.
+/// After an interruption the scores so far, without those of faces whose fit was cut short. Throws FileError if there is none.
 [[nodiscard]] Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Dataset& faces,
                                   const EvaluationOptions& options);
 [[nodiscard]] std::string table(const std::vector<FaceScore>& scores, bool fitted);

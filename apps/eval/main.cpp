@@ -55,7 +55,7 @@ stymo::AppResult evaluate(Options options) {
     stymo::write_broken_files(std::cerr, faces.summary(), 0);
     if (evaluation.turning_sheet.defined()) stymo::write_image(options.sheet, evaluation.turning_sheet);
     stymo::AppResult result{stymo::table(evaluation.scores, options.evaluation.fit),
-                            stymo::to_json(evaluation.scores, options.evaluation.fit)};
+                            stymo::to_json(evaluation.scores, options.evaluation.fit), evaluation.incomplete};
     if (metric != nullptr) {
         result.text += "LPIPS: " + metric->label() + "\n";
         result.json.add("lpips_network", metric->label());

@@ -74,7 +74,11 @@ stymo::AppResult fit(Options options) {
     stymo::write_image(options.out / "render.png", report.fitted);
     stymo::write_code_file(options.out / "codes.json", result.fitted, 0, face.pose);
     stymo::write_text_file(options.out / "report.json", json.text() + "\n");
-    return {summary(report, seconds), json};
+    stymo::AppResult done{summary(report, seconds), json};
+    const std::int64_t steps = std::ssize(result.losses);
+    if (steps < options.fit.steps)
+        done.incomplete = "interrupted after " + std::to_string(steps) + " of " + std::to_string(options.fit.steps) + " steps";
+    return done;
 }
 
 }  // namespace

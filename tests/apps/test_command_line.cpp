@@ -80,6 +80,19 @@ TEST_CASE("A tool that fails prints one line that begins with its name, nothing 
     CHECK(outcome.err == "stymo-tiny: x.png: no such file; give another --image\n");
 }
 
+TEST_CASE("A result that is only a part is printed, with why on stderr, and the tool exits with 1") {
+    stymo::CommandLine line("stymo-tiny", "A tool of the tests.");
+    const char* const arguments[] = {"stymo-tiny", "--json"};
+    std::ostringstream out;
+    std::ostringstream err;
+    const auto body = [](const stymo::CommonOptions&) {
+        return stymo::AppResult{"half", stymo::JsonValue::object({{"steps", 3}}), "interrupted after 3 of 7 steps"};
+    };
+    CHECK(line.run(2, arguments, body, out, err) == 1);
+    CHECK(nlohmann::json::parse(out.str()) == nlohmann::json{{"steps", 3}});
+    CHECK(err.str() == "stymo-tiny: interrupted after 3 of 7 steps\n");
+}
+
 TEST_CASE("Wrong usage names the option, points to the help and exits with 2") {
     const auto [arguments, culprit] = GENERATE(table<std::vector<const char*>, std::string>({
         {std::vector<const char*>{}, "--image"},

@@ -50,14 +50,27 @@ TEST_CASE("Training that is interrupted saves a checkpoint first, and goes on fr
     CHECK_THAT(second.out, Catch::Contains("stopped early"));
 }
 
-TEST_CASE("A fit that is interrupted keeps what it has") {
+TEST_CASE("A fit that is interrupted keeps what it has and says so") {
     const std::string fit =
         "stymo-fit --model run/model.safetensors --image faces/images/00000.png --out stopped_fit --steps 1000000 --json";
     const ToolOutcome outcome = interrupted(fit, "fit ", SIGINT);
-    CHECK(outcome.exit_code == 0);
+    CHECK(outcome.exit_code == 1);
     const json report = json::parse(outcome.out);
-    CHECK(report["steps"].get<std::int64_t>() < 1000000);
+    const auto steps = report["steps"].get<std::int64_t>();
+    CHECK(steps < 1000000);
+    CHECK_THAT(outcome.err, Catch::EndsWith("stymo-fit: interrupted after " + std::to_string(steps) + " of 1000000 steps\n"));
     CHECK(fs::exists(tiny_run() / "stopped_fit/codes.json"));
+}
+
+TEST_CASE("An evaluation that is interrupted gives the scores of the faces it has finished and says so") {
+    const std::string evaluate =
+        "stymo-eval --model run/model.safetensors --data faces --fit --perceptual-weight 0 --steps 30 --json";
+    const ToolOutcome outcome = interrupted(evaluate, "evaluate ", SIGINT);
+    CHECK(outcome.exit_code == 1);
+    const auto faces = json::parse(outcome.out)["count"].get<std::int64_t>();
+    CHECK(faces >= 4);
+    CHECK(faces < 12);
+    CHECK_THAT(outcome.err, Catch::EndsWith("stymo-eval: interrupted after " + std::to_string(faces) + " of 12 faces\n"));
 }
 
 TEST_CASE("What cannot be of use in part is not written when it is interrupted") {

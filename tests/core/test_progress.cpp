@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <sstream>
 
@@ -43,6 +44,26 @@ TEST_CASE("Without a terminal progress is a plain line every few seconds") {
           "train   6% 6/100 1.0 images/s 01:34 left  loss 0.5\n"
           "train  11% 11/100 1.0 images/s 01:29 left  loss 0.5\n"
           "train  12% 12/100 1.0 images/s 01:28 left  loss 0.4\n");
+}
+
+TEST_CASE("Without a terminal the end is not said twice") {
+    const auto lines = [](const std::string& update, const std::string& finish) {
+        Display display;
+        stymo::Progress progress({.title = "fit", .total = 4}, display.output(false));
+        display.now += 1.0;
+        progress.update(4, update);
+        display.now += 1.0;
+        progress.finish(finish);
+        const std::string shown = display.stream.str();
+        return std::count(shown.begin(), shown.end(), '\n');
+    };
+    CHECK(lines("loss 0.5", "") == 1);
+    CHECK(lines("loss 0.5", "loss 0.5") == 1);
+    CHECK(lines("loss 0.5", "loss 0.4") == 2);
+    Display display;
+    stymo::Progress progress({.title = "fit", .total = 4}, display.output(false));
+    progress.finish();
+    CHECK_FALSE(display.stream.str().empty());
 }
 
 TEST_CASE("Speed and time left of a resumed run count only what this run did") {

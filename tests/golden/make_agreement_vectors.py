@@ -1,7 +1,8 @@
 """Writes what PyTorch makes of whole networks and whole training steps, in float64, for the C++ tests named "agreement".
 
 Without arguments: small networks, agreement_vectors.safetensors beside this script; every tensor is folded to 16 numbers.
-With --out DIR: networks of the paper's width, cut at 64 pixels, into DIR/agreement_vectors.safetensors, unfolded.
+With --out DIR: networks of the paper's width, cut at 64 pixels, into DIR/agreement_float{64,32}.safetensors, unfolded; for runs in
+float32 the samples along the rays are rounded to it.
 Needs torch, numpy and safetensors. All weights and inputs are functions of a seed and their names (torch_model.Numbers), so that
 they need not be stored: the C++ side makes the same ones.
 """
@@ -30,6 +31,7 @@ from torch_model import (
     depth_variance,
     opacity_loss,
     photometric_loss,
+    sample_rays,
 )
 
 @dataclasses.dataclass
@@ -42,6 +44,7 @@ class Case:
     head_width: int
     perceptual: str
     numbers: Numbers
+    ray_type: torch.dtype = torch.float64
 
     def picture(self, name, side, channels=3):
         """(B, C, H, W) in [-1, 1]; the C++ side makes (B, H, W, C)."""
@@ -65,10 +68,16 @@ class Case:
         scale = torch.tensor([0.25, 0.125, 0.0625, 0.5, 0.5, 0.125], dtype=torch.float64)
         return self.numbers("poses", self.batch, 6) * scale + torch.tensor([0, 0, 0, 0, 0, 5.25], dtype=torch.float64)
 
-    def jitter(self, count):
-        """Random numbers of `count` decodings in a row."""
-        random = self.numbers.random.split("jitter")
-        return [random.uniform(self.batch, self.size.rays_per_side**2, self.samples + 1) for _ in range(count)]
+    def rays(self, jitter=None):
+        """Samples along the rays, stratified with `jitter`. With ray_type float32 rounded as in float32 runs: what the encoding's
+        highest frequency makes of this rounding is no error of the network."""
+        side, uniforms = self.size.rays_per_side, None
+        if jitter is not None:
+            uniforms = jitter.uniform(self.batch, side**2, self.samples + 1)
+        return [x.to(self.ray_type).double() for x in sample_rays(self.poses(), side, self.samples, uniforms)]
+
+    def jitter(self):
+        return self.numbers.random.split("jitter")
 
 
 # Where a leaky ReLU or the L1 loss sees a number that is zero within float32's rounding, its gradient is either of two. Seeds of the
@@ -124,7 +133,7 @@ def decoder_case(results, name, case):
     parameters = Parameters(case.numbers)
     decoder = Decoder(parameters, "decoder", case.size)
     z = {group: value.requires_grad_() for group, value in case.codes("z").items()}
-    out = decoder(z, case.poses(), case.samples)
+    out = decoder(z, case.rays())
     shown = {f"image{i}": channels_last(image) for i, image in enumerate(out["images"])}
     shown |= {"feature_map": channels_last(out["feature_map"]), "mask_logit": channels_last(out["mask_logit"])}
     results.put_all(f"{name}/output", shown)
@@ -191,7 +200,7 @@ def stage1_case(results, name, case):
     """Every term of the first stage's loss, and one step of Adam on all of encoder and decoder."""
     encoder, decoder, parameters = model(case)
     z = encoder(case.picture("input", 64))
-    out = decoder(z, case.poses(), case.samples, *case.jitter(1))
+    out = decoder(z, case.rays(case.jitter()))
     present = 1.0 - torch.arange(case.batch, dtype=torch.float64) % 2
     code_weights = {"id": 0.001, "expr": 0.1, "tex": 0.001, "light": 0.01}
     terms = reconstruction_terms(case, out)
@@ -212,10 +221,10 @@ def stage2_case(results, name, case, fade, show_gradients):
     judge = judge.tensors
     lazy = 16 / 17
     judge_adam = torch.optim.Adam(list(judge.values()), lr=1e-4 * lazy, betas=(0.0, 0.99**lazy), eps=1e-8)
-    first_jitter, second_jitter = case.jitter(2)
+    jitter = case.jitter()
     with torch.no_grad():
         z = encoder(case.picture("input", 64))
-        fake = faded(decoder(z, case.poses(), case.samples, first_jitter)["images"][-1], fade)
+        fake = faded(decoder(z, case.rays(jitter))["images"][-1], fade)
     real = faded(case.targets()[-1], fade)
 
     real_logits, fake_logits = discriminator(real, fade), discriminator(fake, fade)
@@ -228,7 +237,7 @@ def stage2_case(results, name, case, fade, show_gradients):
     step(judge_adam, judge, found["r1"])
     results.put_all(f"{name}/discriminator_loss", values | {"r1": penalty})
 
-    out = decoder(z, case.poses(), case.samples, second_jitter)
+    out = decoder(z, case.rays(jitter))
     terms = reconstruction_terms(case, out)
     terms["adversarial"] = (generator_loss(discriminator(faded(out["images"][-1], fade), fade)), 0.1)
     found["generator"] = gradients(put_losses(results, f"{name}/generator_loss", terms), parameters)
@@ -271,16 +280,24 @@ def nearest_kink(name, results, case):
     return min(nearest)
 
 
+def write(path, cases, folded):
+    results = Results(folded=folded, fold=16)
+    for name, case in cases.items():
+        print(f"{path.name}, {name}: nearest kink {nearest_kink(name, results, case):.1e}", flush=True)
+    save_file(results.tensors, path)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=pathlib.Path, help="folder for the vectors of the full width")
     folder = parser.parse_args().out
-    results = Results(folded=folder is None, fold=16)
-    for name, case in (FULL if folder else SMALL).items():
-        print(f"{name}: nearest kink {nearest_kink(name, results, case):.1e}")
-    folder = folder or pathlib.Path(__file__).parent
+    if folder is None:
+        write(pathlib.Path(__file__).with_name("agreement_vectors.safetensors"), SMALL, folded=True)
+        return
     folder.mkdir(parents=True, exist_ok=True)
-    save_file(results.tensors, folder / "agreement_vectors.safetensors")
+    for precision in ("float64", "float32"):
+        cases = {name: dataclasses.replace(case, ray_type=getattr(torch, precision)) for name, case in FULL.items()}
+        write(folder / f"agreement_{precision}.safetensors", cases, folded=False)
 
 
 if __name__ == "__main__":

@@ -249,24 +249,21 @@ class Decoder:
             inputs, side = channels, 2 * side
         self.logit = Equalised(create, f"{name}.mask.logit", size.mask_channels, 1)
 
-    def __call__(self, z, poses, samples, uniforms=None, resolution=None):
+    def __call__(self, z, rays):
         """Everything that the losses see: images, mask_logit, feature_map, weights, transmittance and depths."""
         w = {group: mapping(z[group]) for group, mapping in self.mapping.items()}
         appearance = torch.cat([w["tex"], w["light"]], 1)
         side = self.size.rays_per_side
-        points, deltas, depths = sample_rays(poses, side, samples, uniforms)
+        points, deltas, depths = rays
         density, features = self.field(points, torch.cat([w["id"], w["expr"]], 1))
         alpha = 1.0 - torch.exp(-density * deltas)
         passed = torch.cumprod(1.0 - alpha, 3)
         weights = alpha * torch.cat([torch.ones_like(alpha[..., :1]), passed[..., :-1]], 3)
-        x = (weights * features).sum(3).reshape(len(poses), -1, side, side)
+        x = (weights * features).sum(3).reshape(len(points), -1, side, side)
         result = {"feature_map": x, "weights": weights[:, 0], "transmittance": passed[:, 0, :, -1:], "depths": depths[:, 0]}
         result["images"] = []
         rgb = total = None
         for (upsampler, first, second, to_rgb), lateral in zip(self.blocks, self.laterals):
-            side *= 2
-            if resolution is not None and side > resolution:
-                break
             x = second(first(upsampler(x), appearance), appearance)
             rgb = to_rgb(x) if rgb is None else to_rgb(x) + blur(doubled(rgb))
             result["images"].append(torch.tanh(rgb))

@@ -1,5 +1,6 @@
 #include <catch2/catch.hpp>
 
+#include "core/error.h"
 #include "nn/models/picture.h"
 
 using namespace stymo;
@@ -11,6 +12,8 @@ TEST_CASE("a picture is one image of a batch, mapped from [-1, 1] to [0, 1] and 
     CHECK(shown.shape() == Shape{1, 1, 3});
     CHECK(shown.to_vector() == std::vector<double>{0.0, 0.5, 1.0});
     CHECK(picture(images, 0).to_vector() == std::vector<double>{1.0, 1.0, 1.0});
+    CHECK_THROWS_AS(picture(images, 2), ShapeError);
+    CHECK_THROWS_AS(picture(images, -1), ShapeError);
 }
 
 TEST_CASE("a mask of a batch is taken as it is, and blackens what it leaves out", "[picture]") {

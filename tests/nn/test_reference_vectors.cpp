@@ -6,7 +6,6 @@
 #include "core/ops/ops.h"
 #include "nn/layers/modulated_linear.h"
 #include "nn/layers/upsampler.h"
-#include "nn/models/decoder.h"
 #include "support/check_close.h"
 
 using namespace stymo;
@@ -73,44 +72,4 @@ TEST_CASE("the upsampler and its gradient agree with PyTorch") {
     const Variable y = upsampler(x);
     vectors.check("y", y);
     vectors.check("dL_dx", grad(y, x, {.dL_dy = vectors("dL_dy")}));
-}
-
-TEST_CASE("a tiny decoder with its rays, images, mask and gradients agrees with PyTorch") {
-    const Vectors vectors{.prefix = "case."};
-    DecoderConfig config;
-    config.rays.rays_per_side = 4;
-    config.resolution = 16;
-    config.field_width = 8;
-    config.field_layers = 4;
-    config.feature_channels = 6;
-    config.frequencies = 2;
-    config.block_channels = {5, 4};
-    config.mask_channels = 3;
-    config.mapping_layers = 2;
-    Rng rng(1);
-    ParameterStore store;
-    const Decoder decoder(config, store, "decoder", rng);
-    load(store, vectors.file);
-
-    std::vector<Camera> cameras;
-    const std::span<const double> poses = vectors("poses").values<double>();
-    for (std::size_t i = 0; i < poses.size(); i += 6) {
-        const Pose pose{poses[i], poses[i + 1], poses[i + 2], {poses[i + 3], poses[i + 4], poses[i + 5]}};
-        cameras.push_back(camera_from_pose(pose, {}));
-    }
-    Codes z;
-    for (std::size_t i = 0; i < 4; ++i) z.groups[i] = Variable::leaf(vectors(std::string("z.") + code_names[i]));
-    const Decoded decoded = decoder(z, cameras, {.samples_per_ray = 5, .mask = true});
-    vectors.check("feature_map", decoded.feature_map);
-    vectors.check("image8", decoded.images.at(0));
-    vectors.check("image16", decoded.images.at(1));
-    vectors.check("mask_logit", decoded.mask_logit);
-
-    Variable loss = mean(square(decoded.feature_map)) + mean(square(decoded.mask_logit));
-    for (const Variable& image : decoded.images) loss = loss + mean(square(image));
-    std::vector<Variable> xs(z.groups.begin(), z.groups.end());
-    xs.push_back(parameter(store, "decoder.field.layer0.weight"));
-    const std::vector<Variable> gradients = grad(loss, xs);
-    for (std::size_t i = 0; i < 4; ++i) vectors.check(std::string("dL_dz.") + code_names[i], gradients[i]);
-    vectors.check("dL_dweight", gradients[4]);
 }

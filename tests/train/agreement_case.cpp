@@ -121,9 +121,10 @@ AgreementCase small_agreement(const std::string& name, std::uint64_t seed, const
             .perceptual = perceptual};
 }
 
-AgreementCase full_agreement(const std::string& name, const std::filesystem::path& folder) {
+AgreementCase full_agreement(const std::string& name, const std::filesystem::path& folder, DType dtype) {
+    const char* file = dtype == DType::float64 ? "agreement_float64.safetensors" : "agreement_float32.safetensors";
     return {.name = name,
-            .vectors = {folder / "agreement_vectors.safetensors", false},
+            .vectors = {folder / file, false},
             .seed = Rng(1),
             .decoder = decoder_config({64, 256, 8, 256, 10, {128}, 16, 4, 32}),
             .batch = 8,

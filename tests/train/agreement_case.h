@@ -49,8 +49,8 @@ struct DecoderSize {
 /// A tiny one, whose folded vectors are in the tree.
 [[nodiscard]] AgreementCase small_agreement(const std::string& name, std::uint64_t seed, const DecoderSize& size,
                                             const std::string& perceptual = "");
-/// The paper's decoder cut at 64 pixels, whose vectors are in `folder`.
-[[nodiscard]] AgreementCase full_agreement(const std::string& name, const std::filesystem::path& folder);
+/// The paper's decoder cut at 64 pixels, whose vectors for runs in `dtype` are in `folder`.
+[[nodiscard]] AgreementCase full_agreement(const std::string& name, const std::filesystem::path& folder, DType dtype);
 
 /// As named tensors.
 [[nodiscard]] Tensors values_of(const std::vector<Parameter>& parameters);

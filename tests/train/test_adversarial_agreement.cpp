@@ -86,16 +86,18 @@ TEST_CASE("a second-stage step of a tiny model agrees with PyTorch while the dis
 TEST_CASE("a second-stage step at the paper's width agrees with PyTorch", "[agreement][slow]") {
     if (const auto folder = golden_folder())
         for (const DType dtype : {DType::float64, DType::float32})
-            second_stage_agrees(full_agreement("stage2", *folder), 1.0, false, dtype);
+            second_stage_agrees(full_agreement("stage2", *folder, dtype), 1.0, false, dtype);
 }
 
 TEST_CASE("a second-stage step at the paper's width agrees with PyTorch while the discriminator's block of 128 fades in",
           "[agreement][slow]") {
     const auto folder = golden_folder();
     if (!folder) return;
-    AgreementCase agreement = full_agreement("stage2_fading", *folder);
-    agreement.decoder = decoder_config({128, 256, 8, 256, 10, {128, 64}, 16, 4, 32});
-    agreement.batch = 4;
-    agreement.perceptual.clear();
-    for (const DType dtype : {DType::float64, DType::float32}) second_stage_agrees(agreement, 0.3, true, dtype);
+    for (const DType dtype : {DType::float64, DType::float32}) {
+        AgreementCase agreement = full_agreement("stage2_fading", *folder, dtype);
+        agreement.decoder = decoder_config({128, 256, 8, 256, 10, {128, 64}, 16, 4, 32});
+        agreement.batch = 4;
+        agreement.perceptual.clear();
+        second_stage_agrees(agreement, 0.3, true, dtype);
+    }
 }

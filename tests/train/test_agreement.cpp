@@ -31,8 +31,7 @@ void decoder_agrees(const AgreementCase& agreement, DType dtype) {
     }
     agreement.check("output", values);
 
-    std::vector<Variable> leaves;
-    for (const Parameter& parameter : store.all()) leaves.push_back(parameter.variable());
+    std::vector<Variable> leaves = variables_of(store.all());
     leaves.insert(leaves.end(), z.groups.begin(), z.groups.end());
     const std::vector<Variable> gradients = grad(loss, leaves);
     Tensors named = gradients_of(store.all(), gradients);
@@ -72,10 +71,10 @@ TEST_CASE("a first-stage step of a tiny model agrees with PyTorch", "[agreement]
 
 TEST_CASE("the paper's decoder at 64 pixels and all its gradients agree with PyTorch", "[agreement][slow]") {
     if (const auto folder = golden_folder())
-        for (const DType dtype : {DType::float64, DType::float32}) decoder_agrees(full_agreement("decoder", *folder), dtype);
+        for (const DType dtype : {DType::float64, DType::float32}) decoder_agrees(full_agreement("decoder", *folder, dtype), dtype);
 }
 
 TEST_CASE("a first-stage step at the paper's width agrees with PyTorch", "[agreement][slow]") {
     if (const auto folder = golden_folder())
-        for (const DType dtype : {DType::float64, DType::float32}) first_stage_agrees(full_agreement("stage1", *folder), dtype);
+        for (const DType dtype : {DType::float64, DType::float32}) first_stage_agrees(full_agreement("stage1", *folder, dtype), dtype);
 }

@@ -260,7 +260,8 @@ TEST_CASE("the plan of both stages counts the discriminator and measures what it
 }
 
 TEST_CASE("random weights of LPIPS are reported as such by the plan and by the run", "[two_stages]") {
-    TrainConfig config = tiny_train_config();
+    TrainConfig config = tiny_two_stage_config();
+    config.stage2.resolutions = {};
     config.stage1.steps = 1;
     config.model.reconstruction.perceptual_weight = 0.1;
     config.model.reconstruction.perceptual = {.network = "squeezenet1_1", .trunk = "random", .heads = "random"};
