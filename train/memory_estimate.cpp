@@ -18,6 +18,8 @@ constexpr std::int64_t program_bytes = 120 << 20;
 /// What the heap takes for what a step asks of it: freed pieces do not always fit the next request.
 constexpr double heap_factor = 1.15;
 constexpr std::int64_t smallest_tile = 16;
+/// A step that is chosen to fit a budget stays within it where the estimate is too low by as much.
+constexpr double estimate_margin = 1.25;
 
 std::int64_t square(std::int64_t side) {
     return side * side;
@@ -196,8 +198,9 @@ std::int64_t generator_numbers(const TrainConfig& config, const TrainingPhase& p
     return need.saved + need.passing;
 }
 
-std::int64_t smallest_need(const TrainConfig& config, const TrainingPhase& phase) {
-    return estimate_step_memory(config, phase, {smallest_tile, true}).peak();
+/// The budget that an estimate needs, in GiB.
+double budget_for(const TrainConfig& config, const TrainingPhase& phase, const Recomputation& recomputation) {
+    return estimate_margin * static_cast<double>(estimate_step_memory(config, phase, recomputation).peak()) / gibibyte;
 }
 
 }  // namespace
@@ -224,15 +227,14 @@ StepMemory estimate_step_memory(const TrainConfig& config, const TrainingPhase& 
 Recomputation choose_recomputation(const TrainConfig& config, const TrainingPhase& phase) {
     const double budget = config.memory.budget_gibibytes;
     const auto fits = [&](const Recomputation& recomputation) {
-        return budget == 0.0 ||
-               static_cast<double>(estimate_step_memory(config, phase, recomputation).peak()) <= budget * gibibyte;
+        return budget == 0.0 || budget_for(config, phase, recomputation) <= budget;
     };
     if (fits({0, false})) return {0, false};
     if (fits({0, true})) return {0, true};
     for (std::int64_t tile = square(config.model.decoder.rays.rays_per_side) / 2; tile >= smallest_tile; tile /= 2) {
         if (fits({tile, true})) return {tile, true};
     }
-    const double smallest = std::ceil(static_cast<double>(smallest_need(config, phase)) / gibibyte * 10.0) / 10.0;
+    const double smallest = std::ceil(budget_for(config, phase, {smallest_tile, true}) * 10.0) / 10.0;
     fail<ConfigError>("memory.budget_gibibytes = ", budget, " is too little for stage ", phase.stage, " at ", phase.resolution,
                       " pixels with ", phase.micro_batch, " images at once; it needs ", smallest, " or a smaller micro_batch");
 }

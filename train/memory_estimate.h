@@ -30,8 +30,9 @@ struct StepMemory {
 [[nodiscard]] StepMemory estimate_step_memory(const TrainConfig& config, const TrainingPhase& phase,
                                               const Recomputation& recomputation);
 
-/// The least recomputation with which a step of this phase fits memory.budget_gibibytes: none, then the render blocks, then the
-/// field too, in tiles as large as fit (a power of two). Throws ConfigError naming the key and the smallest budget that would do.
+/// The least recomputation with which 1.25 times the estimate for this phase fits memory.budget_gibibytes: none, then the render
+/// blocks, then the field too, in tiles as large as fit (a power of two). Throws ConfigError naming the key and the smallest
+/// budget that would do.
 [[nodiscard]] Recomputation choose_recomputation(const TrainConfig& config, const TrainingPhase& phase);
 
 }  // namespace stymo
