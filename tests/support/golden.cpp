@@ -62,7 +62,8 @@ std::optional<std::filesystem::path> golden_folder() {
 
 GoldenVectors::GoldenVectors(const std::filesystem::path& path, bool folded) : file_(read_tensor_file(path)), folded_(folded) {}
 
-void GoldenVectors::check(const std::string& group, const Tensors& actual, bool report, double least_magnitude) const {
+void GoldenVectors::check(const std::string& group, const Tensors& actual, bool report, double least_magnitude,
+                          double bound) const {
     const DType dtype = actual.begin()->second.dtype();
     RelativeError worst;
     for (const auto& [name, tensor] : actual) {
@@ -76,7 +77,7 @@ void GoldenVectors::check(const std::string& group, const Tensors& actual, bool 
         if (dtype == DType::float64) {
             CHECK(error.largest <= 1e-8);
         } else {
-            CHECK(error.norm <= 1e-4);
+            CHECK(error.norm <= bound);
         }
         worst = {std::max(worst.largest, error.largest), std::max(worst.norm, error.norm)};
     }

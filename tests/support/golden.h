@@ -30,11 +30,12 @@ public:
     GoldenVectors(const std::filesystem::path& path, bool folded);
 
     /// Compares a group; no name may be missing on either side. In float64 the largest difference may be 1e-8 of the largest
-    /// magnitude of its tensor. In float32 the norm of the differences may be 1e-4 of the norm of the tensor: where a leaky ReLU
-    /// sees a number that is zero within rounding, either slope is right, and single elements of a gradient differ by more.
+    /// magnitude of its tensor. In float32 the norm of the differences may be `bound` of the norm of the tensor: where a leaky
+    /// ReLU sees a number that is zero within rounding, either slope is right, and single elements of a gradient differ by more.
     /// Magnitudes and norms count as `least_magnitude` if they are smaller: where a sum cancels, its rounding errors are left.
     /// Prints both errors if `report`.
-    void check(const std::string& group, const Tensors& actual, bool report, double least_magnitude = 1e-6) const;
+    void check(const std::string& group, const Tensors& actual, bool report, double least_magnitude = 1e-6,
+               double bound = 1e-4) const;
 
     [[nodiscard]] const Shape& shape(const std::string& name) const { return file_.tensors.at(name).shape(); }
 

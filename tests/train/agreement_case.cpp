@@ -131,7 +131,8 @@ AgreementCase full_agreement(const std::string& name, const std::filesystem::pat
             .samples = 8,
             .head_width = 512,
             .perceptual = "vgg16",
-            .report = true};
+            .report = true,
+            .gradient_bound = 5e-4};
 }
 
 Tensors values_of(const std::vector<Parameter>& parameters) {

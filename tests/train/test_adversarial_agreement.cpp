@@ -65,7 +65,7 @@ void second_stage_agrees(const AgreementCase& agreement, double fade, bool check
     if (!check_gradients) return;
     agreement.check("discriminator_gradient", gradients_of(judged, judgement.gradients));
     agreement.check("r1_gradient", gradients_of(judged, r1.gradients));
-    agreement.check("generator_gradient", gradients_of(parameters, result.gradients));
+    agreement.check("generator_gradient", gradients_of(parameters, result.gradients), agreement.gradient_bound);
 }
 
 }  // namespace

@@ -51,7 +51,7 @@ void first_stage_agrees(const AgreementCase& agreement, DType dtype) {
     losses["code"] = Tensor::scalar(result.losses.code, dtype);
     losses["code_norm"] = Tensor::scalar(result.losses.code_norm, dtype);
     agreement.check("loss", losses);
-    agreement.check("gradient", gradients_of(parameters, result.gradients));
+    agreement.check("gradient", gradients_of(parameters, result.gradients), agreement.gradient_bound);
     Adam({config.optimizer.beta1, config.optimizer.beta2, config.optimizer.epsilon})
         .step(parameters, result.gradients, config.optimizer.learning_rate);
     agreement.check("stepped", values_of(parameters));
