@@ -30,6 +30,9 @@ def case(results, name, resolution, side, batch, fade, **size):
     real_logits, fake_logits = discriminator(real, fade), discriminator(fake, fade)
     (dlogits_dx,) = torch.autograd.grad(real_logits.sum(), real, retain_graph=True)
     loss = discriminator_loss(real_logits, fake_logits)
+    results.put_all(f"{name}/loss_gradient", gradients(loss, parameters.tensors))
+    # The graph of the loss is gone before that of R1 is made.
+    real, real_logits, fake_logits, loss = (value.detach() for value in (real, real_logits, fake_logits, loss))
     penalty = r1_penalty(lambda images: discriminator(images, fade), real)
     results.put_all(
         f"{name}/value",
@@ -42,7 +45,6 @@ def case(results, name, resolution, side, batch, fade, **size):
             "r1": penalty,
         },
     )
-    results.put_all(f"{name}/loss_gradient", gradients(loss, parameters.tensors))
     results.put_all(f"{name}/r1_gradient", gradients(penalty, parameters.tensors))
 
 
