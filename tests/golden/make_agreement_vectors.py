@@ -14,7 +14,7 @@ import pathlib
 
 import torch
 import torch.nn.functional as F
-from safetensors.torch import save_file
+from safetensors.torch import load_file, save_file
 
 import make_lpips_vectors
 from torch_discriminator import Discriminator, discriminator_loss, faded, generator_loss, r1_penalty
@@ -48,7 +48,8 @@ class Case:
 
     def picture(self, name, side, channels=3):
         """(B, C, H, W) in [-1, 1]; the C++ side makes (B, H, W, C)."""
-        return (self.numbers(name, self.batch, side, side, channels) / 1.75).float().double().permute(0, 3, 1, 2)
+        values = self.numbers(name, self.batch, side, side, channels).double() / 1.75
+        return values.float().to(self.numbers.dtype).permute(0, 3, 1, 2)
 
     def codes(self, prefix):
         return {group: self.numbers(f"{prefix}.{group}", self.batch, size) for group, size in CODES.items()}
@@ -66,7 +67,7 @@ class Case:
 
     def poses(self):
         scale = torch.tensor([0.25, 0.125, 0.0625, 0.5, 0.5, 0.125], dtype=torch.float64)
-        return self.numbers("poses", self.batch, 6) * scale + torch.tensor([0, 0, 0, 0, 0, 5.25], dtype=torch.float64)
+        return self.numbers("poses", self.batch, 6).double() * scale + torch.tensor([0, 0, 0, 0, 0, 5.25], dtype=torch.float64)
 
     def rays(self, jitter=None):
         """Samples along the rays, stratified with `jitter`. With ray_type float32 rounded as in float32 runs: what the encoding's
@@ -74,7 +75,7 @@ class Case:
         side, uniforms = self.size.rays_per_side, None
         if jitter is not None:
             uniforms = jitter.uniform(self.batch, side**2, self.samples + 1)
-        return [x.to(self.ray_type).double() for x in sample_rays(self.poses(), side, self.samples, uniforms)]
+        return [x.to(self.ray_type).to(self.numbers.dtype) for x in sample_rays(self.poses(), side, self.samples, uniforms)]
 
     def jitter(self):
         return self.numbers.random.split("jitter")
@@ -149,15 +150,15 @@ class Perceptual:
         if not case.perceptual:
             return
         self.network, self.taps = getattr(make_lpips_vectors, case.perceptual)()
-        self.network.double().requires_grad_(False)
+        self.network.to(case.numbers.dtype).requires_grad_(False)
         for name, parameter in self.network.named_parameters():
             name = f"trunk.features.{name}"
             if parameter.dim() == 1:
                 parameter.copy_(0.25 * case.numbers(name, *parameter.shape))
                 continue
             outputs, inputs, height, width = parameter.shape
-            value = case.numbers(name, outputs, height, width, inputs) * (2.0 / (inputs * height * width)) ** 0.5
-            parameter.copy_(value.float().double().permute(0, 3, 1, 2))
+            value = case.numbers(name, outputs, height, width, inputs).double() * (2.0 / (inputs * height * width)) ** 0.5
+            parameter.copy_(value.float().permute(0, 3, 1, 2))
         self.numbers = case.numbers
 
     def __call__(self, image, target):
@@ -201,7 +202,7 @@ def stage1_case(results, name, case):
     encoder, decoder, parameters = model(case)
     z = encoder(case.picture("input", 64))
     out = decoder(z, case.rays(case.jitter()))
-    present = 1.0 - torch.arange(case.batch, dtype=torch.float64) % 2
+    present = 1.0 - torch.arange(case.batch, dtype=case.numbers.dtype) % 2
     code_weights = {"id": 0.001, "expr": 0.1, "tex": 0.001, "light": 0.01}
     terms = reconstruction_terms(case, out)
     terms["code"] = (code_loss(z, case.codes("code"), present, code_weights), 1.0)
@@ -287,17 +288,38 @@ def write(path, cases, folded):
     save_file(results.tensors, path)
 
 
+def print_errors(results, path):
+    """Of PyTorch's own float32, as the C++ tests print theirs."""
+    worst = {}
+    for name, expected in load_file(path).items():
+        difference = results.tensors[name] - expected
+        errors = worst.setdefault("/".join(name.split("/")[:2]), [0, 0.0, 0.0])
+        errors[0] += 1
+        errors[1] = max(errors[1], (difference.abs().max() / expected.abs().max().clamp(min=1e-6)).item())
+        errors[2] = max(errors[2], (difference.norm() / expected.norm().clamp(min=1e-6)).item())
+    for group, (count, largest, norm) in worst.items():
+        print(f"agreement | {group} | {count} | PyTorch's float32 | {largest:.6g} | {norm:.6g} |", flush=True)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=pathlib.Path, help="folder for the vectors of the full width")
-    folder = parser.parse_args().out
+    parser.add_argument("--float32", action="store_true", help="print the errors of PyTorch's own float32 against those vectors")
+    arguments = parser.parse_args()
+    folder = arguments.out
     if folder is None:
         write(pathlib.Path(__file__).with_name("agreement_vectors.safetensors"), SMALL, folded=True)
         return
     folder.mkdir(parents=True, exist_ok=True)
-    for precision in ("float64", "float32"):
-        cases = {name: dataclasses.replace(case, ray_type=getattr(torch, precision)) for name, case in FULL.items()}
-        write(folder / f"agreement_{precision}.safetensors", cases, folded=False)
+    rounded = {name: dataclasses.replace(case, ray_type=torch.float32) for name, case in FULL.items()}
+    if arguments.float32:
+        results = Results(folded=False)
+        for name, case in rounded.items():
+            CASES[name](results, name, dataclasses.replace(case, numbers=Numbers(1, torch.float32)))
+        print_errors(results, folder / "agreement_float32.safetensors")
+        return
+    write(folder / "agreement_float64.safetensors", FULL, folded=False)
+    write(folder / "agreement_float32.safetensors", rounded, folded=False)
 
 
 if __name__ == "__main__":

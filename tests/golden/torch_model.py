@@ -57,25 +57,23 @@ class Philox:
 class Numbers:
     """Weights and inputs that both sides make: functions of a seed and a name (tests/support/golden.h)."""
 
-    def __init__(self, seed):
-        self.random = Philox(seed)
+    def __init__(self, seed, dtype=torch.float64):
+        self.random, self.dtype = Philox(seed), dtype
 
     def __call__(self, name, *shape):
-        """Uniform in +-1.75, of deviation 1; float64 that float32 holds exactly."""
-        return ((self.random.split(name).uniform(*shape) - 0.5) * 3.5).float().double()
-
-
-numbers = Numbers(1)
+        """Uniform in +-1.75, of deviation 1; float32 holds them exactly."""
+        return ((self.random.split(name).uniform(*shape) - 0.5) * 3.5).float().to(self.dtype)
 
 
 class Parameters:
     """Makes the parameters that layers ask for, and keeps them in order."""
 
-    def __init__(self, numbers=numbers):
+    def __init__(self, numbers):
         self.numbers, self.tensors = numbers, {}
 
     def __call__(self, name, *shape, scale=1.0, offset=0.0):
-        self.tensors[name] = (self.numbers(name, *shape) * scale + offset).float().double().requires_grad_()
+        values = (self.numbers(name, *shape).double() * scale + offset).float().to(self.numbers.dtype)
+        self.tensors[name] = values.requires_grad_()
         return self.tensors[name]
 
 
