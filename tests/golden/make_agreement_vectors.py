@@ -82,7 +82,7 @@ class Case:
 
 
 # Where a leaky ReLU or the L1 loss sees a number that is zero within float32's rounding, its gradient is either of two. Seeds of the
-# small cases keep clear of that; `nearest_kink` prints by how much.
+# small cases were chosen with that in mind; `nearest_kink` says how near it is.
 SMALL = {
     "decoder": Case(DecoderSize(16, 8, 4, 6, 2, (5, 4), 3, 2, rays_per_side=4), 2, 5, 8, "", Numbers(9)),
     "stage1": Case(DecoderSize(64, 8, 2, 8, 3, (6, 5), 2, 2, rays_per_side=16), 2, 5, 8, "squeezenet1_1", Numbers(3)),
