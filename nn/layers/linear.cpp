@@ -27,6 +27,10 @@ Variable Linear::effective_bias() const {
     return bias_.variable() * (options_.gain * options_.learning_rate_multiplier);
 }
 
+FoldedLayer Linear::folded() const {
+    return {effective_weight().value(), effective_bias().value(), options_.activation};
+}
+
 Variable Linear::operator()(const Variable& x) const {
     const Shape& weight_shape = weight_.variable().shape();
     if (x.rank() < 2 || x.shape(-1) != weight_shape[1])

@@ -18,6 +18,14 @@ struct LinearOptions {
     double gain = 1.0;
 };
 
+/// A pointwise layer as one product and one sum: activation(x weight^T + bias). Whatever scales or modulates it is in the
+/// numbers.
+struct FoldedLayer {
+    Tensor weight;  ///< (out, in)
+    Tensor bias;    ///< (out)
+    Activation activation = Activation::none;
+};
+
 /// Fully connected layer or 1x1 convolution with equalised learning rate (StyleGAN2's EqualLinear): the stored weight (out, in)
 /// is N(0, 1) / multiplier and is scaled by multiplier / sqrt(in) when used, the bias (out) by the multiplier.
 class Linear {
@@ -34,6 +42,7 @@ public:
     [[nodiscard]] Variable effective_weight() const;
     /// The bias as used, (out).
     [[nodiscard]] Variable effective_bias() const;
+    [[nodiscard]] FoldedLayer folded() const;
 
 private:
     Parameter weight_;

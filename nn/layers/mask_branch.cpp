@@ -30,4 +30,10 @@ Variable MaskBranch::operator()(std::span<const Variable> features) const {
     return logit_(sum);
 }
 
+FoldedMaskBranch MaskBranch::folded() const {
+    FoldedMaskBranch branch{{}, logit_.folded()};
+    for (const Linear& lateral : laterals_) branch.laterals.push_back(lateral.folded());
+    return branch;
+}
+
 }  // namespace stymo

@@ -9,6 +9,11 @@
 
 namespace stymo {
 
+struct FoldedMaskBranch {
+    std::vector<FoldedLayer> laterals;  ///< one for each render block, from coarse to fine
+    FoldedLayer logit;
+};
+
 /// Head mask from the features of all render blocks (the paper's SegLite, whose insides are not published): a 1x1 layer with
 /// leaky ReLU (slope 0.2, no gain) from each to a few channels, summed from coarse to fine with bilinear doubling, and one logit.
 class MaskBranch {
@@ -20,6 +25,7 @@ public:
     /// Features of the first blocks in ascending order, each (B, S, S, channels) of twice the side of the one before ->
     /// logit (B, S, S, 1) at the side of the last. Throws ShapeError for none, or for more than there are blocks.
     [[nodiscard]] Variable operator()(std::span<const Variable> features) const;
+    [[nodiscard]] FoldedMaskBranch folded() const;
 
 private:
     std::vector<Linear> laterals_;

@@ -52,12 +52,23 @@ Variable ModulatedLinear::rows(const Variable& x, const Variable& style) const {
     return reshape(x, {x.shape(0), -1, weight_shape[1]});
 }
 
+Variable ModulatedLinear::effective_weight(const Variable& style) const {
+    const Variable modulated = equalised_weight() * scales(style);
+    const Variable norm = sqrt(sum(square(modulated), {2}) + demodulation_epsilon);
+    return modulated / (norm * (1.0 / gain_));
+}
+
+FoldedLayer ModulatedLinear::folded(const Variable& style) const {
+    const Shape& shape = weight_.variable().shape();
+    if (style.rank() != 2 || style.shape(0) != 1)
+        fail<ShapeError>("layer ", weight_.name(), " is folded for the style of one face, (1, size), got ", style.shape());
+    return {effective_weight(style).value().reshaped({shape[0], shape[1]}), bias_.variable().value(), activation_};
+}
+
 Variable ModulatedLinear::operator()(const Variable& x, const Variable& style) const {
     // Pixels and points far outnumber weights: folding everything into one weight for each sample leaves a single pass over them.
     const Variable in = rows(x, style);
-    const Variable modulated = equalised_weight() * scales(style);
-    const Variable norm = sqrt(sum(square(modulated), {2}) + demodulation_epsilon);
-    const Variable y = linear(in, modulated / (norm * (1.0 / gain_)), bias_.variable(), activation_);
+    const Variable y = linear(in, effective_weight(style), bias_.variable(), activation_);
     return reshape(y, x.shape().with(-1, y.shape(2)));
 }
 

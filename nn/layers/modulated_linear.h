@@ -24,6 +24,8 @@ public:
 
     /// x (B, ..., in) of rank 3 or 4, style (B, style_size) -> (B, ..., out). Throws ShapeError for what does not fit.
     [[nodiscard]] Variable operator()(const Variable& x, const Variable& style) const;
+    /// What one face's style, (1, style_size), makes of it.
+    [[nodiscard]] FoldedLayer folded(const Variable& style) const;
     /// The same with one weight for all samples, between a scaling of the inputs and one of the outputs: its oracle.
     [[nodiscard]] Variable reference(const Variable& x, const Variable& style) const;
 
@@ -33,6 +35,8 @@ private:
     [[nodiscard]] Variable scales(const Variable& style) const;
     /// W / sqrt(in), (1, out, in)
     [[nodiscard]] Variable equalised_weight() const;
+    /// Modulated, demodulated and times the gain: (B, out, in)
+    [[nodiscard]] Variable effective_weight(const Variable& style) const;
 
     Linear style_;
     Parameter weight_;

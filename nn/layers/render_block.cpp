@@ -28,6 +28,10 @@ Variable RenderBlock::recomputed_features(const Variable& below, const Variable&
     return concat(images, 0);
 }
 
+FoldedRenderBlock RenderBlock::folded(const Variable& style) const {
+    return {upsampler_.folded_detail(), modulated0_.folded(style), modulated1_.folded(style), to_rgb_.folded()};
+}
+
 Rendered RenderBlock::operator()(const Rendered& below, const Variable& style, bool recomputed) const {
     const Variable above = recomputed ? recomputed_features(below.features, style) : features(below.features, style);
     const Variable rgb = to_rgb_(above);

@@ -17,6 +17,8 @@ public:
 
     /// (B, H, W, C) -> (B, 2H, 2W, C)
     [[nodiscard]] Variable operator()(const Variable& x) const;
+    /// The layer C -> 4C; output channel 4 c + 2 i + j is the detail of channel c at row i, column j of the doubled pixel.
+    [[nodiscard]] FoldedLayer folded_detail() const { return detail_.folded(); }
 
 private:
     Linear detail_;

@@ -9,9 +9,6 @@
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "nn/layers/mapping.h"
-#include "nn/layers/mask_branch.h"
-#include "nn/layers/render_block.h"
-#include "nn/models/radiance_field.h"
 
 namespace stymo {
 namespace {
@@ -233,6 +230,21 @@ Decoded Decoder::decode_feature_map(const Variable& feature_map, const Codes& w,
 
 Variable Decoder::density(const Variable& points, const Codes& w) const {
     return layers_->field(points, geometry_style(w), true).density;
+}
+
+FoldedField Decoder::folded_field(const Codes& w) const {
+    return layers_->field.folded(geometry_style(w));
+}
+
+std::vector<FoldedRenderBlock> Decoder::folded_blocks(const Codes& w) const {
+    std::vector<FoldedRenderBlock> blocks;
+    const Variable style = appearance_style(w);
+    for (const RenderBlock& block : layers_->blocks) blocks.push_back(block.folded(style));
+    return blocks;
+}
+
+FoldedMaskBranch Decoder::folded_mask() const {
+    return layers_->mask->folded();
 }
 
 }  // namespace stymo

@@ -5,7 +5,10 @@
 
 #include "core/config.h"
 #include "core/rng.h"
+#include "nn/layers/mask_branch.h"
+#include "nn/layers/render_block.h"
 #include "nn/models/codes.h"
+#include "nn/models/radiance_field.h"
 #include "nn/parameter_store.h"
 #include "render/camera.h"
 #include "render/composite.h"
@@ -72,6 +75,10 @@ public:
     /// The render blocks alone, on a feature map that is reused (texture and light edits). Leaves weights and samples
     /// of the result undefined.
     [[nodiscard]] Decoded decode_feature_map(const Variable& feature_map, const Codes& w, const DecodeOptions& options) const;
+    /// The layers as they are for one face, with codes (1, ...) in W: what a renderer computes with.
+    [[nodiscard]] FoldedField folded_field(const Codes& w) const;
+    [[nodiscard]] std::vector<FoldedRenderBlock> folded_blocks(const Codes& w) const;
+    [[nodiscard]] FoldedMaskBranch folded_mask() const;
     /// Density at points (B, P, 3) for codes in W: (B, P, 1).
     [[nodiscard]] Variable density(const Variable& points, const Codes& w) const;
 

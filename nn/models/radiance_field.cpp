@@ -45,6 +45,17 @@ FieldSamples RadianceField::operator()(const Variable& points, const Variable& s
     return samples;
 }
 
+FoldedField RadianceField::folded(const Variable& style) const {
+    FoldedField field{.frequencies = frequencies_,
+                      .skip_layer = skip_layer_,
+                      .layers = {},
+                      .density = density_.folded(),
+                      .feature0 = feature0_.folded(style),
+                      .feature1 = feature1_.folded()};
+    for (const ModulatedLinear& layer : layers_) field.layers.push_back(layer.folded(style));
+    return field;
+}
+
 Variable RadianceField::finish(const Variable& composited, const Variable& opacity) const {
     const Variable weight = feature1_.effective_weight();
     const Variable product = linear(composited, reshape(weight, {1, weight.shape(0), weight.shape(1)}), {});

@@ -21,6 +21,16 @@ struct FieldSamples {
     Variable features;  ///< (B, P, width) before the last, linear layer; undefined if only the density was asked for
 };
 
+/// The field of one face: what its style makes of every layer.
+struct FoldedField {
+    std::int64_t frequencies = 0;
+    std::size_t skip_layer = 0;  ///< layer whose input begins with the encoding once more; 0: none
+    std::vector<FoldedLayer> layers;
+    FoldedLayer density;  ///< one output; the density is softplus(output - 1)
+    FoldedLayer feature0;
+    FoldedLayer feature1;  ///< after compositing
+};
+
 /// The paper's NeRF: modulated sine layers on encoded points. With four or more of them the encoding enters again at the input of
 /// layer number layers / 2 + 1 (counted from 0). Density: a plain layer and softplus(x - 1). Features: one more modulated sine
 /// layer, and a plain one that is applied after compositing.
@@ -36,6 +46,8 @@ public:
     /// (B, R, feature_channels) = W sum_i w_i r_i + b sum_i w_i = sum_i w_i (W r_i + b), with as many times fewer rows as there
     /// are samples on a ray.
     [[nodiscard]] Variable finish(const Variable& composited, const Variable& opacity) const;
+    /// For the style of one face, (1, style_size).
+    [[nodiscard]] FoldedField folded(const Variable& style) const;
 
 private:
     std::int64_t frequencies_;

@@ -1,0 +1,70 @@
+#pragma once
+
+#include <cstdint>
+#include <type_traits>
+#include <vector>
+
+#include "core/ops/linalg.h"
+
+/// Matrix products on the calling thread, for the processor that runs them (Google Highway chooses among instruction sets at run
+/// time). Every element of a result is one chain of fused multiply-adds in the order of the inner index: it depends neither on
+/// the place of its block nor on the number of threads.
+namespace stymo::kernels {
+
+/// The upper half of a float32, rounded to nearest even.
+struct BFloat16 {
+    std::uint16_t bits = 0;
+};
+
+/// The right operand (k, n) of a product in the order in which a product reads it. Worth keeping for several products.
+/// T: float, double or BFloat16 (packed from float, and rounded).
+template <class T>
+class PackedMatrix {
+public:
+    using Source = std::conditional_t<std::is_same_v<T, BFloat16>, float, T>;
+
+    PackedMatrix() = default;
+    /// Element (i, j) is b[i * inner_stride + j * column_stride].
+    PackedMatrix(const Source* b, std::int64_t k, std::int64_t n, std::int64_t inner_stride, std::int64_t column_stride);
+
+    [[nodiscard]] std::int64_t inner_length() const { return k_; }
+    [[nodiscard]] std::int64_t columns() const { return n_; }
+    [[nodiscard]] std::int64_t panel_width() const { return panel_width_; }
+    /// All k rows of `panel_width` columns side by side, zeros beyond column n.
+    [[nodiscard]] const T* panel(std::int64_t index) const { return panels_.data() + index * k_ * panel_width_; }
+
+private:
+    std::int64_t k_ = 0;
+    std::int64_t n_ = 0;
+    std::int64_t panel_width_ = 0;
+    std::vector<T> panels_;
+};
+
+/// Left operand (m, k): element (row, i) is data[row * row_stride + i * inner_stride]. The inner stride of BFloat16 is 1.
+template <class T>
+struct LeftMatrix {
+    const T* data;
+    std::int64_t row_stride;
+    std::int64_t inner_stride = 1;
+};
+
+/// What becomes of a product while it is still in registers: activation(product + bias or present values).
+template <class T>
+struct Epilogue {
+    const T* bias = nullptr;      ///< one number for each column
+    bool present_values = false;  ///< added to the result's own values; then there is no bias
+    Activation activation = Activation::none;
+    T* slope = nullptr;  ///< where the derivative of the activation goes, rows as far apart as the result's; null: nowhere
+};
+
+/// c (m, n), rows `row_stride` apart, = epilogue(left * right).
+template <class T>
+void multiply_packed(T* c, std::int64_t row_stride, const LeftMatrix<T>& left, std::int64_t m, const PackedMatrix<T>& right,
+                     const Epilogue<T>& epilogue = {});
+/// BFloat16 operands, sums in float32; the result as float32, or rounded.
+void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<BFloat16>& left, std::int64_t m,
+                     const PackedMatrix<BFloat16>& right, const Epilogue<float>& epilogue = {});
+void multiply_packed(BFloat16* c, std::int64_t row_stride, const LeftMatrix<BFloat16>& left, std::int64_t m,
+                     const PackedMatrix<BFloat16>& right, const Epilogue<float>& epilogue = {});
+
+}  // namespace stymo::kernels

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "nn/models/model.h"
+#include "nn/models/view.h"
+
+namespace stymo {
+
+/// How a face is shown; all but `exact` leave out or shorten work, with an error that docs/results.md states.
+enum class RenderMode {
+    exact,  ///< every sample, float32
+    skip,   ///< float32, without the samples and pixels that cannot count by more than the tolerance
+    bf16,   ///< as skip, with weights and activations of 16 bits
+    baked,  ///< the field sampled once for this head; views read it
+};
+
+struct RendererOptions {
+    RenderMode mode = RenderMode::skip;
+    std::int64_t samples_per_ray = 64;
+    std::int64_t resolution = 0;        ///< 0: the model's own
+    double tolerance = 1e-2;            ///< compositing weight that the samples left out on one ray may have together
+    std::int64_t bake_resolution = 96;  ///< cells along one side of the baked cube
+    bool mask = false;
+    bool depth = false;
+};
+
+/// What the last frame did and left out.
+struct RenderCounts {
+    std::int64_t samples = 0;        ///< of all rays
+    std::int64_t field_samples = 0;  ///< of them, through the field
+    std::int64_t pixels = 0;         ///< of all render blocks, at their resolution
+    std::int64_t pixels_computed = 0;
+    std::int64_t folds = 0;  ///< of weights for new codes, since the renderer was made
+};
+
+/// Shows one face of a trained model from many sides. Folds the layers for the codes once, keeps what does not change from frame
+/// to frame (density structure for identity and expression; feature map while neither they nor the camera change), and allocates
+/// nothing for a frame after the first of its kind.
+class FaceRenderer {
+public:
+    /// The model outlives the renderer. Throws ValueError for a resolution or a number of samples that the model cannot render.
+    FaceRenderer(const Model& model, const RendererOptions& options);
+    ~FaceRenderer();
+    FaceRenderer(FaceRenderer&&) noexcept;
+
+    /// The face of row `index` of codes in Z. Groups that equal the present ones cost nothing.
+    void show(const Codes& codes, std::int64_t index = 0);
+    /// Throws ValueError before the first `show`.
+    [[nodiscard]] View render(const Camera& camera);
+    [[nodiscard]] const RenderCounts& counts() const;
+
+private:
+    struct State;
+    std::unique_ptr<State> state_;
+};
+
+}  // namespace stymo
