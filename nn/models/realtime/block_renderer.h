@@ -33,11 +33,12 @@ public:
 
     /// The same blocks for another style: takes over their modulated layers.
     void set_style(std::span<const FoldedRenderBlock> blocks);
-    /// `feature_map` (rays_per_side, rays_per_side, channels); `occupied`: for each ray, 0 if it is empty. All empty rays have the
-    /// same features. Throws ShapeError for other sizes.
+    /// `feature_map` (rays_per_side, rays_per_side, channels); `occupied`: for each ray, 0 if it is empty. All empty rays have
+    /// the same features. Throws ShapeError for other sizes.
     void set_feature_map(std::span<const float> feature_map, std::span<const std::uint8_t> occupied);
     /// Picture (resolution, resolution, 3) and, unless that span is empty, mask (resolution, resolution), both in [0, 1].
-    /// Allocates nothing after the first call. Throws ValueError before the first feature map, and for a mask without a branch.
+    /// Allocates nothing after the first call. Throws ValueError before the first feature map and for a mask without a branch,
+    /// ShapeError for other sizes.
     void render(std::span<float> picture, std::span<float> mask = {});
     [[nodiscard]] const BlockCounts& counts() const;
 
