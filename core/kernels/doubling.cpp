@@ -11,17 +11,12 @@ namespace {
 inline float widened(float value) {
     return value;
 }
-inline float widened(BFloat16 value) {
-    return std::bit_cast<float>(static_cast<std::uint32_t>(value.bits) << 16);
-}
-
 template <class T>
 inline T rounded(float value) {
     if constexpr (std::is_same_v<T, float>) {
         return value;
     } else {
-        const auto bits = std::bit_cast<std::uint32_t>(value);
-        return {static_cast<std::uint16_t>((bits + 0x7FFFU + ((bits >> 16) & 1U)) >> 16)};
+        return rounded_to_bfloat16(value);
     }
 }
 
