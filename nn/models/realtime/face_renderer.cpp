@@ -127,8 +127,7 @@ void FaceRenderer::State::fold_blocks() {
 void FaceRenderer::State::draw() {
     if (feature_map_is_new) blocks->set_feature_map(feature_map.features, feature_map.counts);
     feature_map_is_new = false;
-    blocks->render(view.picture.mutable_values<float>(),
-                   options.mask ? view.mask.mutable_values<float>() : std::span<float>());
+    blocks->render(view.picture.mutable_values<float>(), options.mask ? view.mask.mutable_values<float>() : std::span<float>());
     if (options.depth) std::ranges::copy(feature_map.depths, view.depth.mutable_values<float>().begin());
 }
 

@@ -102,7 +102,8 @@ void PackedField<T>::encode(std::span<const float> points, FieldTile<T>& tile) c
         T* row = tile.joined.data() + point * stride;
         float frequency = 1.0F;
         for (std::int64_t octave = 0; octave < frequencies_; ++octave, frequency *= 2.0F) {
-            for (std::int64_t axis = 0; axis < 3; ++axis) phases[static_cast<std::size_t>(3 * octave + axis)] = x[axis] * frequency;
+            for (std::int64_t axis = 0; axis < 3; ++axis)
+                phases[static_cast<std::size_t>(3 * octave + axis)] = x[axis] * frequency;
         }
         for (std::int64_t axis = 0; axis < 3; ++axis) row[axis] = narrowed<T>(x[axis]);
         T* sines = row + 3;
