@@ -10,8 +10,9 @@ namespace stymo {
 
 /// Faces to fit, one for each row.
 struct FitTarget {
-    Tensor input;                 ///< (B, S, S, 3) in [-1, 1], unmasked, for the encoder
-    std::vector<Tensor> targets;  ///< (B, R, R, 3) in [-1, 1] for R = 64, 128, ...: masked, background -1
+    Tensor input;  ///< (B, S, S, 3) in [-1, 1], unmasked, for the encoder
+    /// (B, R, R, 3) in [-1, 1] for R = 64, 128, ...: masked, background -1. The last one is the largest that is rendered.
+    std::vector<Tensor> targets;
     std::vector<Camera> cameras;
 };
 
