@@ -35,7 +35,7 @@ struct FitResult {
 
 /// The paper's fitting: Adam on code offsets that start at zero, everything else fixed; each face is its own problem whatever the
 /// batch. `loss` is the model's own reconstruction loss or another one. Throws ShapeError for targets that do not suit the model,
-/// NumericError if the loss becomes non-finite.
+/// ValueError for a side that it does not render, NumericError if the loss becomes non-finite.
 [[nodiscard]] FitResult fit_codes(const Model& model, const ReconstructionLoss& loss, const FitTarget& target,
                                   const FitOptions& options);
 
