@@ -95,7 +95,10 @@ void check_same(const Pictures& actual, const Pictures& wanted, double tolerance
 const std::vector<std::pair<std::string, Pattern>> patterns{
     {"no ray is empty", [](std::int64_t, std::int64_t) { return true; }},
     {"all rays are empty", [](std::int64_t, std::int64_t) { return false; }},
-    {"a disc", [](std::int64_t row, std::int64_t column) { return std::hypot(row - 15.5, column - 13.0) < 9.0; }},
+    {"a disc",
+     [](std::int64_t row, std::int64_t column) {
+         return std::hypot(static_cast<double>(row) - 15.5, static_cast<double>(column) - 13.0) < 9.0;
+     }},
     {"one ray", [](std::int64_t row, std::int64_t column) { return row == 20 && column == 11; }},
     {"two corners", [](std::int64_t row, std::int64_t column) { return row + column == 0 || row + column == 2 * rays - 2; }},
     {"two rows and a hole", [](std::int64_t row, std::int64_t column) { return (row == 3 || row == 5) && column % 7 != 0; }},
