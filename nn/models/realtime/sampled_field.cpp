@@ -40,7 +40,6 @@ struct Scratch {
     std::vector<float> row_weights;
     FieldTile<T> tile;
     std::vector<DensityBounds> bounds;
-    SelectionScratch selection;
 };
 
 void append_point(const Ray& ray, double distance, std::vector<float>& points) {
@@ -168,7 +167,7 @@ bool SampledField<T>::select_from_grid(const CameraRays& rays) {
             scratch.points.clear();
             append_points(ray, samples, scratch.points);
             if (!grid_.bounds(scratch.points, scratch.bounds)) known = false;
-            select_samples(scratch.bounds, interval(ray, samples), tolerance_, i, scratch.selection, selection_);
+            select_samples(scratch.bounds, interval(ray, samples), tolerance_, i, selection_);
         }
     });
     return known;
@@ -241,6 +240,12 @@ void SampledField<T>::composite_ray(std::int64_t ray, std::int64_t first_row, co
         transmittance -= weight;
         opacity += weight;
         depth += weight * static_cast<float>(sample_distance(line, selection_.samples[slot + k], rays.samples_per_ray));
+    }
+    if (count > 0) {
+        const float weight = -transmittance * std::expm1(-selection_.tails[index]);
+        scratch.weights.back() += weight;
+        opacity += weight;
+        depth += weight * static_cast<float>(sample_distance(line, selection_.samples[slot + count - 1], rays.samples_per_ray));
     }
     opacities_[index] = opacity;
     map.counts[index] = opacity > 0.0F;
