@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/kernels/doubling.h"
+#include "core/kernels/picture_rows.h"
 #include "core/parallel.h"
 #include "nn/models/realtime/packed_layer.h"
 #include "nn/models/realtime/pixel_rows.h"
@@ -43,12 +44,18 @@ void grow(std::vector<T>& buffer, std::int64_t size) {
     if (static_cast<std::int64_t>(buffer.size()) < size) buffer.resize(static_cast<std::size_t>(size));
 }
 
+std::vector<float> values(const Tensor& tensor) {
+    const std::span<const float> all = tensor.values<float>();
+    return {all.begin(), all.end()};
+}
+
 template <class T>
 struct PackedBlock {
     PackedLayer<T> detail;
     PackedLayer<T> modulated0;
     PackedLayer<T> modulated1;
-    PackedLayer<T> to_rgb;
+    std::vector<float> rgb_weight;
+    std::vector<float> rgb_bias;
     PackedLayer<T> lateral;  ///< empty without a mask
 
     [[nodiscard]] std::int64_t in() const { return modulated0.inputs(); }
@@ -59,7 +66,7 @@ struct PackedBlock {
 template <class T>
 struct Background {
     std::vector<T> features;
-    std::vector<float> rgb;   ///< of this level's block alone
+    std::vector<float> rgb;   ///< of this level's block alone, without bias
     std::vector<float> mask;  ///< the same of the lateral
 };
 
@@ -84,7 +91,6 @@ struct StripBuffers {
     std::vector<T> blurred;
     std::vector<T> hidden;
     std::vector<T> features;
-    std::vector<float> rgb;
     std::vector<float> lateral;
     std::vector<float> scratch;
     std::vector<float> rgb_row;
@@ -146,9 +152,9 @@ private:
     void compute_strip(const Strip& strip, StripBuffers<T>& buffers);
     void prepare(StripBuffers<T>& buffers) const;
     void finish_rows(std::size_t block, std::int64_t first, std::int64_t end, const T* blurred, StripBuffers<T>& buffers);
-    void blur_row(std::size_t block, std::int64_t row, std::span<const T* const> detail_rows, T* out, float* scratch) const;
+    void blur_rows(std::size_t block, std::int64_t row, std::span<const T* const> detail_rows, T* out) const;
     void store_features(Level<T>& level, std::int64_t first, std::int64_t end, const T* features) const;
-    void finish_rgb_row(std::size_t block, std::int64_t row, const float* rgb, StripBuffers<T>& buffers);
+    void finish_rgb_row(std::size_t block, std::int64_t row, const T* features, StripBuffers<T>& buffers);
     void finish_mask_row(std::size_t block, std::int64_t row, const float* lateral, StripBuffers<T>& buffers);
     [[nodiscard]] std::int64_t detail_pixels(std::size_t block) const;
     [[nodiscard]] std::int64_t batch_pixels(std::size_t block) const;
@@ -175,12 +181,13 @@ BlockRenderer::TypedState<T>::TypedState(std::span<const FoldedRenderBlock> fold
     : blocks_(folded.size()), levels_(folded.size() + 1), strips_(folded.size()) {
     for (std::size_t i = 0; i < folded.size(); ++i) {
         blocks_[i].detail = PackedLayer<T>(ordered_by_subpixel(folded[i].detail));
-        blocks_[i].to_rgb = PackedLayer<T>(folded[i].to_rgb);
+        blocks_[i].rgb_weight = values(folded[i].to_rgb.weight);
+        blocks_[i].rgb_bias = values(folded[i].to_rgb.bias);
         if (mask) blocks_[i].lateral = PackedLayer<T>(mask->laterals[i]);
     }
     if (mask) {
-        logit_weight_.assign(mask->logit.weight.values<float>().begin(), mask->logit.weight.values<float>().end());
-        logit_bias_ = mask->logit.bias.values<float>()[0];
+        logit_weight_ = values(mask->logit.weight);
+        logit_bias_ = values(mask->logit.bias).front();
     }
     for (std::size_t i = 0; i < levels_.size(); ++i) {
         levels_[i].side = rays_per_side << i;
@@ -271,14 +278,16 @@ void BlockRenderer::TypedState<T>::compute_backgrounds() {
         Background<T>& background = levels_[i + 1].background;
         prepare(*buffers);
         block.detail.apply(buffers->detail[0].data(), below.data(), 1);
-        const kernels::DetailedRow<T> pixel{0, below.data(), buffers->detail[0].data()};
-        kernels::blur_doubled_row(buffers->blurred.data(), buffers->scratch.data(), pixel, pixel, 0, 0, 1, 1, block.in());
+        const kernels::DetailedRow<T> pixel{0, 1, below.data(), buffers->detail[0].data()};
+        const kernels::DoubledRow<T> doubled{0, 1, buffers->blurred.data()};
+        kernels::blur_doubled_rows({pixel, pixel, pixel, {doubled, {}}, 1, block.in()});
         block.modulated0.apply(buffers->hidden.data(), buffers->blurred.data(), 1);
         background.features.resize(static_cast<std::size_t>(block.out()));
         block.modulated1.apply(background.features.data(), buffers->hidden.data(), 1);
-        background.rgb.resize(colors);
-        block.to_rgb.apply(background.rgb.data(), background.features.data(), 1);
-        for (std::size_t c = 0; c < colors; ++c) rgb_sum[c] += background.rgb[c];
+        background.rgb.assign(colors, 0.0F);
+        kernels::add_colors(background.rgb.data(), background.features.data(), block.rgb_weight.data(), background.rgb.data(), 1,
+                            block.out());
+        for (std::size_t c = 0; c < colors; ++c) rgb_sum[c] += background.rgb[c] + block.rgb_bias[c];
         if (logit_weight_.empty()) continue;
         background.mask.resize(logit_weight_.size());
         block.lateral.apply(background.mask.data(), background.features.data(), 1);
@@ -293,7 +302,7 @@ void BlockRenderer::TypedState<T>::compute_backgrounds() {
 template <class T>
 std::int64_t BlockRenderer::TypedState<T>::detail_pixels(std::size_t block) const {
     const std::int64_t pixel_bytes = 4 * blocks_[block].in() * static_cast<std::int64_t>(sizeof(T));
-    return std::max(levels_[block].side, detail_bytes / pixel_bytes);
+    return std::max(2 * levels_[block].side, detail_bytes / pixel_bytes);
 }
 
 template <class T>
@@ -312,34 +321,41 @@ void BlockRenderer::TypedState<T>::prepare(StripBuffers<T>& buffers) const {
         grow(buffers.blurred, pixels * block.in());
         grow(buffers.hidden, pixels * block.out());
         grow(buffers.features, pixels * block.out());
-        grow(buffers.rgb, pixels * colors);
         grow(buffers.lateral, pixels * mask_channels);
-        grow(buffers.scratch, std::max((2 * side + 2) * block.in(), (3 * side + 2) * std::max(colors, mask_channels)));
+        grow(buffers.scratch, (3 * side + 2) * std::max(colors, mask_channels));
         grow(buffers.rgb_row, 2 * side * colors);
         grow(buffers.mask_row, 2 * side * mask_channels);
     }
 }
 
+/// Both rows that come of row `row` below; to where they would be stored behind one another.
 template <class T>
-void BlockRenderer::TypedState<T>::blur_row(std::size_t block, std::int64_t row, std::span<const T* const> detail_rows, T* out,
-                                            float* scratch) const {
+void BlockRenderer::TypedState<T>::blur_rows(std::size_t block, std::int64_t row, std::span<const T* const> detail_rows,
+                                             T* out) const {
     const Level<T>& below = levels_[block];
     const std::int64_t channels = blocks_[block].in();
-    const PixelRow& pixels = levels_[block + 1].occupied[row];
     const auto detailed = [&](std::int64_t y) {
-        return kernels::DetailedRow<T>{below.read[y].begin, below.features.data() + below.read[y].offset * channels,
+        // A row without pixels is read by none; any other stands in for it.
+        if (y < 0 || y >= below.side || below.read[y].size() == 0) y = row;
+        const PixelRow& pixels = below.read[y];
+        return kernels::DetailedRow<T>{pixels.begin, pixels.end, below.features.data() + pixels.offset * channels,
                                        detail_rows[static_cast<std::size_t>(y)]};
     };
-    const std::int64_t middle = row / 2;
-    const std::int64_t near = std::clamp<std::int64_t>(row % 2 == 0 ? middle - 1 : middle + 1, 0, below.side - 1);
-    kernels::blur_doubled_row(out, scratch, detailed(middle), detailed(near), row, pixels.begin, pixels.end, below.side,
-                              channels);
+    const PixelRow &first = levels_[block + 1].occupied[2 * row], &second = levels_[block + 1].occupied[2 * row + 1];
+    if (first.size() + second.size() == 0) return;
+    kernels::blur_doubled_rows({detailed(row - 1),
+                                detailed(row),
+                                detailed(row + 1),
+                                {kernels::DoubledRow<T>{first.begin, first.end, out},
+                                 kernels::DoubledRow<T>{second.begin, second.end, out + first.size() * channels}},
+                                below.side,
+                                channels});
 }
 
 /// The part of the first block that knows no style, for the whole image.
 template <class T>
 void BlockRenderer::TypedState<T>::keep_first_doubling() {
-    constexpr std::int64_t pixels_at_once = 60, rows_at_once = 4;
+    constexpr std::int64_t pixels_at_once = 60, rows_at_once = 2;
     const PackedBlock<T>& block = blocks_[0];
     grow(first_detail_, levels_[0].read.pixels() * 4 * block.in());
     grow(first_blurred_, levels_[1].occupied.pixels() * block.in());
@@ -348,7 +364,7 @@ void BlockRenderer::TypedState<T>::keep_first_doubling() {
         blocks_[0].detail.apply(first_detail_.data() + begin * 4 * channels, levels_[0].features.data() + begin * channels,
                                 end - begin);
     });
-    parallel_for(levels_[1].side, rows_at_once, [this](std::int64_t begin, std::int64_t end) {
+    parallel_for(levels_[0].side, rows_at_once, [this](std::int64_t begin, std::int64_t end) {
         std::unique_ptr<StripBuffers<T>> buffers = buffers_.take();
         prepare(*buffers);
         const std::int64_t channels = blocks_[0].in();
@@ -357,8 +373,7 @@ void BlockRenderer::TypedState<T>::keep_first_doubling() {
                 first_detail_.data() + levels_[0].read[row].offset * 4 * channels;
         }
         for (std::int64_t row = begin; row < end; ++row) {
-            T* out = first_blurred_.data() + levels_[1].occupied[row].offset * channels;
-            blur_row(0, row, buffers->detail_rows, out, buffers->scratch.data());
+            blur_rows(0, row, buffers->detail_rows, first_blurred_.data() + levels_[1].occupied[2 * row].offset * channels);
         }
         buffers_.give_back(std::move(buffers));
     });
@@ -371,27 +386,28 @@ void BlockRenderer::TypedState<T>::compute_strip(const Strip& strip, StripBuffer
     const PackedBlock<T>& block = blocks_[index];
     const Level<T>& below = levels_[index];
     const PixelRows& pixels = levels_[index + 1].occupied;
+    const auto doubled_size = [&](std::int64_t row) { return pixels[2 * row].size() + pixels[2 * row + 1].size(); };
     const std::int64_t last_read = std::min(strip.end + 1, below.side);
-    std::int64_t read = std::max<std::int64_t>(strip.first - 1, 0), done = 2 * strip.first;
-    for (std::size_t turn = 0; done < 2 * strip.end; turn ^= 1) {
-        // The rows of the last turn stay: the first row of this one lies beside the last of them.
+    std::int64_t read = std::max<std::int64_t>(strip.first - 1, 0), done = strip.first;
+    for (std::size_t turn = 0; done < strip.end; turn ^= 1) {
+        // The rows of the last turn stay, at least two: the first row of this one lies beside the last of them, which needs them.
         std::int64_t count = 0;
         const std::int64_t first = read;
-        for (; read < last_read && (read == first || count + below.read[read].size() <= detail_pixels(index)); ++read) {
+        for (; read < last_read && (read < first + 2 || count + below.read[read].size() <= detail_pixels(index)); ++read) {
             buffers.detail_rows[static_cast<std::size_t>(read)] = buffers.detail[turn].data() + count * 4 * block.in();
             count += below.read[read].size();
         }
         block.detail.apply(buffers.detail[turn].data(), below.features.data() + below.read[first].offset * block.in(), count);
 
-        const std::int64_t ready = read == last_read ? 2 * strip.end : 2 * read - 1;
+        const std::int64_t ready = read == last_read ? strip.end : read - 1;
         while (done < ready) {
             const std::int64_t batch_first = done;
             std::int64_t batch = 0;
-            for (; done < ready && batch + pixels[done].size() <= batch_pixels(index); ++done) {
-                blur_row(index, done, buffers.detail_rows, buffers.blurred.data() + batch * block.in(), buffers.scratch.data());
-                batch += pixels[done].size();
+            for (; done < ready && batch + doubled_size(done) <= batch_pixels(index); ++done) {
+                blur_rows(index, done, buffers.detail_rows, buffers.blurred.data() + batch * block.in());
+                batch += doubled_size(done);
             }
-            finish_rows(index, batch_first, done, buffers.blurred.data(), buffers);
+            finish_rows(index, 2 * batch_first, 2 * done, buffers.blurred.data(), buffers);
         }
     }
 }
@@ -417,12 +433,11 @@ void BlockRenderer::TypedState<T>::finish_rows(std::size_t index, std::int64_t f
     const std::int64_t count = level.occupied[end - 1].offset + level.occupied[end - 1].size() - offset;
     block.modulated0.apply(buffers.hidden.data(), blurred, count);
     block.modulated1.apply(buffers.features.data(), buffers.hidden.data(), count);
-    block.to_rgb.apply(buffers.rgb.data(), buffers.features.data(), count);
     if (!mask_.empty()) block.lateral.apply(buffers.lateral.data(), buffers.features.data(), count);
     if (index + 1 < blocks_.size()) store_features(level, first, end, buffers.features.data());
     for (std::int64_t row = first; row < end; ++row) {
         const std::int64_t at = level.occupied[row].offset - offset;
-        finish_rgb_row(index, row, buffers.rgb.data() + at * colors, buffers);
+        finish_rgb_row(index, row, buffers.features.data() + at * block.out(), buffers);
         if (!mask_.empty())
             finish_mask_row(index, row, buffers.lateral.data() + at * static_cast<std::int64_t>(logit_weight_.size()), buffers);
     }
@@ -451,7 +466,7 @@ void BlockRenderer::TypedState<T>::store_features(Level<T>& level, std::int64_t 
 
 /// Doubles the sum so far and adds this block's part, which is that of the background wherever no pixel was computed.
 template <class T>
-void BlockRenderer::TypedState<T>::finish_rgb_row(std::size_t index, std::int64_t row, const float* rgb,
+void BlockRenderer::TypedState<T>::finish_rgb_row(std::size_t index, std::int64_t row, const T* features,
                                                   StripBuffers<T>& buffers) {
     Level<T>& level = levels_[index + 1];
     const bool last = index + 1 == blocks_.size();
@@ -464,7 +479,8 @@ void BlockRenderer::TypedState<T>::finish_rgb_row(std::size_t index, std::int64_
                             kernels::smooth_doubling);
     }
     const PixelRow& pixels = level.occupied[row];
-    kernels::add_difference(to + pixels.begin * colors, rgb, level.background.rgb.data(), pixels.size(), colors);
+    kernels::add_colors(to + pixels.begin * colors, features, blocks_[index].rgb_weight.data(), level.background.rgb.data(),
+                        pixels.size(), blocks_[index].out());
     if (last) kernels::color_row(picture_.data() + row * length, to, background_rgb_.data(), length);
 }
 
