@@ -7,6 +7,8 @@
 namespace stymo::kernels {
 namespace {
 
+constexpr std::int64_t colors = 3;
+
 std::array<float, 3> mirrored(const std::array<float, 3>& weights) {
     return {weights[2], weights[1], weights[0]};
 }
@@ -18,21 +20,23 @@ std::array<float, 3> weights_at(const DoublingFilter& filter, std::int64_t index
     return index % 2 == 0 ? filter.even : mirrored(filter.even);
 }
 
-/// Channels of even and odd pixels in turn; a number known when compiled makes moves of the copies.
-template <std::int64_t known>
-void interleave(float* out, const float* even, const float* odd, std::int64_t side, std::int64_t channels) {
-    const std::int64_t count = known > 0 ? known : channels;
-    for (std::int64_t m = 0; m < side; ++m) {
-        std::copy_n(even + m * count, count, out + 2 * m * count);
-        std::copy_n(odd + m * count, count, out + (2 * m + 1) * count);
-    }
-}
-
 void combine(float* out, const float* before, const float* at, const float* after, const std::array<float, 3>& weights,
              std::int64_t count) {
     const float w0 = weights[0], w1 = weights[1], w2 = weights[2];
 #pragma omp simd
     for (std::int64_t i = 0; i < count; ++i) out[i] = w0 * before[i] + w1 * at[i] + w2 * after[i];
+}
+
+/// Pixels too narrow for a vector: even and odd ones apart, then in turn.
+void double_colors(float* out, const float* x, float* scratch, std::int64_t pixels, const DoublingFilter& filter) {
+    const std::int64_t length = pixels * colors;
+    float *even = scratch, *odd = scratch + length;
+    combine(even, x - colors, x, x + colors, filter.even, length);
+    combine(odd, x - colors, x, x + colors, mirrored(filter.even), length);
+    for (std::int64_t i = 0; i < length; i += colors) {
+        std::copy_n(even + i, colors, out + 2 * i);
+        std::copy_n(odd + i, colors, out + 2 * i + colors);
+    }
 }
 
 /// By exp(r + n log 2): Cody-Waite reduction and the polynomial of the Cephes library (Moshier).
@@ -53,27 +57,31 @@ inline float sigmoid(float x) {
 
 }  // namespace
 
-void double_row(float* out, float* scratch, const float* image, std::int64_t row, std::int64_t side, std::int64_t channels,
-                const DoublingFilter& filter) {
-    const std::int64_t length = side * channels, m = row / 2;
-    const auto at = [&](std::int64_t index) { return image + std::clamp<std::int64_t>(index, 0, side - 1) * length; };
+void double_row(float* out, float* scratch, const float* image, std::int64_t row, std::int64_t begin, std::int64_t end,
+                std::int64_t side, std::int64_t channels, const DoublingFilter& filter) {
+    const std::int64_t m = row / 2, length = (end - begin) * channels;
+    const auto at = [&](std::int64_t y) { return image + (std::clamp<std::int64_t>(y, 0, side - 1) * side + begin) * channels; };
+    const float *before = at(m - 1), *here = at(m), *after = at(m + 1);
+    // One pixel more on both sides.
+    const std::int64_t left = begin > 0 ? -channels : 0, right = end < side ? channels : 0;
     float* mixed = scratch + channels;
-    combine(mixed, at(m - 1), at(m), at(m + 1), weights_at(filter, row, side), length);
-    std::copy_n(mixed, channels, scratch);
-    std::copy_n(mixed + length - channels, channels, mixed + length);
+    combine(mixed + left, before + left, here + left, after + left, weights_at(filter, row, side), length - left + right);
+    if (left == 0) std::copy_n(mixed, channels, scratch);
+    if (right == 0) std::copy_n(mixed + length - channels, channels, mixed + length);
 
-    float* odd = mixed + length + channels;
-    combine(odd, mixed - channels, mixed, mixed + channels, mirrored(filter.even), length);
-    float* even = odd + length;
-    combine(even, mixed - channels, mixed, mixed + channels, filter.even, length);
-    combine(even, scratch, mixed, mixed + channels, filter.first, channels);
-    float* last = odd + length - channels;
-    const float* last_mixed = mixed + length - channels;
-    combine(last, last_mixed - channels, last_mixed, last_mixed + channels, mirrored(filter.first), channels);
-    if (channels == 3) {
-        interleave<3>(out, even, odd, side, channels);
+    if (channels == colors) {
+        double_colors(out, mixed, mixed + length + channels, end - begin, filter);
     } else {
-        interleave<0>(out, even, odd, side, channels);
+        for (std::int64_t i = 0; i < length; i += channels) {
+            combine(out + 2 * i, mixed + i - channels, mixed + i, mixed + i + channels, filter.even, channels);
+            combine(out + 2 * i + channels, mixed + i - channels, mixed + i, mixed + i + channels, mirrored(filter.even),
+                    channels);
+        }
+    }
+    if (begin == 0) combine(out, scratch, mixed, mixed + channels, filter.first, channels);
+    const float* last = mixed + length - channels;
+    if (end == side) {
+        combine(out + 2 * length - channels, last - channels, last, last + channels, mirrored(filter.first), channels);
     }
 }
 

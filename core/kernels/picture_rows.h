@@ -17,9 +17,10 @@ inline constexpr DoublingFilter bilinear_doubling{{0.25F, 0.75F, 0.0F}, {0.0F, 1
 /// Bilinear, then [1,2,1]/4 with mirrored border (twin: double_smoothly).
 inline constexpr DoublingFilter smooth_doubling{{0.3125F, 0.625F, 0.0625F}, {0.0F, 0.875F, 0.125F}};
 
-/// Row `row` of the doubled image (side, side, channels) -> out (2 side, channels). `scratch`: (3 side + 2) * channels numbers.
-void double_row(float* out, float* scratch, const float* image, std::int64_t row, std::int64_t side, std::int64_t channels,
-                const DoublingFilter& filter);
+/// What pixels [begin, end) of an image (side, side, channels) become in row `row` of the doubled image -> out
+/// (2 (end - begin), channels). `scratch`: (3 (end - begin) + 2) * channels numbers.
+void double_row(float* out, float* scratch, const float* image, std::int64_t row, std::int64_t begin, std::int64_t end,
+                std::int64_t side, std::int64_t channels, const DoublingFilter& filter);
 
 /// to (pixels, channels) += x - background (channels)
 void add_difference(float* to, const float* x, const float* background, std::int64_t pixels, std::int64_t channels);

@@ -77,6 +77,7 @@ struct Level {
     std::int64_t side = 0;
     PixelRows occupied;       ///< what empty rays alone do not decide
     PixelRows read;           ///< what the next block reads
+    PixelRows shown;          ///< where RGB and mask may differ from the background's
     std::vector<T> features;  ///< of `read`
     std::vector<float> rgb;   ///< (side, side, 3)
     std::vector<float> mask;  ///< (side, side, mask channels)
@@ -153,9 +154,11 @@ private:
     void prepare(StripBuffers<T>& buffers) const;
     void finish_rows(std::size_t block, std::int64_t first, std::int64_t end, const T* blurred, StripBuffers<T>& buffers);
     void blur_rows(std::size_t block, std::int64_t row, std::span<const T* const> detail_rows, T* out) const;
-    void store_features(Level<T>& level, std::int64_t first, std::int64_t end, const T* features) const;
+    [[nodiscard]] T* surround_with_background(Level<T>& level, std::int64_t y) const;
+    void double_sum(std::size_t block, std::int64_t row, const std::vector<float>& sum, float* to, std::int64_t channels,
+                    const kernels::DoublingFilter& filter, StripBuffers<T>& buffers) const;
     void finish_rgb_row(std::size_t block, std::int64_t row, const T* features, StripBuffers<T>& buffers);
-    void finish_mask_row(std::size_t block, std::int64_t row, const float* lateral, StripBuffers<T>& buffers);
+    void finish_mask_row(std::size_t block, std::int64_t row, StripBuffers<T>& buffers);
     [[nodiscard]] std::int64_t detail_pixels(std::size_t block) const;
     [[nodiscard]] std::int64_t batch_pixels(std::size_t block) const;
 
@@ -167,9 +170,12 @@ private:
     bool backgrounds_known_ = false;
     bool first_doubling_kept_ = false;
     std::vector<T> first_detail_;
-    std::vector<T> first_blurred_;       ///< of the pixels that levels_[1] has occupied
-    std::vector<float> background_rgb_;  ///< a row of the picture
+    std::vector<T> first_blurred_;          ///< of the pixels that levels_[1] has occupied
+    std::vector<float> background_rgb_;     ///< a row of the picture before the tanh
+    std::vector<float> background_colors_;  ///< the same in [0, 1]
+    std::vector<float> no_difference_;      ///< zeros
     float background_logit_ = 0.0F;
+    float background_mask_ = 0.0F;
     std::span<float> picture_;
     std::span<float> mask_;
     BufferPool<StripBuffers<T>> buffers_;
@@ -192,6 +198,7 @@ BlockRenderer::TypedState<T>::TypedState(std::span<const FoldedRenderBlock> fold
     for (std::size_t i = 0; i < levels_.size(); ++i) {
         levels_[i].side = rays_per_side << i;
         levels_[i].occupied.reset(levels_[i].side);
+        levels_[i].shown.reset(levels_[i].side);  // nothing before the first block
         if (i > 0) counts.pixels += levels_[i].side * levels_[i].side;
     }
     set_style(folded);
@@ -241,6 +248,7 @@ void BlockRenderer::TypedState<T>::find_pixels() {
     for (std::size_t i = 0; i < blocks_.size(); ++i) {
         levels_[i].read.set_read(levels_[i].occupied);
         levels_[i + 1].occupied.set_reached(levels_[i].occupied);
+        levels_[i + 1].shown.set_doubled(levels_[i].shown, levels_[i + 1].occupied);
         counts.pixels_computed += levels_[i + 1].occupied.pixels();
     }
 }
@@ -251,9 +259,9 @@ void BlockRenderer::TypedState<T>::cut_strips() {
     for (std::size_t i = 0; i < blocks_.size(); ++i) {
         const PixelRows& pixels = levels_[i + 1].occupied;
         const std::int64_t side = levels_[i].side, count = std::max<std::int64_t>(2, side / strip_rows);
-        // Pixels of the background are added up and doubled as well, for about a sixteenth of the work.
-        const auto work = [&](std::int64_t row) { return 16 * (pixels[2 * row].size() + pixels[2 * row + 1].size()) + 4 * side; };
-        const std::int64_t all = 16 * pixels.pixels() + 4 * side * side;
+        // A row costs a little whatever it holds.
+        const auto work = [&](std::int64_t row) { return 32 * (pixels[2 * row].size() + pixels[2 * row + 1].size()) + 2 * side; };
+        const std::int64_t all = 32 * pixels.pixels() + 2 * side * side;
         strips_[i].clear();
         std::int64_t first = 0, done = 0;
         for (std::int64_t row = 0; row < side; ++row) {
@@ -296,6 +304,10 @@ void BlockRenderer::TypedState<T>::compute_backgrounds() {
     buffers_.give_back(std::move(buffers));
     background_rgb_.resize(static_cast<std::size_t>(colors * levels_.back().side));
     for (std::size_t i = 0; i < background_rgb_.size(); ++i) background_rgb_[i] = rgb_sum[i % colors];
+    background_colors_.resize(background_rgb_.size());
+    no_difference_.assign(std::max(background_rgb_.size(), logit_weight_.size()), 0.0F);
+    kernels::color_row(background_colors_.data(), no_difference_.data(), background_rgb_.data(), std::ssize(background_rgb_));
+    kernels::mask_row(&background_mask_, no_difference_.data(), logit_weight_, background_logit_, 1);
     backgrounds_known_ = true;
 }
 
@@ -429,42 +441,59 @@ void BlockRenderer::TypedState<T>::finish_rows(std::size_t index, std::int64_t f
                                                StripBuffers<T>& buffers) {
     const PackedBlock<T>& block = blocks_[index];
     Level<T>& level = levels_[index + 1];
+    const bool last = index + 1 == blocks_.size();
     const std::int64_t offset = level.occupied[first].offset;
     const std::int64_t count = level.occupied[end - 1].offset + level.occupied[end - 1].size() - offset;
     block.modulated0.apply(buffers.hidden.data(), blurred, count);
-    block.modulated1.apply(buffers.features.data(), buffers.hidden.data(), count);
-    if (!mask_.empty()) block.lateral.apply(buffers.lateral.data(), buffers.features.data(), count);
-    if (index + 1 < blocks_.size()) store_features(level, first, end, buffers.features.data());
-    for (std::int64_t row = first; row < end; ++row) {
-        const std::int64_t at = level.occupied[row].offset - offset;
-        finish_rgb_row(index, row, buffers.features.data() + at * block.out(), buffers);
-        if (!mask_.empty())
-            finish_mask_row(index, row, buffers.lateral.data() + at * static_cast<std::int64_t>(logit_weight_.size()), buffers);
+    if (last) block.modulated1.apply(buffers.features.data(), buffers.hidden.data(), count);
+    for (std::int64_t y = first; y < end; ++y) {
+        const PixelRow& row = level.occupied[y];
+        T* features = last ? buffers.features.data() + (row.offset - offset) * block.out() : surround_with_background(level, y);
+        if (!last) block.modulated1.apply(features, buffers.hidden.data() + (row.offset - offset) * block.out(), row.size());
+        finish_rgb_row(index, y, features, buffers);
+        if (mask_.empty()) continue;
+        block.lateral.apply(buffers.lateral.data(), features, row.size());
+        finish_mask_row(index, y, buffers);
     }
 }
 
-/// Features of the occupied pixels into those that the next block reads; the rest of these are background.
+/// The next block also reads pixels beside those that are computed. Returns where the latter begin.
 template <class T>
-void BlockRenderer::TypedState<T>::store_features(Level<T>& level, std::int64_t first, std::int64_t end,
-                                                  const T* features) const {
+T* BlockRenderer::TypedState<T>::surround_with_background(Level<T>& level, std::int64_t y) const {
     const std::vector<T>& background = level.background.features;
     const auto channels = static_cast<std::int64_t>(background.size());
-    for (std::int64_t y = first; y < end; ++y) {
-        const PixelRow& from = level.occupied[y];
-        const PixelRow& to = level.read[y];
-        T* row = level.features.data() + to.offset * channels;
-        const auto fill = [&](std::int64_t count) {
-            for (; count > 0; --count) row = std::copy_n(background.data(), channels, row);
-        };
-        fill(from.size() > 0 ? from.begin - to.begin : to.size());
-        if (from.size() == 0) continue;
-        row = std::copy_n(features, from.size() * channels, row);
-        features += from.size() * channels;
-        fill(to.end - from.end);
+    const PixelRow &occupied = level.occupied[y], &read = level.read[y];
+    T* begin = level.features.data() + read.offset * channels;
+    const auto fill = [&](std::int64_t from, std::int64_t to) {
+        for (; from < to; ++from) std::copy_n(background.data(), channels, begin + (from - read.begin) * channels);
+    };
+    if (occupied.size() == 0) {
+        fill(read.begin, read.end);
+        return begin;
     }
+    fill(read.begin, occupied.begin);
+    fill(occupied.end, read.end);
+    return begin + (occupied.begin - read.begin) * channels;
 }
 
-/// Doubles the sum so far and adds this block's part, which is that of the background wherever no pixel was computed.
+/// A row of the doubled sum so far, zero where it shows the background.
+template <class T>
+void BlockRenderer::TypedState<T>::double_sum(std::size_t index, std::int64_t row, const std::vector<float>& sum, float* to,
+                                              std::int64_t channels, const kernels::DoublingFilter& filter,
+                                              StripBuffers<T>& buffers) const {
+    const PixelRow& shown = levels_[index + 1].shown[row];
+    const std::int64_t side = levels_[index + 1].side;
+    if (index == 0 || shown.size() == 0) {
+        std::fill_n(to, side * channels, 0.0F);
+        return;
+    }
+    std::fill_n(to, shown.begin * channels, 0.0F);
+    kernels::double_row(to + shown.begin * channels, buffers.scratch.data(), sum.data(), row, shown.begin / 2, shown.end / 2,
+                        side / 2, channels, filter);
+    std::fill_n(to + shown.end * channels, (side - shown.end) * channels, 0.0F);
+}
+
+/// Doubles the sum so far and adds this block's part, both as differences from the background's.
 template <class T>
 void BlockRenderer::TypedState<T>::finish_rgb_row(std::size_t index, std::int64_t row, const T* features,
                                                   StripBuffers<T>& buffers) {
@@ -472,35 +501,30 @@ void BlockRenderer::TypedState<T>::finish_rgb_row(std::size_t index, std::int64_
     const bool last = index + 1 == blocks_.size();
     const std::int64_t length = level.side * colors;
     float* to = last ? buffers.rgb_row.data() : level.rgb.data() + row * length;
-    if (index == 0) {
-        std::fill_n(to, length, 0.0F);
-    } else {
-        kernels::double_row(to, buffers.scratch.data(), levels_[index].rgb.data(), row, levels_[index].side, colors,
-                            kernels::smooth_doubling);
-    }
-    const PixelRow& pixels = level.occupied[row];
+    double_sum(index, row, levels_[index].rgb, to, colors, kernels::smooth_doubling, buffers);
+    const PixelRow &pixels = level.occupied[row], &shown = level.shown[row];
     kernels::add_colors(to + pixels.begin * colors, features, blocks_[index].rgb_weight.data(), level.background.rgb.data(),
                         pixels.size(), blocks_[index].out());
-    if (last) kernels::color_row(picture_.data() + row * length, to, background_rgb_.data(), length);
+    if (!last) return;
+    float* picture = std::copy_n(background_colors_.data(), shown.begin * colors, picture_.data() + row * length);
+    kernels::color_row(picture, to + shown.begin * colors, background_rgb_.data(), shown.size() * colors);
+    std::copy_n(background_colors_.data(), (level.side - shown.end) * colors, picture + shown.size() * colors);
 }
 
 template <class T>
-void BlockRenderer::TypedState<T>::finish_mask_row(std::size_t index, std::int64_t row, const float* lateral,
-                                                   StripBuffers<T>& buffers) {
+void BlockRenderer::TypedState<T>::finish_mask_row(std::size_t index, std::int64_t row, StripBuffers<T>& buffers) {
     Level<T>& level = levels_[index + 1];
     const bool last = index + 1 == blocks_.size();
     const auto channels = static_cast<std::int64_t>(logit_weight_.size());
-    const std::int64_t length = level.side * channels;
-    float* to = last ? buffers.mask_row.data() : level.mask.data() + row * length;
-    if (index == 0) {
-        std::fill_n(to, length, 0.0F);
-    } else {
-        kernels::double_row(to, buffers.scratch.data(), levels_[index].mask.data(), row, levels_[index].side, channels,
-                            kernels::bilinear_doubling);
-    }
-    const PixelRow& pixels = level.occupied[row];
-    kernels::add_difference(to + pixels.begin * channels, lateral, level.background.mask.data(), pixels.size(), channels);
-    if (last) kernels::mask_row(mask_.data() + row * level.side, to, logit_weight_, background_logit_, level.side);
+    float* to = last ? buffers.mask_row.data() : level.mask.data() + row * level.side * channels;
+    double_sum(index, row, levels_[index].mask, to, channels, kernels::bilinear_doubling, buffers);
+    const PixelRow &pixels = level.occupied[row], &shown = level.shown[row];
+    kernels::add_difference(to + pixels.begin * channels, buffers.lateral.data(), level.background.mask.data(), pixels.size(),
+                            channels);
+    if (!last) return;
+    float* mask = std::fill_n(mask_.data() + row * level.side, shown.begin, background_mask_);
+    kernels::mask_row(mask, to + shown.begin * channels, logit_weight_, background_logit_, shown.size());
+    std::fill_n(mask + shown.size(), level.side - shown.end, background_mask_);
 }
 
 template <class T>
