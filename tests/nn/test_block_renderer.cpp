@@ -122,6 +122,22 @@ TEST_CASE("render blocks for one face give the pictures of the decoder, whicheve
     }
 }
 
+TEST_CASE("render blocks give the decoder's pictures with channels that fill vectors, in part or whole") {
+    DecoderConfig config = NarrowDecoder::narrow();
+    config.feature_channels = 40;
+    config.block_channels = {32, 19, 16, 3};
+    config.mask_channels = 16;
+    const NarrowDecoder model(config);
+    const Codes w = model.decoder.map(random_codes(1, 2));
+    BlockRenderer renderer(model.decoder.folded_blocks(w), model.decoder.folded_mask(), rays, 256, Precision::float32);
+    for (const auto& [name, pattern] : patterns) {
+        INFO(name);
+        const Rays map = make_rays(pattern, 40);
+        renderer.set_feature_map(map.features.values<float>(), map.occupied);
+        check_same(rendered(renderer, 256), expected(model.decoder, map, w, 256), 5e-6);
+    }
+}
+
 TEST_CASE("render blocks leave out the pixels that only empty rays reach") {
     const NarrowDecoder model;
     const Codes w = model.decoder.map(random_codes(1, 2));
