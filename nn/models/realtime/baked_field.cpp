@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "core/parallel.h"
-#include "nn/models/realtime/bfloat16.h"
 
 namespace stymo {
 namespace {
@@ -152,7 +151,7 @@ void BakedField::add_features(const std::array<float, 3>& place, float weight, s
 #pragma omp simd
         for (std::int64_t lane = 0; lane < lane_count; ++lane) {
             float sum = out[lane];
-            for (std::size_t corner = 0; corner < 8; ++corner) sum += factor[corner] * to_float(record[corner][begin + lane]);
+            for (std::size_t corner = 0; corner < 8; ++corner) sum += factor[corner] * kernels::widened(record[corner][begin + lane]);
             out[lane] = sum;
         }
     }

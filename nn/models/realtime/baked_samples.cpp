@@ -10,7 +10,6 @@
 #include "core/error.h"
 #include "core/kernels/matmul.h"
 #include "core/parallel.h"
-#include "nn/models/realtime/bfloat16.h"
 #include "nn/models/realtime/feature_basis.h"
 #include "nn/models/realtime/packed_field.h"
 
@@ -224,7 +223,7 @@ BakedSamples bake(const FoldedField& field, const RaySampling& rays, const BakeO
         samples.density_inputs[vertex] = inverse_softplus(density);
         samples.record_of[vertex] = static_cast<std::int32_t>(i + 1);
         std::transform(coefficients, coefficients + samples.dimension, samples.records.begin() + (i + 1) * samples.dimension,
-                       to_bfloat16);
+                       kernels::rounded_to_bfloat16);
     });
     samples.evaluated_points += static_cast<std::int64_t>(vertices.size());
     return samples;
