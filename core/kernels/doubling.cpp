@@ -11,9 +11,6 @@ namespace {
 inline float widened(float value) {
     return value;
 }
-inline float widened(BFloat16 value) {
-    return std::bit_cast<float>(static_cast<std::uint32_t>(value.bits) << 16);
-}
 
 template <class T>
 inline T rounded(float value) {

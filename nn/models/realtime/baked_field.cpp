@@ -65,8 +65,8 @@ void BakedField::look(const CameraRays& rays, FeatureMap& map) {
     parallel_for(count, rays_per_chunk, [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t i = begin; i < end; ++i) {
             const auto ray = static_cast<std::size_t>(i);
-            const std::span row = std::span(coefficients_).subspan(ray * static_cast<std::size_t>(row_size),
-                                                                  static_cast<std::size_t>(row_size));
+            const std::span row =
+                std::span(coefficients_).subspan(ray * static_cast<std::size_t>(row_size), static_cast<std::size_t>(row_size));
             std::ranges::fill(row, 0.0F);
             Seen seen = march(rays.rays[ray], rays.samples_per_ray, row.first(row.size() - 1));
             map.depths[ray] = seen.depth + (1.0F - seen.opacity) * background;
@@ -151,7 +151,8 @@ void BakedField::add_features(const std::array<float, 3>& place, float weight, s
 #pragma omp simd
         for (std::int64_t lane = 0; lane < lane_count; ++lane) {
             float sum = out[lane];
-            for (std::size_t corner = 0; corner < 8; ++corner) sum += factor[corner] * kernels::widened(record[corner][begin + lane]);
+            for (std::size_t corner = 0; corner < 8; ++corner)
+                sum += factor[corner] * kernels::widened(record[corner][begin + lane]);
             out[lane] = sum;
         }
     }

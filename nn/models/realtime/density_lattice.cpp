@@ -56,8 +56,8 @@ void for_each_marked_cell(const Lattice& lattice, const std::vector<std::uint8_t
             for (std::int64_t x = 0; x + 1 < lattice.vertices[0]; ++x) {
                 const std::uint8_t* corner = marks.data() + lattice.index(x, y, z);
                 const auto edge = [&](const std::uint8_t* first) { return first[0] | first[1]; };
-                if ((edge(corner) | edge(corner + stride[1]) | edge(corner + stride[2]) |
-                     edge(corner + stride[1] + stride[2])) != 0) {
+                if ((edge(corner) | edge(corner + stride[1]) | edge(corner + stride[2]) | edge(corner + stride[1] + stride[2])) !=
+                    0) {
                     visit(x, y, z);
                 }
             }

@@ -73,8 +73,8 @@ FeatureBasis principal_plane(const Tensor& features, const Tensor& weights, std:
     basis.directions = rng.normal({dimension, channels}, 0.0, 1.0);
     orthonormalise(basis.directions);
     for (int i = 0; i < iterations; ++i) {
-        basis.directions = kernels::matmul(basis.directions.reshaped({1, dimension, channels}), covariance, {})
-                               .reshaped({dimension, channels});
+        basis.directions =
+            kernels::matmul(basis.directions.reshaped({1, dimension, channels}), covariance, {}).reshaped({dimension, channels});
         orthonormalise(basis.directions);
     }
     return basis;
