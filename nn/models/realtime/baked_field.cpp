@@ -95,6 +95,8 @@ BakedField::Seen BakedField::march(const Ray& ray, std::int64_t samples_per_ray,
     }
     const std::int64_t down = lattice.index(0, 1, 0), back = lattice.index(0, 0, 1);
     const auto least_transmittance = static_cast<float>(neglected_share * options_.tolerance);
+    // A sample that counts less than this may as well have the mean feature.
+    const float least_weight = least_transmittance;
     Seen seen;
     for (std::int64_t k = 0; k < samples_per_ray && 1.0F - seen.opacity > least_transmittance; ++k) {
         std::array<float, 3> place{}, fraction{};
@@ -120,7 +122,7 @@ BakedField::Seen BakedField::march(const Ray& ray, std::int64_t samples_per_ray,
         const float optical_depth =
             softplus(between(on_face(corner), on_face(corner + back), fraction[2])) * static_cast<float>(delta);
         const float weight = (1.0F - seen.opacity) * -std::expm1(-optical_depth);
-        add_features(place, weight, coefficients);
+        if (weight > least_weight) add_features(place, weight, coefficients);
         seen.opacity += weight;
         seen.depth += weight * static_cast<float>(sample_distance(ray, k, samples_per_ray));
     }
