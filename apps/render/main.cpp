@@ -124,6 +124,9 @@ int main(int argc, char** argv) {
     line.option("--tolerance", options.renderer.tolerance,
                 "of skip and bf16: compositing weight that samples left out in a row may have together")
         .range(0, 0.99);
+    line.option("--bake-resolution", options.renderer.bake_resolution,
+                "of baked: cells along one side of the cube that is sampled")
+        .range(8, 512);
     line.option("--orbit", options.orbit, "number of frames of a turn around the head").range(0, 10000);
     line.option("--orbit-yaw", options.orbit_yaw, "degrees to either side in the orbit").range(0, 180);
     line.option("--orbit-pitch", options.orbit_pitch, "degrees up and down in the orbit").range(0, 90);

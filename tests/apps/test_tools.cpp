@@ -180,9 +180,10 @@ TEST_CASE("Pictures, masks and depth are written as their names say, from the ph
 
 TEST_CASE("Every way of rendering writes the picture, the mask and the depth") {
     const fs::path& folder = stymo::tiny_run();
-    for (const std::string mode : {"exact", "skip", "bf16"}) {
+    for (const std::string mode : {"exact", "skip", "bf16", "baked"}) {
         const std::string name = "modes/" + mode;
-        done(std::string(render) + "--out " + name + ".png --samples 4 --mask --depth --tolerance 0.01 --mode " + mode);
+        done(std::string(render) + "--out " + name +
+             ".png --samples 4 --mask --depth --tolerance 0.01 --bake-resolution 16 --mode " + mode);
         CHECK(stymo::read_image(folder / (name + ".png")).shape() == stymo::Shape{64, 64, 3});
         CHECK(stymo::read_mask(folder / (name + "_mask.png")).shape() == stymo::Shape{64, 64, 1});
         CHECK(stymo::read_image(folder / (name + "_depth.exr")).shape() == stymo::Shape{32, 32, 3});

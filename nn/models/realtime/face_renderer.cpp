@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "core/error.h"
+#include "nn/models/realtime/baked_field.h"
 #include "nn/models/realtime/block_renderer.h"
 #include "nn/models/realtime/sampled_field.h"
 
@@ -30,7 +31,12 @@ void require_valid(const Model& model, const RendererOptions& options) {
 }
 
 std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model, const RendererOptions& options) {
-    if (options.mode == RenderMode::baked) fail<ValueError>("there is no baked field yet");
+    if (options.mode == RenderMode::baked) {
+        RaySampling rays = model.decoder.rays;
+        rays.samples_per_ray = options.samples_per_ray;
+        return std::make_unique<BakedField>(rays,
+                                            BakeOptions{.resolution = options.bake_resolution, .tolerance = options.tolerance});
+    }
     return make_sampled_field(model, options);
 }
 
