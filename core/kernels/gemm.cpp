@@ -4,15 +4,9 @@
 #include <array>
 #include <vector>
 
+#include "core/kernels/targets.h"
 #include "core/parallel.h"
 
-#ifdef __aarch64__
-// Arrays of vectors need vectors of a fixed length.
-#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128)
-#else
-// Nothing here needs what this set adds to AVX3.
-#define HWY_DISABLED_TARGETS HWY_AVX3_DL
-#endif
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "core/kernels/gemm.cpp"
 #include <hwy/foreach_target.h>
@@ -242,13 +236,11 @@ void multiply_double(double* c, std::int64_t stride, const LeftMatrix<double>& l
 template <class Out>
 void multiply_pairs(Out* c, std::int64_t stride, const LeftMatrix<BFloat16>& left, std::int64_t m,
                     const PackedMatrix<BFloat16>& right, const Epilogue<float>& epilogue) {
-#if HWY_ARCH_X86 && HWY_MAX_BYTES == 64
-    if (__builtin_cpu_supports("avx512bf16")) {
+    if (has_bfloat16_dot_product()) {
         multiply<Pairs<true>>(c, stride, left, m, right, epilogue);
-        return;
+    } else {
+        multiply<Pairs<false>>(c, stride, left, m, right, epilogue);
     }
-#endif
-    multiply<Pairs<false>>(c, stride, left, m, right, epilogue);
 }
 
 void multiply_pairs_to_float(float* c, std::int64_t stride, const LeftMatrix<BFloat16>& left, std::int64_t m,
