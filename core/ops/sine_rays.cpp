@@ -7,6 +7,7 @@
 #include "core/autograd/record.h"
 #include "core/error.h"
 #include "core/kernels/sine_rays.h"
+#include "core/ops/elementwise.h"
 
 namespace stymo {
 
