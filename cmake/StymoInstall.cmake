@@ -29,7 +29,7 @@ install(FILES ${PROJECT_BINARY_DIR}/stymoConfig.cmake ${PROJECT_BINARY_DIR}/stym
 if(NOT BUILD_SHARED_LIBS)
   list(TRANSFORM stymo_opencv_components PREPEND -lopencv_ OUTPUT_VARIABLE stymo_pkgconfig_libraries)
   list(JOIN stymo_pkgconfig_libraries " " stymo_pkgconfig_libraries)
-  string(APPEND stymo_pkgconfig_libraries " -lOpenImageIO -lOpenImageIO_Util -lpng -lz -lzip -pthread")
+  string(APPEND stymo_pkgconfig_libraries " -lOpenImageIO -lOpenImageIO_Util -lpng -lz -lzip -lhwy -pthread")
 endif()
 file(RELATIVE_PATH stymo_prefix_from_pkgconfig /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)
 configure_file(cmake/stymo.pc.in ${PROJECT_BINARY_DIR}/stymo.pc @ONLY)

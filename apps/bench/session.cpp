@@ -125,7 +125,7 @@ AppResult bench_session(const std::string& command, const SessionOptions& option
     if (compared && !peer.missing().empty()) std::cerr << "no peer: " << peer.missing() << std::endl;
 
     Report report(command, options.out);
-    const kernels::MachinePeak peak = kernels::measure_peak();
+    const kernels::MachinePeak peak = kernels::measure_machine_peak();
     report.add_value("threads", thread_count());
     report.add_value("peak", to_json(peak));
     report.add_value("model", options.bench.model.empty() ? "random weights, paper-512" : options.bench.model.string());

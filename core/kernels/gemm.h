@@ -1,8 +1,9 @@
 #pragma once
 
+#include <bit>
 #include <cstdint>
+#include <memory>
 #include <type_traits>
-#include <vector>
 
 #include "core/ops/linalg.h"
 
@@ -16,6 +17,17 @@ struct BFloat16 {
     std::uint16_t bits = 0;
 };
 
+[[nodiscard]] inline float widened(BFloat16 x) {
+    return std::bit_cast<float>(static_cast<std::uint32_t>(x.bits) << 16);
+}
+/// A NaN stays one.
+[[nodiscard]] inline BFloat16 rounded_to_bfloat16(float x) {
+    const auto bits = std::bit_cast<std::uint32_t>(x);
+    const std::uint32_t rounded = bits + 0x7FFF + (bits >> 16 & 1);
+    const std::uint32_t quiet = bits | 0x400000;
+    return {static_cast<std::uint16_t>((x == x ? rounded : quiet) >> 16)};
+}
+
 /// The right operand (k, n) of a product in the order in which a product reads it. Worth keeping for several products.
 /// T: float, double or BFloat16 (packed from float, and rounded).
 template <class T>
@@ -24,20 +36,23 @@ public:
     using Source = std::conditional_t<std::is_same_v<T, BFloat16>, float, T>;
 
     PackedMatrix() = default;
-    /// Element (i, j) is b[i * inner_stride + j * column_stride].
+    /// Element (i, j) is b[i * inner_stride + j * column_stride]. A large matrix is packed by several threads.
     PackedMatrix(const Source* b, std::int64_t k, std::int64_t n, std::int64_t inner_stride, std::int64_t column_stride);
 
     [[nodiscard]] std::int64_t inner_length() const { return k_; }
     [[nodiscard]] std::int64_t columns() const { return n_; }
     [[nodiscard]] std::int64_t panel_width() const { return panel_width_; }
-    /// All k rows of `panel_width` columns side by side, zeros beyond column n.
-    [[nodiscard]] const T* panel(std::int64_t index) const { return panels_.data() + index * k_ * panel_width_; }
+    /// All k rows of `panel_width` columns side by side, zeros beyond column n; 64-byte aligned. Of BFloat16, rows 2i and 2i + 1
+    /// interleave, the last one with zeros if k is odd.
+    [[nodiscard]] const T* panel(std::int64_t index) const { return panels_ + index * panel_size_; }
 
 private:
     std::int64_t k_ = 0;
     std::int64_t n_ = 0;
     std::int64_t panel_width_ = 0;
-    std::vector<T> panels_;
+    std::int64_t panel_size_ = 0;
+    const T* panels_ = nullptr;
+    std::shared_ptr<const T[]> storage_;  ///< never written again, so that copies may share it
 };
 
 /// Left operand (m, k): element (row, i) is data[row * row_stride + i * inner_stride]. The inner stride of BFloat16 is 1.

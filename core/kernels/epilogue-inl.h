@@ -1,0 +1,139 @@
+// Included once for each instruction set, hence the toggle in place of `#pragma once`.
+#if defined(STYMO_CORE_KERNELS_EPILOGUE_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef STYMO_CORE_KERNELS_EPILOGUE_INL_H
+#undef STYMO_CORE_KERNELS_EPILOGUE_INL_H
+#else
+#define STYMO_CORE_KERNELS_EPILOGUE_INL_H
+#endif
+
+#include <hwy/highway.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "core/kernels/gemm.h"
+#include "core/kernels/sine-inl.h"
+
+/// What follows a product, on blocks that are still in the first-level cache.
+HWY_BEFORE_NAMESPACE();
+namespace stymo::kernels::HWY_NAMESPACE {
+
+/// `rows` rows of whole vectors: sums, and where the results and the slopes (null: nowhere) go.
+template <class T, class Out>
+struct Activated {
+    const T* sums;
+    std::int64_t sums_stride;
+    Out* c;
+    T* slope;
+    std::int64_t stride;  ///< of c and of slope
+    std::int64_t rows;
+    std::int64_t columns;
+};
+
+template <class T>
+HWY_INLINE void store_result(simd::ScalableTag<T> tag, simd::Vec<simd::ScalableTag<T>> x, T* to) {
+    simd::StoreU(x, tag, to);
+}
+
+HWY_INLINE void store_result(simd::ScalableTag<float> tag, simd::Vec<simd::ScalableTag<float>> x, BFloat16* to) {
+    const simd::RebindToUnsigned<decltype(tag)> words;
+    const simd::RebindToSigned<decltype(tag)> integers;
+    const simd::Rebind<std::uint16_t, decltype(tag)> halves;
+    const auto bits = simd::BitCast(words, x);
+    const auto odd = simd::And(simd::ShiftRight<16>(bits), simd::Set(words, 1));
+    const auto rounded = simd::ShiftRight<16>(simd::Add(bits, simd::Add(odd, simd::Set(words, 0x7FFF))));
+    const auto quiet = simd::ShiftRight<16>(simd::Or(bits, simd::Set(words, 0x400000)));
+    const auto upper = simd::IfThenElse(simd::RebindMask(words, simd::IsNaN(x)), quiet, rounded);
+    // Not through the type's member, which would be an access to one of them only.
+    simd::StoreU(simd::DemoteTo(halves, simd::BitCast(integers, upper)), halves, reinterpret_cast<std::uint16_t*>(to));
+}
+
+template <class T, class Out>
+HWY_INLINE void for_each_vector(const Activated<T, Out>& block, auto body) {
+    const std::int64_t lanes = static_cast<std::int64_t>(simd::Lanes(simd::ScalableTag<T>()));
+    for (std::int64_t row = 0; row < block.rows; ++row) {
+        for (std::int64_t column = 0; column < block.columns; column += lanes)
+            body(block.sums + row * block.sums_stride + column, row * block.stride + column);
+    }
+}
+
+/// The library's sine where the vector sine is not accurate: float32 beyond its limit and NaN, all of float64.
+template <class T, class Out>
+HWY_NOINLINE void apply_library_sine(const Activated<T, Out>& block) {
+    for (std::int64_t row = 0; row < block.rows; ++row) {
+        for (std::int64_t column = 0; column < block.columns; ++column) {
+            const T x = block.sums[row * block.sums_stride + column];
+            if (sizeof(T) == sizeof(float) && std::abs(x) <= static_cast<T>(vector_sine_limit)) continue;
+            const std::int64_t index = row * block.stride + column;
+            if constexpr (std::is_same_v<Out, BFloat16>) {
+                block.c[index] = rounded_to_bfloat16(std::sin(x));
+            } else {
+                block.c[index] = std::sin(x);
+            }
+            if (block.slope != nullptr) block.slope[index] = std::cos(x);
+        }
+    }
+}
+
+template <class Out>
+HWY_INLINE void apply_sine(const Activated<float, Out>& block) {
+    const simd::ScalableTag<float> tag;
+    // One instruction for each vector tells whether any number is too large: their squares add up to more.
+    auto squares = simd::Zero(tag);
+    const auto add = [&](const float* sums, std::int64_t index, bool with_slope) {
+        const auto x = simd::LoadU(tag, sums);
+        squares = simd::MulAdd(x, x, squares);
+        const auto turns = reduce_half_turns(x);
+        store_result(tag, vector_sine(turns), block.c + index);
+        if (with_slope) simd::StoreU(vector_cosine(turns), tag, block.slope + index);
+    };
+    if (block.slope == nullptr) {
+        for_each_vector(block, [&](const float* sums, std::int64_t index) { add(sums, index, false); });
+    } else {
+        for_each_vector(block, [&](const float* sums, std::int64_t index) { add(sums, index, true); });
+    }
+    if (!simd::AllTrue(tag, simd::Le(squares, simd::Set(tag, vector_sine_limit * vector_sine_limit)))) apply_library_sine(block);
+}
+
+HWY_INLINE void apply_sine(const Activated<double, double>& block) {
+    apply_library_sine(block);
+}
+
+template <class T, class Out>
+HWY_INLINE void apply_leaky_relu(const Activated<T, Out>& block) {
+    const simd::ScalableTag<T> tag;
+    const auto gain = simd::Set(tag, static_cast<T>(std::numbers::sqrt2));
+    const auto leak = simd::Set(tag, static_cast<T>(std::numbers::sqrt2) * static_cast<T>(0.2));
+    for_each_vector(block, [&](const T* sums, std::int64_t index) {
+        const auto x = simd::LoadU(tag, sums);
+        const auto factor = simd::IfThenElse(simd::Gt(x, simd::Zero(tag)), gain, leak);
+        store_result(tag, simd::Mul(x, factor), block.c + index);
+        if (block.slope != nullptr) simd::StoreU(factor, tag, block.slope + index);
+    });
+}
+
+/// The sums lie apart from the results.
+template <class T, class Out>
+HWY_INLINE void activate(const Activated<T, Out>& block, Activation activation) {
+    switch (activation) {
+        case Activation::sine:
+            apply_sine(block);
+            return;
+        case Activation::leaky_relu:
+            apply_leaky_relu(block);
+            return;
+        case Activation::none:
+            break;
+    }
+    const simd::ScalableTag<T> tag;
+    for_each_vector(block, [&](const T* sums, std::int64_t index) {
+        store_result(tag, simd::LoadU(tag, sums), block.c + index);
+        if (block.slope != nullptr) simd::StoreU(simd::Set(tag, T(1)), tag, block.slope + index);
+    });
+}
+
+}  // namespace stymo::kernels::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif
