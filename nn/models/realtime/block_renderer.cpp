@@ -55,8 +55,8 @@ private:
     float logit_bias_ = 0.0F;
     bool backgrounds_known_ = false;
     bool first_doubling_kept_ = false;
-    std::vector<T> first_detail_;
-    std::vector<T> first_blurred_;  ///< of the pixels that images_[1] has occupied
+    AlignedVector<T> first_detail_;
+    AlignedVector<T> first_blurred_;  ///< of the pixels that images_[1] has occupied
     std::vector<float> no_difference_;
     BufferPool<StripBuffers<T>> buffers_;
 };

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "core/kernels/doubling.h"
-#include "nn/models/realtime/buffer_pool.h"
 
 namespace stymo {
 namespace {
@@ -23,7 +22,7 @@ template <class T>
 void BlockStep<T>::prepare(StripBuffers<T>& buffers) const {
     const auto mask_channels = static_cast<std::int64_t>(canvas.logit_weight.size());
     const std::int64_t pixels = batch_pixels();
-    for (std::vector<T>& detail : buffers.detail) grow(detail, detail_pixels() * 4 * block.in());
+    for (AlignedVector<T>& detail : buffers.detail) grow(detail, detail_pixels() * 4 * block.in());
     grow(buffers.detail_rows, below.side);
     grow(buffers.blurred, pixels * block.in());
     grow(buffers.hidden, pixels * block.out());
@@ -36,7 +35,7 @@ void BlockStep<T>::prepare(StripBuffers<T>& buffers) const {
 
 template <class T>
 void BlockStep<T>::run_background(StripBuffers<T>& buffers) const {
-    const std::vector<T>& features = below.background.features;
+    const AlignedVector<T>& features = below.background.features;
     Background<T>& background = above.background;
     block.detail.apply(buffers.detail[0].data(), features.data(), 1);
     const kernels::DetailedRow<T> pixel{0, 1, features.data(), buffers.detail[0].data()};
@@ -153,7 +152,7 @@ T* BlockStep<T>::surround_with_background(std::int64_t y) const {
 
 /// A row of the doubled sum so far, zero where it shows the background.
 template <class T>
-void BlockStep<T>::double_sum(float* to, const std::vector<float>& sum, std::int64_t row, std::int64_t channels,
+void BlockStep<T>::double_sum(float* to, const AlignedVector<float>& sum, std::int64_t row, std::int64_t channels,
                               const kernels::DoublingFilter& filter, StripBuffers<T>& buffers) const {
     const PixelRow& shown = above.shown[row];
     if (first || shown.size() == 0) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/kernels/picture_rows.h"
+#include "nn/models/realtime/aligned_vector.h"
 #include "nn/models/realtime/packed_block.h"
 #include "nn/models/realtime/pixel_rows.h"
 
@@ -16,7 +17,7 @@ inline constexpr std::int64_t colors = 3;
 /// What all pixels have that only empty rays reach.
 template <class T>
 struct Background {
-    std::vector<T> features;
+    AlignedVector<T> features;
     std::vector<float> rgb;   ///< of the last block alone, without bias
     std::vector<float> mask;  ///< the same of its lateral
 };
@@ -26,12 +27,12 @@ struct Background {
 template <class T>
 struct BlockImage {
     std::int64_t side = 0;
-    PixelRows occupied;       ///< what empty rays alone do not decide
-    PixelRows read;           ///< what the next block reads
-    PixelRows shown;          ///< where RGB and mask may differ from the background's
-    std::vector<T> features;  ///< of `read`
-    std::vector<float> rgb;   ///< (side, side, 3)
-    std::vector<float> mask;  ///< (side, side, mask channels)
+    PixelRows occupied;         ///< what empty rays alone do not decide
+    PixelRows read;             ///< what the next block reads
+    PixelRows shown;            ///< where RGB and mask may differ from the background's
+    AlignedVector<T> features;  ///< of `read`
+    AlignedVector<float> rgb;   ///< (side, side, 3)
+    AlignedVector<float> mask;  ///< (side, side, mask channels)
     Background<T> background;
 };
 
@@ -49,15 +50,15 @@ struct Canvas {
 /// What one thread needs for a strip.
 template <class T>
 struct StripBuffers {
-    std::array<std::vector<T>, 2> detail;
+    std::array<AlignedVector<T>, 2> detail;
     std::vector<const T*> detail_rows;
-    std::vector<T> blurred;
-    std::vector<T> hidden;
-    std::vector<T> features;
-    std::vector<float> lateral;
-    std::vector<float> scratch;
-    std::vector<float> rgb_row;
-    std::vector<float> mask_row;
+    AlignedVector<T> blurred;
+    AlignedVector<T> hidden;
+    AlignedVector<T> features;
+    AlignedVector<float> lateral;
+    AlignedVector<float> scratch;
+    AlignedVector<float> rgb_row;
+    AlignedVector<float> mask_row;
 };
 
 /// One block at work: from the image below it to the one above. Everything is computed by strips of rows, in batches whose
@@ -88,7 +89,7 @@ private:
     [[nodiscard]] std::int64_t batch_pixels() const { return 4 * detail_pixels(); }
     void finish_rows(std::int64_t begin, std::int64_t end, const T* blurred, StripBuffers<T>& buffers) const;
     [[nodiscard]] T* surround_with_background(std::int64_t row) const;
-    void double_sum(float* to, const std::vector<float>& sum, std::int64_t row, std::int64_t channels,
+    void double_sum(float* to, const AlignedVector<float>& sum, std::int64_t row, std::int64_t channels,
                     const kernels::DoublingFilter& filter, StripBuffers<T>& buffers) const;
     void finish_rgb_row(std::int64_t row, const T* features, StripBuffers<T>& buffers) const;
     void finish_mask_row(std::int64_t row, StripBuffers<T>& buffers) const;

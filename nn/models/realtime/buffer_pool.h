@@ -8,12 +8,6 @@
 
 namespace stymo {
 
-/// Grows a buffer that never shrinks.
-template <class T>
-void grow(std::vector<T>& buffer, std::int64_t size) {
-    if (static_cast<std::int64_t>(buffer.size()) < size) buffer.resize(static_cast<std::size_t>(size));
-}
-
 /// Hands out buffers, the ones used last first.
 template <class Buffers>
 class BufferPool {
