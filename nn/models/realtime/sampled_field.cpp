@@ -12,9 +12,9 @@
 namespace stymo {
 namespace {
 
-/// Points of one tile: 384 rows of 256 float32 activations, twice, leave room for a layer's weights in 2 MiB of second-level
-/// cache.
-constexpr std::int64_t tile_points = 384;
+/// Points of one tile: 16 blocks of rows of the packed product; activations of 256 channels and a layer's weights fill a third of
+/// 2 MiB of second-level cache, and a frame that skips still has tiles enough for every thread.
+constexpr std::int64_t tile_points = 192;
 constexpr std::int64_t rays_per_chunk = 32;
 /// Compositing weight of a ray that the samples without features of their own may have together, in units of the tolerance.
 constexpr float featureless_share = 0.5F;
