@@ -5,6 +5,7 @@
 #include "core/error.h"
 #include "core/ops/elementwise.h"
 #include "nn/models/realtime/face_renderer.h"
+#include "support/allocation_count.h"
 #include "support/check_close.h"
 #include "support/tiny_model.h"
 
@@ -124,6 +125,19 @@ TEST_CASE("a view that is kept does not change with the next one", "[realtime]")
     const View second = renderer.render(model_camera(model, 0.5, 0.0, 0.0));
     CHECK(first.picture.to_vector() == before);
     CHECK_FALSE(identical(first.picture, second.picture));
+}
+
+TEST_CASE("nothing is allocated for a view whose surroundings have been seen", "[realtime]") {
+    const Model model = small_model(4);
+    const std::vector<Camera> cameras{model_camera(model, -0.2, 0.0, 0.0), model_camera(model, 0.2, 0.1, 0.0)};
+    for (const RenderMode mode : {RenderMode::exact, RenderMode::skip, RenderMode::bf16}) {
+        FaceRenderer renderer(model, {.mode = mode, .samples_per_ray = 16, .mask = true, .depth = true});
+        renderer.show(random_codes(1, 5));
+        for (const Camera& camera : cameras) (void)renderer.render(camera);
+        const std::int64_t before = allocation_count();
+        for (const Camera& camera : cameras) (void)renderer.render(camera);
+        CHECK(allocation_count() == before);
+    }
 }
 
 TEST_CASE("layers are folded only for codes that have changed", "[realtime]") {

@@ -124,11 +124,17 @@ typename PackedField<T>::template Rows<T> PackedField<T>::output(std::size_t lay
 }
 
 template <class T>
+void PackedField<T>::reserve(std::int64_t points, FieldTile<T>& tile) const {
+    grow(tile.joined, points * (encoding_ + width_));
+    grow(tile.hidden, points * width_);
+    grow(tile.density, points);
+    grow(tile.features, points * width_);
+}
+
+template <class T>
 void PackedField<T>::density(std::span<const float> points, FieldTile<T>& tile) const {
     const std::int64_t count = static_cast<std::int64_t>(points.size()) / 3, joined = encoding_ + width_;
-    grow(tile.joined, count * joined);
-    grow(tile.hidden, count * width_);
-    grow(tile.density, count);
+    reserve(count, tile);
     encode(points, tile);
     for (std::size_t i = 0; i < layers_.size(); ++i) {
         const bool encoded = i == 0 || i == skip_layer_;
@@ -148,7 +154,6 @@ template <class T>
 void PackedField<T>::features(std::span<const std::int32_t> rows, FieldTile<T>& tile) const {
     const auto count = static_cast<std::int64_t>(rows.size());
     if (count == 0) return;
-    grow(tile.features, count * width_);
     const Rows<T> last = output(layers_.size() - 1, tile);
     // In ascending order a row never overwrites one that is still to be read.
     const bool all = rows.back() == count - 1;

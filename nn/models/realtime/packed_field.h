@@ -31,6 +31,8 @@ public:
     [[nodiscard]] std::int64_t width() const { return width_; }
     [[nodiscard]] std::int64_t feature_channels() const { return finish_.outputs(); }
 
+    /// Makes room for so many points, so that nothing is allocated later.
+    void reserve(std::int64_t points, FieldTile<T>& tile) const;
     /// Densities of points (3 numbers each) into tile.density. The activations that they come from stay in the tile.
     void density(std::span<const float> points, FieldTile<T>& tile) const;
     /// Features before the last layer into tile.features, of these of the points of the last call of `density`; ascending.

@@ -12,9 +12,9 @@
 namespace stymo {
 namespace {
 
-/// Points of one tile: 384 rows of 256 float32 activations, twice, leave room for a layer's weights in 2 MiB of second-level
-/// cache.
-constexpr std::int64_t tile_points = 384;
+/// Points of one tile: 16 blocks of rows of the packed product; activations of 256 channels and a layer's weights fill a third of
+/// 2 MiB of second-level cache, and a frame that skips still has tiles enough for every thread.
+constexpr std::int64_t tile_points = 192;
 constexpr std::int64_t rays_per_chunk = 32;
 /// Compositing weight of a ray that the samples without features of their own may have together, in units of the tolerance.
 constexpr float featureless_share = 0.5F;
@@ -78,6 +78,7 @@ private:
     void select(const CameraRays& rays);
     [[nodiscard]] bool select_from_grid(const CameraRays& rays);
     void cut_into_tiles();
+    void reserve(std::int64_t samples_per_ray);
     void trace_tile(std::int64_t first, std::int64_t end, const CameraRays& rays, Scratch<T>& scratch, FeatureMap& map);
     void composite_ray(std::int64_t ray, std::int64_t first_row, const CameraRays& rays, Scratch<T>& scratch, FeatureMap& map);
     void finish(FeatureMap& map);
@@ -88,6 +89,7 @@ private:
     DensityGrid grid_;
     SampleSelection selection_;
     std::vector<std::int64_t> tiles_;  ///< first ray of each, and the end of the last
+    std::int64_t largest_tile_ = 0;    ///< points
     std::vector<Scratch<T>> scratch_;  ///< of each thread
     std::vector<float> composited_;    ///< (rays, width)
     std::vector<float> opacities_;
@@ -122,6 +124,10 @@ template <class T>
 void SampledField<T>::look(const CameraRays& rays, FeatureMap& map) {
     const std::size_t count = rays.rays.size();
     scratch_.resize(static_cast<std::size_t>(thread_count()));
+    for (Scratch<T>& scratch : scratch_) {
+        scratch.points.reserve(static_cast<std::size_t>(3 * rays.samples_per_ray));
+        scratch.bounds.reserve(static_cast<std::size_t>(rays.samples_per_ray));
+    }
     composited_.resize(count * static_cast<std::size_t>(field_.width()));
     opacities_.resize(count);
     map.features.resize(count * static_cast<std::size_t>(field_.feature_channels()));
@@ -131,6 +137,7 @@ void SampledField<T>::look(const CameraRays& rays, FeatureMap& map) {
 
     select(rays);
     cut_into_tiles();
+    reserve(rays.samples_per_ray);
     for_each_item(static_cast<std::int64_t>(tiles_.size()) - 1, [&](std::int64_t tile, std::size_t thread) {
         const auto index = static_cast<std::size_t>(tile);
         trace_tile(tiles_[index], tiles_[index + 1], rays, scratch_[thread], map);
@@ -178,14 +185,30 @@ template <class T>
 void SampledField<T>::cut_into_tiles() {
     tiles_.assign(1, 0);
     std::int64_t points = 0;
+    largest_tile_ = 0;
     for (std::size_t ray = 0; ray < selection_.counts.size(); ++ray) {
         if (points > 0 && points + selection_.counts[ray] > tile_points) {
             tiles_.push_back(static_cast<std::int64_t>(ray));
             points = 0;
         }
         points += selection_.counts[ray];
+        largest_tile_ = std::max(largest_tile_, points);
     }
     tiles_.push_back(static_cast<std::int64_t>(selection_.counts.size()));
+}
+
+/// For every thread, because chance decides which of them meets the largest tile.
+template <class T>
+void SampledField<T>::reserve(std::int64_t samples_per_ray) {
+    const auto points = static_cast<std::size_t>(largest_tile_);
+    for (Scratch<T>& scratch : scratch_) {
+        field_.reserve(largest_tile_, scratch.tile);
+        scratch.points.reserve(3 * points);
+        scratch.weights.reserve(static_cast<std::size_t>(samples_per_ray));
+        scratch.rows.reserve(points);
+        scratch.row_rays.reserve(points);
+        scratch.row_weights.reserve(points);
+    }
 }
 
 template <class T>
