@@ -20,7 +20,7 @@ namespace {
 // The views are first looked at with every second ray in either direction and every second sample.
 constexpr std::int64_t locating_stride = 2;
 // Of the tolerance: the share of what the views see that may lie beyond each side of the box.
-constexpr double share_beyond_box = 0.1;
+constexpr double share_beyond_box = 0.5;
 // From the lattice that covers the box as a whole, spacings are halved so many times where it shows.
 constexpr int refinements = 2;
 constexpr std::int64_t cells_unit = 1 << refinements;
@@ -265,7 +265,7 @@ BakedSamples bake(const FoldedField& field, const RaySampling& rays, const Baked
     const double step = (rays.near_z - rays.far_z) / static_cast<double>(rays.samples_per_ray);
     std::vector<WeightedPoint> seen = seen_points(packed, rays, views);
     samples.evaluated_points = static_cast<std::int64_t>(seen.size());
-    std::erase_if(seen, [&](const WeightedPoint& point) { return point.weight < share_beyond_box * options.tolerance; });
+    std::erase_if(seen, [&](const WeightedPoint& point) { return point.weight < 0.1 * options.tolerance; });
     const auto margin = static_cast<double>(locating_stride) * step;
     const Box box = seen.empty() ? Box{{-margin, -margin, -margin}, {margin, margin, margin}}
                                  : box_of(std::move(seen), share_beyond_box * options.tolerance, margin);

@@ -13,15 +13,15 @@ namespace stymo {
 
 struct BakeOptions {
     std::int64_t resolution = 96;  ///< cells along the longest side of the box; rounded up to a multiple of 4
-    std::int64_t dimension = 32;   ///< numbers kept of a point's features; rounded up to a multiple of 16
+    std::int64_t dimension = 64;   ///< numbers kept of a point's features; rounded up to a multiple of 16
     double tolerance = 1e-2;       ///< compositing weight up to which a sample may have the mean feature instead of its own
 };
 
 /// Whom a bake is for: cameras that see the head turned to either side by up to these angles.
 struct BakedViews {
     CameraConfig camera;
-    double yaw = 0.6;  ///< radians
-    double pitch = 0.3;
+    double yaw = 0.5;  ///< radians
+    double pitch = 0.2;
 };
 
 /// One face's field at the vertices of a box of cubic cells which holds what the views see. The field was evaluated at
