@@ -1,161 +1,281 @@
 #include "core/kernels/doubling.h"
 
 #include <algorithm>
-#include <bit>
-#include <cmath>
-#include <type_traits>
+#include <utility>
 
-namespace stymo::kernels {
-namespace {
+#ifdef __aarch64__
+// Arrays of vectors need vectors of a fixed length.
+#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128)
+#else
+// Nothing here needs what this set adds to AVX3.
+#define HWY_DISABLED_TARGETS HWY_AVX3_DL
+#endif
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "core/kernels/doubling.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
 
-inline float widened(float value) {
-    return value;
+// Included once for each instruction set, so what does not depend on it stands below, within HWY_ONCE.
+HWY_BEFORE_NAMESPACE();
+namespace stymo::kernels::HWY_NAMESPACE {
+
+namespace simd = hwy::HWY_NAMESPACE;
+
+template <class D>
+HWY_INLINE simd::Vec<D> load(D tag, const float* from) {
+    return simd::LoadU(tag, from);
 }
 
-template <class T>
-inline T rounded(float value) {
-    if constexpr (std::is_same_v<T, float>) {
-        return value;
-    } else {
-        const auto bits = std::bit_cast<std::uint32_t>(value);
-        return {static_cast<std::uint16_t>((bits + 0x7FFFU + ((bits >> 16) & 1U)) >> 16)};
+template <class D>
+HWY_INLINE simd::Vec<D> load(D tag, const BFloat16* from) {
+    const simd::Rebind<std::uint16_t, D> halves;
+    const simd::RebindToUnsigned<D> words;
+    const auto bits = simd::LoadU(halves, reinterpret_cast<const std::uint16_t*>(from));
+    return simd::BitCast(tag, simd::ShiftLeft<16>(simd::PromoteTo(words, bits)));
+}
+
+template <class D>
+HWY_INLINE void store(D tag, simd::Vec<D> x, float* to) {
+    simd::StoreU(x, tag, to);
+}
+
+template <class D>
+HWY_INLINE void store(D tag, simd::Vec<D> x, BFloat16* to) {
+    const simd::Rebind<std::uint16_t, D> halves;
+    const simd::RebindToUnsigned<D> words;
+    const simd::RebindToSigned<D> integers;
+    (void)tag;
+    const auto bits = simd::BitCast(words, x);
+    const auto odd = simd::And(simd::ShiftRight<16>(bits), simd::Set(words, 1));
+    const auto upper = simd::ShiftRight<16>(simd::Add(bits, simd::Add(odd, simd::Set(words, 0x7FFF))));
+    simd::StoreU(simd::DemoteTo(halves, simd::BitCast(integers, upper)), halves, reinterpret_cast<std::uint16_t*>(to));
+}
+
+/// One row of the doubled image, summed over the rows it is blurred with: columns go by once, from left to right.
+template <class D, class T>
+class BlurredRow {
+public:
+    using Vector = simd::Vec<D>;
+
+    HWY_INLINE BlurredRow(const DoubledRow<T>& to, std::int64_t channels, std::int64_t channel)
+        : to_(to), channels_(channels), channel_(channel) {}
+
+    /// Before the first column of an image lies the second one.
+    HWY_INLINE void start(Vector column0, Vector column1) {
+        before0_ = column0;
+        before1_ = column1;
     }
-}
-
-/// Both columns of one pixel, summed over the rows near, middle, middle with the weights 1, 2, 1: (2, channels).
-template <class T>
-void add_rows(float* to, const T* near_detail, const T* middle_detail, const T* middle_near_detail, const T* near_features,
-              const T* middle_features, std::int64_t channels) {
-#pragma omp simd
-    for (std::int64_t i = 0; i < channels; ++i) {
-        const float nearest = widened(near_features[i]) + 3.0F * widened(middle_features[i]);
-        to[i] = nearest + widened(near_detail[i]) + 2.0F * widened(middle_detail[i]) + widened(middle_near_detail[i]);
-        to[channels + i] = nearest + widened(near_detail[channels + i]) + 2.0F * widened(middle_detail[channels + i]) +
-                           widened(middle_near_detail[channels + i]);
+    /// Columns `x` and x + 1: what lies up to x is known then.
+    HWY_INLINE void add(std::int64_t x, Vector column0, Vector column1) {
+        put(x - 1, before0_, before1_, column0);
+        put(x, before1_, column0, column1);
+        before0_ = column0;
+        before1_ = column1;
     }
-}
+    /// Beyond the last column, `x`, of an image lies the last but one.
+    HWY_INLINE void finish(std::int64_t x) { put(x, before0_, before1_, before0_); }
 
-std::array<float, 3> mirrored(const std::array<float, 3>& weights) {
-    return {weights[2], weights[1], weights[0]};
-}
-
-/// Weights for pixel `index` of an axis of 2 * side.
-std::array<float, 3> weights_at(const DoublingFilter& filter, std::int64_t index, std::int64_t side) {
-    if (index == 0) return filter.first;
-    if (index == 2 * side - 1) return mirrored(filter.first);
-    return index % 2 == 0 ? filter.even : mirrored(filter.even);
-}
-
-/// Channels of even and odd pixels in turn; a number known when compiled makes moves of the copies.
-template <std::int64_t known>
-void interleave(float* out, const float* even, const float* odd, std::int64_t side, std::int64_t channels) {
-    const std::int64_t count = known > 0 ? known : channels;
-    for (std::int64_t m = 0; m < side; ++m) {
-        std::copy_n(even + m * count, count, out + 2 * m * count);
-        std::copy_n(odd + m * count, count, out + (2 * m + 1) * count);
+private:
+    HWY_INLINE void put(std::int64_t x, Vector left, Vector at, Vector right) {
+        if (x < to_.begin || x >= to_.end) return;
+        const D tag;
+        const auto sum = simd::MulAdd(simd::Set(tag, 2.0F), at, simd::Add(left, right));
+        store(tag, simd::Mul(sum, simd::Set(tag, 0.0625F)), to_.features + (x - to_.begin) * channels_ + channel_);
     }
-}
 
-void combine(float* out, const float* before, const float* at, const float* after, const std::array<float, 3>& weights,
-             std::int64_t count) {
-    const float w0 = weights[0], w1 = weights[1], w2 = weights[2];
-#pragma omp simd
-    for (std::int64_t i = 0; i < count; ++i) out[i] = w0 * before[i] + w1 * at[i] + w2 * after[i];
-}
+    DoubledRow<T> to_;
+    std::int64_t channels_;
+    std::int64_t channel_;
+    Vector before0_ = simd::Zero(D());
+    Vector before1_ = simd::Zero(D());
+};
 
-/// By exp(r + n log 2): Cody-Waite reduction and the polynomial of the Cephes library (Moshier).
-inline float sigmoid(float x) {
-    const float y = std::min(std::max(-x, -80.0F), 80.0F);
-    const float n = std::nearbyint(y * 1.44269504F);
-    const float r = y - n * 0.693359375F + n * 2.12194440e-4F;
-    float p = 1.9875691500e-4F;
-    p = p * r + 1.3981999507e-3F;
-    p = p * r + 8.3334519073e-3F;
-    p = p * r + 4.1665795894e-2F;
-    p = p * r + 1.6666665459e-1F;
-    p = p * r + 5.0000001201e-1F;
-    p = p * r * r + r + 1.0F;
-    const auto power = std::bit_cast<float>((static_cast<std::int32_t>(n) + 127) << 23);
-    return 1.0F / (1.0F + p * power);
-}
-
-}  // namespace
-
-template <class T>
-void blur_doubled_row(T* out, float* scratch, const DetailedRow<T>& middle, const DetailedRow<T>& near, std::int64_t row,
-                      std::int64_t begin, std::int64_t end, std::int64_t side, std::int64_t channels) {
-    if (begin >= end) return;
-    const std::int64_t first = std::max<std::int64_t>(begin - 1, 0) / 2, last = std::min(end / 2, side - 1);
-    // The half of a doubled pixel that lies at this row, and the half that its neighbours' rows show.
-    const std::int64_t here = row % 2 * 2 * channels, there = 2 * channels - here;
-    float* columns = scratch + channels;  // column 2 * first of the doubled row
+/// As many channels as the vector has, from `channel` on.
+template <class D, class T>
+HWY_INLINE void blur_channels(D tag, const RowDoubling<T>& image, std::int64_t channel) {
+    const std::int64_t channels = image.channels;
+    const auto& [first_row, second_row] = image.doubled;
+    const bool first_empty = first_row.begin == first_row.end, second_empty = second_row.begin == second_row.end;
+    const std::int64_t begin = first_empty    ? second_row.begin
+                               : second_empty ? first_row.begin
+                                              : std::min(first_row.begin, second_row.begin);
+    const std::int64_t end = std::max(first_row.end, second_row.end);
+    const std::int64_t first = std::max<std::int64_t>(begin - 1, 0) / 2, last = std::min(end / 2, image.side - 1);
+    // What a row does not have is not read by any pixel that is stored.
+    const auto place = [](const DetailedRow<T>& row, std::int64_t pixel) {
+        return std::min(std::max(pixel, row.begin), row.end - 1) - row.begin;
+    };
+    const auto three = simd::Set(tag, 3.0F);
+    BlurredRow<D, T> upper(first_row, channels, channel), lower(second_row, channels, channel);
     for (std::int64_t pixel = first; pixel <= last; ++pixel) {
-        const T* middle_detail = middle.detail + (pixel - middle.begin) * 4 * channels;
-        add_rows(columns + (pixel - first) * 2 * channels, near.detail + (pixel - near.begin) * 4 * channels + there,
-                 middle_detail + here, middle_detail + there, near.features + (pixel - near.begin) * channels,
-                 middle.features + (pixel - middle.begin) * channels, channels);
+        const std::int64_t at = pixel - image.middle.begin;
+        const std::int64_t at_above = place(image.above, pixel), at_below = place(image.below, pixel);
+        const auto center = simd::Mul(three, load(tag, image.middle.features + at * channels + channel));
+        const auto center_above = simd::Add(center, load(tag, image.above.features + at_above * channels + channel));
+        const auto center_below = simd::Add(center, load(tag, image.below.features + at_below * channels + channel));
+        const T* detail = image.middle.detail + at * 4 * channels + channel;
+        const T* detail_above = image.above.detail + (at_above * 4 + 2) * channels + channel;
+        const T* detail_below = image.below.detail + at_below * 4 * channels + channel;
+        simd::Vec<D> columns_above[2], columns_below[2];
+        for (int j = 0; j < 2; ++j) {
+            const auto upper_half = load(tag, detail + j * channels), lower_half = load(tag, detail + (2 + j) * channels);
+            const auto both = simd::Add(upper_half, lower_half);
+            columns_above[j] =
+                simd::Add(simd::Add(both, upper_half), simd::Add(center_above, load(tag, detail_above + j * channels)));
+            columns_below[j] =
+                simd::Add(simd::Add(both, lower_half), simd::Add(center_below, load(tag, detail_below + j * channels)));
+        }
+        if (pixel == 0) {
+            upper.start(columns_above[0], columns_above[1]);
+            lower.start(columns_below[0], columns_below[1]);
+        }
+        upper.add(2 * pixel, columns_above[0], columns_above[1]);
+        lower.add(2 * pixel, columns_below[0], columns_below[1]);
     }
-    if (begin == 0) std::copy_n(columns + channels, channels, scratch);
-    if (end == 2 * side)
-        std::copy_n(columns + (2 * (side - first) - 2) * channels, channels, columns + 2 * (side - first) * channels);
-    const float* center = columns + (begin - 2 * first) * channels;
-    const std::int64_t count = (end - begin) * channels;
-#pragma omp simd
-    for (std::int64_t i = 0; i < count; ++i)
-        out[i] = rounded<T>((center[i - channels] + 2.0F * center[i] + center[i + channels]) * 0.0625F);
+    if (last == image.side - 1) {
+        upper.finish(2 * image.side - 1);
+        lower.finish(2 * image.side - 1);
+    }
 }
 
-template void blur_doubled_row(float*, float*, const DetailedRow<float>&, const DetailedRow<float>&, std::int64_t, std::int64_t,
-                               std::int64_t, std::int64_t, std::int64_t);
-template void blur_doubled_row(BFloat16*, float*, const DetailedRow<BFloat16>&, const DetailedRow<BFloat16>&, std::int64_t,
-                               std::int64_t, std::int64_t, std::int64_t, std::int64_t);
+template <class T>
+void blur(const RowDoubling<T>& image) {
+    const simd::ScalableTag<float> tag;
+    const auto lanes = static_cast<std::int64_t>(simd::Lanes(tag));
+    std::int64_t channel = 0;
+    for (; channel + lanes <= image.channels; channel += lanes) blur_channels(tag, image, channel);
+    for (; channel < image.channels; ++channel) blur_channels(simd::CappedTag<float, 1>(), image, channel);
+}
 
-void double_row(float* out, float* scratch, const float* image, std::int64_t row, std::int64_t side, std::int64_t channels,
-                const DoublingFilter& filter) {
-    const std::int64_t length = side * channels, m = row / 2;
-    const auto at = [&](std::int64_t index) { return image + std::clamp<std::int64_t>(index, 0, side - 1) * length; };
-    float* mixed = scratch + channels;
-    combine(mixed, at(m - 1), at(m), at(m + 1), weights_at(filter, row, side), length);
-    std::copy_n(mixed, channels, scratch);
-    std::copy_n(mixed + length - channels, channels, mixed + length);
+void blur_float(const RowDoubling<float>& image) {
+    blur(image);
+}
+void blur_bfloat16(const RowDoubling<BFloat16>& image) {
+    blur(image);
+}
 
-    float* odd = mixed + length + channels;
-    combine(odd, mixed - channels, mixed, mixed + channels, mirrored(filter.even), length);
-    float* even = odd + length;
-    combine(even, mixed - channels, mixed, mixed + channels, filter.even, length);
-    combine(even, scratch, mixed, mixed + channels, filter.first, channels);
-    float* last = odd + length - channels;
-    const float* last_mixed = mixed + length - channels;
-    combine(last, last_mixed - channels, last_mixed, last_mixed + channels, mirrored(filter.first), channels);
-    if (channels == 3) {
-        interleave<3>(out, even, odd, side, channels);
+HWY_INLINE float as_float(float x) {
+    return x;
+}
+HWY_INLINE float as_float(BFloat16 x) {
+    return widened(x);
+}
+
+/// Colours of pixels with this many channels.
+template <class T>
+struct ColorSum {
+    float* to;
+    const T* x;
+    const float* weight;
+    const float* background;
+    std::int64_t channels;
+};
+
+/// Sums of four vectors, in this order in each block of four lanes, as far as that block's lanes go.
+template <class D, class V>
+HWY_INLINE V sums_in_blocks(D tag, V a, V b, V c, V d) {
+    const simd::RepartitionToWide<D> wide;
+    const auto ab = simd::BitCast(wide, simd::Add(simd::InterleaveLower(tag, a, b), simd::InterleaveUpper(tag, a, b)));
+    const auto cd = simd::BitCast(wide, simd::Add(simd::InterleaveLower(tag, c, d), simd::InterleaveUpper(tag, c, d)));
+    return simd::Add(simd::BitCast(tag, simd::InterleaveLower(wide, ab, cd)),
+                     simd::BitCast(tag, simd::InterleaveUpper(wide, ab, cd)));
+}
+
+template <class D, class V>
+HWY_INLINE auto sum_of_blocks(D, V x) {
+    if constexpr (simd::MaxLanes(D()) <= 4) {
+        return x;
     } else {
-        interleave<0>(out, even, odd, side, channels);
+        const simd::Half<D> half;
+        return sum_of_blocks(half, simd::Add(simd::LowerHalf(half, x), simd::UpperHalf(half, x)));
     }
 }
 
-void add_difference(float* to, const float* x, const float* background, std::int64_t pixels, std::int64_t channels) {
-    for (std::int64_t pixel = 0; pixel < pixels; ++pixel, to += channels, x += channels) {
-        for (std::int64_t c = 0; c < channels; ++c) to[c] += x[c] - background[c];
+/// Colours of four pixels, of the channels that fill vectors.
+template <class T>
+HWY_INLINE void add_colors_of_four(const ColorSum<T>& sum, std::int64_t pixel, std::int64_t channels_in_vectors) {
+    const simd::ScalableTag<float> tag;
+    const simd::CappedTag<float, 4> four;
+    const auto lanes = static_cast<std::int64_t>(simd::Lanes(tag));
+    const T* x = sum.x + pixel * sum.channels;
+    simd::Vec<decltype(tag)> sums[3][4];
+    for (auto& color : sums) {
+        for (auto& of_pixel : color) of_pixel = simd::Zero(tag);
+    }
+    for (std::int64_t channel = 0; channel < channels_in_vectors; channel += lanes) {
+        simd::Vec<decltype(tag)> features[4];
+        for (int p = 0; p < 4; ++p) features[p] = load(tag, x + p * sum.channels + channel);
+        for (int c = 0; c < 3; ++c) {
+            const auto weight = simd::LoadU(tag, sum.weight + c * sum.channels + channel);
+            for (int p = 0; p < 4; ++p) sums[c][p] = simd::MulAdd(weight, features[p], sums[c][p]);
+        }
+    }
+    simd::Vec<decltype(four)> colors[3], present[3];
+    float* to = sum.to + 3 * pixel;
+    simd::LoadInterleaved3(four, to, present[0], present[1], present[2]);
+    for (int c = 0; c < 3; ++c) {
+        const auto blocks = sums_in_blocks(tag, sums[c][0], sums[c][1], sums[c][2], sums[c][3]);
+        const auto difference = simd::Sub(sum_of_blocks(tag, blocks), simd::Set(four, sum.background[c]));
+        colors[c] = simd::Add(present[c], difference);
+    }
+    simd::StoreInterleaved3(colors[0], colors[1], colors[2], four, to);
+}
+
+template <class T>
+HWY_INLINE void add_colors_of_one(const ColorSum<T>& sum, std::int64_t pixel, std::int64_t first_channel, bool with_background) {
+    const T* x = sum.x + pixel * sum.channels;
+    for (std::int64_t c = 0; c < 3; ++c) {
+        float color = with_background ? -sum.background[c] : 0.0F;
+        for (std::int64_t channel = first_channel; channel < sum.channels; ++channel)
+            color += as_float(x[channel]) * sum.weight[c * sum.channels + channel];
+        sum.to[3 * pixel + c] += color;
     }
 }
 
-void color_row(float* out, const float* x, const float* background, std::int64_t count) {
-#pragma omp simd
-    for (std::int64_t i = 0; i < count; ++i) out[i] = sigmoid(2.0F * (x[i] + background[i]));
+template <class T>
+HWY_INLINE void add_all_colors(const ColorSum<T>& sum, std::int64_t pixels) {
+    const auto lanes = static_cast<std::int64_t>(simd::Lanes(simd::ScalableTag<float>()));
+    const std::int64_t in_vectors = sum.channels / lanes * lanes, in_fours = pixels / 4 * 4;
+    for (std::int64_t pixel = 0; pixel < in_fours; pixel += 4) add_colors_of_four(sum, pixel, in_vectors);
+    for (std::int64_t pixel = 0; pixel < in_fours && in_vectors < sum.channels; ++pixel)
+        add_colors_of_one(sum, pixel, in_vectors, false);
+    for (std::int64_t pixel = in_fours; pixel < pixels; ++pixel) add_colors_of_one(sum, pixel, 0, true);
 }
 
-void mask_row(float* out, const float* x, std::span<const float> weight, float bias, std::int64_t pixels) {
-    const auto channels = static_cast<std::int64_t>(weight.size());
-    const float* factor = weight.data();
-    for (std::int64_t pixel = 0; pixel < pixels; ++pixel, x += channels) {
-        float sum = bias;
-#pragma omp simd reduction(+ : sum)
-        for (std::int64_t c = 0; c < channels; ++c) sum += x[c] * factor[c];
-        out[pixel] = sum;
-    }
-#pragma omp simd
-    for (std::int64_t pixel = 0; pixel < pixels; ++pixel) out[pixel] = sigmoid(out[pixel]);
+void add_colors_float(float* to, const float* x, const float* weight, const float* background, std::int64_t pixels,
+                      std::int64_t channels) {
+    add_all_colors(ColorSum<float>{to, x, weight, background, channels}, pixels);
+}
+void add_colors_bfloat16(float* to, const BFloat16* x, const float* weight, const float* background, std::int64_t pixels,
+                         std::int64_t channels) {
+    add_all_colors(ColorSum<BFloat16>{to, x, weight, background, channels}, pixels);
+}
+
+}  // namespace stymo::kernels::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace stymo::kernels {
+
+HWY_EXPORT(blur_float);
+HWY_EXPORT(blur_bfloat16);
+HWY_EXPORT(add_colors_float);
+HWY_EXPORT(add_colors_bfloat16);
+
+void blur_doubled_rows(const RowDoubling<float>& rows) {
+    HWY_DYNAMIC_DISPATCH(blur_float)(rows);
+}
+void blur_doubled_rows(const RowDoubling<BFloat16>& rows) {
+    HWY_DYNAMIC_DISPATCH(blur_bfloat16)(rows);
+}
+
+void add_colors(float* to, const float* x, const float* weight, const float* background, std::int64_t pixels,
+                std::int64_t channels) {
+    HWY_DYNAMIC_DISPATCH(add_colors_float)(to, x, weight, background, pixels, channels);
+}
+void add_colors(float* to, const BFloat16* x, const float* weight, const float* background, std::int64_t pixels,
+                std::int64_t channels) {
+    HWY_DYNAMIC_DISPATCH(add_colors_bfloat16)(to, x, weight, background, pixels, channels);
 }
 
 void narrow(float* out, const float* x, std::int64_t count) {
@@ -163,7 +283,8 @@ void narrow(float* out, const float* x, std::int64_t count) {
 }
 
 void narrow(BFloat16* out, const float* x, std::int64_t count) {
-    for (std::int64_t i = 0; i < count; ++i) out[i] = rounded<BFloat16>(x[i]);
+    for (std::int64_t i = 0; i < count; ++i) out[i] = rounded_to_bfloat16(x[i]);
 }
 
 }  // namespace stymo::kernels
+#endif

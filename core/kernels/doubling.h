@@ -2,51 +2,51 @@
 
 #include <array>
 #include <cstdint>
-#include <span>
 
 #include "core/kernels/gemm.h"
 
-/// What a real-time render block does between its products, one row at a time and on the calling thread. Activations are float
+/// What a render block does between its products, on the calling thread and for the processor that runs it. Activations are float
 /// or BFloat16, sums float.
 namespace stymo::kernels {
 
-/// Pixels from `begin` on of one row of an image that is to be doubled.
+/// Pixels [begin, end) of one row of an image that is to be doubled.
 template <class T>
 struct DetailedRow {
     std::int64_t begin = 0;
+    std::int64_t end = 0;
     const T* features = nullptr;  ///< (pixels, channels)
     const T* detail = nullptr;    ///< (pixels, 4, channels): row i, column j of the doubled pixel at 2 i + j
 };
 
-/// Pixels [begin, end) of row `row` of blur(detail + nearest neighbour), the learnt doubling (twin: Upsampler) of an image of
-/// `side` columns -> out (end - begin, channels). `middle` is the image's row row / 2; `near` is the row above it for an even
-/// row, else the row below it, and `middle` itself at the image's border. Both need pixels from (begin - 1) / 2 to end / 2 within
-/// the image. `scratch`: (2 side + 2) * channels numbers.
+/// Pixels [begin, end) of one row of the doubled image: (pixels, channels).
 template <class T>
-void blur_doubled_row(T* out, float* scratch, const DetailedRow<T>& middle, const DetailedRow<T>& near, std::int64_t row,
-                      std::int64_t begin, std::int64_t end, std::int64_t side, std::int64_t channels);
-
-/// A doubling that is linear and the same on both axes, edges clamped: weights of the pixels before, at and after m for the pixel
-/// 2 m of the doubled axis and, mirrored, for 2 m + 1. The first and the last pixel have weights of their own.
-struct DoublingFilter {
-    std::array<float, 3> even;
-    std::array<float, 3> first;
+struct DoubledRow {
+    std::int64_t begin = 0;
+    std::int64_t end = 0;
+    T* features = nullptr;
 };
-inline constexpr DoublingFilter bilinear_doubling{{0.25F, 0.75F, 0.0F}, {0.0F, 1.0F, 0.0F}};
-/// Bilinear, then [1,2,1]/4 with mirrored border (twin: double_smoothly).
-inline constexpr DoublingFilter smooth_doubling{{0.3125F, 0.625F, 0.0625F}, {0.0F, 0.875F, 0.125F}};
 
-/// Row `row` of the doubled image (side, side, channels) -> out (2 side, channels). `scratch`: (3 side + 2) * channels numbers.
-void double_row(float* out, float* scratch, const float* image, std::int64_t row, std::int64_t side, std::int64_t channels,
-                const DoublingFilter& filter);
+/// A row of an image of `side` columns, the rows beside it (itself where the image ends), and the two rows that come of it.
+template <class T>
+struct RowDoubling {
+    DetailedRow<T> above;
+    DetailedRow<T> middle;
+    DetailedRow<T> below;
+    std::array<DoubledRow<T>, 2> doubled;
+    std::int64_t side = 0;
+    std::int64_t channels = 0;
+};
 
-/// to (pixels, channels) += x - background (channels)
-void add_difference(float* to, const float* x, const float* background, std::int64_t pixels, std::int64_t channels);
+/// The learnt doubling (twin: Upsampler), blur(detail + nearest neighbour), of one row. A pixel of the first doubled row reads
+/// the pixels of `above` and `middle` up to one from its own, one of the second row those of `middle` and `below`.
+void blur_doubled_rows(const RowDoubling<float>& rows);
+void blur_doubled_rows(const RowDoubling<BFloat16>& rows);
 
-/// Channels of a picture in [0, 1]: out = (1 + tanh(x + background)) / 2, error about 1e-7.
-void color_row(float* out, const float* x, const float* background, std::int64_t count);
-/// Mask in [0, 1] of pixels (pixels, channels): out = sigmoid(x . weight + bias), error about 1e-7.
-void mask_row(float* out, const float* x, std::span<const float> weight, float bias, std::int64_t pixels);
+/// to (pixels, 3) += x (pixels, channels) times the transpose of weight (3, channels), - background (3).
+void add_colors(float* to, const float* x, const float* weight, const float* background, std::int64_t pixels,
+                std::int64_t channels);
+void add_colors(float* to, const BFloat16* x, const float* weight, const float* background, std::int64_t pixels,
+                std::int64_t channels);
 
 /// To the type of activations, rounded to nearest even.
 void narrow(float* out, const float* x, std::int64_t count);

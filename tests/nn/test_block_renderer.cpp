@@ -95,7 +95,10 @@ void check_same(const Pictures& actual, const Pictures& wanted, double tolerance
 const std::vector<std::pair<std::string, Pattern>> patterns{
     {"no ray is empty", [](std::int64_t, std::int64_t) { return true; }},
     {"all rays are empty", [](std::int64_t, std::int64_t) { return false; }},
-    {"a disc", [](std::int64_t row, std::int64_t column) { return std::hypot(row - 15.5, column - 13.0) < 9.0; }},
+    {"a disc",
+     [](std::int64_t row, std::int64_t column) {
+         return std::hypot(static_cast<double>(row) - 15.5, static_cast<double>(column) - 13.0) < 9.0;
+     }},
     {"one ray", [](std::int64_t row, std::int64_t column) { return row == 20 && column == 11; }},
     {"two corners", [](std::int64_t row, std::int64_t column) { return row + column == 0 || row + column == 2 * rays - 2; }},
     {"two rows and a hole", [](std::int64_t row, std::int64_t column) { return (row == 3 || row == 5) && column % 7 != 0; }},
@@ -116,6 +119,22 @@ TEST_CASE("render blocks for one face give the pictures of the decoder, whicheve
             renderer.set_feature_map(map.features.values<float>(), map.occupied);
             check_same(rendered(renderer, resolution), expected(model.decoder, map, w, resolution), 2e-6);
         }
+    }
+}
+
+TEST_CASE("render blocks give the decoder's pictures with channels that fill vectors, in part or whole") {
+    DecoderConfig config = NarrowDecoder::narrow();
+    config.feature_channels = 40;
+    config.block_channels = {32, 19, 16, 3};
+    config.mask_channels = 16;
+    const NarrowDecoder model(config);
+    const Codes w = model.decoder.map(random_codes(1, 2));
+    BlockRenderer renderer(model.decoder.folded_blocks(w), model.decoder.folded_mask(), rays, 256, Precision::float32);
+    for (const auto& [name, pattern] : patterns) {
+        INFO(name);
+        const Rays map = make_rays(pattern, 40);
+        renderer.set_feature_map(map.features.values<float>(), map.occupied);
+        check_same(rendered(renderer, 256), expected(model.decoder, map, w, 256), 5e-6);
     }
 }
 

@@ -1,61 +1,48 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <span>
 #include <vector>
 
 #include "nn/models/realtime/sample_selection.h"
-#include "render/camera.h"
 
 namespace stymo {
 
 /// Densities at any number of points, 3 numbers each.
 using DensityFunction = std::function<void(std::span<const float> points, std::span<float> densities)>;
 
-struct DensityGridOptions {
-    Vector3 low{};  ///< corners of the region, which is widened to whole blocks
-    Vector3 high{};
-    double block_side = 0.25;
-    float empty_density = 0.01F;  ///< what counts as nothing at the vertices of a block
-};
-
-/// The density of one head in blocks of 4 x 4 x 4 cells. The corners of all blocks are known; blocks with density at a vertex are
-/// known by the vertices of their cells, and so is whatever touches that density, wherever it goes. Bounds are the extremes over
-/// the corners of a cell, or of a block with nothing at its corners. They hold where the density is monotonous within the cell, so
-/// not for what is thinner than a cell, nor for what lies between the corners of one block and apart from everything else.
+/// The density of one head at the vertices of a lattice around the origin, asked for as points need it and kept. What is known
+/// of a point depends on the head alone, not on what was asked before. Bounds are the extremes over the eight corners of a cell:
+/// they hold where the density is monotonous within the cell, so not for what is thinner than a cell; the estimate is linear
+/// between the corners.
 class DensityGrid {
 public:
     DensityGrid() = default;
-    DensityGrid(const DensityGridOptions& options, const DensityFunction& density);
+    /// A cube from -half_side to half_side along each axis.
+    DensityGrid(double half_side, double spacing);
 
-    /// Bounds at points, 3 numbers each; from 0 to infinity outside the region, where nothing is known.
-    void bounds(std::span<const float> points, std::span<DensityBounds> result) const;
-    /// How often the density was asked for.
-    [[nodiscard]] std::int64_t evaluated_points() const { return evaluated_points_; }
+    /// For another head.
+    void forget();
+    /// Asks for the corners of the cells of these points, 3 numbers each, as far as they are unknown.
+    void learn(std::span<const float> points, const DensityFunction& density);
+    /// From 0 to infinity outside the cube, and where the corners are unknown. False if there is such a corner.
+    bool bounds(std::span<const float> points, std::span<DensityBounds> result) const;
+    /// How many vertices are known.
+    [[nodiscard]] std::int64_t known_vertices() const { return known_vertices_; }
 
 private:
-    static constexpr std::int64_t cells = 4;  ///< along a side of a block
-    static constexpr std::int64_t vertices = cells + 1;
-    using Block = std::array<float, static_cast<std::size_t>(vertices * vertices * vertices)>;
-    struct Lattice;
+    struct Cell;
+    [[nodiscard]] Cell cell_of(const float* point) const;
 
-    void refine_around(Lattice& lattice, const std::array<std::int64_t, 3>& place,
-                       std::vector<std::array<std::int64_t, 3>>& refined);
-    void store(const Lattice& lattice, const std::vector<std::array<std::int64_t, 3>>& refined);
-    [[nodiscard]] DensityBounds at(const float* point) const;
-    [[nodiscard]] std::int64_t block_number(std::int64_t x, std::int64_t y, std::int64_t z) const {
-        return (z * blocks_[1] + y) * blocks_[0] + x;
-    }
-
-    std::array<std::int64_t, 3> blocks_{};  ///< along each axis
-    std::array<float, 3> low_{};
-    float blocks_per_unit_ = 0.0F;
-    std::vector<DensityBounds> coarse_;  ///< of each block
-    std::vector<std::int32_t> fine_;     ///< where in `vertices_` each block is, or -1
-    std::vector<Block> vertices_;
-    std::int64_t evaluated_points_ = 0;
+    std::int64_t vertices_ = 0;  ///< along each axis
+    float half_side_ = 0.0F;
+    float spacing_ = 0.0F;
+    std::vector<float> density_;  ///< of all vertices; negative: unknown
+    std::int64_t known_vertices_ = 0;
+    std::vector<std::int64_t> wanted_;
+    std::vector<float> points_;
+    std::vector<float> densities_;
 };
 
 }  // namespace stymo

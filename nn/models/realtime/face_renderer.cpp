@@ -5,9 +5,8 @@
 #include <optional>
 
 #include "core/error.h"
-#include "core/ops/ops.h"
-#include "nn/models/picture.h"
 #include "nn/models/realtime/baked_field.h"
+#include "nn/models/realtime/block_renderer.h"
 #include "nn/models/realtime/sampled_field.h"
 
 namespace stymo {
@@ -53,6 +52,9 @@ struct FaceRenderer::State {
     CameraRays rays;
     std::optional<Camera> camera;  ///< whose feature map is kept
     FeatureMap feature_map;
+    bool feature_map_is_new = true;  ///< to the render blocks
+    std::optional<BlockRenderer> blocks;
+    View view;  ///< buffers of the last frame, which the next one takes unless somebody still holds them
     RenderCounts counts;
 
     State(const Model& shown_model, const RendererOptions& renderer_options)
@@ -63,13 +65,21 @@ struct FaceRenderer::State {
         sampling.samples_per_ray = options.samples_per_ray;
         rays.samples_per_ray = options.samples_per_ray;
         rays.rays.resize(static_cast<std::size_t>(sampling.rays_per_side * sampling.rays_per_side));
+        const std::int64_t rays_per_side = sampling.rays_per_side;
+        const std::int64_t side = options.resolution == 0 ? model.config().decoder.resolution : options.resolution;
+        view.picture = Tensor({side, side, 3});
+        if (options.mask) view.mask = Tensor({side, side, 1});
+        if (options.depth) view.depth = Tensor({rays_per_side, rays_per_side, 1});
         counts.samples = static_cast<std::int64_t>(rays.rays.size()) * options.samples_per_ray;
     }
 
     /// Takes over row `index` of one group; true if it differs from what is shown.
     bool take(const Codes& codes, std::int64_t index, std::size_t group);
+    void fold_field();
+    void fold_blocks();
     void look(const Camera& seen_by);
-    [[nodiscard]] View view() const;
+    void draw();
+    void count();
 };
 
 bool FaceRenderer::State::take(const Codes& codes, std::int64_t index, std::size_t group) {
@@ -97,17 +107,40 @@ void FaceRenderer::State::look(const Camera& seen_by) {
     }
     field->look(rays, feature_map);
     camera = seen_by;
+    feature_map_is_new = true;
 }
 
-View FaceRenderer::State::view() const {
-    const std::int64_t side = sampling.rays_per_side;
-    const Tensor features = Tensor::from({1, side, side, model.config().decoder.feature_channels}, feature_map.features);
-    const Decoded decoded =
-        model.decoder().decode_feature_map(features, w, {.resolution = options.resolution, .mask = options.mask});
-    View result{picture(decoded.images.back().value(), 0), {}, {}};
-    if (options.mask) result.mask = picture_mask(sigmoid(decoded.mask_logit).value(), 0);
-    if (options.depth) result.depth = Tensor::from({side, side, 1}, feature_map.depths);
-    return result;
+void FaceRenderer::State::fold_field() {
+    camera.reset();
+    field->set_field(model.decoder().folded_field(w));
+    ++counts.folds;
+}
+
+void FaceRenderer::State::fold_blocks() {
+    const std::vector<FoldedRenderBlock> folded = model.decoder().folded_blocks(w);
+    ++counts.folds;
+    if (blocks) {
+        blocks->set_style(folded);
+        return;
+    }
+    const DecoderConfig& decoder = model.config().decoder;
+    const std::optional<FoldedMaskBranch> mask =
+        options.mask ? std::optional(model.decoder().folded_mask()) : std::optional<FoldedMaskBranch>();
+    blocks.emplace(folded, mask, decoder.rays.rays_per_side, options.resolution == 0 ? decoder.resolution : options.resolution,
+                   options.mode == RenderMode::bf16 ? Precision::bfloat16 : Precision::float32);
+}
+
+void FaceRenderer::State::draw() {
+    if (feature_map_is_new) blocks->set_feature_map(feature_map.features, feature_map.counts);
+    feature_map_is_new = false;
+    blocks->render(view.picture.mutable_values<float>(), options.mask ? view.mask.mutable_values<float>() : std::span<float>());
+    if (options.depth) std::ranges::copy(feature_map.depths, view.depth.mutable_values<float>().begin());
+}
+
+void FaceRenderer::State::count() {
+    counts.field_samples = feature_map.field_samples;
+    counts.pixels = blocks->counts().pixels;
+    counts.pixels_computed = blocks->counts().pixels_computed;
 }
 
 FaceRenderer::FaceRenderer(const Model& model, const RendererOptions& options) {
@@ -127,19 +160,17 @@ void FaceRenderer::show(const Codes& codes, std::int64_t index) {
     for (std::size_t group = 0; group < changed.size(); ++group)
         z.groups[group] = Tensor::from({1, code_sizes[group]}, state.shown[group]);
     state.w = detached(state.model.decoder().map(z));
-    if (changed[0] || changed[1]) {
-        state.camera.reset();
-        state.field->set_field(state.model.decoder().folded_field(state.w));
-        ++state.counts.folds;
-    }
+    if (changed[0] || changed[1]) state.fold_field();
+    if (changed[2] || changed[3]) state.fold_blocks();
 }
 
 View FaceRenderer::render(const Camera& camera) {
     State& state = *state_;
-    if (state.shown.front().empty()) fail<ValueError>("there is no face to render; show one first");
+    if (!state.blocks) fail<ValueError>("there is no face to render; show one first");
     state.look(camera);
-    state.counts.field_samples = state.feature_map.field_samples;
-    return state.view();
+    state.draw();
+    state.count();
+    return state.view;
 }
 
 const RenderCounts& FaceRenderer::counts() const {

@@ -17,10 +17,10 @@ struct CameraRays {
 
 /// What a camera sees of the field: the input of the render blocks, and what is known of every ray besides.
 struct FeatureMap {
-    std::vector<float> features;        ///< (rays, feature_channels), after the field's last layer; zeros for an empty ray
-    std::vector<std::uint8_t> counts;   ///< (rays): 0 for an empty ray, else 1
-    std::vector<float> depths;          ///< (rays): expected Euclidean distance; that of the farthest sample of all behind the rest
-    std::int64_t field_samples = 0;     ///< samples that went through the field
+    std::vector<float> features;       ///< (rays, feature_channels), after the field's last layer; zeros for an empty ray
+    std::vector<std::uint8_t> counts;  ///< (rays): 0 for an empty ray, else 1
+    std::vector<float> depths;       ///< (rays): expected Euclidean distance; that of the farthest sample of all behind the rest
+    std::int64_t field_samples = 0;  ///< samples that went through the field
 };
 
 /// The seam between ways of computing the field, which is all that the modes differ in before the render blocks.

@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <type_traits>
 
 #include "core/kernels/fast_math.h"
-#include "nn/models/realtime/bfloat16.h"
+#include "core/parallel.h"
 #include "render/encoding.h"
 
 namespace stymo {
@@ -25,6 +26,22 @@ std::vector<float> values(const Tensor& tensor) {
     return {all.begin(), all.end()};
 }
 
+float to_float(float value) {
+    return value;
+}
+float to_float(kernels::BFloat16 value) {
+    return kernels::widened(value);
+}
+
+template <class T>
+T narrowed(float value) {
+    if constexpr (std::is_same_v<T, float>) {
+        return value;
+    } else {
+        return kernels::rounded_to_bfloat16(value);
+    }
+}
+
 /// max(x, 0) + log(1 + exp(-|x|))
 float softplus_value(float x) {
     return std::max(x, 0.0F) + std::log1p(std::exp(-std::abs(x)));
@@ -40,48 +57,38 @@ float dot(const T* row, const float* weight, std::int64_t count) {
 
 }  // namespace
 
-template <class T>
-typename PackedField<T>::Layer PackedField<T>::pack(const FoldedLayer& layer) {
-    const std::int64_t out = layer.weight.shape(0), in = layer.weight.shape(1);
-    return {kernels::PackedMatrix<T>(layer.weight.values<float>().data(), in, out, 1, in), values(layer.bias), layer.activation};
-}
-
 /// Encoded channels come as (x, all sines, all cosines, zeros): vectors of sines and of cosines are then stored as they are.
 template <class T>
-typename PackedField<T>::Layer PackedField<T>::pack_encoded(const FoldedLayer& layer) const {
+FoldedLayer PackedField<T>::with_encoding_reordered(const FoldedLayer& layer) const {
     const std::int64_t out = layer.weight.shape(0), in = layer.weight.shape(1);
-    const std::int64_t encoded = encoded_channels(frequencies_);
-    const std::int64_t in_packed = encoding_ + in - encoded;
-    const std::span<const float> from = layer.weight.values<float>();
-    std::vector<float> to(static_cast<std::size_t>(out * in_packed), 0.0F);
-    for (std::int64_t row = 0; row < out; ++row) {
-        const float* old_row = from.data() + row * in;
-        float* new_row = to.data() + row * in_packed;
-        std::copy_n(old_row, 3, new_row);
+    const std::int64_t encoded = encoded_channels(frequencies_), reordered = encoding_ + in - encoded;
+    FoldedLayer result{Tensor::zeros({out, reordered}), layer.bias, layer.activation};
+    const float* from = layer.weight.values<float>().data();
+    float* to = result.weight.mutable_values<float>().data();
+    for (std::int64_t row = 0; row < out; ++row, from += in, to += reordered) {
+        std::copy_n(from, 3, to);
         for (std::int64_t octave = 0; octave < frequencies_; ++octave) {
-            std::copy_n(old_row + 3 + 6 * octave, 3, new_row + 3 + 3 * octave);
-            std::copy_n(old_row + 6 + 6 * octave, 3, new_row + 3 + 3 * (frequencies_ + octave));
+            std::copy_n(from + 3 + 6 * octave, 3, to + 3 + 3 * octave);
+            std::copy_n(from + 6 + 6 * octave, 3, to + 3 + 3 * (frequencies_ + octave));
         }
-        std::copy_n(old_row + encoded, in - encoded, new_row + encoding_);
+        std::copy_n(from + encoded, in - encoded, to + encoding_);
     }
-    return {kernels::PackedMatrix<T>(to.data(), in_packed, out, 1, in_packed), values(layer.bias), layer.activation};
+    return result;
 }
 
 template <class T>
 PackedField<T>::PackedField(const FoldedField& field)
     : width_(field.layers.front().weight.shape(0)),
       frequencies_(field.frequencies),
-      encoding_((encoded_channels(field.frequencies) + encoding_multiple - 1) / encoding_multiple * encoding_multiple),
+      encoding_(chunk_count(encoded_channels(field.frequencies), encoding_multiple) * encoding_multiple),
       skip_layer_(field.skip_layer),
       density_weight_(values(field.density.weight)),
       density_bias_(values(field.density.bias).front() - 1.0F),
-      feature_(pack(field.feature0)),
-      finish_(field.feature1.weight.values<float>().data(), field.feature1.weight.shape(1), field.feature1.weight.shape(0), 1,
-              field.feature1.weight.shape(1)),
-      finish_bias_(values(field.feature1.bias)) {
+      feature_(field.feature0),
+      finish_(field.feature1) {
     for (std::size_t i = 0; i < field.layers.size(); ++i) {
         const bool encoded = i == 0 || i == skip_layer_;
-        layers_.push_back(encoded ? pack_encoded(field.layers[i]) : pack(field.layers[i]));
+        layers_.emplace_back(encoded ? with_encoding_reordered(field.layers[i]) : field.layers[i]);
     }
 }
 
@@ -95,7 +102,8 @@ void PackedField<T>::encode(std::span<const float> points, FieldTile<T>& tile) c
         T* row = tile.joined.data() + point * stride;
         float frequency = 1.0F;
         for (std::int64_t octave = 0; octave < frequencies_; ++octave, frequency *= 2.0F) {
-            for (std::int64_t axis = 0; axis < 3; ++axis) phases[static_cast<std::size_t>(3 * octave + axis)] = x[axis] * frequency;
+            for (std::int64_t axis = 0; axis < 3; ++axis)
+                phases[static_cast<std::size_t>(3 * octave + axis)] = x[axis] * frequency;
         }
         for (std::int64_t axis = 0; axis < 3; ++axis) row[axis] = narrowed<T>(x[axis]);
         T* sines = row + 3;
@@ -116,11 +124,17 @@ typename PackedField<T>::template Rows<T> PackedField<T>::output(std::size_t lay
 }
 
 template <class T>
+void PackedField<T>::reserve(std::int64_t points, FieldTile<T>& tile) const {
+    grow(tile.joined, points * (encoding_ + width_));
+    grow(tile.hidden, points * width_);
+    grow(tile.density, points);
+    grow(tile.features, points * width_);
+}
+
+template <class T>
 void PackedField<T>::density(std::span<const float> points, FieldTile<T>& tile) const {
     const std::int64_t count = static_cast<std::int64_t>(points.size()) / 3, joined = encoding_ + width_;
-    grow(tile.joined, count * joined);
-    grow(tile.hidden, count * width_);
-    grow(tile.density, count);
+    reserve(count, tile);
     encode(points, tile);
     for (std::size_t i = 0; i < layers_.size(); ++i) {
         const bool encoded = i == 0 || i == skip_layer_;
@@ -140,7 +154,6 @@ template <class T>
 void PackedField<T>::features(std::span<const std::int32_t> rows, FieldTile<T>& tile) const {
     const auto count = static_cast<std::int64_t>(rows.size());
     if (count == 0) return;
-    grow(tile.features, count * width_);
     const Rows<T> last = output(layers_.size() - 1, tile);
     // In ascending order a row never overwrites one that is still to be read.
     const bool all = rows.back() == count - 1;
@@ -158,9 +171,9 @@ void PackedField<T>::finish(std::span<const float> composited, std::span<const f
     for (std::int64_t ray = 0; ray < rays; ++ray) {
         const float opacity = opacities[static_cast<std::size_t>(ray)];
         for (std::int64_t i = 0; i < channels; ++i)
-            result[static_cast<std::size_t>(ray * channels + i)] = opacity * finish_bias_[static_cast<std::size_t>(i)];
+            result[static_cast<std::size_t>(ray * channels + i)] = opacity * finish_.bias[static_cast<std::size_t>(i)];
     }
-    kernels::multiply_packed(result.data(), channels, kernels::LeftMatrix<float>{composited.data(), width_}, rays, finish_,
+    kernels::multiply_packed(result.data(), channels, kernels::LeftMatrix<float>{composited.data(), width_}, rays, finish_.weight,
                              {.present_values = true});
 }
 

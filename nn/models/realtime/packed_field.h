@@ -6,6 +6,7 @@
 
 #include "core/kernels/gemm.h"
 #include "nn/models/radiance_field.h"
+#include "nn/models/realtime/packed_layer.h"
 
 namespace stymo {
 
@@ -28,8 +29,10 @@ public:
     explicit PackedField(const FoldedField& field);
 
     [[nodiscard]] std::int64_t width() const { return width_; }
-    [[nodiscard]] std::int64_t feature_channels() const { return finish_.columns(); }
+    [[nodiscard]] std::int64_t feature_channels() const { return finish_.outputs(); }
 
+    /// Makes room for so many points, so that nothing is allocated later.
+    void reserve(std::int64_t points, FieldTile<T>& tile) const;
     /// Densities of points (3 numbers each) into tile.density. The activations that they come from stay in the tile.
     void density(std::span<const float> points, FieldTile<T>& tile) const;
     /// Features before the last layer into tile.features, of these of the points of the last call of `density`; ascending.
@@ -38,19 +41,13 @@ public:
     void finish(std::span<const float> composited, std::span<const float> opacities, std::span<float> result) const;
 
 private:
-    struct Layer {
-        kernels::PackedMatrix<T> weight;
-        std::vector<float> bias;
-        Activation activation = Activation::none;
-    };
     /// Rows of a tile's activations.
     template <class Element>
     struct Rows {
         Element* data;
         std::int64_t stride;
     };
-    [[nodiscard]] static Layer pack(const FoldedLayer& layer);
-    [[nodiscard]] Layer pack_encoded(const FoldedLayer& layer) const;
+    [[nodiscard]] FoldedLayer with_encoding_reordered(const FoldedLayer& layer) const;
     void encode(std::span<const float> points, FieldTile<T>& tile) const;
     [[nodiscard]] Rows<T> output(std::size_t layer, FieldTile<T>& tile) const;
 
@@ -58,12 +55,11 @@ private:
     std::int64_t frequencies_ = 0;
     std::int64_t encoding_ = 0;  ///< channels, with zeros up to a whole number of vectors
     std::size_t skip_layer_ = 0;
-    std::vector<Layer> layers_;
+    std::vector<PackedLayer<T>> layers_;
     std::vector<float> density_weight_;
     float density_bias_ = 0.0F;
-    Layer feature_;
-    kernels::PackedMatrix<float> finish_;
-    std::vector<float> finish_bias_;
+    PackedLayer<T> feature_;
+    PackedLayer<float> finish_;
 };
 
 extern template class PackedField<float>;

@@ -63,4 +63,17 @@ void PixelRows::set_read(const PixelRows& rows) {
     }
 }
 
+void PixelRows::set_doubled(const PixelRows& below, const PixelRows& rows) {
+    reset(rows.side());
+    for (std::int64_t row = 0; row < side(); ++row) {
+        PixelRow all = below[row / 2];
+        for (const std::int64_t y : {row / 2 - 1, row / 2 + 1}) {
+            if (y >= 0 && y < below.side()) all = hull(all, below[y]);
+        }
+        if (all.size() > 0) all = {2 * (all.begin - 1), 2 * (all.end + 1), 0};
+        all = hull(all, rows[row]);
+        set(row, all.begin / 2 * 2, (all.end + 1) / 2 * 2);
+    }
+}
+
 }  // namespace stymo

@@ -26,6 +26,8 @@ public:
     void set_reached(const PixelRows& rows);
     /// The pixels that the learnt doubling reads where it computes what `rows` reach: `rows` and their neighbours.
     void set_read(const PixelRows& rows);
+    /// `rows`, and what the linear doublings of RGB and mask make of `below`; from even pixels to even ones.
+    void set_doubled(const PixelRows& below, const PixelRows& rows);
 
     [[nodiscard]] std::int64_t side() const { return static_cast<std::int64_t>(rows_.size()); }
     [[nodiscard]] std::int64_t pixels() const { return pixels_; }

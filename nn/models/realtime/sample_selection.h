@@ -20,6 +20,7 @@ struct SampleSelection {
     std::vector<std::int32_t> counts;
     std::vector<std::int32_t> samples;  ///< index along the ray, ascending
     std::vector<float> gaps;            ///< estimated optical depth of what was left out in front of the sample
+    std::vector<float> tails;           ///< (rays): of what was left out behind the last one
 
     /// Keeps what has been allocated.
     void resize(std::int64_t rays, std::int64_t per_ray);
@@ -27,17 +28,11 @@ struct SampleSelection {
     void keep_all();
 };
 
-/// Buffers of `select_samples`, for one thread at a time.
-struct SelectionScratch {
-    std::vector<float> weights;
-    std::vector<float> sorted;
-};
-
 /// Chooses samples of one ray, with an interval of length `delta` each, and enters them into `selection` at `ray`. The weight of
-/// sample i is at most exp(-sum_{j<i} lower_j delta) (1 - exp(-upper_i delta)); samples are left out in ascending order of this
-/// bound while its sum stays within `tolerance`. So if the bounds hold, the weights left out sum to no more than `tolerance`,
-/// for compositing with all samples.
+/// sample i is at most exp(-sum_{j<i} lower_j delta) (1 - exp(-upper_i delta)). From front to back these bounds are added up, and
+/// where the sum reaches `tolerance` a sample is kept and the sum begins anew. So if the bounds hold, no samples left out in a
+/// row have a weight of `tolerance` together; 0 keeps every sample.
 void select_samples(std::span<const DensityBounds> bounds, float delta, float tolerance, std::int64_t ray,
-                    SelectionScratch& scratch, SampleSelection& selection);
+                    SampleSelection& selection);
 
 }  // namespace stymo

@@ -1,21 +1,20 @@
 #include "nn/models/realtime/sampled_field.h"
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cmath>
-#include <optional>
+#include <functional>
 
 #include "core/parallel.h"
 #include "nn/models/realtime/density_grid.h"
 #include "nn/models/realtime/packed_field.h"
-#include "nn/models/view.h"
 
 namespace stymo {
 namespace {
 
-/// Points of one tile: 384 rows of 256 float32 activations, twice, leave room for a layer's weights in 2 MiB of second-level cache.
-constexpr std::int64_t tile_points = 384;
+/// Points of one tile: 16 blocks of rows of the packed product; activations of 256 channels and a layer's weights fill a third of
+/// 2 MiB of second-level cache, and a frame that skips still has tiles enough for every thread.
+constexpr std::int64_t tile_points = 192;
 constexpr std::int64_t rays_per_chunk = 32;
 /// Compositing weight of a ray that the samples without features of their own may have together, in units of the tolerance.
 constexpr float featureless_share = 0.5F;
@@ -35,13 +34,12 @@ void for_each_item(std::int64_t count, const Body& body) {
 template <class T>
 struct Scratch {
     std::vector<float> points;
-    std::vector<float> weights;            ///< of the samples of one ray
-    std::vector<std::int32_t> rows;        ///< of the tile, whose features count
-    std::vector<std::int32_t> row_rays;    ///< their rays
+    std::vector<float> weights;          ///< of the samples of one ray
+    std::vector<std::int32_t> rows;      ///< of the tile, whose features count
+    std::vector<std::int32_t> row_rays;  ///< their rays
     std::vector<float> row_weights;
     FieldTile<T> tile;
     std::vector<DensityBounds> bounds;
-    SelectionScratch selection;
 };
 
 void append_point(const Ray& ray, double distance, std::vector<float>& points) {
@@ -49,40 +47,22 @@ void append_point(const Ray& ray, double distance, std::vector<float>& points) {
         points.push_back(static_cast<float>(ray.origin[axis] + distance * ray.direction[axis]));
 }
 
+void append_points(const Ray& ray, std::int64_t samples, std::vector<float>& points) {
+    for (std::int64_t k = 0; k < samples; ++k) append_point(ray, sample_distance(ray, k, samples), points);
+}
+
 float interval(const Ray& ray, std::int64_t samples) {
     return static_cast<float>((ray.far_distance - ray.near_distance) / static_cast<double>(samples));
 }
 
-/// What the model's own camera sees as the head turns as far as photos of faces show it.
-DensityGridOptions grid_options(const ModelConfig& model, double tolerance) {
+/// Around all that the model's own camera sees as the head turns, with some room for other distances.
+DensityGrid make_grid(const ModelConfig& model) {
     const RaySampling& sampling = model.decoder.rays;
-    const std::int64_t last = sampling.rays_per_side - 1;
-    DensityGridOptions options;
-    options.low.fill(1e30);
-    options.high.fill(-1e30);
-    for (const double yaw : {-0.5, 0.0, 0.5}) {
-        for (const double pitch : {-0.25, 0.0, 0.25}) {
-            const Camera camera = camera_from_pose(pivot_pose(yaw, pitch, 0.0, model.camera.distance, model.camera.pivot_depth),
-                                                   model.camera.intrinsics);
-            for (const std::int64_t row : {std::int64_t(0), last}) {
-                for (const std::int64_t column : {std::int64_t(0), last}) {
-                    const Ray ray = camera_ray(camera, sampling, row, column);
-                    for (const double distance : {ray.near_distance, ray.far_distance}) {
-                        for (std::size_t axis = 0; axis < 3; ++axis) {
-                            const double place = ray.origin[axis] + distance * ray.direction[axis];
-                            options.low[axis] = std::min(options.low[axis], place);
-                            options.high[axis] = std::max(options.high[axis], place);
-                        }
-                    }
-                }
-            }
-        }
-    }
+    const double reach = std::max(std::abs(sampling.near_z), std::abs(sampling.far_z));
+    const double side = 0.5 / model.camera.intrinsics.focal * (model.camera.distance + reach);
+    constexpr double room = 1.25;
     const double depth = sampling.near_z - sampling.far_z;
-    options.block_side = depth / 24.0;
-    // A ray through nothing but blocks of this density has half of the tolerance as its opacity.
-    options.empty_density = static_cast<float>(0.5 * tolerance / depth);
-    return options;
+    return {room * std::hypot(reach, side, side), depth / 48.0};
 }
 
 template <class T>
@@ -94,18 +74,22 @@ public:
     void look(const CameraRays& rays, FeatureMap& map) override;
 
 private:
+    void evaluate(std::span<const float> points, std::span<float> densities);
     void select(const CameraRays& rays);
+    [[nodiscard]] bool select_from_grid(const CameraRays& rays);
     void cut_into_tiles();
+    void reserve(std::int64_t samples_per_ray);
     void trace_tile(std::int64_t first, std::int64_t end, const CameraRays& rays, Scratch<T>& scratch, FeatureMap& map);
     void composite_ray(std::int64_t ray, std::int64_t first_row, const CameraRays& rays, Scratch<T>& scratch, FeatureMap& map);
     void finish(FeatureMap& map);
 
-    std::optional<DensityGridOptions> grid_options_;
+    RenderMode mode_;
     float tolerance_;
     PackedField<T> field_;
     DensityGrid grid_;
     SampleSelection selection_;
     std::vector<std::int64_t> tiles_;  ///< first ray of each, and the end of the last
+    std::int64_t largest_tile_ = 0;    ///< points
     std::vector<Scratch<T>> scratch_;  ///< of each thread
     std::vector<float> composited_;    ///< (rays, width)
     std::vector<float> opacities_;
@@ -114,23 +98,25 @@ private:
 
 template <class T>
 SampledField<T>::SampledField(const ModelConfig& model, const RendererOptions& options)
-    : tolerance_(options.mode == RenderMode::exact ? 0.0F : static_cast<float>(options.tolerance)) {
-    if (options.mode != RenderMode::exact) grid_options_ = grid_options(model, options.tolerance);
+    : mode_(options.mode), tolerance_(mode_ == RenderMode::exact ? 0.0F : static_cast<float>(options.tolerance)) {
+    if (mode_ != RenderMode::exact) grid_ = make_grid(model);
 }
 
 template <class T>
 void SampledField<T>::set_field(const FoldedField& field) {
     field_ = PackedField<T>(field);
-    scratch_.resize(static_cast<std::size_t>(thread_count()));
-    if (!grid_options_) return;
-    grid_ = DensityGrid(*grid_options_, [&](std::span<const float> points, std::span<float> densities) {
-        const auto count = static_cast<std::int64_t>(densities.size());
-        for_each_item(chunk_count(count, tile_points), [&](std::int64_t item, std::size_t thread) {
-            const std::int64_t first = item * tile_points, size = std::min(tile_points, count - first);
-            FieldTile<T>& tile = scratch_[thread].tile;
-            field_.density(points.subspan(static_cast<std::size_t>(3 * first), static_cast<std::size_t>(3 * size)), tile);
-            std::copy_n(tile.density.begin(), size, densities.begin() + first);
-        });
+    grid_.forget();
+}
+
+/// Densities of any number of points, by all threads.
+template <class T>
+void SampledField<T>::evaluate(std::span<const float> points, std::span<float> densities) {
+    const auto count = static_cast<std::int64_t>(densities.size());
+    for_each_item(chunk_count(count, tile_points), [&](std::int64_t item, std::size_t thread) {
+        const std::int64_t first = item * tile_points, size = std::min(tile_points, count - first);
+        FieldTile<T>& tile = scratch_[thread].tile;
+        field_.density(points.subspan(static_cast<std::size_t>(3 * first), static_cast<std::size_t>(3 * size)), tile);
+        std::copy_n(tile.density.begin(), size, densities.begin() + first);
     });
 }
 
@@ -138,6 +124,10 @@ template <class T>
 void SampledField<T>::look(const CameraRays& rays, FeatureMap& map) {
     const std::size_t count = rays.rays.size();
     scratch_.resize(static_cast<std::size_t>(thread_count()));
+    for (Scratch<T>& scratch : scratch_) {
+        scratch.points.reserve(static_cast<std::size_t>(3 * rays.samples_per_ray));
+        scratch.bounds.reserve(static_cast<std::size_t>(rays.samples_per_ray));
+    }
     composited_.resize(count * static_cast<std::size_t>(field_.width()));
     opacities_.resize(count);
     map.features.resize(count * static_cast<std::size_t>(field_.feature_channels()));
@@ -147,6 +137,7 @@ void SampledField<T>::look(const CameraRays& rays, FeatureMap& map) {
 
     select(rays);
     cut_into_tiles();
+    reserve(rays.samples_per_ray);
     for_each_item(static_cast<std::int64_t>(tiles_.size()) - 1, [&](std::int64_t tile, std::size_t thread) {
         const auto index = static_cast<std::size_t>(tile);
         trace_tile(tiles_[index], tiles_[index + 1], rays, scratch_[thread], map);
@@ -158,23 +149,35 @@ void SampledField<T>::look(const CameraRays& rays, FeatureMap& map) {
 
 template <class T>
 void SampledField<T>::select(const CameraRays& rays) {
-    const auto count = static_cast<std::int64_t>(rays.rays.size()), samples = rays.samples_per_ray;
-    selection_.resize(count, samples);
-    if (!grid_options_) {
+    selection_.resize(static_cast<std::int64_t>(rays.rays.size()), rays.samples_per_ray);
+    if (mode_ == RenderMode::exact) {
         selection_.keep_all();
-        return;
+    } else if (!select_from_grid(rays)) {
+        std::vector<float>& points = scratch_.front().points;
+        points.clear();
+        for (const Ray& ray : rays.rays) append_points(ray, rays.samples_per_ray, points);
+        grid_.learn(points, [&](std::span<const float> vertices, std::span<float> densities) { evaluate(vertices, densities); });
+        select_from_grid(rays);
     }
+}
+
+/// False if the grid does not know enough yet.
+template <class T>
+bool SampledField<T>::select_from_grid(const CameraRays& rays) {
+    const auto count = static_cast<std::int64_t>(rays.rays.size()), samples = rays.samples_per_ray;
+    std::atomic<bool> known{true};
     for_each_item(chunk_count(count, rays_per_chunk), [&](std::int64_t chunk, std::size_t thread) {
         Scratch<T>& scratch = scratch_[thread];
         scratch.bounds.resize(static_cast<std::size_t>(samples));
         for (std::int64_t i = chunk * rays_per_chunk; i < std::min(count, (chunk + 1) * rays_per_chunk); ++i) {
             const Ray& ray = rays.rays[static_cast<std::size_t>(i)];
             scratch.points.clear();
-            for (std::int64_t k = 0; k < samples; ++k) append_point(ray, sample_distance(ray, k, samples), scratch.points);
-            grid_.bounds(scratch.points, scratch.bounds);
-            select_samples(scratch.bounds, interval(ray, samples), tolerance_, i, scratch.selection, selection_);
+            append_points(ray, samples, scratch.points);
+            if (!grid_.bounds(scratch.points, scratch.bounds)) known = false;
+            select_samples(scratch.bounds, interval(ray, samples), tolerance_, i, selection_);
         }
     });
+    return known;
 }
 
 /// Whole rays, so that a tile can composite them.
@@ -182,14 +185,30 @@ template <class T>
 void SampledField<T>::cut_into_tiles() {
     tiles_.assign(1, 0);
     std::int64_t points = 0;
+    largest_tile_ = 0;
     for (std::size_t ray = 0; ray < selection_.counts.size(); ++ray) {
         if (points > 0 && points + selection_.counts[ray] > tile_points) {
             tiles_.push_back(static_cast<std::int64_t>(ray));
             points = 0;
         }
         points += selection_.counts[ray];
+        largest_tile_ = std::max(largest_tile_, points);
     }
     tiles_.push_back(static_cast<std::int64_t>(selection_.counts.size()));
+}
+
+/// For every thread, because chance decides which of them meets the largest tile.
+template <class T>
+void SampledField<T>::reserve(std::int64_t samples_per_ray) {
+    const auto points = static_cast<std::size_t>(largest_tile_);
+    for (Scratch<T>& scratch : scratch_) {
+        field_.reserve(largest_tile_, scratch.tile);
+        scratch.points.reserve(3 * points);
+        scratch.weights.reserve(static_cast<std::size_t>(samples_per_ray));
+        scratch.rows.reserve(points);
+        scratch.row_rays.reserve(points);
+        scratch.row_weights.reserve(points);
+    }
 }
 
 template <class T>
@@ -244,6 +263,12 @@ void SampledField<T>::composite_ray(std::int64_t ray, std::int64_t first_row, co
         transmittance -= weight;
         opacity += weight;
         depth += weight * static_cast<float>(sample_distance(line, selection_.samples[slot + k], rays.samples_per_ray));
+    }
+    if (count > 0) {
+        const float weight = -transmittance * std::expm1(-selection_.tails[index]);
+        scratch.weights.back() += weight;
+        opacity += weight;
+        depth += weight * static_cast<float>(sample_distance(line, selection_.samples[slot + count - 1], rays.samples_per_ray));
     }
     opacities_[index] = opacity;
     map.counts[index] = opacity > 0.0F;
