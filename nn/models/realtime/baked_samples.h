@@ -46,7 +46,8 @@ inline constexpr std::int64_t most_baked_bytes = 300'000'000;
 [[nodiscard]] std::int64_t baked_bytes(const BakeOptions& options);
 
 /// `rays` tells where the views have their samples, and how long a piece of a ray they stand for. Throws ValueError for a
-/// resolution below 8, a dimension below 1, and options of more than `most_baked_bytes`.
+/// resolution below 8, a dimension below 1, options of more than `most_baked_bytes`, and as
+/// `sample_rays` for the outermost views.
 [[nodiscard]] BakedSamples bake(const FoldedField& field, const RaySampling& rays, const BakedViews& views,
                                 const BakeOptions& options);
 
