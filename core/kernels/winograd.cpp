@@ -14,6 +14,9 @@ namespace {
 
 /// Bytes of transformed tiles that one thread handles at once: they stay in its second-level cache.
 constexpr std::int64_t block_bytes = 1 << 20;
+/// Whole blocks of a product's rows, and at least so many that the filters are worth reading again.
+constexpr std::int64_t block_rows = 12;
+constexpr std::int64_t fewest_tiles = 48;
 /// Blocks that share their buffers; also a bound on the number of chunks.
 constexpr std::int64_t runs = 16;
 
@@ -80,13 +83,14 @@ std::vector<PackedMatrix<float>> transformed_filters(const float* weight, std::i
 }
 
 /// y = correlation of x with filters that are already transformed, both with any extent.
-void convolve(const float* x, const Image& in, const std::vector<PackedMatrix<float>>& filters, float* y, const Image& out,
-              std::int64_t batch, std::int64_t padding) {
+void convolve(const float* x, const Image& in, const std::vector<PackedMatrix<float>>& filters, const ConvFinish<float>& finish,
+              float* y, const Image& out, std::int64_t batch, std::int64_t padding) {
     const Tiling tiling(batch, out.height, out.width);
     const std::int64_t tile_bytes = winograd_places * (in.channels + out.channels) * static_cast<std::int64_t>(sizeof(float));
-    const std::int64_t block = std::clamp<std::int64_t>(block_bytes / tile_bytes, 24, 192);
+    const std::int64_t block = std::clamp<std::int64_t>(block_bytes / tile_bytes / block_rows * block_rows, fewest_tiles, 192);
     const std::int64_t blocks = chunk_count(tiling.count, block);
-    const std::vector<float> zeros(static_cast<std::size_t>(in.channels));
+    const std::vector<float> zeros(static_cast<std::size_t>(std::max(in.channels, out.channels)));
+    const float* const bias = finish.bias == nullptr ? zeros.data() : finish.bias;
     parallel_for(blocks, chunk_count(blocks, runs), [&](std::int64_t first_block, std::int64_t last_block) {
         const std::int64_t stride_in = place_stride(block, in.channels);
         const std::int64_t stride_out = place_stride(block, out.channels);
@@ -108,7 +112,8 @@ void convolve(const float* x, const Image& in, const std::vector<PackedMatrix<fl
             TilePixels tile;
             for (std::int64_t i = 0; i < count; ++i) {
                 point_at_square(tile, y, sink.get(), out, tiling, first + i, 0);
-                winograd_transform_products(products.get() + i * out.channels, stride_out, tile, out.channels);
+                winograd_transform_products(products.get() + i * out.channels, stride_out, bias, finish.slope, tile,
+                                            out.channels);
             }
         }
     });
@@ -132,15 +137,15 @@ bool winograd_pays(const ConvGeometry& g) {
     return winograd_serves(g) && g.batch * g.out_height * g.out_width >= 1024;
 }
 
-void winograd_conv2d(const float* x, const float* weight, float* y, const ConvGeometry& g) {
+void winograd_conv2d(const float* x, const float* weight, const ConvFinish<float>& finish, float* y, const ConvGeometry& g) {
     const auto filters = transformed_filters(weight, g.out_channels, g.in_channels, false);
-    convolve(x, input_of(g), filters, y, output_of(g), g.batch, g.padding);
+    convolve(x, input_of(g), filters, finish, y, output_of(g), g.batch, g.padding);
 }
 
 void winograd_conv2d_transpose(const float* dL_dy, const float* weight, float* dL_dx, const ConvGeometry& g) {
     // The correlation with the turned filters, whose square begins two pixels before an input pixel less the padding.
     const auto filters = transformed_filters(weight, g.out_channels, g.in_channels, true);
-    convolve(dL_dy, output_of(g), filters, dL_dx, input_of(g), g.batch, 2 - g.padding);
+    convolve(dL_dy, output_of(g), filters, {}, dL_dx, input_of(g), g.batch, 2 - g.padding);
 }
 
 void winograd_conv2d_weight_grad(const float* dL_dy, const float* x, float* dL_dweight, const ConvGeometry& g) {
