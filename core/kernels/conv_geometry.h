@@ -44,12 +44,16 @@ struct ConvFinish {
     T slope = 1;              ///< 1: no activation
 
     void apply(T* pixels, std::int64_t count, std::int64_t channels) const {
-        if (bias == nullptr && slope == T(1)) return;
+        const T* const offsets = bias;
+        const T factor = slope;
         for (std::int64_t i = 0; i < count; ++i, pixels += channels) {
+            if (offsets != nullptr) {
 #pragma omp simd
-            for (std::int64_t c = 0; c < channels; ++c) {
-                const T value = pixels[c] + (bias == nullptr ? T(0) : bias[c]);
-                pixels[c] = value * (value > T(0) ? T(1) : slope);
+                for (std::int64_t c = 0; c < channels; ++c) pixels[c] += offsets[c];
+            }
+            if (factor != T(1)) {
+#pragma omp simd
+                for (std::int64_t c = 0; c < channels; ++c) pixels[c] *= pixels[c] > T(0) ? T(1) : factor;
             }
         }
     }

@@ -12,11 +12,15 @@ namespace stymo::kernels {
 
 namespace {
 
-/// Bytes of transformed tiles that one thread handles at once: they stay in its second-level cache.
-constexpr std::int64_t block_bytes = 1 << 20;
-/// Whole blocks of a product's rows, and at least so many that the filters are worth reading again.
-constexpr std::int64_t block_rows = 12;
-constexpr std::int64_t fewest_tiles = 48;
+/// Tiles that one thread handles at once, in whole blocks of a product's rows. Where the filters fit beside them into the
+/// second-level cache, few enough to stay there; else so many that the filters are worth reading again.
+std::int64_t tiles_of_block(std::int64_t in, std::int64_t out) {
+    return in * out <= 64 * 64 ? 48 : 96;
+}
+/// The same for a weight's gradient, whose sums are read and written once for each block.
+std::int64_t tiles_of_sum(std::int64_t in, std::int64_t out) {
+    return std::clamp<std::int64_t>(in * out / 128, 48, 192);
+}
 /// Blocks that share their buffers; also a bound on the number of chunks.
 constexpr std::int64_t runs = 16;
 
@@ -86,8 +90,7 @@ std::vector<PackedMatrix<float>> transformed_filters(const float* weight, std::i
 void convolve(const float* x, const Image& in, const std::vector<PackedMatrix<float>>& filters, const ConvFinish<float>& finish,
               float* y, const Image& out, std::int64_t batch, std::int64_t padding) {
     const Tiling tiling(batch, out.height, out.width);
-    const std::int64_t tile_bytes = winograd_places * (in.channels + out.channels) * static_cast<std::int64_t>(sizeof(float));
-    const std::int64_t block = std::clamp<std::int64_t>(block_bytes / tile_bytes / block_rows * block_rows, fewest_tiles, 192);
+    const std::int64_t block = tiles_of_block(in.channels, out.channels);
     const std::int64_t blocks = chunk_count(tiling.count, block);
     const std::vector<float> zeros(static_cast<std::size_t>(std::max(in.channels, out.channels)));
     const float* const bias = finish.bias == nullptr ? zeros.data() : finish.bias;
@@ -152,8 +155,7 @@ void winograd_conv2d_weight_grad(const float* dL_dy, const float* x, float* dL_d
     const Tiling tiling(g.batch, g.out_height, g.out_width);
     const Image in = input_of(g);
     const Image out = output_of(g);
-    const std::int64_t tile_bytes = winograd_places * (in.channels + out.channels) * static_cast<std::int64_t>(sizeof(float));
-    const std::int64_t block = std::clamp<std::int64_t>((24 << 20) / tile_bytes, 64, 1024);
+    const std::int64_t block = tiles_of_sum(in.channels, out.channels);
     const std::int64_t stride_in = place_stride(block, in.channels);
     const std::int64_t stride_out = place_stride(block, out.channels);
     const std::int64_t stride_sum = place_stride(out.channels, in.channels);
@@ -163,7 +165,7 @@ void winograd_conv2d_weight_grad(const float* dL_dy, const float* x, float* dL_d
     const std::vector<float> zeros(static_cast<std::size_t>(std::max(in.channels, out.channels)));
     for (std::int64_t first = 0; first < tiling.count; first += block) {
         const std::int64_t count = std::min(block, tiling.count - first);
-        parallel_for(count, 16, [&](std::int64_t begin, std::int64_t end) {
+        parallel_for(count, 8, [&](std::int64_t begin, std::int64_t end) {
             PatchPixels patch;
             ConstTilePixels tile;
             for (std::int64_t i = begin; i < end; ++i) {

@@ -76,7 +76,7 @@ def elementwise():
 
 
 def activations():
-    case("leaky_gate/elements", lambda x, sign: x * torch.where(sign > 0, 1.0, 0.2).to(x.dtype), uniform(3, 4),
+    case("leaky_gate/elements", lambda x, sign: torch.where(sign > 0, x, 0.2 * x), uniform(3, 4),
          uniform(3, 4, spacing=0.5, offset=0.25))
     case("prelu/rows", F.prelu, like(AROUND_ZERO, 3, 4), uniform(4))
     case("prelu/image", lambda x, slope: nhwc(F.prelu(nchw(x), slope)), like(AROUND_ZERO, 2, 2, 2, 3), uniform(3))
