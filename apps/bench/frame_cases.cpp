@@ -2,6 +2,7 @@
 #include "apps/bench/frames.h"
 #include "apps/bench/report.h"
 #include "apps/bench/work.h"
+#include "core/ops/ops.h"
 
 namespace stymo {
 
@@ -50,7 +51,7 @@ Measurement reduced_frame(const BenchRun& run, RenderMode mode) {
     if (mode == RenderMode::bf16) result.limit = Limit::bfloat16;
     result.remark = percent(counts.field_samples, counts.samples) + " of the samples, " +
                     percent(counts.pixels_computed, counts.pixels) + " of the pixels";
-    if (!subject.trained) result.remark += "; random weights are fog, of which nothing can be left out";
+    if (!subject.trained) result.remark += "; random weights are fog, of which little can be left out";
     measure_error(result, subject, options);
     return result;
 }
@@ -65,11 +66,16 @@ Measurement bf16_frame(const BenchRun& run) {
 /// From new codes to the first picture: weights folded, empty space found, one frame.
 Measurement first_frame(const BenchRun& run) {
     const BenchSubject subject = make_subject(run.options, run.seed);
-    const RendererOptions options = renderer_options(run.options, RenderMode::skip);
-    FaceRenderer renderer(subject.model, options);
-    std::int64_t face = 0;
+    FaceRenderer renderer(subject.model, renderer_options(run.options, RenderMode::skip));
+    double size = 1.0;
     const auto show_next = [&] {
-        renderer.show(subject.codes, face++ % subject.codes.batch());
+        // A face that has not been shown before, but nearly the same.
+        constexpr double shrinkage = 0.999;
+        size *= shrinkage;
+        Codes codes;
+        for (std::size_t group = 0; group < code_sizes.size(); ++group)
+            codes.groups[group] = (subject.codes.groups[group] * size).detach();
+        renderer.show(codes);
         static_cast<void>(renderer.render(subject.views.front()));
     };
     Measurement result{.timing = time_repeated(run.options.repeats, 0.0, show_next), .limit = Limit::none};
