@@ -105,7 +105,6 @@ LossAndGradients generator_gradients(const Model& model, const Discriminator* di
                                             {.samples_per_ray = phase.samples_per_ray,
                                              .resolution = phase.resolution,
                                              .mask = with_mask,
-                                             .recomputed_rays = recomputation.rays,
                                              .recompute_blocks = recomputation.blocks,
                                              .jitter = &jitter});
 

@@ -17,7 +17,8 @@ constexpr double gibibyte = 1024.0 * 1024.0 * 1024.0;
 constexpr std::int64_t program_bytes = 120 << 20;
 /// What the heap takes for what a step asks of it: freed pieces do not always fit the next request.
 constexpr double heap_factor = 1.15;
-constexpr std::int64_t smallest_tile = 16;
+/// Sums of the field's weight gradients, of one face at a time (core/kernels/sine_rays.cpp).
+constexpr std::int64_t field_sums = 16;
 /// A step that is chosen to fit a budget stays within it where the estimate is too low by as much.
 constexpr double estimate_margin = 1.25;
 
@@ -79,18 +80,12 @@ std::int64_t decoder_weights(const DecoderConfig& config) {
     return weights;
 }
 
-/// Field and compositing. Each sine layer keeps its input and its slope, and compositing keeps the features.
-Need field_need(const DecoderConfig& config, const TrainingPhase& phase, const Recomputation& recomputation) {
-    const std::int64_t rays = square(config.rays.rays_per_side);
+/// Field and compositing: samples, results and their gradients.
+Need field_need(const DecoderConfig& config, const TrainingPhase& phase) {
+    const std::int64_t rays = phase.micro_batch * square(config.rays.rays_per_side);
     const std::int64_t encoding = 3 + 6 * config.frequencies;
-    const std::int64_t images = phase.micro_batch;
-    const std::int64_t saved_by_point = 2 * encoding + config.field_width * (2 * config.field_layers + 2) + 16;
-    const std::int64_t passing_by_point = 4 * config.field_width;
-    const std::int64_t points = images * rays * phase.samples_per_ray;
-    const std::int64_t tile = std::min(rays, recomputation.rays) * images * phase.samples_per_ray;
-    const std::int64_t results = images * rays * 3 * (config.field_width + phase.samples_per_ray) + 5 * points;
-    if (recomputation.rays > 0) return {results, (saved_by_point + passing_by_point) * tile};
-    return {results + saved_by_point * points, passing_by_point * points};
+    const std::int64_t weights = config.field_width * (config.field_width * (config.field_layers + 1) + 2 * encoding);
+    return {rays * (3 * (config.field_width + phase.samples_per_ray) + 5 * phase.samples_per_ray), field_sums * weights};
 }
 
 /// A render block of this side: upsampled input, detail of the upsampler, and between the two modulated layers.
@@ -106,7 +101,7 @@ Need block_need(std::int64_t side, std::int64_t in, std::int64_t out, std::int64
 }
 
 Need decoder_need(const DecoderConfig& config, const TrainingPhase& phase, const Recomputation& recomputation, bool mask) {
-    Need need = field_need(config, phase, recomputation);
+    Need need = field_need(config, phase);
     std::int64_t in = config.feature_channels;
     std::int64_t side = config.rays.rays_per_side;
     std::int64_t mask_numbers = 0;
@@ -229,12 +224,9 @@ Recomputation choose_recomputation(const TrainConfig& config, const TrainingPhas
     const auto fits = [&](const Recomputation& recomputation) {
         return budget == 0.0 || budget_for(config, phase, recomputation) <= budget;
     };
-    if (fits({0, false})) return {0, false};
-    if (fits({0, true})) return {0, true};
-    for (std::int64_t tile = square(config.model.decoder.rays.rays_per_side) / 2; tile >= smallest_tile; tile /= 2) {
-        if (fits({tile, true})) return {tile, true};
-    }
-    const double smallest = std::ceil(budget_for(config, phase, {smallest_tile, true}) * 10.0) / 10.0;
+    if (fits({false})) return {false};
+    if (fits({true})) return {true};
+    const double smallest = std::ceil(budget_for(config, phase, {true}) * 10.0) / 10.0;
     fail<ConfigError>("memory.budget_gibibytes = ", budget, " is too little for stage ", phase.stage, " at ", phase.resolution,
                       " pixels with ", phase.micro_batch, " images at once; it needs ", smallest, " or a smaller micro_batch");
 }

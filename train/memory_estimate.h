@@ -9,8 +9,7 @@ namespace stymo {
 
 /// What the backward pass computes once more instead of keeping it, as in DecodeOptions.
 struct Recomputation {
-    std::int64_t rays = 0;  ///< tile of rays of the field, 0: kept
-    bool blocks = false;
+    bool blocks = false;  ///< of the decoder, image by image
 };
 
 /// Estimated peak of one training step, in bytes: what lasts from step to step, and what each part of the step needs beyond it
@@ -30,9 +29,8 @@ struct StepMemory {
 [[nodiscard]] StepMemory estimate_step_memory(const TrainConfig& config, const TrainingPhase& phase,
                                               const Recomputation& recomputation);
 
-/// The least recomputation with which 1.25 times the estimate for this phase fits memory.budget_gibibytes: none, then the render
-/// blocks, then the field too, in tiles as large as fit (a power of two). Throws ConfigError naming the key and the smallest
-/// budget that would do.
+/// The least recomputation with which 1.25 times the estimate for this phase fits memory.budget_gibibytes: none, or the render
+/// blocks. Throws ConfigError naming the key and the smallest budget that would do.
 [[nodiscard]] Recomputation choose_recomputation(const TrainConfig& config, const TrainingPhase& phase);
 
 }  // namespace stymo

@@ -53,9 +53,7 @@ std::string network_of(const Lpips* lpips) {
 }
 
 std::string recomputation_text(const Recomputation& recomputation) {
-    std::string text = recomputation.blocks ? ", render blocks computed twice" : "";
-    if (recomputation.rays > 0) text += ", and the field, " + std::to_string(recomputation.rays) + " rays at a time";
-    return text;
+    return recomputation.blocks ? ", render blocks computed twice" : "";
 }
 
 }  // namespace
@@ -113,7 +111,6 @@ JsonValue to_json(const TrainingPlan& plan) {
                                              {"samples_per_ray", part.phase.samples_per_ray},
                                              {"epochs", part.epochs},
                                              {"recomputed_blocks", part.recomputation.blocks},
-                                             {"recomputed_rays", part.recomputation.rays},
                                              {"estimated_megabytes", part.estimated_megabytes}});
         if (part.measured) {
             phase.add("step_seconds", part.step_seconds);

@@ -49,7 +49,6 @@ LossAndGradients reconstruction_gradients(const Model& model, const Reconstructi
                                             {.samples_per_ray = samples_per_ray,
                                              .resolution = resolution,
                                              .mask = with_mask,
-                                             .recomputed_rays = recomputation.rays,
                                              .recompute_blocks = recomputation.blocks,
                                              .jitter = &jitter});
 

@@ -33,9 +33,10 @@ inline SineCosine vector_sine_cosine(float x) {
 }
 
 inline bool within_vector_sine_limit(const float* x, std::int64_t count) {
-    bool within = true;
-    for (std::int64_t i = 0; i < count; ++i) within &= std::abs(x[i]) <= vector_sine_limit;
-    return within;
+    int outside = 0;  // not a bool, whose reduction is not vectorised
+#pragma omp simd reduction(| : outside)
+    for (std::int64_t i = 0; i < count; ++i) outside |= std::abs(x[i]) <= vector_sine_limit ? 0 : 1;
+    return outside == 0;
 }
 
 /// Calls store(i, sin x_i, cos x_i) for all i: by the vector form where every argument of a block allows it, else (large

@@ -53,9 +53,17 @@ Variable ModulatedLinear::rows(const Variable& x, const Variable& style) const {
 }
 
 Variable ModulatedLinear::effective_weight(const Variable& style) const {
-    const Variable modulated = equalised_weight() * scales(style);
-    const Variable norm = sqrt(sum(square(modulated), {2}) + demodulation_epsilon);
-    return modulated / (norm * (1.0 / gain_));
+    const ModulatedLayer layer = parts(style);
+    return layer.weight * layer.scale * layer.demodulation;
+}
+
+ModulatedLayer ModulatedLinear::parts(const Variable& style) const {
+    const Variable weight = equalised_weight();
+    const Variable scale = scales(style);
+    // One small product: no weight of each sample is made for its length alone.
+    const Variable squared_norm = matmul(square(scale), square(weight), {.transpose_b = true});
+    const Variable norm = reshape(sqrt(squared_norm + demodulation_epsilon), {style.shape(0), -1, 1});
+    return {weight, scale, Variable(Tensor::scalar(gain_, style.dtype())) / norm, bias_.variable()};
 }
 
 FoldedLayer ModulatedLinear::folded(const Variable& style) const {

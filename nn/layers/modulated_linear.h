@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <string>
 
+#include "core/ops/sine_rays.h"
 #include "nn/layers/linear.h"
 
 namespace stymo {
@@ -26,7 +27,9 @@ public:
     [[nodiscard]] Variable operator()(const Variable& x, const Variable& style) const;
     /// What one face's style, (1, style_size), makes of it.
     [[nodiscard]] FoldedLayer folded(const Variable& style) const;
-    /// The same with one weight for all samples, between a scaling of the inputs and one of the outputs: its oracle.
+    /// What the layer consists of for these styles; the gain is in the demodulation.
+    [[nodiscard]] ModulatedLayer parts(const Variable& style) const;
+    /// The same as the layer with one weight for all samples, between a scaling of the inputs and one of the outputs: its oracle.
     [[nodiscard]] Variable reference(const Variable& x, const Variable& style) const;
 
 private:

@@ -53,36 +53,6 @@ Variable appearance_style(const Codes& w) {
     return concat({w.texture(), w.light()}, 1);
 }
 
-struct RenderedRays {
-    Variable composited;  ///< (B, R, width)
-    CompositeWeights weights;
-};
-
-RenderedRays render_rays(const RadianceField& field, const Tensor& points, const Tensor& deltas, const Variable& style) {
-    const FieldSamples samples = field(points, style);
-    CompositeWeights weights = composite_weights(reshape(samples.density, deltas.shape()), deltas);
-    const Variable composited = composite(weights.weights, samples.features);
-    return {composited, std::move(weights)};
-}
-
-/// The same in tiles of rays, of all images at once so that the products stay large; a segment has one result to give.
-RenderedRays render_ray_tiles(const RadianceField& field, const RaySamples& samples, const Variable& style, std::int64_t tile) {
-    const std::int64_t rays = samples.deltas.shape(1), per_ray = samples.deltas.shape(2);
-    std::vector<Variable> tiles;
-    for (std::int64_t first = 0; first < rays; first += tile) {
-        const std::int64_t end = std::min(first + tile, rays);
-        const Tensor points = slice(samples.points, 1, first * per_ray, end * per_ray).value();
-        const Tensor deltas = slice(samples.deltas, 1, first, end).value();
-        const Segment segment = [field, points, deltas](std::span<const Variable> inputs) {
-            const RenderedRays rendered = render_rays(field, points, deltas, inputs[0]);
-            return concat({rendered.weights.weights, rendered.weights.transmittance, rendered.composited}, 2);
-        };
-        tiles.push_back(recompute(segment, {style}));
-    }
-    const Variable all = concat(tiles, 1);
-    return {slice(all, 2, per_ray + 1, all.shape(2)), {slice(all, 2, 0, per_ray), slice(all, 2, per_ray, per_ray + 1)}};
-}
-
 }  // namespace
 
 void describe(ConfigSchema& schema, DecoderConfig& config) {
@@ -191,9 +161,7 @@ Decoded Decoder::operator()(const Codes& z, const std::vector<Camera>& cameras, 
     sampling.samples_per_ray = options.samples_per_ray;
     RaySamples samples = sample_rays(cameras, sampling, options.jitter, w.identity().dtype());
 
-    const Variable style = geometry_style(w);
-    RenderedRays rays = options.recomputed_rays > 0 ? render_ray_tiles(layers_->field, samples, style, options.recomputed_rays)
-                                                    : render_rays(layers_->field, samples.points, samples.deltas, style);
+    RenderedRays rays = layers_->field.render({samples.points, samples.deltas}, geometry_style(w));
     const std::int64_t side = sampling.rays_per_side;
     const Variable features = layers_->field.finish(rays.composited, sum(rays.weights.weights, {2}));
 

@@ -40,11 +40,8 @@ struct DecodeOptions {
     std::int64_t samples_per_ray = 32;
     std::int64_t resolution = 0;  ///< largest image wanted, 0 for the model's own; later blocks are left out
     bool mask = false;            ///< also the head mask, at the side of the largest image
-    /// What the backward pass computes once more instead of keeping it: the field, in tiles of so many rays of each image (0:
-    /// kept, in one piece), and the render blocks with the mask branch, image by image. Changes results by rounding: gradients,
-    /// because their sums are grouped by part; values where a part's rows end elsewhere in the product's own tiling (tiles of a
-    /// power of two rays end alike).
-    std::int64_t recomputed_rays = 0;
+    /// The backward pass computes the render blocks with the mask branch once more, image by image, instead of keeping what it
+    /// needs of them. Changes results by rounding.
     bool recompute_blocks = false;
     Rng* jitter = nullptr;  ///< stratified samples (training); null: fixed samples
 };

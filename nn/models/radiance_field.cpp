@@ -14,6 +14,33 @@ std::int64_t skip_layer(std::int64_t layers) {
     return layers >= 4 ? layers / 2 + 1 : 0;
 }
 
+Variable sine_layer(const Variable& x, const ModulatedLayer& layer) {
+    return linear(x, layer.weight * layer.scale * layer.demodulation, layer.bias, Activation::sine);
+}
+
+FieldSamples evaluate(const Variable& points, const SineNetwork& network, bool density_only) {
+    const Variable encoding = positional_encoding(points, network.frequencies);
+    Variable x = encoding;
+    for (std::size_t i = 0; i + 1 < network.layers.size(); ++i)
+        x = sine_layer(i > 0 && i == network.skip_layer ? concat({encoding, x}, 2) : x, network.layers[i]);
+    const Variable density_weight = reshape(network.density_weight, {1, 1, -1});
+    FieldSamples samples{softplus(linear(x, density_weight, network.density_bias) - 1.0), {}};
+    if (!density_only) samples.features = sine_layer(x, network.layers.back());
+    return samples;
+}
+
+Variable composed_rays(const RayPoints& rays, const SineNetwork& network) {
+    const FieldSamples samples = evaluate(rays.points, network, false);
+    Variable density = reshape(samples.density, rays.deltas.shape());
+    if (rays.kept.defined()) density = density * Variable(rays.kept);
+    const CompositeWeights weights = composite_weights(density, rays.deltas);
+    return concat({weights.weights, weights.transmittance, composite(weights.weights, samples.features)}, 2);
+}
+
+RenderedRays taken_apart(const Variable& rays, std::int64_t samples) {
+    return {{slice(rays, 2, 0, samples), slice(rays, 2, samples, samples + 1)}, slice(rays, 2, samples + 1, rays.shape(2))};
+}
+
 }  // namespace
 
 RadianceField::RadianceField(const RadianceFieldConfig& config, ParameterStore& store, const std::string& prefix, Rng& rng)
@@ -32,17 +59,29 @@ RadianceField::RadianceField(const RadianceFieldConfig& config, ParameterStore& 
     }
 }
 
+SineNetwork RadianceField::network(const Variable& style) const {
+    SineNetwork network{.frequencies = frequencies_,
+                        .skip_layer = skip_layer_,
+                        .layers = {},
+                        .density_weight = density_.effective_weight(),
+                        .density_bias = density_.effective_bias()};
+    for (const ModulatedLinear& layer : layers_) network.layers.push_back(layer.parts(style));
+    network.layers.push_back(feature0_.parts(style));
+    return network;
+}
+
 FieldSamples RadianceField::operator()(const Variable& points, const Variable& style, bool density_only) const {
     if (points.rank() != 3 || points.shape(2) != 3)
         fail<ShapeError>("radiance field: expected points (B, P, 3), got ", points.shape());
-    const Variable encoding = positional_encoding(points, frequencies_);
-    Variable x = encoding;
-    for (std::size_t i = 0; i < layers_.size(); ++i) {
-        x = layers_[i](i > 0 && i == skip_layer_ ? concat({encoding, x}, 2) : x, style);
-    }
-    FieldSamples samples{softplus(density_(x) - 1.0), {}};
-    if (!density_only) samples.features = feature0_(x, style);
-    return samples;
+    return evaluate(points, network(style), density_only);
+}
+
+RenderedRays RadianceField::render(const RayPoints& rays, const Variable& style) const {
+    return taken_apart(sine_rays(rays, network(style), composed_rays), rays.deltas.shape(2));
+}
+
+RenderedRays RadianceField::render_reference(const RayPoints& rays, const Variable& style) const {
+    return taken_apart(composed_rays(rays, network(style)), rays.deltas.shape(2));
 }
 
 FoldedField RadianceField::folded(const Variable& style) const {

@@ -4,7 +4,9 @@
 #include <string>
 #include <vector>
 
+#include "core/ops/sine_rays.h"
 #include "nn/layers/modulated_linear.h"
+#include "render/composite.h"
 
 namespace stymo {
 
@@ -19,6 +21,12 @@ struct RadianceFieldConfig {
 struct FieldSamples {
     Variable density;   ///< (B, P, 1), >= 0
     Variable features;  ///< (B, P, width) before the last, linear layer; undefined if only the density was asked for
+};
+
+/// Rays through the field.
+struct RenderedRays {
+    CompositeWeights weights;  ///< (B, R, N)
+    Variable composited;       ///< (B, R, width): features under the weights, for `finish`
 };
 
 /// The field of one face: what its style makes of every layer.
@@ -42,6 +50,11 @@ public:
     /// points (B, P, 3) in world coordinates, style (B, style_size).
     [[nodiscard]] FieldSamples operator()(const Variable& points, const Variable& style, bool density_only = false) const;
 
+    /// Field and compositing in one op that stores no features of samples.
+    [[nodiscard]] RenderedRays render(const RayPoints& rays, const Variable& style) const;
+    /// The same as a composition: its oracle.
+    [[nodiscard]] RenderedRays render_reference(const RayPoints& rays, const Variable& style) const;
+
     /// The last layer W r + b on composited features, (B, R, width) = sum_i w_i r_i and opacity (B, R, 1) = sum_i w_i ->
     /// (B, R, feature_channels) = W sum_i w_i r_i + b sum_i w_i = sum_i w_i (W r_i + b), with as many times fewer rows as there
     /// are samples on a ray.
@@ -50,6 +63,8 @@ public:
     [[nodiscard]] FoldedField folded(const Variable& style) const;
 
 private:
+    [[nodiscard]] SineNetwork network(const Variable& style) const;
+
     std::int64_t frequencies_;
     std::size_t skip_layer_;
     std::vector<ModulatedLinear> layers_;

@@ -54,5 +54,6 @@ struct OpCase {
 [[nodiscard]] std::vector<OpCase> pool_cases();
 [[nodiscard]] std::vector<OpCase> resample_cases();
 [[nodiscard]] std::vector<OpCase> index_cases();
+[[nodiscard]] std::vector<OpCase> rays_cases();
 
 }  // namespace stymo::test

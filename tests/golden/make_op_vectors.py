@@ -159,6 +159,37 @@ def products():
             case(f"{op}/{name}, no bias", layer, uniform(2, 3, 3, low=0.2), uniform(1, 4, 3, low=0.2))
 
 
+def rays():
+    faces, width, count, samples = 2, 3, 2, 3
+
+    def constant(low, high, *shape):
+        i = torch.arange(math.prod(shape), dtype=torch.float64).reshape(shape)
+        return low + (high - low) * (0.5 + 0.5 * torch.sin(1.7 * i + 0.3))
+
+    points, deltas = constant(-1.0, 1.0, faces, count * samples, 3), constant(0.1, 0.5, faces, count, samples)
+    number = torch.arange(deltas.numel()).reshape(deltas.shape)
+    some = torch.where((number < samples) | (number % 4 == 1), 0.0, 1.0).to(torch.float64)
+
+    def field(kept, *parts):
+        def layer(i, x):
+            weight, scale, demodulation, bias = parts[4 * i:4 * i + 4]
+            return torch.sin(x @ (demodulation * weight * scale).transpose(1, 2) + bias)
+        encoding = torch.cat([points, points.sin(), points.cos()], -1)
+        x = layer(1, torch.cat([encoding, layer(0, encoding)], -1))
+        density = F.softplus((x @ parts[12].T)[..., 0] + parts[13] - 1, threshold=1000.0).reshape(deltas.shape) * kept
+        depth = torch.cumsum(F.pad(density * deltas, (1, 0)), 2)
+        transmittance = torch.exp(-depth)
+        weights = transmittance[..., :-1] - transmittance[..., 1:]
+        features = layer(2, x).reshape(faces, count, samples, width)
+        return torch.cat([weights, transmittance[..., -1:], (weights[..., None] * features).sum(2)], 2)
+
+    shapes = [shape for inner in (9, 9 + width, width)
+              for shape in ((1, width, inner), (faces, 1, inner), (faces, width, 1), (width,))] + [(1, width), (1,)]
+    inputs = [uniform(*shape, low=0.5, high=1.5) if len(shape) == 3 and shape[0] == faces else uniform(*shape) for shape in shapes]
+    for form, kept in {"every sample": torch.ones_like(deltas), "samples left out": some}.items():
+        case(f"sine_rays/{form}", lambda *x, kept=kept: field(kept, *x), *inputs)
+
+
 def nchw(x):
     return x.permute(0, 3, 1, 2)
 
@@ -274,7 +305,7 @@ def gradients(y, xs, dL_dy):
 
 
 def main():
-    for family in (elementwise, activations, shapes, reductions, indexing, products, convolutions, pooling, resampling):
+    for family in (elementwise, activations, shapes, reductions, indexing, products, convolutions, pooling, resampling, rays):
         family()
     tensors = {}
     for name, (function, specs) in CASES.items():
