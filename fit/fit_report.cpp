@@ -10,14 +10,16 @@ namespace stymo {
 FitReport report_fit(const Model& model, const FitTarget& target, const Tensor& mask, const FitResult& result, std::int64_t index,
                      const Lpips* lpips) {
     const Camera& camera = target.cameras[static_cast<std::size_t>(index)];
-    ViewOptions options{.samples_per_ray = model.config().reconstruction.fit_samples_per_ray};
+    ViewOptions options{.samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
+                        .resolution = target.targets.back().shape(1)};
     FitReport report;
     report.target = picture(target.targets.back(), index);
     report.initial = render_view(model, result.initial, index, camera, options).picture;
-    options.mask = true;
+    options.mask = options.resolution == model.config().decoder.resolution;
     const View fitted = render_view(model, result.fitted, index, camera, options);
     report.fitted = fitted.picture;
     report.mask = fitted.mask;
+    report.counting_samples = fitted.counting_samples;
     const MetricTarget measured(report.target, picture_mask(mask, index), lpips);
     report.initial_metrics = measured.measure(report.initial);
     report.fitted_metrics = measured.measure(report.fitted);
@@ -36,8 +38,9 @@ JsonValue to_json(const FitReport& report, const FitResult& result, double secon
 }
 
 Tensor comparison_sheet(const FitReport& report) {
-    const Tensor mask = broadcast_to(Variable(report.mask), report.fitted.shape()).value();
-    return tile_images({report.target, report.initial, report.fitted, mask}, 4);
+    std::vector<Tensor> tiles{report.target, report.initial, report.fitted};
+    if (report.mask.defined()) tiles.push_back(broadcast_to(Variable(report.mask), report.fitted.shape()).value());
+    return tile_images(tiles, static_cast<int>(tiles.size()));
 }
 
 }  // namespace stymo

@@ -14,10 +14,11 @@ struct FitReport {
     Tensor target;   ///< (S, S, 3) in [0, 1], masked
     Tensor initial;  ///< rendered from the encoder's codes
     Tensor fitted;   ///< rendered from the fitted codes
-    Tensor mask;     ///< (S, S, 1): the model's own head mask for the fitted codes
+    Tensor mask;     ///< (S, S, 1): the model's own head mask for the fitted codes; undefined below the model's resolution
     ImageMetrics initial_metrics;
     ImageMetrics fitted_metrics;
-    std::string lpips_network;  ///< Lpips::label(); empty: LPIPS was not measured
+    double counting_samples = 1.0;  ///< View::counting_samples of the fitted face
+    std::string lpips_network;      ///< Lpips::label(); empty: LPIPS was not measured
 };
 
 /// Renders row `index` before and after and measures both within `mask` (B, S, S, 1), with LPIPS unless `lpips` is null.
@@ -25,7 +26,7 @@ struct FitReport {
                                    std::int64_t index, const Lpips* lpips = nullptr);
 /// {"initial": {...}, "fitted": {...}, "lpips_network" if it was measured, "steps", "seconds", "loss": [...]}
 [[nodiscard]] JsonValue to_json(const FitReport& report, const FitResult& result, double seconds);
-/// target | initial | fitted | mask
+/// target | initial | fitted | mask if there is one
 [[nodiscard]] Tensor comparison_sheet(const FitReport& report);
 
 }  // namespace stymo

@@ -34,10 +34,12 @@ struct Offsets {
 
 FitResult fit_codes(const Model& model, const ReconstructionLoss& reconstruction_loss, const FitTarget& target,
                     const FitOptions& options) {
+    if (target.targets.empty()) fail<ShapeError>("fitting: no targets");
     const ReconstructionConfig& reconstruction = model.config().reconstruction;
     const double regularizer = options.regularizer < 0.0 ? reconstruction.fit_regularizer : options.regularizer;
-    const DecodeOptions decode{.samples_per_ray =
-                                   options.samples_per_ray > 0 ? options.samples_per_ray : reconstruction.fit_samples_per_ray};
+    const DecodeOptions decode{
+        .samples_per_ray = options.samples_per_ray > 0 ? options.samples_per_ray : reconstruction.fit_samples_per_ray,
+        .resolution = target.targets.back().shape(1)};
     FitResult result;
     result.initial = detached(model.encoder()(Variable(target.input)));
     const auto batch = static_cast<double>(result.initial.batch());

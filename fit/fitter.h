@@ -10,8 +10,9 @@ namespace stymo {
 
 /// Faces to fit, one for each row.
 struct FitTarget {
-    Tensor input;                 ///< (B, S, S, 3) in [-1, 1], unmasked, for the encoder
-    std::vector<Tensor> targets;  ///< (B, R, R, 3) in [-1, 1] for R = 64, 128, ...: masked, background -1
+    Tensor input;  ///< (B, S, S, 3) in [-1, 1], unmasked, for the encoder
+    /// (B, R, R, 3) in [-1, 1] for R = 64, 128, ...: masked, background -1. The last one is the largest that is rendered.
+    std::vector<Tensor> targets;
     std::vector<Camera> cameras;
 };
 
@@ -34,7 +35,7 @@ struct FitResult {
 
 /// The paper's fitting: Adam on code offsets that start at zero, everything else fixed; each face is its own problem whatever the
 /// batch. `loss` is the model's own reconstruction loss or another one. Throws ShapeError for targets that do not suit the model,
-/// NumericError if the loss becomes non-finite.
+/// ValueError for a side that it does not render, NumericError if the loss becomes non-finite.
 [[nodiscard]] FitResult fit_codes(const Model& model, const ReconstructionLoss& loss, const FitTarget& target,
                                   const FitOptions& options);
 

@@ -42,12 +42,12 @@ LossAndGradients reconstruction_gradients(const Model& model, const Reconstructi
     const Codes codes = model.encoder()(Variable(batch.input));
     const bool with_mask = mask_loss && weights.mask_weight > 0.0;
     const std::int64_t samples_per_ray = config.stage1.samples_per_ray;
-    const Recomputation recomputation = choose_recomputation(config, {.stage = 1,
-                                                                      .resolution = config.model.decoder.resolution,
-                                                                      .micro_batch = codes.batch(),
-                                                                      .samples_per_ray = samples_per_ray});
+    const std::int64_t resolution = stage1_resolution(config);
+    const Recomputation recomputation = choose_recomputation(
+        config, {.stage = 1, .resolution = resolution, .micro_batch = codes.batch(), .samples_per_ray = samples_per_ray});
     const Decoded decoded = model.decoder()(codes, batch.cameras,
                                             {.samples_per_ray = samples_per_ray,
+                                             .resolution = resolution,
                                              .mask = with_mask,
                                              .recompute_blocks = recomputation.blocks,
                                              .jitter = &jitter});
@@ -55,8 +55,8 @@ LossAndGradients reconstruction_gradients(const Model& model, const Reconstructi
     LossAndGradients result;
     LossTerms& report = result.losses;
     Variable total = Tensor::zeros({}, decoded.images.back().dtype());
-    add_common_terms(total, report, reconstruction(decoded.images, reconstruction.target(batch.targets)), decoded, batch,
-                     with_mask, weights);
+    add_common_terms(total, report, reconstruction(decoded.images, reconstruction.target(batch.targets, resolution)), decoded,
+                     batch, with_mask, weights);
     add_term(total, report.code, batch.has_codes() ? 1.0 : 0.0,
              [&] { return code_loss(codes, batch.codes, std::span<const double, 4>(weights.code_weights), batch.code_present); });
     add_term(total, report.code_norm, weights.code_norm_weight,

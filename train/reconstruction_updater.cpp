@@ -23,6 +23,9 @@ void ReconstructionUpdater::set_trainable_parts(const TrainingPlace& place, bool
                         !config.model.encoder.backbone_weights.empty();
     parts_.model.parameters().set_trainable("", true);
     parts_.model.parameters().set_trainable(backbone_prefix, !frozen);
+    // What takes no part has no gradient, and the optimiser must not move it by what it remembers.
+    for (std::int64_t side = 2 * place.phase.resolution; side <= config.model.decoder.resolution; side *= 2)
+        parts_.model.parameters().set_trainable("decoder.block" + std::to_string(side) + ".", false);
     // Steps with a gradient of zero would use up the bias correction of its moments.
     parts_.model.parameters().set_trainable(mask_prefix, mask_loss);
 }

@@ -14,7 +14,7 @@ std::vector<std::int64_t> TrainingPlace::micro_batches() const {
 
 TrainingSchedule::TrainingSchedule(const TrainConfig& config) {
     const StageConfig& first = config.stage1;
-    phases_.push_back({.resolution = config.model.decoder.resolution,
+    phases_.push_back({.resolution = stage1_resolution(config),
                        .steps = first.steps,
                        .batch = first.batch,
                        .micro_batch = first.micro_batch,

@@ -49,6 +49,8 @@ void describe_stage1(ConfigSchema& schema, StageConfig& config) {
     schema.integer("stage1.micro_batch", config.micro_batch, 1, 65536,
                    "images computed at once; gradients add up to the batch (paper: 8)");
     schema.integer("stage1.samples_per_ray", config.samples_per_ray, 2, 4096, "N (paper: 32)");
+    schema.integer("stage1.resolution", config.resolution, 0, 1024,
+                   "of the largest image rendered: 64, 128, ... trains the blocks up to it; 0: decoder.resolution (paper)");
     schema.number("stage1.average_half_life", config.average_half_life, 0.0, 1e12,
                   "images over which the averaged model forgets half; 0: none is kept");
 }
@@ -147,6 +149,19 @@ void check_stage2(const TrainConfig& config, const std::string& source) {
     }
 }
 
+void check_stage1(const TrainConfig& config, const std::string& source) {
+    const std::vector<std::int64_t> sides = sides_up_to(config.model.decoder.resolution);
+    const std::int64_t resolution = config.stage1.resolution;
+    if (resolution != 0 && std::ranges::find(sides, resolution) == sides.end()) {
+        fail<ConfigError>(source, ": stage1.resolution = ", resolution, ": a model of ", config.model.decoder.resolution,
+                          " pixels renders ", list_text(sides), "; 0 stands for the largest");
+    }
+    if (config.stage1.batch % config.stage1.micro_batch != 0) {
+        fail<ConfigError>(source, ": stage1.micro_batch = ", config.stage1.micro_batch,
+                          " does not divide stage1.batch = ", config.stage1.batch);
+    }
+}
+
 void check_memory(const TrainConfig& config, const std::string& source) {
     try {
         const TrainingSchedule schedule(config);
@@ -157,10 +172,7 @@ void check_memory(const TrainConfig& config, const std::string& source) {
 }
 
 void check(const TrainConfig& config, const std::string& source) {
-    if (config.stage1.batch % config.stage1.micro_batch != 0) {
-        fail<ConfigError>(source, ": stage1.micro_batch = ", config.stage1.micro_batch,
-                          " does not divide stage1.batch = ", config.stage1.batch);
-    }
+    check_stage1(config, source);
     if (config.model.decoder.rays.rays_per_side != training_rays_per_side) {
         fail<ConfigError>(source, ": decoder.rays_per_side = ", config.model.decoder.rays.rays_per_side, "; training needs ",
                           training_rays_per_side, ", half the side of the smallest target");
@@ -196,6 +208,10 @@ void describe(ConfigSchema& schema, TrainConfig& config) {
     schema.number("memory.budget_gibibytes", config.memory.budget_gibibytes, 0.0, 1e6,
                   "what a training step may use; beyond it, parts are computed again in the backward pass; 0: no limit");
     describe_output(schema, config.output);
+}
+
+std::int64_t stage1_resolution(const TrainConfig& config) {
+    return config.stage1.resolution > 0 ? config.stage1.resolution : config.model.decoder.resolution;
 }
 
 TrainConfig load_train_config(const std::filesystem::path& path, const std::vector<std::string>& overrides) {

@@ -38,6 +38,7 @@ struct StageConfig {
     std::int64_t batch = 32;
     std::int64_t micro_batch = 8;
     std::int64_t samples_per_ray = 32;
+    std::int64_t resolution = 0;     ///< of the largest image that is rendered and compared; 0: the decoder's
     double average_half_life = 0.0;  ///< images over which the averaged model forgets half; 0: no averaging
 };
 
@@ -89,6 +90,9 @@ struct TrainConfig {
 };
 
 void describe(ConfigSchema& schema, TrainConfig& config);
+
+/// Side of the largest image that the first stage renders.
+[[nodiscard]] std::int64_t stage1_resolution(const TrainConfig& config);
 
 /// Reads a file with its parents, then the overrides "a.b=value", then checks what no single key can: that weights are given for
 /// each resolution and code, that micro-batches divide batches and groups micro-batches, that the rays suit the targets, and that

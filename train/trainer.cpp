@@ -75,8 +75,9 @@ void Trainer::enter_stage(int stage) {
 StepReport Trainer::step() {
     const TrainingPlace place = schedule_.place(state_.step);
     enter_stage(place.phase.stage);
-    // The second stage needs its last resolution for it, where all features are there that the branch takes.
-    const bool mask_loss = place.phase.stage == 1 ? state_.mask_loss : place.phase.resolution == config_.model.decoder.resolution;
+    // Only at the last resolution all features are there that the branch takes.
+    const bool mask_loss =
+        place.phase.resolution == config_.model.decoder.resolution && (place.phase.stage == 2 || state_.mask_loss);
     StepReport report = updater_->step(place, mask_loss);
     if (report.non_finite) {
         count_failure(*report.non_finite);

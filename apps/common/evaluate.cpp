@@ -10,6 +10,7 @@
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/image.h"
+#include "core/ops/resample.h"
 #include "core/progress.h"
 #include "fit/fit_report.h"
 #include "nn/models/view.h"
@@ -27,13 +28,25 @@ std::int64_t parse_index(std::string_view text, const std::string& whole) {
     return value;
 }
 
+/// The batch with targets of at most this side.
+FitTarget target_of(const TrainingBatch& batch, std::int64_t resolution) {
+    FitTarget target{batch.input, batch.targets, batch.cameras};
+    while (resolution > 0 && target.targets.size() > 1 && target.targets.back().shape(1) > resolution) target.targets.pop_back();
+    return target;
+}
+
+int side_of(const FitTarget& target) {
+    return static_cast<int>(target.targets.back().shape(1));
+}
+
 void add_turning_row(std::vector<Tensor>& tiles, const Model& model, const FitReport& report, const Codes& codes,
                      std::int64_t index, std::int64_t samples) {
+    const std::int64_t side = report.fitted.shape(0);
     tiles.push_back(report.target);
     tiles.push_back(report.fitted);
     for (const double yaw_degrees : {-30.0, -15.0, 0.0, 15.0, 30.0}) {
         const Camera camera = model_camera(model, radians_from_degrees(yaw_degrees), 0.0, 0.0);
-        tiles.push_back(render_view(model, codes, index, camera, {.samples_per_ray = samples}).picture);
+        tiles.push_back(render_view(model, codes, index, camera, {.samples_per_ray = samples, .resolution = side}).picture);
     }
 }
 
@@ -47,16 +60,19 @@ void write_row(std::ostream& stream, const char* name, const ImageMetrics& metri
 struct Means {
     ImageMetrics initial;
     ImageMetrics fitted;
+    double counting_samples = 0.0;
 };
 
 Means means(const std::vector<FaceScore>& scores) {
     std::vector<ImageMetrics> initial;
     std::vector<ImageMetrics> fitted;
+    double counting_samples = 0.0;
     for (const FaceScore& score : scores) {
         initial.push_back(score.initial);
         fitted.push_back(score.fitted);
+        counting_samples += score.counting_samples / static_cast<double>(scores.size());
     }
-    return {mean(initial), mean(fitted)};
+    return {mean(initial), mean(fitted), counting_samples};
 }
 
 }  // namespace
@@ -92,13 +108,14 @@ Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Da
         }
         if (group.empty()) continue;
         const TrainingBatch batch = make_batch(group);
-        const FitTarget target{batch.input, batch.targets, batch.cameras};
+        const FitTarget target = target_of(batch, options.resolution);
+        const Tensor mask = resize_box(batch.mask, side_of(target), side_of(target)).value();
         const FitResult result = fit_codes(model, loss, target, fitting);
         if (std::ssize(result.losses) < fitting.steps) break;
         for (std::size_t i = 0; i < group.size(); ++i) {
             const auto index = static_cast<std::int64_t>(i);
-            const FitReport report = report_fit(model, target, batch.mask, result, index, options.lpips);
-            evaluation.scores.push_back({group[i].id, report.initial_metrics, report.fitted_metrics});
+            const FitReport report = report_fit(model, target, mask, result, index, options.lpips);
+            evaluation.scores.push_back({group[i].id, report.initial_metrics, report.fitted_metrics, report.counting_samples});
             if (static_cast<std::int64_t>(evaluation.scores.size()) <= options.yaw_rows) {
                 add_turning_row(tiles, model, report, result.fitted, index, model.config().reconstruction.fit_samples_per_ray);
             }
@@ -127,6 +144,8 @@ std::string table(const std::vector<FaceScore>& scores, bool fitted) {
     text << scores.size() << " face(s)      L1  L1 (mean)" << (mean.initial.lpips ? "    LPIPS" : "") << "     SSIM  PSNR dB\n";
     write_row(text, "initial", mean.initial);
     if (fitted) write_row(text, "fitted", mean.fitted);
+    text << std::setprecision(1) << 100.0 * mean.counting_samples << " % of the samples count (weight above " << std::defaultfloat
+         << counting_weight << ")\n";
     return text.str();
 }
 
@@ -139,7 +158,10 @@ JsonValue to_json(const std::vector<FaceScore>& scores, bool fitted) {
     const Means mean = means(scores);
     JsonValue faces = JsonValue::object();
     for (const FaceScore& score : scores) faces.add(score.id, row(score.initial, score.fitted));
-    return JsonValue::object({{"count", scores.size()}, {"mean", row(mean.initial, mean.fitted)}, {"faces", faces}});
+    return JsonValue::object({{"count", scores.size()},
+                              {"mean", row(mean.initial, mean.fitted)},
+                              {"counting_samples", mean.counting_samples},
+                              {"faces", faces}});
 }
 
 }  // namespace stymo

@@ -22,13 +22,15 @@ struct FaceRange {
 struct FaceScore {
     std::string id;
     ImageMetrics initial;
-    ImageMetrics fitted;  ///< equal to `initial` without fitting
+    ImageMetrics fitted;            ///< equal to `initial` without fitting
+    double counting_samples = 1.0;  ///< View::counting_samples of the fitted face
 };
 
 struct EvaluationOptions {
     FaceRange range;
     bool fit = false;
     FitOptions fitting;
+    std::int64_t resolution = 0;   ///< of the pictures that are compared; 0: the model's own
     const Lpips* lpips = nullptr;  ///< also measures LPIPS with it
     std::int64_t batch = 4;        ///< faces fitted at once
     std::int64_t yaw_rows = 0;     ///< faces of the turning sheet

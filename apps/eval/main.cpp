@@ -77,6 +77,9 @@ int main(int argc, char** argv) {
     line.option("--regularizer", options.evaluation.fitting.regularizer,
                 "weight of the squared code offsets; negative: the model's own")
         .range(-1, 1e6);
+    line.option("--resolution", options.evaluation.resolution,
+                "side of the pictures that are compared: 64, 128, ...; the model's own unless given")
+        .range(64, 4096);
     line.option("--samples", options.samples, "samples per ray while fitting; the model's own unless given").range(2, 4096);
     line.option("--sheet", options.sheet,
                 "picture of the first 8 faces: target, fitted, and five views from yaw -30 to 30 degrees");

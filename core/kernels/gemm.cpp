@@ -4,15 +4,9 @@
 #include <array>
 #include <vector>
 
+#include "core/kernels/targets.h"
 #include "core/parallel.h"
 
-#ifdef __aarch64__
-// Arrays of vectors need vectors of a fixed length.
-#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128)
-#else
-// Nothing here needs what this set adds to AVX3.
-#define HWY_DISABLED_TARGETS HWY_AVX3_DL
-#endif
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "core/kernels/gemm.cpp"
 #include <hwy/foreach_target.h>
@@ -80,6 +74,12 @@ LeftPiece<Operands> pack_left(typename Operands::Element* buffer, const LeftMatr
         typename Operands::Element* to = buffer + first * words * length;
         const typename Operands::Element* from = left.data + first * left.row_stride;
         if constexpr (length > 1) std::fill_n(to, words * inner_stride, typename Operands::Element());
+        if (length == 1 && left.row_stride == 1 && count == block_rows) {
+            for (std::int64_t i = 0; i < elements; ++i) {
+                for (std::int64_t row = 0; row < block_rows; ++row) to[i * block_rows + row] = from[i * left.inner_stride + row];
+            }
+            continue;
+        }
         for (std::int64_t i = 0; i < elements; ++i) {
             for (std::int64_t row = 0; row < count; ++row)
                 to[i / length * inner_stride + row * length + i % length] = from[row * left.row_stride + i * left.inner_stride];
@@ -242,13 +242,11 @@ void multiply_double(double* c, std::int64_t stride, const LeftMatrix<double>& l
 template <class Out>
 void multiply_pairs(Out* c, std::int64_t stride, const LeftMatrix<BFloat16>& left, std::int64_t m,
                     const PackedMatrix<BFloat16>& right, const Epilogue<float>& epilogue) {
-#if HWY_ARCH_X86 && HWY_MAX_BYTES == 64
-    if (__builtin_cpu_supports("avx512bf16")) {
+    if (has_bfloat16_dot_product()) {
         multiply<Pairs<true>>(c, stride, left, m, right, epilogue);
-        return;
+    } else {
+        multiply<Pairs<false>>(c, stride, left, m, right, epilogue);
     }
-#endif
-    multiply<Pairs<false>>(c, stride, left, m, right, epilogue);
 }
 
 void multiply_pairs_to_float(float* c, std::int64_t stride, const LeftMatrix<BFloat16>& left, std::int64_t m,
@@ -259,6 +257,69 @@ void multiply_pairs_to_float(float* c, std::int64_t stride, const LeftMatrix<BFl
 void multiply_pairs_to_bfloat16(BFloat16* c, std::int64_t stride, const LeftMatrix<BFloat16>& left, std::int64_t m,
                                 const PackedMatrix<BFloat16>& right, const Epilogue<float>& epilogue) {
     multiply_pairs(c, stride, left, m, right, epilogue);
+}
+
+/// `rows` x `others` inner products of contiguous vectors.
+template <class T, int rows, int others>
+HWY_INLINE void multiply_dots_block(const Dots<T>& dots) {
+    const simd::ScalableTag<T> tag;
+    const std::int64_t lanes = static_cast<std::int64_t>(simd::Lanes(tag));
+    simd::Vec<simd::ScalableTag<T>> sums[rows][others];
+    HWY_UNROLL(4)
+    for (int i = 0; i < rows; ++i) {
+        for (int j = 0; j < others; ++j) sums[i][j] = simd::Zero(tag);
+    }
+    const std::int64_t whole = dots.k / lanes * lanes;
+    for (std::int64_t p = 0; p < whole; p += lanes) {
+        simd::Vec<simd::ScalableTag<T>> y[others];
+        for (int j = 0; j < others; ++j) y[j] = simd::LoadU(tag, dots.y + j * dots.k + p);
+        HWY_UNROLL(4)
+        for (int i = 0; i < rows; ++i) {
+            const auto x = simd::LoadU(tag, dots.x + i * dots.k + p);
+            for (int j = 0; j < others; ++j) sums[i][j] = simd::MulAdd(x, y[j], sums[i][j]);
+        }
+    }
+    HWY_UNROLL(4)
+    for (int i = 0; i < rows; ++i) {
+        for (int j = 0; j < others; ++j) {
+            T sum = simd::GetLane(simd::SumOfLanes(tag, sums[i][j]));
+            for (std::int64_t p = whole; p < dots.k; ++p) sum += dots.x[i * dots.k + p] * dots.y[j * dots.k + p];
+            dots.c[i * dots.stride_x + j * dots.stride_y] = sum;
+        }
+    }
+}
+
+template <class T, int others>
+void multiply_dots_with(Dots<T> dots) {
+    const auto advance = [&](std::int64_t rows) {
+        dots.x += rows * dots.k;
+        dots.c += rows * dots.stride_x;
+        dots.count_x -= rows;
+    };
+    for (; dots.count_x >= 4; advance(4)) multiply_dots_block<T, 4, others>(dots);
+    for (; dots.count_x > 0; advance(1)) multiply_dots_block<T, 1, others>(dots);
+}
+
+template <class T>
+void multiply_dots_of(Dots<T> dots) {
+    while (dots.count_y > 0) {
+        const std::int64_t others = dots.count_y > 3 ? 4 : dots.count_y;
+        if (others == 4) multiply_dots_with<T, 4>(dots);
+        if (others == 3) multiply_dots_with<T, 3>(dots);
+        if (others == 2) multiply_dots_with<T, 2>(dots);
+        if (others == 1) multiply_dots_with<T, 1>(dots);
+        dots.y += others * dots.k;
+        dots.c += others * dots.stride_y;
+        dots.count_y -= others;
+    }
+}
+
+void multiply_float_dots(const Dots<float>& dots) {
+    multiply_dots_of(dots);
+}
+
+void multiply_double_dots(const Dots<double>& dots) {
+    multiply_dots_of(dots);
 }
 
 std::int64_t panel_bytes() {
@@ -275,6 +336,8 @@ HWY_EXPORT(multiply_float);
 HWY_EXPORT(multiply_double);
 HWY_EXPORT(multiply_pairs_to_float);
 HWY_EXPORT(multiply_pairs_to_bfloat16);
+HWY_EXPORT(multiply_float_dots);
+HWY_EXPORT(multiply_double_dots);
 HWY_EXPORT(panel_bytes);
 
 namespace {
@@ -289,8 +352,14 @@ template <class T>
 void pack_panel(T* to, const T* from, std::int64_t k, std::int64_t columns, std::int64_t width, std::int64_t inner_stride,
                 std::int64_t column_stride) {
     for (std::int64_t i = 0; i < k; ++i) {
-        for (std::int64_t j = 0; j < columns; ++j) to[i * width + j] = from[i * inner_stride + j * column_stride];
-        std::fill(to + i * width + columns, to + (i + 1) * width, T(0));
+        T* const row = to + i * width;
+        const T* const source = from + i * inner_stride;
+        if (column_stride == 1) {
+            for (std::int64_t j = 0; j < columns; ++j) row[j] = source[j];
+        } else {
+            for (std::int64_t j = 0; j < columns; ++j) row[j] = source[j * column_stride];
+        }
+        for (std::int64_t j = columns; j < width; ++j) row[j] = T(0);
     }
 }
 
@@ -352,6 +421,16 @@ void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<BFloat1
 void multiply_packed(BFloat16* c, std::int64_t row_stride, const LeftMatrix<BFloat16>& left, std::int64_t m,
                      const PackedMatrix<BFloat16>& right, const Epilogue<float>& epilogue) {
     HWY_DYNAMIC_DISPATCH(multiply_pairs_to_bfloat16)(c, row_stride, left, m, right, epilogue);
+}
+
+template <>
+void multiply_dots(const Dots<float>& dots) {
+    HWY_DYNAMIC_DISPATCH(multiply_float_dots)(dots);
+}
+
+template <>
+void multiply_dots(const Dots<double>& dots) {
+    HWY_DYNAMIC_DISPATCH(multiply_double_dots)(dots);
 }
 
 }  // namespace stymo::kernels

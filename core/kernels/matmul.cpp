@@ -1,41 +1,85 @@
 #include "core/kernels/matmul.h"
 
-#include <Eigen/Core>
 #include <algorithm>
-#include <numbers>
 #include <vector>
 
-#include "core/kernels/fast_math.h"
+#include "core/kernels/gemm.h"
 #include "core/kernels/map.h"
 
 namespace stymo::kernels {
 
 namespace {
 
-template <class T>
-using RowMajor = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-/// Rows of one tile: enough to pay for packing the right operand, few enough that the tile's result stays in cache.
-constexpr std::int64_t tile_rows = 512;
-/// The same for a transposed left operand, whose columns are the rows of the result: channels, of which there are few.
-constexpr std::int64_t transposed_tile_rows = 128;
+/// Rows of one tile: a multiple of the rows of every kernel's blocks, few enough that the tile stays in the second-level cache.
+constexpr std::int64_t tile_rows = 240;
+/// Columns of one tile where there are no more rows than one tile has.
+constexpr std::int64_t tile_columns = 128;
 /// Length of one piece of a long inner sum; the pieces are added in order.
 constexpr std::int64_t inner_piece = 8192;
+/// What is packed at once for a single use: half of a second-level cache at most.
+constexpr std::int64_t packed_inner = 512;
+constexpr std::int64_t packed_columns = 512;
+/// So few rows or columns of a result are inner products with each of them.
+constexpr std::int64_t few = 4;
+/// Multiply-adds that are worth a thread's while.
+constexpr std::int64_t product_grain = 32768;
 
 struct Extents {
     std::int64_t batch, m, n, k;
 };
 
+template <class T>
+LeftMatrix<T> left_matrix(const T* a, std::int64_t m, std::int64_t k, MatmulOptions options) {
+    return options.transpose_a ? LeftMatrix<T>{a, 1, m} : LeftMatrix<T>{a, k, 1};
+}
+
+template <class T>
+struct RightMatrix {
+    const T* data;
+    std::int64_t inner_stride;
+    std::int64_t column_stride;
+
+    [[nodiscard]] PackedMatrix<T> pack(std::int64_t first_inner, std::int64_t k, std::int64_t first_column,
+                                       std::int64_t n) const {
+        return PackedMatrix<T>(data + first_inner * inner_stride + first_column * column_stride, k, n, inner_stride,
+                               column_stride);
+    }
+};
+
+template <class T>
+RightMatrix<T> right_matrix(const T* b, std::int64_t n, std::int64_t k, MatmulOptions options) {
+    return options.transpose_b ? RightMatrix<T>{b, 1, k} : RightMatrix<T>{b, n, 1};
+}
+
+/// Columns [first, last) of c = or += left * right, where packing serves this product alone.
+template <class T>
+void multiply_once(T* c, std::int64_t stride, const LeftMatrix<T>& left, std::int64_t m, const RightMatrix<T>& right,
+                   std::int64_t k, std::int64_t first, std::int64_t last, bool accumulate) {
+    for (std::int64_t column = first; column < last; column += packed_columns) {
+        const std::int64_t columns = std::min(packed_columns, last - column);
+        // At least once, so that an empty sum gives zeros.
+        std::int64_t inner = 0;
+        do {
+            const std::int64_t length = std::min(packed_inner, k - inner);
+            const LeftMatrix<T> part{left.data + inner * left.inner_stride, left.row_stride, left.inner_stride};
+            multiply_packed<T>(c + column, stride, part, m, right.pack(inner, length, column, columns),
+                               {.present_values = accumulate || inner > 0});
+            inner += length;
+        } while (inner < k);
+    }
+}
+
 /// Few result elements and a long inner sum (weight gradients): pieces of the sum in parallel, added in a fixed order.
 template <class T>
-void multiply_long_inner(const T* a, const T* b, T* c, const Extents& e, MatmulOptions options) {
+void multiply_long_inner(const LeftMatrix<T>& left, const RightMatrix<T>& right, T* c, const Extents& e) {
     const std::int64_t pieces = chunk_count(e.k, inner_piece);
     std::vector<T> partial(static_cast<std::size_t>(pieces * e.m * e.n));
     parallel_for(pieces, 1, [&](std::int64_t piece, std::int64_t) {
         const std::int64_t first = piece * inner_piece;
-        const std::int64_t length = std::min(inner_piece, e.k - first);
-        // Only a transposed left and a plain right operand have contiguous pieces of the inner axis.
-        multiply_into(partial.data() + piece * e.m * e.n, a + first * e.m, b + first * e.n, e.m, e.n, length, options, false);
+        const LeftMatrix<T> left_piece{left.data + first * left.inner_stride, left.row_stride, left.inner_stride};
+        const RightMatrix<T> right_piece{right.data + first * right.inner_stride, right.inner_stride, right.column_stride};
+        multiply_once(partial.data() + piece * e.m * e.n, e.n, left_piece, e.m, right_piece, std::min(inner_piece, e.k - first),
+                      0, e.n, false);
     });
     for (std::int64_t i = 0; i < e.m * e.n; ++i) {
         T total = T(0);
@@ -44,51 +88,85 @@ void multiply_long_inner(const T* a, const T* b, T* c, const Extents& e, MatmulO
     }
 }
 
+/// Packs `count` right operands, `stride` elements apart.
 template <class T>
-void multiply_tiles(const T* a, const T* b, T* c, const Extents& e, std::int64_t stride_a, std::int64_t stride_b,
-                    MatmulOptions options) {
-    const std::int64_t rows = options.transpose_a ? transposed_tile_rows : tile_rows;
-    const std::int64_t tiles = std::max<std::int64_t>(1, chunk_count(e.m, rows));
-    const std::int64_t grain = std::max<std::int64_t>(1, 32768 / std::max<std::int64_t>(1, e.m * e.n * e.k / tiles));
-    parallel_for(e.batch * tiles, grain, [&](std::int64_t begin, std::int64_t end) {
-        for (std::int64_t tile = begin; tile < end; ++tile) {
-            const std::int64_t batch = tile / tiles;
-            const std::int64_t first = tile % tiles * rows;
-            const std::int64_t count = std::min(rows, e.m - first);
-            const T* from = a + batch * stride_a + (options.transpose_a ? first : first * e.k);
-            multiply_into(c + (batch * e.m + first) * e.n, from, b + batch * stride_b, count, e.n, e.k, options, false,
-                          options.transpose_a ? e.m : e.k);
-        }
+std::vector<PackedMatrix<T>> pack_all(RightMatrix<T> right, std::int64_t count, std::int64_t stride, std::int64_t k,
+                                      std::int64_t n) {
+    std::vector<PackedMatrix<T>> packed;
+    for (std::int64_t i = 0; i < count; ++i, right.data += stride) packed.push_back(right.pack(0, k, 0, n));
+    return packed;
+}
+
+/// Many rows: the right operands are packed once, and tiles of rows share them.
+template <class T>
+void multiply_row_tiles(const T* a, const T* b, T* c, const Extents& e, std::int64_t stride_a, std::int64_t stride_b,
+                        MatmulOptions options) {
+    const std::vector<PackedMatrix<T>> packed =
+        pack_all(right_matrix(b, e.n, e.k, options), stride_b == 0 ? 1 : e.batch, stride_b, e.k, e.n);
+    const std::int64_t tiles = chunk_count(e.m, tile_rows);
+    parallel_for(e.batch * tiles, 1, [&](std::int64_t index, std::int64_t) {
+        const std::int64_t batch = index / tiles;
+        const std::int64_t first = index % tiles * tile_rows;
+        LeftMatrix<T> left = left_matrix(a + batch * stride_a, e.m, e.k, options);
+        left.data += first * left.row_stride;
+        multiply_packed<T>(c + (batch * e.m + first) * e.n, e.n, left, std::min(tile_rows, e.m - first),
+                           packed[static_cast<std::size_t>(stride_b == 0 ? 0 : batch)]);
     });
+}
+
+/// Few rows: tiles of columns, each of which packs its own.
+template <class T>
+void multiply_column_tiles(const T* a, const T* b, T* c, const Extents& e, std::int64_t stride_a, std::int64_t stride_b,
+                           MatmulOptions options) {
+    const std::int64_t tiles = std::max<std::int64_t>(1, chunk_count(e.n, tile_columns));
+    const std::int64_t work = e.m * std::min(e.n, tile_columns) * e.k;
+    parallel_for(e.batch * tiles, std::max<std::int64_t>(1, product_grain / std::max<std::int64_t>(1, work)),
+                 [&](std::int64_t begin, std::int64_t end) {
+                     for (std::int64_t index = begin; index < end; ++index) {
+                         const std::int64_t batch = index / tiles;
+                         const std::int64_t first = index % tiles * tile_columns;
+                         multiply_once(c + batch * e.m * e.n, e.n, left_matrix(a + batch * stride_a, e.m, e.k, options), e.m,
+                                       right_matrix(b + batch * stride_b, e.n, e.k, options), e.k, first,
+                                       std::min(first + tile_columns, e.n), false);
+                     }
+                 });
+}
+
+/// A few inner products for each of many vectors, on several threads.
+template <class T>
+void multiply_dot_tiles(const Dots<T>& dots) {
+    const std::int64_t grain = std::max<std::int64_t>(1, product_grain / std::max<std::int64_t>(1, dots.k * dots.count_y));
+    parallel_for(dots.count_x, grain, [&](std::int64_t begin, std::int64_t end) {
+        Dots<T> part = dots;
+        part.x += begin * dots.k;
+        part.count_x = end - begin;
+        part.c += begin * dots.stride_x;
+        multiply_dots(part);
+    });
+}
+
+/// c = left * right^T with few rows on one side, both contiguous.
+template <class T>
+void multiply_few(const T* left, const T* right, T* c, const Extents& e) {
+    if (e.n <= few) {
+        multiply_dot_tiles<T>({left, e.m, right, e.n, e.k, c, e.n, 1});
+    } else {
+        multiply_dot_tiles<T>({right, e.n, left, e.m, e.k, c, 1, e.n});
+    }
 }
 
 }  // namespace
 
 template <class T>
 void multiply_into(T* c, const T* a, const T* b, std::int64_t m, std::int64_t n, std::int64_t k, MatmulOptions options,
-                   bool accumulate, std::int64_t stride_a) {
-    using Map = Eigen::Map<const RowMajor<T>>;
-    const std::int64_t left_columns = options.transpose_a ? m : k;
-    const Eigen::Map<const RowMajor<T>, Eigen::Unaligned, Eigen::OuterStride<>> left(
-        a, options.transpose_a ? k : m, left_columns, Eigen::OuterStride<>(stride_a == 0 ? left_columns : stride_a));
-    const Map right(b, options.transpose_b ? n : k, options.transpose_b ? k : n);
-    Eigen::Map<RowMajor<T>> result(c, m, n);
-    if (!accumulate) result.setZero();
-    if (options.transpose_a && options.transpose_b) {
-        result.noalias() += left.transpose() * right.transpose();
-    } else if (options.transpose_a) {
-        result.noalias() += left.transpose() * right;
-    } else if (options.transpose_b) {
-        result.noalias() += left * right.transpose();
-    } else {
-        result.noalias() += left * right;
-    }
+                   bool accumulate) {
+    multiply_once(c, n, left_matrix(a, m, k, options), m, right_matrix(b, n, k, options), k, 0, n, accumulate);
 }
 
 template void multiply_into<float>(float*, const float*, const float*, std::int64_t, std::int64_t, std::int64_t, MatmulOptions,
-                                   bool, std::int64_t);
+                                   bool);
 template void multiply_into<double>(double*, const double*, const double*, std::int64_t, std::int64_t, std::int64_t,
-                                    MatmulOptions, bool, std::int64_t);
+                                    MatmulOptions, bool);
 
 Tensor matmul(const Tensor& a, const Tensor& b, MatmulOptions options) {
     const Extents e{std::max(a.shape(0), b.shape(0)), a.shape(options.transpose_a ? 2 : 1), b.shape(options.transpose_b ? 1 : 2),
@@ -102,10 +180,16 @@ Tensor matmul(const Tensor& a, const Tensor& b, MatmulOptions options) {
         const std::int64_t stride_b = b.shape(0) == 1 ? 0 : e.n * e.k;
         if (options.transpose_a && !options.transpose_b && e.k >= 2 * inner_piece) {
             for (std::int64_t batch = 0; batch < e.batch; ++batch) {
-                multiply_long_inner(in_a + batch * stride_a, in_b + batch * stride_b, out + batch * e.m * e.n, e, options);
+                multiply_long_inner(left_matrix(in_a + batch * stride_a, e.m, e.k, options),
+                                    right_matrix(in_b + batch * stride_b, e.n, e.k, options), out + batch * e.m * e.n, e);
             }
+        } else if (options.transpose_b && !options.transpose_a && std::min(e.m, e.n) <= few) {
+            for (std::int64_t batch = 0; batch < e.batch; ++batch)
+                multiply_few(in_a + batch * stride_a, in_b + batch * stride_b, out + batch * e.m * e.n, e);
+        } else if (e.m > tile_rows) {
+            multiply_row_tiles(in_a, in_b, out, e, stride_a, stride_b, options);
         } else {
-            multiply_tiles(in_a, in_b, out, e, stride_a, stride_b, options);
+            multiply_column_tiles(in_a, in_b, out, e, stride_a, stride_b, options);
         }
     });
     return c;
@@ -113,59 +197,73 @@ Tensor matmul(const Tensor& a, const Tensor& b, MatmulOptions options) {
 
 namespace {
 
+/// x (batch, m, k), weights (batch, n, k), results and slopes (null: none) (batch, m, n).
 template <class T>
-void add_bias(T* tile, const T* bias, std::int64_t rows, std::int64_t channels) {
-    for (std::int64_t row = 0; row < rows; ++row) {
-        for (std::int64_t i = 0; i < channels; ++i) tile[row * channels + i] += bias[i];
-    }
+struct LinearOperands {
+    const T* x;
+    const T* weights;
+    Extents extents;
+    Epilogue<T> epilogue;
+    T* out;
+};
+
+template <class T>
+void linear_row_tiles(const LinearOperands<T>& operands) {
+    const Extents& e = operands.extents;
+    const std::vector<PackedMatrix<T>> packed = pack_all(RightMatrix<T>{operands.weights, 1, e.k}, e.batch, e.n * e.k, e.k, e.n);
+    const std::int64_t tiles = chunk_count(e.m, tile_rows);
+    parallel_for(e.batch * tiles, 1, [&](std::int64_t index, std::int64_t) {
+        const std::int64_t sample = index / tiles;
+        const std::int64_t first = sample * e.m + index % tiles * tile_rows;
+        Epilogue<T> epilogue = operands.epilogue;
+        if (epilogue.slope != nullptr) epilogue.slope += first * e.n;
+        multiply_packed<T>(operands.out + first * e.n, e.n, {operands.x + first * e.k, e.k},
+                           std::min(tile_rows, (sample + 1) * e.m - first), packed[static_cast<std::size_t>(sample)], epilogue);
+    });
 }
 
-/// Applies the activation to `count` elements in place and writes its derivative to `slope` unless that is null.
+/// Packing the weights would take longer than multiplying a few rows with them.
 template <class T>
-void activate(T* values, T* slope, std::int64_t count, Activation activation) {
-    if (activation == Activation::sine) {
-        if (slope != nullptr) {
-            for_each_sine_cosine(values, count, [=](std::int64_t i, T sine, T cosine) { values[i] = sine, slope[i] = cosine; });
-        } else {
-            for_each_sine_cosine(values, count, [=](std::int64_t i, T sine, T) { values[i] = sine; });
+void linear_few_rows(const LinearOperands<T>& operands) {
+    const Extents& e = operands.extents;
+    for (std::int64_t sample = 0; sample < e.batch; ++sample) {
+        T* const out = operands.out + sample * e.m * e.n;
+        multiply_few(operands.x + sample * e.m * e.k, operands.weights + sample * e.n * e.k, out, e);
+        Epilogue<T> epilogue = operands.epilogue;
+        if (epilogue.bias != nullptr) {
+            for (std::int64_t i = 0; i < e.m * e.n; ++i) out[i] += epilogue.bias[i % e.n];
         }
-    } else if (activation == Activation::leaky_relu) {
-        constexpr T gain = static_cast<T>(std::numbers::sqrt2);
-        for (std::int64_t i = 0; i < count; ++i) {
-            const T factor = values[i] > T(0) ? gain : gain * static_cast<T>(0.2);
-            values[i] *= factor;
-            if (slope != nullptr) slope[i] = factor;
-        }
+        epilogue.bias = nullptr;
+        epilogue.present_values = true;
+        if (epilogue.slope != nullptr) epilogue.slope += sample * e.m * e.n;
+        // A product without an inner length: the epilogue alone.
+        multiply_packed<T>(out, e.n, {operands.x, 0}, e.m, PackedMatrix<T>(operands.weights, 0, e.n, 1, 1), epilogue);
     }
 }
 
 }  // namespace
 
 LinearResult linear(const Tensor& x, const Tensor& weight, const Tensor& bias, Activation activation, bool with_slope) {
-    const std::int64_t batch = x.shape(0);
-    const std::int64_t rows = x.shape(1);
-    const std::int64_t in_channels = x.shape(2);
-    const std::int64_t out_channels = weight.shape(1);
-    LinearResult result{Tensor({batch, rows, out_channels}, x.dtype()), {}};
+    Extents e{x.shape(0), x.shape(1), weight.shape(1), x.shape(2)};
+    LinearResult result{Tensor({e.batch, e.m, e.n}, x.dtype()), {}};
     if (with_slope) result.slope = Tensor(result.value.shape(), x.dtype());
+    if (weight.shape(0) == 1) {
+        e.m *= e.batch;
+        e.batch = 1;
+    }
     dispatch(x.dtype(), [&]<class T>(T) {
-        const T* in = x.values<T>().data();
-        const T* weights = weight.values<T>().data();
-        const T* offsets = bias.defined() ? bias.values<T>().data() : nullptr;
-        T* out = result.value.mutable_values<T>().data();
-        T* slope = with_slope ? result.slope.mutable_values<T>().data() : nullptr;
-        const std::int64_t tiles = chunk_count(rows, tile_rows);
-        parallel_for(batch * tiles, 1, [&](std::int64_t index, std::int64_t) {
-            const std::int64_t sample = index / tiles;
-            const std::int64_t first = sample * rows + index % tiles * tile_rows;
-            const std::int64_t count = std::min(tile_rows, (sample + 1) * rows - first);
-            const T* sample_weights = weights + (weight.shape(0) == 1 ? 0 : sample * out_channels * in_channels);
-            T* tile = out + first * out_channels;
-            multiply_into(tile, in + first * in_channels, sample_weights, count, out_channels, in_channels, {.transpose_b = true},
-                          false);
-            if (offsets != nullptr) add_bias(tile, offsets, count, out_channels);
-            activate(tile, slope == nullptr ? nullptr : slope + first * out_channels, count * out_channels, activation);
-        });
+        const LinearOperands<T> operands{x.values<T>().data(),
+                                         weight.values<T>().data(),
+                                         e,
+                                         {.bias = bias.defined() ? bias.values<T>().data() : nullptr,
+                                          .activation = activation,
+                                          .slope = with_slope ? result.slope.mutable_values<T>().data() : nullptr},
+                                         result.value.mutable_values<T>().data()};
+        if (e.m <= few) {
+            linear_few_rows(operands);
+        } else {
+            linear_row_tiles(operands);
+        }
     });
     return result;
 }

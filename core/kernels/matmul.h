@@ -8,11 +8,11 @@ namespace stymo::kernels {
 /// Batched product of rank-3 tensors; a leading extent of 1 serves every matrix of the other. Shapes are checked by the op.
 [[nodiscard]] Tensor matmul(const Tensor& a, const Tensor& b, MatmulOptions options);
 
-/// c (m, n) = or += op(a) op(b) on the calling thread; row-major; the inner length is k. Contiguous, except that the rows of
-/// `a` as it is stored may be `stride_a` elements apart (0: no gaps).
+/// c (m, n) = or += op(a) op(b); row-major and contiguous; the inner length is k. Packs the right operand: where several products
+/// share it, core/kernels/gemm.h does that once.
 template <class T>
 void multiply_into(T* c, const T* a, const T* b, std::int64_t m, std::int64_t n, std::int64_t k, MatmulOptions options,
-                   bool accumulate, std::int64_t stride_a = 0);
+                   bool accumulate);
 
 struct LinearResult {
     Tensor value;

@@ -35,6 +35,15 @@ struct Numbers {
     static HWY_INLINE Vector multiply_add(Vector left, Vector right, Vector sum) { return simd::MulAdd(left, right, sum); }
 };
 
+/// AVX-512-BF16, about which Highway 1.0 does not know.
+inline bool has_bfloat16_dot_product() {
+#if HWY_ARCH_X86 && HWY_MAX_BYTES == 64
+    return __builtin_cpu_supports("avx512bf16") != 0;
+#else
+    return false;
+#endif
+}
+
 /// `dot_product`: the processor has the instruction, which rounds as the two multiply-adds do. Denormals count as zero there.
 template <bool dot_product>
 struct Pairs {
@@ -57,7 +66,6 @@ struct Pairs {
     static HWY_INLINE Vector multiply_add(WordVector left, WordVector right, Vector sum) {
 #if HWY_ARCH_X86 && HWY_MAX_BYTES == 64
         if constexpr (dot_product) {
-            // Highway 1.0 has neither this instruction nor a set of instructions that includes it.
             __asm__("vdpbf16ps %2, %1, %0" : "+v"(sum.raw) : "v"(left.raw), "v"(right.raw));
             return sum;
         }
@@ -86,6 +94,13 @@ struct Block {
     std::int64_t inner;
 };
 
+/// Without letting the compiler derive one pointer from another one.
+template <class T>
+HWY_INLINE void advance(T*& pointer, std::int64_t distance) {
+    pointer += distance;
+    __asm__("" : "+r"(pointer));
+}
+
 template <class Operands, int rows, int vectors>
 HWY_INLINE void multiply_block(const Block<Operands>& block) {
     const typename Operands::Tag tag;
@@ -95,18 +110,25 @@ HWY_INLINE void multiply_block(const Block<Operands>& block) {
     for (int row = 0; row < rows; ++row) {
         for (int v = 0; v < vectors; ++v) sums[row][v] = simd::LoadU(tag, block.start + row * block.start_stride + v * lanes);
     }
-    const auto* left = block.left;
+    // A pointer for three rows each: one for all of them needs more registers for distances than there are.
+    const auto* left0 = block.left;
+    const auto* left3 = left0 + 3 * block.row_stride;
+    const auto* left6 = left0 + 6 * block.row_stride;
+    const auto* left9 = left0 + 9 * block.row_stride;
     const auto* panel = block.panel;
-    const std::int64_t row_stride = block.row_stride;
     for (std::int64_t i = 0; i < block.inner; ++i) {
         decltype(Operands::right(panel)) right[vectors];
         for (int v = 0; v < vectors; ++v) right[v] = Operands::right(panel + v * lanes * Operands::word_length);
         HWY_UNROLL(12)
         for (int row = 0; row < rows; ++row) {
-            const auto factor = Operands::left(left + row * row_stride);
+            const auto* const left = row < 3 ? left0 : row < 6 ? left3 : row < 9 ? left6 : left9;
+            const auto factor = Operands::left(left + row % 3 * block.row_stride);
             for (int v = 0; v < vectors; ++v) sums[row][v] = Operands::multiply_add(factor, right[v], sums[row][v]);
         }
-        left += block.inner_stride;
+        advance(left0, block.inner_stride);
+        if constexpr (rows > 3) advance(left3, block.inner_stride);
+        if constexpr (rows > 6) advance(left6, block.inner_stride);
+        if constexpr (rows > 9) advance(left9, block.inner_stride);
         panel += 2 * lanes * Operands::word_length;
     }
     HWY_UNROLL(12)

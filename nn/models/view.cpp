@@ -16,6 +16,12 @@ Codes row(const Codes& codes, std::int64_t index) {
     return result;
 }
 
+double counting_part(const Tensor& weights) {
+    const std::vector<double> all = weights.to_vector();
+    return static_cast<double>(std::ranges::count_if(all, [](double weight) { return weight > counting_weight; })) /
+           static_cast<double>(all.size());
+}
+
 double largest(const Tensor& values) {
     const std::vector<double> all = values.to_vector();
     return *std::ranges::max_element(all);
@@ -27,7 +33,7 @@ View render_view(const Model& model, const Codes& codes, std::int64_t index, con
     const Decoded decoded =
         model.decoder()(row(codes, index), {camera},
                         {.samples_per_ray = options.samples_per_ray, .resolution = options.resolution, .mask = options.mask});
-    View view{picture(decoded.images.back().value(), 0), {}, {}};
+    View view{picture(decoded.images.back().value(), 0), {}, {}, counting_part(decoded.weights.weights.value())};
     if (options.mask) view.mask = picture_mask(sigmoid(decoded.mask_logit).value(), 0);
     if (options.depth) {
         const std::int64_t side = model.config().decoder.rays.rays_per_side;

@@ -16,7 +16,12 @@ struct View {
     Tensor picture;  ///< (S, S, 3) in [0, 1]
     Tensor mask;     ///< (S, S, 1) in [0, 1], undefined unless asked for
     Tensor depth;    ///< (R, R, 1) expected Euclidean distance from the camera of each ray, undefined unless asked for
+    /// Part of the samples whose compositing weight exceeds `counting_weight`; 1 where it was not counted.
+    double counting_samples = 1.0;
 };
+
+/// A sample of less weight cannot be seen: it moves a pixel by less than half of an 8-bit step.
+inline constexpr double counting_weight = 1e-3;
 
 /// Renders row `index` of codes in Z. Rays that hit nothing have the depth of the farthest sample of all.
 [[nodiscard]] View render_view(const Model& model, const Codes& codes, std::int64_t index, const Camera& camera,

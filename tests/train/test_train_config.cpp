@@ -96,6 +96,8 @@ TEST_CASE("values that do not fit each other are refused in one line that names 
     CHECK_THAT(refusal({"stage1.batch=4", "stage1.micro_batch=8"}), Catch::Contains("stage1.micro_batch = 8"));
     CHECK_THAT(refusal({"reconstruction.resolution_weights=[1, 1]"}),
                Catch::Contains("reconstruction.resolution_weights has 2") && Catch::Contains("512 pixels needs 4"));
+    CHECK_THAT(refusal({"stage1.resolution=96"}),
+               Catch::Contains("stage1.resolution = 96") && Catch::Contains("[64, 128, 256, 512]"));
     CHECK_THAT(refusal({"loss.code_weights=[1, 1, 1]"}), Catch::Contains("loss.code_weights has 3"));
     CHECK_THAT(refusal({"decoder.rays_per_side=16"}), Catch::Contains("decoder.rays_per_side = 16") && Catch::Contains("32"));
 }

@@ -263,6 +263,22 @@ TEST_CASE("a factor of zero keeps the backbone where it is", "[trainer]") {
     }
 }
 
+TEST_CASE("a first stage of fewer pixels than the model has leaves the finer blocks as they are", "[trainer]") {
+    TrainConfig config = tiny_two_stage_config();
+    config.stage1.resolution = 64;
+    config.loss.mask_start_epoch = 0;
+    Trainer trainer(config, faces(), nullptr, 5);
+    const std::vector<Tensor> before = values_of(trainer.model());
+    static_cast<void>(trainer.step());
+    const std::vector<Parameter>& parameters = trainer.model().parameters().all();
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+        const std::string& name = parameters[i].name();
+        INFO(name);
+        const bool still = name.starts_with("decoder.block128.") || name.starts_with("decoder.mask.");
+        CHECK(identical(before[i], parameters[i].variable().value()) == still);
+    }
+}
+
 TEST_CASE("a run that is told to stop leaves a checkpoint to go on from", "[trainer]") {
     const ScratchFolder folder;
     const fs::path run = folder / "run";

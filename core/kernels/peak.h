@@ -1,0 +1,15 @@
+#pragma once
+
+/// What the machine can do at best, for comparison: on as many threads as `parallel_for` uses.
+namespace stymo::kernels {
+
+struct MachinePeak {
+    double multiply_adds = 0.0;           ///< float32, operations per second (two for each fused multiply-add)
+    double bfloat16_multiply_adds = 0.0;  ///< the same for dot products of bfloat16; 0 without such an instruction
+    double triad_bytes = 0.0;             ///< per second, a = b + factor * c over arrays much larger than the caches
+};
+
+/// Takes about a second.
+[[nodiscard]] MachinePeak measure_machine_peak();
+
+}  // namespace stymo::kernels

@@ -1,0 +1,204 @@
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/error.h"
+#include "core/kernels/gemm.h"
+#include "core/kernels/matmul.h"
+#include "core/kernels/peak.h"
+#include "core/parallel.h"
+#include "core/rng.h"
+
+/// Products as layers, their gradients and convolutions use them, relative to what the machine can do at best.
+namespace stymo::test {
+namespace {
+
+using kernels::BFloat16;
+using kernels::PackedMatrix;
+
+struct Arguments {
+    std::string filter;
+    int threads = 0;
+    int repeats = 9;
+};
+
+Arguments parse(const std::vector<std::string_view>& words) {
+    Arguments arguments;
+    for (std::size_t i = 0; i < words.size(); i += 2) {
+        if (i + 1 == words.size()) fail<ValueError>(words[i], " needs a value");
+        const std::string value(words[i + 1]);
+        if (words[i] == "--filter") {
+            arguments.filter = value;
+        } else if (words[i] == "--threads") {
+            arguments.threads = std::atoi(value.c_str());
+        } else if (words[i] == "--repeats") {
+            arguments.repeats = std::max(1, std::atoi(value.c_str()));
+        } else {
+            fail<ValueError>("unknown option ", words[i], "; there are --filter TEXT, --threads N, --repeats N");
+        }
+    }
+    return arguments;
+}
+
+class Table {
+public:
+    explicit Table(const Arguments& arguments) : arguments_(arguments), peak_(kernels::measure_machine_peak()) {
+        std::printf(
+            "{\"threads\": %d, \"repeats\": %d, \"peak_gflops\": %.1f, \"peak_bfloat16_gflops\": %.1f, \"triad_gbytes\": %.1f,\n"
+            " \"products\": [",
+            thread_count(), arguments.repeats, 1e-9 * peak_.multiply_adds, 1e-9 * peak_.bfloat16_multiply_adds,
+            1e-9 * peak_.triad_bytes);
+    }
+
+    /// `multiply_adds`: of one call.
+    template <class Function>
+    void row(const std::string& name, double multiply_adds, bool bfloat16, Function function) {
+        if (name.find(arguments_.filter) == std::string::npos) return;
+        function();
+        std::vector<double> seconds;
+        for (int i = 0; i < arguments_.repeats; ++i) {
+            const auto start = std::chrono::steady_clock::now();
+            function();
+            seconds.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+        }
+        std::ranges::nth_element(seconds, seconds.begin() + static_cast<std::ptrdiff_t>(seconds.size() / 2));
+        const double median = seconds[seconds.size() / 2];
+        const double rate = 2.0 * multiply_adds / median;
+        std::printf("%s\n  {\"name\": \"%s\", \"ms\": %.4f, \"gflops\": %.1f, \"of_peak\": %.3f}", separator_, name.c_str(),
+                    1e3 * median, 1e-9 * rate, rate / (bfloat16 ? peak_.bfloat16_multiply_adds : peak_.multiply_adds));
+        std::fflush(stdout);
+        separator_ = ",";
+    }
+
+    void close() const { std::printf("\n]}\n"); }
+
+private:
+    Arguments arguments_;
+    kernels::MachinePeak peak_;
+    const char* separator_ = "";
+};
+
+constexpr std::int64_t points = 65536;
+constexpr std::int64_t width = 256;
+constexpr std::int64_t tile = 384;
+
+Tensor draw(const Shape& shape) {
+    Rng rng(1);
+    return rng.uniform(shape, -0.1, 0.1, DType::float32);
+}
+
+template <class T>
+std::vector<T> converted(const Tensor& x) {
+    std::vector<T> result;
+    for (const float value : x.values<float>()) {
+        if constexpr (std::is_same_v<T, BFloat16>) {
+            result.push_back(kernels::rounded_to_bfloat16(value));
+        } else {
+            result.push_back(value);
+        }
+    }
+    return result;
+}
+
+/// One layer from memory to memory, and eight of them on tiles that stay in the second-level cache.
+template <class T>
+void bench_layers(Table& table, const std::string& type) {
+    const bool bfloat16 = std::is_same_v<T, BFloat16>;
+    const Tensor weight = draw({width, width});
+    const Tensor bias = draw({width});
+    const std::vector<T> x = converted<T>(draw({points, width}));
+    std::vector<T> y(x.size());
+    const PackedMatrix<T> packed(weight.values<float>().data(), width, width, 1, width);
+    for (const Activation activation : {Activation::none, Activation::sine, Activation::leaky_relu}) {
+        const char* const name = activation == Activation::none ? "" : activation == Activation::sine ? " sine" : " leaky ReLU";
+        const kernels::Epilogue<float> epilogue{.bias = bias.values<float>().data(), .activation = activation};
+        const auto layer = [&](T* to, const T* from, std::int64_t rows) {
+            kernels::multiply_packed(to, width, kernels::LeftMatrix<T>{from, width}, rows, packed, epilogue);
+        };
+        table.row(type + " 65536x256x256" + name, double(points * width * width), bfloat16, [&] {
+            parallel_for(points, tile, [&](std::int64_t begin, std::int64_t end) {
+                layer(y.data() + begin * width, x.data() + begin * width, end - begin);
+            });
+        });
+        table.row(type + " 65536x256x256 eight layers by tiles" + name, 8.0 * double(points * width * width), bfloat16, [&] {
+            parallel_for(points, tile, [&](std::int64_t begin, std::int64_t end) {
+                std::vector<T> buffer(static_cast<std::size_t>(tile * width));
+                T* const to = y.data() + begin * width;
+                layer(buffer.data(), x.data() + begin * width, end - begin);
+                for (int i = 0; i < 3; ++i) {
+                    layer(to, buffer.data(), end - begin);
+                    layer(buffer.data(), to, end - begin);
+                }
+                layer(to, buffer.data(), end - begin);
+            });
+        });
+    }
+}
+
+struct MatmulShape {
+    const char* use;
+    std::int64_t batch, m, k, n;
+    MatmulOptions options;
+};
+
+/// As training, fitting and the discriminator call them.
+void bench_matmul(Table& table) {
+    constexpr MatmulOptions plain{};
+    constexpr MatmulOptions transposed_left{.transpose_a = true};
+    constexpr MatmulOptions transposed_right{.transpose_b = true};
+    for (const MatmulShape& s : {MatmulShape{"layer", 1, points, 256, 256, transposed_right},
+                                 MatmulShape{"gradient of a layer's input", 1, points, 256, 256, plain},
+                                 MatmulShape{"gradient of its weight", 1, 256, points, 256, transposed_left},
+                                 MatmulShape{"first layer", 1, points, 63, 256, transposed_right},
+                                 MatmulShape{"density", 1, points, 256, 1, transposed_right},
+                                 MatmulShape{"gradient of its input", 1, points, 1, 256, plain},
+                                 MatmulShape{"gradient of its weight", 1, 1, points, 256, transposed_left},
+                                 MatmulShape{"colour", 1, 262144, 32, 3, transposed_right},
+                                 MatmulShape{"gradient of its input", 1, 262144, 3, 32, plain},
+                                 MatmulShape{"gradient of its weight", 1, 3, 262144, 32, transposed_left},
+                                 MatmulShape{"block of 64 channels", 1, 65536, 64, 64, transposed_right},
+                                 MatmulShape{"gradient of its weight", 1, 64, 65536, 64, transposed_left},
+                                 MatmulShape{"modulated, four images", 4, 16384, 128, 64, transposed_right},
+                                 MatmulShape{"gradient of its weight", 4, 64, 16384, 128, transposed_left},
+                                 MatmulShape{"style, one code", 1, 1, 256, 512, transposed_right},
+                                 MatmulShape{"style, four codes", 1, 4, 256, 512, transposed_right},
+                                 MatmulShape{"gradient of its weight", 1, 512, 4, 256, transposed_left},
+                                 MatmulShape{"gradient of its input", 1, 4, 512, 256, plain},
+                                 MatmulShape{"last layer of an encoder", 1, 4, 25088, 512, transposed_right},
+                                 MatmulShape{"gradient of its input", 1, 4, 512, 25088, plain},
+                                 MatmulShape{"many small", 1024, 16, 16, 16, plain},
+                                 MatmulShape{"square", 1, 512, 512, 512, plain},
+                                 MatmulShape{"square", 1, 1024, 1024, 1024, plain}}) {
+        const Tensor a = draw(s.options.transpose_a ? Shape{s.batch, s.k, s.m} : Shape{s.batch, s.m, s.k});
+        const Tensor b = draw(s.options.transpose_b ? Shape{s.batch, s.n, s.k} : Shape{s.batch, s.k, s.n});
+        const std::string name = std::string("matmul ") + std::to_string(s.batch) + "x" + std::to_string(s.m) + "x" +
+                                 std::to_string(s.k) + "x" + std::to_string(s.n) + " " + s.use;
+        table.row(name, double(s.batch * s.m * s.k * s.n), false, [&] { static_cast<void>(kernels::matmul(a, b, s.options)); });
+    }
+}
+
+void run(const Arguments& arguments) {
+    set_thread_count(arguments.threads);
+    Table table(arguments);
+    bench_layers<float>(table, "float32");
+    bench_layers<BFloat16>(table, "bfloat16");
+    bench_matmul(table);
+    table.close();
+}
+
+}  // namespace
+}  // namespace stymo::test
+
+int main(int argument_count, char** arguments) {
+    try {
+        stymo::test::run(stymo::test::parse({arguments + 1, arguments + argument_count}));
+        return 0;
+    } catch (const std::exception& error) {
+        std::fprintf(stderr, "bench_gemm: %s\n", error.what());
+        return 1;
+    }
+}
