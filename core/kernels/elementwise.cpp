@@ -170,6 +170,12 @@ Tensor leaky_slope(const Tensor& x, double slope, double gain) {
         return value > T(0) ? static_cast<T>(gain) : static_cast<T>(gain) * static_cast<T>(slope);
     });
 }
+Tensor leaky_gradient(const Tensor& dL_dy, const Tensor& x, double slope, double gain) {
+    return zip(dL_dy, x, "leaky_gradient", [=](auto gradient, auto value) {
+        using T = decltype(value);
+        return gradient * (value > T(0) ? static_cast<T>(gain) : static_cast<T>(gain) * static_cast<T>(slope));
+    });
+}
 
 Tensor broadcast_to(const Tensor& x, const Shape& shape) {
     if (broadcast_shape(x.shape(), shape, "broadcast_to") != shape)

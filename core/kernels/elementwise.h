@@ -36,6 +36,8 @@ namespace stymo::kernels {
 [[nodiscard]] Tensor prelu(const Tensor& x, const Tensor& slope);
 /// `gain` where x > 0, else `gain` * `slope`.
 [[nodiscard]] Tensor leaky_slope(const Tensor& x, double slope, double gain = 1.0);
+/// dL_dy * leaky_slope(x, slope, gain) in one pass.
+[[nodiscard]] Tensor leaky_gradient(const Tensor& dL_dy, const Tensor& x, double slope, double gain = 1.0);
 
 /// x repeated to `shape`.
 [[nodiscard]] Tensor broadcast_to(const Tensor& x, const Shape& shape);

@@ -34,7 +34,10 @@ Variable leaky_relu(const Variable& x, double slope) {
     if (!(slope >= 0.0)) fail<ValueError>("[leaky_relu] the slope must not be negative, got ", slope);
     // The output has the sign of the input, and what follows it in a network keeps it anyway.
     return record("leaky_relu", kernels::leaky_relu(x.value(), slope), {x}, Save::the_output(),
-                  {[slope](const Vjp& v) { return v.grad() * Variable(kernels::leaky_slope(v.output().value(), slope)); }});
+                  {[slope](const Vjp& v) {
+                      if (!v.create_graph()) return Variable(kernels::leaky_gradient(v.grad().value(), v.output().value(), slope));
+                      return v.grad() * Variable(kernels::leaky_slope(v.output().value(), slope));
+                  }});
 }
 
 Variable prelu(const Variable& x, const Variable& slope) {
