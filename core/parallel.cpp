@@ -7,6 +7,7 @@
 #include <memory>
 #include <mutex>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "core/error.h"
@@ -18,15 +19,25 @@ namespace {
 /// One call of parallel_for. Threads claim chunks until none is left, so a thread that the system keeps from running holds up
 /// nobody: the others do its share.
 struct Job {
-    const std::function<void(std::int64_t, std::int64_t)>* body;
-    std::int64_t count;
-    std::int64_t grain;
-    std::int64_t chunks;
+    const std::function<void(std::int64_t, std::int64_t)>* body = nullptr;
+    std::int64_t count = 0;
+    std::int64_t grain = 1;
+    std::int64_t chunks = 0;
     std::atomic<std::int64_t> next{0};
     std::atomic<std::int64_t> finished{0};
     std::mutex error_mutex;
     std::exception_ptr error;
 
+    void begin(const std::function<void(std::int64_t, std::int64_t)>& next_body, std::int64_t next_count,
+               std::int64_t next_grain) {
+        body = &next_body;
+        count = next_count;
+        grain = next_grain;
+        chunks = chunk_count(count, grain);
+        next = 0;
+        finished = 0;
+        error = nullptr;
+    }
     void work() {
         for (std::int64_t chunk = next.fetch_add(1); chunk < chunks; chunk = next.fetch_add(1)) {
             try {
@@ -63,6 +74,16 @@ public:
     void resize(int count) {
         stop();
         size_ = count > 0 ? count : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+    }
+
+    /// A job that no thread holds any more. Each worker holds one at most, so there are never more than there are threads.
+    std::shared_ptr<Job> idle_job() {
+        for (const std::shared_ptr<Job>& job : jobs_) {
+            if (job.use_count() > 1) continue;
+            std::atomic_thread_fence(std::memory_order_acquire);
+            return job;
+        }
+        return jobs_.emplace_back(std::make_shared<Job>());
     }
 
     void run(const std::shared_ptr<Job>& job) {
@@ -125,6 +146,7 @@ private:
 
     int size_ = 1;
     std::vector<std::thread> workers_;
+    std::vector<std::shared_ptr<Job>> jobs_;
     std::mutex mutex_;
     std::condition_variable wake_;
     std::shared_ptr<Job> job_;
@@ -158,13 +180,10 @@ void parallel_for(std::int64_t count, std::int64_t grain, const std::function<vo
         for (std::int64_t chunk = 0; chunk < chunks; ++chunk) body(chunk * grain, std::min(count, (chunk + 1) * grain));
         return;
     }
-    const auto job = std::make_shared<Job>();
-    job->body = &body;
-    job->count = count;
-    job->grain = grain;
-    job->chunks = chunks;
+    const std::shared_ptr<Job> job = pool().idle_job();
+    job->begin(body, count, grain);
     pool().run(job);
-    if (job->error) std::rethrow_exception(job->error);
+    if (const std::exception_ptr error = std::exchange(job->error, nullptr)) std::rethrow_exception(error);
 }
 
 }  // namespace stymo

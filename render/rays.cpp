@@ -10,14 +10,6 @@
 namespace stymo {
 namespace {
 
-/// A ray and the stretch of it that is sampled, as distances from the camera's centre.
-struct Ray {
-    Vector3 origin{};
-    Vector3 direction{};
-    double near_distance = 0.0;
-    double far_distance = 0.0;
-};
-
 double dot(const Vector3& a, const Vector3& b) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
@@ -40,29 +32,6 @@ Vector3 ray_direction(const Camera& camera, double image_x, double image_y) {
     return direction;
 }
 
-Ray make_ray(const Camera& camera, const RaySampling& sampling, std::int64_t row, std::int64_t column) {
-    const double offset = sampling.pixel_centers ? 0.5 : 0.0;
-    const double side = static_cast<double>(sampling.rays_per_side);
-    const Vector3 direction =
-        ray_direction(camera, (static_cast<double>(column) + offset) / side, (static_cast<double>(row) + offset) / side);
-
-    const bool along_world_z = sampling.planes == DepthPlanes::world_z;
-    const double height = along_world_z ? camera.center[2] : length(camera.center);
-    const double descent = along_world_z ? -direction[2] : dot(direction, forward_axis(camera));
-    // Within 3 degrees of the planes the samples lie more than a hundred units apart and miss the head.
-    constexpr double least_descent = 0.05;
-    if (descent < least_descent) {
-        fail<ValueError>("[sample_rays] ray (row ", row, ", column ", column, ") runs along the planes z = ", sampling.near_z,
-                         " and z = ", sampling.far_z, "; use planes along the optical axis for a camera this far to the side");
-    }
-    if (height <= sampling.far_z) {
-        fail<ValueError>("[sample_rays] the camera stands behind the far plane z = ", sampling.far_z);
-    }
-    // A near plane behind the camera would put samples where the camera cannot see.
-    const double near_depth = std::max(height - sampling.near_z, 0.0);
-    return {camera.center, direction, near_depth / descent, (height - sampling.far_z) / descent};
-}
-
 /// Depth k of `samples` + 1, moved within its stratum: between the middles of the intervals on its two sides.
 double stratified_position(std::int64_t k, std::int64_t samples, double uniform) {
     const double lower = std::max(static_cast<double>(k) - 0.5, 0.0);
@@ -75,8 +44,8 @@ template <class T>
 void sample_ray(const Ray& ray, std::span<const double> uniforms, std::span<T> points, std::span<T> deltas, std::span<T> depths) {
     const auto samples = static_cast<std::int64_t>(depths.size());
     const auto distance = [&](std::int64_t k) {
-        const double position = uniforms.empty() ? static_cast<double>(k) / static_cast<double>(samples)
-                                                 : stratified_position(k, samples, uniforms[static_cast<std::size_t>(k)]);
+        if (uniforms.empty()) return sample_distance(ray, k, samples);
+        const double position = stratified_position(k, samples, uniforms[static_cast<std::size_t>(k)]);
         return ray.near_distance + (ray.far_distance - ray.near_distance) * position;
     };
     double here = distance(0);
@@ -109,6 +78,29 @@ void require_valid(const std::vector<Camera>& cameras, const RaySampling& sampli
 
 }  // namespace
 
+Ray camera_ray(const Camera& camera, const RaySampling& sampling, std::int64_t row, std::int64_t column) {
+    const double offset = sampling.pixel_centers ? 0.5 : 0.0;
+    const double side = static_cast<double>(sampling.rays_per_side);
+    const Vector3 direction =
+        ray_direction(camera, (static_cast<double>(column) + offset) / side, (static_cast<double>(row) + offset) / side);
+
+    const bool along_world_z = sampling.planes == DepthPlanes::world_z;
+    const double height = along_world_z ? camera.center[2] : length(camera.center);
+    const double descent = along_world_z ? -direction[2] : dot(direction, forward_axis(camera));
+    // Within 3 degrees of the planes the samples lie more than a hundred units apart and miss the head.
+    constexpr double least_descent = 0.05;
+    if (descent < least_descent) {
+        fail<ValueError>("[sample_rays] ray (row ", row, ", column ", column, ") runs along the planes z = ", sampling.near_z,
+                         " and z = ", sampling.far_z, "; use planes along the optical axis for a camera this far to the side");
+    }
+    if (height <= sampling.far_z) {
+        fail<ValueError>("[sample_rays] the camera stands behind the far plane z = ", sampling.far_z);
+    }
+    // A near plane behind the camera would put samples where the camera cannot see.
+    const double near_depth = std::max(height - sampling.near_z, 0.0);
+    return {camera.center, direction, near_depth / descent, (height - sampling.far_z) / descent};
+}
+
 RaySamples sample_rays(const std::vector<Camera>& cameras, const RaySampling& sampling, Rng* jitter, DType dtype) {
     require_valid(cameras, sampling);
     const auto camera_count = static_cast<std::int64_t>(cameras.size());
@@ -129,7 +121,7 @@ RaySamples sample_rays(const std::vector<Camera>& cameras, const RaySampling& sa
             const auto count = static_cast<std::size_t>(samples);
             for (std::int64_t i = begin; i < end; ++i) {
                 const std::int64_t pixel = i % rays;
-                const Ray ray = make_ray(cameras[static_cast<std::size_t>(i / rays)], sampling, pixel / side, pixel % side);
+                const Ray ray = camera_ray(cameras[static_cast<std::size_t>(i / rays)], sampling, pixel / side, pixel % side);
                 const auto index = static_cast<std::size_t>(i);
                 const auto ray_uniforms =
                     all_uniforms.empty() ? all_uniforms : all_uniforms.subspan(index * (count + 1), count + 1);

@@ -24,6 +24,22 @@ struct RaySampling {
     bool pixel_centers = true;
 };
 
+/// A ray of a camera and the stretch of it that is sampled, as distances from the camera's centre.
+struct Ray {
+    Vector3 origin{};
+    Vector3 direction{};  ///< of length 1
+    double near_distance = 0.0;
+    double far_distance = 0.0;
+};
+
+/// The ray through one pixel of the feature map. Throws as `sample_rays`.
+[[nodiscard]] Ray camera_ray(const Camera& camera, const RaySampling& sampling, std::int64_t row, std::int64_t column);
+/// Distance of sample k of N without jitter; k = N is the far plane.
+[[nodiscard]] constexpr double sample_distance(const Ray& ray, std::int64_t k, std::int64_t samples_per_ray) {
+    return ray.near_distance +
+           (ray.far_distance - ray.near_distance) * (static_cast<double>(k) / static_cast<double>(samples_per_ray));
+}
+
 /// Samples of B cameras with R = rays_per_side^2 rays (row-major over the image) and N samples each.
 struct RaySamples {
     Tensor points;  ///< (B, R * N, 3), world coordinates

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <array>
-#include <vector>
+#include <memory>
 
 #include "core/kernels/targets.h"
 #include "core/parallel.h"
@@ -22,8 +22,17 @@ namespace stymo::kernels::HWY_NAMESPACE {
 /// Words of the inner index handled at once: a panel of the right operand (32 KiB with 512-bit vectors) stays in the first-level
 /// cache.
 constexpr std::int64_t inner_block = 256;
-/// Rows handled at once: their part of the left operand stays in the second-level cache.
-constexpr std::int64_t row_block = 240;
+/// Columns up to which a transposed left operand is read as it stands.
+constexpr std::int64_t most_unpacked = 64;
+/// Bytes of the left operand's and the result's rows that are handled at once: they stay in the second-level cache.
+constexpr std::int64_t row_block_bytes = 1 << 19;
+
+template <class Sum>
+std::int64_t row_block(std::int64_t k, std::int64_t n) {
+    const std::int64_t bytes = (std::min(k, inner_block) + n) * static_cast<std::int64_t>(sizeof(Sum));
+    const std::int64_t in_cache = row_block_bytes / std::max<std::int64_t>(1, bytes) / block_rows;
+    return std::clamp<std::int64_t>(in_cache, 1, 20) * block_rows;
+}
 
 template <class T>
 std::int64_t panel_width() {
@@ -45,47 +54,55 @@ inline float converted(BFloat16 x) {
     return widened(x);
 }
 
-/// A piece of the inner index for some rows of the left operand. Packed, blocks of `block_rows` rows follow each other, and in
-/// them the words of all rows.
+/// A piece of the inner index for some rows of the left operand. Copies may have blocks of `block_rows` rows one after the other,
+/// and in them the words of all rows.
 template <class Operands>
 struct LeftPiece {
-    using Element = typename Operands::Element;
-    const Element* data;
+    using Left = typename Operands::Left;
+    const Left* data;
     std::int64_t row_stride;
     std::int64_t inner_stride;
     std::int64_t block_stride;  ///< from a row to the one `block_rows` below
     std::int64_t words;
 
-    [[nodiscard]] const Element* row(std::int64_t index) const {
+    [[nodiscard]] const Left* row(std::int64_t index) const {
         return data + index / block_rows * block_stride + index % block_rows * row_stride;
     }
 };
 
-/// Left operands whose words are not contiguous are copied, `buffer` being large enough.
-template <class Operands>
-LeftPiece<Operands> pack_left(typename Operands::Element* buffer, const LeftMatrix<typename Operands::Element>& left,
-                              std::int64_t rows, std::int64_t elements) {
-    constexpr std::int64_t length = Operands::word_length;
-    const std::int64_t words = chunk_count(elements, length);
-    const std::int64_t inner_stride = block_rows * length;
-    const LeftPiece<Operands> piece{buffer, length, inner_stride, words * inner_stride, words};
-    for (std::int64_t first = 0; first < rows; first += block_rows) {
-        const std::int64_t count = std::min<std::int64_t>(block_rows, rows - first);
-        typename Operands::Element* to = buffer + first * words * length;
-        const typename Operands::Element* from = left.data + first * left.row_stride;
-        if constexpr (length > 1) std::fill_n(to, words * inner_stride, typename Operands::Element());
-        if (length == 1 && left.row_stride == 1 && count == block_rows) {
-            for (std::int64_t i = 0; i < elements; ++i) {
-                for (std::int64_t row = 0; row < block_rows; ++row) to[i * block_rows + row] = from[i * left.inner_stride + row];
-            }
-            continue;
-        }
-        for (std::int64_t i = 0; i < elements; ++i) {
-            for (std::int64_t row = 0; row < count; ++row)
-                to[i / length * inner_stride + row * length + i % length] = from[row * left.row_stride + i * left.inner_stride];
+/// A copy of a left operand whose inner index is not contiguous; `buffer` is large enough.
+template <class T>
+LeftPiece<Numbers<T>> copy_left(T* buffer, const LeftMatrix<T>& left, std::int64_t rows, std::int64_t words) {
+    // Where the rows of the transpose are contiguous, they are read once from one end to the other.
+    const std::int64_t whole = left.row_stride == 1 ? rows / block_rows * block_rows : 0;
+    for (std::int64_t i = 0; whole > 0 && i < words; ++i) {
+        const T* const from = left.data + i * left.inner_stride;
+        for (std::int64_t first = 0; first < whole; first += block_rows) {
+            for (std::int64_t row = 0; row < block_rows; ++row) buffer[first * words + i * block_rows + row] = from[first + row];
         }
     }
-    return piece;
+    for (std::int64_t first = whole; first < rows; first += block_rows) {
+        const std::int64_t count = std::min<std::int64_t>(block_rows, rows - first);
+        const T* const from = left.data + first * left.row_stride;
+        for (std::int64_t i = 0; i < words; ++i) {
+            for (std::int64_t row = 0; row < count; ++row)
+                buffer[first * words + i * block_rows + row] = from[row * left.row_stride + i * left.inner_stride];
+        }
+    }
+    return {buffer, 1, block_rows, words * block_rows, words};
+}
+
+/// Row by row, the last pair with a zero if need be.
+inline LeftPiece<Pairs> copy_left(float* buffer, const LeftMatrix<BFloat16>& left, std::int64_t rows, std::int64_t elements) {
+    const std::int64_t words = chunk_count(elements, Pairs::word_length);
+    const std::int64_t row_stride = words * Pairs::word_length;
+    for (std::int64_t row = 0; row < rows; ++row) {
+        const BFloat16* const from = left.data + row * left.row_stride;
+        float* const to = buffer + row * row_stride;
+        for (std::int64_t i = 0; i < elements; ++i) to[i] = widened(from[i]);
+        if (elements < row_stride) to[elements] = 0.0F;
+    }
+    return {buffer, row_stride, Pairs::word_length, block_rows * row_stride, words};
 }
 
 /// One panel of the right operand times some rows, for one piece of the inner index.
@@ -95,11 +112,12 @@ public:
     using Sum = typename Operands::Sum;
     using Element = typename Operands::Element;
 
-    PanelProduct(Out* c, std::int64_t stride, const Element* panel, std::int64_t columns, const Epilogue<Sum>& epilogue,
-                 bool first_piece, bool last_piece)
+    PanelProduct(Out* c, std::int64_t stride, const Element* panel, std::int64_t panel_stride, std::int64_t columns,
+                 const Epilogue<Sum>& epilogue, bool first_piece, bool last_piece)
         : c_(c),
           stride_(stride),
           panel_(panel),
+          panel_stride_(panel_stride),
           columns_(columns),
           slope_(epilogue.slope),
           activation_(epilogue.activation),
@@ -111,6 +129,7 @@ public:
         } else if (columns == panel_width<Sum>()) {
             bias_ = epilogue.bias;
         } else {
+            padded_bias_.fill(Sum(0));
             std::copy_n(epilogue.bias, columns, padded_bias_.data());
             bias_ = padded_bias_.data();
         }
@@ -134,8 +153,8 @@ private:
     template <int vectors>
     HWY_INLINE void multiply_rows(const LeftPiece<Operands>& left, std::int64_t row, int height) {
         Out* const c = c_ + row * stride_;
-        Block<Operands> block{bias_,  0,         sums_.data(), width, left.row(row), left.row_stride, left.inner_stride,
-                              panel_, left.words};
+        Block<Operands> block{
+            bias_, 0, sums_.data(), width, left.row(row), left.row_stride, left.inner_stride, panel_, panel_stride_, left.words};
         if constexpr (std::is_same_v<Out, Sum>) {
             if (direct_ && adds_) block.start = c, block.start_stride = stride_;
             if (direct_ && !activates()) block.sums = c, block.sums_stride = stride_;
@@ -151,8 +170,9 @@ private:
 
     void read_present_values(const Out* c, int height) {
         for (int i = 0; i < height; ++i) {
-            for (std::int64_t j = 0; j < columns_; ++j)
-                sums_[static_cast<std::size_t>(i * width + j)] = converted(c[i * stride_ + j]);
+            Sum* const row = sums_.data() + i * width;
+            for (std::int64_t j = 0; j < columns_; ++j) row[j] = converted(c[i * stride_ + j]);
+            std::fill(row + columns_, row + width, Sum(0));
         }
     }
 
@@ -181,6 +201,7 @@ private:
     Out* c_;
     std::int64_t stride_;
     const Element* panel_;
+    std::int64_t panel_stride_;  ///< between words
     std::int64_t columns_;
     Sum* slope_;
     Activation activation_;
@@ -188,7 +209,7 @@ private:
     bool finishes_;  ///< the whole sum is there afterwards
     bool direct_;    ///< the panel's blocks fit c as they are
     const Sum* bias_;
-    std::array<Sum, static_cast<std::size_t>(width)> padded_bias_{};
+    std::array<Sum, static_cast<std::size_t>(width)> padded_bias_;
     alignas(HWY_MAX_BYTES) std::array<Sum, static_cast<std::size_t>(block_rows* width)> sums_{};
 };
 
@@ -199,29 +220,39 @@ void multiply(Out* c, std::int64_t stride, const LeftMatrix<Element>& left, std:
     const std::int64_t k = right.inner_length();
     // Results that cannot hold a partial sum need all of it at once.
     const std::int64_t piece = std::is_same_v<Out, Sum> ? inner_block * length : std::max<std::int64_t>(k, 1);
-    const bool packs = left.inner_stride != 1 || k % length != 0;
-    std::vector<Element> packed;
-    if (packs)
-        packed.resize(static_cast<std::size_t>(chunk_count(std::min(m, row_block), block_rows) * block_rows *
-                                               chunk_count(std::min(piece, k), length) * length));
-    for (std::int64_t row = 0; row < m; row += row_block) {
-        const std::int64_t rows = std::min(row_block, m - row);
+    const std::int64_t most_rows = row_block<Sum>(k, right.columns());
+    // Copying pays if several panels read the copy.
+    const bool copies = length > 1 || (left.inner_stride != 1 && (left.row_stride != 1 || right.columns() > most_unpacked));
+    std::unique_ptr<typename Operands::Left[]> copy;
+    if (copies) {
+        const std::int64_t rows = chunk_count(std::min(m, most_rows), block_rows) * block_rows;
+        copy = std::make_unique_for_overwrite<typename Operands::Left[]>(
+            static_cast<std::size_t>(rows * chunk_count(std::min(piece, k), length) * length));
+    }
+    for (std::int64_t row = 0; row < m; row += most_rows) {
+        const std::int64_t rows = std::min(most_rows, m - row);
         // At least once, so that an empty sum gets its epilogue.
         std::int64_t inner = 0;
         do {
             const std::int64_t elements = std::min(piece, k - inner);
             const LeftMatrix<Element> part{left.data + row * left.row_stride + inner * left.inner_stride, left.row_stride,
                                            left.inner_stride};
-            const LeftPiece<Operands> words =
-                packs ? pack_left<Operands>(packed.data(), part, rows, elements)
-                      : LeftPiece<Operands>{part.data, part.row_stride, length, block_rows * part.row_stride, elements / length};
+            const LeftPiece<Operands> words = [&] {
+                if constexpr (length == 1) {
+                    if (!copies)
+                        return LeftPiece<Operands>{part.data, part.row_stride, part.inner_stride, block_rows * part.row_stride,
+                                                   elements};
+                }
+                return copy_left(copy.get(), part, rows, elements);
+            }();
             for (std::int64_t column = 0; column < right.columns(); column += right.panel_width()) {
                 Epilogue<Sum> of_columns = epilogue;
                 if (epilogue.bias != nullptr) of_columns.bias += column;
                 if (epilogue.slope != nullptr) of_columns.slope += row * stride + column;
                 PanelProduct<Operands, Out>(
-                    c + row * stride + column, stride, right.panel(column / right.panel_width()) + inner * right.panel_width(),
-                    std::min(right.panel_width(), right.columns() - column), of_columns, inner == 0, inner + elements == k)
+                    c + row * stride + column, stride, right.panel(column / right.panel_width()) + inner * right.inner_stride(),
+                    right.inner_stride() * length, std::min(right.panel_width(), right.columns() - column), of_columns,
+                    inner == 0, inner + elements == k)
                     .multiply(words, rows);
             }
             inner += elements;
@@ -242,11 +273,7 @@ void multiply_double(double* c, std::int64_t stride, const LeftMatrix<double>& l
 template <class Out>
 void multiply_pairs(Out* c, std::int64_t stride, const LeftMatrix<BFloat16>& left, std::int64_t m,
                     const PackedMatrix<BFloat16>& right, const Epilogue<float>& epilogue) {
-    if (has_bfloat16_dot_product()) {
-        multiply<Pairs<true>>(c, stride, left, m, right, epilogue);
-    } else {
-        multiply<Pairs<false>>(c, stride, left, m, right, epilogue);
-    }
+    multiply<Pairs>(c, stride, left, m, right, epilogue);
 }
 
 void multiply_pairs_to_float(float* c, std::int64_t stride, const LeftMatrix<BFloat16>& left, std::int64_t m,
@@ -347,19 +374,35 @@ constexpr std::int64_t packing_grain = 65536;
 /// Alignment of panels, in bytes.
 constexpr std::uintptr_t alignment = 64;
 
-/// One panel: element (i, j) of `columns` columns.
+/// Panels of b, each `width` columns, that begin with column 0.
+template <class T>
+struct Panels {
+    T* to;
+    std::int64_t k;
+    std::int64_t width;
+    std::int64_t size;  ///< of one panel
+};
+
+/// Columns that lie side by side: the rows are read once from one end to the other.
+template <class T>
+void pack_rows(const Panels<T>& panels, const T* from, std::int64_t columns, std::int64_t inner_stride) {
+    for (std::int64_t i = 0; i < panels.k; ++i, from += inner_stride) {
+        T* to = panels.to + i * panels.width;
+        std::int64_t first = 0;
+        for (; first + panels.width <= columns; first += panels.width, to += panels.size) {
+            for (std::int64_t j = 0; j < panels.width; ++j) to[j] = from[first + j];
+        }
+        for (std::int64_t j = first; j < columns; ++j) to[j - first] = from[j];
+        if (first < columns) std::fill(to + columns - first, to + panels.width, T(0));
+    }
+}
+
 template <class T>
 void pack_panel(T* to, const T* from, std::int64_t k, std::int64_t columns, std::int64_t width, std::int64_t inner_stride,
                 std::int64_t column_stride) {
     for (std::int64_t i = 0; i < k; ++i) {
-        T* const row = to + i * width;
-        const T* const source = from + i * inner_stride;
-        if (column_stride == 1) {
-            for (std::int64_t j = 0; j < columns; ++j) row[j] = source[j];
-        } else {
-            for (std::int64_t j = 0; j < columns; ++j) row[j] = source[j * column_stride];
-        }
-        for (std::int64_t j = columns; j < width; ++j) row[j] = T(0);
+        for (std::int64_t j = 0; j < columns; ++j) to[i * width + j] = from[i * inner_stride + j * column_stride];
+        std::fill(to + i * width + columns, to + (i + 1) * width, T(0));
     }
 }
 
@@ -372,12 +415,17 @@ void pack_panel(BFloat16* to, const float* from, std::int64_t k, std::int64_t co
     }
 }
 
+template <class T>
+std::int64_t panel_width_of() {
+    return HWY_DYNAMIC_DISPATCH(panel_bytes)() / static_cast<std::int64_t>(sizeof(T));
+}
+
 }  // namespace
 
 template <class T>
 PackedMatrix<T>::PackedMatrix(const Source* b, std::int64_t k, std::int64_t n, std::int64_t inner_stride,
                               std::int64_t column_stride)
-    : k_(k), n_(n), panel_width_(HWY_DYNAMIC_DISPATCH(panel_bytes)() / static_cast<std::int64_t>(sizeof(Source))) {
+    : k_(k), n_(n), panel_width_(panel_width_of<Source>()), inner_stride_(panel_width_) {
     constexpr std::int64_t word_length = std::is_same_v<T, BFloat16> ? 2 : 1;
     panel_size_ = chunk_count(k, word_length) * word_length * panel_width_;
     const std::int64_t count = chunk_count(n, panel_width_);
@@ -387,6 +435,13 @@ PackedMatrix<T>::PackedMatrix(const Source* b, std::int64_t k, std::int64_t n, s
     T* const panels = storage.get() + (alignment - address % alignment) % alignment / sizeof(T);
     const std::int64_t grain = std::max<std::int64_t>(1, packing_grain / std::max<std::int64_t>(1, panel_size_));
     parallel_for(count, grain, [&](std::int64_t begin, std::int64_t end) {
+        if constexpr (std::is_same_v<T, Source>) {
+            if (column_stride == 1) {
+                pack_rows(Panels<T>{panels + begin * panel_size_, k, panel_width_, panel_size_}, b + begin * panel_width_,
+                          std::min(n, end * panel_width_) - begin * panel_width_, inner_stride);
+                return;
+            }
+        }
         for (std::int64_t index = begin; index < end; ++index) {
             const std::int64_t first = index * panel_width_;
             pack_panel(panels + index * panel_size_, b + first * column_stride, k, std::min(panel_width_, n - first),
@@ -395,6 +450,17 @@ PackedMatrix<T>::PackedMatrix(const Source* b, std::int64_t k, std::int64_t n, s
     });
     panels_ = panels;
     storage_ = storage;
+}
+
+template <class T>
+PackedMatrix<T> PackedMatrix<T>::in_place(const T* b, std::int64_t k, std::int64_t n, std::int64_t inner_stride) {
+    PackedMatrix view;
+    view.k_ = k;
+    view.n_ = n;
+    view.panel_width_ = view.panel_size_ = panel_width_of<Source>();
+    view.inner_stride_ = inner_stride;
+    view.panels_ = b;
+    return view;
 }
 
 template class PackedMatrix<float>;

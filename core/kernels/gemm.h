@@ -39,18 +39,24 @@ public:
     /// Element (i, j) is b[i * inner_stride + j * column_stride]. A large matrix is packed by several threads.
     PackedMatrix(const Source* b, std::int64_t k, std::int64_t n, std::int64_t inner_stride, std::int64_t column_stride);
 
+    /// Views b as it stands, rows `inner_stride` apart, whose columns are a multiple of `panel_width()`: for products of so few
+    /// rows that packing would not pay. Not of BFloat16; b must outlive the view.
+    [[nodiscard]] static PackedMatrix in_place(const T* b, std::int64_t k, std::int64_t n, std::int64_t inner_stride);
+
     [[nodiscard]] std::int64_t inner_length() const { return k_; }
     [[nodiscard]] std::int64_t columns() const { return n_; }
     [[nodiscard]] std::int64_t panel_width() const { return panel_width_; }
-    /// All k rows of `panel_width` columns side by side, zeros beyond column n; 64-byte aligned. Of BFloat16, rows 2i and 2i + 1
-    /// interleave, the last one with zeros if k is odd.
+    [[nodiscard]] std::int64_t inner_stride() const { return inner_stride_; }
+    /// All k rows of `panel_width` columns, `inner_stride()` apart; packed, they are 64-byte aligned, side by side, and zeros
+    /// beyond column n. Of BFloat16, rows 2i and 2i + 1 interleave, the last one with zeros if k is odd.
     [[nodiscard]] const T* panel(std::int64_t index) const { return panels_ + index * panel_size_; }
 
 private:
     std::int64_t k_ = 0;
     std::int64_t n_ = 0;
     std::int64_t panel_width_ = 0;
-    std::int64_t panel_size_ = 0;
+    std::int64_t inner_stride_ = 0;
+    std::int64_t panel_size_ = 0;  ///< from one panel to the next
     const T* panels_ = nullptr;
     std::shared_ptr<const T[]> storage_;  ///< never written again, so that copies may share it
 };

@@ -21,6 +21,8 @@ constexpr std::int64_t packed_inner = 512;
 constexpr std::int64_t packed_columns = 512;
 /// So few rows or columns of a result are inner products with each of them.
 constexpr std::int64_t few = 4;
+/// Rows up to which a product reads its right operand as it stands: packing pays if it is read several times.
+constexpr std::int64_t rows_in_place = 12;
 /// Multiply-adds that are worth a thread's while.
 constexpr std::int64_t product_grain = 32768;
 
@@ -39,6 +41,12 @@ struct RightMatrix {
     std::int64_t inner_stride;
     std::int64_t column_stride;
 
+    /// For a single product of m rows, for which the first columns may stay where they are: as many as this returns.
+    [[nodiscard]] std::int64_t columns_in_place(std::int64_t m, std::int64_t n) const {
+        const std::int64_t width = PackedMatrix<T>::in_place(nullptr, 0, 0, 0).panel_width();
+        return m <= rows_in_place && column_stride == 1 ? n / width * width : 0;
+    }
+
     [[nodiscard]] PackedMatrix<T> pack(std::int64_t first_inner, std::int64_t k, std::int64_t first_column,
                                        std::int64_t n) const {
         return PackedMatrix<T>(data + first_inner * inner_stride + first_column * column_stride, k, n, inner_stride,
@@ -55,7 +63,13 @@ RightMatrix<T> right_matrix(const T* b, std::int64_t n, std::int64_t k, MatmulOp
 template <class T>
 void multiply_once(T* c, std::int64_t stride, const LeftMatrix<T>& left, std::int64_t m, const RightMatrix<T>& right,
                    std::int64_t k, std::int64_t first, std::int64_t last, bool accumulate) {
-    for (std::int64_t column = first; column < last; column += packed_columns) {
+    const std::int64_t in_place = right.columns_in_place(m, last - first);
+    if (in_place > 0) {
+        multiply_packed<T>(c + first, stride, left, m,
+                           PackedMatrix<T>::in_place(right.data + first, k, in_place, right.inner_stride),
+                           {.present_values = accumulate});
+    }
+    for (std::int64_t column = first + in_place; column < last; column += packed_columns) {
         const std::int64_t columns = std::min(packed_columns, last - column);
         // At least once, so that an empty sum gives zeros.
         std::int64_t inner = 0;

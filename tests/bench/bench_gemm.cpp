@@ -54,9 +54,9 @@ public:
             1e-9 * peak_.triad_bytes);
     }
 
-    /// `multiply_adds`: of one call.
+    /// `multiply_adds`: of one call. Relative to float32, for bfloat16 too: it is computed that way.
     template <class Function>
-    void row(const std::string& name, double multiply_adds, bool bfloat16, Function function) {
+    void row(const std::string& name, double multiply_adds, Function function) {
         if (name.find(arguments_.filter) == std::string::npos) return;
         function();
         std::vector<double> seconds;
@@ -69,7 +69,7 @@ public:
         const double median = seconds[seconds.size() / 2];
         const double rate = 2.0 * multiply_adds / median;
         std::printf("%s\n  {\"name\": \"%s\", \"ms\": %.4f, \"gflops\": %.1f, \"of_peak\": %.3f}", separator_, name.c_str(),
-                    1e3 * median, 1e-9 * rate, rate / (bfloat16 ? peak_.bfloat16_multiply_adds : peak_.multiply_adds));
+                    1e3 * median, 1e-9 * rate, rate / peak_.multiply_adds);
         std::fflush(stdout);
         separator_ = ",";
     }
@@ -107,7 +107,6 @@ std::vector<T> converted(const Tensor& x) {
 /// One layer from memory to memory, and eight of them on tiles that stay in the second-level cache.
 template <class T>
 void bench_layers(Table& table, const std::string& type) {
-    const bool bfloat16 = std::is_same_v<T, BFloat16>;
     const Tensor weight = draw({width, width});
     const Tensor bias = draw({width});
     const std::vector<T> x = converted<T>(draw({points, width}));
@@ -119,12 +118,12 @@ void bench_layers(Table& table, const std::string& type) {
         const auto layer = [&](T* to, const T* from, std::int64_t rows) {
             kernels::multiply_packed(to, width, kernels::LeftMatrix<T>{from, width}, rows, packed, epilogue);
         };
-        table.row(type + " 65536x256x256" + name, double(points * width * width), bfloat16, [&] {
+        table.row(type + " 65536x256x256" + name, double(points * width * width), [&] {
             parallel_for(points, tile, [&](std::int64_t begin, std::int64_t end) {
                 layer(y.data() + begin * width, x.data() + begin * width, end - begin);
             });
         });
-        table.row(type + " 65536x256x256 eight layers by tiles" + name, 8.0 * double(points * width * width), bfloat16, [&] {
+        table.row(type + " 65536x256x256 eight layers by tiles" + name, 8.0 * double(points * width * width), [&] {
             parallel_for(points, tile, [&](std::int64_t begin, std::int64_t end) {
                 std::vector<T> buffer(static_cast<std::size_t>(tile * width));
                 T* const to = y.data() + begin * width;
@@ -177,7 +176,7 @@ void bench_matmul(Table& table) {
         const Tensor b = draw(s.options.transpose_b ? Shape{s.batch, s.n, s.k} : Shape{s.batch, s.k, s.n});
         const std::string name = std::string("matmul ") + std::to_string(s.batch) + "x" + std::to_string(s.m) + "x" +
                                  std::to_string(s.k) + "x" + std::to_string(s.n) + " " + s.use;
-        table.row(name, double(s.batch * s.m * s.k * s.n), false, [&] { static_cast<void>(kernels::matmul(a, b, s.options)); });
+        table.row(name, double(s.batch * s.m * s.k * s.n), [&] { static_cast<void>(kernels::matmul(a, b, s.options)); });
     }
 }
 

@@ -134,7 +134,8 @@ TEST_CASE("the density alone is what rendering composites") {
     const Variable density = model.decoder.density(decoded.samples.points, model.decoder.map(z));
     CHECK(density.shape() == Shape{1, 6144, 1});
     const CompositeWeights weights = composite_weights(reshape(density, decoded.samples.deltas.shape()), decoded.samples.deltas);
-    CHECK(check_close(decoded.weights.weights.value(), weights.weights.value(), 1e-5).passed);
+    // Rendering goes ray tile by ray tile, so sums end elsewhere.
+    CHECK(check_close(weights.weights.value(), decoded.weights.weights.value(), 1e-5).passed);
 }
 
 TEST_CASE("at the start every ray is partly opaque, so that gradients flow everywhere") {

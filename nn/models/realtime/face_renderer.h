@@ -20,7 +20,7 @@ struct RendererOptions {
     RenderMode mode = RenderMode::skip;
     std::int64_t samples_per_ray = 64;
     std::int64_t resolution = 0;        ///< 0: the model's own
-    double tolerance = 1e-2;            ///< compositing weight that the samples left out on one ray may have together
+    double tolerance = 0.05;            ///< compositing weight that samples left out in a row may have together
     std::int64_t bake_resolution = 96;  ///< cells along one side of the baked cube
     bool mask = false;
     bool depth = false;
@@ -36,8 +36,8 @@ struct RenderCounts {
 };
 
 /// Shows one face of a trained model from many sides. Folds the layers for the codes once, keeps what does not change from frame
-/// to frame (density structure for identity and expression; feature map while neither they nor the camera change), and allocates
-/// nothing for a frame after the first of its kind.
+/// to frame (density structure for identity and expression, filled by the views that need it; feature map while neither they nor
+/// the camera change), and allocates nothing for a view whose surroundings have been seen, once the view before is released.
 class FaceRenderer {
 public:
     /// The model outlives the renderer. Throws ValueError for a resolution or a number of samples that the model cannot render.

@@ -1,0 +1,46 @@
+#include "apps/bench/frames.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/metrics.h"
+
+namespace stymo {
+
+Timing time_frames(const BenchSubject& subject, FaceRenderer& renderer, int repeats) {
+    constexpr double seconds_of_a_face = 0.2;
+    Timing timing;
+    std::size_t view = 0;
+    for (std::int64_t face = 0; face < subject.codes.batch(); ++face) {
+        renderer.show(subject.codes, face);
+        const auto next = [&] { static_cast<void>(renderer.render(subject.views[view++ % subject.views.size()])); };
+        const Timing of_face = time_repeated(repeats, seconds_of_a_face, next);
+        timing.seconds.insert(timing.seconds.end(), of_face.seconds.begin(), of_face.seconds.end());
+    }
+    return timing;
+}
+
+Pictures all_pictures(const BenchSubject& subject, const RendererOptions& options) {
+    FaceRenderer renderer(subject.model, options);
+    Pictures pictures;
+    for (std::int64_t face = 0; face < subject.codes.batch(); ++face) {
+        renderer.show(subject.codes, face);
+        for (const Camera& view : subject.views) pictures.push_back(renderer.render(view).picture);
+    }
+    return pictures;
+}
+
+PictureError error_of(const Pictures& pictures, const Pictures& exact) {
+    PictureError error;
+    double squares = 0.0;
+    for (std::size_t i = 0; i < exact.size(); ++i) {
+        const double psnr = peak_signal_to_noise_ratio(pictures.at(i), exact[i]);
+        error.psnr_mean += psnr / static_cast<double>(exact.size());
+        error.psnr_worst = std::min(error.psnr_worst, psnr);
+        squares += std::pow(10.0, -psnr / 10.0) / static_cast<double>(exact.size());
+    }
+    error.root_mean_square = std::sqrt(squares);
+    return error;
+}
+
+}  // namespace stymo

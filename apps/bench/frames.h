@@ -1,0 +1,28 @@
+#pragma once
+
+#include <cstddef>
+#include <limits>
+#include <vector>
+
+#include "apps/bench/subject.h"
+#include "apps/bench/timing.h"
+#include "nn/models/realtime/face_renderer.h"
+
+namespace stymo {
+
+/// Times frames of each face in turn, every one from another side than the one before.
+[[nodiscard]] Timing time_frames(const BenchSubject& subject, FaceRenderer& renderer, int repeats);
+
+/// The pictures of every face from every side that others are held against.
+using Pictures = std::vector<Tensor>;
+[[nodiscard]] Pictures all_pictures(const BenchSubject& subject, const RendererOptions& options);
+
+/// How far pictures are from those that they stand for; peak 1.
+struct PictureError {
+    double psnr_mean = 0.0;                                       ///< dB, mean over the pictures
+    double psnr_worst = std::numeric_limits<double>::infinity();  ///< infinite where all are equal
+    double root_mean_square = 0.0;                                ///< over all numbers of all pictures
+};
+[[nodiscard]] PictureError error_of(const Pictures& pictures, const Pictures& exact);
+
+}  // namespace stymo

@@ -1,0 +1,68 @@
+#include <string>
+#include <vector>
+
+#include "apps/bench/case.h"
+#include "core/kernels/gemm.h"
+#include "core/kernels/peak.h"
+#include "core/parallel.h"
+
+namespace stymo {
+
+namespace {
+
+// A layer of the field, on the samples of an exact frame.
+constexpr std::int64_t points = 65536;
+constexpr std::int64_t width = 256;
+/// Rows that stay in the second-level cache with the weights.
+constexpr std::int64_t tile = 256;
+constexpr double layer_work = static_cast<double>(points) * width * width;
+
+std::vector<float> numbers(std::int64_t count, double deviation, Rng& rng) {
+    const Tensor drawn = rng.normal({count}, 0.0, deviation);
+    const auto values = drawn.values<float>();
+    return {values.begin(), values.end()};
+}
+
+/// T: float or BFloat16.
+template <class T>
+Measurement layer(const BenchRun& run, Activation activation, Limit limit) {
+    Rng rng = Rng(run.seed).split("layer");
+    const std::vector<float> weight = numbers(width * width, 0.1, rng);
+    const std::vector<float> bias = numbers(width, 0.1, rng);
+    const kernels::PackedMatrix<T> packed(weight.data(), width, width, 1, width);
+    std::vector<T> x(static_cast<std::size_t>(points * width)), y(x.size());
+    if constexpr (std::is_same_v<T, float>) x = numbers(points * width, 1.0, rng);
+    const kernels::Epilogue<float> epilogue{.bias = bias.data(), .activation = activation};
+    const auto all_tiles = [&] {
+        parallel_for(points, tile, [&](std::int64_t begin, std::int64_t end) {
+            kernels::multiply_packed(y.data() + begin * width, width, {x.data() + begin * width, width}, end - begin, packed,
+                                     epilogue);
+        });
+    };
+    return {.timing = time_repeated(run.options.repeats, 0.5, all_tiles),
+            .work = layer_work,
+            .limit = limit,
+            .peak_memory = peak_memory_mebibytes()};
+}
+
+Measurement product(const BenchRun& run) {
+    return layer<float>(run, Activation::none, Limit::float32);
+}
+Measurement sine_layer(const BenchRun& run) {
+    return layer<float>(run, Activation::sine, Limit::float32);
+}
+Measurement sine_layer_bf16(const BenchRun& run) {
+    return layer<kernels::BFloat16>(run, Activation::sine, Limit::bfloat16);
+}
+
+}  // namespace
+
+std::vector<BenchCase> kernel_cases() {
+    return {
+        {.name = "product", .command = "kernels", .what = "65536 x 256 times 256 x 256, float32", .measure = product},
+        {.name = "sine-layer", .command = "kernels", .what = "the same with bias and sine", .measure = sine_layer},
+        {.name = "sine-layer-bf16", .command = "kernels", .what = "the same in 16 bits", .measure = sine_layer_bf16},
+    };
+}
+
+}  // namespace stymo

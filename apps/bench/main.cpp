@@ -1,0 +1,53 @@
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "apps/bench/session.h"
+#include "apps/common/command_line.h"
+
+namespace {
+
+void declare(stymo::Command& command, stymo::BenchOptions& options) {
+    command.option("--model", options.model, "model.safetensors of a training run; without one paper-512 with random weights");
+    command.option("--data", options.data, "folder of photos in FFHQ format whose codes are shown; without one random ones");
+    command.option("--repeats", options.repeats, "measurements of each time, of which the median counts").range(1, 1000);
+    command.option("--faces", options.faces, "number of faces").range(1, 1000);
+    command.option("--views", options.views, "views of each face that errors are measured on").range(1, 1000);
+    command.option("--samples", options.samples, "samples per ray").range(2, 4096);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    stymo::SessionOptions options;
+    std::string row;
+    stymo::CommandLine line("stymo-bench",
+                            "Measures speed, with its ratio to the machine's peak and to PyTorch, and what it costs in error.");
+    const std::vector<std::pair<std::string, std::string>> sessions{
+        {"render", "Frames: exact, without what does not count, in 16 bits; with --out also the curve."},
+        {"edit", "Texture and light of a shown view."},
+        {"bake", "Views of a head whose field is sampled once."},
+        {"fit", "Steps of fitting."},
+        {"train", "Steps of the first training stage."},
+        {"disc", "Updates of the discriminator."},
+        {"kernels", "A layer of the field by itself."},
+        {"curve", "Error against frame time over samples, tolerance, precision, baked resolution."},
+        {"growth", "How the time of a frame grows with samples, size, width and threads."},
+        {"all", "All of these."}};
+    for (const auto& [name, description] : sessions) {
+        const auto body = [&options, name = name](const stymo::CommonOptions& common) {
+            return stymo::bench_session(name, options, common);
+        };
+        stymo::Command command = line.command(name, description, body);
+        declare(command, options.bench);
+        command.option("--peer", options.peer, "scripts/torch_peer.py: the same in PyTorch, run beside each row");
+        command.option("--out", options.out, "folder for the tables as JSON, CSV and Markdown, and for the curve as SVG");
+    }
+    stymo::Command one =
+        line.command("row", "One row in this process, without the peer.",
+                     [&](const stymo::CommonOptions& common) { return stymo::bench_row(row, options.bench, common); });
+    one.option("NAME", row, "the row").required();
+    declare(one, options.bench);
+    line.command("rows", "Lists all rows.", [](const stymo::CommonOptions&) { return stymo::bench_row_names(); });
+    return line.run(argc, argv);
+}

@@ -1,0 +1,175 @@
+#include <algorithm>
+#include <utility>
+
+#include "apps/bench/case.h"
+#include "apps/bench/work.h"
+#include "core/autograd/grad.h"
+#include "core/clock.h"
+#include "fit/fitter.h"
+#include "nn/adversarial.h"
+#include "nn/models/discriminator.h"
+#include "nn/optim/adam.h"
+#include "train/reconstruction_stage.h"
+
+namespace stymo {
+
+namespace {
+
+constexpr const char* perceptual_network = "vgg16";
+
+/// The model's loss with LPIPS of VGG-16 or without. Its weights are random ones: they do not change the time.
+ReconstructionConfig loss_config(const ModelConfig& config, bool perceptual) {
+    ReconstructionConfig loss = config.reconstruction;
+    constexpr double usual_weight = 0.1;
+    if (!perceptual) {
+        loss.perceptual_weight = 0.0;
+    } else if (loss.perceptual_weight == 0.0) {
+        loss.perceptual_weight = usual_weight;
+    }
+    loss.perceptual = {.network = perceptual_network, .trunk = "random", .heads = "random"};
+    return loss;
+}
+
+BenchOptions with_one_face(BenchOptions options) {
+    options.faces = 1;
+    return options;
+}
+
+/// A step goes forwards and backwards to the codes, which costs as much as forwards again; so does the trunk for the picture,
+/// while the photo's features are kept.
+Measurement fit_step(const BenchRun& run, bool perceptual) {
+    const BenchSubject subject = make_subject(with_one_face(run.options), run.seed);
+    const ReconstructionLoss loss(loss_config(subject.model.config(), perceptual));
+    const TrainingBatch batch = make_batch(subject.photos);
+    Measurement result;
+    double last = 0.0;
+    FitOptions fit{.steps = run.options.repeats + 1, .samples_per_ray = run.options.samples};
+    fit.on_step = [&](std::int64_t step, double) {
+        const double now = seconds_now();
+        if (step > 1) result.timing.seconds.push_back(now - last);
+        last = now;
+    };
+    static_cast<void>(fit_codes(subject.model, loss, {batch.input, batch.targets, batch.cameras}, fit));
+    result.peak_memory = peak_memory_mebibytes();
+    const double forward = frame_work(subject.model).of_frame(run.options.samples) +
+                           (perceptual ? trunk_work(perceptual_network, subject.model.config().decoder.resolution) : 0.0);
+    result.work = 2.0 * forward;
+    return result;
+}
+
+Measurement fit_step_photometric(const BenchRun& run) {
+    return fit_step(run, false);
+}
+Measurement fit_step_perceptual(const BenchRun& run) {
+    return fit_step(run, true);
+}
+
+/// One step of the first stage on one image, with encoder and optimiser. Of the work only decoder and trunk are counted: forwards
+/// and twice as much backwards through the decoder; photo, picture and back through the trunk.
+Measurement train_step(const BenchRun& run, bool perceptual) {
+    BenchSubject subject = make_subject(with_one_face(run.options), run.seed);
+    TrainConfig config;
+    config.model = subject.model.config();
+    const ReconstructionLoss loss(loss_config(config.model, perceptual));
+    const TrainingBatch batch = make_batch(subject.photos);
+    subject.model.parameters().set_trainable("", true);
+    // The mask branch has a loss of its own, which sets in later.
+    subject.model.parameters().set_trainable("decoder.mask.", false);
+    const std::vector<Parameter> parameters = subject.model.parameters().trainable();
+    Adam adam;
+    Rng jitter = Rng(run.seed).split("jitter");
+    const auto step = [&] {
+        const LossAndGradients result = reconstruction_gradients(subject.model, loss, batch, config, parameters, false, jitter);
+        adam.step(parameters, result.gradients, config.optimizer.learning_rate);
+    };
+    Measurement result{.timing = time_repeated(run.options.repeats, 0.0, step)};
+    result.peak_memory = peak_memory_mebibytes();
+    result.work = 3.0 * frame_work(subject.model).of_frame(config.stage1.samples_per_ray) +
+                  (perceptual ? 3.0 * trunk_work(perceptual_network, config.model.decoder.resolution) : 0.0);
+    result.remark = "with the encoder, which the peer does without";
+    return result;
+}
+
+Measurement train_step_photometric(const BenchRun& run) {
+    return train_step(run, false);
+}
+Measurement train_step_perceptual(const BenchRun& run) {
+    return train_step(run, true);
+}
+
+/// An update of the discriminator by `loss_of`, on a batch of four random pictures. `passes`: how often the work of a forward
+/// pass is done.
+template <class Loss>
+Measurement discriminator_step(const BenchRun& run, double passes, Loss loss_of) {
+    constexpr std::int64_t batch = 4;
+    constexpr std::int64_t largest = 256;
+    constexpr const char* name = "discriminator";
+    const BenchSubject subject = make_subject(with_one_face(run.options), run.seed);
+    const std::int64_t side = std::min(largest, subject.model.config().decoder.resolution);
+    Rng rng = Rng(run.seed).split(name);
+    ParameterStore parameters;
+    const Discriminator discriminator({}, side, parameters, name, rng);
+    // Of the entrances only that of the pictures themselves is in use.
+    for (std::int64_t s = 64; s < side; s *= 2) parameters.set_trainable(name + (".from_rgb" + std::to_string(s)) + ".", false);
+    const std::vector<Parameter> trained = parameters.trainable();
+    const Tensor pictures = rng.uniform({batch, side, side, 3}, -1.0, 1.0);
+    Adam adam({.beta1 = 0.0, .beta2 = 0.99});
+    const auto step = [&] {
+        const Variable loss = loss_of(discriminator, pictures);
+        adam.step(trained, grad(loss, variables_of(trained)), 1e-4);
+    };
+    Measurement result{.timing = time_repeated(run.options.repeats, 0.0, step)};
+    result.peak_memory = peak_memory_mebibytes();
+    result.work = passes * batch * discriminator_work(parameters, name, side);
+    return result;
+}
+
+Measurement discriminator_update(const BenchRun& run) {
+    constexpr double forward_and_backward = 3.0;
+    return discriminator_step(run, forward_and_backward, [](const Discriminator& discriminator, const Tensor& pictures) {
+        return real_loss(discriminator(Variable(pictures)));
+    });
+}
+
+Measurement r1_update(const BenchRun& run) {
+    // Forwards and to the pictures, then backwards through both: to the weights and to what each layer was given.
+    constexpr double twice_backward = 6.0;
+    return discriminator_step(run, twice_backward, [](const Discriminator& discriminator, const Tensor& pictures) {
+        return r1_penalty([&](const Variable& images) { return discriminator(images); }, pictures);
+    });
+}
+
+}  // namespace
+
+std::vector<BenchCase> step_cases() {
+    return {
+        {.name = "fit-step-photometric",
+         .command = "fit",
+         .what = "fitting step without LPIPS",
+         .peer = "fit",
+         .measure = fit_step_photometric},
+        {.name = "fit-step",
+         .command = "fit",
+         .what = "fitting step with LPIPS (VGG-16)",
+         .peer = "fit-lpips",
+         .measure = fit_step_perceptual},
+        {.name = "train-step-photometric",
+         .command = "train",
+         .what = "stage 1, one image, 32 samples, without LPIPS",
+         .peer = "train",
+         .measure = train_step_photometric},
+        {.name = "train-step",
+         .command = "train",
+         .what = "stage 1, one image, 32 samples, LPIPS (VGG-16)",
+         .peer = "train-lpips",
+         .measure = train_step_perceptual},
+        {.name = "discriminator-update",
+         .command = "disc",
+         .what = "discriminator on 4 pictures of 256 pixels",
+         .peer = "disc",
+         .measure = discriminator_update},
+        {.name = "r1-update", .command = "disc", .what = "its R1 penalty on them", .peer = "r1", .measure = r1_update},
+    };
+}
+
+}  // namespace stymo

@@ -1,0 +1,81 @@
+#include "apps/bench/work.h"
+
+#include <algorithm>
+
+#include "nn/models/perceptual/trunk.h"
+
+namespace stymo {
+
+namespace {
+
+double size_of(const FoldedLayer& layer) {
+    return static_cast<double>(layer.weight.size());
+}
+
+Codes any_code() {
+    Codes z;
+    for (std::size_t group = 0; group < code_sizes.size(); ++group) z.groups[group] = Tensor::zeros({1, code_sizes[group]});
+    return z;
+}
+
+double area(std::int64_t side) {
+    return static_cast<double>(side * side);
+}
+
+}  // namespace
+
+double FrameWork::of_field(std::int64_t samples_per_ray) const {
+    return rays * (field_sample * static_cast<double>(samples_per_ray) + ray);
+}
+
+FrameWork frame_work(const Model& model, std::int64_t resolution) {
+    const DecoderConfig& config = model.decoder().config();
+    const Codes w = model.decoder().map(any_code());
+    const FoldedField field = model.decoder().folded_field(w);
+    FrameWork work;
+    for (const FoldedLayer& layer : field.layers) work.field_sample += size_of(layer);
+    work.field_sample += size_of(field.density) + size_of(field.feature0);
+    work.ray = size_of(field.feature1);
+    work.rays = area(config.rays.rays_per_side);
+    const std::int64_t last = resolution > 0 ? resolution : config.resolution;
+    std::int64_t side = config.rays.rays_per_side;
+    for (const FoldedRenderBlock& block : model.decoder().folded_blocks(w)) {
+        if (side >= last) break;
+        work.blocks += area(side) * size_of(block.detail);
+        side *= 2;
+        work.blocks += area(side) * (size_of(block.modulated0) + size_of(block.modulated1) + size_of(block.to_rgb));
+    }
+    return work;
+}
+
+double trunk_work(const std::string& network, std::int64_t side) {
+    const auto& all = trunk_descriptions();
+    const auto description = std::ranges::find(all, network, &TrunkDescription::name);
+    double work = 0.0;
+    std::int64_t channels = 3;
+    for (const TrunkLayer& layer : description->layers) {
+        if (layer.kind == TrunkLayer::Kind::fire) return 0.0;
+        side = (side + 2 * layer.padding - layer.kernel) / layer.stride + 1;
+        if (layer.kind == TrunkLayer::Kind::max_pool) continue;
+        work += area(side * layer.kernel) * static_cast<double>(channels * layer.out);
+        channels = layer.out;
+    }
+    return work;
+}
+
+double discriminator_work(const ParameterStore& discriminator, const std::string& prefix, std::int64_t side) {
+    const auto weights = [&](const std::string& layer) {
+        const std::string name = prefix + "." + layer + ".weight";
+        const auto found = std::ranges::find(discriminator.all(), name, &Parameter::name);
+        return found == discriminator.all().end() ? 0.0 : static_cast<double>(found->variable().value().size());
+    };
+    double work = area(side) * weights("from_rgb" + std::to_string(side));
+    constexpr std::int64_t final_side = 4;
+    for (std::int64_t s = side; s > final_side; s /= 2) {
+        const std::string block = "block" + std::to_string(s);
+        work += area(s) * weights(block + ".conv0") + area(s / 2) * (weights(block + ".conv1") + weights(block + ".skip"));
+    }
+    return work + area(final_side) * weights("epilogue.conv") + weights("epilogue.hidden") + weights("epilogue.logit");
+}
+
+}  // namespace stymo

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "nn/models/model.h"
+
+/// Multiply-adds of the matrix products and convolutions, which are nearly all of the arithmetic.
+namespace stymo {
+
+/// Of one frame, by what it depends on.
+struct FrameWork {
+    double field_sample = 0.0;  ///< the field at one sample
+    double ray = 0.0;           ///< the field's last layer, after compositing
+    double blocks = 0.0;        ///< all render blocks, on every pixel
+    double rays = 0.0;          ///< number of rays
+
+    /// With every sample.
+    [[nodiscard]] double of_field(std::int64_t samples_per_ray) const;
+    [[nodiscard]] double of_frame(std::int64_t samples_per_ray) const { return of_field(samples_per_ray) + blocks; }
+};
+
+/// `resolution` 0: the model's own.
+[[nodiscard]] FrameWork frame_work(const Model& model, std::int64_t resolution = 0);
+/// One forward pass of LPIPS' trunk on one square image; 0 for a network that is not a plain stack of convolutions.
+[[nodiscard]] double trunk_work(const std::string& network, std::int64_t side);
+/// One forward pass of a discriminator of images of this side.
+[[nodiscard]] double discriminator_work(const ParameterStore& discriminator, const std::string& prefix, std::int64_t side);
+
+}  // namespace stymo

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace stymo {
+
+/// How another program ended and what it printed.
+struct ChildOutcome {
+    int exit_code = -1;  ///< -1: ended by a signal; 127: there is no such program
+    std::string out;
+    std::string err;
+    double peak_memory = 0.0;  ///< MiB
+};
+
+/// Runs a program (looked for in PATH) to its end, with `variables` ("NAME=value") added to the environment. It ends with this
+/// process. Throws Error if no process can be made.
+[[nodiscard]] ChildOutcome run_child(const std::vector<std::string>& words, const std::vector<std::string>& variables = {});
+
+/// The file of the program that runs.
+[[nodiscard]] std::string own_program();
+
+}  // namespace stymo

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstdint>
+
+#include "core/ops/conv.h"
+
+namespace stymo::kernels {
+
+/// All extents of one convolution, for its kernels.
+struct ConvGeometry {
+    std::int64_t batch, in_height, in_width, in_channels;
+    std::int64_t out_height, out_width, out_channels;
+    std::int64_t kernel_height, kernel_width;
+    std::int64_t stride, padding, groups;
+
+    /// Shapes of the input, the weight and the output.
+    ConvGeometry(const Shape& x, const Shape& weight, const Shape& y, const Conv2dOptions& options)
+        : batch(x[0]),
+          in_height(x[1]),
+          in_width(x[2]),
+          in_channels(x[3]),
+          out_height(y[1]),
+          out_width(y[2]),
+          out_channels(y[3]),
+          kernel_height(weight[1]),
+          kernel_width(weight[2]),
+          stride(options.stride),
+          padding(options.padding),
+          groups(options.groups) {}
+
+    [[nodiscard]] std::int64_t group_in() const { return in_channels / groups; }
+    [[nodiscard]] std::int64_t group_out() const { return out_channels / groups; }
+    [[nodiscard]] std::int64_t input_image() const { return in_height * in_width * in_channels; }
+    [[nodiscard]] std::int64_t output_image() const { return out_height * out_width * out_channels; }
+    /// Length of one filter: the inner length of the products.
+    [[nodiscard]] std::int64_t filter_size() const { return kernel_height * kernel_width * group_in(); }
+    [[nodiscard]] bool depthwise() const { return groups > 1 && group_in() == 1 && group_out() == 1; }
+};
+
+/// What becomes of a convolution's result while it is in cache: leaky_relu(result + bias, slope).
+template <class T>
+struct ConvFinish {
+    const T* bias = nullptr;  ///< one number for each channel; null: none
+    T slope = 1;              ///< 1: no activation
+
+    void apply(T* pixels, std::int64_t count, std::int64_t channels) const {
+        const T* const offsets = bias;
+        const T factor = slope;
+        for (std::int64_t i = 0; i < count; ++i, pixels += channels) {
+            if (offsets != nullptr) {
+#pragma omp simd
+                for (std::int64_t c = 0; c < channels; ++c) pixels[c] += offsets[c];
+            }
+            if (factor != T(1)) {
+#pragma omp simd
+                for (std::int64_t c = 0; c < channels; ++c) pixels[c] *= pixels[c] > T(0) ? T(1) : factor;
+            }
+        }
+    }
+};
+
+}  // namespace stymo::kernels

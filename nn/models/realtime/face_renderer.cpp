@@ -1,0 +1,180 @@
+#include "nn/models/realtime/face_renderer.h"
+
+#include <algorithm>
+#include <array>
+#include <optional>
+
+#include "core/error.h"
+#include "nn/models/realtime/baked_field.h"
+#include "nn/models/realtime/block_renderer.h"
+#include "nn/models/realtime/sampled_field.h"
+
+namespace stymo {
+namespace {
+
+bool same(const Camera& a, const Camera& b) {
+    return a.center == b.center && a.world_from_camera == b.world_from_camera && a.intrinsics.focal == b.intrinsics.focal &&
+           a.intrinsics.center_x == b.intrinsics.center_x && a.intrinsics.center_y == b.intrinsics.center_y;
+}
+
+void require_valid(const Model& model, const RendererOptions& options) {
+    if (options.samples_per_ray < 2) fail<ValueError>("a ray needs at least 2 samples, got ", options.samples_per_ray);
+    if (!(options.tolerance >= 0.0 && options.tolerance < 1.0))
+        fail<ValueError>("the tolerance must be from 0 to below 1, got ", options.tolerance);
+    const DecoderConfig& decoder = model.config().decoder;
+    std::string sides;
+    for (std::int64_t side = 2 * decoder.rays.rays_per_side; side <= decoder.resolution; side *= 2) {
+        if (options.resolution == 0 || side == options.resolution) return;
+        sides += (sides.empty() ? "" : ", ") + std::to_string(side);
+    }
+    fail<ValueError>("this model renders pictures with a side of ", sides, ", not ", options.resolution);
+}
+
+std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model, const RendererOptions& options) {
+    if (options.mode == RenderMode::baked) {
+        RaySampling rays = model.decoder.rays;
+        rays.samples_per_ray = options.samples_per_ray;
+        return std::make_unique<BakedField>(rays, BakedViews{.camera = model.camera},
+                                            BakeOptions{.resolution = options.bake_resolution, .tolerance = options.tolerance});
+    }
+    return make_sampled_field(model, options);
+}
+
+}  // namespace
+
+struct FaceRenderer::State {
+    const Model& model;
+    RendererOptions options;
+    std::unique_ptr<FieldSource> field;
+    std::array<std::vector<float>, code_names.size()> shown;  ///< codes in Z
+    Codes w;
+    RaySampling sampling;
+    CameraRays rays;
+    std::optional<Camera> camera;  ///< whose feature map is kept
+    FeatureMap feature_map;
+    bool feature_map_is_new = true;  ///< to the render blocks
+    std::optional<BlockRenderer> blocks;
+    View view;  ///< buffers of the last frame, which the next one takes unless somebody still holds them
+    RenderCounts counts;
+
+    State(const Model& shown_model, const RendererOptions& renderer_options)
+        : model(shown_model),
+          options(renderer_options),
+          field(make_field_source(shown_model.config(), renderer_options)),
+          sampling(shown_model.decoder().config().rays) {
+        sampling.samples_per_ray = options.samples_per_ray;
+        rays.samples_per_ray = options.samples_per_ray;
+        rays.rays.resize(static_cast<std::size_t>(sampling.rays_per_side * sampling.rays_per_side));
+        const std::int64_t rays_per_side = sampling.rays_per_side;
+        const std::int64_t side = options.resolution == 0 ? model.config().decoder.resolution : options.resolution;
+        view.picture = Tensor({side, side, 3});
+        if (options.mask) view.mask = Tensor({side, side, 1});
+        if (options.depth) view.depth = Tensor({rays_per_side, rays_per_side, 1});
+        counts.samples = static_cast<std::int64_t>(rays.rays.size()) * options.samples_per_ray;
+    }
+
+    /// Takes over row `index` of one group; true if it differs from what is shown.
+    bool take(const Codes& codes, std::int64_t index, std::size_t group);
+    void fold_field();
+    void fold_blocks();
+    void look(const Camera& seen_by);
+    void draw();
+    void count();
+};
+
+bool FaceRenderer::State::take(const Codes& codes, std::int64_t index, std::size_t group) {
+    const std::int64_t size = code_sizes[group];
+    const Tensor& values = codes.groups[group].value();
+    if (values.rank() != 2 || values.shape(1) != size || index < 0 || index >= values.shape(0)) {
+        fail<ShapeError>("code ", code_names[group], " of face ", index, " must be a row of (faces, ", size, "), got ",
+                         values.shape());
+    }
+    const auto row = values.values<float>().subspan(static_cast<std::size_t>(index * size), static_cast<std::size_t>(size));
+    if (std::ranges::equal(row, shown[group])) return false;
+    shown[group].assign(row.begin(), row.end());
+    return true;
+}
+
+void FaceRenderer::State::look(const Camera& seen_by) {
+    if (camera && same(*camera, seen_by)) {
+        feature_map.field_samples = 0;
+        return;
+    }
+    camera.reset();
+    for (std::int64_t i = 0; i < static_cast<std::int64_t>(rays.rays.size()); ++i) {
+        rays.rays[static_cast<std::size_t>(i)] =
+            camera_ray(seen_by, sampling, i / sampling.rays_per_side, i % sampling.rays_per_side);
+    }
+    field->look(rays, feature_map);
+    camera = seen_by;
+    feature_map_is_new = true;
+}
+
+void FaceRenderer::State::fold_field() {
+    camera.reset();
+    field->set_field(model.decoder().folded_field(w));
+    ++counts.folds;
+}
+
+void FaceRenderer::State::fold_blocks() {
+    const std::vector<FoldedRenderBlock> folded = model.decoder().folded_blocks(w);
+    ++counts.folds;
+    if (blocks) {
+        blocks->set_style(folded);
+        return;
+    }
+    const DecoderConfig& decoder = model.config().decoder;
+    const std::optional<FoldedMaskBranch> mask =
+        options.mask ? std::optional(model.decoder().folded_mask()) : std::optional<FoldedMaskBranch>();
+    blocks.emplace(folded, mask, decoder.rays.rays_per_side, options.resolution == 0 ? decoder.resolution : options.resolution,
+                   options.mode == RenderMode::bf16 ? Precision::bfloat16 : Precision::float32);
+}
+
+void FaceRenderer::State::draw() {
+    if (feature_map_is_new) blocks->set_feature_map(feature_map.features, feature_map.counts);
+    feature_map_is_new = false;
+    blocks->render(view.picture.mutable_values<float>(), options.mask ? view.mask.mutable_values<float>() : std::span<float>());
+    if (options.depth) std::ranges::copy(feature_map.depths, view.depth.mutable_values<float>().begin());
+}
+
+void FaceRenderer::State::count() {
+    counts.field_samples = feature_map.field_samples;
+    counts.pixels = blocks->counts().pixels;
+    counts.pixels_computed = blocks->counts().pixels_computed;
+}
+
+FaceRenderer::FaceRenderer(const Model& model, const RendererOptions& options) {
+    require_valid(model, options);
+    state_ = std::make_unique<State>(model, options);
+}
+FaceRenderer::~FaceRenderer() = default;
+FaceRenderer::FaceRenderer(FaceRenderer&&) noexcept = default;
+
+void FaceRenderer::show(const Codes& codes, std::int64_t index) {
+    State& state = *state_;
+    std::array<bool, code_names.size()> changed{};
+    for (std::size_t group = 0; group < changed.size(); ++group) changed[group] = state.take(codes, index, group);
+    if (std::ranges::none_of(changed, [](bool group) { return group; })) return;
+
+    Codes z;
+    for (std::size_t group = 0; group < changed.size(); ++group)
+        z.groups[group] = Tensor::from({1, code_sizes[group]}, state.shown[group]);
+    state.w = detached(state.model.decoder().map(z));
+    if (changed[0] || changed[1]) state.fold_field();
+    if (changed[2] || changed[3]) state.fold_blocks();
+}
+
+View FaceRenderer::render(const Camera& camera) {
+    State& state = *state_;
+    if (!state.blocks) fail<ValueError>("there is no face to render; show one first");
+    state.look(camera);
+    state.draw();
+    state.count();
+    return state.view;
+}
+
+const RenderCounts& FaceRenderer::counts() const {
+    return state_->counts;
+}
+
+}  // namespace stymo

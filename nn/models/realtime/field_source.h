@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "nn/models/radiance_field.h"
+#include "nn/models/realtime/face_renderer.h"
+#include "render/rays.h"
+
+namespace stymo {
+
+struct CameraRays {
+    std::vector<Ray> rays;  ///< row-major over the feature map
+    std::int64_t samples_per_ray = 0;
+};
+
+/// What a camera sees of the field: the input of the render blocks, and what is known of every ray besides.
+struct FeatureMap {
+    std::vector<float> features;       ///< (rays, feature_channels), after the field's last layer; zeros for an empty ray
+    std::vector<std::uint8_t> counts;  ///< (rays): 0 for an empty ray, else 1
+    std::vector<float> depths;       ///< (rays): expected Euclidean distance; that of the farthest sample of all behind the rest
+    std::int64_t field_samples = 0;  ///< samples that went through the field
+};
+
+/// The seam between ways of computing the field, which is all that the modes differ in before the render blocks.
+class FieldSource {
+public:
+    FieldSource() = default;
+    virtual ~FieldSource() = default;
+    FieldSource(const FieldSource&) = delete;
+    FieldSource& operator=(const FieldSource&) = delete;
+
+    /// The field of another identity or expression.
+    virtual void set_field(const FoldedField& field) = 0;
+    /// Fills `map`, whose vectors keep what they have allocated.
+    virtual void look(const CameraRays& rays, FeatureMap& map) = 0;
+};
+
+/// Distance of the farthest sample of all rays: where the background is.
+[[nodiscard]] double farthest_sample(const CameraRays& rays);
+
+}  // namespace stymo

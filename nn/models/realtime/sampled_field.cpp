@@ -1,0 +1,328 @@
+#include "nn/models/realtime/sampled_field.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <functional>
+
+#include "core/parallel.h"
+#include "nn/models/realtime/density_grid.h"
+#include "nn/models/realtime/packed_field.h"
+
+namespace stymo {
+namespace {
+
+/// Points of one tile: 16 blocks of rows of the packed product; activations of 256 channels and a layer's weights fill a third of
+/// 2 MiB of second-level cache, and a frame that skips still has tiles enough for every thread.
+constexpr std::int64_t tile_points = 192;
+constexpr std::int64_t rays_per_chunk = 32;
+/// Compositing weight of a ray that the samples without features of their own may have together, in units of the tolerance.
+constexpr float featureless_share = 0.5F;
+
+/// Calls body(item, thread) for every item; `thread` counts from 0 and is nobody else's at that time.
+template <class Body>
+void for_each_item(std::int64_t count, const Body& body) {
+    std::atomic<std::int64_t> next{0};
+    const auto worker = [&](std::int64_t thread, std::int64_t) {
+        for (std::int64_t item = next.fetch_add(1); item < count; item = next.fetch_add(1))
+            body(item, static_cast<std::size_t>(thread));
+    };
+    parallel_for(thread_count(), 1, std::ref(worker));
+}
+
+/// Buffers of one thread.
+template <class T>
+struct Scratch {
+    std::vector<float> points;
+    std::vector<float> weights;          ///< of the samples of one ray
+    std::vector<std::int32_t> rows;      ///< of the tile, whose features count
+    std::vector<std::int32_t> row_rays;  ///< their rays
+    std::vector<float> row_weights;
+    FieldTile<T> tile;
+    std::vector<DensityBounds> bounds;
+};
+
+void append_point(const Ray& ray, double distance, std::vector<float>& points) {
+    for (std::size_t axis = 0; axis < 3; ++axis)
+        points.push_back(static_cast<float>(ray.origin[axis] + distance * ray.direction[axis]));
+}
+
+void append_points(const Ray& ray, std::int64_t samples, std::vector<float>& points) {
+    for (std::int64_t k = 0; k < samples; ++k) append_point(ray, sample_distance(ray, k, samples), points);
+}
+
+float interval(const Ray& ray, std::int64_t samples) {
+    return static_cast<float>((ray.far_distance - ray.near_distance) / static_cast<double>(samples));
+}
+
+/// Around all that the model's own camera sees as the head turns, with some room for other distances.
+DensityGrid make_grid(const ModelConfig& model) {
+    const RaySampling& sampling = model.decoder.rays;
+    const double reach = std::max(std::abs(sampling.near_z), std::abs(sampling.far_z));
+    const double side = 0.5 / model.camera.intrinsics.focal * (model.camera.distance + reach);
+    constexpr double room = 1.25;
+    const double depth = sampling.near_z - sampling.far_z;
+    return {room * std::hypot(reach, side, side), depth / 48.0};
+}
+
+template <class T>
+class SampledField final : public FieldSource {
+public:
+    SampledField(const ModelConfig& model, const RendererOptions& options);
+
+    void set_field(const FoldedField& field) override;
+    void look(const CameraRays& rays, FeatureMap& map) override;
+
+private:
+    void evaluate(std::span<const float> points, std::span<float> densities);
+    void select(const CameraRays& rays);
+    [[nodiscard]] bool select_from_grid(const CameraRays& rays);
+    void cut_into_tiles();
+    void reserve(std::int64_t samples_per_ray);
+    void trace_tile(std::int64_t first, std::int64_t end, const CameraRays& rays, Scratch<T>& scratch, FeatureMap& map);
+    void composite_ray(std::int64_t ray, std::int64_t first_row, const CameraRays& rays, Scratch<T>& scratch, FeatureMap& map);
+    void finish(FeatureMap& map);
+
+    RenderMode mode_;
+    float tolerance_;
+    PackedField<T> field_;
+    DensityGrid grid_;
+    SampleSelection selection_;
+    std::vector<std::int64_t> tiles_;  ///< first ray of each, and the end of the last
+    std::int64_t largest_tile_ = 0;    ///< points
+    std::vector<Scratch<T>> scratch_;  ///< of each thread
+    std::vector<float> composited_;    ///< (rays, width)
+    std::vector<float> opacities_;
+    float background_ = 0.0F;
+};
+
+template <class T>
+SampledField<T>::SampledField(const ModelConfig& model, const RendererOptions& options)
+    : mode_(options.mode), tolerance_(mode_ == RenderMode::exact ? 0.0F : static_cast<float>(options.tolerance)) {
+    if (mode_ != RenderMode::exact) grid_ = make_grid(model);
+}
+
+template <class T>
+void SampledField<T>::set_field(const FoldedField& field) {
+    field_ = PackedField<T>(field);
+    grid_.forget();
+}
+
+/// Densities of any number of points, by all threads.
+template <class T>
+void SampledField<T>::evaluate(std::span<const float> points, std::span<float> densities) {
+    const auto count = static_cast<std::int64_t>(densities.size());
+    for_each_item(chunk_count(count, tile_points), [&](std::int64_t item, std::size_t thread) {
+        const std::int64_t first = item * tile_points, size = std::min(tile_points, count - first);
+        FieldTile<T>& tile = scratch_[thread].tile;
+        field_.density(points.subspan(static_cast<std::size_t>(3 * first), static_cast<std::size_t>(3 * size)), tile);
+        std::copy_n(tile.density.begin(), size, densities.begin() + first);
+    });
+}
+
+template <class T>
+void SampledField<T>::look(const CameraRays& rays, FeatureMap& map) {
+    const std::size_t count = rays.rays.size();
+    scratch_.resize(static_cast<std::size_t>(thread_count()));
+    for (Scratch<T>& scratch : scratch_) {
+        scratch.points.reserve(static_cast<std::size_t>(3 * rays.samples_per_ray));
+        scratch.bounds.reserve(static_cast<std::size_t>(rays.samples_per_ray));
+    }
+    composited_.resize(count * static_cast<std::size_t>(field_.width()));
+    opacities_.resize(count);
+    map.features.resize(count * static_cast<std::size_t>(field_.feature_channels()));
+    map.counts.resize(count);
+    map.depths.resize(count);
+    background_ = static_cast<float>(farthest_sample(rays));
+
+    select(rays);
+    cut_into_tiles();
+    reserve(rays.samples_per_ray);
+    for_each_item(static_cast<std::int64_t>(tiles_.size()) - 1, [&](std::int64_t tile, std::size_t thread) {
+        const auto index = static_cast<std::size_t>(tile);
+        trace_tile(tiles_[index], tiles_[index + 1], rays, scratch_[thread], map);
+    });
+    finish(map);
+    map.field_samples = 0;
+    for (const std::int32_t kept : selection_.counts) map.field_samples += kept;
+}
+
+template <class T>
+void SampledField<T>::select(const CameraRays& rays) {
+    selection_.resize(static_cast<std::int64_t>(rays.rays.size()), rays.samples_per_ray);
+    if (mode_ == RenderMode::exact) {
+        selection_.keep_all();
+    } else if (!select_from_grid(rays)) {
+        std::vector<float>& points = scratch_.front().points;
+        points.clear();
+        for (const Ray& ray : rays.rays) append_points(ray, rays.samples_per_ray, points);
+        grid_.learn(points, [&](std::span<const float> vertices, std::span<float> densities) { evaluate(vertices, densities); });
+        select_from_grid(rays);
+    }
+}
+
+/// False if the grid does not know enough yet.
+template <class T>
+bool SampledField<T>::select_from_grid(const CameraRays& rays) {
+    const auto count = static_cast<std::int64_t>(rays.rays.size()), samples = rays.samples_per_ray;
+    std::atomic<bool> known{true};
+    for_each_item(chunk_count(count, rays_per_chunk), [&](std::int64_t chunk, std::size_t thread) {
+        Scratch<T>& scratch = scratch_[thread];
+        scratch.bounds.resize(static_cast<std::size_t>(samples));
+        for (std::int64_t i = chunk * rays_per_chunk; i < std::min(count, (chunk + 1) * rays_per_chunk); ++i) {
+            const Ray& ray = rays.rays[static_cast<std::size_t>(i)];
+            scratch.points.clear();
+            append_points(ray, samples, scratch.points);
+            if (!grid_.bounds(scratch.points, scratch.bounds)) known = false;
+            select_samples(scratch.bounds, interval(ray, samples), tolerance_, i, selection_);
+        }
+    });
+    return known;
+}
+
+/// Whole rays, so that a tile can composite them.
+template <class T>
+void SampledField<T>::cut_into_tiles() {
+    tiles_.assign(1, 0);
+    std::int64_t points = 0;
+    largest_tile_ = 0;
+    for (std::size_t ray = 0; ray < selection_.counts.size(); ++ray) {
+        if (points > 0 && points + selection_.counts[ray] > tile_points) {
+            tiles_.push_back(static_cast<std::int64_t>(ray));
+            points = 0;
+        }
+        points += selection_.counts[ray];
+        largest_tile_ = std::max(largest_tile_, points);
+    }
+    tiles_.push_back(static_cast<std::int64_t>(selection_.counts.size()));
+}
+
+/// For every thread, because chance decides which of them meets the largest tile.
+template <class T>
+void SampledField<T>::reserve(std::int64_t samples_per_ray) {
+    const auto points = static_cast<std::size_t>(largest_tile_);
+    for (Scratch<T>& scratch : scratch_) {
+        field_.reserve(largest_tile_, scratch.tile);
+        scratch.points.reserve(3 * points);
+        scratch.weights.reserve(static_cast<std::size_t>(samples_per_ray));
+        scratch.rows.reserve(points);
+        scratch.row_rays.reserve(points);
+        scratch.row_weights.reserve(points);
+    }
+}
+
+template <class T>
+void SampledField<T>::trace_tile(std::int64_t first, std::int64_t end, const CameraRays& rays, Scratch<T>& scratch,
+                                 FeatureMap& map) {
+    scratch.points.clear();
+    for (std::int64_t i = first; i < end; ++i) {
+        const Ray& ray = rays.rays[static_cast<std::size_t>(i)];
+        const auto slot = static_cast<std::size_t>(i * rays.samples_per_ray);
+        for (std::int32_t k = 0; k < selection_.counts[static_cast<std::size_t>(i)]; ++k) {
+            append_point(ray, sample_distance(ray, selection_.samples[slot + static_cast<std::size_t>(k)], rays.samples_per_ray),
+                         scratch.points);
+        }
+    }
+    field_.density(scratch.points, scratch.tile);
+
+    scratch.rows.clear();
+    scratch.row_rays.clear();
+    scratch.row_weights.clear();
+    std::int64_t row = 0;
+    for (std::int64_t i = first; i < end; ++i) {
+        composite_ray(i, row, rays, scratch, map);
+        row += selection_.counts[static_cast<std::size_t>(i)];
+    }
+    field_.features(scratch.rows, scratch.tile);
+
+    const std::int64_t width = field_.width();
+    std::fill(composited_.begin() + first * width, composited_.begin() + end * width, 0.0F);
+    for (std::size_t i = 0; i < scratch.rows.size(); ++i) {
+        const float* from = scratch.tile.features.data() + static_cast<std::int64_t>(i) * width;
+        float* to = composited_.data() + scratch.row_rays[i] * width;
+        const float weight = scratch.row_weights[i];
+        for (std::int64_t channel = 0; channel < width; ++channel) to[channel] += weight * from[channel];
+    }
+}
+
+/// Weights of one ray from its densities, and the rows of the tile whose features count.
+template <class T>
+void SampledField<T>::composite_ray(std::int64_t ray, std::int64_t first_row, const CameraRays& rays, Scratch<T>& scratch,
+                                    FeatureMap& map) {
+    const auto index = static_cast<std::size_t>(ray);
+    const Ray& line = rays.rays[index];
+    const auto count = static_cast<std::size_t>(selection_.counts[index]);
+    const auto slot = static_cast<std::size_t>(ray * rays.samples_per_ray);
+    const float delta = interval(line, rays.samples_per_ray);
+    scratch.weights.resize(count);
+    float transmittance = 1.0F, opacity = 0.0F, depth = 0.0F;
+    for (std::size_t k = 0; k < count; ++k) {
+        const float density = scratch.tile.density[static_cast<std::size_t>(first_row) + k];
+        const float weight = -transmittance * std::expm1(-(density * delta + selection_.gaps[slot + k]));
+        scratch.weights[k] = weight;
+        transmittance -= weight;
+        opacity += weight;
+        depth += weight * static_cast<float>(sample_distance(line, selection_.samples[slot + k], rays.samples_per_ray));
+    }
+    if (count > 0) {
+        const float weight = -transmittance * std::expm1(-selection_.tails[index]);
+        scratch.weights.back() += weight;
+        opacity += weight;
+        depth += weight * static_cast<float>(sample_distance(line, selection_.samples[slot + count - 1], rays.samples_per_ray));
+    }
+    opacities_[index] = opacity;
+    map.counts[index] = opacity > 0.0F;
+    map.depths[index] = depth + (1.0F - opacity) * background_;
+
+    // A weight too small for features of its own goes to the next sample that has some.
+    const float least = count == 0 ? 0.0F : featureless_share * tolerance_ / static_cast<float>(count);
+    float carried = 0.0F;
+    const std::size_t rows_before = scratch.rows.size();
+    for (std::size_t k = 0; k < count; ++k) {
+        carried += scratch.weights[k];
+        if (carried < least) continue;
+        scratch.rows.push_back(static_cast<std::int32_t>(first_row) + static_cast<std::int32_t>(k));
+        scratch.row_rays.push_back(static_cast<std::int32_t>(ray));
+        scratch.row_weights.push_back(carried);
+        carried = 0.0F;
+    }
+    if (scratch.rows.size() > rows_before) {
+        scratch.row_weights.back() += carried;
+    } else {
+        map.counts[index] = 0;
+        opacities_[index] = 0.0F;
+    }
+}
+
+template <class T>
+void SampledField<T>::finish(FeatureMap& map) {
+    const auto count = static_cast<std::int64_t>(map.counts.size()), width = field_.width(), channels = field_.feature_channels();
+    for_each_item(chunk_count(count, rays_per_chunk), [&](std::int64_t chunk, std::size_t) {
+        const std::int64_t first = chunk * rays_per_chunk, size = std::min(rays_per_chunk, count - first);
+        const auto part = [&](auto& values, std::int64_t numbers) {
+            return std::span(values).subspan(static_cast<std::size_t>(first * numbers), static_cast<std::size_t>(size * numbers));
+        };
+        const auto result = part(map.features, channels);
+        if (std::ranges::any_of(part(map.counts, 1), [](std::uint8_t counts) { return counts != 0; })) {
+            field_.finish(part(composited_, width), part(opacities_, 1), result);
+        } else {
+            std::ranges::fill(result, 0.0F);
+        }
+    });
+}
+
+}  // namespace
+
+double farthest_sample(const CameraRays& rays) {
+    double farthest = 0.0;
+    for (const Ray& ray : rays.rays)
+        farthest = std::max(farthest, sample_distance(ray, rays.samples_per_ray - 1, rays.samples_per_ray));
+    return farthest;
+}
+
+std::unique_ptr<FieldSource> make_sampled_field(const ModelConfig& model, const RendererOptions& options) {
+    if (options.mode == RenderMode::bf16) return std::make_unique<SampledField<kernels::BFloat16>>(model, options);
+    return std::make_unique<SampledField<float>>(model, options);
+}
+
+}  // namespace stymo
