@@ -16,18 +16,20 @@ constexpr bool minimal_filtering = std::is_same_v<T, float>;
 
 }  // namespace
 
-Tensor conv2d(const Tensor& x, const Tensor& weight, const Shape& output_shape, const Conv2dOptions& options) {
+Tensor conv2d(const Tensor& x, const Tensor& weight, const Tensor& bias, double slope, const Shape& output_shape,
+              const Conv2dOptions& options) {
     const ConvGeometry g(x.shape(), weight.shape(), output_shape, options);
     Tensor y(output_shape, x.dtype());
     dispatch(x.dtype(), [&]<class T>(T) {
         const T* in = x.values<T>().data();
         const T* w = weight.values<T>().data();
         T* out = y.mutable_values<T>().data();
-        if (g.depthwise()) return depthwise_conv2d(in, w, out, g);
+        const ConvFinish<T> finish{bias.defined() ? bias.values<T>().data() : nullptr, static_cast<T>(slope)};
+        if (g.depthwise()) return depthwise_conv2d(in, w, finish, out, g);
         if constexpr (minimal_filtering<T>) {
-            if (winograd_pays(g)) return winograd_conv2d(in, w, out, g);
+            if (winograd_pays(g)) return winograd_conv2d(in, w, finish, out, g);
         }
-        direct_conv2d(in, w, out, g);
+        direct_conv2d(in, w, finish, out, g);
     });
     return y;
 }

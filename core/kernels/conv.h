@@ -5,7 +5,9 @@
 
 namespace stymo::kernels {
 
-[[nodiscard]] Tensor conv2d(const Tensor& x, const Tensor& weight, const Shape& output_shape, const Conv2dOptions& options);
+/// leaky_relu(product + bias, slope); an undefined bias counts as 0.
+[[nodiscard]] Tensor conv2d(const Tensor& x, const Tensor& weight, const Tensor& bias, double slope, const Shape& output_shape,
+                            const Conv2dOptions& options);
 [[nodiscard]] Tensor conv2d_transpose(const Tensor& dL_dy, const Tensor& weight, const Shape& input_shape,
                                       const Conv2dOptions& options);
 [[nodiscard]] Tensor conv2d_weight_grad(const Tensor& dL_dy, const Tensor& x, const Shape& weight_shape,

@@ -37,4 +37,26 @@ struct ConvGeometry {
     [[nodiscard]] bool depthwise() const { return groups > 1 && group_in() == 1 && group_out() == 1; }
 };
 
+/// What becomes of a convolution's result while it is in cache: leaky_relu(result + bias, slope).
+template <class T>
+struct ConvFinish {
+    const T* bias = nullptr;  ///< one number for each channel; null: none
+    T slope = 1;              ///< 1: no activation
+
+    void apply(T* pixels, std::int64_t count, std::int64_t channels) const {
+        const T* const offsets = bias;
+        const T factor = slope;
+        for (std::int64_t i = 0; i < count; ++i, pixels += channels) {
+            if (offsets != nullptr) {
+#pragma omp simd
+                for (std::int64_t c = 0; c < channels; ++c) pixels[c] += offsets[c];
+            }
+            if (factor != T(1)) {
+#pragma omp simd
+                for (std::int64_t c = 0; c < channels; ++c) pixels[c] *= pixels[c] > T(0) ? T(1) : factor;
+            }
+        }
+    }
+};
+
 }  // namespace stymo::kernels

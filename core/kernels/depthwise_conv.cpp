@@ -26,8 +26,8 @@ void for_each_pair(const ConvGeometry& g, std::int64_t first, std::int64_t last,
                 for (std::int64_t kernel_column = 0; kernel_column < g.kernel_width; ++kernel_column) {
                     const std::int64_t column = out_column * g.stride + kernel_column - g.padding;
                     if (column < 0 || column >= g.in_width) continue;
-                    visit((out_row * g.out_width + out_column) * g.out_channels, kernel_row * g.kernel_width + kernel_column,
-                          row, column);
+                    visit((out_row * g.out_width + out_column) * g.out_channels, kernel_row * g.kernel_width + kernel_column, row,
+                          column);
                 }
             }
         }
@@ -54,7 +54,7 @@ void add_products(const T* a, const T* b, T* sum, std::int64_t channels) {
 }  // namespace
 
 template <class T>
-void depthwise_conv2d(const T* x, const T* weight, T* y, const ConvGeometry& g) {
+void depthwise_conv2d(const T* x, const T* weight, const ConvFinish<T>& finish, T* y, const ConvGeometry& g) {
     const std::vector<T> places = by_place(weight, g);
     const std::int64_t channels = g.in_channels;
     const std::int64_t bands = chunk_count(g.out_height, band(g));
@@ -67,6 +67,7 @@ void depthwise_conv2d(const T* x, const T* weight, T* y, const ConvGeometry& g) 
         for_each_pair(g, first, last, [&](std::int64_t out, std::int64_t place, std::int64_t row, std::int64_t column) {
             add_products(places.data() + place * channels, image + (row * g.in_width + column) * channels, to + out, channels);
         });
+        finish.apply(to + first * g.out_width * channels, (last - first) * g.out_width, channels);
     });
 }
 
@@ -126,8 +127,8 @@ void depthwise_conv2d_weight_grad(const T* dL_dy, const T* x, T* dL_dweight, con
     }
 }
 
-template void depthwise_conv2d(const float*, const float*, float*, const ConvGeometry&);
-template void depthwise_conv2d(const double*, const double*, double*, const ConvGeometry&);
+template void depthwise_conv2d(const float*, const float*, const ConvFinish<float>&, float*, const ConvGeometry&);
+template void depthwise_conv2d(const double*, const double*, const ConvFinish<double>&, double*, const ConvGeometry&);
 template void depthwise_conv2d_transpose(const float*, const float*, float*, const ConvGeometry&);
 template void depthwise_conv2d_transpose(const double*, const double*, double*, const ConvGeometry&);
 template void depthwise_conv2d_weight_grad(const float*, const float*, float*, const ConvGeometry&);

@@ -6,7 +6,7 @@
 namespace stymo::kernels {
 
 template <class T>
-void depthwise_conv2d(const T* x, const T* weight, T* y, const ConvGeometry& g);
+void depthwise_conv2d(const T* x, const T* weight, const ConvFinish<T>& finish, T* y, const ConvGeometry& g);
 template <class T>
 void depthwise_conv2d_transpose(const T* dL_dy, const T* weight, T* dL_dx, const ConvGeometry& g);
 template <class T>

@@ -15,6 +15,8 @@ namespace {
 constexpr std::int64_t unfolded_size = 1 << 18;
 /// Pixels that pay for reading the filters again.
 constexpr std::int64_t enough_pixels = 256;
+/// Channels up to which a transposed convolution scatters what it multiplies, rather than gathering what it needs.
+constexpr std::int64_t most_scattered_channels = 8;
 
 /// One axis of a convolution: the target's pixel n = start + step * i takes taps t of the source's pixels
 /// source_step * i + first + t.
@@ -121,8 +123,7 @@ template <class T>
 void fill_zeros(T* target, const Gather& g, std::int64_t first, std::int64_t last) {
     for (std::int64_t i = first; i < last; ++i) {
         for (std::int64_t j = 0; j < g.columns.count; ++j) {
-            const std::int64_t pixel =
-                (g.rows.start + i * g.rows.step) * g.columns.target + g.columns.start + j * g.columns.step;
+            const std::int64_t pixel = (g.rows.start + i * g.rows.step) * g.columns.target + g.columns.start + j * g.columns.step;
             std::fill_n(target + pixel * g.channels.target, g.channels.target, T(0));
         }
     }
@@ -156,16 +157,21 @@ void convolve_band(const T* source, const std::vector<PackedMatrix<T>>& filters,
 }
 
 template <class T>
-void convolve(const T* source, const std::vector<PackedMatrix<T>>& filters, T* target, std::int64_t batch, const Gather& g) {
+void convolve(const T* source, const std::vector<PackedMatrix<T>>& filters, const ConvFinish<T>& finish, T* target,
+              std::int64_t batch, const Gather& g) {
     const std::int64_t bands = g.bands();
     // Bands that share a buffer; enough chunks for any number of threads.
     const std::int64_t run = chunk_count(batch * bands, 64);
     parallel_for(batch * bands, run, [&](std::int64_t begin, std::int64_t end) {
-        const Buffer<T> columns = uninitialised<T>(g.band() * g.columns.count * std::max<std::int64_t>(1, g.slice() * g.row_size()));
+        const Buffer<T> columns =
+            uninitialised<T>(g.band() * g.columns.count * std::max<std::int64_t>(1, g.slice() * g.row_size()));
         for (std::int64_t index = begin; index < end; ++index) {
             const std::int64_t first = index % bands * g.band();
-            convolve_band(source + index / bands * g.source_image(), filters, columns.get(),
-                          target + index / bands * g.target_image(), g, first, std::min(g.rows.count, first + g.band()));
+            const std::int64_t last = std::min(g.rows.count, first + g.band());
+            T* const image = target + index / bands * g.target_image();
+            convolve_band(source + index / bands * g.source_image(), filters, columns.get(), image, g, first, last);
+            finish.apply(image + first * g.columns.target * g.channels.target, (last - first) * g.columns.target,
+                         g.channels.target);
         }
     });
 }
@@ -183,9 +189,8 @@ std::vector<PackedMatrix<T>> pack_forward(const T* weight, const Gather& forward
     for (std::int64_t index = 0; index < g.groups * forward.slices(); ++index) {
         const std::int64_t slice = index % forward.slices();
         const T* first = weight + index / forward.slices() * g.group_out() * g.filter_size();
-        filters[static_cast<std::size_t>(index)] =
-            PackedMatrix<T>(first + slice * forward.slice() * forward.row_size(), forward.slice_size(slice), g.group_out(), 1,
-                            g.filter_size());
+        filters[static_cast<std::size_t>(index)] = PackedMatrix<T>(first + slice * forward.slice() * forward.row_size(),
+                                                                   forward.slice_size(slice), g.group_out(), 1, g.filter_size());
     }
     return filters;
 }
@@ -215,21 +220,67 @@ std::vector<PackedMatrix<T>> pack_transposed(const T* weight, const Gather& phas
     return filters;
 }
 
+/// Adds what the output row `out_row`, unfolded, gives to the input rows [first, last) of one image.
+template <class T>
+void fold_row(const T* columns, T* image, const ConvGeometry& g, std::int64_t out_row, std::int64_t first, std::int64_t last) {
+    const std::int64_t row_size = g.kernel_width * g.in_channels;
+    for (std::int64_t tap = 0; tap < g.kernel_height; ++tap) {
+        const std::int64_t row = out_row * g.stride + tap - g.padding;
+        if (row < first || row >= last) continue;
+        for (std::int64_t out_column = 0; out_column < g.out_width; ++out_column) {
+            const std::int64_t column = out_column * g.stride - g.padding;
+            const std::int64_t begin = std::clamp<std::int64_t>(-column, 0, g.kernel_width) * g.in_channels;
+            const std::int64_t end = std::clamp<std::int64_t>(g.in_width - column, 0, g.kernel_width) * g.in_channels;
+            const T* from = columns + out_column * g.filter_size() + tap * row_size;
+            T* to = image + (row * g.in_width + column) * g.in_channels;
+            for (std::int64_t i = begin; i < end; ++i) to[i] += from[i];
+        }
+    }
+}
+
+/// The transposed convolution to few channels: all taps of an output pixel are the columns of one product, where the filters of a
+/// gather would leave most of a panel's columns empty.
+template <class T>
+void scatter(const T* dL_dy, const T* weight, T* dL_dx, const ConvGeometry& g) {
+    const PackedMatrix<T> filters(weight, g.out_channels, g.filter_size(), g.filter_size(), 1);
+    // Bands of input rows: each is written by one thread only; output rows at a seam are multiplied twice.
+    const std::int64_t rows = std::max<std::int64_t>(
+        g.stride * g.kernel_height, g.stride * (unfolded_size / std::max<std::int64_t>(1, g.out_width * g.filter_size())));
+    const std::int64_t bands = chunk_count(g.in_height, rows);
+    parallel_for(g.batch * bands, 1, [&](std::int64_t index, std::int64_t) {
+        const std::int64_t first = index % bands * rows;
+        const std::int64_t last = std::min(g.in_height, first + rows);
+        T* const image = dL_dx + index / bands * g.input_image();
+        std::fill_n(image + first * g.in_width * g.in_channels, (last - first) * g.in_width * g.in_channels, T(0));
+        const std::int64_t lowest = std::max<std::int64_t>(0, first + g.padding - g.kernel_height + 1);
+        const std::int64_t begin = chunk_count(lowest, g.stride);
+        const std::int64_t end = std::min(g.out_height, (last - 1 + g.padding) / g.stride + 1);
+        if (begin >= end) return;
+        const std::int64_t line = g.out_width * g.filter_size();
+        const Buffer<T> columns = uninitialised<T>((end - begin) * line);
+        const T* from = dL_dy + index / bands * g.output_image() + begin * g.out_width * g.out_channels;
+        multiply_packed<T>(columns.get(), g.filter_size(), {from, g.out_channels, 1}, (end - begin) * g.out_width, filters);
+        for (std::int64_t row = begin; row < end; ++row)
+            fold_row(columns.get() + (row - begin) * line, image, g, row, first, last);
+    });
+}
+
 }  // namespace
 
 template <class T>
-void direct_conv2d(const T* x, const T* weight, T* y, const ConvGeometry& g) {
+void direct_conv2d(const T* x, const T* weight, const ConvFinish<T>& finish, T* y, const ConvGeometry& g) {
     const Gather gather = forward(g);
-    convolve(x, pack_forward(weight, gather, g), y, g.batch, gather);
+    convolve(x, pack_forward(weight, gather, g), finish, y, g.batch, gather);
 }
 
 template <class T>
 void direct_conv2d_transpose(const T* dL_dy, const T* weight, T* dL_dx, const ConvGeometry& g) {
+    if (g.groups == 1 && g.in_channels <= most_scattered_channels) return scatter(dL_dy, weight, dL_dx, g);
     for (std::int64_t phase = 0; phase < g.stride * g.stride; ++phase) {
         const Gather gather{transposed_axis(g.in_height, g.out_height, g.kernel_height, phase / g.stride, g),
                             transposed_axis(g.in_width, g.out_width, g.kernel_width, phase % g.stride, g),
                             {g.out_channels, g.in_channels, g.groups}};
-        convolve(dL_dy, pack_transposed(weight, gather, g), dL_dx, g.batch, gather);
+        convolve(dL_dy, pack_transposed(weight, gather, g), ConvFinish<T>{}, dL_dx, g.batch, gather);
     }
 }
 
@@ -292,8 +343,8 @@ void direct_conv2d_weight_grad(const T* dL_dy, const T* x, T* dL_dweight, const 
     }
 }
 
-template void direct_conv2d(const float*, const float*, float*, const ConvGeometry&);
-template void direct_conv2d(const double*, const double*, double*, const ConvGeometry&);
+template void direct_conv2d(const float*, const float*, const ConvFinish<float>&, float*, const ConvGeometry&);
+template void direct_conv2d(const double*, const double*, const ConvFinish<double>&, double*, const ConvGeometry&);
 template void direct_conv2d_transpose(const float*, const float*, float*, const ConvGeometry&);
 template void direct_conv2d_transpose(const double*, const double*, double*, const ConvGeometry&);
 template void direct_conv2d_weight_grad(const float*, const float*, float*, const ConvGeometry&);

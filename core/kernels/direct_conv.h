@@ -7,7 +7,7 @@ namespace stymo::kernels {
 
 /// The three convolutions of core/ops/conv.h on contiguous arrays. Bits do not depend on the number of threads.
 template <class T>
-void direct_conv2d(const T* x, const T* weight, T* y, const ConvGeometry& g);
+void direct_conv2d(const T* x, const T* weight, const ConvFinish<T>& finish, T* y, const ConvGeometry& g);
 template <class T>
 void direct_conv2d_transpose(const T* dL_dy, const T* weight, T* dL_dx, const ConvGeometry& g);
 template <class T>

@@ -155,11 +155,22 @@ Tensor softplus(const Tensor& x) {
         return (value > T(0) ? value : T(0)) + std::log1p(std::exp(-std::abs(value)));
     });
 }
+
+namespace {
+
+/// A choice between constants, which the compiler turns into a vector's blend: between results it would branch.
+template <class T>
+T leaky_factor(T value, double slope) {
+    return value > T(0) ? T(1) : static_cast<T>(slope);
+}
+
+}  // namespace
+
 Tensor leaky_relu(const Tensor& x, double slope) {
-    return map(x, [=](auto value) {
-        using T = decltype(value);
-        return value > T(0) ? value : static_cast<T>(slope) * value;
-    });
+    return map(x, [=](auto value) { return value * leaky_factor(value, slope); });
+}
+Tensor leaky_gate(const Tensor& x, const Tensor& sign, double slope) {
+    return zip(x, sign, "leaky_gate", [=](auto value, auto of) { return value * leaky_factor(of, slope); });
 }
 Tensor prelu(const Tensor& x, const Tensor& slope) {
     return zip(x, slope, "prelu", [](auto value, auto factor) { return value > decltype(value)(0) ? value : factor * value; });

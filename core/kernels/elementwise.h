@@ -32,6 +32,8 @@ namespace stymo::kernels {
 [[nodiscard]] Tensor tanh(const Tensor& x);
 [[nodiscard]] Tensor softplus(const Tensor& x);
 [[nodiscard]] Tensor leaky_relu(const Tensor& x, double slope);
+/// x where sign > 0, else slope * x.
+[[nodiscard]] Tensor leaky_gate(const Tensor& x, const Tensor& sign, double slope);
 /// x where x > 0, else slope * x; the slope is broadcast.
 [[nodiscard]] Tensor prelu(const Tensor& x, const Tensor& slope);
 /// `gain` where x > 0, else `gain` * `slope`.

@@ -22,6 +22,7 @@ Tensor map(const Tensor& x, Function function) {
         const T* in = x.values<T>().data();
         T* out = y.mutable_values<T>().data();
         parallel_for(x.size(), elementwise_grain, [=](std::int64_t begin, std::int64_t end) {
+#pragma omp simd
             for (std::int64_t i = begin; i < end; ++i) out[i] = function(in[i]);
         });
     });
@@ -62,10 +63,13 @@ template <class T, class Function>
 void zip_row(const T* a, const T* b, T* out, const BroadcastPlan::Axis& axis, std::int64_t begin, std::int64_t end,
              Function function) {
     if (axis.stride_a == 0) {
+#pragma omp simd
         for (std::int64_t i = begin; i < end; ++i) out[i] = function(a[0], b[i]);
     } else if (axis.stride_b == 0) {
+#pragma omp simd
         for (std::int64_t i = begin; i < end; ++i) out[i] = function(a[i], b[0]);
     } else {
+#pragma omp simd
         for (std::int64_t i = begin; i < end; ++i) out[i] = function(a[i], b[i]);
     }
 }

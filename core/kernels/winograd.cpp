@@ -12,8 +12,15 @@ namespace stymo::kernels {
 
 namespace {
 
-/// Bytes of transformed tiles that one thread handles at once: they stay in its second-level cache.
-constexpr std::int64_t block_bytes = 1 << 20;
+/// Tiles that one thread handles at once, in whole blocks of a product's rows. Where the filters fit beside them into the
+/// second-level cache, few enough to stay there; else so many that the filters are worth reading again.
+std::int64_t tiles_of_block(std::int64_t in, std::int64_t out) {
+    return in * out <= 64 * 64 ? 48 : 96;
+}
+/// The same for a weight's gradient, whose sums are read and written once for each block.
+std::int64_t tiles_of_sum(std::int64_t in, std::int64_t out) {
+    return std::clamp<std::int64_t>(in * out / 128, 48, 192);
+}
 /// Blocks that share their buffers; also a bound on the number of chunks.
 constexpr std::int64_t runs = 16;
 
@@ -80,13 +87,13 @@ std::vector<PackedMatrix<float>> transformed_filters(const float* weight, std::i
 }
 
 /// y = correlation of x with filters that are already transformed, both with any extent.
-void convolve(const float* x, const Image& in, const std::vector<PackedMatrix<float>>& filters, float* y, const Image& out,
-              std::int64_t batch, std::int64_t padding) {
+void convolve(const float* x, const Image& in, const std::vector<PackedMatrix<float>>& filters, const ConvFinish<float>& finish,
+              float* y, const Image& out, std::int64_t batch, std::int64_t padding) {
     const Tiling tiling(batch, out.height, out.width);
-    const std::int64_t tile_bytes = winograd_places * (in.channels + out.channels) * static_cast<std::int64_t>(sizeof(float));
-    const std::int64_t block = std::clamp<std::int64_t>(block_bytes / tile_bytes, 24, 192);
+    const std::int64_t block = tiles_of_block(in.channels, out.channels);
     const std::int64_t blocks = chunk_count(tiling.count, block);
-    const std::vector<float> zeros(static_cast<std::size_t>(in.channels));
+    const std::vector<float> zeros(static_cast<std::size_t>(std::max(in.channels, out.channels)));
+    const float* const bias = finish.bias == nullptr ? zeros.data() : finish.bias;
     parallel_for(blocks, chunk_count(blocks, runs), [&](std::int64_t first_block, std::int64_t last_block) {
         const std::int64_t stride_in = place_stride(block, in.channels);
         const std::int64_t stride_out = place_stride(block, out.channels);
@@ -108,7 +115,8 @@ void convolve(const float* x, const Image& in, const std::vector<PackedMatrix<fl
             TilePixels tile;
             for (std::int64_t i = 0; i < count; ++i) {
                 point_at_square(tile, y, sink.get(), out, tiling, first + i, 0);
-                winograd_transform_products(products.get() + i * out.channels, stride_out, tile, out.channels);
+                winograd_transform_products(products.get() + i * out.channels, stride_out, bias, finish.slope, tile,
+                                            out.channels);
             }
         }
     });
@@ -132,23 +140,22 @@ bool winograd_pays(const ConvGeometry& g) {
     return winograd_serves(g) && g.batch * g.out_height * g.out_width >= 1024;
 }
 
-void winograd_conv2d(const float* x, const float* weight, float* y, const ConvGeometry& g) {
+void winograd_conv2d(const float* x, const float* weight, const ConvFinish<float>& finish, float* y, const ConvGeometry& g) {
     const auto filters = transformed_filters(weight, g.out_channels, g.in_channels, false);
-    convolve(x, input_of(g), filters, y, output_of(g), g.batch, g.padding);
+    convolve(x, input_of(g), filters, finish, y, output_of(g), g.batch, g.padding);
 }
 
 void winograd_conv2d_transpose(const float* dL_dy, const float* weight, float* dL_dx, const ConvGeometry& g) {
     // The correlation with the turned filters, whose square begins two pixels before an input pixel less the padding.
     const auto filters = transformed_filters(weight, g.out_channels, g.in_channels, true);
-    convolve(dL_dy, output_of(g), filters, dL_dx, input_of(g), g.batch, 2 - g.padding);
+    convolve(dL_dy, output_of(g), filters, {}, dL_dx, input_of(g), g.batch, 2 - g.padding);
 }
 
 void winograd_conv2d_weight_grad(const float* dL_dy, const float* x, float* dL_dweight, const ConvGeometry& g) {
     const Tiling tiling(g.batch, g.out_height, g.out_width);
     const Image in = input_of(g);
     const Image out = output_of(g);
-    const std::int64_t tile_bytes = winograd_places * (in.channels + out.channels) * static_cast<std::int64_t>(sizeof(float));
-    const std::int64_t block = std::clamp<std::int64_t>((24 << 20) / tile_bytes, 64, 1024);
+    const std::int64_t block = tiles_of_sum(in.channels, out.channels);
     const std::int64_t stride_in = place_stride(block, in.channels);
     const std::int64_t stride_out = place_stride(block, out.channels);
     const std::int64_t stride_sum = place_stride(out.channels, in.channels);
@@ -158,7 +165,7 @@ void winograd_conv2d_weight_grad(const float* dL_dy, const float* x, float* dL_d
     const std::vector<float> zeros(static_cast<std::size_t>(std::max(in.channels, out.channels)));
     for (std::int64_t first = 0; first < tiling.count; first += block) {
         const std::int64_t count = std::min(block, tiling.count - first);
-        parallel_for(count, 16, [&](std::int64_t begin, std::int64_t end) {
+        parallel_for(count, 8, [&](std::int64_t begin, std::int64_t end) {
             PatchPixels patch;
             ConstTilePixels tile;
             for (std::int64_t i = begin; i < end; ++i) {

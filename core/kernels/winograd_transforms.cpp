@@ -160,14 +160,15 @@ void transform_patch(const PatchPixels& patch, float* places, std::int64_t place
         });
 }
 
-void transform_products(const float* places, std::int64_t place_stride, const TilePixels& tile, std::int64_t channels) {
+void transform_products(const float* places, std::int64_t place_stride, const float* bias, float slope, const TilePixels& tile,
+                        std::int64_t channels) {
     transform<ProductLine>(
         channels,
-        [&](int row, int column, std::int64_t c) {
-            return simd::LoadU(Tag(), places + (row * 6 + column) * place_stride + c);
-        },
+        [&](int row, int column, std::int64_t c) { return simd::LoadU(Tag(), places + (row * 6 + column) * place_stride + c); },
         [&](int row, int column, std::int64_t c, Vector v) {
-            simd::StoreU(v, Tag(), tile[static_cast<std::size_t>(row * 4 + column)] + c);
+            const Vector sum = simd::Add(v, simd::LoadU(Tag(), bias + c));
+            const Vector result = simd::IfThenElse(simd::Gt(sum, simd::Zero(Tag())), sum, times(sum, slope));
+            simd::StoreU(result, Tag(), tile[static_cast<std::size_t>(row * 4 + column)] + c);
         });
 }
 
@@ -197,12 +198,8 @@ void transform_filter(const float* taps, bool turned, float* places, std::int64_
 void transform_to_filter(const float* places, std::int64_t place_stride, float* taps, std::int64_t channels) {
     transform<FilterGradientLine>(
         channels,
-        [&](int row, int column, std::int64_t c) {
-            return simd::LoadU(Tag(), places + (row * 6 + column) * place_stride + c);
-        },
-        [&](int row, int column, std::int64_t c, Vector v) {
-            simd::StoreU(v, Tag(), taps + (row * 3 + column) * channels + c);
-        });
+        [&](int row, int column, std::int64_t c) { return simd::LoadU(Tag(), places + (row * 6 + column) * place_stride + c); },
+        [&](int row, int column, std::int64_t c, Vector v) { simd::StoreU(v, Tag(), taps + (row * 3 + column) * channels + c); });
 }
 
 }  // namespace stymo::kernels::HWY_NAMESPACE
@@ -221,8 +218,9 @@ void winograd_transform_patch(const PatchPixels& patch, float* places, std::int6
     HWY_DYNAMIC_DISPATCH(transform_patch)(patch, places, place_stride, channels);
 }
 
-void winograd_transform_products(const float* places, std::int64_t place_stride, const TilePixels& tile, std::int64_t channels) {
-    HWY_DYNAMIC_DISPATCH(transform_products)(places, place_stride, tile, channels);
+void winograd_transform_products(const float* places, std::int64_t place_stride, const float* bias, float slope,
+                                 const TilePixels& tile, std::int64_t channels) {
+    HWY_DYNAMIC_DISPATCH(transform_products)(places, place_stride, bias, slope, tile, channels);
 }
 
 void winograd_transform_tile(const ConstTilePixels& tile, float* places, std::int64_t place_stride, std::int64_t channels) {

@@ -34,7 +34,13 @@ Variable leaky_relu(const Variable& x, double slope) {
     if (!(slope >= 0.0)) fail<ValueError>("[leaky_relu] the slope must not be negative, got ", slope);
     // The output has the sign of the input, and what follows it in a network keeps it anyway.
     return record("leaky_relu", kernels::leaky_relu(x.value(), slope), {x}, Save::the_output(),
-                  {[slope](const Vjp& v) { return v.grad() * Variable(kernels::leaky_slope(v.output().value(), slope)); }});
+                  {[slope](const Vjp& v) { return leaky_gate(v.grad(), v.output().value(), slope); }});
+}
+
+Variable leaky_gate(const Variable& x, const Tensor& sign, double slope) {
+    if (x.shape() != sign.shape()) fail<ShapeError>("[leaky_gate] x is ", x.shape(), ", the signs ", sign.shape());
+    return record("leaky_gate", kernels::leaky_gate(x.value(), sign, slope), {x}, Save::none(),
+                  {[sign, slope](const Vjp& v) { return leaky_gate(v.grad(), sign, slope); }});
 }
 
 Variable prelu(const Variable& x, const Variable& slope) {

@@ -3,6 +3,8 @@
 #include "core/autograd/record.h"
 #include "core/error.h"
 #include "core/kernels/conv.h"
+#include "core/ops/activation.h"
+#include "core/ops/reduce.h"
 
 namespace stymo {
 
@@ -39,11 +41,30 @@ Save save_both(const Variable& a, const Variable& b) {
 }  // namespace
 
 Variable conv2d(const Variable& x, const Variable& weight, const Conv2dOptions& options) {
+    return conv2d(x, weight, Variable(), 1.0, options);
+}
+
+Variable conv2d(const Variable& x, const Variable& weight, const Variable& bias, double slope, const Conv2dOptions& options) {
     const Shape shape = output_shape(x.shape(), weight.shape(), options, "conv2d");
     require_same_type(x, weight, "conv2d");
-    return record("conv2d", kernels::conv2d(x.value(), weight.value(), shape, options), {x, weight}, save_both(x, weight),
-                  {[options](const Vjp& v) { return conv2d_transpose(v.grad(), v.input(1), v.shape(0), options); },
-                   [options](const Vjp& v) { return conv2d_weight_grad(v.grad(), v.input(0), v.shape(1), options); }});
+    if (bias.defined()) {
+        require_same_type(x, bias, "conv2d");
+        if (bias.shape() != Shape{shape[3]}) fail<ShapeError>("[conv2d] bias ", bias.shape(), " for ", shape[3], " channels");
+    }
+    if (!(slope >= 0.0)) fail<ValueError>("[conv2d] the slope must not be negative, got ", slope);
+    const Tensor y = kernels::conv2d(x.value(), weight.value(), bias.defined() ? bias.value() : Tensor{}, slope, shape, options);
+    std::vector<Variable> inputs{x, weight};
+    std::vector<VjpRule> rules{[options](const Vjp& v) { return conv2d_transpose(v.grad(), v.input(1), v.shape(0), options); },
+                               [options](const Vjp& v) { return conv2d_weight_grad(v.grad(), v.input(0), v.shape(1), options); }};
+    if (bias.defined()) {
+        inputs.push_back(bias);
+        rules.emplace_back([](const Vjp& v) { return sum_to(v.grad(), v.shape(2)); });
+    }
+    // The map's value is never read where an activation is fused behind it, so any tensor of its shape stands in for it.
+    const Variable map = record("conv2d", y, std::move(inputs), save_both(x, weight), std::move(rules));
+    if (slope == 1.0 || !map.tracked()) return map;
+    return record("conv2d_activation", y, {map}, Save::the_output(),
+                  {[slope](const Vjp& v) { return leaky_gate(v.grad(), v.output().value(), slope); }});
 }
 
 Variable conv2d_transpose(const Variable& dL_dy, const Variable& weight, const Shape& input_shape, const Conv2dOptions& options) {

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/ops/activation.h"
 #include "core/ops/elementwise.h"
 #include "core/ops/linalg.h"
 #include "core/ops/shape_ops.h"
@@ -34,27 +35,28 @@ ConvLayer::ConvLayer(ParameterStore& store, const std::string& name, std::int64_
     if (options.bias) bias_ = store.create(name + ".bias", Tensor::zeros({out}));
 }
 
-Variable ConvLayer::operator()(const Variable& x) const {
+Variable ConvLayer::operator()(const Variable& x, double slope) const {
     const Variable bias = bias_.defined() ? times(bias_.variable(), bias_gain_) : Variable();
-    return apply(x, times(weight_.variable(), weight_gain_), bias);
+    return apply(x, times(weight_.variable(), weight_gain_), bias, slope);
 }
 
 Variable ConvLayer::scaled(const Variable& x, const Variable& scale, const Variable& shift) const {
     if (bias_.defined()) fail<ValueError>(bias_.name(), ": a layer with a bias cannot take a normalisation's shift");
-    return apply(x, weight_.variable() * reshape(scale * weight_gain_, {-1, 1, 1, 1}), shift);
+    return apply(x, weight_.variable() * reshape(scale * weight_gain_, {-1, 1, 1, 1}), shift, 1.0);
 }
 
-Variable ConvLayer::apply(const Variable& x, const Variable& weight, const Variable& bias) const {
+Variable ConvLayer::apply(const Variable& x, const Variable& weight, const Variable& bias, double slope) const {
     const std::int64_t out = weight.shape(0);
     const bool pointwise =
         weight.shape(1) == 1 && weight.shape(2) == 1 && options_.stride == 1 && options_.padding == 0 && options_.groups == 1;
     if (pointwise) {
         // One matrix product over all pixels, with the bias added while the result is in cache.
         const Variable pixels = reshape(x, {1, -1, x.shape(3)});
-        return reshape(linear(pixels, reshape(weight, {1, out, -1}), bias), {x.shape(0), x.shape(1), x.shape(2), out});
+        const Variable y =
+            reshape(linear(pixels, reshape(weight, {1, out, -1}), bias), {x.shape(0), x.shape(1), x.shape(2), out});
+        return slope == 1.0 ? y : leaky_relu(y, slope);
     }
-    const Variable y = conv2d(x, weight, options_);
-    return bias.defined() ? y + bias : y;
+    return conv2d(x, weight, bias, slope, options_);
 }
 
 }  // namespace stymo

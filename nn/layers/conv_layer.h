@@ -36,7 +36,8 @@ public:
     ConvLayer(ParameterStore& store, const std::string& name, std::int64_t in, std::int64_t out, const ConvLayerOptions& options,
               Rng& rng);
 
-    [[nodiscard]] Variable operator()(const Variable& x) const;
+    /// Followed by a leaky ReLU of this slope; 1: by nothing.
+    [[nodiscard]] Variable operator()(const Variable& x, double slope = 1.0) const;
     /// The same with each output channel multiplied by `scale` (out) and moved by `shift` (out): what a normalisation in
     /// inference mode does to it, at the price of scaling the weight instead of the image. Not for a layer with a bias.
     [[nodiscard]] Variable scaled(const Variable& x, const Variable& scale, const Variable& shift) const;
@@ -46,7 +47,7 @@ public:
     [[nodiscard]] const Parameter& bias() const { return bias_; }
 
 private:
-    [[nodiscard]] Variable apply(const Variable& x, const Variable& weight, const Variable& bias) const;
+    [[nodiscard]] Variable apply(const Variable& x, const Variable& weight, const Variable& bias, double slope) const;
 
     Parameter weight_;
     Parameter bias_;

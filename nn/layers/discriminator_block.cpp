@@ -3,7 +3,6 @@
 #include <array>
 #include <numbers>
 
-#include "core/ops/activation.h"
 #include "core/ops/elementwise.h"
 #include "core/ops/resample.h"
 
@@ -26,8 +25,8 @@ DiscriminatorBlock::DiscriminatorBlock(ParameterStore& store, const std::string&
 Variable DiscriminatorBlock::operator()(const Variable& x) const {
     // A 1x1 convolution sees the pixels that its stride picks, and no others: the blur need not compute the rest.
     const Variable skip = skip_(upfirdn2d(x, blur_filter, 1, 2, 1, 1));
-    const Variable blurred = upfirdn2d(leaky_relu(conv0_(x), 0.2), blur_filter, 1, 1, 2, 2);
-    return leaky_relu(conv1_(blurred), 0.2) + skip;
+    const Variable blurred = upfirdn2d(conv0_(x, 0.2), blur_filter, 1, 1, 2, 2);
+    return conv1_(blurred, 0.2) + skip;
 }
 
 }  // namespace stymo

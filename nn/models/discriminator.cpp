@@ -68,9 +68,7 @@ struct Discriminator::Layers {
 
     Layers(const DiscriminatorConfig& config, std::int64_t resolution, ParameterStore& store, const std::string& prefix,
            Rng& rng);
-    [[nodiscard]] Variable colours(const Variable& images, std::size_t phase) const {
-        return leaky_relu(from_rgb[phase](images), 0.2);
-    }
+    [[nodiscard]] Variable colours(const Variable& images, std::size_t phase) const { return from_rgb[phase](images, 0.2); }
 };
 
 Discriminator::Layers::Layers(const DiscriminatorConfig& config, std::int64_t side, ParameterStore& store,
@@ -137,7 +135,7 @@ Variable Discriminator::operator()(const Variable& images, double fade) const {
     }
     while (block > 0) x = layers_->blocks[--block](x);
     x = append_minibatch_deviation(x, std::min(layers_->group_size, x.shape(0)));
-    x = leaky_relu(layers_->epilogue(x), 0.2);
+    x = layers_->epilogue(x, 0.2);
     return layers_->logit(layers_->hidden(reshape(x, {x.shape(0), -1})));
 }
 

@@ -2,6 +2,7 @@
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <ctime>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -25,14 +26,16 @@ template <class Function>
 void report(const char* name, int repeats, Function function) {
     function();
     std::vector<double> times;
+    const std::clock_t before = std::clock();
     for (int i = 0; i < repeats; ++i) {
         const auto start = std::chrono::steady_clock::now();
         function();
         times.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
     }
+    const double processor = 1e3 * static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC / repeats;
     std::ranges::sort(times);
-    std::printf("%s: %.1f ms (%.1f to %.1f), %d threads\n", name, times[times.size() / 2], times.front(), times.back(),
-                thread_count());
+    std::printf("%s: %.1f ms (%.1f to %.1f), %d threads, processor time %.1f ms\n", name, times[times.size() / 2], times.front(),
+                times.back(), thread_count(), processor);
     std::fflush(stdout);
 }
 

@@ -98,6 +98,27 @@ std::vector<OpCase> cases_of(const ConvForm& form, bool with_speed) {
     return rows;
 }
 
+/// The bias keeps the leaky ReLU's argument away from 0: at least 0.9, against 0.72 at most of the sum.
+OpCase finished_case(const char* form, double slope, const Conv2dOptions& options) {
+    const Shape x{2, 4, 3, 2};
+    const Shape weight{3, 3, 3, 2};
+    const std::vector<std::int64_t> extents = extents_of(output_shape(x, weight, options));
+    return {"conv2d",
+            form,
+            {{x, -0.2, 0.2}, {weight, -0.2, 0.2}, {{3}, -1.0, 1.0, 2.0, 1.0}},
+            [=](const auto& v) { return conv2d(v[0], v[1], v[2], slope, options); },
+            [=](const std::vector<Array>& v) {
+                Array out = zeros(extents);
+                for_each_product(extents_of(x), extents_of(weight), options,
+                                 [&](const Index& o, const Index& i, const Index& w) { out.at(o) += v[0].at(i) * v[1].at(w); });
+                for_each_index(extents, [&](const Index& o) {
+                    const double sum = out.at(o) + v[2].at({o[3]});
+                    out.at(o) = sum > 0.0 ? sum : slope * sum;
+                });
+                return out;
+            }};
+}
+
 }  // namespace
 
 std::vector<OpCase> conv_cases() {
@@ -116,6 +137,9 @@ std::vector<OpCase> conv_cases() {
         const std::vector<OpCase> family = cases_of(form, rows.empty());
         rows.insert(rows.end(), family.begin(), family.end());
     }
+    rows.push_back(finished_case("bias", 1.0, {.padding = 1}));
+    rows.push_back(finished_case("bias and leaky relu", 0.2, {.padding = 1}));
+    rows.push_back(finished_case("bias and relu, stride 2", 0.0, {.stride = 2, .padding = 1}));
     return rows;
 }
 

@@ -132,6 +132,13 @@ std::vector<OpCase> activation_cases() {
         [](double x) { return x > 0.0 ? x : 0.2 * x; }));
     rows.push_back(unary("relu", around_zero, relu, [](double x) { return x > 0.0 ? x : 0.0; }));
 
+    rows.push_back({"leaky_gate",
+                    "elements",
+                    {{{3, 4}}, {{3, 4}, -1.0, 1.0, 0.5, 0.25}},
+                    [](const auto& x) { return leaky_gate(x[0], x[1].value(), 0.2); },
+                    pairwise([](double x, double sign) { return sign > 0.0 ? x : 0.2 * x; }),
+                    {{4096, 256}, {4096, 256}}});
+
     const auto prelu_reference = pairwise([](double x, double slope) { return x > 0.0 ? x : slope * x; });
     const OpFunction prelu_function = [](const auto& x) { return prelu(x[0], x[1]); };
     CaseInput rows_of_channels = around_zero;

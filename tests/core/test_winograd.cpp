@@ -18,9 +18,7 @@ struct Form {
     Shape x, weight;
     int padding;
 
-    [[nodiscard]] Shape y() const {
-        return {x[0], x[1] + 2 * padding - 2, x[2] + 2 * padding - 2, weight[0]};
-    }
+    [[nodiscard]] Shape y() const { return {x[0], x[1] + 2 * padding - 2, x[2] + 2 * padding - 2, weight[0]}; }
     [[nodiscard]] ConvGeometry geometry() const { return {x, weight, y(), {.padding = padding}}; }
 };
 
@@ -41,7 +39,7 @@ Results direct(const Form& form) {
     const Tensor dL_dy = draw<T>(form.y(), "dL_dy");
     Results r{Tensor(form.y(), dtype_of<T>()), Tensor(form.x, dtype_of<T>()), Tensor(form.weight, dtype_of<T>())};
     const auto in = [](const Tensor& t) { return t.values<T>().data(); };
-    kernels::direct_conv2d(in(x), in(weight), r.y.mutable_values<T>().data(), form.geometry());
+    kernels::direct_conv2d(in(x), in(weight), {}, r.y.mutable_values<T>().data(), form.geometry());
     kernels::direct_conv2d_transpose(in(dL_dy), in(weight), r.dL_dx.mutable_values<T>().data(), form.geometry());
     kernels::direct_conv2d_weight_grad(in(dL_dy), in(x), r.dL_dweight.mutable_values<T>().data(), form.geometry());
     return r;
@@ -53,7 +51,7 @@ Results winograd(const Form& form) {
     const Tensor dL_dy = draw<float>(form.y(), "dL_dy");
     Results r{Tensor(form.y()), Tensor(form.x), Tensor(form.weight)};
     const auto in = [](const Tensor& t) { return t.values<float>().data(); };
-    kernels::winograd_conv2d(in(x), in(weight), r.y.mutable_values<float>().data(), form.geometry());
+    kernels::winograd_conv2d(in(x), in(weight), {}, r.y.mutable_values<float>().data(), form.geometry());
     kernels::winograd_conv2d_transpose(in(dL_dy), in(weight), r.dL_dx.mutable_values<float>().data(), form.geometry());
     kernels::winograd_conv2d_weight_grad(in(dL_dy), in(x), r.dL_dweight.mutable_values<float>().data(), form.geometry());
     return r;
@@ -81,9 +79,9 @@ Error error_of(const Tensor& result, const Tensor& expected) {
 
 const std::vector<Form>& forms() {
     static const std::vector<Form> all{
-        {{1, 8, 8, 16}, {16, 3, 3, 16}, 1},   {{2, 9, 7, 32}, {16, 3, 3, 32}, 1},  {{1, 3, 3, 16}, {32, 3, 3, 16}, 0},
-        {{3, 5, 11, 16}, {48, 3, 3, 16}, 0},  {{1, 1, 1, 16}, {16, 3, 3, 16}, 1},  {{1, 6, 14, 16}, {16, 3, 3, 16}, 2},
-        {{1, 2, 3, 16}, {16, 3, 3, 16}, 3},   {{2, 13, 29, 64}, {64, 3, 3, 64}, 1},
+        {{1, 8, 8, 16}, {16, 3, 3, 16}, 1},  {{2, 9, 7, 32}, {16, 3, 3, 32}, 1},   {{1, 3, 3, 16}, {32, 3, 3, 16}, 0},
+        {{3, 5, 11, 16}, {48, 3, 3, 16}, 0}, {{1, 1, 1, 16}, {16, 3, 3, 16}, 1},   {{1, 6, 14, 16}, {16, 3, 3, 16}, 2},
+        {{1, 2, 3, 16}, {16, 3, 3, 16}, 3},  {{2, 13, 29, 64}, {64, 3, 3, 64}, 1},
     };
     return all;
 }

@@ -76,6 +76,8 @@ def elementwise():
 
 
 def activations():
+    case("leaky_gate/elements", lambda x, sign: torch.where(sign > 0, x, 0.2 * x), uniform(3, 4),
+         uniform(3, 4, spacing=0.5, offset=0.25))
     case("prelu/rows", F.prelu, like(AROUND_ZERO, 3, 4), uniform(4))
     case("prelu/image", lambda x, slope: nhwc(F.prelu(nchw(x), slope)), like(AROUND_ZERO, 2, 2, 2, 3), uniform(3))
     for axis in (-1, 0, 1):
@@ -221,6 +223,10 @@ def convolutions():
         case(f"conv2d/{form}", conv, uniform(*x_shape), uniform(*w_shape))
         case(f"conv2d_transpose/{form}", transpose, uniform(*y_shape), uniform(*w_shape))
         case(f"conv2d_weight_grad/{form}", weight_grad, uniform(*y_shape), uniform(*x_shape))
+    for form, (slope, stride) in {"bias": (1.0, 1), "bias and leaky relu": (0.2, 1), "bias and relu, stride 2": (0.0, 2)}.items():
+        case(f"conv2d/{form}",
+             lambda x, w, b, slope=slope, s=stride: F.leaky_relu(nhwc(F.conv2d(nchw(x), nchw(w), b, stride=s, padding=1)), slope),
+             uniform(2, 4, 3, 2, low=-0.2, high=0.2), uniform(3, 3, 3, 2, low=-0.2, high=0.2), uniform(3, spacing=2.0, offset=1.0))
 
 
 def pooling():

@@ -26,7 +26,7 @@ public:
     [[nodiscard]] Variable operator()(const Variable& image) const override {
         const bool resize = image.shape(1) != side || image.shape(2) != side;
         Variable x = resize ? resize_bicubic(image, static_cast<int>(side), static_cast<int>(side)) : image;
-        for (const ConvLayer& layer : layers_) x = leaky_relu(layer(x), 0.2) * std::numbers::sqrt2;
+        for (const ConvLayer& layer : layers_) x = layer(x, 0.2) * std::numbers::sqrt2;
         return embed_(reshape(x, {x.shape(0), -1}));
     }
 

@@ -110,9 +110,9 @@ Variable Trunk::apply(const Stage& stage, const Variable& x) const {
     const std::vector<ConvLayer>& layers = stage.convolutions;
     switch (stage.layer.kind) {
         case Kind::convolution:
-            return relu(layers[0](x));
+            return layers[0](x, 0.0);
         case Kind::fire: {
-            const Variable squeezed = relu(layers[0](x));
+            const Variable squeezed = layers[0](x, 0.0);
             return relu(concat({layers[1](squeezed), layers[2](squeezed)}, 3));
         }
         case Kind::max_pool:
