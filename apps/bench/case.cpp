@@ -10,7 +10,7 @@ namespace stymo {
 
 std::vector<BenchCase> bench_cases() {
     std::vector<BenchCase> all;
-    for (auto& cases : {kernel_cases(), frame_cases(), step_cases()}) std::ranges::copy(cases, std::back_inserter(all));
+    for (auto& cases : {frame_cases(), step_cases(), kernel_cases()}) std::ranges::copy(cases, std::back_inserter(all));
     return all;
 }
 

@@ -17,10 +17,11 @@ constexpr double neglected_share = 0.1;
 
 }  // namespace
 
-BakedField::BakedField(const RaySampling& rays, const BakeOptions& options) : sampling_(rays), options_(options) {}
+BakedField::BakedField(const RaySampling& rays, const BakedViews& views, const BakeOptions& options)
+    : sampling_(rays), views_(views), options_(options) {}
 
 void BakedField::set_field(const FoldedField& field) {
-    samples_ = bake(field, sampling_, options_);
+    samples_ = bake(field, sampling_, views_, options_);
     const std::int64_t channels = samples_.finish.shape(1);
     finish_ = {samples_.finish.values<float>().data(), samples_.dimension + 1, channels, channels, 1};
     mark_empty_blocks();

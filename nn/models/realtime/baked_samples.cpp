@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <numeric>
 #include <span>
+#include <utility>
 
 #include "core/error.h"
 #include "core/kernels/matmul.h"
@@ -16,9 +17,11 @@
 namespace stymo {
 namespace {
 
-// Cells along the box in which samples can lie, to find the part of it that shows.
-constexpr std::int64_t locating_cells = 32;
-// From the lattice that covers this part as a whole, spacings are halved so many times where it shows.
+// The views are first looked at with every second ray in either direction and every second sample.
+constexpr std::int64_t locating_stride = 2;
+// Of the tolerance: the share of what the views see that may lie beyond each side of the box.
+constexpr double share_beyond_box = 0.5;
+// From the lattice that covers the box as a whole, spacings are halved so many times where it shows.
 constexpr int refinements = 2;
 constexpr std::int64_t cells_unit = 1 << refinements;
 constexpr std::int64_t lane_count = 16;
@@ -39,17 +42,6 @@ void require_valid(const BakeOptions& options) {
     }
 }
 
-/// All places in front of a camera that looks at the origin where samples can lie.
-Box sampled_box(const RaySampling& rays) {
-    const double reach = std::max(std::abs(rays.near_z), std::abs(rays.far_z));
-    Box box{{-reach, -reach, -reach}, {reach, reach, reach}};
-    if (rays.planes == DepthPlanes::world_z) {
-        box.lower[2] = rays.far_z;
-        box.upper[2] = rays.near_z;
-    }
-    return box;
-}
-
 /// What is evaluated beside the density, and where it goes: `layer` on the features before the field's last layer.
 struct Projection {
     kernels::PackedMatrix<float> weight;
@@ -60,11 +52,9 @@ struct Projection {
           bias(layer.bias.values<float>().begin(), layer.bias.values<float>().end()) {}
 };
 
-/// Calls store(i, density, projected features or null) for i-th of the vertices, on several threads.
-template <class Store>
-void evaluate(const PackedField<float>& field, const Lattice& lattice, std::span<const std::int64_t> vertices,
-              const Projection* projection, Store store) {
-    const auto count = static_cast<std::int64_t>(vertices.size());
+/// Calls store(i, density, projected features or null) for `count` points place(i), on several threads.
+template <class Place, class Store>
+void evaluate(const PackedField<float>& field, std::int64_t count, Place place, const Projection* projection, Store store) {
     constexpr std::int64_t points_per_chunk = 8 * points_per_tile;
     parallel_for(count, points_per_chunk, [&](std::int64_t chunk_begin, std::int64_t chunk_end) {
         FieldTile<float> tile;
@@ -75,8 +65,7 @@ void evaluate(const PackedField<float>& field, const Lattice& lattice, std::span
             const std::int64_t end = std::min(begin + points_per_tile, chunk_end), size = end - begin;
             points.clear();
             for (std::int64_t i = begin; i < end; ++i) {
-                for (const double coordinate : lattice.position(vertices[static_cast<std::size_t>(i)]))
-                    points.push_back(static_cast<float>(coordinate));
+                for (const double coordinate : place(i)) points.push_back(static_cast<float>(coordinate));
             }
             field.density(points, tile);
             std::int64_t channels = 0;
@@ -94,8 +83,16 @@ void evaluate(const PackedField<float>& field, const Lattice& lattice, std::span
     });
 }
 
+/// The same for vertices of a lattice.
+template <class Store>
+void evaluate_vertices(const PackedField<float>& field, const Lattice& lattice, std::span<const std::int64_t> vertices,
+                       const Projection* projection, Store store) {
+    const auto place = [&](std::int64_t i) { return lattice.position(vertices[static_cast<std::size_t>(i)]); };
+    evaluate(field, static_cast<std::int64_t>(vertices.size()), place, projection, store);
+}
+
 void evaluate_density(const PackedField<float>& field, std::span<const std::int64_t> vertices, BakedSamples& samples) {
-    evaluate(field, samples.lattice, vertices, nullptr, [&](std::int64_t i, float density, const float*) {
+    evaluate_vertices(field, samples.lattice, vertices, nullptr, [&](std::int64_t i, float density, const float*) {
         const std::int64_t vertex = vertices[static_cast<std::size_t>(i)];
         samples.density_inputs[static_cast<std::size_t>(vertex)] = inverse_softplus(density);
     });
@@ -116,12 +113,69 @@ std::vector<std::uint8_t> marks(const BakedSamples& samples, double step, double
     return significant_vertices(samples.lattice, density, std::max(step, samples.lattice.spacing), tolerance);
 }
 
+struct WeightedPoint {
+    Vector3 place{};
+    double weight = 0.0;
+};
+
+std::vector<Camera> outer_cameras(const BakedViews& views) {
+    std::vector<Camera> cameras;
+    for (const double yaw : {-views.yaw, 0.0, views.yaw}) {
+        for (const double pitch : {-views.pitch, 0.0, views.pitch}) {
+            const CameraConfig& camera = views.camera;
+            cameras.push_back(
+                camera_from_pose(pivot_pose(yaw, pitch, 0.0, camera.distance, camera.pivot_depth), camera.intrinsics));
+        }
+    }
+    return cameras;
+}
+
+/// Where the samples of the outermost views lie, with their compositing weights.
+std::vector<WeightedPoint> seen_points(const PackedField<float>& field, RaySampling rays, const BakedViews& views) {
+    rays.rays_per_side = std::max<std::int64_t>(rays.rays_per_side / locating_stride, 1);
+    rays.samples_per_ray = std::max<std::int64_t>(rays.samples_per_ray / locating_stride, 2);
+    const RaySamples samples = sample_rays(outer_cameras(views), rays, nullptr);
+    const auto points = samples.points.values<float>();
+    const auto deltas = samples.deltas.values<float>();
+    std::vector<WeightedPoint> seen(deltas.size());
+    const auto place = [&](std::int64_t i) {
+        const float* point = points.data() + 3 * i;
+        return Vector3{static_cast<double>(point[0]), static_cast<double>(point[1]), static_cast<double>(point[2])};
+    };
+    evaluate(field, static_cast<std::int64_t>(seen.size()), place, nullptr, [&](std::int64_t i, float density, const float*) {
+        const double optical_depth = static_cast<double>(density) * static_cast<double>(deltas[static_cast<std::size_t>(i)]);
+        seen[static_cast<std::size_t>(i)] = {place(i), -std::expm1(-optical_depth)};
+    });
+    double transmittance = 1.0;
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+        if (i % static_cast<std::size_t>(rays.samples_per_ray) == 0) transmittance = 1.0;
+        seen[i].weight *= transmittance;
+        transmittance -= seen[i].weight;
+    }
+    return seen;
+}
+
+/// The box beyond each side of which lies at most this share of all weight, and `margin` more.
+Box box_of(std::vector<WeightedPoint> points, double share, double margin) {
+    double total = 0.0;
+    for (const WeightedPoint& point : points) total += point.weight;
+    Box box;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        std::ranges::sort(points, {}, [axis](const WeightedPoint& point) { return point.place[axis]; });
+        const auto reach = [&](auto first, auto last) {
+            double passed = first->weight;
+            while (passed <= share * total && first + 1 != last) passed += (++first)->weight;
+            return first->place[axis];
+        };
+        box.lower[axis] = reach(points.begin(), points.end()) - margin;
+        box.upper[axis] = reach(points.rbegin(), points.rend()) + margin;
+    }
+    return box;
+}
+
 /// Leaves the density on the finest lattice but for the vertices returned, which are still to be evaluated.
-std::vector<std::int64_t> sample_density(const PackedField<float>& field, const RaySampling& rays, double step,
-                                         const BakeOptions& options, BakedSamples& samples) {
-    evaluate_whole_lattice(field, cover(sampled_box(rays), locating_cells), samples);
-    const Box box = marked_box(samples.lattice, marks(samples, step, options.tolerance));
-    if (box.lower == box.upper) return {};
+std::vector<std::int64_t> sample_density(const PackedField<float>& field, const Box& box, double step, const BakeOptions& options,
+                                         BakedSamples& samples) {
     evaluate_whole_lattice(field, cover(box, rounded_up(options.resolution, cells_unit) / cells_unit), samples);
     std::vector<std::int64_t> vertices;
     for (int level = 0; level < refinements; ++level) {
@@ -146,7 +200,7 @@ FeatureBasis find_basis(const PackedField<float>& packed, const FoldedField& fie
     float* feature = features.mutable_values<float>().data();
     float* weight = weights.mutable_values<float>().data();
     const Projection all(field.feature1);
-    evaluate(packed, lattice, some, &all, [&](std::int64_t i, float density, const float* values) {
+    evaluate_vertices(packed, lattice, some, &all, [&](std::int64_t i, float density, const float* values) {
         weight[i] = -std::expm1(-static_cast<float>(step) * density);
         std::copy_n(values, channels, feature + i * channels);
     });
@@ -203,13 +257,19 @@ std::int64_t BakedSamples::bytes() const {
                                      records.size() * sizeof(kernels::BFloat16));
 }
 
-BakedSamples bake(const FoldedField& field, const RaySampling& rays, const BakeOptions& options) {
+BakedSamples bake(const FoldedField& field, const RaySampling& rays, const BakedViews& views, const BakeOptions& options) {
     require_valid(options);
     const PackedField<float> packed(field);
     BakedSamples samples;
     samples.dimension = rounded_up(options.dimension, lane_count);
     const double step = (rays.near_z - rays.far_z) / static_cast<double>(rays.samples_per_ray);
-    const std::vector<std::int64_t> vertices = sample_density(packed, rays, step, options, samples);
+    std::vector<WeightedPoint> seen = seen_points(packed, rays, views);
+    samples.evaluated_points = static_cast<std::int64_t>(seen.size());
+    std::erase_if(seen, [&](const WeightedPoint& point) { return point.weight < 0.1 * options.tolerance; });
+    const auto margin = static_cast<double>(locating_stride) * step;
+    const Box box = seen.empty() ? Box{{-margin, -margin, -margin}, {margin, margin, margin}}
+                                 : box_of(std::move(seen), share_beyond_box * options.tolerance, margin);
+    const std::vector<std::int64_t> vertices = sample_density(packed, box, step, options, samples);
 
     samples.record_of.assign(samples.density_inputs.size(), 0);
     samples.records.assign((vertices.size() + 1) * static_cast<std::size_t>(samples.dimension), kernels::BFloat16{});
@@ -218,13 +278,14 @@ BakedSamples bake(const FoldedField& field, const RaySampling& rays, const BakeO
     const FeatureBasis basis = find_basis(packed, field, samples.lattice, vertices, step, samples.dimension);
     samples.finish = finishing_matrix(basis, samples.dimension);
     const Projection projection(coefficients_layer(basis, field.feature1, samples.dimension));
-    evaluate(packed, samples.lattice, vertices, &projection, [&](std::int64_t i, float density, const float* coefficients) {
-        const auto vertex = static_cast<std::size_t>(vertices[static_cast<std::size_t>(i)]);
-        samples.density_inputs[vertex] = inverse_softplus(density);
-        samples.record_of[vertex] = static_cast<std::int32_t>(i + 1);
-        std::transform(coefficients, coefficients + samples.dimension, samples.records.begin() + (i + 1) * samples.dimension,
-                       kernels::rounded_to_bfloat16);
-    });
+    evaluate_vertices(packed, samples.lattice, vertices, &projection,
+                      [&](std::int64_t i, float density, const float* coefficients) {
+                          const auto vertex = static_cast<std::size_t>(vertices[static_cast<std::size_t>(i)]);
+                          samples.density_inputs[vertex] = inverse_softplus(density);
+                          samples.record_of[vertex] = static_cast<std::int32_t>(i + 1);
+                          std::transform(coefficients, coefficients + samples.dimension,
+                                         samples.records.begin() + (i + 1) * samples.dimension, kernels::rounded_to_bfloat16);
+                      });
     samples.evaluated_points += static_cast<std::int64_t>(vertices.size());
     return samples;
 }

@@ -122,20 +122,6 @@ std::vector<std::uint8_t> significant_vertices(const Lattice& lattice, const std
     return marks;
 }
 
-Box marked_box(const Lattice& lattice, const std::vector<std::uint8_t>& marks) {
-    std::array<std::int64_t, 3> first = lattice.vertices, last{};
-    for_each_marked_cell(lattice, marks, [&](std::int64_t x, std::int64_t y, std::int64_t z) {
-        const std::array<std::int64_t, 3> cell{x, y, z};
-        for (std::size_t axis = 0; axis < 3; ++axis) {
-            first[axis] = std::min(first[axis], cell[axis]);
-            last[axis] = std::max(last[axis], cell[axis] + 1);
-        }
-    });
-    if (last[0] == 0) return {lattice.origin, lattice.origin};
-    return {lattice.position(lattice.index(first[0], first[1], first[2])),
-            lattice.position(lattice.index(last[0], last[1], last[2]))};
-}
-
 std::vector<std::int64_t> vertices_to_refine(const Lattice& lattice, const std::vector<std::uint8_t>& marks) {
     const Lattice fine = refined(lattice);
     std::vector<std::uint8_t> wanted(static_cast<std::size_t>(fine.size()));

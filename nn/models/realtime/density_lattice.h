@@ -41,8 +41,6 @@ struct Box {
 /// which is longer than a straight ray by a factor of sqrt(3) at most.
 [[nodiscard]] std::vector<std::uint8_t> significant_vertices(const Lattice& lattice, const std::vector<float>& density,
                                                              double length, double tolerance);
-/// The cells that have a marked corner, as a box; an empty list of marks gives a box of no extent.
-[[nodiscard]] Box marked_box(const Lattice& lattice, const std::vector<std::uint8_t>& marks);
 /// Vertices of refined(lattice) in the cells that have a marked corner, in ascending order.
 [[nodiscard]] std::vector<std::int64_t> vertices_to_refine(const Lattice& lattice, const std::vector<std::uint8_t>& marks);
 

@@ -34,7 +34,7 @@ std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model, const R
     if (options.mode == RenderMode::baked) {
         RaySampling rays = model.decoder.rays;
         rays.samples_per_ray = options.samples_per_ray;
-        return std::make_unique<BakedField>(rays,
+        return std::make_unique<BakedField>(rays, BakedViews{.camera = model.camera},
                                             BakeOptions{.resolution = options.bake_resolution, .tolerance = options.tolerance});
     }
     return make_sampled_field(model, options);

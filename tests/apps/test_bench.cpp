@@ -1,0 +1,132 @@
+// stymo-bench on the smallest model: every command runs, results parse, the plot is XML, the README lists every row.
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+
+#include "apps/common/child_process.h"
+#include "apps/tiny_run.h"
+#include "apps/tool_run.h"
+#include "core/io/file.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using stymo::run_tool;
+using stymo::tiny_run;
+using stymo::ToolOutcome;
+
+const std::string small = " --model run/model.safetensors --repeats 1 --faces 1 --views 1 --samples 4 ";
+
+ToolOutcome done(const std::string& command) {
+    ToolOutcome outcome = run_tool(tiny_run(), command);
+    INFO(command << "\n" << outcome.err);
+    CHECK(outcome.exit_code == 0);
+    return outcome;
+}
+
+json rows_listed() {
+    return json::parse(done("stymo-bench rows --json").out)["rows"];
+}
+
+/// First cells of a Markdown table's rows, in backquotes: | `name` | ...
+std::set<std::string> names_in_table(const std::string& text) {
+    std::set<std::string> names;
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);) {
+        const std::string opening = "| `";
+        if (line.starts_with(opening)) names.insert(line.substr(opening.size(), line.find('`', opening.size()) - opening.size()));
+    }
+    return names;
+}
+
+std::string section(const std::string& text, const std::string& heading) {
+    const std::size_t begin = text.find("\n" + heading + "\n");
+    REQUIRE(begin != std::string::npos);
+    return text.substr(begin, text.find("\n## ", begin + 1) - begin);
+}
+
+}  // namespace
+
+TEST_CASE("The README's table of speeds has the rows that stymo-bench measures, and no others") {
+    const std::string readme = stymo::read_text_file(fs::path(STYMO_SOURCE_DIR) / "README.md");
+    std::set<std::string> names;
+    for (const json& row : rows_listed()) names.insert(row["name"].get<std::string>());
+    CHECK(names_in_table(section(readme, "## Speed")) == names);
+}
+
+TEST_CASE("A command of stymo-bench gives each of its rows with time, memory and share of the peak") {
+    const json result = json::parse(done("stymo-bench edit --json" + small).out);
+    REQUIRE(result["rows"].size() == 2);
+    for (const json& row : result["rows"]) {
+        CHECK(row["median_seconds"].get<double>() >= row["minimum_seconds"].get<double>());
+        CHECK(row["minimum_seconds"].get<double>() > 0.0);
+        CHECK(row["peak_memory_mebibytes"].get<double>() > 1.0);
+        CHECK(row["share_of_peak"].get<double>() > 0.0);
+        CHECK_FALSE(row.contains("times_peer"));
+    }
+    CHECK(result["peak"]["float32_flops"].get<double>() > 1e8);
+}
+
+TEST_CASE("Frames that leave out work come with their error") {
+    const json row = json::parse(done("stymo-bench row skip-frame --json" + small).out);
+    CHECK(row["name"] == "skip-frame");
+    const bool equal = row["equal_pictures"].get<bool>();
+    CHECK((equal || row["psnr_worst_db"].get<double>() > 5.0));
+}
+
+TEST_CASE("Steps of fitting are measured on the photos of a folder") {
+    const json row = json::parse(done("stymo-bench row fit-step-photometric --json --data faces" + small).out);
+    CHECK(row["median_seconds"].get<double>() > 0.0);
+}
+
+TEST_CASE("The curve and the growth are written as JSON, CSV, Markdown and SVG") {
+    done("stymo-bench curve --out bench" + small);
+    done("stymo-bench growth --out bench" + small);
+    const fs::path folder = tiny_run() / "bench";
+    const json curve = json::parse(stymo::read_text_file(folder / "curve.json"));
+    const auto points = static_cast<std::ptrdiff_t>(curve["curve"].size());
+    CHECK(stymo::line_count(stymo::read_text_file(folder / "curve_curve.csv")) == points + 1);
+    const std::string plot = stymo::read_text_file(folder / "error_against_time.svg");
+    CHECK_THAT(plot, Catch::StartsWith("<svg ") && Catch::EndsWith("</svg>\n") && Catch::Contains("frame, ms"));
+    const json growth = json::parse(stymo::read_text_file(folder / "growth.json"));
+    for (const json& point : growth["growth"]) {
+        if (point["varied"] == "samples per ray" && point["value"] == 256) CHECK(point["times_work"].get<double>() > 4.0);
+        if (point["varied"] == "threads") CHECK(point["value"] == 1);
+    }
+}
+
+TEST_CASE("A peer stands beside the rows that it has, and one that fails is named") {
+    stymo::write_text_file(tiny_run() / "peer.py", "print('disc: 1500.0 ms  (threads 1)')\n");
+    stymo::write_text_file(tiny_run() / "broken.py", "raise SystemExit('no memory')\n");
+    const bool torch = stymo::run_child({"python3", "-c", "import torch, torchvision"}).exit_code == 0;
+    const ToolOutcome outcome = run_tool(tiny_run(), "stymo-bench render --peer none.py" + small);
+    CHECK(outcome.exit_code == 1);
+    CHECK(outcome.err == "stymo-bench: none.py: no such file; --peer names scripts/torch_peer.py of the project\n");
+    if (!torch) {
+        WARN("skipped: no PyTorch");
+        return;
+    }
+    const ToolOutcome broken = run_tool(tiny_run(), "stymo-bench bake --peer broken.py" + small);
+    CHECK(broken.exit_code == 1);
+    CHECK_THAT(broken.err, Catch::Contains("stymo-bench: broken.py: render was not measured: no memory"));
+}
+
+TEST_CASE("stymo-bench says in one line what it cannot measure") {
+    const auto refused = [](const std::string& command, int exit_code, const std::string& culprit) {
+        const ToolOutcome outcome = run_tool(tiny_run(), command);
+        INFO(command << "\n" << outcome.err);
+        CHECK(outcome.exit_code == exit_code);
+        CHECK(outcome.out.empty());
+        CHECK(stymo::line_count(outcome.err) == 1);
+        CHECK_THAT(outcome.err, Catch::StartsWith("stymo-bench: ") && Catch::Contains(culprit));
+    };
+    refused("stymo-bench", 2, "subcommand");
+    refused("stymo-bench row hop", 2, "hop");
+    refused("stymo-bench render --repeats 0", 2, "--repeats");
+    refused("stymo-bench render --model none", 1, "none: ");
+    refused("stymo-bench render --data none" + small, 1, "none: ");
+    refused("stymo-bench edit --out file" + small, 1, "file");
+}
