@@ -229,6 +229,17 @@ def convolutions():
              uniform(2, 4, 3, 2, low=-0.2, high=0.2), uniform(3, 3, 3, 2, low=-0.2, high=0.2), uniform(3, spacing=2.0, offset=1.0))
 
 
+def channels():
+    def unit(x):
+        squared = x.square().sum(-1, keepdim=True)
+        return x / (torch.where(squared == 0, torch.ones_like(squared), squared).sqrt() + 0.01)
+
+    for op in ("unit_channels", "unit_channels_reference"):
+        case(f"{op}/image", unit, uniform(2, 3, 2, 5))
+    case("mean_squared_difference/image", lambda a, b: (a - b).square().mean((1, 2), keepdim=True),
+         uniform(2, 3, 2, 5), uniform(2, 3, 2, 5))
+
+
 def pooling():
     forms = {"2x2": ((2, 4, 6, 2), (2, 2, False)), "3x3, stride 2 with a rest": ((1, 6, 7, 2), (3, 2, False)),
              "3x3, stride 2, ceil": ((1, 6, 7, 2), (3, 2, True)), "2x2, stride 3, ceil": ((1, 4, 6, 1), (2, 3, True))}
@@ -290,6 +301,8 @@ def resampling():
     case("resize_box/half", lambda x: nhwc(F.avg_pool2d(nchw(x), 2)), uniform(1, 4, 2, 2))
     case("resize_box/third", lambda x: nhwc(F.avg_pool2d(nchw(x), 3)), uniform(1, 6, 3, 1))
     case("pixel_shuffle/image", lambda x: nhwc(F.pixel_shuffle(nchw(x), 2)), uniform(2, 2, 1, 8))
+    case("pixel_shuffle_onto/image", lambda x, y: nhwc(F.pixel_shuffle(nchw(y), 2) + F.interpolate(nchw(x), scale_factor=2)),
+         uniform(2, 2, 1, 2), uniform(2, 2, 1, 8))
     case("pixel_unshuffle/image", lambda x: nhwc(F.pixel_unshuffle(nchw(x), 2)), uniform(2, 2, 4, 2))
 
 
@@ -305,7 +318,7 @@ def gradients(y, xs, dL_dy):
 
 
 def main():
-    for family in (elementwise, activations, shapes, reductions, indexing, products, convolutions, pooling, resampling, rays):
+    for family in (elementwise, activations, shapes, reductions, indexing, products, convolutions, channels, pooling, resampling, rays):
         family()
     tensors = {}
     for name, (function, specs) in CASES.items():

@@ -76,15 +76,6 @@ void load_heads(const std::vector<Parameter>& heads, const TensorFile& file, con
     }
 }
 
-/// f / (|f| + 1e-10) over the channels. A vector of zeros has no direction: its norm counts as a constant, which keeps the value
-/// and leaves out the derivative of a root at 0.
-Variable normalised(const Variable& f) {
-    const Variable squared_norm = sum(square(f), {3});
-    const Variable one = Tensor::scalar(1.0, f.dtype());
-    const Variable norm = sqrt(where(squared_norm.value(), squared_norm, one));
-    return f * (one / (norm + 1e-10));
-}
-
 Variable as_the_network_expects(const Variable& images) {
     constexpr std::array<double, 3> shift{-0.030, -0.088, -0.188};
     constexpr std::array<double, 3> scale{0.458, 0.448, 0.450};
@@ -151,7 +142,8 @@ Lpips::Features Lpips::features(const Variable& images) const {
         fail<ShapeError>("LPIPS with ", config().network, " needs images of at least ", smallest_side(), " x ", smallest_side(),
                          " pixels, got ", images.shape());
     Features features;
-    for (const Variable& tap : implementation_->trunk(as_the_network_expects(images))) features.push_back(normalised(tap));
+    for (const Variable& tap : implementation_->trunk(as_the_network_expects(images)))
+        features.push_back(unit_channels(tap, 1e-10));
     return features;
 }
 
@@ -162,8 +154,7 @@ std::vector<Variable> Lpips::terms(const Features& a, const Features& b) const {
                          b.size());
     std::vector<Variable> terms;
     for (std::size_t k = 0; k < heads.size(); ++k) {
-        const Variable difference = mean(square(a[k] - b[k]), {1, 2});
-        terms.push_back(reshape(sum(difference * heads[k].variable(), {3}), {-1}));
+        terms.push_back(reshape(sum(mean_squared_difference(a[k], b[k]) * heads[k].variable(), {3}), {-1}));
     }
     return terms;
 }

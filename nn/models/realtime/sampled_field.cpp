@@ -157,7 +157,7 @@ void SampledField<T>::select(const CameraRays& rays) {
         points.clear();
         for (const Ray& ray : rays.rays) append_points(ray, rays.samples_per_ray, points);
         grid_.learn(points, [&](std::span<const float> vertices, std::span<float> densities) { evaluate(vertices, densities); });
-        select_from_grid(rays);
+        static_cast<void>(select_from_grid(rays));
     }
 }
 
