@@ -48,7 +48,7 @@ Measurement reduced_frame(const BenchRun& run, RenderMode mode) {
     const double pixels =
         counts.pixels > 0 ? static_cast<double>(counts.pixels_computed) / static_cast<double>(counts.pixels) : 1.0;
     result.work = work.field_sample * static_cast<double>(counts.field_samples) + work.rays * work.ray + work.blocks * pixels;
-    if (mode == RenderMode::bf16) result.limit = Limit::bfloat16;
+    if (mode == RenderMode::bf16) result.limit = Limit::sixteen_bits;
     result.remark = percent(counts.field_samples, counts.samples) + " of the samples, " +
                     percent(counts.pixels_computed, counts.pixels) + " of the pixels";
     if (!subject.trained) result.remark += "; random weights are fog, of which little can be left out";
