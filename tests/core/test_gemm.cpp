@@ -1,5 +1,3 @@
-#include <hwy/targets.h>
-
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <limits>
@@ -167,15 +165,6 @@ TEST_CASE("Products of half precision agree with plain loops over the rounded nu
     const double error = multiplies_float16() ? 65.0 / 2048.0 : 5e-7;
     check_all<Float16, float, float>(error);
     check_all<Float16, float, Float16>(error + 1e-6);
-}
-
-TEST_CASE("Without an instruction for them, products of half precision have sums of float32", "[gemm]") {
-    hwy::SetSupportedTargetsForTesting(HWY_STATIC_TARGET);
-    hwy::GetChosenTarget().Update();
-    check_all<Float16, float, float>(5e-7);
-    check_all<Float16, float, Float16>(2e-6);
-    hwy::SetSupportedTargetsForTesting(0);
-    hwy::GetChosenTarget().Update();
 }
 
 TEST_CASE("Rounding to half precision takes the nearest number, the even one of two", "[gemm]") {
