@@ -1,5 +1,6 @@
 #include "fit/fitter.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/autograd/grad.h"
@@ -30,6 +31,16 @@ struct Offsets {
     }
 };
 
+/// 1 where a weight is at least the tolerance.
+Tensor significant(const Tensor& weights, double tolerance) {
+    Tensor result(weights.shape(), weights.dtype());
+    dispatch(weights.dtype(), [&]<class T>(T) {
+        std::ranges::transform(weights.values<T>(), result.mutable_values<T>().begin(),
+                               [=](T weight) { return weight >= static_cast<T>(tolerance) ? T(1) : T(0); });
+    });
+    return result;
+}
+
 }  // namespace
 
 FitResult fit_codes(const Model& model, const ReconstructionLoss& reconstruction_loss, const FitTarget& target,
@@ -37,9 +48,12 @@ FitResult fit_codes(const Model& model, const ReconstructionLoss& reconstruction
     if (target.targets.empty()) fail<ShapeError>("fitting: no targets");
     const ReconstructionConfig& reconstruction = model.config().reconstruction;
     const double regularizer = options.regularizer < 0.0 ? reconstruction.fit_regularizer : options.regularizer;
-    const DecodeOptions decode{
-        .samples_per_ray = options.samples_per_ray > 0 ? options.samples_per_ray : reconstruction.fit_samples_per_ray,
-        .resolution = target.targets.back().shape(1)};
+    if (options.examination_interval < 1)
+        fail<ValueError>("fitting: samples are examined every ", options.examination_interval, " steps; give at least 1");
+    DecodeOptions decode{.samples_per_ray =
+                             options.samples_per_ray > 0 ? options.samples_per_ray : reconstruction.fit_samples_per_ray,
+                         .resolution = target.targets.back().shape(1),
+                         .keep_field = options.keep_field};
     FitResult result;
     result.initial = detached(model.encoder()(Variable(target.input)));
     const auto batch = static_cast<double>(result.initial.batch());
@@ -49,7 +63,10 @@ FitResult fit_codes(const Model& model, const ReconstructionLoss& reconstruction
     Adam adam;
     double learning_rate = options.learning_rate;
     for (std::int64_t step = 0; step < options.steps && !interrupted(); ++step) {
+        const bool examined = options.tolerance > 0.0 && step % options.examination_interval == 0;
+        if (examined) decode.kept_samples = {};
         const Decoded decoded = model.decoder()(add(result.initial, offsets.codes()), target.cameras, decode);
+        if (examined) decode.kept_samples = significant(decoded.weights.weights.value(), options.tolerance);
         // A mean over the batch times its size: the faces' gradients do not depend on how many are fitted together.
         const Variable loss =
             reconstruction_loss(decoded.images, photos).total * batch + squared_length(offsets.codes()) * regularizer;

@@ -105,6 +105,7 @@ LossAndGradients generator_gradients(const Model& model, const Discriminator* di
                                             {.samples_per_ray = phase.samples_per_ray,
                                              .resolution = phase.resolution,
                                              .mask = with_mask,
+                                             .keep_field = !recomputation.field,
                                              .recompute_blocks = recomputation.blocks,
                                              .jitter = &jitter});
 

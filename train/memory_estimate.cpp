@@ -80,12 +80,14 @@ std::int64_t decoder_weights(const DecoderConfig& config) {
     return weights;
 }
 
-/// Field and compositing: samples, results and their gradients.
-Need field_need(const DecoderConfig& config, const TrainingPhase& phase) {
+/// Field and compositing: samples, results and their gradients, and the arguments of the sines.
+Need field_need(const DecoderConfig& config, const TrainingPhase& phase, bool recomputed) {
     const std::int64_t rays = phase.micro_batch * square(config.rays.rays_per_side);
     const std::int64_t encoding = 3 + 6 * config.frequencies;
     const std::int64_t weights = config.field_width * (config.field_width * (config.field_layers + 1) + 2 * encoding);
-    return {rays * (3 * (config.field_width + phase.samples_per_ray) + 5 * phase.samples_per_ray), field_sums * weights};
+    const std::int64_t arguments = recomputed ? 0 : rays * phase.samples_per_ray * config.field_width * (config.field_layers + 1);
+    return {rays * (3 * (config.field_width + phase.samples_per_ray) + 5 * phase.samples_per_ray) + arguments,
+            field_sums * weights};
 }
 
 /// A render block of this side: upsampled input, detail of the upsampler, and between the two modulated layers.
@@ -101,7 +103,7 @@ Need block_need(std::int64_t side, std::int64_t in, std::int64_t out, std::int64
 }
 
 Need decoder_need(const DecoderConfig& config, const TrainingPhase& phase, const Recomputation& recomputation, bool mask) {
-    Need need = field_need(config, phase);
+    Need need = field_need(config, phase, recomputation.field);
     std::int64_t in = config.feature_channels;
     std::int64_t side = config.rays.rays_per_side;
     std::int64_t mask_numbers = 0;
@@ -224,9 +226,11 @@ Recomputation choose_recomputation(const TrainConfig& config, const TrainingPhas
     const auto fits = [&](const Recomputation& recomputation) {
         return budget == 0.0 || budget_for(config, phase, recomputation) <= budget;
     };
-    if (fits({false})) return {false};
-    if (fits({true})) return {true};
-    const double smallest = std::ceil(budget_for(config, phase, {true}) * 10.0) / 10.0;
+    for (const Recomputation& recomputation : {Recomputation{}, Recomputation{.blocks = true}})
+        if (fits(recomputation)) return recomputation;
+    const Recomputation most{.blocks = true, .field = true};
+    if (fits(most)) return most;
+    const double smallest = std::ceil(budget_for(config, phase, most) * 10.0) / 10.0;
     fail<ConfigError>("memory.budget_gibibytes = ", budget, " is too little for stage ", phase.stage, " at ", phase.resolution,
                       " pixels with ", phase.micro_batch, " images at once; it needs ", smallest, " or a smaller micro_batch");
 }

@@ -9,7 +9,8 @@ namespace stymo {
 
 /// What the backward pass computes once more instead of keeping it, as in DecodeOptions.
 struct Recomputation {
-    bool blocks = false;  ///< of the decoder, image by image
+    bool blocks = false;  ///< the render blocks, image by image
+    bool field = false;   ///< the field, tile by tile
 };
 
 /// Estimated peak of one training step, in bytes: what lasts from step to step, and what each part of the step needs beyond it
@@ -29,8 +30,8 @@ struct StepMemory {
 [[nodiscard]] StepMemory estimate_step_memory(const TrainConfig& config, const TrainingPhase& phase,
                                               const Recomputation& recomputation);
 
-/// The least recomputation with which 1.25 times the estimate for this phase fits memory.budget_gibibytes: none, or the render
-/// blocks. Throws ConfigError naming the key and the smallest budget that would do.
+/// The least recomputation with which 1.25 times the estimate for this phase fits memory.budget_gibibytes: none, the render
+/// blocks, or the field too. Throws ConfigError naming the key and the smallest budget that would do.
 [[nodiscard]] Recomputation choose_recomputation(const TrainConfig& config, const TrainingPhase& phase);
 
 }  // namespace stymo

@@ -53,6 +53,7 @@ std::string network_of(const Lpips* lpips) {
 }
 
 std::string recomputation_text(const Recomputation& recomputation) {
+    if (recomputation.field) return ", render blocks and field computed twice";
     return recomputation.blocks ? ", render blocks computed twice" : "";
 }
 
@@ -111,6 +112,7 @@ JsonValue to_json(const TrainingPlan& plan) {
                                              {"samples_per_ray", part.phase.samples_per_ray},
                                              {"epochs", part.epochs},
                                              {"recomputed_blocks", part.recomputation.blocks},
+                                             {"recomputed_field", part.recomputation.field},
                                              {"estimated_megabytes", part.estimated_megabytes}});
         if (part.measured) {
             phase.add("step_seconds", part.step_seconds);

@@ -49,6 +49,7 @@ LossAndGradients reconstruction_gradients(const Model& model, const Reconstructi
                                             {.samples_per_ray = samples_per_ray,
                                              .resolution = resolution,
                                              .mask = with_mask,
+                                             .keep_field = !recomputation.field,
                                              .recompute_blocks = recomputation.blocks,
                                              .jitter = &jitter});
 

@@ -62,7 +62,7 @@ struct AdversarialStageConfig {
     double average_half_life = 10000.0;  ///< images over which the averaged decoder forgets half; 0: no averaging
 };
 
-/// What a training step may use; beyond it, render blocks are recomputed in the backward pass.
+/// What a training step may use; beyond it, render blocks and field are recomputed in the backward pass.
 struct MemoryConfig {
     double budget_gibibytes = 0.0;  ///< 0: no limit, nothing is recomputed
 };

@@ -1,8 +1,6 @@
-#include <iomanip>
-#include <sstream>
-
 #include "apps/bench/case.h"
 #include "apps/bench/frames.h"
+#include "apps/bench/report.h"
 #include "apps/bench/work.h"
 
 namespace stymo {
@@ -17,9 +15,7 @@ RendererOptions renderer_options(const BenchOptions& options, RenderMode mode) {
 }
 
 std::string percent(std::int64_t part, std::int64_t whole) {
-    std::ostringstream text;
-    text << std::setprecision(2) << (whole > 0 ? 100.0 * static_cast<double>(part) / static_cast<double>(whole) : 0.0) << " %";
-    return text.str();
+    return decimal(whole > 0 ? 100.0 * static_cast<double>(part) / static_cast<double>(whole) : 0.0, 0) + " %";
 }
 
 void measure_error(Measurement& result, const BenchSubject& subject, const RendererOptions& options) {
@@ -143,10 +139,7 @@ Measurement bake(const BenchRun& run) {
     };
     Measurement result{.timing = time_repeated(run.options.repeats, 0.0, bake_anew), .limit = Limit::none};
     result.peak_memory = peak_memory_mebibytes();
-    std::ostringstream remark;
-    remark << std::fixed << std::setprecision(0) << result.peak_memory - before
-           << " MiB beyond model and program; with the first view";
-    result.remark = remark.str();
+    result.remark = decimal(result.peak_memory - before, 0) + " MiB beyond model and program; with the first view";
     return result;
 }
 

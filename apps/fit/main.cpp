@@ -99,6 +99,9 @@ int main(int argc, char** argv) {
     line.option("--regularizer", options.fit.regularizer, "weight of the squared code offsets; negative: the model's own")
         .range(-1, 1e6);
     line.option("--samples", options.samples, "samples per ray; the model's own unless given").range(2, 4096);
+    line.option("--tolerance", options.fit.tolerance,
+                "leaves out samples with less compositing weight, examined every 8 steps; biases the gradient")
+        .range(0, 1);
     stymo::declare_perceptual_weight(line, options.lpips);
     stymo::declare_lpips_files(line, options.lpips);
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return fit(options); });

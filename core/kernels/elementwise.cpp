@@ -169,17 +169,15 @@ T leaky_factor(T value, double slope) {
 Tensor leaky_relu(const Tensor& x, double slope) {
     return map(x, [=](auto value) { return value * leaky_factor(value, slope); });
 }
-Tensor leaky_gate(const Tensor& x, const Tensor& sign, double slope) {
-    return zip(x, sign, "leaky_gate", [=](auto value, auto of) { return value * leaky_factor(of, slope); });
+Tensor leaky_gate(const Tensor& x, const Tensor& sign, double slope, double gain) {
+    return zip(x, sign, "leaky_gate",
+               [=](auto value, auto of) { return value * static_cast<decltype(of)>(gain) * leaky_factor(of, slope); });
 }
 Tensor prelu(const Tensor& x, const Tensor& slope) {
     return zip(x, slope, "prelu", [](auto value, auto factor) { return value > decltype(value)(0) ? value : factor * value; });
 }
-Tensor leaky_slope(const Tensor& x, double slope, double gain) {
-    return map(x, [=](auto value) {
-        using T = decltype(value);
-        return value > T(0) ? static_cast<T>(gain) : static_cast<T>(gain) * static_cast<T>(slope);
-    });
+Tensor leaky_slope(const Tensor& x, double slope) {
+    return map(x, [=](auto value) { return leaky_factor(value, slope); });
 }
 
 Tensor broadcast_to(const Tensor& x, const Shape& shape) {

@@ -32,12 +32,12 @@ namespace stymo::kernels {
 [[nodiscard]] Tensor tanh(const Tensor& x);
 [[nodiscard]] Tensor softplus(const Tensor& x);
 [[nodiscard]] Tensor leaky_relu(const Tensor& x, double slope);
-/// x where sign > 0, else slope * x.
-[[nodiscard]] Tensor leaky_gate(const Tensor& x, const Tensor& sign, double slope);
+/// gain * x where sign > 0, else gain * slope * x.
+[[nodiscard]] Tensor leaky_gate(const Tensor& x, const Tensor& sign, double slope, double gain);
 /// x where x > 0, else slope * x; the slope is broadcast.
 [[nodiscard]] Tensor prelu(const Tensor& x, const Tensor& slope);
-/// `gain` where x > 0, else `gain` * `slope`.
-[[nodiscard]] Tensor leaky_slope(const Tensor& x, double slope, double gain = 1.0);
+/// 1 where x > 0, else `slope`.
+[[nodiscard]] Tensor leaky_slope(const Tensor& x, double slope);
 
 /// x repeated to `shape`.
 [[nodiscard]] Tensor broadcast_to(const Tensor& x, const Shape& shape);

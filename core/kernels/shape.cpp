@@ -137,14 +137,20 @@ void for_each_subpixel(std::int64_t batch, std::int64_t height, std::int64_t wid
 
 }  // namespace
 
-Tensor pixel_shuffle(const Tensor& x) {
+Tensor pixel_shuffle(const Tensor& x, const Tensor& coarse) {
     const std::int64_t channels = x.shape(3) / 4;
     Tensor y({x.shape(0), x.shape(1) * 2, x.shape(2) * 2, channels}, x.dtype());
     dispatch(x.dtype(), [&]<class T>(T) {
         const T* in = x.values<T>().data();
+        const T* added = coarse.defined() ? coarse.values<T>().data() : nullptr;
         T* out = y.mutable_values<T>().data();
         for_each_subpixel(x.shape(0), x.shape(1), x.shape(2), channels, [=](std::int64_t packed, std::int64_t spread) {
-            for (std::int64_t c = 0; c < channels; ++c) out[spread + c] = in[packed + 4 * c];
+            if (added == nullptr) {
+                for (std::int64_t c = 0; c < channels; ++c) out[spread + c] = in[packed + 4 * c];
+            } else {
+                const T* const from = added + packed / (4 * channels) * channels;
+                for (std::int64_t c = 0; c < channels; ++c) out[spread + c] = in[packed + 4 * c] + from[c];
+            }
         });
     });
     return y;

@@ -44,6 +44,11 @@ struct Extents {
 
     [[nodiscard]] std::int64_t rays_in_run() const { return chunk_count(rays, runs); }
     [[nodiscard]] std::int64_t columns() const { return samples + 1 + width; }
+    /// Of a layer's kept arguments, those of a tile whose first ray this is.
+    [[nodiscard]] std::int64_t kept_offset(std::size_t layer, std::int64_t ray) const {
+        return (static_cast<std::int64_t>(layer) * rays + ray) * samples * width;
+    }
+    [[nodiscard]] std::int64_t kept_numbers() const { return std::ssize(inputs) * rays * samples * width; }
     /// Points of the largest tile; a ray is never cut.
     [[nodiscard]] std::int64_t largest_tile() const { return std::max(tile_points, samples); }
 };
@@ -247,7 +252,13 @@ void for_each_run(const Extents& extents, const Body& body) {
 }
 
 template <class T>
-void render_run(RayRun<T>& run, const Extents& extents, std::int64_t first, std::int64_t end, T* result) {
+void take_sines(const T* x, T* y, std::int64_t count) {
+    for_each_sine_cosine(x, count, [=](std::int64_t i, T sine, T) { y[i] = sine; });
+}
+
+/// `arguments`: the face's, null where they are not kept.
+template <class T>
+void render_run(RayRun<T>& run, const Extents& extents, std::int64_t first, std::int64_t end, T* arguments, T* result) {
     const std::int64_t width = extents.width;
     const auto even = scratch<T>(extents.largest_tile() * width), odd = scratch<T>(extents.largest_tile() * width);
     const std::size_t features = extents.inputs.size() - 1;
@@ -258,7 +269,13 @@ void render_run(RayRun<T>& run, const Extents& extents, std::int64_t first, std:
             const T* before = x;
             if (layer == features) run.composite(before);
             x = layer % 2 == 0 ? even.get() : odd.get();
-            run.multiply(layer, before, x, Activation::sine);
+            if (arguments == nullptr) {
+                run.multiply(layer, before, x, Activation::sine);
+                continue;
+            }
+            T* const z = arguments + extents.kept_offset(layer, ray);
+            run.multiply(layer, before, z, Activation::none);
+            take_sines(z, x, run.tile().points() * width);
         }
         const Tile<T>& tile = run.tile();
         for (std::int64_t at = tile.first_ray; at < tile.end_ray; ++at) {
@@ -307,30 +324,31 @@ void add_to(std::vector<T>& sums, const std::vector<T>& more) {
 template <class T>
 class GradientRun {
 public:
-    GradientRun(RayRun<T>& run, const Face<T>& face, const Extents& extents, NetworkSums<T>& sums, bool with_weights)
-        : run_(run), face_(face), extents_(extents), sums_(sums), with_weights_(with_weights), size_(extents.largest_tile() * extents.width) {
-        all_ = scratch<T>(size_ * static_cast<std::int64_t>(extents.inputs.size() + 3));
-        T* next = all_.get();
-        for (std::size_t i = 0; i < extents.inputs.size(); ++i, next += size_) arguments_.push_back(next);
-        activation_ = next;
-        gradient_ = next + size_;
-        behind_ = next + 2 * size_;
-        encoding_gradient_ = scratch<T>(extents.largest_tile() * run.encoding_stride());
-    }
+    /// `kept`: the face's arguments, null where they are to be computed.
+    GradientRun(RayRun<T>& run, const Face<T>& face, const Extents& extents, NetworkSums<T>& sums, const T* kept,
+                bool with_weights)
+        : run_(run),
+          face_(face),
+          extents_(extents),
+          sums_(sums),
+          kept_(kept),
+          with_weights_(with_weights),
+          size_(extents.largest_tile() * extents.width),
+          layers_(extents.inputs.size()),
+          computed_(scratch<T>(kept == nullptr ? size_ * std::ssize(extents.inputs) : 0)),
+          buffers_(scratch<T>(3 * size_)),
+          activation_(buffers_.get()),
+          gradient_(activation_ + size_),
+          behind_(gradient_ + size_),
+          encoding_gradient_(scratch<T>(extents.largest_tile() * run.encoding_stride())) {}
 
     void operator()(std::int64_t first, std::int64_t end, const T* dL_dy) {
-        const std::size_t features = extents_.inputs.size() - 1;
         for (std::int64_t ray = first; ray < end; ray = run_.tile().end_ray) {
             run_.take(ray, end);
-            for (std::size_t layer = 0; layer < features; ++layer) {
-                run_.multiply(layer, activation_, arguments_[layer], Activation::none);
-                take_sines(arguments_[layer], activation_);
-            }
-            run_.composite(activation_);
-            run_.multiply(features, activation_, arguments_[features], Activation::none);
+            take_arguments();
             differentiate_compositing(dL_dy);
-            for (std::size_t layer = features; layer > 0; --layer) {
-                go_behind(layer, layer == features);
+            for (std::size_t layer = layers_ - 1; layer > 0; --layer) {
+                go_behind(layer, layer + 1 == layers_);
                 std::swap(gradient_, behind_);
             }
             add_encoding(0);
@@ -338,8 +356,22 @@ public:
     }
 
 private:
-    void take_sines(const T* x, T* y) const {
-        for_each_sine_cosine(x, run_.tile().points() * extents_.width, [=](std::int64_t i, T sine, T) { y[i] = sine; });
+    [[nodiscard]] const T* arguments(std::size_t layer) const {
+        return kept_ == nullptr ? computed_.get() + static_cast<std::int64_t>(layer) * size_
+                                : kept_ + extents_.kept_offset(layer, run_.tile().first_ray);
+    }
+
+    /// Of all layers, and what compositing makes of them.
+    void take_arguments() {
+        const std::int64_t count = run_.tile().points() * extents_.width;
+        for (std::size_t layer = 0; layer < layers_; ++layer) {
+            if (layer + 1 == layers_) run_.composite(activation_);
+            if (kept_ == nullptr) {
+                run_.multiply(layer, activation_, computed_.get() + static_cast<std::int64_t>(layer) * size_, Activation::none);
+            }
+            // Arguments that are kept are read for their own sake later.
+            if (layer + 2 == layers_ || (kept_ == nullptr && layer + 1 < layers_)) take_sines(arguments(layer), activation_, count);
+        }
     }
 
     /// From the result's gradient to that of the features' argument, and to that of the logits.
@@ -358,7 +390,7 @@ private:
             for (std::int64_t point = tile.begin_of(ray); point < tile.end_of(ray); ++point) {
                 const auto at = static_cast<std::size_t>(point);
                 const T weight = tile.weights[at];
-                const T* z = arguments_.back() + point * width;
+                const T* z = arguments(layers_ - 1) + point * width;
                 T* g = gradient_ + point * width;
                 T* feature = activation_ + point * width;
                 for_each_argument(z, [=](std::int64_t i, T sine, T cosine) {
@@ -408,7 +440,7 @@ private:
         const std::int64_t first = extents_.inputs[layer].encoding;
         const T* bias = face_.layers[layer - 1].bias;
         for (std::int64_t point = 0; point < points; ++point) {
-            const T* const z = arguments_[layer - 1] + point * width;
+            const T* const z = arguments(layer - 1) + point * width;
             T* const h = behind_ + point * width;
             T* const x = activation_ + point * width;
             const T* const scale = packed.scale + first;
@@ -471,10 +503,12 @@ private:
     const Face<T>& face_;
     const Extents& extents_;
     NetworkSums<T>& sums_;
+    const T* kept_;
     bool with_weights_;
-    std::int64_t size_;
-    std::unique_ptr<T[]> all_;
-    std::vector<T*> arguments_;  ///< of every layer's sines
+    std::int64_t size_;  ///< of a tile's layer
+    std::size_t layers_;
+    std::unique_ptr<T[]> computed_;  ///< arguments of all layers
+    std::unique_ptr<T[]> buffers_;
     T* activation_;
     T* gradient_;  ///< of the present layer's argument
     T* behind_;
@@ -485,12 +519,13 @@ private:
 
 template <class T>
 NetworkSums<T> sums_of_face(const RayPoints& rays, const Face<T>& packed, const Extents& extents, std::int64_t face,
-                            const T* dL_dy, bool with_weights) {
+                            const T* kept, const T* dL_dy, bool with_weights) {
     std::vector<NetworkSums<T>> parts(static_cast<std::size_t>(chunk_count(extents.rays, extents.rays_in_run())),
                                       NetworkSums<T>(extents, with_weights));
     for_each_run(extents, [&](std::int64_t first, std::int64_t end, std::int64_t index) {
         RayRun<T> run(rays, packed, extents, face);
-        GradientRun<T>(run, packed, extents, parts[static_cast<std::size_t>(index)], with_weights)(first, end, dL_dy);
+        GradientRun<T>(run, packed, extents, parts[static_cast<std::size_t>(index)], kept, with_weights)(first, end,
+                                                                                                                  dL_dy);
     });
     NetworkSums<T>& total = parts.front();
     for (std::size_t i = 1; i < parts.size(); ++i) {
@@ -541,31 +576,39 @@ SineNetworkOf<Tensor> zeros_like(const SineNetworkOf<Tensor>& network, bool with
 
 }  // namespace
 
-Tensor sine_rays(const RayPoints& rays, const SineNetworkOf<Tensor>& network) {
+SineRaysResult sine_rays(const RayPoints& rays, const SineNetworkOf<Tensor>& network, bool keep_arguments) {
     const Extents extents(rays, network);
-    Tensor result({extents.faces, extents.rays, extents.columns()}, rays.deltas.dtype());
-    dispatch(result.dtype(), [&]<class T>(T) {
-        T* const values = result.mutable_values<T>().data();
+    SineRaysResult result{Tensor({extents.faces, extents.rays, extents.columns()}, rays.deltas.dtype()), {}};
+    if (keep_arguments) {
+        result.arguments = Tensor({extents.faces, std::ssize(extents.inputs), extents.rays * extents.samples, extents.width},
+                                  rays.deltas.dtype());
+    }
+    dispatch(result.value.dtype(), [&]<class T>(T) {
+        T* const values = result.value.mutable_values<T>().data();
+        T* const arguments = keep_arguments ? result.arguments.mutable_values<T>().data() : nullptr;
         for (std::int64_t face = 0; face < extents.faces; ++face) {
             const Face<T> packed = pack<T>(network, extents, face, false);
+            T* const of_face = keep_arguments ? arguments + face * extents.kept_numbers() : nullptr;
             for_each_run(extents, [&](std::int64_t first, std::int64_t end, std::int64_t) {
                 RayRun<T> run(rays, packed, extents, face);
-                render_run(run, extents, first, end, values + face * extents.rays * extents.columns());
+                render_run(run, extents, first, end, of_face, values + face * extents.rays * extents.columns());
             });
         }
     });
     return result;
 }
 
-SineNetworkOf<Tensor> sine_rays_gradient(const RayPoints& rays, const SineNetworkOf<Tensor>& network, const Tensor& dL_dy,
-                                         bool with_weights) {
+SineNetworkOf<Tensor> sine_rays_gradient(const RayPoints& rays, const SineNetworkOf<Tensor>& network, const Tensor& arguments,
+                                         const Tensor& dL_dy, bool with_weights) {
     const Extents extents(rays, network);
     SineNetworkOf<Tensor> gradients = zeros_like(network, with_weights);
     dispatch(dL_dy.dtype(), [&]<class T>(T) {
         const T* const dL_dvalues = dL_dy.values<T>().data();
         for (std::int64_t face = 0; face < extents.faces; ++face) {
             const Face<T> packed = pack<T>(network, extents, face, true);
-            const NetworkSums<T> sums = sums_of_face(rays, packed, extents, face,
+            const T* const kept =
+                arguments.defined() ? arguments.values<T>().data() + face * extents.kept_numbers() : nullptr;
+            const NetworkSums<T> sums = sums_of_face(rays, packed, extents, face, kept,
                                                      dL_dvalues + face * extents.rays * extents.columns(), with_weights);
             for (std::size_t i = 0; i < packed.layers.size(); ++i)
                 add_face(gradients.layers[i], sums.layers[i], packed.layers[i], face);

@@ -4,12 +4,17 @@
 
 namespace stymo::kernels {
 
-/// The forward pass of core/ops/sine_rays.h. Shapes are checked by the op.
-[[nodiscard]] Tensor sine_rays(const RayPoints& rays, const SineNetworkOf<Tensor>& network);
+struct SineRaysResult {
+    Tensor value;
+    Tensor arguments;  ///< (B, layers, R * N, width), each tile's rows from its first sample's on; undefined unless wanted
+};
 
-/// Gradients of all parts of the network, in their shapes; those of the weights stay undefined unless wanted. Sums are grouped by
-/// runs of rays, whatever the number of threads.
+/// The forward pass of core/ops/sine_rays.h. Shapes are checked by the op.
+[[nodiscard]] SineRaysResult sine_rays(const RayPoints& rays, const SineNetworkOf<Tensor>& network, bool keep_arguments);
+
+/// Gradients of all parts of the network, in their shapes; those of the weights stay undefined unless wanted. Undefined `arguments`
+/// are computed once more. Sums are grouped by runs of rays, whatever the number of threads.
 [[nodiscard]] SineNetworkOf<Tensor> sine_rays_gradient(const RayPoints& rays, const SineNetworkOf<Tensor>& network,
-                                                       const Tensor& dL_dy, bool with_weights);
+                                                       const Tensor& arguments, const Tensor& dL_dy, bool with_weights);
 
 }  // namespace stymo::kernels

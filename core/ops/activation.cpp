@@ -37,10 +37,10 @@ Variable leaky_relu(const Variable& x, double slope) {
                   {[slope](const Vjp& v) { return leaky_gate(v.grad(), v.output().value(), slope); }});
 }
 
-Variable leaky_gate(const Variable& x, const Tensor& sign, double slope) {
+Variable leaky_gate(const Variable& x, const Tensor& sign, double slope, double gain) {
     if (x.shape() != sign.shape()) fail<ShapeError>("[leaky_gate] x is ", x.shape(), ", the signs ", sign.shape());
-    return record("leaky_gate", kernels::leaky_gate(x.value(), sign, slope), {x}, Save::none(),
-                  {[sign, slope](const Vjp& v) { return leaky_gate(v.grad(), sign, slope); }});
+    return record("leaky_gate", kernels::leaky_gate(x.value(), sign, slope, gain), {x}, Save::none(),
+                  {[sign, slope, gain](const Vjp& v) { return leaky_gate(v.grad(), sign, slope, gain); }});
 }
 
 Variable prelu(const Variable& x, const Variable& slope) {

@@ -4,7 +4,6 @@
 
 #include "core/autograd/record.h"
 #include "core/error.h"
-#include "core/kernels/elementwise.h"
 #include "core/kernels/matmul.h"
 #include "core/ops/activation.h"
 #include "core/ops/elementwise.h"
@@ -121,7 +120,7 @@ Variable linear(const Variable& x, const Variable& weight, const Variable& bias,
     if (activation == Activation::leaky_relu) {
         // The slope follows from the sign of the output, which the next layer keeps anyway.
         return record("linear_activation", result.value, {map}, Save::the_output(), {[](const Vjp& v) {
-                          return v.grad() * Variable(kernels::leaky_slope(v.output().value(), 0.2, std::numbers::sqrt2));
+                          return leaky_gate(v.grad(), v.output().value(), 0.2, std::numbers::sqrt2);
                       }});
     }
     return record("linear_activation", result.value, {map}, Save::none(), {[=, slope = result.slope](const Vjp& v) {

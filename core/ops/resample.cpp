@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "core/kernels/resample.h"
 #include "core/kernels/shape.h"
+#include "core/ops/elementwise.h"
 
 namespace stymo {
 
@@ -176,6 +177,17 @@ Variable pixel_shuffle(const Variable& x) {
     if (x.rank() != 4 || x.shape(3) % 4 != 0) fail<ShapeError>("[pixel_shuffle] needs (b, h, w, 4c), got ", x.shape());
     return record("pixel_shuffle", kernels::pixel_shuffle(x.value()), {x}, Save::none(),
                   {[](const Vjp& v) { return pixel_unshuffle(v.grad()); }});
+}
+
+Variable pixel_shuffle_onto(const Variable& coarse, const Variable& x) {
+    if (coarse.rank() != 4 || x.shape() != coarse.shape().with(3, 4 * coarse.shape(3)))
+        fail<ShapeError>("[pixel_shuffle_onto] needs (b, h, w, c) and (b, h, w, 4c), got ", coarse.shape(), " and ", x.shape());
+    return record("pixel_shuffle_onto", kernels::pixel_shuffle(x.value(), coarse.value()), {coarse, x}, Save::none(),
+                  {[](const Vjp& v) {
+                       const Variable& dL_dy = v.grad();
+                       return resize_box(dL_dy, height_of(dL_dy) / 2, width_of(dL_dy) / 2) * 4.0;
+                   },
+                   [](const Vjp& v) { return pixel_unshuffle(v.grad()); }});
 }
 
 Variable pixel_unshuffle(const Variable& x) {

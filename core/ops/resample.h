@@ -66,6 +66,8 @@ private:
 
 /// (b, h, w, 4c) -> (b, 2h, 2w, c): channel 4c + 2i + j goes to row 2h + i, column 2w + j.
 [[nodiscard]] Variable pixel_shuffle(const Variable& x);
+/// The same plus the nearest-neighbour doubling of `coarse` (b, h, w, c), in one pass.
+[[nodiscard]] Variable pixel_shuffle_onto(const Variable& coarse, const Variable& x);
 /// The inverse of pixel_shuffle.
 [[nodiscard]] Variable pixel_unshuffle(const Variable& x);
 

@@ -66,20 +66,22 @@ void check(const RayPoints& rays, const SineNetwork& network) {
 
 }  // namespace
 
-Variable sine_rays(const RayPoints& rays, const SineNetwork& network, const SineRaysComposition& composition) {
+Variable sine_rays(const RayPoints& rays, const SineNetwork& network, const SineRaysComposition& composition,
+                   SineArguments arguments) {
     check(rays, network);
     const std::vector<Variable> parts = parts_of(network);
     std::vector<Tensor> values;
     for (const Variable& part : parts) values.push_back(part.value());
     const auto with = [frequencies = network.frequencies, skip_layer = network.skip_layer]<class Value>(
                           const std::vector<Value>& of) { return network_of<Value>(of, frequencies, skip_layer); };
-    Tensor result = kernels::sine_rays(rays, with(values));
-    if (std::ranges::none_of(parts, &Variable::tracked)) return Variable(std::move(result));
+    const bool tracked = std::ranges::any_of(parts, &Variable::tracked);
+    kernels::SineRaysResult result = kernels::sine_rays(rays, with(values), tracked && arguments == SineArguments::kept);
+    if (!tracked) return Variable(std::move(result.value));
 
     std::vector<Node::Input> inputs;
     for (const Variable& part : parts) inputs.push_back({part.node(), part.value(), part.shape()});
-    return record("sine_rays", std::move(result), std::move(inputs),
-                  [rays, composition, with, count = parts.size()](const Vjp& v, const std::vector<bool>& needed) {
+    return record("sine_rays", std::move(result.value), std::move(inputs),
+                  [rays, composition, with, kept = std::move(result.arguments), count = parts.size()](const Vjp& v, const std::vector<bool>& needed) {
                       std::vector<Variable> given;
                       // A node of its own for each part: one variable may be several of them.
                       for (std::size_t i = 0; i < count; ++i) given.push_back(v.create_graph() ? v.input(i) * 1.0 : v.input(i));
@@ -102,7 +104,7 @@ Variable sine_rays(const RayPoints& rays, const SineNetwork& network, const Sine
                           constants.push_back(given[i].value());
                       }
                       const std::vector<Tensor> found =
-                          parts_of(kernels::sine_rays_gradient(rays, with(constants), v.grad().value(), with_weights));
+                          parts_of(kernels::sine_rays_gradient(rays, with(constants), kept, v.grad().value(), with_weights));
                       for (std::size_t i = 0; i < count; ++i)
                           if (needed[i]) gradients[i] = Variable(found[i]);
                       return gradients;

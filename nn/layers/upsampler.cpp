@@ -3,9 +3,7 @@
 #include <numbers>
 
 #include "core/error.h"
-#include "core/ops/elementwise.h"
 #include "core/ops/resample.h"
-#include "core/ops/shape_ops.h"
 
 namespace stymo {
 
@@ -15,11 +13,7 @@ Upsampler::Upsampler(ParameterStore& store, const std::string& prefix, std::int6
 
 Variable Upsampler::operator()(const Variable& x) const {
     if (x.rank() != 4) fail<ShapeError>("upsampler: expected an image (batch, height, width, channels), got ", x.shape());
-    const std::int64_t channels = x.shape(3);
-    const Variable detail = detail_(x);
-    // Channel 4c + k of the sum is detail plus x's channel c, whatever the sub-pixel k.
-    const Variable summed = reshape(detail, {-1, channels, 4}) + reshape(x, {-1, channels, 1});
-    return blur(pixel_shuffle(reshape(summed, detail.shape())));
+    return blur(pixel_shuffle_onto(x, detail_(x)));
 }
 
 Variable double_smoothly(const Variable& image) {

@@ -161,7 +161,8 @@ Decoded Decoder::operator()(const Codes& z, const std::vector<Camera>& cameras, 
     sampling.samples_per_ray = options.samples_per_ray;
     RaySamples samples = sample_rays(cameras, sampling, options.jitter, w.identity().dtype());
 
-    RenderedRays rays = layers_->field.render({samples.points, samples.deltas}, geometry_style(w));
+    RenderedRays rays = layers_->field.render({samples.points, samples.deltas, options.kept_samples}, geometry_style(w),
+                                              options.keep_field ? SineArguments::kept : SineArguments::recomputed);
     const std::int64_t side = sampling.rays_per_side;
     const Variable features = layers_->field.finish(rays.composited, sum(rays.weights.weights, {2}));
 

@@ -40,6 +40,10 @@ struct DecodeOptions {
     std::int64_t samples_per_ray = 32;
     std::int64_t resolution = 0;  ///< largest image wanted, 0 for the model's own; later blocks are left out
     bool mask = false;            ///< also the head mask, at the side of the largest image
+    /// (B, rays, samples_per_ray), 0 where a sample is left out as if it were empty; undefined: none is.
+    Tensor kept_samples{};
+    /// Keeps what the backward pass needs of the field, layers * width numbers for each sample, instead of computing it once more.
+    bool keep_field = false;
     /// The backward pass computes the render blocks with the mask branch once more, image by image, instead of keeping what it
     /// needs of them. Changes results by rounding.
     bool recompute_blocks = false;

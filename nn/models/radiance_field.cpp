@@ -76,8 +76,8 @@ FieldSamples RadianceField::operator()(const Variable& points, const Variable& s
     return evaluate(points, network(style), density_only);
 }
 
-RenderedRays RadianceField::render(const RayPoints& rays, const Variable& style) const {
-    return taken_apart(sine_rays(rays, network(style), composed_rays), rays.deltas.shape(2));
+RenderedRays RadianceField::render(const RayPoints& rays, const Variable& style, SineArguments arguments) const {
+    return taken_apart(sine_rays(rays, network(style), composed_rays, arguments), rays.deltas.shape(2));
 }
 
 RenderedRays RadianceField::render_reference(const RayPoints& rays, const Variable& style) const {

@@ -51,7 +51,8 @@ public:
     [[nodiscard]] FieldSamples operator()(const Variable& points, const Variable& style, bool density_only = false) const;
 
     /// Field and compositing in one op that stores no features of samples.
-    [[nodiscard]] RenderedRays render(const RayPoints& rays, const Variable& style) const;
+    [[nodiscard]] RenderedRays render(const RayPoints& rays, const Variable& style,
+                                      SineArguments arguments = SineArguments::recomputed) const;
     /// The same as a composition: its oracle.
     [[nodiscard]] RenderedRays render_reference(const RayPoints& rays, const Variable& style) const;
 

@@ -168,6 +168,17 @@ void add_pixel_cases(std::vector<OpCase>& rows) {
                         return generate({e[0], 2 * e[1], 2 * e[2], e[3] / 4}, [&](const Index& i) { return x[0].at(inside(i)); });
                     },
                     {speed_image}});
+    rows.push_back({"pixel_shuffle_onto",
+                    "image",
+                    {{{2, 2, 1, 2}}, {{2, 2, 1, 8}}},
+                    [](const auto& x) { return pixel_shuffle_onto(x[0], x[1]); },
+                    [inside](const std::vector<Array>& x) {
+                        const auto& e = x[0].extents;
+                        return generate({e[0], 2 * e[1], 2 * e[2], e[3]}, [&](const Index& i) {
+                            return x[0].at({i[0], i[1] / 2, i[2] / 2, i[3]}) + x[1].at(inside(i));
+                        });
+                    },
+                    {{1, 64, 64, 8}, {1, 64, 64, 32}}});
     rows.push_back({"pixel_unshuffle",
                     "image",
                     {{{2, 2, 4, 2}}},

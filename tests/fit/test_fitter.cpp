@@ -137,6 +137,34 @@ TEST_CASE("fitting lowers the perceptual term if it has a weight", "[fitter]") {
     CHECK(result.losses.back() < 0.5 * result.losses.front());
 }
 
+TEST_CASE("samples without weight are left out of a fit, and a tolerance above all weights leaves nothing", "[fitter]") {
+    const Model model = frozen_model();
+    const FitTarget target = target_of(model, random_codes(1, 9, 1.0, DType::float64));
+    const auto fitted = [&](double tolerance) {
+        return fit_codes(model, loss_of(model), target,
+                         {.steps = 12, .learning_rate = 0.03, .tolerance = tolerance, .examination_interval = 4})
+            .losses;
+    };
+    const std::vector<double> exact = fitted(0.0);
+    const std::vector<double> close = fitted(1e-6);
+    for (std::size_t i = 0; i < exact.size(); ++i) CHECK(close[i] == Approx(exact[i]).epsilon(1e-3));
+    const std::vector<double> without = fitted(0.999);
+    // Every fourth step sees all samples, the others none.
+    CHECK(without[0] == Approx(exact[0]));
+    CHECK(without[1] != Approx(exact[1]));
+    CHECK_THROWS_AS(fit_codes(model, loss_of(model), target, {.steps = 1, .examination_interval = 0}), ValueError);
+}
+
+TEST_CASE("a fit that keeps the field's arguments takes the same steps", "[fitter]") {
+    const Model model = frozen_model();
+    const FitTarget target = target_of(model, random_codes(1, 9, 1.0, DType::float64));
+    const auto fitted = [&](bool keep_field) {
+        return fit_codes(model, loss_of(model), target, {.steps = 5, .learning_rate = 0.03, .keep_field = keep_field}).losses;
+    };
+    const std::vector<double> recomputed = fitted(false), kept = fitted(true);
+    for (std::size_t i = 0; i < kept.size(); ++i) CHECK(kept[i] == Approx(recomputed[i]).epsilon(1e-9));
+}
+
 TEST_CASE("no steps leave the encoder's codes", "[fitter]") {
     const Model model = frozen_model();
     const FitTarget target = target_of(model, random_codes(2, 10, 1.0, DType::float64));

@@ -301,6 +301,8 @@ def resampling():
     case("resize_box/half", lambda x: nhwc(F.avg_pool2d(nchw(x), 2)), uniform(1, 4, 2, 2))
     case("resize_box/third", lambda x: nhwc(F.avg_pool2d(nchw(x), 3)), uniform(1, 6, 3, 1))
     case("pixel_shuffle/image", lambda x: nhwc(F.pixel_shuffle(nchw(x), 2)), uniform(2, 2, 1, 8))
+    case("pixel_shuffle_onto/image", lambda x, y: nhwc(F.pixel_shuffle(nchw(y), 2) + F.interpolate(nchw(x), scale_factor=2)),
+         uniform(2, 2, 1, 2), uniform(2, 2, 1, 8))
     case("pixel_unshuffle/image", lambda x: nhwc(F.pixel_unshuffle(nchw(x), 2)), uniform(2, 2, 4, 2))
 
 

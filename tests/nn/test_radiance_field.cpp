@@ -45,11 +45,11 @@ struct Case {
     }
 
     /// Values, then gradients of a loss that takes in all of the result with different factors.
-    [[nodiscard]] std::vector<Tensor> values_and_gradients(bool fused) const {
+    [[nodiscard]] std::vector<Tensor> values_and_gradients(bool fused, SineArguments arguments = SineArguments::recomputed) const {
         std::vector<Variable> xs{Variable::leaf(style)};
         for (const Parameter& parameter : store.trainable())
             if (parameter.name().find("feature1") == std::string::npos) xs.push_back(parameter.variable());
-        const RenderedRays result = fused ? field.render(rays, xs[0]) : field.render_reference(rays, xs[0]);
+        const RenderedRays result = fused ? field.render(rays, xs[0], arguments) : field.render_reference(rays, xs[0]);
         std::vector<Tensor> all{result.weights.weights.value(), result.weights.transmittance.value(), result.composited.value()};
         Rng rng(9);
         Variable loss = Tensor::scalar(0.0, style.dtype());
@@ -80,6 +80,7 @@ TEST_CASE("the fused field has the values and gradients of its composition", "[f
             check_equal(given.values_and_gradients(true), given.values_and_gradients(false), 1e-10);
             given.leave_out();
             check_equal(given.values_and_gradients(true), given.values_and_gradients(false), 1e-10);
+            check_equal(given.values_and_gradients(true, SineArguments::kept), given.values_and_gradients(false), 1e-10);
         }
     }
 }

@@ -112,11 +112,12 @@ TEST_CASE("the estimate is within a quarter of what a step takes", "[memory]") {
     for (const Parameter& parameter : model.parameters().trainable()) leaves.push_back(parameter.variable());
     Codes codes = random_codes(2, 3);
     const std::vector<Camera> cameras(2, camera_from_pose(orbit_pose(0.0, 0.0, 0.0, 5.3), {}));
-    for (const Recomputation& recomputation : {Recomputation{false}, Recomputation{true}}) {
+    for (const Recomputation& recomputation : {Recomputation{}, Recomputation{true}, Recomputation{true, true}}) {
         const auto peak_of_step = measured_peak([&] {
             const Decoded decoded = model.decoder()(codes, cameras,
                                                     {.samples_per_ray = config.stage1.samples_per_ray,
                                                      .mask = true,
+                                                     .keep_field = !recomputation.field,
                                                      .recompute_blocks = recomputation.blocks});
             Variable loss = mean(square(decoded.mask_logit));
             for (const Variable& image : decoded.images) loss = loss + mean(square(image));
@@ -127,12 +128,12 @@ TEST_CASE("the estimate is within a quarter of what a step takes", "[memory]") {
             return;
         }
         const StepMemory memory = estimate_step_memory(config, phase_of(config, 1, 2), recomputation);
-        CAPTURE(recomputation.blocks, *peak_of_step / mebibyte);
+        CAPTURE(recomputation.blocks, recomputation.field, *peak_of_step / mebibyte);
         CHECK(static_cast<double>(memory.generator) / mebibyte == Approx(*peak_of_step / mebibyte).epsilon(0.25).margin(16.0));
     }
 }
 
-TEST_CASE("a smaller budget recomputes the render blocks, and one that is too small is refused", "[memory]") {
+TEST_CASE("a smaller budget recomputes first the render blocks, then the field too, and one that is too small is refused", "[memory]") {
     TrainConfig config = paper();
     const TrainingPhase phase = phase_of(config, 1, 8);
     CHECK_FALSE(choose_recomputation(config, phase).blocks);
@@ -141,9 +142,15 @@ TEST_CASE("a smaller budget recomputes the render blocks, and one that is too sm
         config.memory.budget_gibibytes = bytes / (1024.0 * mebibyte);
         return choose_recomputation(config, phase);
     };
-    const double needed = peak(config, 1, 8, {true});
-    CHECK(needed < peak(config, 1, 8, {false}));
-    CHECK(choice(1.25 * needed + mebibyte).blocks);
+    double previous = peak(config, 1, 8, {});
+    for (const Recomputation& wanted : {Recomputation{true, false}, Recomputation{true, true}}) {
+        const double needed = peak(config, 1, 8, wanted);
+        CHECK(needed < previous);
+        previous = needed;
+        const Recomputation chosen = choice(1.25 * needed + mebibyte);
+        CHECK(chosen.blocks);
+        CHECK(chosen.field == wanted.field);
+    }
     CHECK_THROWS_AS(choice(200.0 * mebibyte), ConfigError);
     CHECK_THROWS_WITH(choice(200.0 * mebibyte), Contains("memory.budget_gibibytes") && Contains("8 images at once; it needs"));
 }
@@ -173,8 +180,8 @@ TEST_CASE("a training step within a budget has the gradients of one without", "[
         return reconstruction_gradients(model, reconstruction, batch, config, model.parameters().trainable(), true, jitter);
     };
     const LossAndGradients kept = result_with(0.0);
-    const LossAndGradients recomputed = result_with(1.25 * peak(config, 1, 2, {true}) + 1.0);
-    CHECK(choose_recomputation(config, phase_of(config, 1, 2)).blocks);
+    const LossAndGradients recomputed = result_with(1.25 * peak(config, 1, 2, {true, true}) + 1.0);
+    CHECK(choose_recomputation(config, phase_of(config, 1, 2)).field);
     CHECK(recomputed.losses.total == Approx(kept.losses.total).epsilon(1e-6));
     for (std::size_t i = 0; i < kept.gradients.size(); ++i) {
         const CloseReport report = check_close(recomputed.gradients[i].value(), kept.gradients[i].value(), 1e-4);
