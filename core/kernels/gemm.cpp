@@ -440,9 +440,18 @@ void pack_rows(const Panels<T>& panels, const T* from, std::int64_t columns, std
 template <class T>
 void pack_panel(T* to, const T* from, std::int64_t k, std::int64_t columns, std::int64_t width, std::int64_t inner_stride,
                 std::int64_t column_stride) {
-    for (std::int64_t i = 0; i < k; ++i) {
-        for (std::int64_t j = 0; j < columns; ++j) to[i * width + j] = from[i * inner_stride + j * column_stride];
-        std::fill(to + i * width + columns, to + (i + 1) * width, T(0));
+    // A cache line of each column at a time: columns a power of two apart would push one another out.
+    constexpr std::int64_t line = alignment / sizeof(T);
+    for (std::int64_t first = 0; first < k; first += line) {
+        const std::int64_t last = std::min(k, first + line);
+        if (column_stride == 1) {
+            for (std::int64_t i = first; i < last; ++i) std::copy_n(from + i * inner_stride, columns, to + i * width);
+        } else {
+            for (std::int64_t j = 0; j < columns; ++j) {
+                for (std::int64_t i = first; i < last; ++i) to[i * width + j] = from[i * inner_stride + j * column_stride];
+            }
+        }
+        for (std::int64_t i = first; i < last; ++i) std::fill(to + i * width + columns, to + (i + 1) * width, T(0));
     }
 }
 
