@@ -8,50 +8,14 @@
 
 #include "core/kernels/fast_math.h"
 #include "core/kernels/gemm.h"
+#include "core/kernels/sine_rays_work.h"
 #include "core/parallel.h"
 
 namespace stymo::kernels {
 
 namespace {
 
-/// Points of a tile: as many as leave the arguments of all sines and one layer's weights in the second-level cache.
-constexpr std::int64_t tile_points = 128;
-/// Rays of one face are cut into so many runs at most; each has sums of its own, which are added in order.
-constexpr std::int64_t runs = 16;
-/// As in render/composite.cpp.
-constexpr double largest_density = 1e30;
-
-/// What a layer's input consists of.
-struct LayerInput {
-    std::int64_t encoding;  ///< 0 or the encoding's channels, which come first
-    std::int64_t before;    ///< 0 or the channels of the layer before
-};
-
-struct Extents {
-    std::int64_t faces, rays, samples, width, encoding, frequencies;
-    std::vector<LayerInput> inputs;
-
-    Extents(const RayPoints& rays_and_points, const SineNetworkOf<Tensor>& network)
-        : faces(rays_and_points.deltas.shape(0)),
-          rays(rays_and_points.deltas.shape(1)),
-          samples(rays_and_points.deltas.shape(2)),
-          width(network.density_weight.shape(1)),
-          encoding(3 + 6 * network.frequencies),
-          frequencies(network.frequencies) {
-        for (std::size_t i = 0; i < network.layers.size(); ++i)
-            inputs.push_back({i == 0 || i == network.skip_layer ? encoding : 0, i == 0 ? 0 : width});
-    }
-
-    [[nodiscard]] std::int64_t rays_in_run() const { return chunk_count(rays, runs); }
-    [[nodiscard]] std::int64_t columns() const { return samples + 1 + width; }
-    /// Of a layer's kept arguments, those of a tile whose first ray this is.
-    [[nodiscard]] std::int64_t kept_offset(std::size_t layer, std::int64_t ray) const {
-        return (static_cast<std::int64_t>(layer) * rays + ray) * samples * width;
-    }
-    [[nodiscard]] std::int64_t kept_numbers() const { return std::ssize(inputs) * rays * samples * width; }
-    /// Points of the largest tile; a ray is never cut.
-    [[nodiscard]] std::int64_t largest_tile() const { return std::max(tile_points, samples); }
-};
+using namespace sine_rays_work;
 
 /// One face's layer: W'_oi = demodulation_o W_oi scale_i for the way there, demodulation_o W_oi for the way back.
 template <class T>
@@ -204,10 +168,18 @@ public:
     [[nodiscard]] T* transmittances(std::int64_t ray) {
         return tile_.transmittances.data() + tile_.begin_of(ray) + (ray - tile_.first_ray);
     }
-    [[nodiscard]] const Tile<T>& tile() const { return tile_; }
-    [[nodiscard]] const T* encoding() const { return encoding_.get(); }
-    [[nodiscard]] std::int64_t encoding_stride() const { return (extents_.encoding + 15) / 16 * 16; }
-    [[nodiscard]] T delta(std::int64_t sample) const { return deltas_[sample]; }
+    [[nodiscard]] const Tile<T>& tile() const {
+        return tile_;
+    }
+    [[nodiscard]] const T* encoding() const {
+        return encoding_.get();
+    }
+    [[nodiscard]] std::int64_t encoding_stride() const {
+        return (extents_.encoding + 15) / 16 * 16;
+    }
+    [[nodiscard]] T delta(std::int64_t sample) const {
+        return deltas_[sample];
+    }
 
     /// softplus, within what compositing takes.
     static T density(T logit) {
@@ -224,7 +196,8 @@ private:
             std::copy_n(x, 3, to);
             T frequency = T(1);
             for (std::int64_t k = 0; k < frequencies; ++k, frequency *= T(2))
-                for (std::int64_t axis = 0; axis < 3; ++axis) phases[static_cast<std::size_t>(3 * k + axis)] = x[axis] * frequency;
+                for (std::int64_t axis = 0; axis < 3; ++axis)
+                    phases[static_cast<std::size_t>(3 * k + axis)] = x[axis] * frequency;
             for_each_sine_cosine(phases.data(), 3 * frequencies, [&](std::int64_t i, T sine, T cosine) {
                 sines[static_cast<std::size_t>(i)] = sine, cosines[static_cast<std::size_t>(i)] = cosine;
             });
@@ -370,7 +343,8 @@ private:
                 run_.multiply(layer, activation_, computed_.get() + static_cast<std::int64_t>(layer) * size_, Activation::none);
             }
             // Arguments that are kept are read for their own sake later.
-            if (layer + 2 == layers_ || (kept_ == nullptr && layer + 1 < layers_)) take_sines(arguments(layer), activation_, count);
+            if (layer + 2 == layers_ || (kept_ == nullptr && layer + 1 < layers_))
+                take_sines(arguments(layer), activation_, count);
         }
     }
 
@@ -495,8 +469,8 @@ private:
         const std::int64_t width = extents_.width;
         const LayerInput& input = extents_.inputs[layer];
         multiply_packed(sums_.layers[layer].weight.data() + first, input.encoding + input.before,
-                        LeftMatrix<T>{gradient_, 1, width}, width,
-                        PackedMatrix<T>(x, run_.tile().points(), columns, stride, 1), Epilogue<T>{.present_values = true});
+                        LeftMatrix<T>{gradient_, 1, width}, width, PackedMatrix<T>(x, run_.tile().points(), columns, stride, 1),
+                        Epilogue<T>{.present_values = true});
     }
 
     RayRun<T>& run_;
@@ -524,8 +498,7 @@ NetworkSums<T> sums_of_face(const RayPoints& rays, const Face<T>& packed, const 
                                       NetworkSums<T>(extents, with_weights));
     for_each_run(extents, [&](std::int64_t first, std::int64_t end, std::int64_t index) {
         RayRun<T> run(rays, packed, extents, face);
-        GradientRun<T>(run, packed, extents, parts[static_cast<std::size_t>(index)], kept, with_weights)(first, end,
-                                                                                                                  dL_dy);
+        GradientRun<T>(run, packed, extents, parts[static_cast<std::size_t>(index)], kept, with_weights)(first, end, dL_dy);
     });
     NetworkSums<T>& total = parts.front();
     for (std::size_t i = 1; i < parts.size(); ++i) {
@@ -568,8 +541,8 @@ SineNetworkOf<Tensor> zeros_like(const SineNetworkOf<Tensor>& network, bool with
                                  .density_weight = zeros(network.density_weight),
                                  .density_bias = zeros(network.density_bias)};
     for (const ModulatedLayerOf<Tensor>& layer : network.layers) {
-        result.layers.push_back({with_weights ? zeros(layer.weight) : Tensor{}, zeros(layer.scale), zeros(layer.demodulation),
-                                 zeros(layer.bias)});
+        result.layers.push_back(
+            {with_weights ? zeros(layer.weight) : Tensor{}, zeros(layer.scale), zeros(layer.demodulation), zeros(layer.bias)});
     }
     return result;
 }
@@ -606,14 +579,14 @@ SineNetworkOf<Tensor> sine_rays_gradient(const RayPoints& rays, const SineNetwor
         const T* const dL_dvalues = dL_dy.values<T>().data();
         for (std::int64_t face = 0; face < extents.faces; ++face) {
             const Face<T> packed = pack<T>(network, extents, face, true);
-            const T* const kept =
-                arguments.defined() ? arguments.values<T>().data() + face * extents.kept_numbers() : nullptr;
+            const T* const kept = arguments.defined() ? arguments.values<T>().data() + face * extents.kept_numbers() : nullptr;
             const NetworkSums<T> sums = sums_of_face(rays, packed, extents, face, kept,
                                                      dL_dvalues + face * extents.rays * extents.columns(), with_weights);
             for (std::size_t i = 0; i < packed.layers.size(); ++i)
                 add_face(gradients.layers[i], sums.layers[i], packed.layers[i], face);
             T* const density_weight = gradients.density_weight.mutable_values<T>().data();
-            for (std::int64_t i = 0; i < extents.width; ++i) density_weight[i] += sums.density_weight[static_cast<std::size_t>(i)];
+            for (std::int64_t i = 0; i < extents.width; ++i)
+                density_weight[i] += sums.density_weight[static_cast<std::size_t>(i)];
             gradients.density_bias.mutable_values<T>()[0] += sums.density_bias;
         }
     });

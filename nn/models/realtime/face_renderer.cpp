@@ -36,7 +36,7 @@ std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model, const R
         RaySampling rays = model.decoder.rays;
         rays.samples_per_ray = options.samples_per_ray;
         return std::make_unique<BakedField>(rays, BakedViews{.camera = model.camera},
-                                            BakeOptions{.resolution = options.bake_resolution, .tolerance = options.tolerance});
+                                            BakeOptions{.resolution = options.bake_resolution});
     }
     return make_sampled_field(model, options, precision);
 }
