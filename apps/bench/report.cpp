@@ -155,9 +155,15 @@ std::string markdown(const Cells& cells) {
 }
 
 std::string csv(const Cells& cells) {
+    const auto quoted = [](const std::string& cell) {
+        if (cell.find_first_of(",\"\n") == std::string::npos) return cell;
+        std::string text = "\"";
+        for (const char c : cell) text += c == '"' ? "\"\"" : std::string(1, c);
+        return text + "\"";
+    };
     std::string result;
     for (const auto& row : cells) {
-        for (std::size_t i = 0; i < row.size(); ++i) result += (i > 0 ? "," : "") + row[i];
+        for (std::size_t i = 0; i < row.size(); ++i) result += (i > 0 ? "," : "") + quoted(row[i]);
         result += "\n";
     }
     return result;

@@ -39,6 +39,7 @@ using Cells = std::vector<std::vector<std::string>>;
 [[nodiscard]] Cells cells(const std::vector<BenchRow>& rows);
 /// In Markdown, columns aligned.
 [[nodiscard]] std::string markdown(const Cells& cells);
+/// Cells with commas, quotes or line ends in quotes (RFC 4180).
 [[nodiscard]] std::string csv(const Cells& cells);
 /// All numbers at full precision, times in seconds.
 [[nodiscard]] Cells full_cells(const std::vector<BenchRow>& rows);

@@ -15,7 +15,8 @@ namespace {
 constexpr double width = 820.0, height = 520.0;
 constexpr double left = 80.0, right = 190.0, top = 48.0, bottom = 62.0;
 /// Okabe and Ito's, which most colour-blind readers can tell apart.
-constexpr std::array<const char*, 7> colours{"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000"};
+constexpr std::array<const char*, 8> colours{"#0072b2", "#d55e00", "#009e73", "#cc79a7",
+                                             "#e69f00", "#56b4e9", "#000000", "#888888"};
 
 std::string escaped(const std::string& text) {
     std::string result;
@@ -40,19 +41,27 @@ std::string escaped(const std::string& text) {
     return result;
 }
 
-/// A logarithmic axis from pixel `from` (at the low end) to pixel `to`.
+/// An axis from pixel `from` (at the low end) to pixel `to`.
 class Axis {
 public:
-    Axis(double low, double high, double from, double to) : from_(from), to_(to) {
+    Axis(PlotScale scale, const std::vector<double>& values, double from, double to)
+        : logarithmic_(scale == PlotScale::logarithmic), from_(from), to_(to) {
+        const auto [low, high] = std::ranges::minmax(values);
         // Room around the outermost points, and an extent even where all values are one.
         constexpr double margin = 0.08;
-        const double extent = std::max(std::log10(high) - std::log10(low), 0.5);
-        low_ = std::log10(low) - margin * extent;
-        high_ = std::max(std::log10(high), std::log10(low) + extent) + margin * extent;
+        const double least = logarithmic_ ? 0.5 : std::max(1e-3 * std::abs(high), 1e-300);
+        const double extent = std::max(on_scale(high) - on_scale(low), least);
+        low_ = on_scale(low) - margin * extent;
+        high_ = on_scale(low) + (1.0 + margin) * extent;
     }
-    [[nodiscard]] double place(double value) const { return from_ + (to_ - from_) * (std::log10(value) - low_) / (high_ - low_); }
+    [[nodiscard]] double place(double value) const { return from_ + (to_ - from_) * (on_scale(value) - low_) / (high_ - low_); }
+    [[nodiscard]] std::vector<double> ticks() const { return logarithmic_ ? logarithmic_ticks() : linear_ticks(); }
+
+private:
+    [[nodiscard]] double on_scale(double value) const { return logarithmic_ ? std::log10(value) : value; }
+
     /// 1, 2 and 5 times the powers of ten that lie on the axis; the powers alone where there would be many.
-    [[nodiscard]] std::vector<double> ticks() const {
+    [[nodiscard]] std::vector<double> logarithmic_ticks() const {
         constexpr double crowded = 2.5;
         std::vector<double> values;
         for (auto decade = std::llround(std::floor(low_)); static_cast<double>(decade) <= high_; ++decade) {
@@ -65,12 +74,28 @@ public:
         return values;
     }
 
-private:
+    /// Multiples of 1, 2 or 5 times a power of ten, at most ten of them.
+    [[nodiscard]] std::vector<double> linear_ticks() const {
+        constexpr double most = 10.0;
+        const double decade = std::pow(10.0, std::floor(std::log10((high_ - low_) / most)));
+        double step = 10.0 * decade;
+        for (const double digit : {5.0, 2.0, 1.0})
+            if (digit * decade * most >= high_ - low_) step = digit * decade;
+        std::vector<double> values;
+        for (double count = std::ceil(low_ / step); count * step <= high_; ++count) values.push_back(count * step);
+        return values;
+    }
+
+    bool logarithmic_;
     double from_;
     double to_;
     double low_ = 0.0;
     double high_ = 1.0;
 };
+
+bool has_place(double value, PlotScale scale) {
+    return std::isfinite(value) && (scale == PlotScale::linear || value > 0.0);
+}
 
 struct TextStyle {
     const char* anchor = "start";
@@ -123,7 +148,8 @@ void write_series(std::ostream& svg, const PlotSeries& series, std::size_t index
     for (const PlotPoint& point : series.points) {
         svg << "<circle cx=\"" << x.place(point.x) << "\" cy=\"" << y.place(point.y) << "\" r=\"4\" fill=\"" << colour
             << "\"/>\n";
-        write_text(svg, x.place(point.x) + 6.0, y.place(point.y) - 6.0, point.label, {.size = 11, .colour = colour});
+        if (!point.label.empty())
+            write_text(svg, x.place(point.x) + 6.0, y.place(point.y) - 6.0, point.label, {.size = 11, .colour = colour});
     }
     const double row = top + 14.0 + 22.0 * static_cast<double>(index);
     svg << "<circle cx=\"" << width - right + 18.0 << "\" cy=\"" << row << "\" r=\"4\" fill=\"" << colour << "\"/>\n";
@@ -136,19 +162,16 @@ std::string to_svg(const Plot& plot) {
     std::vector<double> xs, ys;
     for (const PlotSeries& series : plot.series) {
         for (const PlotPoint& point : series.points) {
-            const bool shown = point.x > 0.0 && point.y > 0.0 && std::isfinite(point.x) && std::isfinite(point.y);
-            if (!shown)
+            if (!has_place(point.x, plot.x_scale) || !has_place(point.y, plot.y_scale))
                 fail<ValueError>("plot \"", plot.title, "\": the point (", point.x, ", ", point.y, ") of ", series.name,
-                                 " has no place on logarithmic axes");
+                                 " has no place on its axes");
             xs.push_back(point.x);
             ys.push_back(point.y);
         }
     }
     if (xs.empty()) fail<ValueError>("plot \"", plot.title, "\" has no points");
-    const auto [x_low, x_high] = std::ranges::minmax(xs);
-    const auto [y_low, y_high] = std::ranges::minmax(ys);
-    const Axis x(x_low, x_high, left, width - right);
-    const Axis y(y_low, y_high, height - bottom, top);
+    const Axis x(plot.x_scale, xs, left, width - right);
+    const Axis y(plot.y_scale, ys, height - bottom, top);
     std::ostringstream svg;
     svg << std::fixed << std::setprecision(1);
     svg << "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 " << width << " " << height

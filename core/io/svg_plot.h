@@ -16,16 +16,20 @@ struct PlotSeries {
     std::vector<PlotPoint> points;  ///< joined in this order
 };
 
-/// Points over two logarithmic axes.
+enum class PlotScale { logarithmic, linear };
+
+/// Points over two axes.
 struct Plot {
     std::string title;
     std::string x_label;  ///< with its unit
     std::string y_label;
     std::vector<PlotSeries> series;
+    PlotScale x_scale = PlotScale::logarithmic;
+    PlotScale y_scale = PlotScale::logarithmic;
 };
 
 /// The plot as an SVG document on a light background, without scripts or fonts of its own. Throws ValueError for a coordinate
-/// that is not positive and finite, or if there is no point at all.
+/// that is not finite, or not positive on a logarithmic axis, or if there is no point at all.
 [[nodiscard]] std::string to_svg(const Plot& plot);
 
 }  // namespace stymo
