@@ -59,4 +59,12 @@ Variable opacity_loss(const Variable& transmittance, const Tensor& mask) {
     return negate(mean(inside * log_opaque + affine(inside, -1.0, 1.0) * log_clear));
 }
 
+Variable masked_mean(const Variable& images, const Tensor& mask) {
+    if (images.rank() != 4) fail<ShapeError>("masked_mean: expected images (B, H, W, C), got ", images.shape());
+    require_same_shape("masked_mean", images.shape().with(3, 1), mask.shape());
+    const Variable area = sum(Variable(mask), {1, 2});
+    const Variable divisor = where(area.value(), area, Tensor::scalar(1.0, mask.dtype()));
+    return sum(images * Variable(mask), {1, 2}) / divisor;
+}
+
 }  // namespace stymo

@@ -28,4 +28,8 @@ namespace stymo {
 /// it does not fade for an opaque ray of the background until its transmittance is that small.
 [[nodiscard]] Variable opacity_loss(const Variable& transmittance, const Tensor& mask);
 
+/// Mean of each image and channel under a mask in [0, 1], the colour of a part: images (B, H, W, C) and mask (B, H, W, 1) ->
+/// (B, 1, 1, C). Under an empty mask the mean is 0, and so is its gradient.
+[[nodiscard]] Variable masked_mean(const Variable& images, const Tensor& mask);
+
 }  // namespace stymo

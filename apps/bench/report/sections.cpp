@@ -1,9 +1,10 @@
 #include "apps/bench/report/section.h"
+#include "apps/bench/report/stability.h"
 
 namespace stymo {
 
 std::vector<ReportSection> report_sections() {
-    return {};
+    return {stability_section()};
 }
 
 }  // namespace stymo
