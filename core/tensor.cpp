@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <limits>
 #include <new>
 
 #include "core/error.h"
@@ -115,8 +116,18 @@ std::vector<double> Tensor::to_vector() const {
 }
 
 bool Tensor::all_finite() const {
-    return dispatch(dtype_,
-                    [&]<class T>(T) { return std::ranges::all_of(values<T>(), [](T value) { return std::isfinite(value); }); });
+    return dispatch(dtype_, [&]<class T>(T) {
+        const std::span<const T> elements = values<T>();
+        constexpr std::size_t block = 4096;
+        for (std::size_t begin = 0; begin < elements.size(); begin += block) {
+            const std::size_t end = std::min(elements.size(), begin + block);
+            int outside = 0;  // not a bool, whose reduction is not vectorised
+#pragma omp simd reduction(| : outside)
+            for (std::size_t i = begin; i < end; ++i) outside |= std::abs(elements[i]) <= std::numeric_limits<T>::max() ? 0 : 1;
+            if (outside != 0) return false;
+        }
+        return true;
+    });
 }
 
 }  // namespace stymo

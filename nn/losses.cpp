@@ -54,7 +54,7 @@ Variable opacity_loss(const Variable& transmittance, const Tensor& mask) {
         fail<ShapeError>("opacity_loss: transmittance ", transmittance.shape(), " and mask ", mask.shape(), " differ in size");
     constexpr double lift = 1e-3;
     const Variable inside = mask.reshaped(transmittance.shape());
-    const Variable log_opaque = log(affine(transmittance, -1.0, 1.0 + lift));
+    const Variable log_opaque = log(affine(transmittance, -1.0, 1.0) + lift);
     const Variable log_clear = log(transmittance + lift);
     return negate(mean(inside * log_opaque + affine(inside, -1.0, 1.0) * log_clear));
 }

@@ -76,6 +76,7 @@ void ParameterStore::load(const TensorFile& file, const std::string& source, std
         const Shape& wanted = parameter.variable().shape();
         if (!(entry->second.shape() == wanted))
             fail<FileError>(source, ": ", parameter.name(), " has shape ", entry->second.shape(), ", the model needs ", wanted);
+        if (!entry->second.all_finite()) fail<FileError>(source, ": ", parameter.name(), " holds values that are not finite");
         found.emplace_back(parameter, entry->second.to(parameter.variable().dtype()));
     }
     // Only once all of them are known to fit, so that a bad file leaves the model as it was.

@@ -55,7 +55,7 @@ public:
     void convert(DType dtype);
 
     /// Sets each parameter whose name begins with `prefix` from the tensor of that name. Throws FileError naming `source` and the
-    /// first tensor that is missing or of another shape (with both shapes).
+    /// first tensor that is missing, of another shape (with both shapes) or not finite.
     void load(const TensorFile& file, const std::string& source, std::string_view prefix = "");
     /// Adds every parameter whose name begins with `prefix`.
     void save(TensorFile& file, std::string_view prefix = "") const;

@@ -2,6 +2,7 @@
 
 #include "core/error.h"
 #include "core/ops/ops.h"
+#include "core/ops/sine_rays.h"
 
 namespace stymo {
 namespace {
@@ -22,6 +23,7 @@ void require_same(const char* function, const Shape& left, const Shape& right) {
 
 CompositeWeights composite_weights(const Variable& density, const Tensor& deltas) {
     require_same("composite_weights", density.shape(), deltas.shape());
+    require_ordered_samples("composite_weights", deltas);
     const std::int64_t samples = density.shape(2);
     const Variable optical_depth = clamp(density, 0.0, largest_density) * Variable(deltas);
     const Variable transmittance = exp(negate(pad(cumsum(optical_depth, 2), 2, 1, 0)));

@@ -12,6 +12,12 @@ void GradientMean::add(const std::vector<Variable>& gradients) {
         const Variable share = gradients[i] * part_;
         if (first) {
             gradients_.push_back(share);
+            if (compensated_) excess_.push_back(Tensor::zeros(share.shape(), share.dtype()));
+        } else if (compensated_) {
+            const Variable corrected = share - excess_[i];
+            const Variable total = gradients_[i] + corrected;
+            excess_[i] = (total - gradients_[i]) - corrected;
+            gradients_[i] = total;
         } else {
             gradients_[i] = gradients_[i] + share;
         }

@@ -54,7 +54,8 @@ public:
 /// Gradients of a batch as the mean of those of its micro-batches, equally large.
 class GradientMean {
 public:
-    explicit GradientMean(std::size_t micro_batches) : part_(1.0 / static_cast<double>(micro_batches)) {}
+    explicit GradientMean(std::size_t micro_batches)
+        : part_(1.0 / static_cast<double>(micro_batches)), compensated_(micro_batches > most_plain_sums) {}
 
     /// Of each micro-batch in all.
     [[nodiscard]] double part() const { return part_; }
@@ -62,8 +63,13 @@ public:
     [[nodiscard]] const std::vector<Variable>& gradients() const { return gradients_; }
 
 private:
+    /// With more, the rounding errors of float32 could exceed 4e-6.
+    static constexpr std::size_t most_plain_sums = 64;
+
     double part_;
+    bool compensated_;
     std::vector<Variable> gradients_;
+    std::vector<Variable> excess_;  ///< by which each sum is too large (Kahan 1965); empty unless compensated
 };
 
 /// What is not finite in an update, if anything is.

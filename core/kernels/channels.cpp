@@ -18,6 +18,16 @@ T inner_product(const T* a, const T* b, std::int64_t channels) {
     return total;
 }
 
+/// |x|, in float64 where the square leaves T's range of full precision; 1 for a vector of zeros, which has no direction.
+template <class T>
+T norm_or_one(const T* x, std::int64_t channels) {
+    const T squared_norm = inner_product(x, x, channels);
+    if (squared_norm >= T(1e-30) && squared_norm <= T(1e30)) return std::sqrt(squared_norm);
+    double total = 0.0;
+    for (std::int64_t c = 0; c < channels; ++c) total += static_cast<double>(x[c]) * static_cast<double>(x[c]);
+    return total == 0.0 ? T(1) : static_cast<T>(std::sqrt(total));
+}
+
 /// Calls body(offset of the first channel) for every pixel, on several threads.
 template <class Body>
 void for_each_pixel(const Tensor& x, Body body) {
@@ -37,9 +47,7 @@ Tensor unit_channels(const Tensor& x, double epsilon) {
         T* out = y.mutable_values<T>().data();
         const std::int64_t channels = x.shape(-1);
         for_each_pixel(x, [=](std::int64_t offset) {
-            const T squared_norm = inner_product(in + offset, in + offset, channels);
-            const T norm = squared_norm == T(0) ? T(1) : std::sqrt(squared_norm);
-            const T factor = T(1) / (norm + static_cast<T>(epsilon));
+            const T factor = T(1) / (norm_or_one(in + offset, channels) + static_cast<T>(epsilon));
 #pragma omp simd
             for (std::int64_t c = 0; c < channels; ++c) out[offset + c] = factor * in[offset + c];
         });
@@ -55,13 +63,13 @@ Tensor unit_channels_gradient(const Tensor& dL_dy, const Tensor& x, double epsil
         T* out = dL_dx.mutable_values<T>().data();
         const std::int64_t channels = x.shape(-1);
         for_each_pixel(x, [=](std::int64_t offset) {
-            const T squared_norm = inner_product(in + offset, in + offset, channels);
-            const T norm = squared_norm == T(0) ? T(1) : std::sqrt(squared_norm);
+            const T norm = norm_or_one(in + offset, channels);
             const T factor = T(1) / (norm + static_cast<T>(epsilon));
-            const T along =
-                squared_norm == T(0) ? T(0) : inner_product(gradient + offset, in + offset, channels) * factor * factor / norm;
+            // 0 for a vector of zeros. In this order nothing overflows that the result does not.
+            const T along = inner_product(gradient + offset, in + offset, channels) * factor / norm;
 #pragma omp simd
-            for (std::int64_t c = 0; c < channels; ++c) out[offset + c] = factor * gradient[offset + c] - along * in[offset + c];
+            for (std::int64_t c = 0; c < channels; ++c)
+                out[offset + c] = factor * (gradient[offset + c] - along * in[offset + c]);
         });
     });
     return dL_dx;

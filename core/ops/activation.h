@@ -23,7 +23,7 @@ namespace stymo {
 /// log(sum(exp(x))) over `axis`, kept with extent 1; the largest element is taken out first.
 [[nodiscard]] Variable log_sum_exp(const Variable& x, int axis);
 [[nodiscard]] Variable softmax(const Variable& x, int axis);
-/// Mean-free binary cross-entropy of a logit against a target in [0, 1]: softplus(x) - x * target, elementwise.
+/// Binary cross-entropy of a logit against a target t in [0, 1]: (1 - t) softplus(x) + t softplus(-x), elementwise.
 [[nodiscard]] Variable binary_cross_entropy_with_logits(const Variable& logit, const Variable& target);
 
 }  // namespace stymo

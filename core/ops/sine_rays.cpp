@@ -47,6 +47,7 @@ void require(bool fits, const char* what, const Shape& shape) {
 
 void check(const RayPoints& rays, const SineNetwork& network) {
     require(rays.deltas.rank() == 3, "deltas", rays.deltas.shape());
+    require_ordered_samples("sine_rays", rays.deltas);
     const std::int64_t batch = rays.deltas.shape(0), points = rays.deltas.shape(1) * rays.deltas.shape(2);
     require(rays.points.shape() == Shape{batch, points, 3}, "points", rays.points.shape());
     require(!rays.kept.defined() || rays.kept.shape() == rays.deltas.shape(), "kept", rays.kept.shape());
@@ -66,6 +67,17 @@ void check(const RayPoints& rays, const SineNetwork& network) {
 
 }  // namespace
 
+void require_ordered_samples(const char* function, const Tensor& deltas) {
+    dispatch(deltas.dtype(), [&]<class T>(T) {
+        const std::span<const T> values = deltas.values<T>();
+        const auto refused = std::ranges::find_if(values, [](T delta) { return !(delta >= T(0)); });
+        if (refused == values.end()) return;
+        const std::int64_t index = refused - values.begin(), samples = deltas.shape(2), rays = deltas.shape(1);
+        fail<ValueError>("[", function, "] deltas: interval ", index % samples, " of ray ", index / samples % rays,
+                         " has length ", *refused, "; samples must be in order, away from the camera");
+    });
+}
+
 Variable sine_rays(const RayPoints& rays, const SineNetwork& network, const SineRaysComposition& composition,
                    SineArguments arguments) {
     check(rays, network);
@@ -81,7 +93,8 @@ Variable sine_rays(const RayPoints& rays, const SineNetwork& network, const Sine
     std::vector<Node::Input> inputs;
     for (const Variable& part : parts) inputs.push_back({part.node(), part.value(), part.shape()});
     return record("sine_rays", std::move(result.value), std::move(inputs),
-                  [rays, composition, with, kept = std::move(result.arguments), count = parts.size()](const Vjp& v, const std::vector<bool>& needed) {
+                  [rays, composition, with, kept = std::move(result.arguments), count = parts.size()](
+                      const Vjp& v, const std::vector<bool>& needed) {
                       std::vector<Variable> given;
                       // A node of its own for each part: one variable may be several of them.
                       for (std::size_t i = 0; i < count; ++i) given.push_back(v.create_graph() ? v.input(i) * 1.0 : v.input(i));
@@ -90,9 +103,8 @@ Variable sine_rays(const RayPoints& rays, const SineNetwork& network, const Sine
                           std::vector<Variable> xs;
                           for (std::size_t i = 0; i < count; ++i)
                               if (needed[i]) xs.push_back(given[i]);
-                          const std::vector<Variable> found =
-                              grad(composition(rays, with(given)), xs,
-                                   {.create_graph = true, .partial = true, .dL_dy = v.grad()});
+                          const std::vector<Variable> found = grad(composition(rays, with(given)), xs,
+                                                                   {.create_graph = true, .partial = true, .dL_dy = v.grad()});
                           for (std::size_t i = 0, next = 0; i < count; ++i)
                               if (needed[i]) gradients[i] = found[next++];
                           return gradients;

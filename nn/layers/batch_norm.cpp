@@ -1,5 +1,9 @@
 #include "nn/layers/batch_norm.h"
 
+#include <algorithm>
+#include <vector>
+
+#include "core/error.h"
 #include "core/ops/elementwise.h"
 
 namespace stymo {
@@ -17,6 +21,10 @@ Variable BatchNorm::operator()(const Variable& x) const {
 }
 
 Variable BatchNorm::scale() const {
+    const std::vector<double> variances = running_variance_.variable().value().to_vector();
+    const auto refused = std::ranges::find_if(variances, [](double variance) { return !(variance >= 0.0); });
+    if (refused != variances.end())
+        fail<NumericError>(running_variance_.name(), ": a variance is ", *refused, "; it must not be negative");
     return weight_.variable() / sqrt(running_variance_.variable() + epsilon);
 }
 

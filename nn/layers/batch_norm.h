@@ -23,7 +23,7 @@ public:
     BatchNorm(ParameterStore& store, const std::string& name, std::int64_t channels, const BatchNormOptions& options = {});
 
     [[nodiscard]] Variable operator()(const Variable& x) const;
-    /// weight / sqrt(variance + epsilon), (channels)
+    /// weight / sqrt(variance + epsilon), (channels). Throws NumericError for a stored variance that is negative or not a number.
     [[nodiscard]] Variable scale() const;
     /// bias - mean * scale, (channels)
     [[nodiscard]] Variable shift(const Variable& scale) const;

@@ -1,5 +1,6 @@
 #include "nn/layers/modulated_linear.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -13,11 +14,31 @@ namespace stymo {
 namespace {
 
 constexpr double demodulation_epsilon = 1e-8;
+/// Beside rows of magnitude 1; keeps the root of nothing at all from being divided by.
+constexpr double least_epsilon = 1e-30;
 
 Tensor initial_bias(std::int64_t in, std::int64_t out, Activation activation, Rng draws) {
     if (activation != Activation::sine) return Tensor::zeros({out});
     const double bound = 1.0 / std::sqrt(static_cast<double>(in));
     return draws.uniform({out}, -bound, bound);
+}
+
+/// For each row of x (a, b, c) the reciprocal of a power of two near its largest magnitude, (a, b, 1): a product with it loses no
+/// bits, and its square stays within float32's range. Not of magnitudes below 1e-10, which epsilon outweighs.
+Variable row_units(const Tensor& x) {
+    Tensor units(x.shape().with(2, 1), x.dtype());
+    dispatch(x.dtype(), [&]<class T>(T) {
+        const std::span<const T> values = x.values<T>();
+        const auto row = static_cast<std::size_t>(x.shape(2));
+        const std::span<T> out = units.mutable_values<T>();
+        for (std::size_t i = 0; i < out.size(); ++i) {
+            T largest = T(0);
+            for (const T value : values.subspan(i * row, row)) largest = std::max(largest, std::abs(value));
+            constexpr int least = -33, most = 120;
+            out[i] = largest > T(0) ? std::ldexp(T(1), -std::clamp(std::ilogb(largest), least, most)) : T(1);
+        }
+    });
+    return units;
 }
 
 Variable activate(const Variable& x, Activation activation) {
@@ -58,11 +79,15 @@ Variable ModulatedLinear::effective_weight(const Variable& style) const {
 }
 
 ModulatedLayer ModulatedLinear::parts(const Variable& style) const {
-    const Variable weight = equalised_weight();
-    const Variable scale = scales(style);
+    // Weights and styles of any magnitude: a factor of either cancels, but for that of epsilon.
+    const Variable plain_weight = equalised_weight(), plain_scale = scales(style);
+    const Variable weight_units = row_units(plain_weight.value()), scale_units = row_units(plain_scale.value());
+    const Variable weight = plain_weight * weight_units, scale = plain_scale * scale_units;
+    const Variable epsilon = maximum(square(transpose(weight_units)) * demodulation_epsilon * square(scale_units),
+                                     Tensor::scalar(least_epsilon, style.dtype()));
     // One small product: no weight of each sample is made for its length alone.
     const Variable squared_norm = matmul(square(scale), square(weight), {.transpose_b = true});
-    const Variable norm = reshape(sqrt(squared_norm + demodulation_epsilon), {style.shape(0), -1, 1});
+    const Variable norm = reshape(sqrt(squared_norm + epsilon), {style.shape(0), -1, 1});
     return {weight, scale, Variable(Tensor::scalar(gain_, style.dtype())) / norm, bias_.variable()};
 }
 

@@ -1,5 +1,6 @@
 #include "nn/optim/adam.h"
 
+#include <algorithm>
 #include <cmath>
 #include <ranges>
 #include <utility>
@@ -9,6 +10,9 @@
 
 namespace stymo {
 namespace {
+
+/// Its square, and the sum of such squares that is remembered, is within float32's range.
+constexpr double largest_gradient = 1e18;
 
 /// One step's factors; the two bias corrections are folded in as PyTorch does.
 struct Factors {
@@ -24,11 +28,13 @@ Tensor update(const Tensor& value, const Tensor& gradient, Tensor& first, Tensor
     const T rest1 = static_cast<T>(1.0 - factors.beta1), rest2 = static_cast<T>(1.0 - factors.beta2);
     const T epsilon = static_cast<T>(factors.epsilon), step_size = static_cast<T>(factors.step_size);
     const T correction = static_cast<T>(factors.second_correction);
+    constexpr T largest = static_cast<T>(largest_gradient);
     constexpr std::int64_t grain = 1 << 14;
     parallel_for(value.size(), grain, [=](std::int64_t begin, std::int64_t end) {
         for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
-            m[i] = beta1 * m[i] + rest1 * g[i];
-            v[i] = beta2 * v[i] + rest2 * g[i] * g[i];
+            const T slope = std::clamp(g[i], -largest, largest);
+            m[i] = beta1 * m[i] + rest1 * slope;
+            v[i] = beta2 * v[i] + rest2 * slope * slope;
             y[i] = x[i] - step_size * m[i] / (std::sqrt(v[i]) * correction + epsilon);
         }
     });
@@ -43,7 +49,8 @@ void require_pairs(std::span<const Parameter> parameters, std::span<const Variab
 }  // namespace
 
 void Adam::step(std::span<const Parameter> parameters, std::span<const Variable> gradients, double learning_rate) {
-    require_pairs(parameters, gradients);
+    if (const std::optional<std::string> name = first_non_finite(parameters, gradients))
+        fail<NumericError>("the gradient of ", *name, " is not finite");
     for (std::size_t i = 0; i < parameters.size(); ++i) {
         const Tensor& value = parameters[i].variable().value();
         const Tensor& gradient = gradients[i].value();

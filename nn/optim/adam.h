@@ -24,7 +24,8 @@ public:
     explicit Adam(const AdamOptions& options = {}) : options_(options) {}
 
     /// Moves each parameter against its gradient. Throws ValueError for another number of gradients than parameters, ShapeError
-    /// or TypeError for one that does not fit.
+    /// or TypeError for one that does not fit, NumericError naming the parameter, before anything changes, for one that is
+    /// infinite or not a number. Elements beyond +-1e18, whose squares float32 does not hold, count as +-1e18.
     void step(std::span<const Parameter> parameters, std::span<const Variable> gradients, double learning_rate);
 
     /// Adds `prefix`<name>.first, .second and .steps of every parameter.

@@ -186,6 +186,13 @@ std::vector<LayerCase> make_losses() {
          [](ParameterStore&, Rng&) -> LayerFunction {
              return [](const Inputs& x) { return opacity_loss(sigmoid(x[0]), uniform({2, 3, 3, 1})); };
          }},
+        {"masked mean",
+         "masked_mean",
+         {{2, 3, 4, 3}},
+         {2, 1, 1, 3},
+         [](ParameterStore&, Rng&) -> LayerFunction {
+             return [](const Inputs& x) { return masked_mean(x[0], uniform({2, 3, 4, 1})); };
+         }},
     };
 }
 

@@ -62,3 +62,27 @@ TEST_CASE("the opacity loss is the cross-entropy of opacity and mask, with a bou
     CHECK(dL_dt.value().values<double>()[3] == Approx(1000.0 / 4.0));
     CHECK_THROWS_AS(opacity_loss(transmittance, tensor({1}, {1.0})), ShapeError);
 }
+
+TEST_CASE("the masked mean is that of the pixels under the mask, and 0 where there are none") {
+    const Variable images = Variable::leaf(tensor({2, 1, 3, 2}, {1, 10, 2, 20, 3, 30, 4, 40, 5, 50, 6, 60}));
+    const Variable mean_colour = masked_mean(images, tensor({2, 1, 3, 1}, {1, 0, 0.5, 0, 0, 0}));
+    CHECK(mean_colour.shape() == Shape{2, 1, 1, 2});
+    const auto colours = mean_colour.value().to_vector();
+    CHECK(colours[0] == Approx((1.0 + 0.5 * 3.0) / 1.5));
+    CHECK(colours[1] == Approx((10.0 + 0.5 * 30.0) / 1.5));
+    CHECK(colours[2] == 0.0);
+    CHECK(colours[3] == 0.0);
+    const GradOptions ones{.create_graph = false, .dL_dy = Tensor::full({2, 1, 1, 2}, 1.0, DType::float64)};
+    const auto gradient = grad(mean_colour, images, ones).value().to_vector();
+    CHECK(gradient[0] == Approx(1.0 / 1.5));
+    CHECK(gradient[4] == Approx(0.5 / 1.5));
+    for (std::size_t i = 6; i < 12; ++i) CHECK(gradient[i] == 0.0);
+    CHECK_THROWS_AS(masked_mean(images, tensor({2, 1, 2, 1}, {1, 1, 1, 1})), ShapeError);
+}
+
+TEST_CASE("the opacity loss of a clear ray keeps its precision in float32") {
+    const Variable clear = Variable::leaf(Tensor::full({1, 1, 1}, 1.0));
+    const Variable loss = opacity_loss(clear, Tensor::full({1}, 1.0));
+    CHECK(loss.value().item() == Approx(-std::log(1e-3)).epsilon(1e-6));
+    CHECK(grad(loss, clear).value().item() == Approx(1e3).epsilon(1e-6));
+}

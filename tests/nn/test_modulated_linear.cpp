@@ -121,3 +121,29 @@ TEST_CASE("a modulated layer refuses inputs and styles that do not fit, naming i
     CHECK_THROWS_AS(given.layer(given.x, Tensor({2, 6})), ShapeError);
     CHECK_THROWS_AS(given.layer(given.x, Tensor({3, 5})), ShapeError);
 }
+
+TEST_CASE("a factor of the weights or of the styles cancels, however large") {
+    for (const Activation activation : {Activation::none, Activation::sine}) {
+        const Case ordinary(activation, DType::float32);
+        const Tensor expected = ordinary.layer(ordinary.x, ordinary.style).value();
+        for (const double factor : {0x1p60, 0x1p110}) {
+            const Case scaled(activation, DType::float32);
+            for (const Parameter& each : scaled.store.all())
+                if (each.name() == "layer.weight") each.set_value((Variable(each.variable().value()) * factor).value());
+            const Variable style = Variable::leaf((Variable(scaled.style) * 1e3).value());
+            CHECK(check_close(scaled.layer(scaled.x, scaled.style).value(), expected, 1e-5).passed);
+            for (const Variable& gradient : grad(sum(scaled.layer(scaled.x, style)), variables_of(scaled.store.all())))
+                CHECK(gradient.value().all_finite());
+        }
+    }
+}
+
+TEST_CASE("a modulated layer without weights or styles gives its bias, and finite gradients") {
+    const Case empty(Activation::none, DType::float32);
+    for (const Parameter& each : empty.store.all())
+        if (each.name() != "layer.bias") each.set_value(Tensor::zeros(each.variable().shape()));
+    const Variable y = empty.layer(empty.x, empty.style);
+    const Tensor bias = empty.store.all().back().variable().value();
+    CHECK(check_close(y.value(), broadcast_to(Variable(bias), y.shape()).value(), 0.0).passed);
+    for (const Variable& gradient : grad(sum(square(y)), variables_of(empty.store.all()))) CHECK(gradient.value().all_finite());
+}

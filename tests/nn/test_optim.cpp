@@ -95,6 +95,31 @@ TEST_CASE("Adam refuses gradients that do not fit") {
     CHECK_THROWS_AS(adam.step(store.all(), std::span(wrong).first(1), 0.1), ValueError);
 }
 
+TEST_CASE("Adam refuses a gradient that is not finite by its name, and nothing has changed") {
+    const ParameterStore store = two_parameters();
+    const std::vector<double> before = store.all()[0].variable().value().to_vector();
+    Adam adam;
+    for (const double wrong : {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN()}) {
+        const std::vector<Variable> gradients{Tensor::full({3}, 1.0), Tensor::full({2, 2}, wrong)};
+        CHECK_THROWS_AS(adam.step(store.all(), gradients, 0.1), NumericError);
+        CHECK_THROWS_WITH(adam.step(store.all(), gradients, 0.1), Catch::Contains("gradient of b"));
+    }
+    CHECK(store.all()[0].variable().value().to_vector() == before);
+    TensorFile state;
+    adam.save(state, "");
+    CHECK(state.tensors.empty());
+}
+
+TEST_CASE("a gradient whose square float32 does not hold moves a parameter by the learning rate, and does not stop it for good") {
+    ParameterStore store;
+    const Parameter x = store.create("x", Tensor::zeros({1}));
+    Adam adam({.beta1 = 0.5, .beta2 = 0.5});
+    adam.step(store.all(), std::vector<Variable>{Tensor::full({1}, 1e30)}, 0.125);
+    CHECK(x.variable().value().item() == Approx(-0.125).epsilon(1e-6));
+    for (int step = 0; step < 300; ++step) adam.step(store.all(), std::vector<Variable>{Tensor::full({1}, -1.0)}, 0.125);
+    CHECK(x.variable().value().item() > 10.0);
+}
+
 TEST_CASE("the first gradient that is not finite is named") {
     const ParameterStore store = two_parameters();
     std::vector<Variable> gradients{Tensor::zeros({3}), Tensor::zeros({2, 2})};

@@ -1,4 +1,5 @@
 #include <catch2/catch.hpp>
+#include <limits>
 
 #include "core/error.h"
 #include "nn/models/codes.h"
@@ -87,4 +88,15 @@ TEST_CASE("the code's groups add up to 306 numbers, and codes are added group by
     const Codes sum = add(a, b);
     for (std::size_t i = 0; i < 4; ++i) CHECK(sum.groups[i].value().values<float>()[3] == static_cast<float>(i + 1));
     CHECK(sum.batch() == 2);
+}
+
+TEST_CASE("a file with a value that is not finite is refused by the tensor's name, and nothing has changed") {
+    Store s;
+    TensorFile file;
+    s.store.save(file);
+    file.tensors["a.weight"] = Tensor::full({2, 3}, 5.0);
+    file.tensors["b.bias"].mutable_values<float>()[1] = std::numeric_limits<float>::infinity();
+    CHECK_THROWS_WITH(s.store.load(file, "model.safetensors"),
+                      Catch::Contains("model.safetensors: b.bias holds values that are not finite"));
+    CHECK(s.weight.variable().value().to_vector() == std::vector<double>(6, 1.0));
 }
