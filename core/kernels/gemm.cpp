@@ -122,11 +122,12 @@ public:
     using Sum = typename Operands::Sum;
     using Element = typename Operands::Element;
 
-    PanelProduct(Out* c, std::int64_t stride, const Element* panel, std::int64_t panel_stride, std::int64_t columns,
-                 const Epilogue<Sum>& epilogue, bool first_piece, bool last_piece)
+    PanelProduct(Out* c, std::int64_t stride, const Element* panel, const Element* next_panel, std::int64_t panel_stride,
+                 std::int64_t columns, const Epilogue<Sum>& epilogue, bool first_piece, bool last_piece)
         : c_(c),
           stride_(stride),
           panel_(panel),
+          next_panel_(next_panel),
           panel_stride_(panel_stride),
           columns_(columns),
           slope_(epilogue.slope),
@@ -163,8 +164,17 @@ private:
     template <int vectors>
     HWY_INLINE void multiply_rows(const LeftPiece<Operands>& left, std::int64_t row, int height) {
         Out* const c = c_ + row * stride_;
-        Block<Operands> block{
-            bias_, 0, sums_.data(), width, left.row(row), left.row_stride, left.inner_stride, panel_, panel_stride_, left.words};
+        Block<Operands> block{bias_,
+                              0,
+                              sums_.data(),
+                              width,
+                              left.row(row),
+                              left.row_stride,
+                              left.inner_stride,
+                              panel_,
+                              panel_stride_,
+                              left.words,
+                              part_of_next_panel(row, left.words)};
         if constexpr (std::is_same_v<Out, Sum>) {
             if (direct_ && adds_) block.start = c, block.start_stride = stride_;
             if (direct_ && !activates()) block.sums = c, block.sums_stride = stride_;
@@ -176,6 +186,14 @@ private:
         }
         multiply_block_of<Operands, vectors>(height, block);
         if (block.sums == sums_.data()) finish<vectors>(c, row, height);
+    }
+
+    /// What the block at this row is to prefetch, so that all blocks together fetch the whole panel.
+    [[nodiscard]] const char* part_of_next_panel(std::int64_t row, std::int64_t words) const {
+        const std::int64_t size = words * panel_stride_ * static_cast<std::int64_t>(sizeof(Element));
+        const std::int64_t share = words / words_of_prefetch * bytes_of_prefetch;
+        const std::int64_t begin = row / block_rows * share;
+        return reinterpret_cast<const char*>(next_panel_) + (begin + share <= size ? begin : 0);
     }
 
     void read_present_values(const Out* c, int height) {
@@ -211,6 +229,7 @@ private:
     Out* c_;
     std::int64_t stride_;
     const Element* panel_;
+    const Element* next_panel_;  ///< this one if it is the last
     std::int64_t panel_stride_;  ///< between words
     std::int64_t columns_;
     Sum* slope_;
@@ -265,10 +284,12 @@ void multiply(Out* c, std::int64_t stride, const LeftMatrix<Element>& left, std:
                 Epilogue<Sum> of_columns = epilogue;
                 if (epilogue.bias != nullptr) of_columns.bias += column;
                 if (epilogue.slope != nullptr) of_columns.slope += row * stride + column;
-                PanelProduct<Operands, Out>(
-                    c + row * stride + column, stride, right.panel(column / right.panel_width()) + inner * right.inner_stride(),
-                    right.inner_stride() * length, std::min(right.panel_width(), right.columns() - column), of_columns,
-                    inner == 0, inner + elements == k)
+                const std::int64_t index = column / right.panel_width(), first = inner * right.inner_stride();
+                const bool last = column + right.panel_width() >= right.columns();
+                PanelProduct<Operands, Out>(c + row * stride + column, stride, right.panel(index) + first,
+                                            right.panel(last ? index : index + 1) + first, right.inner_stride() * length,
+                                            std::min(right.panel_width(), right.columns() - column), of_columns, inner == 0,
+                                            inner + elements == k)
                     .multiply(words, rows);
             }
             inner += elements;
