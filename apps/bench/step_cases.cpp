@@ -45,9 +45,8 @@ Measurement fit_step(const BenchRun& run, bool perceptual) {
     double last = 0.0;
     FitOptions fit{.steps = run.options.repeats + 1, .samples_per_ray = run.options.samples};
     fit.on_step = [&](std::int64_t step, double) {
-        const double now = seconds_now();
-        if (step > 1) result.timing.seconds.push_back(now - last);
-        last = now;
+        if (step > 1) result.timing.add(seconds_now() - last);
+        last = seconds_now();
     };
     static_cast<void>(fit_codes(subject.model, loss, {batch.input, batch.targets, batch.cameras}, fit));
     result.peak_memory = peak_memory_mebibytes();
