@@ -20,7 +20,7 @@ struct RendererOptions {
     RenderMode mode = RenderMode::skip;
     std::int64_t samples_per_ray = 64;
     std::int64_t resolution = 0;        ///< 0: the model's own
-    double tolerance = 0.25;            ///< compositing weight that samples left out in a row may have together; not of a bake
+    double tolerance = 0.3;             ///< compositing weight that samples left out in a row may have together; not of a bake
     std::int64_t bake_resolution = 96;  ///< cells along one side of the baked cube
     bool mask = false;
     bool depth = false;
