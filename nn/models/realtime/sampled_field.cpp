@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cmath>
 #include <functional>
+#include <numeric>
 
 #include "core/parallel.h"
 #include "nn/models/realtime/density_grid.h"
@@ -212,18 +213,22 @@ bool SampledField<T>::select_from_grid(const CameraRays& rays) {
     return known;
 }
 
-/// Whole rays, so that a tile can composite them.
+/// Whole rays, so that a tile can composite them; as many tiles for each thread, of the same size as far as rays allow.
 template <class T>
 void SampledField<T>::cut_into_tiles() {
+    const std::int64_t all = std::accumulate(selection_.counts.begin(), selection_.counts.end(), std::int64_t{0});
+    const std::int64_t rounds = chunk_count(all, tile_points * thread_count()),
+                       tiles = std::max<std::int64_t>(rounds, 1) * thread_count();
     tiles_.assign(1, 0);
-    std::int64_t points = 0;
+    std::int64_t points = 0, done = 0;
     largest_tile_ = 0;
     for (std::size_t ray = 0; ray < selection_.counts.size(); ++ray) {
-        if (points > 0 && points + selection_.counts[ray] > tile_points) {
+        if (points > 0 && (done + selection_.counts[ray] / 2) * tiles >= std::ssize(tiles_) * all) {
             tiles_.push_back(static_cast<std::int64_t>(ray));
             points = 0;
         }
         points += selection_.counts[ray];
+        done += selection_.counts[ray];
         largest_tile_ = std::max(largest_tile_, points);
     }
     tiles_.push_back(static_cast<std::int64_t>(selection_.counts.size()));
