@@ -7,6 +7,7 @@
 #include "core/kernels/doubling.h"
 #include "core/kernels/fast_math.h"
 #include "core/parallel.h"
+#include "nn/models/realtime/softplus.h"
 #include "render/encoding.h"
 
 namespace stymo {
@@ -27,11 +28,6 @@ void grow(std::vector<T>& buffer, std::int64_t size) {
 std::vector<float> values(const Tensor& tensor) {
     const auto all = tensor.values<float>();
     return {all.begin(), all.end()};
-}
-
-/// max(x, 0) + log(1 + exp(-|x|))
-float softplus_value(float x) {
-    return std::max(x, 0.0F) + std::log1p(std::exp(-std::abs(x)));
 }
 
 /// `x` itself, or a wider copy of it.
@@ -146,9 +142,9 @@ void PackedField<T>::density(std::span<const float> points, FieldTile<T>& tile) 
     }
     const Rows<T> last = output(layers_.size() - 1, tile);
     for (std::int64_t i = 0; i < count; ++i) {
-        tile.density[static_cast<std::size_t>(i)] = softplus_value(
-            dot(as_floats(last.data + i * last.stride, width_, tile.features.data()), density_weight_.data(), width_) +
-            density_bias_);
+        tile.density[static_cast<std::size_t>(i)] =
+            softplus(dot(as_floats(last.data + i * last.stride, width_, tile.features.data()), density_weight_.data(), width_) +
+                     density_bias_);
     }
 }
 
