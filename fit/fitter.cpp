@@ -50,10 +50,10 @@ FitResult fit_codes(const Model& model, const ReconstructionLoss& reconstruction
     const double regularizer = options.regularizer < 0.0 ? reconstruction.fit_regularizer : options.regularizer;
     if (options.examination_interval < 1)
         fail<ValueError>("fitting: samples are examined every ", options.examination_interval, " steps; give at least 1");
-    DecodeOptions decode{.samples_per_ray =
-                             options.samples_per_ray > 0 ? options.samples_per_ray : reconstruction.fit_samples_per_ray,
-                         .resolution = target.targets.back().shape(1),
-                         .keep_field = options.keep_field};
+    DecodeOptions decode{
+        .samples_per_ray = options.samples_per_ray > 0 ? options.samples_per_ray : reconstruction.fit_samples_per_ray,
+        .resolution = target.targets.back().shape(1),
+        .keep_field = options.keep_field};
     FitResult result;
     result.initial = detached(model.encoder()(Variable(target.input)));
     const auto batch = static_cast<double>(result.initial.batch());
