@@ -22,7 +22,7 @@ const std::vector<OpCase>& op_cases() {
     static const std::vector<OpCase> table = [] {
         std::vector<OpCase> all;
         for (const auto& family : {elementwise_cases(), activation_cases(), shape_cases(), reduce_cases(), linalg_cases(),
-                                   conv_cases(), pool_cases(), resample_cases(), index_cases(), rays_cases()}) {
+                                   conv_cases(), pool_cases(), resample_cases(), index_cases(), rays_cases(), feature_cases()}) {
             all.insert(all.end(), family.begin(), family.end());
         }
         return all;

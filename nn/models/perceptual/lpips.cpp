@@ -6,6 +6,7 @@
 
 #include "core/error.h"
 #include "core/io/tensor_file.h"
+#include "core/ops/feature_distance.h"
 #include "core/ops/ops.h"
 #include "nn/models/perceptual/trunk.h"
 
@@ -76,15 +77,6 @@ void load_heads(const std::vector<Parameter>& heads, const TensorFile& file, con
     }
 }
 
-/// f / (|f| + 1e-10) over the channels. A vector of zeros has no direction: its norm counts as a constant, which keeps the value
-/// and leaves out the derivative of a root at 0.
-Variable normalised(const Variable& f) {
-    const Variable squared_norm = sum(square(f), {3});
-    const Variable one = Tensor::scalar(1.0, f.dtype());
-    const Variable norm = sqrt(where(squared_norm.value(), squared_norm, one));
-    return f * (one / (norm + 1e-10));
-}
-
 Variable as_the_network_expects(const Variable& images) {
     constexpr std::array<double, 3> shift{-0.030, -0.088, -0.188};
     constexpr std::array<double, 3> scale{0.458, 0.448, 0.450};
@@ -144,15 +136,32 @@ Lpips::~Lpips() = default;
 Lpips::Lpips(Lpips&&) noexcept = default;
 Lpips& Lpips::operator=(Lpips&&) noexcept = default;
 
-Lpips::Features Lpips::features(const Variable& images) const {
+std::vector<Variable> Lpips::taps(const Variable& images) const {
     if (images.rank() != 4 || images.shape(3) != 3)
         fail<ShapeError>("LPIPS needs images (batch, height, width, 3), got ", images.shape());
     if (std::min(images.shape(1), images.shape(2)) < smallest_side())
         fail<ShapeError>("LPIPS with ", config().network, " needs images of at least ", smallest_side(), " x ", smallest_side(),
                          " pixels, got ", images.shape());
+    return implementation_->trunk(as_the_network_expects(images));
+}
+
+Lpips::Features Lpips::features(const Variable& images) const {
     Features features;
-    for (const Variable& tap : implementation_->trunk(as_the_network_expects(images))) features.push_back(normalised(tap));
+    for (const Variable& tap : taps(images)) features.push_back(normalise_channels(tap));
     return features;
+}
+
+Variable Lpips::distance_to(const Variable& images, const Features& target) const {
+    const std::vector<Variable> all = taps(images);
+    if (target.size() != all.size())
+        fail<ShapeError>("LPIPS with ", config().network, " compares ", all.size(), " features, got ", target.size());
+    Variable total;
+    for (std::size_t k = 0; k < all.size(); ++k) {
+        const Tensor head = implementation_->heads[k].variable().value();
+        const Variable term = feature_distance(all[k], target[k].value(), head.reshaped({head.size()}));
+        total = total.defined() ? total + term : term;
+    }
+    return total;
 }
 
 std::vector<Variable> Lpips::terms(const Features& a, const Features& b) const {
