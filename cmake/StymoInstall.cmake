@@ -9,7 +9,7 @@ install(TARGETS stymo EXPORT stymoTargets COMPONENT development
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
 install(EXPORT stymoTargets NAMESPACE stymo:: DESTINATION ${stymo_cmake_folder} COMPONENT development)
 
-# Headers of the kernels stay behind: they include Eigen.
+# Headers of the kernels stay behind: they include Highway.
 foreach(folder core nn render train fit)
   if(IS_DIRECTORY ${PROJECT_SOURCE_DIR}/${folder})
     install(DIRECTORY ${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/stymo COMPONENT development

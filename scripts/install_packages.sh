@@ -4,7 +4,7 @@ set -euo pipefail
 
 packages=(
     build-essential cmake ninja-build pkg-config
-    libeigen3-dev libhwy-dev nlohmann-json3-dev libcli11-dev catch2
+    libhwy-dev nlohmann-json3-dev libcli11-dev catch2
     libopencv-dev libpng-dev zlib1g-dev libzip-dev libopenimageio-dev openimageio-tools # the CMake files of libopenimageio-dev refer to the tools
 )
 

@@ -11,7 +11,7 @@
 namespace stymo {
 
 /// Which of the machine's limits a row is held against.
-enum class Limit { none, float32, bfloat16 };
+enum class Limit { none, float32, sixteen_bits };
 
 /// What was found out about one row.
 struct Measurement {

@@ -1,9 +1,8 @@
-#include <iomanip>
-#include <sstream>
-
 #include "apps/bench/case.h"
 #include "apps/bench/frames.h"
+#include "apps/bench/report.h"
 #include "apps/bench/work.h"
+#include "core/ops/ops.h"
 
 namespace stymo {
 
@@ -17,9 +16,7 @@ RendererOptions renderer_options(const BenchOptions& options, RenderMode mode) {
 }
 
 std::string percent(std::int64_t part, std::int64_t whole) {
-    std::ostringstream text;
-    text << std::setprecision(2) << (whole > 0 ? 100.0 * static_cast<double>(part) / static_cast<double>(whole) : 0.0) << " %";
-    return text.str();
+    return decimal(whole > 0 ? 100.0 * static_cast<double>(part) / static_cast<double>(whole) : 0.0, 0) + " %";
 }
 
 void measure_error(Measurement& result, const BenchSubject& subject, const RendererOptions& options) {
@@ -51,10 +48,10 @@ Measurement reduced_frame(const BenchRun& run, RenderMode mode) {
     const double pixels =
         counts.pixels > 0 ? static_cast<double>(counts.pixels_computed) / static_cast<double>(counts.pixels) : 1.0;
     result.work = work.field_sample * static_cast<double>(counts.field_samples) + work.rays * work.ray + work.blocks * pixels;
-    if (mode == RenderMode::bf16) result.limit = Limit::bfloat16;
+    if (mode == RenderMode::bf16) result.limit = Limit::sixteen_bits;
     result.remark = percent(counts.field_samples, counts.samples) + " of the samples, " +
                     percent(counts.pixels_computed, counts.pixels) + " of the pixels";
-    if (!subject.trained) result.remark += "; random weights are fog, of which nothing can be left out";
+    if (!subject.trained) result.remark += "; random weights are fog, of which little can be left out";
     measure_error(result, subject, options);
     return result;
 }
@@ -69,11 +66,16 @@ Measurement bf16_frame(const BenchRun& run) {
 /// From new codes to the first picture: weights folded, empty space found, one frame.
 Measurement first_frame(const BenchRun& run) {
     const BenchSubject subject = make_subject(run.options, run.seed);
-    const RendererOptions options = renderer_options(run.options, RenderMode::skip);
-    FaceRenderer renderer(subject.model, options);
-    std::int64_t face = 0;
+    FaceRenderer renderer(subject.model, renderer_options(run.options, RenderMode::skip));
+    double size = 1.0;
     const auto show_next = [&] {
-        renderer.show(subject.codes, face++ % subject.codes.batch());
+        // A face that has not been shown before, but nearly the same.
+        constexpr double shrinkage = 0.999;
+        size *= shrinkage;
+        Codes codes;
+        for (std::size_t group = 0; group < code_sizes.size(); ++group)
+            codes.groups[group] = (subject.codes.groups[group] * size).detach();
+        renderer.show(codes);
         static_cast<void>(renderer.render(subject.views.front()));
     };
     Measurement result{.timing = time_repeated(run.options.repeats, 0.0, show_next), .limit = Limit::none};
@@ -143,10 +145,7 @@ Measurement bake(const BenchRun& run) {
     };
     Measurement result{.timing = time_repeated(run.options.repeats, 0.0, bake_anew), .limit = Limit::none};
     result.peak_memory = peak_memory_mebibytes();
-    std::ostringstream remark;
-    remark << std::fixed << std::setprecision(0) << result.peak_memory - before
-           << " MiB beyond model and program; with the first view";
-    result.remark = remark.str();
+    result.remark = decimal(result.peak_memory - before, 0) + " MiB beyond model and program; with the first view";
     return result;
 }
 

@@ -2,6 +2,7 @@
 #include <vector>
 
 #include "apps/bench/case.h"
+#include "core/kernels/float16_product.h"
 #include "core/kernels/gemm.h"
 #include "core/kernels/peak.h"
 #include "core/parallel.h"
@@ -23,7 +24,7 @@ std::vector<float> numbers(std::int64_t count, double deviation, Rng& rng) {
     return {values.begin(), values.end()};
 }
 
-/// T: float or BFloat16.
+/// T: float, BFloat16 or Float16.
 template <class T>
 Measurement layer(const BenchRun& run, Activation activation, Limit limit) {
     Rng rng = Rng(run.seed).split("layer");
@@ -52,7 +53,8 @@ Measurement sine_layer(const BenchRun& run) {
     return layer<float>(run, Activation::sine, Limit::float32);
 }
 Measurement sine_layer_bf16(const BenchRun& run) {
-    return layer<kernels::BFloat16>(run, Activation::sine, Limit::bfloat16);
+    if (kernels::multiplies_float16()) return layer<kernels::Float16>(run, Activation::sine, Limit::sixteen_bits);
+    return layer<kernels::BFloat16>(run, Activation::sine, Limit::sixteen_bits);
 }
 
 }  // namespace
@@ -61,7 +63,10 @@ std::vector<BenchCase> kernel_cases() {
     return {
         {.name = "product", .command = "kernels", .what = "65536 x 256 times 256 x 256, float32", .measure = product},
         {.name = "sine-layer", .command = "kernels", .what = "the same with bias and sine", .measure = sine_layer},
-        {.name = "sine-layer-bf16", .command = "kernels", .what = "the same in 16 bits", .measure = sine_layer_bf16},
+        {.name = "sine-layer-bf16",
+         .command = "kernels",
+         .what = "the same in the faster type of 16 bits",
+         .measure = sine_layer_bf16},
     };
 }
 

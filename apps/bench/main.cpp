@@ -12,7 +12,10 @@ void declare(stymo::Command& command, stymo::BenchOptions& options) {
     command.option("--data", options.data, "folder of photos in FFHQ format whose codes are shown; without one random ones");
     command.option("--repeats", options.repeats, "measurements of each time, of which the median counts").range(1, 1000);
     command.option("--faces", options.faces, "number of faces").range(1, 1000);
-    command.option("--views", options.views, "views of each face that errors are measured on").range(1, 1000);
+    command
+        .option("--views", options.views,
+                "views of each face that errors are measured on; every timed frame is another one than the frame before")
+        .range(2, 1000);
     command.option("--samples", options.samples, "samples per ray").range(2, 4096);
 }
 

@@ -12,6 +12,8 @@ namespace stymo {
 
 namespace {
 
+/// The one that Debian's PyTorch is made for, whatever else is called so.
+constexpr const char* python = "/usr/bin/python3";
 /// The BLAS of Debian's PyTorch chooses slow kernels on newer processors by itself.
 const std::vector<std::string> peer_environment{"OPENBLAS_CORETYPE=SkylakeX"};
 
@@ -40,8 +42,8 @@ Peer::Peer(const std::filesystem::path& script, const DecoderConfig& decoder, st
         missing_ = "no --peer is named";
     } else if (!std::filesystem::is_regular_file(script)) {
         fail<FileError>(script.string(), ": no such file; --peer names scripts/torch_peer.py of the project");
-    } else if (run_child({"python3", "-c", "import torch, torchvision"}).exit_code != 0) {
-        missing_ = "python3 has no PyTorch (Debian: python3-torch python3-torchvision libopenblas0)";
+    } else if (run_child({python, "-c", "import torch, torchvision"}).exit_code != 0) {
+        missing_ = std::string(python) + " has no PyTorch (Debian: python3-torch python3-torchvision libopenblas0)";
     }
 }
 
@@ -51,7 +53,7 @@ std::optional<PeerTime> Peer::measure(const std::string& what, int threads, int 
     const bool discriminator = what == "disc" || what == "r1";
     const std::int64_t side = discriminator ? std::min(discriminator_side, decoder_.resolution) : decoder_.resolution;
     const ChildOutcome outcome = run_child(
-        {"python3", script_.string(), "--threads", std::to_string(threads), "--width", std::to_string(decoder_.field_width),
+        {python, script_.string(), "--threads", std::to_string(threads), "--width", std::to_string(decoder_.field_width),
          "--layers", std::to_string(decoder_.field_layers), "--samples", std::to_string(samples_), "--res", std::to_string(side),
          "--batch", discriminator ? "4" : "1", "-n", std::to_string(repeats), what},
         peer_environment);

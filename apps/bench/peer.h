@@ -13,7 +13,7 @@ struct PeerTime {
     double peak_memory = 0.0;
 };
 
-/// The same work in PyTorch, by scripts/torch_peer.py and the system's python3.
+/// The same work in PyTorch, by scripts/torch_peer.py and the system's Python.
 class Peer {
 public:
     /// `script` empty, or PyTorch not installed: there is no peer, and `missing` says why. `decoder` is what it is to imitate.

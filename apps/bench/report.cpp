@@ -43,7 +43,8 @@ std::string milliseconds(double seconds) {
 std::optional<double> share_of_peak(const Measurement& measurement) {
     if (measurement.limit == Limit::none || measurement.work <= 0.0) return std::nullopt;
     const kernels::MachinePeak peak = kernels::measure_machine_peak();
-    const double flops = measurement.limit == Limit::float32 ? peak.multiply_adds : peak.bfloat16_multiply_adds;
+    const double flops = measurement.limit == Limit::float32 ? peak.multiply_adds
+                                                             : std::max(peak.bfloat16_multiply_adds, peak.float16_multiply_adds);
     if (flops <= 0.0) return std::nullopt;
     return 2.0 * measurement.work / measurement.timing.median() / flops;
 }
@@ -165,12 +166,14 @@ std::string csv(const Cells& cells) {
 JsonValue to_json(const kernels::MachinePeak& peak) {
     return JsonValue::object({{"float32_flops", peak.multiply_adds},
                               {"bfloat16_flops", peak.bfloat16_multiply_adds},
+                              {"float16_flops", peak.float16_multiply_adds},
                               {"triad_bytes_per_second", peak.triad_bytes}});
 }
 
 std::string text(const kernels::MachinePeak& peak) {
     return "peak: " + decimal(peak.multiply_adds / 1e9, 0) + " GFLOP/s float32, " +
            (peak.bfloat16_multiply_adds > 0.0 ? decimal(peak.bfloat16_multiply_adds / 1e9, 0) + " GFLOP/s bfloat16, " : "") +
+           (peak.float16_multiply_adds > 0.0 ? decimal(peak.float16_multiply_adds / 1e9, 0) + " GFLOP/s float16, " : "") +
            decimal(peak.triad_bytes / 1e9, 1) + " GB/s\n";
 }
 

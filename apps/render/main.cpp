@@ -116,10 +116,10 @@ int main(int argc, char** argv) {
     line.option("--size", options.renderer.resolution, "side of the picture: 64, 128, 256 or 512; 0: the model's own")
         .range(0, 512);
     line.option("--samples", options.renderer.samples_per_ray, "samples per ray").range(2, 4096);
-    line.option(
-            "--mode", options.mode,
-            "exact; skip: without samples that count for little; bf16: also with numbers of 16 bits; baked: the field read from "
-            "samples taken once")
+    line.option("--mode", options.mode,
+                "exact; skip: without samples that count for little; bf16: also with numbers of 16 bits (half precision on "
+                "processors that compute it, else bfloat16); baked: the field read from "
+                "samples taken once")
         .one_of(mode_names);
     line.option("--tolerance", options.renderer.tolerance,
                 "of skip and bf16: compositing weight that samples left out in a row may have together")

@@ -35,6 +35,12 @@ HWY_INLINE simd::Vec<D> load(D tag, const BFloat16* from) {
 }
 
 template <class D>
+HWY_INLINE simd::Vec<D> load(D tag, const Float16* from) {
+    const simd::Rebind<hwy::float16_t, D> halves;
+    return simd::PromoteTo(tag, simd::LoadU(halves, reinterpret_cast<const hwy::float16_t*>(from)));
+}
+
+template <class D>
 HWY_INLINE void store(D tag, simd::Vec<D> x, float* to) {
     simd::StoreU(x, tag, to);
 }
@@ -49,6 +55,13 @@ HWY_INLINE void store(D tag, simd::Vec<D> x, BFloat16* to) {
     const auto odd = simd::And(simd::ShiftRight<16>(bits), simd::Set(words, 1));
     const auto upper = simd::ShiftRight<16>(simd::Add(bits, simd::Add(odd, simd::Set(words, 0x7FFF))));
     simd::StoreU(simd::DemoteTo(halves, simd::BitCast(integers, upper)), halves, reinterpret_cast<std::uint16_t*>(to));
+}
+
+template <class D>
+HWY_INLINE void store(D tag, simd::Vec<D> x, Float16* to) {
+    const simd::Rebind<hwy::float16_t, D> halves;
+    (void)tag;
+    simd::StoreU(simd::DemoteTo(halves, x), halves, reinterpret_cast<hwy::float16_t*>(to));
 }
 
 /// One row of the doubled image, summed over the rows it is blurred with: columns go by once, from left to right.
@@ -153,11 +166,17 @@ void blur_float(const RowDoubling<float>& image) {
 void blur_bfloat16(const RowDoubling<BFloat16>& image) {
     blur(image);
 }
+void blur_float16(const RowDoubling<Float16>& image) {
+    blur(image);
+}
 
 HWY_INLINE float as_float(float x) {
     return x;
 }
 HWY_INLINE float as_float(BFloat16 x) {
+    return widened(x);
+}
+HWY_INLINE float as_float(Float16 x) {
     return widened(x);
 }
 
@@ -250,6 +269,34 @@ void add_colors_bfloat16(float* to, const BFloat16* x, const float* weight, cons
                          std::int64_t channels) {
     add_all_colors(ColorSum<BFloat16>{to, x, weight, background, channels}, pixels);
 }
+void add_colors_float16(float* to, const Float16* x, const float* weight, const float* background, std::int64_t pixels,
+                        std::int64_t channels) {
+    add_all_colors(ColorSum<Float16>{to, x, weight, background, channels}, pixels);
+}
+
+/// Vector by vector to another type; what is left one by one, as the vectors would have it.
+template <class From, class To>
+HWY_INLINE void convert(To* out, const From* x, std::int64_t count) {
+    const simd::ScalableTag<float> tag;
+    const simd::CappedTag<float, 1> one;
+    const auto lanes = static_cast<std::int64_t>(simd::Lanes(tag));
+    std::int64_t i = 0;
+    for (; i + lanes <= count; i += lanes) store(tag, load(tag, x + i), out + i);
+    for (; i < count; ++i) store(one, load(one, x + i), out + i);
+}
+
+void narrow_to_bfloat16(BFloat16* out, const float* x, std::int64_t count) {
+    convert(out, x, count);
+}
+void narrow_to_float16(Float16* out, const float* x, std::int64_t count) {
+    convert(out, x, count);
+}
+void widen_bfloat16(float* out, const BFloat16* x, std::int64_t count) {
+    convert(out, x, count);
+}
+void widen_float16(float* out, const Float16* x, std::int64_t count) {
+    convert(out, x, count);
+}
 
 }  // namespace stymo::kernels::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
@@ -259,14 +306,23 @@ namespace stymo::kernels {
 
 HWY_EXPORT(blur_float);
 HWY_EXPORT(blur_bfloat16);
+HWY_EXPORT(blur_float16);
 HWY_EXPORT(add_colors_float);
 HWY_EXPORT(add_colors_bfloat16);
+HWY_EXPORT(add_colors_float16);
+HWY_EXPORT(narrow_to_bfloat16);
+HWY_EXPORT(narrow_to_float16);
+HWY_EXPORT(widen_bfloat16);
+HWY_EXPORT(widen_float16);
 
 void blur_doubled_rows(const RowDoubling<float>& rows) {
     HWY_DYNAMIC_DISPATCH(blur_float)(rows);
 }
 void blur_doubled_rows(const RowDoubling<BFloat16>& rows) {
     HWY_DYNAMIC_DISPATCH(blur_bfloat16)(rows);
+}
+void blur_doubled_rows(const RowDoubling<Float16>& rows) {
+    HWY_DYNAMIC_DISPATCH(blur_float16)(rows);
 }
 
 void add_colors(float* to, const float* x, const float* weight, const float* background, std::int64_t pixels,
@@ -277,13 +333,29 @@ void add_colors(float* to, const BFloat16* x, const float* weight, const float* 
                 std::int64_t channels) {
     HWY_DYNAMIC_DISPATCH(add_colors_bfloat16)(to, x, weight, background, pixels, channels);
 }
+void add_colors(float* to, const Float16* x, const float* weight, const float* background, std::int64_t pixels,
+                std::int64_t channels) {
+    HWY_DYNAMIC_DISPATCH(add_colors_float16)(to, x, weight, background, pixels, channels);
+}
 
 void narrow(float* out, const float* x, std::int64_t count) {
     std::copy_n(x, count, out);
 }
-
 void narrow(BFloat16* out, const float* x, std::int64_t count) {
-    for (std::int64_t i = 0; i < count; ++i) out[i] = rounded_to_bfloat16(x[i]);
+    HWY_DYNAMIC_DISPATCH(narrow_to_bfloat16)(out, x, count);
+}
+void narrow(Float16* out, const float* x, std::int64_t count) {
+    HWY_DYNAMIC_DISPATCH(narrow_to_float16)(out, x, count);
+}
+
+void widen(float* out, const float* x, std::int64_t count) {
+    std::copy_n(x, count, out);
+}
+void widen(float* out, const BFloat16* x, std::int64_t count) {
+    HWY_DYNAMIC_DISPATCH(widen_bfloat16)(out, x, count);
+}
+void widen(float* out, const Float16* x, std::int64_t count) {
+    HWY_DYNAMIC_DISPATCH(widen_float16)(out, x, count);
 }
 
 }  // namespace stymo::kernels

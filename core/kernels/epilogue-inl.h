@@ -49,6 +49,11 @@ HWY_INLINE void store_result(simd::ScalableTag<float> tag, simd::Vec<simd::Scala
     simd::StoreU(simd::DemoteTo(halves, simd::BitCast(integers, upper)), halves, reinterpret_cast<std::uint16_t*>(to));
 }
 
+HWY_INLINE void store_result(simd::ScalableTag<float> tag, simd::Vec<simd::ScalableTag<float>> x, Float16* to) {
+    const simd::Rebind<hwy::float16_t, decltype(tag)> halves;
+    simd::StoreU(simd::DemoteTo(halves, x), halves, reinterpret_cast<hwy::float16_t*>(to));
+}
+
 template <class T, class Out>
 HWY_INLINE void for_each_vector(const Activated<T, Out>& block, auto body) {
     const std::int64_t lanes = static_cast<std::int64_t>(simd::Lanes(simd::ScalableTag<T>()));
@@ -68,6 +73,8 @@ HWY_NOINLINE void apply_library_sine(const Activated<T, Out>& block) {
             const std::int64_t index = row * block.stride + column;
             if constexpr (std::is_same_v<Out, BFloat16>) {
                 block.c[index] = rounded_to_bfloat16(std::sin(x));
+            } else if constexpr (std::is_same_v<Out, Float16>) {
+                block.c[index] = rounded_to_float16(std::sin(x));
             } else {
                 block.c[index] = std::sin(x);
             }

@@ -19,10 +19,10 @@ T squared_norm(const T* x, std::int64_t channels) {
     return total;
 }
 
-/// 1 / (|x| + 1e-10), the norm of zeros being 1.
+/// 1 / (|x| + feature_epsilon), the norm of zeros being 1.
 template <class T>
 T inverse_norm(T squared) {
-    return T(1) / ((squared == T(0) ? T(1) : std::sqrt(squared)) + static_cast<T>(1e-10));
+    return T(1) / ((squared == T(0) ? T(1) : std::sqrt(squared)) + static_cast<T>(feature_epsilon));
 }
 
 }  // namespace

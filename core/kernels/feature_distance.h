@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/ops/feature_distance.h"
 #include "core/tensor.h"
 
 namespace stymo::kernels {

@@ -53,6 +53,9 @@ T converted(T x) {
 inline float converted(BFloat16 x) {
     return widened(x);
 }
+inline float converted(Float16 x) {
+    return widened(x);
+}
 
 /// A piece of the inner index for some rows of the left operand. Copies may have blocks of `block_rows` rows one after the other,
 /// and in them the words of all rows.
@@ -92,17 +95,24 @@ LeftPiece<Numbers<T>> copy_left(T* buffer, const LeftMatrix<T>& left, std::int64
     return {buffer, 1, block_rows, words * block_rows, words};
 }
 
-/// Row by row, the last pair with a zero if need be.
-inline LeftPiece<Pairs> copy_left(float* buffer, const LeftMatrix<BFloat16>& left, std::int64_t rows, std::int64_t elements) {
-    const std::int64_t words = chunk_count(elements, Pairs::word_length);
-    const std::int64_t row_stride = words * Pairs::word_length;
+/// Row by row, the last word with a zero if need be.
+template <class Operands>
+LeftPiece<Operands> copy_rows(typename Operands::Left* buffer, const LeftMatrix<typename Operands::Element>& left,
+                              std::int64_t rows, std::int64_t elements) {
+    using Left = typename Operands::Left;
+    const std::int64_t words = chunk_count(elements, Operands::word_length);
+    const std::int64_t row_stride = words * Operands::word_length;
     for (std::int64_t row = 0; row < rows; ++row) {
-        const BFloat16* const from = left.data + row * left.row_stride;
-        float* const to = buffer + row * row_stride;
-        for (std::int64_t i = 0; i < elements; ++i) to[i] = widened(from[i]);
-        if (elements < row_stride) to[elements] = 0.0F;
+        const auto* const from = left.data + row * left.row_stride;
+        Left* const to = buffer + row * row_stride;
+        if constexpr (std::is_same_v<Left, typename Operands::Element>) {
+            std::copy_n(from, elements, to);
+        } else {
+            for (std::int64_t i = 0; i < elements; ++i) to[i] = widened(from[i]);
+        }
+        if (elements < row_stride) to[elements] = Left();
     }
-    return {buffer, row_stride, Pairs::word_length, block_rows * row_stride, words};
+    return {buffer, row_stride, Operands::word_length, block_rows * row_stride, words};
 }
 
 /// One panel of the right operand times some rows, for one piece of the inner index.
@@ -138,7 +148,7 @@ public:
     void multiply(const LeftPiece<Operands>& left, std::int64_t rows) {
         for (std::int64_t row = 0; row < rows;) {
             const int height = rows_of_next_block(rows - row);
-            if (2 * columns_ <= panel_width<Sum>()) {
+            if (!std::is_same_v<Operands, HalfPairs> && 2 * columns_ <= panel_width<Sum>()) {
                 multiply_rows<1>(left, row, height);
             } else {
                 multiply_rows<2>(left, row, height);
@@ -221,8 +231,10 @@ void multiply(Out* c, std::int64_t stride, const LeftMatrix<Element>& left, std:
     // Results that cannot hold a partial sum need all of it at once.
     const std::int64_t piece = std::is_same_v<Out, Sum> ? inner_block * length : std::max<std::int64_t>(k, 1);
     const std::int64_t most_rows = row_block<Sum>(k, right.columns());
+    constexpr bool widens = !std::is_same_v<typename Operands::Left, Element>;
     // Copying pays if several panels read the copy.
-    const bool copies = length > 1 || (left.inner_stride != 1 && (left.row_stride != 1 || right.columns() > most_unpacked));
+    const bool copies =
+        widens || k % length != 0 || (left.inner_stride != 1 && (left.row_stride != 1 || right.columns() > most_unpacked));
     std::unique_ptr<typename Operands::Left[]> copy;
     if (copies) {
         const std::int64_t rows = chunk_count(std::min(m, most_rows), block_rows) * block_rows;
@@ -238,12 +250,16 @@ void multiply(Out* c, std::int64_t stride, const LeftMatrix<Element>& left, std:
             const LeftMatrix<Element> part{left.data + row * left.row_stride + inner * left.inner_stride, left.row_stride,
                                            left.inner_stride};
             const LeftPiece<Operands> words = [&] {
-                if constexpr (length == 1) {
+                if constexpr (!widens) {
                     if (!copies)
-                        return LeftPiece<Operands>{part.data, part.row_stride, part.inner_stride, block_rows * part.row_stride,
-                                                   elements};
+                        return LeftPiece<Operands>{part.data, part.row_stride, part.inner_stride * length,
+                                                   block_rows * part.row_stride, elements / length};
                 }
-                return copy_left(copy.get(), part, rows, elements);
+                if constexpr (has_sixteen_bits<Element>) {
+                    return copy_rows<Operands>(copy.get(), part, rows, elements);
+                } else {
+                    return copy_left(copy.get(), part, rows, elements);
+                }
             }();
             for (std::int64_t column = 0; column < right.columns(); column += right.panel_width()) {
                 Epilogue<Sum> of_columns = epilogue;
@@ -284,6 +300,28 @@ void multiply_pairs_to_float(float* c, std::int64_t stride, const LeftMatrix<BFl
 void multiply_pairs_to_bfloat16(BFloat16* c, std::int64_t stride, const LeftMatrix<BFloat16>& left, std::int64_t m,
                                 const PackedMatrix<BFloat16>& right, const Epilogue<float>& epilogue) {
     multiply_pairs(c, stride, left, m, right, epilogue);
+}
+
+template <class Out>
+void multiply_halves(Out* c, std::int64_t stride, const LeftMatrix<Float16>& left, std::int64_t m,
+                     const PackedMatrix<Float16>& right, const Epilogue<float>& epilogue) {
+    if constexpr (HWY_MAX_BYTES == 64) {
+        if (multiplies_float16()) {
+            multiply<HalfPairs>(c, stride, left, m, right, epilogue);
+            return;
+        }
+    }
+    multiply<Halves>(c, stride, left, m, right, epilogue);
+}
+
+void multiply_halves_to_float(float* c, std::int64_t stride, const LeftMatrix<Float16>& left, std::int64_t m,
+                              const PackedMatrix<Float16>& right, const Epilogue<float>& epilogue) {
+    multiply_halves(c, stride, left, m, right, epilogue);
+}
+
+void multiply_halves_to_float16(Float16* c, std::int64_t stride, const LeftMatrix<Float16>& left, std::int64_t m,
+                                const PackedMatrix<Float16>& right, const Epilogue<float>& epilogue) {
+    multiply_halves(c, stride, left, m, right, epilogue);
 }
 
 /// `rows` x `others` inner products of contiguous vectors.
@@ -363,6 +401,8 @@ HWY_EXPORT(multiply_float);
 HWY_EXPORT(multiply_double);
 HWY_EXPORT(multiply_pairs_to_float);
 HWY_EXPORT(multiply_pairs_to_bfloat16);
+HWY_EXPORT(multiply_halves_to_float);
+HWY_EXPORT(multiply_halves_to_float16);
 HWY_EXPORT(multiply_float_dots);
 HWY_EXPORT(multiply_double_dots);
 HWY_EXPORT(panel_bytes);
@@ -400,9 +440,18 @@ void pack_rows(const Panels<T>& panels, const T* from, std::int64_t columns, std
 template <class T>
 void pack_panel(T* to, const T* from, std::int64_t k, std::int64_t columns, std::int64_t width, std::int64_t inner_stride,
                 std::int64_t column_stride) {
-    for (std::int64_t i = 0; i < k; ++i) {
-        for (std::int64_t j = 0; j < columns; ++j) to[i * width + j] = from[i * inner_stride + j * column_stride];
-        std::fill(to + i * width + columns, to + (i + 1) * width, T(0));
+    // A cache line of each column at a time: columns a power of two apart would push one another out.
+    constexpr std::int64_t line = alignment / sizeof(T);
+    for (std::int64_t first = 0; first < k; first += line) {
+        const std::int64_t last = std::min(k, first + line);
+        if (column_stride == 1) {
+            for (std::int64_t i = first; i < last; ++i) std::copy_n(from + i * inner_stride, columns, to + i * width);
+        } else {
+            for (std::int64_t j = 0; j < columns; ++j) {
+                for (std::int64_t i = first; i < last; ++i) to[i * width + j] = from[i * inner_stride + j * column_stride];
+            }
+        }
+        for (std::int64_t i = first; i < last; ++i) std::fill(to + i * width + columns, to + (i + 1) * width, T(0));
     }
 }
 
@@ -412,6 +461,17 @@ void pack_panel(BFloat16* to, const float* from, std::int64_t k, std::int64_t co
     for (std::int64_t i = 0; i < k; ++i) {
         for (std::int64_t j = 0; j < columns; ++j)
             to[i / 2 * 2 * width + 2 * j + i % 2] = rounded_to_bfloat16(from[i * inner_stride + j * column_stride]);
+    }
+}
+
+void pack_panel(Float16* to, const float* from, std::int64_t k, std::int64_t columns, std::int64_t width,
+                std::int64_t inner_stride, std::int64_t column_stride) {
+    std::fill_n(to, chunk_count(k, 2) * 2 * width, Float16());
+    const bool in_pairs = width == float16_columns && multiplies_float16();
+    for (std::int64_t i = 0; i < k; ++i) {
+        for (std::int64_t j = 0; j < columns; ++j)
+            to[in_pairs ? float16_panel_index(i, j) : i * width + j] =
+                rounded_to_float16(from[i * inner_stride + j * column_stride]);
     }
 }
 
@@ -426,7 +486,7 @@ template <class T>
 PackedMatrix<T>::PackedMatrix(const Source* b, std::int64_t k, std::int64_t n, std::int64_t inner_stride,
                               std::int64_t column_stride)
     : k_(k), n_(n), panel_width_(panel_width_of<Source>()), inner_stride_(panel_width_) {
-    constexpr std::int64_t word_length = std::is_same_v<T, BFloat16> ? 2 : 1;
+    constexpr std::int64_t word_length = has_sixteen_bits<T> ? 2 : 1;
     panel_size_ = chunk_count(k, word_length) * word_length * panel_width_;
     const std::int64_t count = chunk_count(n, panel_width_);
     const std::shared_ptr<T[]> storage =
@@ -466,6 +526,7 @@ PackedMatrix<T> PackedMatrix<T>::in_place(const T* b, std::int64_t k, std::int64
 template class PackedMatrix<float>;
 template class PackedMatrix<double>;
 template class PackedMatrix<BFloat16>;
+template class PackedMatrix<Float16>;
 
 template <>
 void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<float>& left, std::int64_t m,
@@ -487,6 +548,16 @@ void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<BFloat1
 void multiply_packed(BFloat16* c, std::int64_t row_stride, const LeftMatrix<BFloat16>& left, std::int64_t m,
                      const PackedMatrix<BFloat16>& right, const Epilogue<float>& epilogue) {
     HWY_DYNAMIC_DISPATCH(multiply_pairs_to_bfloat16)(c, row_stride, left, m, right, epilogue);
+}
+
+void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<Float16>& left, std::int64_t m,
+                     const PackedMatrix<Float16>& right, const Epilogue<float>& epilogue) {
+    HWY_DYNAMIC_DISPATCH(multiply_halves_to_float)(c, row_stride, left, m, right, epilogue);
+}
+
+void multiply_packed(Float16* c, std::int64_t row_stride, const LeftMatrix<Float16>& left, std::int64_t m,
+                     const PackedMatrix<Float16>& right, const Epilogue<float>& epilogue) {
+    HWY_DYNAMIC_DISPATCH(multiply_halves_to_float16)(c, row_stride, left, m, right, epilogue);
 }
 
 template <>

@@ -28,19 +28,32 @@ struct BFloat16 {
     return {static_cast<std::uint16_t>((x == x ? rounded : quiet) >> 16)};
 }
 
+/// IEEE binary16.
+struct Float16 {
+    std::uint16_t bits = 0;
+};
+inline constexpr float largest_float16 = 65504.0F;
+
+[[nodiscard]] float widened(Float16 x);
+/// To nearest even. Beyond the largest number lies infinity; a NaN stays one.
+[[nodiscard]] Float16 rounded_to_float16(float x);
+
+template <class T>
+inline constexpr bool has_sixteen_bits = std::is_same_v<T, BFloat16> || std::is_same_v<T, Float16>;
+
 /// The right operand (k, n) of a product in the order in which a product reads it. Worth keeping for several products.
-/// T: float, double or BFloat16 (packed from float, and rounded).
+/// T: float, double, or BFloat16 or Float16 (packed from float, and rounded).
 template <class T>
 class PackedMatrix {
 public:
-    using Source = std::conditional_t<std::is_same_v<T, BFloat16>, float, T>;
+    using Source = std::conditional_t<has_sixteen_bits<T>, float, T>;
 
     PackedMatrix() = default;
     /// Element (i, j) is b[i * inner_stride + j * column_stride]. A large matrix is packed by several threads.
     PackedMatrix(const Source* b, std::int64_t k, std::int64_t n, std::int64_t inner_stride, std::int64_t column_stride);
 
     /// Views b as it stands, rows `inner_stride` apart, whose columns are a multiple of `panel_width()`: for products of so few
-    /// rows that packing would not pay. Not of BFloat16; b must outlive the view.
+    /// rows that packing would not pay. Not of 16 bits; b must outlive the view.
     [[nodiscard]] static PackedMatrix in_place(const T* b, std::int64_t k, std::int64_t n, std::int64_t inner_stride);
 
     [[nodiscard]] std::int64_t inner_length() const { return k_; }
@@ -48,7 +61,8 @@ public:
     [[nodiscard]] std::int64_t panel_width() const { return panel_width_; }
     [[nodiscard]] std::int64_t inner_stride() const { return inner_stride_; }
     /// All k rows of `panel_width` columns, `inner_stride()` apart; packed, they are 64-byte aligned, side by side, and zeros
-    /// beyond column n. Of BFloat16, rows 2i and 2i + 1 interleave, the last one with zeros if k is odd.
+    /// beyond column n. Of BFloat16, rows 2i and 2i + 1 interleave, the last one with zeros if k is odd; the order of Float16
+    /// depends on the processor (core/kernels/float16_product.h).
     [[nodiscard]] const T* panel(std::int64_t index) const { return panels_ + index * panel_size_; }
 
 private:
@@ -61,7 +75,7 @@ private:
     std::shared_ptr<const T[]> storage_;  ///< never written again, so that copies may share it
 };
 
-/// Left operand (m, k): element (row, i) is data[row * row_stride + i * inner_stride]. The inner stride of BFloat16 is 1.
+/// Left operand (m, k): element (row, i) is data[row * row_stride + i * inner_stride]. The inner stride of 16-bit types is 1.
 template <class T>
 struct LeftMatrix {
     const T* data;
@@ -87,6 +101,12 @@ void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<BFloat1
                      const PackedMatrix<BFloat16>& right, const Epilogue<float>& epilogue = {});
 void multiply_packed(BFloat16* c, std::int64_t row_stride, const LeftMatrix<BFloat16>& left, std::int64_t m,
                      const PackedMatrix<BFloat16>& right, const Epilogue<float>& epilogue = {});
+/// Float16 operands; the result as float32, or rounded. Sums in float32, or, with AVX-512-FP16, in half precision over so few
+/// products that their errors stay below those of operands rounded to BFloat16, and from there on in float32.
+void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<Float16>& left, std::int64_t m,
+                     const PackedMatrix<Float16>& right, const Epilogue<float>& epilogue = {});
+void multiply_packed(Float16* c, std::int64_t row_stride, const LeftMatrix<Float16>& left, std::int64_t m,
+                     const PackedMatrix<Float16>& right, const Epilogue<float>& epilogue = {});
 
 /// Inner products of each of `count_x` vectors with each of a few others: products that read their larger operand once, for which
 /// packing it would take longer. Both sides contiguous, one vector of length k after the other.

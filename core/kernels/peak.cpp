@@ -47,6 +47,25 @@ struct DotProducts {
     }
 };
 
+/// AVX-512-FP16, likewise.
+struct HalfProducts {
+    using Element = float;
+    using Vector = simd::Vec<simd::ScalableTag<float>>;
+    static constexpr std::int64_t word_length = 2;
+
+    static bool available() { return HWY_MAX_BYTES == 64 && multiplies_float16(); }
+    static HWY_INLINE Vector left(const float* pairs) { return simd::LoadU(simd::ScalableTag<float>(), pairs); }
+    static HWY_INLINE Vector right(const float* pairs) { return left(pairs); }
+    static HWY_INLINE Vector multiply_add(Vector left, Vector right, Vector sum) {
+#if HWY_ARCH_X86 && HWY_MAX_BYTES == 64
+        __asm__("vfmadd231ph %2, %1, %0" : "+v"(sum.raw) : "v"(left.raw), "v"(right.raw));
+        return sum;
+#else
+        return simd::MulAdd(left, right, sum);
+#endif
+    }
+};
+
 /// Independent chains of one thread; returns the number of operations done. `result` keeps them from being optimised away.
 template <class Operands>
 double run_chains(std::int64_t length, float* result) {
@@ -79,6 +98,10 @@ double run_bfloat16_chains(std::int64_t length, float* result) {
     return DotProducts::available() ? run_chains<DotProducts>(length, result) : 0.0;
 }
 
+double run_float16_chains(std::int64_t length, float* result) {
+    return HalfProducts::available() ? run_chains<HalfProducts>(length, result) : 0.0;
+}
+
 }  // namespace stymo::kernels::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
@@ -87,6 +110,7 @@ namespace stymo::kernels {
 
 HWY_EXPORT(run_float_chains);
 HWY_EXPORT(run_bfloat16_chains);
+HWY_EXPORT(run_float16_chains);
 
 namespace {
 
@@ -138,6 +162,7 @@ MachinePeak measure_machine_peak() {
     return {
         chain_rate([](std::int64_t length, float* result) { return HWY_DYNAMIC_DISPATCH(run_float_chains)(length, result); }),
         chain_rate([](std::int64_t length, float* result) { return HWY_DYNAMIC_DISPATCH(run_bfloat16_chains)(length, result); }),
+        chain_rate([](std::int64_t length, float* result) { return HWY_DYNAMIC_DISPATCH(run_float16_chains)(length, result); }),
         triad_rate()};
 }
 

@@ -6,6 +6,7 @@ namespace stymo::kernels {
 struct MachinePeak {
     double multiply_adds = 0.0;           ///< float32, operations per second (two for each fused multiply-add)
     double bfloat16_multiply_adds = 0.0;  ///< the same for dot products of bfloat16; 0 without such an instruction
+    double float16_multiply_adds = 0.0;   ///< the same for multiply-adds in half precision
     double triad_bytes = 0.0;             ///< per second, a = b + factor * c over arrays much larger than the caches
 };
 

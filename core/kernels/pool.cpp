@@ -43,12 +43,14 @@ void choose_largest(const T* window, std::int64_t rows, std::int64_t columns, in
 }
 
 /// Adds those channels of one output pixel whose place lies in the window's row that begins at place `first`; `row` points at the
-/// first input pixel of that row.
+/// first of the `columns` input pixels of that row.
 template <class T>
-void add_to_row(const T* pixel, const std::uint8_t* places, std::int64_t channels, std::int64_t first, int kernel, T* row) {
-    for (std::int64_t c = 0; c < channels; ++c) {
-        const std::int64_t column = places[c] - first;
-        if (column >= 0 && column < kernel) row[column * channels + c] += pixel[c];
+void add_to_row(const T* pixel, const std::uint8_t* places, std::int64_t channels, std::int64_t first, std::int64_t columns,
+                T* row) {
+    for (std::int64_t column = 0; column < columns; ++column, row += channels) {
+        const auto place = static_cast<std::uint8_t>(first + column);
+#pragma omp simd
+        for (std::int64_t c = 0; c < channels; ++c) row[c] += places[c] == place ? pixel[c] : T(0);
     }
 }
 
@@ -110,12 +112,13 @@ Tensor scatter_windows(const Tensor& y, const WindowPlaces& places, const Shape&
     const std::int64_t channels = input_shape[3];
     const std::int64_t out_height = y.shape(1);
     const std::int64_t out_width = y.shape(2);
-    Tensor x = Tensor::zeros(input_shape, y.dtype());
+    Tensor x(input_shape, y.dtype());
     dispatch(y.dtype(), [&]<class T>(T) {
         const T* from = y.values<T>().data();
         T* to = x.mutable_values<T>().data();
         // Each input row takes from all windows that reach it, so that rows are independent even where windows overlap.
         for_each_row(input_shape, [&](std::int64_t in_row) {
+            std::fill_n(to + in_row * width * channels, width * channels, T(0));
             const std::int64_t row = in_row % height;
             const std::int64_t first = std::max<std::int64_t>(0, (row - options.kernel + options.stride) / options.stride);
             const std::int64_t last = std::min(out_height - 1, row / options.stride);
@@ -124,7 +127,7 @@ Tensor scatter_windows(const Tensor& y, const WindowPlaces& places, const Shape&
                 const std::int64_t line = (in_row / height * out_height + out_row) * out_width * channels;
                 for (std::int64_t out_column = 0; out_column < out_width; ++out_column) {
                     add_to_row(from + line + out_column * channels, places.data() + line + out_column * channels, channels,
-                               row_in_window * options.kernel, options.kernel,
+                               row_in_window * options.kernel, clipped(out_column * options.stride, width, options.kernel),
                                to + (in_row * width + out_column * options.stride) * channels);
                 }
             }

@@ -9,7 +9,9 @@
 #include <hwy/highway.h>
 
 #include <algorithm>
+#include <type_traits>
 
+#include "core/kernels/float16_product.h"
 #include "core/kernels/gemm.h"
 
 /// The innermost part of a product: a block of the result in registers.
@@ -61,6 +63,31 @@ struct Pairs {
     static HWY_INLINE Vector multiply_add(const Both& left, const Both& right, Vector sum) {
         return simd::MulAdd(left.second, right.second, simd::MulAdd(left.first, right.first, sum));
     }
+};
+
+/// Numbers of Float16, of which the left operand comes widened.
+struct Halves {
+    using Element = Float16;
+    using Left = float;
+    using Sum = float;
+    using Tag = simd::ScalableTag<float>;
+    using Vector = simd::Vec<Tag>;
+    static constexpr std::int64_t word_length = 1;
+
+    static HWY_INLINE Vector left(const float* word) { return simd::Set(Tag(), *word); }
+    static HWY_INLINE Vector right(const Float16* words) {
+        const simd::Rebind<hwy::float16_t, Tag> halves;
+        return simd::PromoteTo(Tag(), simd::LoadU(halves, reinterpret_cast<const hwy::float16_t*>(words)));
+    }
+    static HWY_INLINE Vector multiply_add(Vector left, Vector right, Vector sum) { return simd::MulAdd(left, right, sum); }
+};
+
+/// Pairs of Float16 for the processor's own products, only in blocks of whole panels.
+struct HalfPairs {
+    using Element = Float16;
+    using Left = Float16;
+    using Sum = float;
+    static constexpr std::int64_t word_length = 2;
 };
 
 /// Sums of `inner` products of words, added to what stands in `start` and written to `sums`.
@@ -136,7 +163,7 @@ HWY_INLINE void multiply_block(const Block<Operands>& block) {
 }
 
 template <class Operands, int vectors>
-HWY_INLINE void multiply_block_of(int rows, const Block<Operands>& block) {
+HWY_INLINE void multiply_block_of_numbers(int rows, const Block<Operands>& block) {
     switch (rows) {
         case block_rows:
             multiply_block<Operands, block_rows, vectors>(block);
@@ -154,6 +181,16 @@ HWY_INLINE void multiply_block_of(int rows, const Block<Operands>& block) {
             break;
     }
     if constexpr (block_rows > 8) multiply_block<Operands, 8, vectors>(block);
+}
+
+template <class Operands, int vectors>
+HWY_INLINE void multiply_block_of(int rows, const Block<Operands>& block) {
+    if constexpr (std::is_same_v<Operands, HalfPairs>) {
+        multiply_float16_block(rows, {block.start, block.start_stride, block.sums, block.sums_stride, block.left,
+                                      block.row_stride, block.panel, block.panel_stride, block.inner});
+    } else {
+        multiply_block_of_numbers<Operands, vectors>(rows, block);
+    }
 }
 
 }  // namespace stymo::kernels::HWY_NAMESPACE

@@ -12,10 +12,14 @@ namespace stymo::kernels {
 
 namespace {
 
-/// Tiles that one thread handles at once, in whole blocks of a product's rows. Where the filters fit beside them into the
-/// second-level cache, few enough to stay there; else so many that the filters are worth reading again.
-std::int64_t tiles_of_block(std::int64_t in, std::int64_t out) {
-    return in * out <= 64 * 64 ? 48 : 96;
+/// Products of channels from which on the transformed filters leave no room in the second-level cache of one thread.
+constexpr bool shares_blocks(std::int64_t channels) {
+    return channels > 128 * 128;
+}
+/// Tiles that are handled at once: few enough to stay in that cache, or so many that the filters are worth reading again.
+constexpr std::int64_t tiles_of_block(std::int64_t channels) {
+    if (shares_blocks(channels)) return 240;
+    return channels > 64 * 64 ? 96 : 48;
 }
 /// The same for a weight's gradient, whose sums are read and written once for each block.
 std::int64_t tiles_of_sum(std::int64_t in, std::int64_t out) {
@@ -69,56 +73,98 @@ std::int64_t place_stride(std::int64_t tiles, std::int64_t channels) {
     return tiles * channels + 16;
 }
 
-/// The filters (out, 3, 3, in) at all places, as right operands: from input to output channels, or, turned by 180 degrees, back.
-std::vector<PackedMatrix<float>> transformed_filters(const float* weight, std::int64_t out, std::int64_t in, bool back) {
-    const std::int64_t stride = place_stride(out, in);
+/// Weights (out, 3, 3, in) as (in, 3, 3, out), a cache line of both at a time.
+Buffer input_first(const float* weight, std::int64_t out, std::int64_t in) {
+    constexpr std::int64_t line = 16;
+    Buffer result = uninitialised(in * 9 * out);
+    parallel_for(in / line, 1, [&](std::int64_t index, std::int64_t) {
+        for (std::int64_t first_out = 0; first_out < out; first_out += line) {
+            for (std::int64_t tap = 0; tap < 9; ++tap) {
+                for (std::int64_t i = index * line; i < (index + 1) * line; ++i) {
+                    for (std::int64_t o = first_out; o < first_out + line; ++o)
+                        result[static_cast<std::size_t>((i * 9 + tap) * out + o)] = weight[(o * 9 + tap) * in + i];
+                }
+            }
+        }
+    });
+    return result;
+}
+
+/// Filters (from, 3, 3, to) at all places, as right operands from one kind of channels to the other.
+std::vector<PackedMatrix<float>> transformed_filters(const float* taps, bool turned, std::int64_t from, std::int64_t to) {
+    const std::int64_t stride = place_stride(from, to);
     const Buffer places = uninitialised(winograd_places * stride);
-    parallel_for(out, 16, [&](std::int64_t begin, std::int64_t end) {
-        for (std::int64_t o = begin; o < end; ++o)
-            winograd_transform_filter(weight + o * 9 * in, back, places.get() + o * in, stride, in);
+    parallel_for(from, 8, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t i = begin; i < end; ++i)
+            winograd_transform_filter(taps + i * 9 * to, turned, places.get() + i * to, stride, to);
     });
     std::vector<PackedMatrix<float>> filters(static_cast<std::size_t>(winograd_places));
     parallel_for(winograd_places, 1, [&](std::int64_t place, std::int64_t) {
-        const float* matrix = places.get() + place * stride;
-        filters[static_cast<std::size_t>(place)] =
-            back ? PackedMatrix<float>(matrix, out, in, in, 1) : PackedMatrix<float>(matrix, in, out, 1, in);
+        filters[static_cast<std::size_t>(place)] = PackedMatrix<float>(places.get() + place * stride, from, to, to, 1);
     });
     return filters;
 }
 
-/// y = correlation of x with filters that are already transformed, both with any extent.
-void convolve(const float* x, const Image& in, const std::vector<PackedMatrix<float>>& filters, const ConvFinish<float>& finish,
-              float* y, const Image& out, std::int64_t batch, std::int64_t padding) {
-    const Tiling tiling(batch, out.height, out.width);
-    const std::int64_t block = tiles_of_block(in.channels, out.channels);
-    const std::int64_t blocks = chunk_count(tiling.count, block);
-    const std::vector<float> zeros(static_cast<std::size_t>(std::max(in.channels, out.channels)));
-    const float* const bias = finish.bias == nullptr ? zeros.data() : finish.bias;
-    parallel_for(blocks, chunk_count(blocks, runs), [&](std::int64_t first_block, std::int64_t last_block) {
-        const std::int64_t stride_in = place_stride(block, in.channels);
-        const std::int64_t stride_out = place_stride(block, out.channels);
-        const Buffer patches = uninitialised(winograd_places * stride_in);
-        const Buffer products = uninitialised(winograd_places * stride_out);
-        const Buffer sink = uninitialised(out.channels);
-        for (std::int64_t first = first_block * block; first < std::min(last_block * block, tiling.count); first += block) {
-            const std::int64_t count = std::min(block, tiling.count - first);
-            PatchPixels patch;
-            for (std::int64_t i = 0; i < count; ++i) {
-                point_at_square(patch, x, zeros.data(), in, tiling, first + i, padding);
-                winograd_transform_patch(patch, patches.get() + i * in.channels, stride_in, in.channels);
-            }
-            for (std::int64_t place = 0; place < winograd_places; ++place) {
-                multiply_packed<float>(products.get() + place * stride_out, out.channels,
-                                       {patches.get() + place * stride_in, in.channels, 1}, count,
-                                       filters[static_cast<std::size_t>(place)]);
-            }
-            TilePixels tile;
-            for (std::int64_t i = 0; i < count; ++i) {
-                point_at_square(tile, y, sink.get(), out, tiling, first + i, 0);
-                winograd_transform_products(products.get() + i * out.channels, stride_out, bias, finish.slope, tile,
-                                            out.channels);
-            }
+/// One correlation of x with filters that are already transformed; both images may have any extent.
+struct Correlation {
+    const float* x;
+    Image in;
+    const std::vector<PackedMatrix<float>>* filters;
+    ConvFinish<float> finish;
+    float* y;
+    Image out;
+    std::int64_t padding;
+    Tiling tiling;
+};
+
+struct TileBuffers {
+    Buffer patches, products;
+    std::int64_t patch_stride, product_stride;  ///< from place to place
+
+    TileBuffers(std::int64_t tiles, std::int64_t in, std::int64_t out)
+        : patches(uninitialised(winograd_places * place_stride(tiles, in))),
+          products(uninitialised(winograd_places * place_stride(tiles, out))),
+          patch_stride(place_stride(tiles, in)),
+          product_stride(place_stride(tiles, out)) {}
+};
+
+/// The tiles [first, first + count), by one thread within a parallel loop and by all of them otherwise.
+void correlate_block(const Correlation& c, const TileBuffers& buffers, std::int64_t first, std::int64_t count) {
+    const std::vector<float> zeros(static_cast<std::size_t>(std::max(c.in.channels, c.out.channels)));
+    parallel_for(count, 16, [&](std::int64_t begin, std::int64_t end) {
+        PatchPixels patch;
+        for (std::int64_t i = begin; i < end; ++i) {
+            point_at_square(patch, c.x, zeros.data(), c.in, c.tiling, first + i, c.padding);
+            winograd_transform_patch(patch, buffers.patches.get() + i * c.in.channels, buffers.patch_stride, c.in.channels);
         }
+    });
+    parallel_for(winograd_places, 1, [&](std::int64_t place, std::int64_t) {
+        multiply_packed<float>(buffers.products.get() + place * buffers.product_stride, c.out.channels,
+                               {buffers.patches.get() + place * buffers.patch_stride, c.in.channels, 1}, count,
+                               (*c.filters)[static_cast<std::size_t>(place)]);
+    });
+    parallel_for(count, 16, [&](std::int64_t begin, std::int64_t end) {
+        const Buffer sink = uninitialised(c.out.channels);
+        TilePixels tile;
+        for (std::int64_t i = begin; i < end; ++i) {
+            point_at_square(tile, c.y, sink.get(), c.out, c.tiling, first + i, 0);
+            winograd_transform_products(buffers.products.get() + i * c.out.channels, buffers.product_stride,
+                                        c.finish.bias == nullptr ? zeros.data() : c.finish.bias, c.finish.slope, tile,
+                                        c.out.channels);
+        }
+    });
+}
+
+void correlate(const Correlation& c) {
+    const std::int64_t channels = c.in.channels * c.out.channels;
+    const std::int64_t block = tiles_of_block(channels);
+    const std::int64_t blocks = chunk_count(c.tiling.count, block);
+    // Filters that no cache of one thread holds are read by all of them once for each block, which they share.
+    const std::int64_t run = shares_blocks(channels) ? blocks : chunk_count(blocks, runs);
+    parallel_for(blocks, run, [&](std::int64_t begin, std::int64_t end) {
+        const TileBuffers buffers(std::min(block, c.tiling.count), c.in.channels, c.out.channels);
+        for (std::int64_t first = begin * block; first < std::min(end * block, c.tiling.count); first += block)
+            correlate_block(c, buffers, first, std::min(block, c.tiling.count - first));
     });
 }
 
@@ -141,14 +187,15 @@ bool winograd_pays(const ConvGeometry& g) {
 }
 
 void winograd_conv2d(const float* x, const float* weight, const ConvFinish<float>& finish, float* y, const ConvGeometry& g) {
-    const auto filters = transformed_filters(weight, g.out_channels, g.in_channels, false);
-    convolve(x, input_of(g), filters, finish, y, output_of(g), g.batch, g.padding);
+    const Buffer taps = input_first(weight, g.out_channels, g.in_channels);
+    const auto filters = transformed_filters(taps.get(), false, g.in_channels, g.out_channels);
+    correlate({x, input_of(g), &filters, finish, y, output_of(g), g.padding, Tiling(g.batch, g.out_height, g.out_width)});
 }
 
 void winograd_conv2d_transpose(const float* dL_dy, const float* weight, float* dL_dx, const ConvGeometry& g) {
     // The correlation with the turned filters, whose square begins two pixels before an input pixel less the padding.
-    const auto filters = transformed_filters(weight, g.out_channels, g.in_channels, true);
-    convolve(dL_dy, output_of(g), filters, {}, dL_dx, input_of(g), g.batch, 2 - g.padding);
+    const auto filters = transformed_filters(weight, true, g.out_channels, g.in_channels);
+    correlate({dL_dy, output_of(g), &filters, {}, dL_dx, input_of(g), 2 - g.padding, Tiling(g.batch, g.in_height, g.in_width)});
 }
 
 void winograd_conv2d_weight_grad(const float* dL_dy, const float* x, float* dL_dweight, const ConvGeometry& g) {

@@ -4,6 +4,7 @@
 #include "core/autograd/record.h"
 #include "core/error.h"
 #include "core/kernels/feature_distance.h"
+#include "core/ops/channels.h"
 #include "core/ops/elementwise.h"
 #include "core/ops/reduce.h"
 #include "core/ops/shape_ops.h"
@@ -21,16 +22,9 @@ void check(const Variable& x, const Tensor& target, const Tensor& weight) {
 
 }  // namespace
 
-Variable normalise_channels(const Variable& x) {
-    const Variable squared_norm = sum(square(x), {-1});
-    const Variable norm = sqrt(where(squared_norm.value(), squared_norm, Tensor::scalar(1.0, x.dtype())));
-    return x * (Variable(Tensor::scalar(1.0, x.dtype())) / (norm + 1e-10));
-}
-
 Variable feature_distance_reference(const Variable& x, const Tensor& target, const Tensor& weight) {
     check(x, target, weight);
-    const Variable difference = mean(square(normalise_channels(x) - target), {1, 2});
-    return reshape(sum(difference * Variable(weight), {3}), {-1});
+    return reshape(sum(mean_squared_difference(unit_channels(x, feature_epsilon), target) * Variable(weight), {3}), {-1});
 }
 
 Variable feature_distance(const Variable& x, const Tensor& target, const Tensor& weight) {

@@ -123,18 +123,28 @@ void bench_layers(Table& table, const std::string& type) {
                 layer(y.data() + begin * width, x.data() + begin * width, end - begin);
             });
         });
+        // The same work on tiles that never leave the cache: eight layers there and back, or one tile again and again.
+        const std::int64_t share = chunk_count(points, thread_count());
+        std::vector<T> buffers(static_cast<std::size_t>(thread_count() * tile * width));
+        const auto by_tiles = [&](auto body) {
+            parallel_for(points, share, [&](std::int64_t begin, std::int64_t end) {
+                T* const buffer = buffers.data() + begin / share * tile * width;
+                for (std::int64_t first = begin; first < end; first += tile)
+                    body(buffer, y.data() + first * width, x.data() + first * width, std::min(tile, end - first));
+            });
+        };
         table.row(type + " 65536x256x256 eight layers by tiles" + name, 8.0 * double(points * width * width), [&] {
-            parallel_for(points, tile, [&](std::int64_t begin, std::int64_t end) {
-                std::vector<T> buffer(static_cast<std::size_t>(tile * width));
-                T* const to = y.data() + begin * width;
-                layer(buffer.data(), x.data() + begin * width, end - begin);
+            by_tiles([&](T* buffer, T* to, const T* from, std::int64_t rows) {
+                layer(buffer, from, rows);
                 for (int i = 0; i < 3; ++i) {
-                    layer(to, buffer.data(), end - begin);
-                    layer(buffer.data(), to, end - begin);
+                    layer(to, buffer, rows);
+                    layer(buffer, to, rows);
                 }
-                layer(to, buffer.data(), end - begin);
+                layer(to, buffer, rows);
             });
         });
+        table.row(type + " 65536x256x256 one tile again" + name, double(points * width * width),
+                  [&] { by_tiles([&](T* buffer, T*, const T*, std::int64_t rows) { layer(buffer, x.data(), rows); }); });
     }
 }
 

@@ -51,6 +51,7 @@ struct OpCase {
 [[nodiscard]] std::vector<OpCase> reduce_cases();
 [[nodiscard]] std::vector<OpCase> linalg_cases();
 [[nodiscard]] std::vector<OpCase> conv_cases();
+[[nodiscard]] std::vector<OpCase> channel_cases();
 [[nodiscard]] std::vector<OpCase> pool_cases();
 [[nodiscard]] std::vector<OpCase> resample_cases();
 [[nodiscard]] std::vector<OpCase> index_cases();

@@ -1,7 +1,7 @@
 #include <cmath>
 
 #include "core/op_cases.h"
-#include "core/ops/feature_distance.h"
+#include "core/ops/ops.h"
 
 namespace stymo::test {
 namespace {
@@ -55,13 +55,7 @@ OpCase distance_case(const char* name, Distance function) {
 }  // namespace
 
 std::vector<OpCase> feature_cases() {
-    return {{"normalise_channels",
-             "image",
-             {{{2, 2, 3, 4}}},
-             [](const auto& x) { return normalise_channels(x[0]); },
-             [](const std::vector<Array>& x) { return normalised(x[0]); },
-             {{1, 64, 64, 64}}},
-            distance_case("feature_distance", feature_distance),
+    return {distance_case("feature_distance", feature_distance),
             distance_case("feature_distance_reference", feature_distance_reference)};
 }
 

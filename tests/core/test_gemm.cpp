@@ -3,6 +3,7 @@
 #include <limits>
 #include <vector>
 
+#include "core/kernels/float16_product.h"
 #include "core/kernels/gemm.h"
 #include "core/rng.h"
 #include "core/tensor.h"
@@ -21,6 +22,8 @@ template <class T>
 T from_double(double x) {
     if constexpr (std::is_same_v<T, BFloat16>) {
         return rounded_to_bfloat16(static_cast<float>(x));
+    } else if constexpr (std::is_same_v<T, Float16>) {
+        return rounded_to_float16(static_cast<float>(x));
     } else {
         return static_cast<T>(x);
     }
@@ -28,7 +31,7 @@ T from_double(double x) {
 
 template <class T>
 double to_double(T x) {
-    if constexpr (std::is_same_v<T, BFloat16>) {
+    if constexpr (has_sixteen_bits<T>) {
         return widened(x);
     } else {
         return x;
@@ -113,7 +116,7 @@ void check(const Product& product, double tolerance) {
             }
             // The kink of the leaky ReLU: a rounded sum may lie on its other side.
             if (product.activation == Activation::leaky_relu && std::abs(sum) < tolerance * size) continue;
-            const double rounding = std::is_same_v<Out, BFloat16> ? 1.0 / 256.0 : 0.0;
+            const double rounding = std::is_same_v<Out, BFloat16> ? 0x1p-8 : std::is_same_v<Out, Float16> ? 0x1p-11 : 0.0;
             const double value = activated(sum, product.activation);
             worst = std::max(worst, (std::abs(to_double(c[index]) - value) - rounding * std::abs(value)) / size);
             if (product.with_slope) worst = std::max(worst, std::abs(slope[index] - slope_of(sum, product.activation)) / size);
@@ -129,7 +132,7 @@ void check(const Product& product, double tolerance) {
 /// Every combination, for extents on both sides of those of blocks, panels and pieces.
 template <class Element, class Sum, class Out>
 void check_all(double tolerance) {
-    constexpr bool transposable = !std::is_same_v<Element, BFloat16>;
+    constexpr bool transposable = !has_sixteen_bits<Element>;
     for (const Extents extents :
          {Extents{1, 1, 1}, Extents{13, 0, 5}, Extents{7, 3, 33}, Extents{31, 64, 32}, Extents{24, 257, 48}, Extents{253, 65, 17},
           Extents{5, 600, 70}, Extents{12, 5, 1}, Extents{3, 1031, 3}}) {
@@ -155,6 +158,31 @@ TEST_CASE("Packed products and their epilogues agree with plain loops", "[gemm]"
 TEST_CASE("Products of bfloat16 agree with plain loops over the rounded numbers", "[gemm]") {
     check_all<BFloat16, float, float>(5e-7);
     check_all<BFloat16, float, BFloat16>(2e-4);
+}
+
+TEST_CASE("Products of half precision agree with plain loops over the rounded numbers", "[gemm]") {
+    // Each of 64 sums in a lane, and that of two lanes, errs by at most the 2048th part of what it is.
+    const double error = multiplies_float16() ? 65.0 / 2048.0 : 5e-7;
+    check_all<Float16, float, float>(error);
+    check_all<Float16, float, Float16>(error + 1e-6);
+}
+
+TEST_CASE("Rounding to half precision takes the nearest number, the even one of two", "[gemm]") {
+    const auto rounded = [](float x) { return widened(rounded_to_float16(x)); };
+    for (std::uint32_t bits = 0; bits < 0x10000; ++bits) {
+        const Float16 x{static_cast<std::uint16_t>(bits)};
+        if (std::isnan(widened(x))) continue;
+        REQUIRE(rounded_to_float16(widened(x)).bits == bits);
+    }
+    CHECK(rounded(1.0F + 0x1p-11F) == 1.0F);
+    CHECK(rounded(1.0F + 0x3p-11F) == 1.0F + 0x4p-11F);
+    CHECK(rounded(-1.0F - 0x1.1p-11F) == -1.0F - 0x2p-11F);
+    CHECK(rounded(0x1.8p-24F) == 0x2p-24F);
+    CHECK(rounded(0x1p-25F) == 0.0F);
+    CHECK(rounded(0x1.1p-25F) == 0x1p-24F);
+    CHECK(rounded(65519.0F) == largest_float16);
+    CHECK(std::isinf(rounded(65520.0F)));
+    CHECK(std::isnan(rounded(std::numeric_limits<float>::quiet_NaN())));
 }
 
 TEST_CASE("Rounding to bfloat16 takes the nearest number, the even one of two", "[gemm]") {

@@ -201,7 +201,6 @@ def features():
     def distance(x):
         return ((normalised(x) - wave_in(-0.5, 0.5, *x.shape)).square() * wave_in(0.1, 1.0, x.shape[3])).mean((1, 2)).sum(1)
 
-    case("normalise_channels/image", normalised, uniform(2, 2, 3, 4))
     for op in ("feature_distance", "feature_distance_reference"):
         case(f"{op}/images", distance, uniform(2, 2, 3, 4))
 
@@ -243,6 +242,17 @@ def convolutions():
         case(f"conv2d/{form}",
              lambda x, w, b, slope=slope, s=stride: F.leaky_relu(nhwc(F.conv2d(nchw(x), nchw(w), b, stride=s, padding=1)), slope),
              uniform(2, 4, 3, 2, low=-0.2, high=0.2), uniform(3, 3, 3, 2, low=-0.2, high=0.2), uniform(3, spacing=2.0, offset=1.0))
+
+
+def channels():
+    def unit(x):
+        squared = x.square().sum(-1, keepdim=True)
+        return x / (torch.where(squared == 0, torch.ones_like(squared), squared).sqrt() + 0.01)
+
+    for op in ("unit_channels", "unit_channels_reference"):
+        case(f"{op}/image", unit, uniform(2, 3, 2, 5))
+    case("mean_squared_difference/image", lambda a, b: (a - b).square().mean((1, 2), keepdim=True),
+         uniform(2, 3, 2, 5), uniform(2, 3, 2, 5))
 
 
 def pooling():
@@ -323,7 +333,8 @@ def gradients(y, xs, dL_dy):
 
 
 def main():
-    for family in (elementwise, activations, shapes, reductions, indexing, products, convolutions, pooling, resampling, rays, features):
+    for family in (elementwise, activations, shapes, reductions, indexing, products, convolutions, channels, pooling, resampling, rays,
+                   features):
         family()
     tensors = {}
     for name, (function, specs) in CASES.items():

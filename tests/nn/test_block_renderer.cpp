@@ -194,9 +194,11 @@ TEST_CASE("render blocks of 16 bits stay near those of 32") {
     const NarrowDecoder model(config);
     const Codes w = model.decoder.map(random_codes(1, 2));
     const Rays map = make_rays(patterns[2].second, 48);
-    BlockRenderer renderer(model.decoder.folded_blocks(w), model.decoder.folded_mask(), rays, 256, Precision::bfloat16);
-    renderer.set_feature_map(map.features.values<float>(), map.occupied);
-    check_same(rendered(renderer, 256), expected(model.decoder, map, w, 256), 0.02);
+    for (const auto& [precision, error] : {std::pair{Precision::bfloat16, 0.02}, {Precision::float16, 0.01}}) {
+        BlockRenderer renderer(model.decoder.folded_blocks(w), model.decoder.folded_mask(), rays, 256, precision);
+        renderer.set_feature_map(map.features.values<float>(), map.occupied);
+        check_same(rendered(renderer, 256), expected(model.decoder, map, w, 256), error);
+    }
 }
 
 TEST_CASE("render blocks say what does not fit") {

@@ -1,10 +1,14 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <limits>
 
 #include "core/error.h"
+#include "core/kernels/float16_product.h"
 #include "core/ops/elementwise.h"
 #include "nn/models/realtime/face_renderer.h"
+#include "nn/models/realtime/packed_field.h"
+#include "nn/models/realtime/precision.h"
 #include "support/allocation_count.h"
 #include "support/check_close.h"
 #include "support/tiny_model.h"
@@ -96,6 +100,49 @@ TEST_CASE("16 bits cost a picture little", "[realtime]") {
     const View exact = rendered(model, codes, camera, {.mode = RenderMode::exact});
     const View seen = rendered(model, codes, camera, {.mode = RenderMode::bf16, .tolerance = 1e-3});
     CHECK(-10.0 * std::log10(mean_square_difference(seen.picture, exact.picture)) > 40.0);
+}
+
+namespace {
+
+template <class T>
+void check_near_float(const FoldedField& folded, double error) {
+    const PackedField<float> field(folded);
+    const PackedField<T> reduced(folded);
+    FieldTile<float> tile;
+    FieldTile<T> reduced_tile;
+    Rng rng(4);
+    const Tensor points = rng.uniform({50, 3}, -0.5, 0.5);
+    std::vector<std::int32_t> rows;
+    for (std::int32_t row = 0; row < 50; row += 3) rows.push_back(row);
+    field.density(points.values<float>(), tile);
+    reduced.density(points.values<float>(), reduced_tile);
+    for (std::size_t i = 0; i < 50; ++i) CHECK(std::abs(reduced_tile.density[i] - tile.density[i]) < error);
+    field.features(rows, tile);
+    reduced.features(rows, reduced_tile);
+    for (std::size_t i = 0; i < rows.size() * static_cast<std::size_t>(field.width()); ++i)
+        CHECK(std::abs(reduced_tile.features[i] - tile.features[i]) < error);
+}
+
+}  // namespace
+
+TEST_CASE("a field of either type of 16 bits stays near one of 32", "[realtime]") {
+    for (const std::int64_t layers : {1, 4, 5}) {
+        const Model model = small_model(layers);
+        const FoldedField folded = model.decoder().folded_field(model.decoder().map(random_codes(1, 3)));
+        check_near_float<kernels::BFloat16>(folded, 0.1);
+        check_near_float<kernels::Float16>(folded, 0.0125);
+    }
+}
+
+TEST_CASE("weights too large for half precision are computed as bfloat16", "[realtime]") {
+    const auto with_weight = [](double weight) {
+        return std::vector{FoldedLayer{Tensor::full({2, 8}, 1.0), Tensor::zeros({2})},
+                           FoldedLayer{Tensor::full({2, 8}, weight), Tensor::zeros({2})}};
+    };
+    const Precision fastest = kernels::multiplies_float16() ? Precision::float16 : Precision::bfloat16;
+    CHECK(sixteen_bits_for(with_weight(500.0)) == fastest);
+    CHECK(sixteen_bits_for(with_weight(-600.0)) == Precision::bfloat16);
+    CHECK(sixteen_bits_for(with_weight(std::numeric_limits<double>::quiet_NaN())) == Precision::bfloat16);
 }
 
 TEST_CASE("what a view shows does not depend on the views before it", "[realtime]") {

@@ -184,7 +184,8 @@ TEST_CASE("A target's features that were kept give the same bits as those comput
     }
 }
 
-TEST_CASE("The distance to a constant target is that between features, with its gradient, also where no channel answers", "[lpips]") {
+TEST_CASE("The distance to a constant target is that between features, with its gradient, also where no channel answers",
+          "[lpips]") {
     for (const bool silent : {false, true}) {
         Lpips lpips = random_lpips("alexnet");
         lpips.parameters().convert(DType::float64);

@@ -10,7 +10,7 @@ fresh_tree() {
     rm -rf "${tree:?}"/*
     mkdir -p "$tree"/{core/kernels,nn/layers,nn/models,render,train,fit,apps/demo}
     echo '#include "core/shape.h"' >"$tree/core/tensor.h"
-    echo '#include <Eigen/Core>' >"$tree/core/kernels/matrix.h"
+    echo '#include <hwy/highway.h>' >"$tree/core/kernels/matrix.h"
     echo 'std::thread worker;' >"$tree/core/parallel.cpp"
     printf '#include "core/tensor.h"\n#include "nn/parameter_store.h"\n' >"$tree/nn/layers/linear.cpp"
     printf '#include "render/camera.h"\n#include "nn/layers/linear.h"\n' >"$tree/nn/models/decoder.h"
@@ -42,7 +42,8 @@ refuses 'train includes fit' train/bad.cpp '#include "fit/fitter.h"\n'
 refuses 'fit includes train' fit/bad.cpp '#include "train/trainer.h"\n'
 refuses 'the library includes an app' fit/bad.h '#include "apps/common/command_line.h"\n'
 refuses 'a layer calls a kernel' nn/layers/bad.cpp '#include "core/kernels/shape.h"\n'
-refuses 'a header includes Eigen' core/bad.h '#include <Eigen/Core>\n'
+refuses 'a header includes Highway' core/bad.h '#include <hwy/highway.h>\n'
+refuses 'a header includes Eigen' core/kernels/bad.h '#include <Eigen/Core>\n'
 refuses 'a header includes OpenCV' core/kernels/bad.h '#include <opencv2/core.hpp>\n'
 refuses 'a header includes nlohmann' nn/bad.h '#include <nlohmann/json.hpp>\n'
 refuses 'OpenMP elsewhere' render/bad.cpp '#pragma omp parallel for\n'

@@ -6,7 +6,6 @@
 
 #include "core/error.h"
 #include "core/io/tensor_file.h"
-#include "core/ops/feature_distance.h"
 #include "core/ops/ops.h"
 #include "nn/models/perceptual/trunk.h"
 
@@ -147,7 +146,7 @@ std::vector<Variable> Lpips::taps(const Variable& images) const {
 
 Lpips::Features Lpips::features(const Variable& images) const {
     Features features;
-    for (const Variable& tap : taps(images)) features.push_back(normalise_channels(tap));
+    for (const Variable& tap : taps(images)) features.push_back(unit_channels(tap, feature_epsilon));
     return features;
 }
 
@@ -171,8 +170,7 @@ std::vector<Variable> Lpips::terms(const Features& a, const Features& b) const {
                          b.size());
     std::vector<Variable> terms;
     for (std::size_t k = 0; k < heads.size(); ++k) {
-        const Variable difference = mean(square(a[k] - b[k]), {1, 2});
-        terms.push_back(reshape(sum(difference * heads[k].variable(), {3}), {-1}));
+        terms.push_back(reshape(sum(mean_squared_difference(a[k], b[k]) * heads[k].variable(), {3}), {-1}));
     }
     return terms;
 }

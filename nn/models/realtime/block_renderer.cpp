@@ -253,6 +253,8 @@ BlockRenderer::BlockRenderer(std::span<const FoldedRenderBlock> blocks, const st
     blocks = blocks.first(count);
     if (precision == Precision::float32) {
         state_ = std::make_unique<TypedState<float>>(blocks, mask, rays_per_side);
+    } else if (precision == Precision::float16) {
+        state_ = std::make_unique<TypedState<kernels::Float16>>(blocks, mask, rays_per_side);
     } else {
         state_ = std::make_unique<TypedState<kernels::BFloat16>>(blocks, mask, rays_per_side);
     }

@@ -195,5 +195,6 @@ void BlockStep<T>::finish_mask_row(std::int64_t row, StripBuffers<T>& buffers) c
 
 template struct BlockStep<float>;
 template struct BlockStep<kernels::BFloat16>;
+template struct BlockStep<kernels::Float16>;
 
 }  // namespace stymo

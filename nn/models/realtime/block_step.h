@@ -97,5 +97,6 @@ private:
 
 extern template struct BlockStep<float>;
 extern template struct BlockStep<kernels::BFloat16>;
+extern template struct BlockStep<kernels::Float16>;
 
 }  // namespace stymo

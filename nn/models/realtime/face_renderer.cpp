@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <optional>
+#include <utility>
 
 #include "core/error.h"
 #include "nn/models/realtime/baked_field.h"
@@ -30,14 +31,26 @@ void require_valid(const Model& model, const RendererOptions& options) {
     fail<ValueError>("this model renders pictures with a side of ", sides, ", not ", options.resolution);
 }
 
-std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model, const RendererOptions& options) {
+std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model, const RendererOptions& options, Precision precision) {
     if (options.mode == RenderMode::baked) {
         RaySampling rays = model.decoder.rays;
         rays.samples_per_ray = options.samples_per_ray;
         return std::make_unique<BakedField>(rays, BakedViews{.camera = model.camera},
-                                            BakeOptions{.resolution = options.bake_resolution, .tolerance = options.tolerance});
+                                            BakeOptions{.resolution = options.bake_resolution});
     }
-    return make_sampled_field(model, options);
+    return make_sampled_field(model, options, precision);
+}
+
+/// Those that are computed with 16 bits in mode `bf16`.
+std::vector<FoldedLayer> reduced_layers(const FoldedField& field) {
+    std::vector<FoldedLayer> layers = field.layers;
+    layers.push_back(field.feature0);
+    return layers;
+}
+std::vector<FoldedLayer> reduced_layers(std::span<const FoldedRenderBlock> blocks) {
+    std::vector<FoldedLayer> layers;
+    for (const FoldedRenderBlock& block : blocks) layers.insert(layers.end(), {block.detail, block.modulated0, block.modulated1});
+    return layers;
 }
 
 }  // namespace
@@ -45,6 +58,8 @@ std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model, const R
 struct FaceRenderer::State {
     const Model& model;
     RendererOptions options;
+    Precision field_precision = Precision::float32;
+    Precision block_precision = Precision::float32;
     std::unique_ptr<FieldSource> field;
     std::array<std::vector<float>, code_names.size()> shown;  ///< codes in Z
     Codes w;
@@ -60,7 +75,7 @@ struct FaceRenderer::State {
     State(const Model& shown_model, const RendererOptions& renderer_options)
         : model(shown_model),
           options(renderer_options),
-          field(make_field_source(shown_model.config(), renderer_options)),
+          field(make_field_source(shown_model.config(), renderer_options, field_precision)),
           sampling(shown_model.decoder().config().rays) {
         sampling.samples_per_ray = options.samples_per_ray;
         rays.samples_per_ray = options.samples_per_ray;
@@ -75,6 +90,8 @@ struct FaceRenderer::State {
 
     /// Takes over row `index` of one group; true if it differs from what is shown.
     bool take(const Codes& codes, std::int64_t index, std::size_t group);
+    /// Takes over the type that the layers of a new face need; true if it differs from the present one.
+    [[nodiscard]] bool change_precision(Precision& precision, std::span<const FoldedLayer> layers) const;
     void fold_field();
     void fold_blocks();
     void look(const Camera& seen_by);
@@ -110,16 +127,26 @@ void FaceRenderer::State::look(const Camera& seen_by) {
     feature_map_is_new = true;
 }
 
+bool FaceRenderer::State::change_precision(Precision& precision, std::span<const FoldedLayer> layers) const {
+    if (options.mode != RenderMode::bf16) return false;
+    const Precision present = std::exchange(precision, sixteen_bits_for(layers));
+    return precision != present;
+}
+
 void FaceRenderer::State::fold_field() {
     camera.reset();
-    field->set_field(model.decoder().folded_field(w));
+    const FoldedField folded = model.decoder().folded_field(w);
+    if (change_precision(field_precision, reduced_layers(folded)))
+        field = make_field_source(model.config(), options, field_precision);
+    field->set_field(folded);
     ++counts.folds;
 }
 
 void FaceRenderer::State::fold_blocks() {
     const std::vector<FoldedRenderBlock> folded = model.decoder().folded_blocks(w);
     ++counts.folds;
-    if (blocks) {
+    const bool changed = change_precision(block_precision, reduced_layers(folded));
+    if (blocks && !changed) {
         blocks->set_style(folded);
         return;
     }
@@ -127,7 +154,8 @@ void FaceRenderer::State::fold_blocks() {
     const std::optional<FoldedMaskBranch> mask =
         options.mask ? std::optional(model.decoder().folded_mask()) : std::optional<FoldedMaskBranch>();
     blocks.emplace(folded, mask, decoder.rays.rays_per_side, options.resolution == 0 ? decoder.resolution : options.resolution,
-                   options.mode == RenderMode::bf16 ? Precision::bfloat16 : Precision::float32);
+                   block_precision);
+    feature_map_is_new = true;
 }
 
 void FaceRenderer::State::draw() {

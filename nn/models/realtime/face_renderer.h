@@ -12,7 +12,7 @@ namespace stymo {
 enum class RenderMode {
     exact,  ///< every sample, float32
     skip,   ///< float32, without the samples and pixels that cannot count by more than the tolerance
-    bf16,   ///< as skip, with weights and activations of 16 bits
+    bf16,   ///< as skip, with weights and activations of the faster type of 16 bits (precision.h)
     baked,  ///< the field sampled once for this head; views read it
 };
 
@@ -20,7 +20,7 @@ struct RendererOptions {
     RenderMode mode = RenderMode::skip;
     std::int64_t samples_per_ray = 64;
     std::int64_t resolution = 0;        ///< 0: the model's own
-    double tolerance = 0.05;            ///< compositing weight that samples left out in a row may have together
+    double tolerance = 0.25;            ///< compositing weight that samples left out in a row may have together; not of a bake
     std::int64_t bake_resolution = 96;  ///< cells along one side of the baked cube
     bool mask = false;
     bool depth = false;

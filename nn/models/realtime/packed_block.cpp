@@ -45,5 +45,6 @@ void PackedBlock<T>::set_style(const FoldedRenderBlock& block) {
 
 template struct PackedBlock<float>;
 template struct PackedBlock<kernels::BFloat16>;
+template struct PackedBlock<kernels::Float16>;
 
 }  // namespace stymo

@@ -30,5 +30,6 @@ struct PackedBlock {
 
 extern template struct PackedBlock<float>;
 extern template struct PackedBlock<kernels::BFloat16>;
+extern template struct PackedBlock<kernels::Float16>;
 
 }  // namespace stymo

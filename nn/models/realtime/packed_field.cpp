@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <type_traits>
 
+#include "core/kernels/doubling.h"
 #include "core/kernels/fast_math.h"
 #include "core/parallel.h"
 #include "render/encoding.h"
@@ -15,6 +15,7 @@ namespace {
 /// Channels of the encoding begin a row whose rest is to lie on a cache line.
 constexpr std::int64_t encoding_multiple = 32;
 constexpr std::size_t most_phases = 48;
+constexpr std::size_t most_channels = 128;
 
 template <class T>
 void grow(std::vector<T>& buffer, std::int64_t size) {
@@ -26,32 +27,25 @@ std::vector<float> values(const Tensor& tensor) {
     return {all.begin(), all.end()};
 }
 
-float to_float(float value) {
-    return value;
-}
-float to_float(kernels::BFloat16 value) {
-    return kernels::widened(value);
-}
-
-template <class T>
-T narrowed(float value) {
-    if constexpr (std::is_same_v<T, float>) {
-        return value;
-    } else {
-        return kernels::rounded_to_bfloat16(value);
-    }
-}
-
 /// max(x, 0) + log(1 + exp(-|x|))
 float softplus_value(float x) {
     return std::max(x, 0.0F) + std::log1p(std::exp(-std::abs(x)));
 }
 
+/// `x` itself, or a wider copy of it.
+const float* as_floats(const float* x, std::int64_t, float*) {
+    return x;
+}
 template <class T>
-float dot(const T* row, const float* weight, std::int64_t count) {
+const float* as_floats(const T* x, std::int64_t count, float* buffer) {
+    kernels::widen(buffer, x, count);
+    return buffer;
+}
+
+float dot(const float* row, const float* weight, std::int64_t count) {
     float sum = 0.0F;
 #pragma omp simd reduction(+ : sum)
-    for (std::int64_t i = 0; i < count; ++i) sum += to_float(row[i]) * weight[i];
+    for (std::int64_t i = 0; i < count; ++i) sum += row[i] * weight[i];
     return sum;
 }
 
@@ -97,22 +91,22 @@ void PackedField<T>::encode(std::span<const float> points, FieldTile<T>& tile) c
     const std::int64_t count = static_cast<std::int64_t>(points.size()) / 3, stride = encoding_ + width_;
     const std::int64_t phase_count = 3 * frequencies_;
     std::array<float, most_phases> phases{};
+    std::array<float, most_channels> row{};  // zeros beyond the cosines
+    float* const sines = row.data() + 3;
+    float* const cosines = sines + phase_count;
     for (std::int64_t point = 0; point < count; ++point) {
         const float* x = points.data() + 3 * point;
-        T* row = tile.joined.data() + point * stride;
         float frequency = 1.0F;
         for (std::int64_t octave = 0; octave < frequencies_; ++octave, frequency *= 2.0F) {
             for (std::int64_t axis = 0; axis < 3; ++axis)
                 phases[static_cast<std::size_t>(3 * octave + axis)] = x[axis] * frequency;
         }
-        for (std::int64_t axis = 0; axis < 3; ++axis) row[axis] = narrowed<T>(x[axis]);
-        T* sines = row + 3;
-        T* cosines = sines + phase_count;
+        std::copy_n(x, 3, row.data());
         kernels::for_each_sine_cosine(phases.data(), phase_count, [=](std::int64_t i, float sine, float cosine) {
-            sines[i] = narrowed<T>(sine);
-            cosines[i] = narrowed<T>(cosine);
+            sines[i] = sine;
+            cosines[i] = cosine;
         });
-        std::fill(cosines + phase_count, row + encoding_, T{});
+        kernels::narrow(tile.joined.data() + point * stride, row.data(), encoding_);
     }
 }
 
@@ -145,8 +139,9 @@ void PackedField<T>::density(std::span<const float> points, FieldTile<T>& tile) 
     }
     const Rows<T> last = output(layers_.size() - 1, tile);
     for (std::int64_t i = 0; i < count; ++i) {
-        tile.density[static_cast<std::size_t>(i)] =
-            softplus_value(dot(last.data + i * last.stride, density_weight_.data(), width_) + density_bias_);
+        tile.density[static_cast<std::size_t>(i)] = softplus_value(
+            dot(as_floats(last.data + i * last.stride, width_, tile.features.data()), density_weight_.data(), width_) +
+            density_bias_);
     }
 }
 
@@ -179,5 +174,6 @@ void PackedField<T>::finish(std::span<const float> composited, std::span<const f
 
 template class PackedField<float>;
 template class PackedField<kernels::BFloat16>;
+template class PackedField<kernels::Float16>;
 
 }  // namespace stymo

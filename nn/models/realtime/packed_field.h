@@ -19,9 +19,9 @@ struct FieldTile {
     std::vector<float> features;  ///< (rows asked for, width)
 };
 
-/// A folded field in the order in which products read it, T = float or BFloat16 (weights, and activations between layers; sums,
-/// density and features are float32). Points go through all layers in tiles, so that what lies between two layers does not leave
-/// the second-level cache.
+/// A folded field in the order in which products read it, T = float, BFloat16 or Float16 (weights, and activations between
+/// layers; sums, density and features are float32). Points go through all layers in tiles, so that what lies between two layers
+/// does not leave the second-level cache.
 template <class T>
 class PackedField {
 public:
@@ -64,5 +64,6 @@ private:
 
 extern template class PackedField<float>;
 extern template class PackedField<kernels::BFloat16>;
+extern template class PackedField<kernels::Float16>;
 
 }  // namespace stymo

@@ -8,7 +8,7 @@
 
 namespace stymo {
 
-/// A folded layer in the order in which products read it; T = float or BFloat16 is the type of weights and activations.
+/// A folded layer in the order in which products read it; T = float, BFloat16 or Float16 is the type of weights and activations.
 template <class T>
 struct PackedLayer {
     kernels::PackedMatrix<T> weight;

@@ -157,7 +157,7 @@ void SampledField<T>::select(const CameraRays& rays) {
         points.clear();
         for (const Ray& ray : rays.rays) append_points(ray, rays.samples_per_ray, points);
         grid_.learn(points, [&](std::span<const float> vertices, std::span<float> densities) { evaluate(vertices, densities); });
-        select_from_grid(rays);
+        static_cast<void>(select_from_grid(rays));
     }
 }
 
@@ -320,8 +320,9 @@ double farthest_sample(const CameraRays& rays) {
     return farthest;
 }
 
-std::unique_ptr<FieldSource> make_sampled_field(const ModelConfig& model, const RendererOptions& options) {
-    if (options.mode == RenderMode::bf16) return std::make_unique<SampledField<kernels::BFloat16>>(model, options);
+std::unique_ptr<FieldSource> make_sampled_field(const ModelConfig& model, const RendererOptions& options, Precision precision) {
+    if (precision == Precision::bfloat16) return std::make_unique<SampledField<kernels::BFloat16>>(model, options);
+    if (precision == Precision::float16) return std::make_unique<SampledField<kernels::Float16>>(model, options);
     return std::make_unique<SampledField<float>>(model, options);
 }
 
