@@ -81,6 +81,10 @@ public:
     [[nodiscard]] FoldedField folded_field(const Codes& w) const;
     [[nodiscard]] std::vector<FoldedRenderBlock> folded_blocks(const Codes& w) const;
     [[nodiscard]] FoldedMaskBranch folded_mask() const;
+    /// Decoded::weights.weights of an image with samples at fixed places, (B, rays, samples_per_ray), and no more than they take.
+    /// Throws what decoding throws.
+    [[nodiscard]] Tensor compositing_weights(const Codes& z, const std::vector<Camera>& cameras,
+                                             std::int64_t samples_per_ray) const;
     /// Density at points (B, P, 3) for codes in W: (B, P, 1).
     [[nodiscard]] Variable density(const Variable& points, const Codes& w) const;
 
