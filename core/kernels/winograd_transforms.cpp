@@ -183,7 +183,7 @@ void transform_tile(const ConstTilePixels& tile, float* places, std::int64_t pla
         });
 }
 
-void transform_filter(const float* taps, bool turned, float* places, std::int64_t place_stride, std::int64_t channels) {
+void transform_filter(const float* taps, bool turned, const PanelRows& rows, std::int64_t channels) {
     transform<FilterLine>(
         channels,
         [&](int row, int column, std::int64_t c) {
@@ -191,7 +191,9 @@ void transform_filter(const float* taps, bool turned, float* places, std::int64_
             return simd::LoadU(Tag(), taps + (turned ? 8 - tap : tap) * channels + c);
         },
         [&](int row, int column, std::int64_t c, Vector v) {
-            simd::StoreU(v, Tag(), places + (row * 6 + column) * place_stride + c);
+            simd::StoreU(v, Tag(),
+                         rows.first + (row * 6 + column) * rows.place_stride + c / rows.panel_width * rows.panel_stride +
+                             c % rows.panel_width);
         });
 }
 
@@ -227,8 +229,8 @@ void winograd_transform_tile(const ConstTilePixels& tile, float* places, std::in
     HWY_DYNAMIC_DISPATCH(transform_tile)(tile, places, place_stride, channels);
 }
 
-void winograd_transform_filter(const float* taps, bool turned, float* places, std::int64_t place_stride, std::int64_t channels) {
-    HWY_DYNAMIC_DISPATCH(transform_filter)(taps, turned, places, place_stride, channels);
+void winograd_transform_filter(const float* taps, bool turned, const PanelRows& rows, std::int64_t channels) {
+    HWY_DYNAMIC_DISPATCH(transform_filter)(taps, turned, rows, channels);
 }
 
 void winograd_transform_to_filter(const float* places, std::int64_t place_stride, float* taps, std::int64_t channels) {
