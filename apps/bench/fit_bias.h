@@ -21,7 +21,7 @@ struct FitBias {
     double psnr_worst_loss = 0.0;  ///< the most that a face has less than with every sample
 };
 
-inline constexpr std::int64_t fit_bias_steps = 100;
+inline constexpr std::int64_t fit_bias_steps = 40;
 
 /// For several tolerances; the first one is 0. The loss is photometric.
 [[nodiscard]] std::vector<FitBias> measure_fit_bias(const BenchSubject& subject, const BenchOptions& options);

@@ -124,6 +124,7 @@ private:
 /// One correlation of x with filters that are already transformed; both images may have any extent.
 struct Correlation {
     const float* x;
+    ConvGate<float> gate;  ///< of x
     Image in;
     const TransformedFilters* filters;
     ConvFinish<float> finish;
@@ -151,7 +152,14 @@ void correlate_block(const Correlation& c, const TileBuffers& buffers, std::int6
         PatchPixels patch;
         for (std::int64_t i = begin; i < end; ++i) {
             point_at_square(patch, c.x, zeros.data(), c.in, c.tiling, first + i, c.padding);
-            winograd_transform_patch(patch, buffers.patches.get() + i * c.in.channels, buffers.patch_stride, c.in.channels);
+            float* const places = buffers.patches.get() + i * c.in.channels;
+            if (c.gate.signs == nullptr) {
+                winograd_transform_patch(patch, places, buffers.patch_stride, c.in.channels);
+                continue;
+            }
+            PatchPixels signs;
+            point_at_square(signs, c.gate.signs, zeros.data(), c.in, c.tiling, first + i, c.padding);
+            winograd_transform_gated_patch(patch, signs, c.gate.slope, places, buffers.patch_stride, c.in.channels);
         }
     });
     parallel_for(winograd_places, 1, [&](std::int64_t place, std::int64_t) {
@@ -205,13 +213,15 @@ bool winograd_pays(const ConvGeometry& g) {
 void winograd_conv2d(const float* x, const float* weight, const ConvFinish<float>& finish, float* y, const ConvGeometry& g) {
     const Buffer taps = input_first(weight, g.out_channels, g.in_channels);
     const TransformedFilters filters(taps.get(), false, g.in_channels, g.out_channels);
-    correlate({x, input_of(g), &filters, finish, y, output_of(g), g.padding, Tiling(g.batch, g.out_height, g.out_width)});
+    correlate({x, {}, input_of(g), &filters, finish, y, output_of(g), g.padding, Tiling(g.batch, g.out_height, g.out_width)});
 }
 
-void winograd_conv2d_transpose(const float* dL_dy, const float* weight, float* dL_dx, const ConvGeometry& g) {
+void winograd_conv2d_transpose(const float* dL_dy, const ConvGate<float>& gate, const float* weight, float* dL_dx,
+                               const ConvGeometry& g) {
     // The correlation with the turned filters, whose square begins two pixels before an input pixel less the padding.
     const TransformedFilters filters(weight, true, g.out_channels, g.in_channels);
-    correlate({dL_dy, output_of(g), &filters, {}, dL_dx, input_of(g), 2 - g.padding, Tiling(g.batch, g.in_height, g.in_width)});
+    correlate(
+        {dL_dy, gate, output_of(g), &filters, {}, dL_dx, input_of(g), 2 - g.padding, Tiling(g.batch, g.in_height, g.in_width)});
 }
 
 void winograd_conv2d_weight_grad(const float* dL_dy, const float* x, float* dL_dweight, const ConvGeometry& g) {

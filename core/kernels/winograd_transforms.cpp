@@ -160,6 +160,21 @@ void transform_patch(const PatchPixels& patch, float* places, std::int64_t place
         });
 }
 
+void transform_gated_patch(const PatchPixels& patch, const PatchPixels& signs, float slope, float* places,
+                           std::int64_t place_stride, std::int64_t channels) {
+    transform<PatchLine>(
+        channels,
+        [&](int row, int column, std::int64_t c) {
+            const auto pixel = static_cast<std::size_t>(row * 6 + column);
+            const Vector value = simd::LoadU(Tag(), patch[pixel] + c);
+            const auto positive = simd::Gt(simd::LoadU(Tag(), signs[pixel] + c), simd::Zero(Tag()));
+            return simd::IfThenElse(positive, value, times(value, slope));
+        },
+        [&](int row, int column, std::int64_t c, Vector v) {
+            simd::StoreU(v, Tag(), places + (row * 6 + column) * place_stride + c);
+        });
+}
+
 void transform_products(const float* places, std::int64_t place_stride, const float* bias, float slope, const TilePixels& tile,
                         std::int64_t channels) {
     transform<ProductLine>(
@@ -211,6 +226,7 @@ HWY_AFTER_NAMESPACE();
 namespace stymo::kernels {
 
 HWY_EXPORT(transform_patch);
+HWY_EXPORT(transform_gated_patch);
 HWY_EXPORT(transform_products);
 HWY_EXPORT(transform_tile);
 HWY_EXPORT(transform_filter);
@@ -218,6 +234,11 @@ HWY_EXPORT(transform_to_filter);
 
 void winograd_transform_patch(const PatchPixels& patch, float* places, std::int64_t place_stride, std::int64_t channels) {
     HWY_DYNAMIC_DISPATCH(transform_patch)(patch, places, place_stride, channels);
+}
+
+void winograd_transform_gated_patch(const PatchPixels& patch, const PatchPixels& signs, float slope, float* places,
+                                    std::int64_t place_stride, std::int64_t channels) {
+    HWY_DYNAMIC_DISPATCH(transform_gated_patch)(patch, signs, slope, places, place_stride, channels);
 }
 
 void winograd_transform_products(const float* places, std::int64_t place_stride, const float* bias, float slope,

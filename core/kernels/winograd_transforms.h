@@ -19,6 +19,9 @@ using ConstTilePixels = std::array<const float*, 16>;
 
 /// B^T d B, from a patch.
 void winograd_transform_patch(const PatchPixels& patch, float* places, std::int64_t place_stride, std::int64_t channels);
+/// The same of values that pass where `signs` is positive and are multiplied by `slope` elsewhere.
+void winograd_transform_gated_patch(const PatchPixels& patch, const PatchPixels& signs, float slope, float* places,
+                                    std::int64_t place_stride, std::int64_t channels);
 /// leaky_relu(A^T m A + bias, slope), to a tile of outputs.
 void winograd_transform_products(const float* places, std::int64_t place_stride, const float* bias, float slope,
                                  const TilePixels& tile, std::int64_t channels);
