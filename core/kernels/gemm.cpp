@@ -544,6 +544,18 @@ PackedMatrix<T> PackedMatrix<T>::in_place(const T* b, std::int64_t k, std::int64
     return view;
 }
 
+template <class T>
+PackedMatrix<T> PackedMatrix<T>::of_panels(const T* panels, std::int64_t k, std::int64_t n) {
+    PackedMatrix view = in_place(panels, k, n, usual_panel_width());
+    view.panel_size_ = k * view.panel_width_;
+    return view;
+}
+
+template <class T>
+std::int64_t PackedMatrix<T>::usual_panel_width() {
+    return panel_width_of<Source>();
+}
+
 template class PackedMatrix<float>;
 template class PackedMatrix<double>;
 template class PackedMatrix<BFloat16>;

@@ -56,6 +56,11 @@ public:
     /// rows that packing would not pay. Not of 16 bits; b must outlive the view.
     [[nodiscard]] static PackedMatrix in_place(const T* b, std::int64_t k, std::int64_t n, std::int64_t inner_stride);
 
+    /// Views panels that are already in the order of `panel()`, one after the other; not of 16 bits. They must outlive the view.
+    [[nodiscard]] static PackedMatrix of_panels(const T* panels, std::int64_t k, std::int64_t n);
+    /// Columns of a panel on this processor.
+    [[nodiscard]] static std::int64_t usual_panel_width();
+
     [[nodiscard]] std::int64_t inner_length() const { return k_; }
     [[nodiscard]] std::int64_t columns() const { return n_; }
     [[nodiscard]] std::int64_t panel_width() const { return panel_width_; }
