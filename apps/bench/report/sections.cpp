@@ -1,9 +1,10 @@
+#include "apps/bench/report/quadrature.h"
 #include "apps/bench/report/section.h"
 
 namespace stymo {
 
 std::vector<ReportSection> report_sections() {
-    return {};
+    return {quadrature_section()};
 }
 
 }  // namespace stymo
