@@ -18,8 +18,8 @@ struct QuadratureError {
 };
 [[nodiscard]] QuadratureError quadrature_error(const RayResults& results, std::span<const RayProfile> rays);
 
-/// Minus the slope of log error over log count, by least squares over the counts from 64 on; errors at or below `floor` are
-/// round-off and do not count. Empty where fewer than three are left.
+/// Minus the slope of log error over log count, by least squares over the counts from 64 on. Errors at or below `floor` are
+/// round-off, those above 1 no approximation: neither counts. Empty where fewer than three are left.
 [[nodiscard]] std::optional<double> observed_order(std::span<const std::int64_t> counts, std::span<const double> errors,
                                                    double floor);
 

@@ -9,7 +9,7 @@ namespace stymo {
 
 namespace {
 
-constexpr double colour_begin = 0.2, colour_rise = 0.6;
+constexpr double colour_begin = 0.25, colour_rise = 0.5;
 
 /// From one jump to the next.
 struct Piece {
