@@ -138,22 +138,25 @@ Cells full_cells(const std::vector<BenchRow>& rows) {
 }
 
 std::string markdown(const Cells& cells) {
+    // In characters: each byte of UTF-8 counts but those that continue one.
+    const auto width = [](const std::string& cell) {
+        return static_cast<std::size_t>(std::ranges::count_if(cell, [](char c) { return (c & 0xC0) != 0x80; }));
+    };
     std::vector<std::size_t> widths(cells.front().size(), 3);
     for (const auto& row : cells)
-        for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], row[i].size());
-    std::ostringstream table;
+        for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], width(row[i]));
+    std::string table;
     const auto write = [&](const std::vector<std::string>& row) {
-        table << "|";
-        for (std::size_t i = 0; i < row.size(); ++i)
-            table << " " << std::left << std::setw(static_cast<int>(widths[i])) << row[i] << " |";
-        table << "\n";
+        table += "|";
+        for (std::size_t i = 0; i < row.size(); ++i) table += " " + row[i] + std::string(widths[i] - width(row[i]), ' ') + " |";
+        table += "\n";
     };
     write(cells.front());
-    table << "|";
-    for (const std::size_t width : widths) table << std::string(width + 2, '-') << "|";
-    table << "\n";
+    table += "|";
+    for (const std::size_t one : widths) table += std::string(one + 2, '-') + "|";
+    table += "\n";
     for (std::size_t i = 1; i < cells.size(); ++i) write(cells[i]);
-    return table.str();
+    return table;
 }
 
 std::string csv(const Cells& cells) {

@@ -13,8 +13,8 @@ namespace stymo {
 namespace {
 
 constexpr double width = 820.0, height = 520.0;
-constexpr double left = 80.0, right = 190.0, top = 48.0, bottom = 62.0;
-/// Okabe and Ito's, which most colour-blind readers can tell apart.
+constexpr double left = 80.0, right = 200.0, top = 48.0, bottom = 62.0;
+/// Okabe and Ito's, which most colour-blind readers can tell apart. Series beyond them are dashed.
 constexpr std::array<const char*, 8> colours{"#0072b2", "#d55e00", "#009e73", "#cc79a7",
                                              "#e69f00", "#56b4e9", "#000000", "#888888"};
 
@@ -142,9 +142,15 @@ void write_axes(std::ostream& svg, const Plot& plot, const Axis& x, const Axis& 
 
 void write_series(std::ostream& svg, const PlotSeries& series, std::size_t index, const Axis& x, const Axis& y) {
     const char* colour = colours.at(index % colours.size());
-    svg << "<polyline fill=\"none\" stroke-width=\"1.5\" stroke=\"" << colour << "\" points=\"";
-    for (const PlotPoint& point : series.points) svg << x.place(point.x) << "," << y.place(point.y) << " ";
-    svg << "\"/>\n";
+    const auto write_polyline = [&](const std::string& points) {
+        const char* dashes = index < colours.size() ? "" : " stroke-dasharray=\"6 4\"";
+        svg << "<polyline fill=\"none\" stroke-width=\"1.5\" stroke=\"" << colour << "\"" << dashes << " points=\"" << points
+            << "\"/>\n";
+    };
+    std::ostringstream places;
+    places << std::fixed << std::setprecision(1);
+    for (const PlotPoint& point : series.points) places << x.place(point.x) << "," << y.place(point.y) << " ";
+    write_polyline(places.str());
     for (const PlotPoint& point : series.points) {
         svg << "<circle cx=\"" << x.place(point.x) << "\" cy=\"" << y.place(point.y) << "\" r=\"4\" fill=\"" << colour
             << "\"/>\n";
@@ -152,8 +158,11 @@ void write_series(std::ostream& svg, const PlotSeries& series, std::size_t index
             write_text(svg, x.place(point.x) + 6.0, y.place(point.y) - 6.0, point.label, {.size = 11, .colour = colour});
     }
     const double row = top + 14.0 + 22.0 * static_cast<double>(index);
+    std::ostringstream line;
+    line << width - right + 6.0 << "," << row << " " << width - right + 30.0 << "," << row;
+    write_polyline(line.str());
     svg << "<circle cx=\"" << width - right + 18.0 << "\" cy=\"" << row << "\" r=\"4\" fill=\"" << colour << "\"/>\n";
-    write_text(svg, width - right + 28.0, row + 4.0, series.name, {});
+    write_text(svg, width - right + 36.0, row + 4.0, series.name, {});
 }
 
 }  // namespace

@@ -1,10 +1,14 @@
+#include "apps/bench/report/quadrature.h"
 #include "apps/bench/report/section.h"
 #include "apps/bench/report/stability.h"
 
 namespace stymo {
 
 std::vector<ReportSection> report_sections() {
-    return {stability_section()};
+    return {
+        quadrature_section(),
+        stability_section(),
+    };
 }
 
 }  // namespace stymo

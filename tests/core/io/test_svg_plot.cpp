@@ -68,3 +68,23 @@ TEST_CASE("A plot of nothing, or of what logarithmic axes do not have, is refuse
     CHECK_THROWS_AS(stymo::to_svg(plot_of({{1.0, -1.0}})), stymo::ValueError);
     CHECK_THROWS_AS(stymo::to_svg(plot_of({{infinite, 1.0}})), stymo::ValueError);
 }
+
+TEST_CASE("Equal steps are equal distances on linear axes, which take zero and negative numbers") {
+    Plot plot = plot_of({{0.0, -3.0, ""}, {1.0, 0.0, ""}, {2.0, 3.0, ""}});
+    plot.x_scale = plot.y_scale = stymo::PlotScale::linear;
+    const std::string svg = stymo::to_svg(plot);
+    const std::vector<double> x = numbers_of(svg, "<circle cx=\""), y = numbers_of(svg, "cy=\"");
+    REQUIRE(x.size() == 4);
+    CHECK(x[1] - x[0] == Approx(x[2] - x[1]).margin(0.11));
+    CHECK(y[0] - y[1] == Approx(y[1] - y[2]).margin(0.11));
+    CHECK_THAT(svg, Catch::Contains(">-2</text>") && Catch::Contains(">0.5</text>"));
+    CHECK(tags_match(svg));
+}
+
+TEST_CASE("A linear axis on which all numbers are one number has an extent") {
+    for (const double value : {0.0, 5.0, -1e9}) {
+        Plot plot = plot_of({{value, value, ""}});
+        plot.x_scale = plot.y_scale = stymo::PlotScale::linear;
+        CHECK_THAT(stymo::to_svg(plot), !Catch::Contains("nan") && !Catch::Contains("inf"));
+    }
+}
