@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <sstream>
 
 #include "core/autograd/grad.h"
 #include "core/ops/ops.h"
@@ -51,10 +52,11 @@ std::optional<double> worst_error(const std::vector<Tensor>& single, const std::
     return worst;
 }
 
-std::string within(const char* what, const std::optional<double>& error, double bound) {
+std::string beyond(const char* what, const std::optional<double>& error, double bound) {
     if (!error || *error <= bound) return {};
-    return std::string(what) + ": relative error " + std::to_string(*error) + " is above the bound " + std::to_string(bound) +
-           "; ";
+    std::ostringstream text;
+    text << what << ": relative error " << *error << " is above the bound " << bound << "; ";
+    return text.str();
 }
 
 StabilityOutcome refused_outcome(const StabilityCase& row, const Error& error) {
@@ -73,26 +75,30 @@ StabilityOutcome refused_outcome(const StabilityCase& row, const Error& error) {
 
 StabilityOutcome run_stability_case(const StabilityCase& row) {
     std::vector<StabilityResult> results;
+    StabilityOutcome outcome;
+    int refusals = 0;
     for (const DType dtype : {DType::float32, DType::float64}) {
         try {
             results.push_back(row.run(dtype));
         } catch (const Error& error) {
-            return refused_outcome(row, error);
+            outcome = refused_outcome(row, error);
+            ++refusals;
         }
     }
-    StabilityOutcome outcome;
+    if (refusals == 1) outcome.failure += "refused in one of the two types only; ";
+    if (refusals > 0) return outcome;
     for (const StabilityResult& result : results) {
         outcome.value_finite = outcome.value_finite && all_finite(result.values);
         outcome.gradient_finite = outcome.gradient_finite && all_finite(result.gradients);
     }
-    if (row.is_right_error) outcome.failure = "not refused";
+    if (row.is_right_error) outcome.failure = "not refused; ";
     if (outcome.value_finite == row.infinite)
         outcome.failure += row.infinite ? "the value is finite; " : "the value is not finite; ";
     if (!outcome.gradient_finite) outcome.failure += "the gradient is not finite; ";
     if (outcome.value_finite) outcome.value_error = worst_error(results[0].values, results[1].values);
     if (outcome.gradient_finite) outcome.gradient_error = worst_error(results[0].gradients, results[1].gradients);
-    outcome.failure += within("value", outcome.value_error, row.value_bound);
-    outcome.failure += within("gradient", outcome.gradient_error, row.gradient_bound);
+    outcome.failure += beyond("value", outcome.value_error, row.value_bound);
+    outcome.failure += beyond("gradient", outcome.gradient_error, row.gradient_bound);
     return outcome;
 }
 

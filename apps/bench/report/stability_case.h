@@ -43,7 +43,7 @@ struct StabilityOutcome {
     bool gradient_finite = true;
     std::optional<double> value_error{};  ///< nothing for a case without numbers to compare
     std::optional<double> gradient_error{};
-    std::string refusal{};  ///< what the error says, if one was thrown in both types
+    std::string refusal{};  ///< what the error says, if one was thrown
     std::string failure{};  ///< one line on what is not as the row says; empty if all is
 };
 

@@ -46,7 +46,8 @@ std::vector<StabilityCase> exponential_cases() {
                          std::function<Variable(const Variable&)> function) {
         rows.push_back(row({name, behaviour, bound, bound, extreme, each(std::move(function)), 2}));
     };
-    add("softplus, +-1e4, two derivatives", "max(x, 0) + log1p(exp(-|x|))", 1e-6, [](const Variable& x) { return softplus(x); });
+    add("softplus, log(1 + exp(x)), +-1e4, two derivatives", "max(x, 0) + log1p(exp(-|x|))", 1e-6,
+        [](const Variable& x) { return softplus(x); });
     add("sigmoid, +-1e4, two derivatives", "exponential of -|x| only; derivative y sigmoid(-x), not y (1 - y)", 1e-6,
         [](const Variable& x) { return sigmoid(x); });
     add("log sigmoid, +-1e4, two derivatives", "-softplus(-x)", 1e-6, [](const Variable& x) { return log_sigmoid(x); });

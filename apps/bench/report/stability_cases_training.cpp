@@ -55,20 +55,22 @@ std::vector<StabilityCase> accumulation_cases() {
                         for (std::size_t i = 0; i < count; ++i) mean.add(gradients);
                         return StabilityResult{.values = {mean.gradients().front().value()}};
                     }});
-    rows.push_back({.name = "1e5 steps of a moving average, decay 0.9999",
-                    .behaviour = "moves by a part of the difference, so that a constant stays",
-                    .value_bound = 1e-4,
-                    .run = [](DType dtype) {
-                        ParameterStore store;
-                        const Parameter x = store.create("x", Rng(2).uniform({4}, 0.5, 1.5).to(dtype));
-                        Ema average(store.all());
-                        x.set_value(Rng(3).uniform({4}, 1.5, 2.5).to(dtype));
-                        for (int i = 0; i < 100000; ++i) average.update(0.9999);
-                        average.swap();
-                        return StabilityResult{.values = {x.variable().value()}};
-                    }});
+    rows.push_back(
+        {.name = "1e5 steps of a moving average, decay 0.9999",
+         .behaviour =
+             "moves by a part of the difference: a constant stays; stops at most half a rounding / (1 - decay) = 6e-4 short",
+         .value_bound = 1e-3,
+         .run = [](DType dtype) {
+             ParameterStore store;
+             const Parameter x = store.create("x", Rng(2).uniform({4}, 0.5, 1.5).to(dtype));
+             Ema average(store.all());
+             x.set_value(Rng(3).uniform({4}, 1.5, 2.5).to(dtype));
+             for (int i = 0; i < 100000; ++i) average.update(0.9999);
+             average.swap();
+             return StabilityResult{.values = {x.variable().value()}};
+         }});
     rows.push_back(row({"sum of 1e6 equal numbers 0.1",
-                        "32 lanes in runs of 65536, added in float64",
+                        "16 numbers in each of 32 lanes, then float64",
                         1e-6,
                         1e-6,
                         {Tensor::full({1000000}, 0.1)},
