@@ -2,7 +2,7 @@
 
 #include "core/error.h"
 #include "core/ops/ops.h"
-#include "core/ops/sine_rays.h"
+#include "core/ops/sample_order.h"
 
 namespace stymo {
 namespace {

@@ -10,8 +10,7 @@ struct CompositeWeights {
 };
 
 /// Equations (4) and (5): t_i = exp(-sum_{j<i} sigma_j delta_j), alpha_i = 1 - exp(-sigma_i delta_i).
-/// density, deltas (B, R, N), both >= 0; finite for any density up to infinity. Throws ValueError for a negative interval:
-/// samples in reverse order.
+/// density, deltas (B, R, N), both >= 0; finite for any density up to infinity. Throws ValueError for a negative interval.
 [[nodiscard]] CompositeWeights composite_weights(const Variable& density, const Tensor& deltas);
 /// Equation (3), sum_i weights_i features_i: (B, R, N) and (B, R * N, K) -> (B, R, K).
 [[nodiscard]] Variable composite(const Variable& weights, const Variable& features);

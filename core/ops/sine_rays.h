@@ -46,10 +46,6 @@ enum class SineArguments {
 /// The same result composed of ops.
 using SineRaysComposition = std::function<Variable(const RayPoints&, const SineNetwork&)>;
 
-/// Throws ValueError naming `function` and the first interval that is negative (samples in reverse order) or not a number;
-/// deltas (B, R, N).
-void require_ordered_samples(const char* function, const Tensor& deltas);
-
 /// Field and compositing (render/composite.h) of rays: (B, R, N + 1 + width), the weights of the samples, the transmittance
 /// behind them, the features under the weights. Tile by tile: unless arguments are kept, what is stored beside the result does
 /// not grow with R or N. Where no weight matrix is tracked, the backward pass makes no product for one: the gradients of scale

@@ -5,7 +5,7 @@
 #include "core/autograd/grad.h"
 #include "core/error.h"
 #include "core/ops/ops.h"
-#include "core/ops/sine_rays.h"
+#include "core/ops/sample_order.h"
 
 using namespace stymo;
 
