@@ -75,6 +75,12 @@ std::vector<StabilityCase> accumulation_cases() {
                         1e-6,
                         {Tensor::full({1000000}, 0.1)},
                         each([](const Variable& x) { return sum(x); })}));
+    rows.push_back(row({"column sums of 1e5 rows of 0.1",
+                        "runs of 1024 rows, each added in the type itself",
+                        1e-4,
+                        1e-6,
+                        {Tensor::full({100000, 2}, 0.1)},
+                        each([](const Variable& x) { return sum(x, {0}); })}));
     rows.push_back(
         refused<FileError>("a weight in a file that is not a number", "refused when it is read", "layer.weight", [](DType dtype) {
             ParameterStore store;
