@@ -128,7 +128,7 @@ TEST_CASE("At a surface no rule of equal steps is better than of first order; bi
         INFO(name);
         CHECK(order(name, "step") == Approx(1.0).margin(0.35));
     }
-    CHECK(colour_errors(rule("adaptive"), family("wall"), {64}).front() < 1e-7);
+    CHECK(colour_errors(rule("adaptive"), family("wall"), {64}).front() < 1e-6);
     CHECK(colour_errors(rule("left rectangle"), family("wall"), {64}).front() > 1e-3);
 }
 

@@ -207,8 +207,8 @@ Panel make_panel(const RayProfile& ray, const Node& begin, const Node& end, doub
 }
 
 CutRay bisected(const RayProfile& ray, std::int64_t evaluations) {
-    // A part goes to equal steps: what none of them meets is never refined.
-    const std::int64_t equal = std::max<std::int64_t>(evaluations / 8, 1);
+    // Half goes to equal steps: what none of them meets is never refined.
+    const std::int64_t equal = std::max<std::int64_t>(evaluations / 4, 1);
     std::priority_queue<Panel> open;
     Node left = node_at(ray, 0.0);
     double depth = 0.0;
