@@ -18,6 +18,12 @@ namespace morphable = stymo::morphable;
 using stymo::Tensor;
 using stymo::Variable;
 
+/// Made once: it takes longer than most of these tests.
+[[nodiscard]] const stymo::MorphableHead& own_head() {
+    static const stymo::MorphableHead head = stymo::builtin_head();
+    return head;
+}
+
 /// A state away from anything special: every unknown is at work.
 [[nodiscard]] morphable::State some_state() {
     stymo::Rng rng(11);
@@ -45,7 +51,7 @@ TEST_CASE("The differentiable camera is the camera") {
 }
 
 TEST_CASE("The landmarks' gradient is the slope of their cost") {
-    const stymo::MorphableHead head = stymo::builtin_head();
+    const stymo::MorphableHead& head = own_head();
     const morphable::Contour contour(head);
     morphable::State state = some_state();
     stymo::Landmarks landmarks{};
@@ -87,7 +93,7 @@ TEST_CASE("Least squares stop at the bounds of the unknowns") {
 }
 
 TEST_CASE("The jaw slides on the side that turns away and stays on the other") {
-    const stymo::MorphableHead head = stymo::builtin_head();
+    const stymo::MorphableHead& head = own_head();
     const morphable::Contour contour(head);
     const morphable::State neutral(morphable::state_size, 0.0);
     const std::vector<double> points = morphable::table_points(contour.table(), neutral);
@@ -108,7 +114,7 @@ TEST_CASE("The jaw slides on the side that turns away and stays on the other") {
 }
 
 TEST_CASE("The affine pose of a distant camera is exact") {
-    const stymo::MorphableHead head = stymo::builtin_head();
+    const stymo::MorphableHead& head = own_head();
     const morphable::Contour contour(head);
     const stymo::Intrinsics telephoto{400.0, 0.4, 0.6};
     const stymo::Pose pose = stymo::orbit_pose(0.9, -0.3, 0.6, 1000.0);

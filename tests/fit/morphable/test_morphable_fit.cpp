@@ -22,6 +22,12 @@ using stymo::Tensor;
 
 constexpr std::int64_t side = 128;
 
+/// Made once: it takes longer than most of these tests.
+[[nodiscard]] const stymo::MorphableHead& own_head() {
+    static const stymo::MorphableHead head = stymo::builtin_head();
+    return head;
+}
+
 /// Faces of known truth, seen from everywhere.
 [[nodiscard]] stymo::SyntheticFace random_face(const stymo::MorphableHead& head, stymo::Rng rng, double yaw_limit) {
     stymo::SyntheticFace face = stymo::sample_synthetic_face(head, rng.split("face"));
@@ -97,7 +103,7 @@ constexpr std::int64_t side = 128;
 }  // namespace
 
 TEST_CASE("Exact landmarks of a head at large angles bring back its pose") {
-    const stymo::MorphableHead head = stymo::builtin_head();
+    const stymo::MorphableHead& head = own_head();
     std::vector<stymo::MorphableFitTarget> targets;
     std::vector<stymo::Pose> poses;
     for (const double yaw : {-60.0, -30.0, 0.0, 45.0, 60.0}) {
@@ -122,7 +128,7 @@ TEST_CASE("Exact landmarks of a head at large angles bring back its pose") {
 }
 
 TEST_CASE("Noisy landmarks and colours of random heads bring back pose, shape and colours") {
-    const stymo::MorphableHead head = stymo::builtin_head();
+    const stymo::MorphableHead& head = own_head();
     const stymo::Rng rng(3);
     std::vector<stymo::SyntheticFace> faces;
     std::vector<stymo::MorphableFitTarget> targets;
@@ -146,7 +152,7 @@ TEST_CASE("Noisy landmarks and colours of random heads bring back pose, shape an
 }
 
 TEST_CASE("A photo's fit does not depend on its company or the number of threads") {
-    const stymo::MorphableHead head = stymo::builtin_head();
+    const stymo::MorphableHead& head = own_head();
     std::vector<stymo::MorphableFitTarget> targets;
     for (std::uint64_t i = 0; i < 3; ++i)
         targets.push_back(target_of(head, random_face(head, stymo::Rng(5).split(i), 30.0), 0.005, stymo::Rng(i)));
@@ -161,7 +167,7 @@ TEST_CASE("A photo's fit does not depend on its company or the number of threads
 }
 
 TEST_CASE("What cannot be fitted is refused in one line") {
-    const stymo::MorphableHead head = stymo::builtin_head();
+    const stymo::MorphableHead& head = own_head();
     const auto refusal = [&](const stymo::MorphableFitTarget& target) {
         return stymo::test::error_message(
             [&] { static_cast<void>(stymo::fit_morphable(head, std::span(&target, 1), {}, {.pixels = false})); });
