@@ -8,61 +8,55 @@
 #include <vector>
 
 #include "core/io/json_writer.h"
-#include "render/camera.h"
+#include "fit/photo/photo_preparation.h"
 #include "train/face_picture.h"
-#include "train/pose_network.h"
 
 namespace stymo {
 
-struct PrepareSettings {
-    std::int64_t side = 256;   ///< of the images and masks written, in pixels
-    double distance = 5.3;     ///< of the frontal camera from the head's origin, in world units
-    double pivot_depth = 0.9;  ///< z of the point of the face that every aligned photo has in its middle (pivot_pose)
-    bool overlays = false;     ///< draw the heads' axes over the photos; needs a pose network
+struct FolderPreparation {
+    std::filesystem::path photos;  ///< a folder as scan_folder reads it
+    std::filesystem::path out;
+    bool overlays = true;
 };
 
-/// What is known of one angle over all photos, in degrees.
-struct AngleStatistics {
-    double mean = 0.0;
-    double deviation = 0.0;
-    double lowest = 0.0;
-    double highest = 0.0;
-};
-
-/// The poses of a prepared folder as a whole, in degrees.
-struct PoseReport {
-    double pitch_offset = 0.0;  ///< median of the network's pitch, which was subtracted
-    double roll_offset = 0.0;   ///< likewise
-    AngleStatistics yaw, pitch, roll;
+struct FaceWarning {
+    std::string id;
+    std::string warning;
 };
 
 struct PrepareReport {
-    std::int64_t found = 0;
-    std::int64_t ok = 0;
-    std::int64_t without_mask = 0;  ///< of those that are ok; no mask is written, which stands for the whole frame
+    std::int64_t found = 0;  ///< photos
+    std::int64_t ok = 0;     ///< photos with a face that was prepared
+    std::int64_t faces = 0;
+    std::int64_t aligned_already = 0;      ///< faces whose photo was left as it is
+    std::int64_t made_masks = 0;           ///< faces without a known mask, or all with `new_masks`
+    double landmark_error = 0.0;           ///< median over the faces, in units of the picture's side
+    std::optional<double> mask_agreement;  ///< mean intersection over union of masks made and known
     std::vector<BrokenFile> failed;
-    std::optional<PoseReport> poses;  ///< none without a pose network
+    std::vector<FaceWarning> warnings;
+    PoseStatistics poses;
 };
 
-/// {"found", "ok", "without_mask", "failed": [{"file", "reason"}], "poses": {"pitch_offset_deg", "roll_offset_deg", "yaw_deg":
-/// {"mean", "deviation", "lowest", "highest"}, "pitch_deg", "roll_deg"} or null}
+/// {"found", "ok", "faces", "aligned_already", "made_masks", "landmark_error", "mask_iou": number or null, "failed": [{"file",
+/// "reason"}], "warnings": [{"id", "warning"}], "poses"}
 [[nodiscard]] JsonValue to_json(const PrepareReport& report);
 
-/// The poses of photos that are aligned as FFHQ from the rotations R that a network found. A network has a constant offset of
-/// its own in what it calls upright; so the medians of pitch and roll over all photos are subtracted from each.
-[[nodiscard]] std::vector<Pose> poses_from_rotations(const std::vector<Matrix3>& rotations, const PrepareSettings& settings,
-                                                     PoseReport& report);
+/// How far a call came. Without a report it was interrupted, and the next call with the same settings goes on.
+struct PrepareOutcome {
+    std::int64_t done = 0;  ///< photos, those of former calls included
+    std::int64_t found = 0;
+    std::int64_t done_now = 0;  ///< photos of this call
+    std::optional<PrepareReport> report;
+};
 
-/// Makes a training set of a folder of aligned photos, as scan_folder reads it: images/ID.png and masks/ID.png resampled by
-/// antialiased bicubic, faces.jsonl, camera.json, report.json, and with overlays overlays/axes_NNN.png of 64 photos each. A photo
-/// that cannot be used is named in the report. Poses and codes that the folder's own faces.jsonl has are not carried over;
-/// without a network the set has no poses, which stands for frontal ones.
+/// Makes a training set of a folder of photos: images/ID.png, masks/ID.png, faces.jsonl (pose, code and landmarks of each
+/// face), camera.json, report.json, overlays/sheet_NNN.png with 64 faces each. Photos are read, prepared and written a few at a
+/// time, and noted in progress.jsonl, which is there until the folder is complete. A mask of the photo's folder is used as it is,
+/// and so are landmarks of its faces.jsonl.
 ///
-/// `folder` appears as a whole at the end or not at all. Throws FileError if it exists and is not empty, if there is no photo
-/// that can be used, or if it cannot be written; Error if a signal was noted (core/interrupt.h). `progress` is called with the
-/// number of photos looked at and of all.
-[[nodiscard]] PrepareReport prepare_aligned_photos(const std::filesystem::path& photos, const std::filesystem::path& folder,
-                                                   const PrepareSettings& settings, PoseNetwork* network,
-                                                   const std::function<void(std::int64_t, std::int64_t)>& progress = {});
+/// Throws FileError if `out` exists and is not a folder in preparation with the same settings, if no photo can be used, or
+/// if something cannot be written. `progress` is called with the number of photos done and of all.
+[[nodiscard]] PrepareOutcome prepare_folder(const FolderPreparation& folders, const PhotoPreparation& preparation,
+                                            const std::function<void(std::int64_t, std::int64_t)>& progress = {});
 
 }  // namespace stymo

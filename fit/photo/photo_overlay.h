@@ -3,7 +3,6 @@
 #include "core/tensor.h"
 #include "fit/photo/landmarks.h"
 #include "render/camera.h"
-#include "render/morphable/head.h"
 
 namespace stymo {
 
@@ -16,8 +15,5 @@ namespace stymo {
 
 /// The photo with the outline of a mask (side, side, 1) in yellow.
 [[nodiscard]] Tensor with_mask_outline(const Tensor& photo, const Tensor& mask);
-
-/// The photo under the front of a head, vertices (V, 3) in world coordinates, as a half transparent grey relief.
-[[nodiscard]] Tensor with_mesh(const Tensor& photo, const MorphableHead& head, const Tensor& vertices, const Camera& camera);
 
 }  // namespace stymo

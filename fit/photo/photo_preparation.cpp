@@ -14,8 +14,7 @@
 #include "fit/photo/head_mask.h"
 #include "fit/photo/photo_warnings.h"
 #include "fit/photo/pose_network.h"
-#include "render/morphable/builtin_head.h"
-#include "render/morphable/head_file.h"
+#include "render/morphable/head_source.h"
 
 namespace stymo {
 namespace {
@@ -47,8 +46,22 @@ Tensor in_frame_of(const Tensor& photo, const Tensor& mask) {
     return clamp(resize_image(mask, static_cast<int>(height), static_cast<int>(width)), 0.0, 1.0).value();
 }
 
-MorphableHead head_of(const std::filesystem::path& path) {
-    return path.empty() ? builtin_head() : read_morphable_head(path);
+std::optional<std::filesystem::path> named(const std::filesystem::path& path) {
+    return path.empty() ? std::nullopt : std::optional(path);
+}
+
+/// One at a time where the batch has a face that cannot be fitted, which is none of the others' fault.
+std::vector<std::optional<MorphableFit>> fits_of(const MorphableHead& head, const std::vector<MorphableFitTarget>& targets,
+                                                 const Intrinsics& intrinsics) {
+    std::vector<std::optional<MorphableFit>> fits;
+    try {
+        for (MorphableFit& fit : fit_morphable(head, targets, intrinsics)) fits.emplace_back(std::move(fit));
+        return fits;
+    } catch (const Error&) {
+        if (targets.size() == 1) return {std::nullopt};
+    }
+    for (const MorphableFitTarget& target : targets) fits.push_back(fits_of(head, {target}, intrinsics).front());
+    return fits;
 }
 
 }  // namespace
@@ -62,7 +75,8 @@ struct PhotoPreparation::Implementation {
     std::once_flag detector_read;
     std::optional<FaceDetector> detector;
 
-    explicit Implementation(const PhotoPreparationSettings& given) : settings(given), head(head_of(given.morphable)) {
+    explicit Implementation(const PhotoPreparationSettings& given)
+        : settings(given), head(morphable_head_from(named(given.morphable))) {
         if (!settings.parser.empty()) parser.emplace(settings.parser);
         if (!settings.pose_network.empty()) network.emplace(settings.pose_network);
     }
@@ -94,7 +108,7 @@ struct PhotoPreparation::Implementation {
 FaceCrop PhotoPreparation::Implementation::crop(const Tensor& photo, const Tensor& known_mask, const Face& face) {
     const std::int64_t height = photo.shape(0), width = photo.shape(1);
     const Alignment alignment = ffhq_alignment(face.landmarks);
-    FaceCrop crop{.image = {}, .mask = {}};
+    FaceCrop crop;
     crop.was_aligned = is_aligned(alignment, width, height);
     crop.faces = face.faces;
     crop.side_in_photo = crop.was_aligned ? static_cast<double>(width) : alignment.side();
@@ -151,11 +165,12 @@ std::vector<PreparedFace> PhotoPreparation::finish(std::vector<FaceCrop> crops) 
     Implementation& tools = *implementation_;
     std::vector<MorphableFitTarget> targets;
     for (FaceCrop& crop : crops) targets.push_back(std::move(crop.fit_target));
-    std::vector<MorphableFit> fits = fit_morphable(tools.head, targets, tools.settings.intrinsics, {});
+    std::vector<std::optional<MorphableFit>> fits = fits_of(tools.head, targets, tools.settings.intrinsics);
     std::vector<PreparedFace> faces;
     for (std::size_t i = 0; i < crops.size(); ++i) {
-        PreparedFace face{std::move(crops[i]), std::move(fits[i]), {}, {}, {}};
-        if (!(face.fit.landmark_error <= largest_landmark_error)) face.failure = "the head model does not fit what was found";
+        PreparedFace face{std::move(crops[i]), std::move(fits[i]).value_or(MorphableFit{}), {}, {}, {}};
+        if (!fits[i] || !(face.fit.landmark_error <= largest_landmark_error))
+            face.failure = "the head model does not fit what was found";
         double yaw = face.fit.pose.yaw;
         if (tools.network && face.failure.empty()) {
             try {

@@ -38,8 +38,8 @@ struct KnownOfPhoto {
 
 /// One face cut out of a photo as FFHQ does, or the photo itself if it was aligned already.
 struct FaceCrop {
-    Tensor image;          ///< (side, side, 3) in [0, 1]
-    Tensor mask;           ///< (side, side, 1) in [0, 1], 1 on the head
+    Tensor image;           ///< (side, side, 3) in [0, 1]
+    Tensor mask;            ///< (side, side, 1) in [0, 1], 1 on the head
     Landmarks landmarks{};  ///< in pixels of `image`
     bool was_aligned = false;
     bool made_mask = false;                ///< the mask was made, not known
@@ -73,7 +73,8 @@ public:
     [[nodiscard]] const PhotoPreparationSettings& settings() const;
     [[nodiscard]] const MorphableHead& head() const;
 
-    /// Reads the landmark model now rather than at the first photo whose landmarks are not known. Throws what FaceDetector throws.
+    /// Reads the landmark model now rather than at the first photo whose landmarks are not known. Throws what FaceDetector
+    /// throws.
     void require_detector() const;
 
     /// The largest face of a photo (height, width, 3) in [0, 1], or all of them, largest first. Safe from several threads. Throws
