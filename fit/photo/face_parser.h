@@ -26,8 +26,8 @@ public:
 
     [[nodiscard]] FaceParserKind kind() const;
 
-    /// The classes of an aligned crop (side, side, 3) in [0, 1]: indices 0..18 of CelebAMask-HQ (render/head_parts.h), (side, side,
-    /// 1). Means of the picture and its mirror image decide. Not to be called from several threads at once.
+    /// The classes of an aligned crop (side, side, 3) in [0, 1]: indices 0..18 of CelebAMask-HQ (render/head_parts.h), (side,
+    /// side, 1). Means of the picture and its mirror image decide. Not to be called from several threads at once.
     [[nodiscard]] Tensor parse(const Tensor& crop) const;
 
 private:
