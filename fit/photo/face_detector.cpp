@@ -4,8 +4,8 @@
 
 #ifdef STYMO_WITH_DLIB
 
-// The two headers that read dlib's configuration. Debian's asks for BLAS in every program that includes dlib, without depending on
-// the package to link it; what is used here multiplies no large matrix.
+// The two headers that read dlib's configuration. Debian's asks for BLAS in every program that includes dlib, without depending
+// on the package to link it; what is used here multiplies no large matrix.
 #include <dlib/assert.h>
 #include <dlib/test_for_odr_violations.h>
 #undef DLIB_USE_BLAS
