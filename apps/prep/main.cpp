@@ -6,6 +6,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/preparation_options.h"
 #include "apps/prep/pipeline.h"
+#include "apps/prep/pose_command.h"
 #include "core/clock.h"
 #include "core/error.h"
 #include "core/interrupt.h"
@@ -90,5 +91,9 @@ int main(int argc, char** argv) {
                 "with --pose-net: how far in front of the origin the middle of the photos lies")
         .range(-1, 0.99);
     line.flag("--no-overlay", options.no_overlay, "leave out the contact sheets overlays/sheet_000.png, ...");
+    stymo::PoseCommand pose;
+    stymo::Command pose_command = line.command("pose", "Converts a pose between programs, and draws the head's axes.",
+                                               [&](const stymo::CommonOptions&) { return stymo::convert_pose(pose); });
+    stymo::declare_pose_command(pose_command, pose);
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return prepare(options); });
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
+#include <string>
 #include <vector>
 
 namespace stymo {
@@ -28,7 +29,9 @@ Tensor with_head_axes(const Tensor& photo, const Camera& camera, double pivot_de
         tip[axis] += length;
         cv::Scalar color(0, 0, 0);
         color[static_cast<int>(axis)] = 1.0;
-        cv::line(canvas, pixel(origin), pixel(tip), color, 1 + side / 100);
+        cv::line(canvas, pixel(origin), pixel(tip), color, 1 + side / 100, cv::LINE_AA);
+        cv::putText(canvas, std::string(1, "xyz"[axis]), pixel(tip), cv::FONT_HERSHEY_SIMPLEX, side / 400.0, color,
+                    1 + side / 300, cv::LINE_AA);
     }
     return result;
 }

@@ -181,14 +181,15 @@ std::vector<PreparedFace> PhotoPreparation::finish(std::vector<FaceCrop> crops) 
             }
         }
         face.crop.face_box = {};
-        face.warnings = photo_warnings({.faces = tools.settings.all_faces ? 1 : face.crop.faces,
-                                        .crop_side = face.crop.side_in_photo,
-                                        .wanted_side = tools.settings.side,
-                                        .share_outside = face.crop.share_outside,
-                                        .covered_share = covered_share(face.crop.mask),
-                                        .yaw = yaw,
-                                        .landmark_error = face.fit.landmark_error,
-                                        .made_mask = face.crop.made_mask});
+        face.warnings =
+            photo_warnings({.faces = tools.settings.all_faces ? 1 : face.crop.faces,
+                            .crop_side = face.crop.side_in_photo,
+                            .wanted_side = tools.settings.wanted_side > 0 ? tools.settings.wanted_side : tools.settings.side,
+                            .share_outside = face.crop.share_outside,
+                            .covered_share = covered_share(face.crop.mask),
+                            .yaw = yaw,
+                            .landmark_error = face.fit.landmark_error,
+                            .made_mask = face.crop.made_mask});
         faces.push_back(std::move(face));
     }
     return faces;

@@ -18,11 +18,12 @@
 namespace stymo {
 
 struct PhotoPreparationSettings {
-    std::int64_t side = 256;  ///< of pictures and masks made, in pixels
-    Intrinsics intrinsics;    ///< that the poses are found for
-    bool all_faces = false;   ///< of a photo with several; else the largest
-    bool new_masks = false;   ///< masks are made even where one is known, and compared with it
-    PivotCamera pivot;        ///< of poses from a network
+    std::int64_t side = 256;       ///< of pictures and masks made, in pixels
+    std::int64_t wanted_side = 0;  ///< pixels that the crop of a photo should have, or it is warned of; 0: `side`
+    Intrinsics intrinsics;         ///< that the poses are found for
+    bool all_faces = false;        ///< of a photo with several; else the largest
+    bool new_masks = false;        ///< masks are made even where one is known, and compared with it
+    PivotCamera pivot;             ///< of poses from a network
     // Each empty unless wanted.
     std::filesystem::path landmark_model;  ///< in place of libdlib-data's (FaceDetector)
     std::filesystem::path parser;          ///< ONNX of a face parser; GrabCut without one

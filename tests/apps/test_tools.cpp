@@ -120,7 +120,7 @@ TEST_CASE("stymo-fit writes four files; the report says how good and how fast") 
 }
 
 TEST_CASE("A fit needs a photo only, makes its folder with its parents, and prints one object with --json") {
-    const ToolOutcome outcome = done(std::string(fit) + "--image faces/images/00001.png --out new/deep/fit --steps 1 --json");
+    const ToolOutcome outcome = done(std::string(fit) + "--image faces/images/00001.png --as-is --out new/deep/fit --steps 1 --json");
     CHECK(json::parse(outcome.out) == parsed_file(stymo::tiny_run() / "new/deep/fit/report.json"));
     CHECK(stymo::line_count(outcome.out) == 1);
     CHECK_THAT(outcome.err, Catch::Contains("1/1"));
@@ -128,7 +128,7 @@ TEST_CASE("A fit needs a photo only, makes its folder with its parents, and prin
 
 TEST_CASE("A second fit into the same folder replaces the files of the first and leaves no others") {
     const fs::path& folder = stymo::tiny_run();
-    done(std::string(fit) + "--image faces/images/00002.png --out twice --steps 1");
+    done(std::string(fit) + "--image faces/images/00002.png --as-is --out twice --steps 1");
     const std::string first = stymo::read_text_file(folder / "twice/codes.json");
     done(std::string(fit) +
          "--image faces/images/00003.png --mask faces/masks/00003.png --pose fit/codes.json --out twice --steps 2");
@@ -157,7 +157,7 @@ TEST_CASE("Grey, transparent, palette, 16-bit, turned and odd-sized photos are f
         fs::copy_file(entry.path(), folder / "mixed" / entry.path().filename(), fs::copy_options::overwrite_existing);
     stymo::write_image(folder / "mixed/odd.jpg", stymo::Tensor::full({91, 37, 1}, 0.5));
     for (const std::string& name : names_in(folder / "mixed"))
-        done(std::string(fit) + "--image mixed/" + name + " --out kinds --steps 1");
+        done(std::string(fit) + "--image mixed/" + name + " --as-is --out kinds --steps 1");
     const ToolOutcome outcome = done("stymo-train --config tiny.json --data mixed --out kinds_run --set data.split.test=0");
     CHECK_THAT(outcome.err,
                Catch::Contains(std::to_string(names_in(folder / "mixed").size()) + " faces") && !Catch::Contains("broken"));
