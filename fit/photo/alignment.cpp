@@ -258,10 +258,11 @@ Alignment ffhq_alignment(const Landmarks& landmarks) {
 }
 
 bool is_aligned(const Alignment& alignment, std::int64_t width, std::int64_t height) {
-    // Over the 800 photos of CelebA-HQ at hand (aligned by five landmarks of their own) and 18 looser crops of FFHQ.
+    // Photos of CelebA-HQ, which five other landmarks aligned, shift by less than 0.03 (99 of 100), stretch by 0.11, turn by 4
+    // degrees; looser crops of FFHQ stretch by 0.34 to 0.42 (logarithms).
     constexpr double largest_shift = 0.05;
-    constexpr double largest_stretch = 0.10;
-    constexpr double largest_angle = 5.0 * std::numbers::pi / 180.0;
+    constexpr double largest_stretch = 0.17;
+    constexpr double largest_angle = 6.0 * std::numbers::pi / 180.0;
     if (width != height) return false;
     const auto side = static_cast<double>(width);
     return std::abs(alignment.center_x / side - 0.5) <= largest_shift &&
