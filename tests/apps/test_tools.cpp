@@ -247,18 +247,3 @@ TEST_CASE("stymo-eval pair compares two pictures") {
     const json equal = json::parse(done("stymo-eval pair faces/images/00000.png faces/images/00000.png --json").out);
     CHECK(equal["l1"] == 0.0);
 }
-
-TEST_CASE("stymo-prep makes a folder that trains, and names what it left out") {
-    const fs::path& folder = stymo::tiny_run();
-    fs::create_directories(folder / "photos");
-    for (const char* name : {"00000.png", "00001.png", "00002.png"})
-        fs::copy_file(folder / "faces/images" / name, folder / "photos" / name, fs::copy_options::overwrite_existing);
-    fs::copy_file(folder / "zero.png", folder / "photos/zero.png", fs::copy_options::overwrite_existing);
-    const json report = json::parse(done("stymo-prep --photos photos --out prepared --size 64 --json").out);
-    CHECK(report["found"] == 4);
-    CHECK(report["ok"] == 3);
-    CHECK(report["failed"][0]["file"] == "photos/zero.png");
-    CHECK(report["failed"][0]["reason"] == "not an image (zero bytes)");
-    CHECK(names_in(folder / "prepared/images") == std::set<std::string>{"00000.png", "00001.png", "00002.png"});
-    done("stymo-train --config tiny.json --data prepared --out prepared_run --set stage1.steps=1 --set data.split.test=0");
-}
