@@ -28,6 +28,7 @@ std::filesystem::path ProgressFile::path_in(const std::filesystem::path& folder)
 ProgressFile::ProgressFile(const std::filesystem::path& folder, const JsonValue& settings) : path_(path_in(folder)) {
     if (std::filesystem::exists(path_)) go_on(settings.text());
     stream_.open(path_, std::ios::app | std::ios::binary);
+    stream_.seekp(0, std::ios::end);
     if (!stream_) fail<FileError>(path_.string(), ": cannot be written");
     if (stream_.tellp() == 0) begin(settings);
 }

@@ -162,6 +162,7 @@ std::vector<FaceCrop> PhotoPreparation::crops(const Tensor& photo, const KnownOf
 }
 
 std::vector<PreparedFace> PhotoPreparation::finish(std::vector<FaceCrop> crops) const {
+    if (crops.empty()) return {};
     Implementation& tools = *implementation_;
     std::vector<MorphableFitTarget> targets;
     for (FaceCrop& crop : crops) targets.push_back(std::move(crop.fit_target));
