@@ -4,8 +4,25 @@ namespace stymo {
 
 /// CelebAMask-HQ's classes of the parts of a head, in its order.
 enum class HeadPart {
-    background, skin, nose, eye_glasses, left_eye, right_eye, left_brow, right_brow, left_ear, right_ear,
-    mouth, upper_lip, lower_lip, hair, hat, earring, necklace, neck, cloth
+    background,
+    skin,
+    nose,
+    eye_glasses,
+    left_eye,
+    right_eye,
+    left_brow,
+    right_brow,
+    left_ear,
+    right_ear,
+    mouth,
+    upper_lip,
+    lower_lip,
+    hair,
+    hat,
+    earring,
+    necklace,
+    neck,
+    cloth
 };
 constexpr int head_part_count = 19;
 

@@ -21,9 +21,9 @@ struct Alignment {
     [[nodiscard]] double angle() const;
 };
 
-/// FFHQ's square (T. Karras et al., "A Style-Based Generator Architecture for Generative Adversarial Networks", 2019): x from the line
-/// of the eyes and the line from eyes to mouth, twice the distance of the eyes or 1.8 times that to the mouth, whichever is longer.
-/// Throws NumericError for landmarks without extent.
+/// FFHQ's square (T. Karras et al., "A Style-Based Generator Architecture for Generative Adversarial Networks", 2019): x from the
+/// line of the eyes and the line from eyes to mouth, twice the distance of the eyes or 1.8 times that to the mouth, whichever is
+/// longer. Throws NumericError for landmarks without extent.
 [[nodiscard]] Alignment ffhq_alignment(const Landmarks& landmarks);
 
 /// Whether a photo of this size is the square already, as the photos of FFHQ and CelebA-HQ are.

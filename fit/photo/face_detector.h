@@ -24,9 +24,9 @@ public:
     /// Whether the library was built with dlib.
     [[nodiscard]] static bool available();
 
-    /// `landmark_model`: a file of dlib's shape_predictor with 68 points; empty for the one of Debian's package libdlib-data, whose
-    /// training data exclude commercial use. Throws Error in a build without dlib, FileError for a file that is missing or no such
-    /// model.
+    /// `landmark_model`: a file of dlib's shape_predictor with 68 points; empty for the one of Debian's package libdlib-data,
+    /// whose training data exclude commercial use. Throws Error in a build without dlib, FileError for a file that is missing or
+    /// no such model.
     explicit FaceDetector(const std::filesystem::path& landmark_model = {});
     ~FaceDetector();
     FaceDetector(FaceDetector&&) noexcept;

@@ -17,8 +17,8 @@ enum class FaceParserKind {
 /// A network that tells the parts of a head, read from an ONNX file.
 class FaceParser {
 public:
-    /// Without a kind: face_parsing_pytorch for a network with several outputs or an input of 512 pixels, celebamask otherwise.
-    /// Throws FileError for a file that is missing, not an ONNX network, or does not give 19 classes for each pixel.
+    /// Without a kind: face_parsing_pytorch for a network that has several outputs or does not take 256 pixels, celebamask
+    /// otherwise. Throws FileError for a file that is missing, not an ONNX network, or does not give 19 classes for each pixel.
     explicit FaceParser(const std::filesystem::path& onnx, std::optional<FaceParserKind> kind = std::nullopt);
     ~FaceParser();
     FaceParser(FaceParser&&) noexcept;
@@ -26,9 +26,9 @@ public:
 
     [[nodiscard]] FaceParserKind kind() const;
 
-    /// The classes of an aligned crop (side, side, 3) in [0, 1]: indices 0..18 of CelebAMask-HQ (render/head_parts.h), (side, side,
-    /// 1). Means of the picture and its mirror image decide. Not to be called from several threads at once.
-    [[nodiscard]] Tensor parse(const Tensor& crop) const;
+    /// The classes of an aligned crop (side, side, 3) in [0, 1]: indices 0..18 of CelebAMask-HQ (render/head_parts.h), (side,
+    /// side, 1). Means of the picture and its mirror image decide. Not to be called from several threads at once.
+    [[nodiscard]] Tensor parse(const Tensor& crop);
 
 private:
     struct Implementation;

@@ -5,8 +5,8 @@
 
 namespace stymo {
 
-/// The head (face, hair, ears) of an aligned crop (side, side, 3), as 0 or 1 in (side, side, 1), found by GrabCut (C. Rother et al.,
-/// 2004) from where the landmarks say that face, hair, neck and background are. The fallback for want of a parsing network.
+/// The head (face, hair, ears) of an aligned crop (side, side, 3), as 0 or 1 in (side, side, 1), found by GrabCut (C. Rother et
+/// al., 2004) from where the landmarks say that face, hair, neck and background are. The fallback for want of a parsing network.
 [[nodiscard]] Tensor grab_cut_head_mask(const Tensor& crop, const Landmarks& landmarks);
 
 }  // namespace stymo
