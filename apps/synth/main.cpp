@@ -17,7 +17,8 @@ int main(int argc, char** argv) {
     line.option("--out", folder, "Folder to write: images, masks, faces.jsonl, camera.json").required();
     line.option("--count", settings.count, "Number of heads").range(1, 10000000);
     line.option("--size", settings.side, "Side of the images in pixels").range(8, 4096);
-    line.option("--morphable", morphable, "Head model: a .safetensors file or a folder of ICT-FaceKit (default: the built-in head)");
+    line.option("--morphable", morphable,
+                "Head model: a .safetensors file or a folder of ICT-FaceKit (default: the built-in head)");
     return line.run(argc, argv, [&](const stymo::CommonOptions& common) {
         const double start = stymo::seconds_now();
         const stymo::MorphableHead head = stymo::morphable_head_from(morphable);
