@@ -31,7 +31,7 @@ struct MorphableFitOptions {
     int pixel_steps = 8;
 };
 
-/// Most probable pose and codes under standard normal codes (architecture of the ancestor's fit: docs/morphable-models.md).
+/// The most probable pose and codes; what is minimised: docs/morphable-models.md.
 struct MorphableFit {
     Pose pose;
     std::vector<float> identity;    ///< 100
