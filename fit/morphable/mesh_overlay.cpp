@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "render/morphable/shading.h"
 #include "render/rasterizer.h"
-#include "render/spherical_harmonics.h"
 
 namespace stymo {
 
@@ -11,20 +11,8 @@ Tensor with_fitted_head(const Tensor& photo, const MorphableHead& head, const Mo
     constexpr float opacity = 0.6F;
     const Camera camera = camera_from_pose(fit.pose, intrinsics);
     const Tensor vertices = head_vertices(head, fit.identity, fit.expression);
-    const Tensor normals = vertex_normals(vertices, head.triangles);
-    Tensor colors = head_albedo(head, fit.texture);
-    const auto normal_values = normals.values<float>();
-    const auto color_values = colors.mutable_values<float>();
-    for (std::size_t vertex = 0; vertex < color_values.size(); vertex += 3) {
-        Vector3 normal{};
-        for (std::size_t axis = 0; axis < 3; ++axis) {
-            for (std::size_t k = 0; k < 3; ++k)
-                normal[axis] += camera.world_from_camera[k][axis] * static_cast<double>(normal_values[vertex + k]);
-        }
-        const Vector3 light = irradiance(fit.light, normal);
-        for (std::size_t channel = 0; channel < 3; ++channel)
-            color_values[vertex + channel] *= static_cast<float>(light[channel]);
-    }
+    const Tensor colors =
+        shaded_colors(head_albedo(head, fit.texture), vertex_normals(vertices, head.triangles), fit.light, camera);
     const RasterImage raster = rasterize(vertices, colors, head.triangles, camera, {photo.shape(1), photo.shape(0), 2});
     Tensor result = photo;
     const auto target = result.mutable_values<float>();

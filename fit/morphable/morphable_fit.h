@@ -22,7 +22,7 @@ struct MorphableFitOptions {
     bool pixels = true;
     /// What a detector's points differ from the head's by, in units of the image side: inner points and those of the jaw.
     double landmark_deviation = 0.006;
-    double jaw_deviation = 0.012;
+    double jaw_deviation = 0.02;
     /// What colours differ from the head's by.
     double color_deviation = 0.1;
     /// How many independent observations the pixels of a face are worth.

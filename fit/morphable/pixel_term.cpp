@@ -228,7 +228,7 @@ void PixelTerm::add_to(NormalEquations& equations, std::span<const double> state
             equations.matrix[i * state_size + k] += static_cast<double>(products[i * (state_size + 1) + k]);
         equations.gradient[i] += static_cast<double>(products[state_size * (state_size + 1) + i]);
     }
-    equations.cost += cost(state);
+    for (std::size_t i = 0; i < values.size(); ++i) equations.cost += 0.5 * weights_[i] * values[i] * values[i];
 }
 
 }  // namespace stymo::morphable

@@ -30,7 +30,10 @@ void gather(std::span<const float> basis, std::size_t basis_rows, std::size_t ba
     std::vector<double> result(mean.begin(), mean.end());
     for (std::size_t i = 0; i < result.size(); ++i) {
         const float* const row = &rows[i * code.size()];
-        for (std::size_t k = 0; k < code.size(); ++k) result[i] += static_cast<double>(row[k]) * code[k];
+        double sum = 0.0;
+#pragma omp simd reduction(+ : sum)
+        for (std::size_t k = 0; k < code.size(); ++k) sum += static_cast<double>(row[k]) * code[k];
+        result[i] += sum;
     }
     return result;
 }
