@@ -65,9 +65,9 @@ TEST_CASE("landmarks lie where hand-made parsings have eyes and nose") {
         const Landmarks& landmarks = faces.front().landmarks;
         const Tensor classes = read_class_map(*folder / "parsing" / (std::string(id) + ".png"));
         const double tolerance = 0.12 * inter_ocular_distance(landmarks);
-        // The parsing's left eye is the person's own as the picture shows it on its left.
-        CHECK(distance(mean_landmark(landmarks, 36, 41), middle_of(classes, HeadPart::left_eye)) < tolerance);
-        CHECK(distance(mean_landmark(landmarks, 42, 47), middle_of(classes, HeadPart::right_eye)) < tolerance);
+        // The parsing's left eye is the person's own, on the picture's right.
+        CHECK(distance(mean_landmark(landmarks, 36, 41), middle_of(classes, HeadPart::right_eye)) < tolerance);
+        CHECK(distance(mean_landmark(landmarks, 42, 47), middle_of(classes, HeadPart::left_eye)) < tolerance);
         CHECK(std::abs(mean_landmark(landmarks, 27, 35)[0] - middle_of(classes, HeadPart::nose)[0]) < 2 * tolerance);
     }
 }
