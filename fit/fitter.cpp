@@ -31,8 +31,16 @@ struct Offsets {
     }
 };
 
-/// 1 where a weight is at least the tolerance.
-Tensor significant(const Tensor& weights, double tolerance) {
+/// Share of the samples up to which keeping the field's arguments takes little memory.
+constexpr double few_samples = 0.25;
+
+double mean_of(const Tensor& values) {
+    return mean(Variable(values)).value().item();
+}
+
+}  // namespace
+
+Tensor significant_samples(const Tensor& weights, double tolerance) {
     Tensor result(weights.shape(), weights.dtype());
     dispatch(weights.dtype(), [&]<class T>(T) {
         std::ranges::transform(weights.values<T>(), result.mutable_values<T>().begin(),
@@ -41,8 +49,6 @@ Tensor significant(const Tensor& weights, double tolerance) {
     return result;
 }
 
-}  // namespace
-
 FitResult fit_codes(const Model& model, const ReconstructionLoss& reconstruction_loss, const FitTarget& target,
                     const FitOptions& options) {
     if (target.targets.empty()) fail<ShapeError>("fitting: no targets");
@@ -50,10 +56,10 @@ FitResult fit_codes(const Model& model, const ReconstructionLoss& reconstruction
     const double regularizer = options.regularizer < 0.0 ? reconstruction.fit_regularizer : options.regularizer;
     if (options.examination_interval < 1)
         fail<ValueError>("fitting: samples are examined every ", options.examination_interval, " steps; give at least 1");
-    DecodeOptions decode{.samples_per_ray =
-                             options.samples_per_ray > 0 ? options.samples_per_ray : reconstruction.fit_samples_per_ray,
-                         .resolution = target.targets.back().shape(1),
-                         .keep_field = options.keep_field};
+    DecodeOptions decode{
+        .samples_per_ray = options.samples_per_ray > 0 ? options.samples_per_ray : reconstruction.fit_samples_per_ray,
+        .resolution = target.targets.back().shape(1),
+        .keep_field = options.keep_field};
     FitResult result;
     result.initial = detached(model.encoder()(Variable(target.input)));
     const auto batch = static_cast<double>(result.initial.batch());
@@ -63,10 +69,13 @@ FitResult fit_codes(const Model& model, const ReconstructionLoss& reconstruction
     Adam adam;
     double learning_rate = options.learning_rate;
     for (std::int64_t step = 0; step < options.steps && !interrupted(); ++step) {
-        const bool examined = options.tolerance > 0.0 && step % options.examination_interval == 0;
-        if (examined) decode.kept_samples = {};
-        const Decoded decoded = model.decoder()(add(result.initial, offsets.codes()), target.cameras, decode);
-        if (examined) decode.kept_samples = significant(decoded.weights.weights.value(), options.tolerance);
+        const Codes codes = add(result.initial, offsets.codes());
+        if (options.tolerance > 0.0 && step % options.examination_interval == 0) {
+            decode.kept_samples = significant_samples(
+                model.decoder().compositing_weights(codes, target.cameras, decode.samples_per_ray), options.tolerance);
+            decode.keep_field = options.keep_field || mean_of(decode.kept_samples) <= few_samples;
+        }
+        const Decoded decoded = model.decoder()(codes, target.cameras, decode);
         // A mean over the batch times its size: the faces' gradients do not depend on how many are fitted together.
         const Variable loss =
             reconstruction_loss(decoded.images, photos).total * batch + squared_length(offsets.codes()) * regularizer;

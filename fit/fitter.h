@@ -23,16 +23,19 @@ struct FitOptions {
     /// Weight of the sum of squared offsets; the model's own (ReconstructionConfig::fit_regularizer) if negative.
     double regularizer = -1.0;
     std::int64_t samples_per_ray = 0;  ///< 0: the model's own
-    /// Samples whose compositing weight was below it when all were last computed (every `examination_interval` steps) are left
-    /// out of image and gradient; 0: none. Biases the gradient (docs/results.md).
-    double tolerance = 0.0;
+    /// Samples whose compositing weight was below it when all were last examined (every `examination_interval` steps, from the
+    /// first on) are left out of image and gradient; 0: none. Biases the gradient: docs/results.md has by how much.
+    double tolerance = 0.001;
     std::int64_t examination_interval = 8;
     /// Keeps what the gradient needs of the field instead of computing it once more: faster by a fifth, for 4 bytes times the
-    /// field's channels for each sample and sine layer.
+    /// field's channels for each sample and sine layer. Done anyway where few samples count.
     bool keep_field = false;
     /// Called after each step with the number of steps done and the loss.
     std::function<void(std::int64_t, double)> on_step = {};
 };
+
+/// 1 for every sample whose compositing weight is at least the tolerance, 0 for the others: DecodeOptions::kept_samples.
+[[nodiscard]] Tensor significant_samples(const Tensor& weights, double tolerance);
 
 struct FitResult {
     Codes initial;               ///< the encoder's, in Z

@@ -41,6 +41,7 @@ void write_checkpoint_folder(const fs::path& folder, const std::function<void(co
     remove_or_fail(source);
     require_writable_folder(source);
     write(source);
+    flush_to_disk(source);
     const fs::path older = with_suffix(folder, replaced);
     if (fs::exists(folder)) rename_or_fail(folder, older, folder);
     try {
@@ -49,6 +50,7 @@ void write_checkpoint_folder(const fs::path& folder, const std::function<void(co
         repair_checkpoint_folder(folder);
         throw;
     }
+    flush_to_disk(fs::absolute(folder).parent_path());
     remove_or_fail(older);
 }
 

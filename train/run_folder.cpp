@@ -137,7 +137,10 @@ void RunFolder::sample(std::int64_t step, const Tensor& image) const {
 }
 
 void RunFolder::finish_checkpoint(std::int64_t step, std::int64_t keep) const {
-    write_text_file(path_ / "latest", numbered(step) + "\n");
+    write_whole(path_ / "latest", [&](const std::filesystem::path& temporary) {
+        write_text_file(temporary, numbered(step) + "\n");
+        flush_to_disk(temporary);
+    });
     repair_checkpoint_folders(path_ / "checkpoints");
     std::vector<std::pair<std::int64_t, std::filesystem::path>> older;
     for (const auto& entry : std::filesystem::directory_iterator(path_ / "checkpoints")) {

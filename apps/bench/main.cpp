@@ -36,13 +36,15 @@ int main(int argc, char** argv) {
         {"kernels", "A layer of the field by itself."},
         {"curve", "Error against frame time over samples, tolerance, precision, baked resolution."},
         {"growth", "How the time of a frame grows with samples, size, width and threads."},
-        {"all", "All of these."}};
+        {"all", "All of these."},
+        {"bias", "What leaving out samples does to a fit's gradient and outcome; takes its time."}};
     for (const auto& [name, description] : sessions) {
         const auto body = [&options, name = name](const stymo::CommonOptions& common) {
             return stymo::bench_session(name, options, common);
         };
         stymo::Command command = line.command(name, description, body);
         declare(command, options.bench);
+        if (name == "bias") command.option("--steps", options.bench.steps, "of each fit").range(1, 10000);
         command.option("--peer", options.peer, "scripts/torch_peer.py: the same in PyTorch, run beside each row");
         command.option("--out", options.out, "folder for the tables as JSON, CSV and Markdown, and for the curve as SVG");
     }

@@ -5,6 +5,7 @@
 
 #include "apps/bench/case.h"
 #include "apps/bench/curve.h"
+#include "apps/bench/fit_bias.h"
 #include "apps/bench/growth.h"
 #include "apps/bench/peer.h"
 #include "apps/bench/report.h"
@@ -139,6 +140,10 @@ AppResult bench_session(const std::string& command, const SessionOptions& option
     if (growth) {
         const std::vector<GrowthPoint> points = measure_growth(subject, options.bench, common.seed);
         report.add("growth", growth_cells(points), growth_cells(points), to_json(points));
+    }
+    if (command == "bias") {
+        const std::vector<FitBias> rows = measure_fit_bias(subject, options.bench);
+        report.add("bias", fit_bias_cells(rows), fit_bias_cells(rows), to_json(rows));
     }
     report.add_note("threads: " + std::to_string(thread_count()) + "; " + text(peak));
     return report.finish();

@@ -35,19 +35,21 @@ BenchOptions with_one_face(BenchOptions options) {
     return options;
 }
 
-/// A step goes forwards and backwards to the codes, which costs as much as forwards again; so does the trunk for the picture,
-/// while the photo's features are kept.
-Measurement fit_step(const BenchRun& run, bool perceptual) {
+/// Steps are timed in groups that hold one examination of all samples each. A step goes forwards and backwards to the codes,
+/// which costs as much as forwards again; so does the trunk for the picture, while the photo's features are kept.
+Measurement fit_step(const BenchRun& run, bool perceptual, double tolerance = FitOptions{}.tolerance) {
     const BenchSubject subject = make_subject(with_one_face(run.options), run.seed);
     const ReconstructionLoss loss(loss_config(subject.model.config(), perceptual));
     const TrainingBatch batch = make_batch(subject.photos);
     Measurement result;
     double last = 0.0;
-    FitOptions fit{.steps = run.options.repeats + 1, .samples_per_ray = run.options.samples};
+    FitOptions fit{.samples_per_ray = run.options.samples, .tolerance = tolerance};
+    const std::int64_t group = tolerance > 0.0 ? fit.examination_interval : 1;
+    fit.steps = run.options.repeats * group + 1;
     fit.on_step = [&](std::int64_t step, double) {
-        const double now = seconds_now();
-        if (step > 1) result.timing.seconds.push_back(now - last);
-        last = now;
+        if ((step - 1) % group != 0) return;
+        if (step > 1) result.timing.add((seconds_now() - last) / static_cast<double>(group));
+        last = seconds_now();
     };
     static_cast<void>(fit_codes(subject.model, loss, {batch.input, batch.targets, batch.cameras}, fit));
     result.peak_memory = peak_memory_mebibytes();
@@ -62,6 +64,9 @@ Measurement fit_step_photometric(const BenchRun& run) {
 }
 Measurement fit_step_perceptual(const BenchRun& run) {
     return fit_step(run, true);
+}
+Measurement fit_step_exact(const BenchRun& run) {
+    return fit_step(run, true, 0.0);
 }
 
 /// One step of the first stage on one image, with encoder and optimiser. Of the work only decoder and trunk are counted: forwards
@@ -153,6 +158,11 @@ std::vector<BenchCase> step_cases() {
          .what = "fitting step with LPIPS (VGG-16)",
          .peer = "fit-lpips",
          .measure = fit_step_perceptual},
+        {.name = "fit-step-exact",
+         .command = "fit",
+         .what = "the same with every sample",
+         .peer = "fit-lpips",
+         .measure = fit_step_exact},
         {.name = "train-step-photometric",
          .command = "train",
          .what = "stage 1, one image, 32 samples, without LPIPS",

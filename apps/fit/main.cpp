@@ -100,7 +100,7 @@ int main(int argc, char** argv) {
         .range(-1, 1e6);
     line.option("--samples", options.samples, "samples per ray; the model's own unless given").range(2, 4096);
     line.option("--tolerance", options.fit.tolerance,
-                "leaves out samples with less compositing weight, examined every 8 steps; biases the gradient")
+                "leaves out samples with less compositing weight, examined every 8 steps; 0: none")
         .range(0, 1);
     stymo::declare_perceptual_weight(line, options.lpips);
     stymo::declare_lpips_files(line, options.lpips);

@@ -1,5 +1,6 @@
 #include "core/io/file.h"
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -103,6 +104,18 @@ void write_text_file(const fs::path& path, std::string_view text) {
             fail<FileError>(path.string(), ": cannot be written (", reason_of(errno), ")");
         }
     });
+}
+
+void flush_to_disk(const fs::path& path) {
+    if (fs::is_directory(path)) {
+        for (const fs::directory_entry& entry : fs::directory_iterator(path))
+            if (entry.is_regular_file()) flush_to_disk(entry.path());
+    }
+    const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    const bool flushed = descriptor >= 0 && ::fsync(descriptor) == 0;
+    const int error = errno;
+    if (descriptor >= 0) ::close(descriptor);
+    if (!flushed) fail<FileError>(path.string(), ": cannot be written to the disk (", reason_of(error), ")");
 }
 
 void require_writable_folder(const fs::path& path) {

@@ -17,6 +17,8 @@ namespace stymo {
 void write_whole(const std::filesystem::path& path, const std::function<void(const std::filesystem::path&)>& write);
 /// write_whole of a text.
 void write_text_file(const std::filesystem::path& path, std::string_view text);
+/// Returns when a file, or a folder with the files directly in it, would outlast a power cut; throws FileError if the disk fails.
+void flush_to_disk(const std::filesystem::path& path);
 /// Creates a folder and its parents; throws FileError if that fails or the folder cannot be written to.
 void require_writable_folder(const std::filesystem::path& path);
 

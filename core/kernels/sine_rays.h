@@ -12,8 +12,8 @@ struct SineRaysResult {
 /// The forward pass of core/ops/sine_rays.h. Shapes are checked by the op.
 [[nodiscard]] SineRaysResult sine_rays(const RayPoints& rays, const SineNetworkOf<Tensor>& network, bool keep_arguments);
 
-/// Gradients of all parts of the network, in their shapes; those of the weights stay undefined unless wanted. Undefined `arguments`
-/// are computed once more. Sums are grouped by runs of rays, whatever the number of threads.
+/// Gradients of all parts of the network, in their shapes; those of the weights stay undefined unless wanted. Undefined
+/// `arguments` are computed once more. Sums are grouped by runs of rays, whatever the number of threads.
 [[nodiscard]] SineNetworkOf<Tensor> sine_rays_gradient(const RayPoints& rays, const SineNetworkOf<Tensor>& network,
                                                        const Tensor& arguments, const Tensor& dL_dy, bool with_weights);
 

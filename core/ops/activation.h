@@ -13,7 +13,8 @@ namespace stymo {
 [[nodiscard]] Variable log_sigmoid(const Variable& x);
 /// Subgradient `slope` at 0. Throws ValueError for a negative slope.
 [[nodiscard]] Variable leaky_relu(const Variable& x, double slope);
-/// gain * x where sign > 0, else gain * slope * x: what the gradient of leaky ReLU does to what comes back. Both have the same shape.
+/// gain * x where sign > 0, else gain * slope * x: what the gradient of leaky ReLU does to what comes back. Both have the same
+/// shape.
 [[nodiscard]] Variable leaky_gate(const Variable& x, const Tensor& sign, double slope, double gain = 1.0);
 [[nodiscard]] inline Variable relu(const Variable& x) {
     return leaky_relu(x, 0.0);

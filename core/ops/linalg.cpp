@@ -119,9 +119,8 @@ Variable linear(const Variable& x, const Variable& weight, const Variable& bias,
     if (activation == Activation::none) return map;
     if (activation == Activation::leaky_relu) {
         // The slope follows from the sign of the output, which the next layer keeps anyway.
-        return record("linear_activation", result.value, {map}, Save::the_output(), {[](const Vjp& v) {
-                          return leaky_gate(v.grad(), v.output().value(), 0.2, std::numbers::sqrt2);
-                      }});
+        return record("linear_activation", result.value, {map}, Save::the_output(),
+                      {[](const Vjp& v) { return leaky_gate(v.grad(), v.output().value(), 0.2, std::numbers::sqrt2); }});
     }
     return record("linear_activation", result.value, {map}, Save::none(), {[=, slope = result.slope](const Vjp& v) {
                       if (!v.create_graph()) return v.grad() * Variable(slope);

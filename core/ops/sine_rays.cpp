@@ -81,7 +81,8 @@ Variable sine_rays(const RayPoints& rays, const SineNetwork& network, const Sine
     std::vector<Node::Input> inputs;
     for (const Variable& part : parts) inputs.push_back({part.node(), part.value(), part.shape()});
     return record("sine_rays", std::move(result.value), std::move(inputs),
-                  [rays, composition, with, kept = std::move(result.arguments), count = parts.size()](const Vjp& v, const std::vector<bool>& needed) {
+                  [rays, composition, with, kept = std::move(result.arguments), count = parts.size()](
+                      const Vjp& v, const std::vector<bool>& needed) {
                       std::vector<Variable> given;
                       // A node of its own for each part: one variable may be several of them.
                       for (std::size_t i = 0; i < count; ++i) given.push_back(v.create_graph() ? v.input(i) * 1.0 : v.input(i));
@@ -90,9 +91,8 @@ Variable sine_rays(const RayPoints& rays, const SineNetwork& network, const Sine
                           std::vector<Variable> xs;
                           for (std::size_t i = 0; i < count; ++i)
                               if (needed[i]) xs.push_back(given[i]);
-                          const std::vector<Variable> found =
-                              grad(composition(rays, with(given)), xs,
-                                   {.create_graph = true, .partial = true, .dL_dy = v.grad()});
+                          const std::vector<Variable> found = grad(composition(rays, with(given)), xs,
+                                                                   {.create_graph = true, .partial = true, .dL_dy = v.grad()});
                           for (std::size_t i = 0, next = 0; i < count; ++i)
                               if (needed[i]) gradients[i] = found[next++];
                           return gradients;

@@ -93,6 +93,8 @@ struct Decoder::Layers {
     std::optional<MaskBranch> mask;
 
     Layers(const DecoderConfig& decoder_config, ParameterStore& store, const std::string& prefix, Rng& rng);
+    [[nodiscard]] RaySamples samples_of(const Codes& w, const std::vector<Camera>& cameras, std::int64_t samples_per_ray,
+                                        Rng* jitter) const;
     /// Number of blocks for these options.
     [[nodiscard]] std::size_t blocks_for(const DecodeOptions& options) const;
 };
@@ -120,6 +122,15 @@ Decoder::Layers::Layers(const DecoderConfig& decoder_config, ParameterStore& sto
         in = config.block_channels[i];
     }
     mask.emplace(store, prefix + ".mask", std::span(config.block_channels).first(count), names, config.mask_channels, rng);
+}
+
+RaySamples Decoder::Layers::samples_of(const Codes& w, const std::vector<Camera>& cameras, std::int64_t samples_per_ray,
+                                       Rng* jitter) const {
+    if (static_cast<std::int64_t>(cameras.size()) != w.batch())
+        fail<ShapeError>(cameras.size(), " cameras for codes of ", w.batch(), " faces");
+    RaySampling sampling = config.rays;
+    sampling.samples_per_ray = samples_per_ray;
+    return sample_rays(cameras, sampling, jitter, w.identity().dtype());
 }
 
 std::size_t Decoder::Layers::blocks_for(const DecodeOptions& options) const {
@@ -154,19 +165,13 @@ Codes Decoder::map(const Codes& z) const {
 
 Decoded Decoder::operator()(const Codes& z, const std::vector<Camera>& cameras, const DecodeOptions& options) const {
     const Codes w = map(z);
-    const std::int64_t batch = w.batch();
-    if (static_cast<std::int64_t>(cameras.size()) != batch)
-        fail<ShapeError>(cameras.size(), " cameras for codes of ", batch, " faces");
-    RaySampling sampling = config().rays;
-    sampling.samples_per_ray = options.samples_per_ray;
-    RaySamples samples = sample_rays(cameras, sampling, options.jitter, w.identity().dtype());
-
+    RaySamples samples = layers_->samples_of(w, cameras, options.samples_per_ray, options.jitter);
     RenderedRays rays = layers_->field.render({samples.points, samples.deltas, options.kept_samples}, geometry_style(w),
                                               options.keep_field ? SineArguments::kept : SineArguments::recomputed);
-    const std::int64_t side = sampling.rays_per_side;
+    const std::int64_t side = config().rays.rays_per_side;
     const Variable features = layers_->field.finish(rays.composited, sum(rays.weights.weights, {2}));
 
-    Decoded decoded = decode_feature_map(reshape(features, {batch, side, side, config().feature_channels}), w, options);
+    Decoded decoded = decode_feature_map(reshape(features, {w.batch(), side, side, config().feature_channels}), w, options);
     decoded.weights = std::move(rays.weights);
     decoded.samples = std::move(samples);
     return decoded;
@@ -195,6 +200,12 @@ Decoded Decoder::decode_feature_map(const Variable& feature_map, const Codes& w,
         decoded.mask_logit = (*layers_->mask)(features);
     }
     return decoded;
+}
+
+Tensor Decoder::compositing_weights(const Codes& z, const std::vector<Camera>& cameras, std::int64_t samples_per_ray) const {
+    const Codes w = detached(map(z));
+    const RaySamples samples = layers_->samples_of(w, cameras, samples_per_ray, nullptr);
+    return layers_->field.render({samples.points, samples.deltas, {}}, geometry_style(w)).weights.weights.value();
 }
 
 Variable Decoder::density(const Variable& points, const Codes& w) const {

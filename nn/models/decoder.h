@@ -42,7 +42,8 @@ struct DecodeOptions {
     bool mask = false;            ///< also the head mask, at the side of the largest image
     /// (B, rays, samples_per_ray), 0 where a sample is left out as if it were empty; undefined: none is.
     Tensor kept_samples{};
-    /// Keeps what the backward pass needs of the field, layers * width numbers for each sample, instead of computing it once more.
+    /// Keeps what the backward pass needs of the field, layers * width numbers for each sample, instead of computing it once
+    /// more.
     bool keep_field = false;
     /// The backward pass computes the render blocks with the mask branch once more, image by image, instead of keeping what it
     /// needs of them. Changes results by rounding.
@@ -80,6 +81,10 @@ public:
     [[nodiscard]] FoldedField folded_field(const Codes& w) const;
     [[nodiscard]] std::vector<FoldedRenderBlock> folded_blocks(const Codes& w) const;
     [[nodiscard]] FoldedMaskBranch folded_mask() const;
+    /// Decoded::weights.weights of an image with samples at fixed places, (B, rays, samples_per_ray), and no more than they take.
+    /// Throws what decoding throws.
+    [[nodiscard]] Tensor compositing_weights(const Codes& z, const std::vector<Camera>& cameras,
+                                             std::int64_t samples_per_ray) const;
     /// Density at points (B, P, 3) for codes in W: (B, P, 1).
     [[nodiscard]] Variable density(const Variable& points, const Codes& w) const;
 

@@ -30,7 +30,7 @@ Variable perceptual_loss(const Lpips& lpips, const Variable& images, const Recon
     for (std::int64_t i = 0; i < images.shape(0); ++i) {
         const Lpips::Features features = target.features.empty() ? features_of(lpips, target.pictures.back(), i)
                                                                  : target.features.at(static_cast<std::size_t>(i));
-        const auto distance = [&](const Variable& image) { return sum(lpips.distance(lpips.features(image), features)); };
+        const auto distance = [&](const Variable& image) { return sum(lpips.distance_to(image, features)); };
         const Variable one = differentiate_at_once(distance, slice(images, 0, i, i + 1));
         total = total.defined() ? total + one : one;
     }

@@ -21,8 +21,9 @@ Tensor draw(const CaseInput& input, const Shape& shape, DType dtype, Rng& rng) {
 const std::vector<OpCase>& op_cases() {
     static const std::vector<OpCase> table = [] {
         std::vector<OpCase> all;
-        for (const auto& family : {elementwise_cases(), activation_cases(), shape_cases(), reduce_cases(), linalg_cases(),
-                                   conv_cases(), channel_cases(), pool_cases(), resample_cases(), index_cases(), rays_cases()}) {
+        for (const auto& family :
+             {elementwise_cases(), activation_cases(), shape_cases(), reduce_cases(), linalg_cases(), conv_cases(),
+              channel_cases(), pool_cases(), resample_cases(), index_cases(), rays_cases(), feature_cases()}) {
             all.insert(all.end(), family.begin(), family.end());
         }
         return all;

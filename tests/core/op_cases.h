@@ -56,5 +56,6 @@ struct OpCase {
 [[nodiscard]] std::vector<OpCase> resample_cases();
 [[nodiscard]] std::vector<OpCase> index_cases();
 [[nodiscard]] std::vector<OpCase> rays_cases();
+[[nodiscard]] std::vector<OpCase> feature_cases();
 
 }  // namespace stymo::test

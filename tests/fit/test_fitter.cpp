@@ -148,10 +148,7 @@ TEST_CASE("samples without weight are left out of a fit, and a tolerance above a
     const std::vector<double> exact = fitted(0.0);
     const std::vector<double> close = fitted(1e-6);
     for (std::size_t i = 0; i < exact.size(); ++i) CHECK(close[i] == Approx(exact[i]).epsilon(1e-3));
-    const std::vector<double> without = fitted(0.999);
-    // Every fourth step sees all samples, the others none.
-    CHECK(without[0] == Approx(exact[0]));
-    CHECK(without[1] != Approx(exact[1]));
+    CHECK(fitted(0.999)[0] != Approx(exact[0]));
     CHECK_THROWS_AS(fit_codes(model, loss_of(model), target, {.steps = 1, .examination_interval = 0}), ValueError);
 }
 
@@ -159,7 +156,9 @@ TEST_CASE("a fit that keeps the field's arguments takes the same steps", "[fitte
     const Model model = frozen_model();
     const FitTarget target = target_of(model, random_codes(1, 9, 1.0, DType::float64));
     const auto fitted = [&](bool keep_field) {
-        return fit_codes(model, loss_of(model), target, {.steps = 5, .learning_rate = 0.03, .keep_field = keep_field}).losses;
+        return fit_codes(model, loss_of(model), target,
+                         {.steps = 5, .learning_rate = 0.03, .tolerance = 0.0, .keep_field = keep_field})
+            .losses;
     };
     const std::vector<double> recomputed = fitted(false), kept = fitted(true);
     for (std::size_t i = 0; i < kept.size(); ++i) CHECK(kept[i] == Approx(recomputed[i]).epsilon(1e-9));

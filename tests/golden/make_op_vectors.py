@@ -190,6 +190,21 @@ def rays():
         case(f"sine_rays/{form}", lambda *x, kept=kept: field(kept, *x), *inputs)
 
 
+def features():
+    def wave_in(low, high, *shape):
+        i = torch.arange(math.prod(shape), dtype=torch.float64).reshape(shape)
+        return low + (high - low) * (0.5 + 0.5 * torch.sin(1.7 * i + 0.3))
+
+    def normalised(x):
+        return x / (x.square().sum(-1, keepdim=True).sqrt() + 1e-10)
+
+    def distance(x):
+        return ((normalised(x) - wave_in(-0.5, 0.5, *x.shape)).square() * wave_in(0.1, 1.0, x.shape[3])).mean((1, 2)).sum(1)
+
+    for op in ("feature_distance", "feature_distance_reference"):
+        case(f"{op}/images", distance, uniform(2, 2, 3, 4))
+
+
 def nchw(x):
     return x.permute(0, 3, 1, 2)
 
@@ -318,7 +333,8 @@ def gradients(y, xs, dL_dy):
 
 
 def main():
-    for family in (elementwise, activations, shapes, reductions, indexing, products, convolutions, channels, pooling, resampling, rays):
+    for family in (elementwise, activations, shapes, reductions, indexing, products, convolutions, channels, pooling, resampling, rays,
+                   features):
         family()
     tensors = {}
     for name, (function, specs) in CASES.items():

@@ -184,6 +184,24 @@ TEST_CASE("A target's features that were kept give the same bits as those comput
     }
 }
 
+TEST_CASE("The distance to a constant target is that between features, with its gradient, also where no channel answers",
+          "[lpips]") {
+    for (const bool silent : {false, true}) {
+        Lpips lpips = random_lpips("alexnet");
+        lpips.parameters().convert(DType::float64);
+        const Shape shape{2, 31, 31, 3};
+        const Lpips::Features target = lpips.features(Rng(4).uniform(shape, -1.0, 1.0, DType::float64));
+        for (const Parameter& parameter : lpips.parameters().all()) {
+            if (silent && parameter.name() == "trunk.features.0.bias")
+                parameter.set_value(Tensor::full({64}, -1e3, DType::float64));
+        }
+        const Variable x = Variable::leaf(Rng(5).uniform(shape, -1.0, 1.0, DType::float64));
+        const Variable fused = lpips.distance_to(x, target), composed = lpips.distance(lpips.features(x), target);
+        CHECK(check_close(fused.value(), composed.value(), 1e-12).passed);
+        CHECK(check_close(grad(sum(fused), x).value(), grad(sum(composed), x).value(), 1e-10).passed);
+    }
+}
+
 TEST_CASE("Images of a batch do not see each other", "[lpips]") {
     const Lpips& lpips = shared_lpips("squeezenet1_1");
     const Variable a(Rng(1).uniform({3, 32, 32, 3}, -1.0, 1.0)), b(Rng(2).uniform({3, 32, 32, 3}, -1.0, 1.0));

@@ -45,7 +45,8 @@ struct Case {
     }
 
     /// Values, then gradients of a loss that takes in all of the result with different factors.
-    [[nodiscard]] std::vector<Tensor> values_and_gradients(bool fused, SineArguments arguments = SineArguments::recomputed) const {
+    [[nodiscard]] std::vector<Tensor> values_and_gradients(bool fused,
+                                                           SineArguments arguments = SineArguments::recomputed) const {
         std::vector<Variable> xs{Variable::leaf(style)};
         for (const Parameter& parameter : store.trainable())
             if (parameter.name().find("feature1") == std::string::npos) xs.push_back(parameter.variable());
@@ -106,8 +107,9 @@ TEST_CASE("a style that switches a channel off still has a gradient there", "[fi
         if (parameter.name() != "field.layer2.style.weight" && parameter.name() != "field.layer2.style.bias") continue;
         Tensor value = parameter.variable().value();
         const std::int64_t columns = value.rank() == 2 ? value.shape(1) : 1;
-        std::ranges::fill(value.mutable_values<double>().subspan(static_cast<std::size_t>(3 * columns),
-                                                                 static_cast<std::size_t>(columns)), 0.0);
+        std::ranges::fill(
+            value.mutable_values<double>().subspan(static_cast<std::size_t>(3 * columns), static_cast<std::size_t>(columns)),
+            0.0);
         parameter.set_value(value);
     }
     check_equal(given.values_and_gradients(true), given.values_and_gradients(false), 1e-10);

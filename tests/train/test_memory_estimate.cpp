@@ -133,7 +133,8 @@ TEST_CASE("the estimate is within a quarter of what a step takes", "[memory]") {
     }
 }
 
-TEST_CASE("a smaller budget recomputes first the render blocks, then the field too, and one that is too small is refused", "[memory]") {
+TEST_CASE("a smaller budget recomputes first the render blocks, then the field too, and one that is too small is refused",
+          "[memory]") {
     TrainConfig config = paper();
     const TrainingPhase phase = phase_of(config, 1, 8);
     CHECK_FALSE(choose_recomputation(config, phase).blocks);

@@ -135,16 +135,32 @@ Lpips::~Lpips() = default;
 Lpips::Lpips(Lpips&&) noexcept = default;
 Lpips& Lpips::operator=(Lpips&&) noexcept = default;
 
-Lpips::Features Lpips::features(const Variable& images) const {
+std::vector<Variable> Lpips::taps(const Variable& images) const {
     if (images.rank() != 4 || images.shape(3) != 3)
         fail<ShapeError>("LPIPS needs images (batch, height, width, 3), got ", images.shape());
     if (std::min(images.shape(1), images.shape(2)) < smallest_side())
         fail<ShapeError>("LPIPS with ", config().network, " needs images of at least ", smallest_side(), " x ", smallest_side(),
                          " pixels, got ", images.shape());
+    return implementation_->trunk(as_the_network_expects(images));
+}
+
+Lpips::Features Lpips::features(const Variable& images) const {
     Features features;
-    for (const Variable& tap : implementation_->trunk(as_the_network_expects(images)))
-        features.push_back(unit_channels(tap, 1e-10));
+    for (const Variable& tap : taps(images)) features.push_back(unit_channels(tap, feature_epsilon));
     return features;
+}
+
+Variable Lpips::distance_to(const Variable& images, const Features& target) const {
+    const std::vector<Variable> all = taps(images);
+    if (target.size() != all.size())
+        fail<ShapeError>("LPIPS with ", config().network, " compares ", all.size(), " features, got ", target.size());
+    Variable total;
+    for (std::size_t k = 0; k < all.size(); ++k) {
+        const Tensor head = implementation_->heads[k].variable().value();
+        const Variable term = feature_distance(all[k], target[k].value(), head.reshaped({head.size()}));
+        total = total.defined() ? total + term : term;
+    }
+    return total;
 }
 
 std::vector<Variable> Lpips::terms(const Features& a, const Features& b) const {

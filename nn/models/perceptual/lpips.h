@@ -51,6 +51,9 @@ public:
     /// Sum of the terms, (B).
     [[nodiscard]] Variable distance(const Features& a, const Features& b) const;
 
+    /// distance(features(images), target) for a target that is a constant, without a normalised copy of the images' activations.
+    [[nodiscard]] Variable distance_to(const Variable& images, const Features& target) const;
+
     [[nodiscard]] const LpipsConfig& config() const;
     /// True if any of the weights are random ones.
     [[nodiscard]] bool random() const;
@@ -60,6 +63,8 @@ public:
     [[nodiscard]] ParameterStore& parameters();
 
 private:
+    [[nodiscard]] std::vector<Variable> taps(const Variable& images) const;
+
     struct Implementation;
     std::unique_ptr<Implementation> implementation_;
 };

@@ -44,6 +44,14 @@ TEST_CASE("writing into a missing folder is refused") {
     CHECK_THROWS_AS(write_text_file(folder.path(), "x"), FileError);
 }
 
+TEST_CASE("files and folders are flushed to the disk; what is not there is named") {
+    const ScratchFolder folder;
+    write_text_file(folder / "text.txt", "text");
+    CHECK_NOTHROW(flush_to_disk(folder / "text.txt"));
+    CHECK_NOTHROW(flush_to_disk(folder / "."));
+    CHECK_THROWS_WITH(flush_to_disk(folder / "none"), Contains("none: cannot be written to the disk"));
+}
+
 TEST_CASE("a folder is made with its parents unless a file is in the way") {
     const ScratchFolder folder;
     require_writable_folder(folder / "a/b/c");
