@@ -1,4 +1,4 @@
-#include "train/pose_network.h"
+#include "fit/photo/pose_network.h"
 
 #include <algorithm>
 #include <array>

@@ -1,0 +1,13 @@
+#include "render/morphable/head_source.h"
+
+#include "render/morphable/builtin_head.h"
+#include "render/morphable/head_file.h"
+
+namespace stymo {
+
+MorphableHead morphable_head_from(const std::optional<std::filesystem::path>& path) {
+    if (!path) return builtin_head();
+    return read_morphable_head(*path);
+}
+
+}  // namespace stymo
