@@ -102,7 +102,7 @@ struct PhotoPreparation::Implementation {
     [[nodiscard]] Tensor made_mask(const Tensor& picture, const Landmarks& landmarks) {
         if (!parser) return grab_cut_head_mask(picture, landmarks);
         const std::lock_guard one_at_a_time(parsing);
-        return head_mask_from_parsing(parser->parse(picture));
+        return parser->head_mask(picture, landmarks);
     }
 
     [[nodiscard]] FaceCrop crop(const Tensor& photo, const Tensor& known_mask, const Face& face);

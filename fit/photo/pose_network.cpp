@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <opencv2/core.hpp>
+#include <string>
 
 #include "core/error.h"
 #include "core/io/image.h"
@@ -98,7 +99,7 @@ Matrix3 rotation_from_6drepnet(std::span<const float> outputs) {
 
 struct PoseNetwork::Implementation {
     OnnxNetwork network;
-    const NetworkKind* kind = nullptr;
+    const NetworkKind* kind;
 };
 
 PoseNetwork::PoseNetwork(const std::filesystem::path& onnx)
@@ -124,11 +125,7 @@ Tensor PoseNetwork::face_box(const Tensor& photo) const {
     const std::int64_t side = rounded + (photo_side - rounded) % 2;
     const std::int64_t left = (photo_side - side) / 2;
     const std::int64_t top = std::min(pixels(kind.box_center_y - kind.box_side / 2), photo_side - side);
-    Tensor box({side, side, 3});
-    const std::span<const float> from = photo.values<float>();
-    const std::span<float> to = box.mutable_values<float>();
-    for (std::int64_t row = 0; row < side; ++row)
-        std::copy_n(from.begin() + ((top + row) * photo_side + left) * 3, side * 3, to.begin() + row * side * 3);
+    const Tensor box = image_part(photo, top, left, side, side);
     return resize_image(box, kind.input_side, kind.input_side);
 }
 
@@ -136,11 +133,9 @@ Matrix3 PoseNetwork::rotation(const Tensor& face_box) {
     const NetworkKind& kind = *implementation_->kind;
     if (!(face_box.shape() == Shape{kind.input_side, kind.input_side, 3}))
         fail<ShapeError>("[pose network] the face box is ", kind.input_side, " pixels wide and high; got ", face_box.shape());
-    const auto rotation_in = [&](const Tensor& box) {
-        return kind.rotation(implementation_->network.run(box, kind.scale).values);
-    };
-    const Matrix3 direct = rotation_in(face_box);
-    const Matrix3 through_mirror = mirrored(rotation_in(mirror_image(face_box)));
+    const Matrix3 direct = kind.rotation(implementation_->network.run(face_box, kind.scale).values);
+    const Matrix3 through_mirror =
+        mirrored(kind.rotation(implementation_->network.run(mirror_image(face_box), kind.scale).values));
     return nearest_rotation(sum(direct, through_mirror));
 }
 
