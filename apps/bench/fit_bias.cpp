@@ -23,15 +23,16 @@ constexpr std::array<double, 4> tolerances{0.0, 1e-4, 1e-3, 1e-2};
 /// One face and its loss.
 class FaceProblem {
 public:
-    FaceProblem(const BenchSubject& subject, std::size_t face, std::int64_t samples)
+    FaceProblem(const BenchSubject& subject, std::size_t face, const BenchOptions& options)
         : model_(subject.model),
           batch_(make_batch(std::span(subject.photos).subspan(face, 1))),
           target_{batch_.input, batch_.targets, batch_.cameras},
           loss_(photometric(subject.model.config().reconstruction)),
-          samples_(samples) {}
+          samples_(options.samples),
+          steps_(options.steps) {}
 
     [[nodiscard]] FitResult fit(double tolerance) const {
-        return fit_codes(model_, loss_, target_, {.steps = fit_bias_steps, .samples_per_ray = samples_, .tolerance = tolerance});
+        return fit_codes(model_, loss_, target_, {.steps = steps_, .samples_per_ray = samples_, .tolerance = tolerance});
     }
     [[nodiscard]] double psnr(const FitResult& result) const {
         return report_fit(model_, target_, batch_.mask, result, 0).fitted_metrics.psnr;
@@ -61,6 +62,7 @@ private:
     FitTarget target_;
     ReconstructionLoss loss_;
     std::int64_t samples_;
+    std::int64_t steps_;
 };
 
 double inner_product(const Tensor& a, const Tensor& b) {
@@ -112,7 +114,7 @@ std::vector<FitBias> measure_fit_bias(const BenchSubject& subject, const BenchOp
     for (const double tolerance : tolerances) rows.push_back({.tolerance = tolerance, .samples = 0.0, .cosine_mean = 0.0});
     Progress progress({.title = "bias", .total = std::ssize(subject.photos), .unit = "faces"});
     for (std::size_t face = 0; face < subject.photos.size(); ++face) {
-        add_face(rows, FaceProblem(subject, face, options.samples), 1.0 / static_cast<double>(subject.photos.size()));
+        add_face(rows, FaceProblem(subject, face, options), 1.0 / static_cast<double>(subject.photos.size()));
         progress.update(static_cast<std::int64_t>(face) + 1);
     }
     progress.finish();

@@ -16,12 +16,10 @@ struct FitBias {
     double cosine_worst = 1.0;
     double distance_mean = 0.0;  ///< |difference| / |gradient with every sample|
     double distance_worst = 0.0;
-    // Of `fit_bias_steps` steps, in the picture of the fitted codes with every sample; over faces.
+    // Of a fit with `BenchOptions::steps` steps, in the picture of the fitted codes with every sample; over faces.
     double psnr_mean = 0.0;        ///< dB against the photo
     double psnr_worst_loss = 0.0;  ///< the most that a face has less than with every sample
 };
-
-inline constexpr std::int64_t fit_bias_steps = 100;
 
 /// For several tolerances; the first one is 0. The loss is photometric.
 [[nodiscard]] std::vector<FitBias> measure_fit_bias(const BenchSubject& subject, const BenchOptions& options);

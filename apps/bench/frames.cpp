@@ -14,8 +14,7 @@ Timing time_frames(const BenchSubject& subject, FaceRenderer& renderer, int repe
     for (std::int64_t face = 0; face < subject.codes.batch(); ++face) {
         renderer.show(subject.codes, face);
         const auto next = [&] { static_cast<void>(renderer.render(subject.views[view++ % subject.views.size()])); };
-        const Timing of_face = time_repeated(repeats, seconds_of_a_face, next);
-        timing.seconds.insert(timing.seconds.end(), of_face.seconds.begin(), of_face.seconds.end());
+        timing.add(time_repeated(repeats, seconds_of_a_face, next));
     }
     return timing;
 }

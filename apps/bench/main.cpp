@@ -44,6 +44,7 @@ int main(int argc, char** argv) {
         };
         stymo::Command command = line.command(name, description, body);
         declare(command, options.bench);
+        if (name == "bias") command.option("--steps", options.bench.steps, "of each fit").range(1, 10000);
         command.option("--peer", options.peer, "scripts/torch_peer.py: the same in PyTorch, run beside each row");
         command.option("--out", options.out, "folder for the tables as JSON, CSV and Markdown, and for the curve as SVG");
     }

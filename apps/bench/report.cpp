@@ -42,9 +42,11 @@ std::string milliseconds(double seconds) {
 
 std::optional<double> share_of_peak(const Measurement& measurement) {
     if (measurement.limit == Limit::none || measurement.work <= 0.0) return std::nullopt;
-    const kernels::MachinePeak peak = kernels::measure_machine_peak();
-    const double flops = measurement.limit == Limit::float32 ? peak.multiply_adds
-                                                             : std::max(peak.bfloat16_multiply_adds, peak.float16_multiply_adds);
+    double flops = measurement.timing.median_multiply_adds();
+    if (measurement.limit == Limit::sixteen_bits) {
+        const kernels::MachinePeak peak = kernels::measure_machine_peak();
+        flops *= std::max(peak.bfloat16_multiply_adds, peak.float16_multiply_adds) / peak.multiply_adds;
+    }
     if (flops <= 0.0) return std::nullopt;
     return 2.0 * measurement.work / measurement.timing.median() / flops;
 }

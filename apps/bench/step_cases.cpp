@@ -48,9 +48,8 @@ Measurement fit_step(const BenchRun& run, bool perceptual, double tolerance = Fi
     fit.steps = run.options.repeats * group + 1;
     fit.on_step = [&](std::int64_t step, double) {
         if ((step - 1) % group != 0) return;
-        const double now = seconds_now();
-        if (step > 1) result.timing.seconds.push_back((now - last) / static_cast<double>(group));
-        last = now;
+        if (step > 1) result.timing.add((seconds_now() - last) / static_cast<double>(group));
+        last = seconds_now();
     };
     static_cast<void>(fit_codes(subject.model, loss, {batch.input, batch.targets, batch.cameras}, fit));
     result.peak_memory = peak_memory_mebibytes();

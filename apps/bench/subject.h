@@ -17,6 +17,7 @@ struct BenchOptions {
     int faces = 5;
     int views = 20;  ///< of each face, for errors
     std::int64_t samples = 64;
+    std::int64_t steps = 100;  ///< of a fit whose outcome is compared
 };
 
 /// A model with the faces and cameras that it is measured on.

@@ -6,18 +6,40 @@
 #include <string>
 
 #include "core/clock.h"
+#include "core/kernels/peak.h"
 
 namespace stymo {
 
-double Timing::median() const {
-    std::vector<double> sorted = seconds;
-    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-    std::ranges::nth_element(sorted, middle);
+namespace {
+
+double median_of(std::vector<double> values) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::ranges::nth_element(values, middle);
     return *middle;
+}
+
+}  // namespace
+
+void Timing::add(double run_seconds) {
+    seconds.push_back(run_seconds);
+    multiply_adds.push_back(kernels::measure_multiply_adds());
+}
+
+void Timing::add(const Timing& other) {
+    seconds.insert(seconds.end(), other.seconds.begin(), other.seconds.end());
+    multiply_adds.insert(multiply_adds.end(), other.multiply_adds.begin(), other.multiply_adds.end());
+}
+
+double Timing::median() const {
+    return median_of(seconds);
 }
 
 double Timing::minimum() const {
     return std::ranges::min(seconds);
+}
+
+double Timing::median_multiply_adds() const {
+    return multiply_adds.empty() ? 0.0 : median_of(multiply_adds);
 }
 
 Timing time_repeated(int repeats, double at_least_seconds, const std::function<void()>& body) {
@@ -28,7 +50,7 @@ Timing time_repeated(int repeats, double at_least_seconds, const std::function<v
     for (int i = 0; i < repeats || (i < most && seconds_now() - begin < at_least_seconds); ++i) {
         const double start = seconds_now();
         body();
-        timing.seconds.push_back(seconds_now() - start);
+        timing.add(seconds_now() - start);
     }
     return timing;
 }

@@ -4,6 +4,7 @@
 
 #include "core/kernels/depthwise_conv.h"
 #include "core/kernels/direct_conv.h"
+#include "core/kernels/elementwise.h"
 #include "core/kernels/winograd.h"
 
 namespace stymo::kernels {
@@ -43,10 +44,21 @@ Tensor conv2d_transpose(const Tensor& dL_dy, const Tensor& weight, const Shape& 
         T* out = dL_dx.mutable_values<T>().data();
         if (g.depthwise()) return depthwise_conv2d_transpose(gradient, w, out, g);
         if constexpr (minimal_filtering<T>) {
-            if (winograd_pays(g)) return winograd_conv2d_transpose(gradient, w, out, g);
+            if (winograd_pays(g)) return winograd_conv2d_transpose(gradient, {}, w, out, g);
         }
         direct_conv2d_transpose(gradient, w, out, g);
     });
+    return dL_dx;
+}
+
+Tensor conv2d_gated_transpose(const Tensor& dL_dy, const Tensor& y, double slope, const Tensor& weight, const Shape& input_shape,
+                              const Conv2dOptions& options) {
+    const ConvGeometry g(input_shape, weight.shape(), dL_dy.shape(), options);
+    if (dL_dy.dtype() != DType::float32 || !winograd_pays(g))
+        return conv2d_transpose(leaky_gate(dL_dy, y, slope, 1.0), weight, input_shape, options);
+    Tensor dL_dx(input_shape, dL_dy.dtype());
+    winograd_conv2d_transpose(dL_dy.values<float>().data(), {y.values<float>().data(), static_cast<float>(slope)},
+                              weight.values<float>().data(), dL_dx.mutable_values<float>().data(), g);
     return dL_dx;
 }
 

@@ -10,6 +10,9 @@ namespace stymo::kernels {
                             const Conv2dOptions& options);
 [[nodiscard]] Tensor conv2d_transpose(const Tensor& dL_dy, const Tensor& weight, const Shape& input_shape,
                                       const Conv2dOptions& options);
+/// conv2d_transpose of leaky_gate(dL_dy, y, slope, 1).
+[[nodiscard]] Tensor conv2d_gated_transpose(const Tensor& dL_dy, const Tensor& y, double slope, const Tensor& weight,
+                                            const Shape& input_shape, const Conv2dOptions& options);
 [[nodiscard]] Tensor conv2d_weight_grad(const Tensor& dL_dy, const Tensor& x, const Shape& weight_shape,
                                         const Conv2dOptions& options);
 

@@ -59,4 +59,11 @@ struct ConvFinish {
     }
 };
 
+/// What a result's gradient goes through on its way back: leaky_gate(dL_dy, signs, slope, 1).
+template <class T>
+struct ConvGate {
+    const T* signs = nullptr;  ///< of the result's shape; null: the gradient is taken as it is
+    T slope = 1;
+};
+
 }  // namespace stymo::kernels

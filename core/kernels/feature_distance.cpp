@@ -65,26 +65,28 @@ Tensor feature_distance_gradient(const Tensor& x, const Tensor& target, const Te
         const T* const in = x.values<T>().data();
         const T* const wanted = target.values<T>().data();
         const T* const weights = weight.values<T>().data();
-        const T* const outer = dL_dy.values<T>().data();
         T* const out = result.mutable_values<T>().data();
-        parallel_for(x.shape(0) * pixels, pixels_at_once, [=](std::int64_t begin, std::int64_t end) {
-            for (std::int64_t pixel = begin; pixel < end; ++pixel) {
-                const std::int64_t at = pixel * channels;
-                const T squared = squared_norm(in + at, channels);
-                const T factor = inverse_norm(squared);
-                const T scale = T(2) * outer[pixel / pixels] / static_cast<T>(pixels);
-                T along = T(0);
+        for (std::int64_t image = 0; image < x.shape(0); ++image) {
+            const T scale = T(2) * dL_dy.values<T>()[static_cast<std::size_t>(image)] / static_cast<T>(pixels);
+            parallel_for(pixels, pixels_at_once, [=](std::int64_t begin, std::int64_t end) {
+                for (std::int64_t pixel = begin; pixel < end; ++pixel) {
+                    const std::int64_t at = (image * pixels + pixel) * channels;
+                    const T squared = squared_norm(in + at, channels);
+                    const T factor = inverse_norm(squared);
+                    T along = T(0);
 #pragma omp simd reduction(+ : along)
-                for (std::int64_t c = 0; c < channels; ++c) {
-                    const T dL_dnormalised = scale * weights[c] * (in[at + c] * factor - wanted[at + c]);
-                    out[at + c] = dL_dnormalised;
-                    along += dL_dnormalised * in[at + c];
+                    for (std::int64_t c = 0; c < channels; ++c) {
+                        const T dL_dnormalised = scale * weights[c] * (in[at + c] * factor - wanted[at + c]);
+                        out[at + c] = dL_dnormalised;
+                        along += dL_dnormalised * in[at + c];
+                    }
+                    // d factor / dx_c = -factor^2 x_c / |x|
+                    const T back = squared == T(0) ? T(0) : along * factor * factor / std::sqrt(squared);
+#pragma omp simd
+                    for (std::int64_t c = 0; c < channels; ++c) out[at + c] = factor * out[at + c] - back * in[at + c];
                 }
-                // d factor / dx_c = -factor^2 x_c / |x|
-                const T back = squared == T(0) ? T(0) : along * factor * factor / std::sqrt(squared);
-                for (std::int64_t c = 0; c < channels; ++c) out[at + c] = factor * out[at + c] - back * in[at + c];
-            }
-        });
+            });
+        }
     });
     return result;
 }

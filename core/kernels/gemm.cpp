@@ -122,11 +122,12 @@ public:
     using Sum = typename Operands::Sum;
     using Element = typename Operands::Element;
 
-    PanelProduct(Out* c, std::int64_t stride, const Element* panel, std::int64_t panel_stride, std::int64_t columns,
-                 const Epilogue<Sum>& epilogue, bool first_piece, bool last_piece)
+    PanelProduct(Out* c, std::int64_t stride, const Element* panel, const Element* next_panel, std::int64_t panel_stride,
+                 std::int64_t columns, const Epilogue<Sum>& epilogue, bool first_piece, bool last_piece)
         : c_(c),
           stride_(stride),
           panel_(panel),
+          next_panel_(next_panel),
           panel_stride_(panel_stride),
           columns_(columns),
           slope_(epilogue.slope),
@@ -163,8 +164,17 @@ private:
     template <int vectors>
     HWY_INLINE void multiply_rows(const LeftPiece<Operands>& left, std::int64_t row, int height) {
         Out* const c = c_ + row * stride_;
-        Block<Operands> block{
-            bias_, 0, sums_.data(), width, left.row(row), left.row_stride, left.inner_stride, panel_, panel_stride_, left.words};
+        Block<Operands> block{bias_,
+                              0,
+                              sums_.data(),
+                              width,
+                              left.row(row),
+                              left.row_stride,
+                              left.inner_stride,
+                              panel_,
+                              panel_stride_,
+                              left.words,
+                              part_of_next_panel(row, left.words)};
         if constexpr (std::is_same_v<Out, Sum>) {
             if (direct_ && adds_) block.start = c, block.start_stride = stride_;
             if (direct_ && !activates()) block.sums = c, block.sums_stride = stride_;
@@ -176,6 +186,14 @@ private:
         }
         multiply_block_of<Operands, vectors>(height, block);
         if (block.sums == sums_.data()) finish<vectors>(c, row, height);
+    }
+
+    /// What the block at this row is to prefetch, so that all blocks together fetch the whole panel.
+    [[nodiscard]] const char* part_of_next_panel(std::int64_t row, std::int64_t words) const {
+        const std::int64_t size = words * panel_stride_ * static_cast<std::int64_t>(sizeof(Element));
+        const std::int64_t share = words / words_of_prefetch * bytes_of_prefetch;
+        const std::int64_t begin = row / block_rows * share;
+        return reinterpret_cast<const char*>(next_panel_) + (begin + share <= size ? begin : 0);
     }
 
     void read_present_values(const Out* c, int height) {
@@ -211,6 +229,7 @@ private:
     Out* c_;
     std::int64_t stride_;
     const Element* panel_;
+    const Element* next_panel_;  ///< this one if it is the last
     std::int64_t panel_stride_;  ///< between words
     std::int64_t columns_;
     Sum* slope_;
@@ -265,10 +284,12 @@ void multiply(Out* c, std::int64_t stride, const LeftMatrix<Element>& left, std:
                 Epilogue<Sum> of_columns = epilogue;
                 if (epilogue.bias != nullptr) of_columns.bias += column;
                 if (epilogue.slope != nullptr) of_columns.slope += row * stride + column;
-                PanelProduct<Operands, Out>(
-                    c + row * stride + column, stride, right.panel(column / right.panel_width()) + inner * right.inner_stride(),
-                    right.inner_stride() * length, std::min(right.panel_width(), right.columns() - column), of_columns,
-                    inner == 0, inner + elements == k)
+                const std::int64_t index = column / right.panel_width(), first = inner * right.inner_stride();
+                const bool last = column + right.panel_width() >= right.columns();
+                PanelProduct<Operands, Out>(c + row * stride + column, stride, right.panel(index) + first,
+                                            right.panel(last ? index : index + 1) + first, right.inner_stride() * length,
+                                            std::min(right.panel_width(), right.columns() - column), of_columns, inner == 0,
+                                            inner + elements == k)
                     .multiply(words, rows);
             }
             inner += elements;
@@ -324,69 +345,6 @@ void multiply_halves_to_float16(Float16* c, std::int64_t stride, const LeftMatri
     multiply_halves(c, stride, left, m, right, epilogue);
 }
 
-/// `rows` x `others` inner products of contiguous vectors.
-template <class T, int rows, int others>
-HWY_INLINE void multiply_dots_block(const Dots<T>& dots) {
-    const simd::ScalableTag<T> tag;
-    const std::int64_t lanes = static_cast<std::int64_t>(simd::Lanes(tag));
-    simd::Vec<simd::ScalableTag<T>> sums[rows][others];
-    HWY_UNROLL(4)
-    for (int i = 0; i < rows; ++i) {
-        for (int j = 0; j < others; ++j) sums[i][j] = simd::Zero(tag);
-    }
-    const std::int64_t whole = dots.k / lanes * lanes;
-    for (std::int64_t p = 0; p < whole; p += lanes) {
-        simd::Vec<simd::ScalableTag<T>> y[others];
-        for (int j = 0; j < others; ++j) y[j] = simd::LoadU(tag, dots.y + j * dots.k + p);
-        HWY_UNROLL(4)
-        for (int i = 0; i < rows; ++i) {
-            const auto x = simd::LoadU(tag, dots.x + i * dots.k + p);
-            for (int j = 0; j < others; ++j) sums[i][j] = simd::MulAdd(x, y[j], sums[i][j]);
-        }
-    }
-    HWY_UNROLL(4)
-    for (int i = 0; i < rows; ++i) {
-        for (int j = 0; j < others; ++j) {
-            T sum = simd::GetLane(simd::SumOfLanes(tag, sums[i][j]));
-            for (std::int64_t p = whole; p < dots.k; ++p) sum += dots.x[i * dots.k + p] * dots.y[j * dots.k + p];
-            dots.c[i * dots.stride_x + j * dots.stride_y] = sum;
-        }
-    }
-}
-
-template <class T, int others>
-void multiply_dots_with(Dots<T> dots) {
-    const auto advance = [&](std::int64_t rows) {
-        dots.x += rows * dots.k;
-        dots.c += rows * dots.stride_x;
-        dots.count_x -= rows;
-    };
-    for (; dots.count_x >= 4; advance(4)) multiply_dots_block<T, 4, others>(dots);
-    for (; dots.count_x > 0; advance(1)) multiply_dots_block<T, 1, others>(dots);
-}
-
-template <class T>
-void multiply_dots_of(Dots<T> dots) {
-    while (dots.count_y > 0) {
-        const std::int64_t others = dots.count_y > 3 ? 4 : dots.count_y;
-        if (others == 4) multiply_dots_with<T, 4>(dots);
-        if (others == 3) multiply_dots_with<T, 3>(dots);
-        if (others == 2) multiply_dots_with<T, 2>(dots);
-        if (others == 1) multiply_dots_with<T, 1>(dots);
-        dots.y += others * dots.k;
-        dots.c += others * dots.stride_y;
-        dots.count_y -= others;
-    }
-}
-
-void multiply_float_dots(const Dots<float>& dots) {
-    multiply_dots_of(dots);
-}
-
-void multiply_double_dots(const Dots<double>& dots) {
-    multiply_dots_of(dots);
-}
-
 std::int64_t panel_bytes() {
     return panel_width<float>() * static_cast<std::int64_t>(sizeof(float));
 }
@@ -403,8 +361,6 @@ HWY_EXPORT(multiply_pairs_to_float);
 HWY_EXPORT(multiply_pairs_to_bfloat16);
 HWY_EXPORT(multiply_halves_to_float);
 HWY_EXPORT(multiply_halves_to_float16);
-HWY_EXPORT(multiply_float_dots);
-HWY_EXPORT(multiply_double_dots);
 HWY_EXPORT(panel_bytes);
 
 namespace {
@@ -523,6 +479,18 @@ PackedMatrix<T> PackedMatrix<T>::in_place(const T* b, std::int64_t k, std::int64
     return view;
 }
 
+template <class T>
+PackedMatrix<T> PackedMatrix<T>::of_panels(const T* panels, std::int64_t k, std::int64_t n) {
+    PackedMatrix view = in_place(panels, k, n, usual_panel_width());
+    view.panel_size_ = k * view.panel_width_;
+    return view;
+}
+
+template <class T>
+std::int64_t PackedMatrix<T>::usual_panel_width() {
+    return panel_width_of<Source>();
+}
+
 template class PackedMatrix<float>;
 template class PackedMatrix<double>;
 template class PackedMatrix<BFloat16>;
@@ -558,16 +526,6 @@ void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<Float16
 void multiply_packed(Float16* c, std::int64_t row_stride, const LeftMatrix<Float16>& left, std::int64_t m,
                      const PackedMatrix<Float16>& right, const Epilogue<float>& epilogue) {
     HWY_DYNAMIC_DISPATCH(multiply_halves_to_float16)(c, row_stride, left, m, right, epilogue);
-}
-
-template <>
-void multiply_dots(const Dots<float>& dots) {
-    HWY_DYNAMIC_DISPATCH(multiply_float_dots)(dots);
-}
-
-template <>
-void multiply_dots(const Dots<double>& dots) {
-    HWY_DYNAMIC_DISPATCH(multiply_double_dots)(dots);
 }
 
 }  // namespace stymo::kernels

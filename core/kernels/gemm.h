@@ -56,6 +56,11 @@ public:
     /// rows that packing would not pay. Not of 16 bits; b must outlive the view.
     [[nodiscard]] static PackedMatrix in_place(const T* b, std::int64_t k, std::int64_t n, std::int64_t inner_stride);
 
+    /// Views panels that are already in the order of `panel()`, one after the other; not of 16 bits. They must outlive the view.
+    [[nodiscard]] static PackedMatrix of_panels(const T* panels, std::int64_t k, std::int64_t n);
+    /// Columns of a panel on this processor.
+    [[nodiscard]] static std::int64_t usual_panel_width();
+
     [[nodiscard]] std::int64_t inner_length() const { return k_; }
     [[nodiscard]] std::int64_t columns() const { return n_; }
     [[nodiscard]] std::int64_t panel_width() const { return panel_width_; }
@@ -107,23 +112,5 @@ void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<Float16
                      const PackedMatrix<Float16>& right, const Epilogue<float>& epilogue = {});
 void multiply_packed(Float16* c, std::int64_t row_stride, const LeftMatrix<Float16>& left, std::int64_t m,
                      const PackedMatrix<Float16>& right, const Epilogue<float>& epilogue = {});
-
-/// Inner products of each of `count_x` vectors with each of a few others: products that read their larger operand once, for which
-/// packing it would take longer. Both sides contiguous, one vector of length k after the other.
-template <class T>
-struct Dots {
-    const T* x;
-    std::int64_t count_x;
-    const T* y;
-    std::int64_t count_y;
-    std::int64_t k;
-    T* c;  ///< element (i, j) at i * stride_x + j * stride_y
-    std::int64_t stride_x;
-    std::int64_t stride_y;
-};
-
-/// Sums of each lane, and then of lanes: in an order that depends on the instruction set.
-template <class T>
-void multiply_dots(const Dots<T>& dots);
 
 }  // namespace stymo::kernels

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <numeric>
 #include <vector>
 
 #include "core/kernels/targets.h"
@@ -114,34 +115,46 @@ HWY_EXPORT(run_float16_chains);
 
 namespace {
 
-/// The best of several runs of `body`, which returns an amount of work: amount per second.
+/// `body` returns an amount of work: amount per second.
+template <class Function>
+double rate(Function body) {
+    const auto start = std::chrono::steady_clock::now();
+    const double amount = body();
+    return amount / std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
 template <class Function>
 double best_rate(Function body) {
     constexpr int runs = 7;
     double best = 0.0;
-    for (int run = 0; run < runs; ++run) {
-        const auto start = std::chrono::steady_clock::now();
-        const double amount = body();
-        best = std::max(best, amount / std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
-    }
+    for (int run = 0; run < runs; ++run) best = std::max(best, rate(body));
     return best;
 }
 
+/// Runs chains on every thread; returns the number of operations done.
 template <class Chains>
-double chain_rate(Chains chains) {
+double run_on_all_threads(Chains chains) {
     constexpr std::int64_t length = 4'000'000;
     const std::int64_t threads = thread_count();
     std::vector<double> work(static_cast<std::size_t>(threads));
     std::vector<float> results(work.size());
-    return best_rate([&] {
-        parallel_for(threads, 1, [&](std::int64_t index, std::int64_t) {
-            const auto i = static_cast<std::size_t>(index);
-            work[i] = chains(length, &results[i]);
-        });
-        double total = 0.0;
-        for (const double amount : work) total += amount;
-        return total;
+    parallel_for(threads, 1, [&](std::int64_t index, std::int64_t) {
+        const auto i = static_cast<std::size_t>(index);
+        work[i] = chains(length, &results[i]);
     });
+    return std::accumulate(work.begin(), work.end(), 0.0);
+}
+
+double float_chains(std::int64_t length, float* result) {
+    return HWY_DYNAMIC_DISPATCH(run_float_chains)(length, result);
+}
+
+double bfloat16_chains(std::int64_t length, float* result) {
+    return HWY_DYNAMIC_DISPATCH(run_bfloat16_chains)(length, result);
+}
+
+double float16_chains(std::int64_t length, float* result) {
+    return HWY_DYNAMIC_DISPATCH(run_float16_chains)(length, result);
 }
 
 double triad_rate() {
@@ -159,11 +172,13 @@ double triad_rate() {
 }  // namespace
 
 MachinePeak measure_machine_peak() {
-    return {
-        chain_rate([](std::int64_t length, float* result) { return HWY_DYNAMIC_DISPATCH(run_float_chains)(length, result); }),
-        chain_rate([](std::int64_t length, float* result) { return HWY_DYNAMIC_DISPATCH(run_bfloat16_chains)(length, result); }),
-        chain_rate([](std::int64_t length, float* result) { return HWY_DYNAMIC_DISPATCH(run_float16_chains)(length, result); }),
-        triad_rate()};
+    return {best_rate([] { return run_on_all_threads(float_chains); }),
+            best_rate([] { return run_on_all_threads(bfloat16_chains); }),
+            best_rate([] { return run_on_all_threads(float16_chains); }), triad_rate()};
+}
+
+double measure_multiply_adds() {
+    return rate([] { return run_on_all_threads(float_chains); });
 }
 
 }  // namespace stymo::kernels

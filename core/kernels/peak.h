@@ -10,7 +10,10 @@ struct MachinePeak {
     double triad_bytes = 0.0;             ///< per second, a = b + factor * c over arrays much larger than the caches
 };
 
-/// Takes about a second.
+/// The best of several runs of each. Takes about a second.
 [[nodiscard]] MachinePeak measure_machine_peak();
+/// float32 operations per second of one run of some milliseconds: what the machine gives at this very moment, which differs
+/// with the load and the heat of the processor.
+[[nodiscard]] double measure_multiply_adds();
 
 }  // namespace stymo::kernels

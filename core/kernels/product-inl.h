@@ -107,7 +107,17 @@ struct Block {
     const Element* panel;
     std::int64_t panel_stride;  ///< between words
     std::int64_t inner;
+    const void* ahead;  ///< what a later block will read, `bytes_of_prefetch` of it for as many words as below
 };
+
+/// The next panel comes from beyond the second-level cache where the layers of a network take turns. It is asked for a little at
+/// a time, between products: all at once, requests would hold up the loads of the block that is being computed.
+constexpr std::int64_t words_of_prefetch = 16;
+constexpr std::int64_t bytes_of_prefetch = 2 * 64;
+
+HWY_INLINE void prefetch_to_second_level(const char* address) {
+    __builtin_prefetch(address, 0, 2);
+}
 
 /// Without letting the compiler derive one pointer from another one.
 template <class T>
@@ -131,20 +141,44 @@ HWY_INLINE void multiply_block(const Block<Operands>& block) {
     const auto* left6 = left0 + 6 * block.row_stride;
     const auto* left9 = left0 + 9 * block.row_stride;
     const auto* panel = block.panel;
-    for (std::int64_t i = 0; i < block.inner; ++i) {
+    const auto add_word = [&](std::int64_t left_offset, std::int64_t panel_offset) HWY_ATTR {
         decltype(Operands::right(panel)) right[vectors];
-        for (int v = 0; v < vectors; ++v) right[v] = Operands::right(panel + v * lanes * Operands::word_length);
+        for (int v = 0; v < vectors; ++v) right[v] = Operands::right(panel + panel_offset + v * lanes * Operands::word_length);
         HWY_UNROLL(12)
         for (int row = 0; row < rows; ++row) {
             const auto* const left = row < 3 ? left0 : row < 6 ? left3 : row < 9 ? left6 : left9;
-            const auto factor = Operands::left(left + row % 3 * block.row_stride);
+            const auto factor = Operands::left(left + row % 3 * block.row_stride + left_offset);
             for (int v = 0; v < vectors; ++v) sums[row][v] = Operands::multiply_add(factor, right[v], sums[row][v]);
         }
-        advance(left0, block.inner_stride);
-        if constexpr (rows > 3) advance(left3, block.inner_stride);
-        if constexpr (rows > 6) advance(left6, block.inner_stride);
-        if constexpr (rows > 9) advance(left9, block.inner_stride);
-        panel += block.panel_stride;
+    };
+    const auto advance_by = [&](std::int64_t left_distance, std::int64_t panel_distance) {
+        advance(left0, left_distance);
+        if constexpr (rows > 3) advance(left3, left_distance);
+        if constexpr (rows > 6) advance(left6, left_distance);
+        if constexpr (rows > 9) advance(left9, left_distance);
+        panel += panel_distance;
+    };
+    std::int64_t i = 0;
+    if constexpr (rows == block_rows) {
+        constexpr std::int64_t length = Operands::word_length;
+        const std::int64_t width = 2 * lanes * length;
+        if (block.inner_stride == length && block.panel_stride == width) {
+            const auto* ahead = static_cast<const char*>(block.ahead);
+            for (; i + words_of_prefetch <= block.inner; i += words_of_prefetch) {
+                prefetch_to_second_level(ahead);
+                prefetch_to_second_level(ahead + bytes_of_prefetch / 2);
+                ahead += bytes_of_prefetch;
+                for (std::int64_t part = 0; part < words_of_prefetch / 4; ++part) {
+                    HWY_UNROLL(4)
+                    for (int word = 0; word < 4; ++word) add_word(word * length, word * width);
+                    advance_by(4 * length, 4 * width);
+                }
+            }
+        }
+    }
+    for (; i < block.inner; ++i) {
+        add_word(0, 0);
+        advance_by(block.inner_stride, block.panel_stride);
     }
     HWY_UNROLL(12)
     for (int row = 0; row < rows; ++row) {

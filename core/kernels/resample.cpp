@@ -1,6 +1,7 @@
 #include "core/kernels/resample.h"
 
 #include <algorithm>
+#include <array>
 #include <vector>
 
 #include "core/kernels/map.h"
@@ -16,6 +17,29 @@ std::vector<T> weights_as(const ResampleMatrix& matrix) {
     return result;
 }
 
+/// y (+)= sum over so many entries from `entry` on of weight * x row, in one pass over y.
+template <int count, class T>
+void combine_some(const T* x, T* y, const ResampleMatrix& matrix, const std::vector<T>& weights, std::size_t entry, bool add,
+                  std::int64_t length) {
+    std::array<const T*, count> from;
+    std::array<T, count> weight;
+    for (std::size_t k = 0; k < count; ++k) {
+        from[k] = x + matrix.columns()[entry + k] * length;
+        weight[k] = weights[entry + k];
+    }
+    const auto sum_at = [=](std::int64_t i, T sum) {
+        for (std::size_t k = 0; k < count; ++k) sum += weight[k] * from[k][i];
+        return sum;
+    };
+    if (add) {
+#pragma omp simd
+        for (std::int64_t i = 0; i < length; ++i) y[i] = sum_at(i, y[i]);
+    } else {
+#pragma omp simd
+        for (std::int64_t i = 0; i < length; ++i) y[i] = sum_at(i, T(0));
+    }
+}
+
 /// y (rows of `length`) = sum over the matrix row's entries of weight * x row.
 template <class T>
 void combine(const T* x, T* y, const ResampleMatrix& matrix, const std::vector<T>& weights, std::int64_t row,
@@ -23,14 +47,14 @@ void combine(const T* x, T* y, const ResampleMatrix& matrix, const std::vector<T
     const auto begin = static_cast<std::size_t>(matrix.begins()[static_cast<std::size_t>(row)]);
     const auto end = static_cast<std::size_t>(matrix.begins()[static_cast<std::size_t>(row) + 1]);
     if (begin == end) std::fill_n(y, length, T(0));
-    for (std::size_t entry = begin; entry < end; ++entry) {
-        const T* from = x + matrix.columns()[entry] * length;
-        const T weight = weights[entry];
-        if (entry == begin) {
-            for (std::int64_t i = 0; i < length; ++i) y[i] = weight * from[i];
-        } else {
-            for (std::int64_t i = 0; i < length; ++i) y[i] += weight * from[i];
-        }
+    for (std::size_t entry = begin; entry < end;) {
+        const std::size_t count = std::min<std::size_t>(end - entry, 4);
+        const bool add = entry > begin;
+        if (count == 4) combine_some<4>(x, y, matrix, weights, entry, add, length);
+        if (count == 3) combine_some<3>(x, y, matrix, weights, entry, add, length);
+        if (count == 2) combine_some<2>(x, y, matrix, weights, entry, add, length);
+        if (count == 1) combine_some<1>(x, y, matrix, weights, entry, add, length);
+        entry += count;
     }
 }
 

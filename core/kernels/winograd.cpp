@@ -18,7 +18,7 @@ constexpr bool shares_blocks(std::int64_t channels) {
 }
 /// Tiles that are handled at once: few enough to stay in that cache, or so many that the filters are worth reading again.
 constexpr std::int64_t tiles_of_block(std::int64_t channels) {
-    if (shares_blocks(channels)) return 240;
+    if (shares_blocks(channels)) return 256;
     return channels > 64 * 64 ? 96 : 48;
 }
 /// The same for a weight's gradient, whose sums are read and written once for each block.
@@ -91,25 +91,42 @@ Buffer input_first(const float* weight, std::int64_t out, std::int64_t in) {
 }
 
 /// Filters (from, 3, 3, to) at all places, as right operands from one kind of channels to the other.
-std::vector<PackedMatrix<float>> transformed_filters(const float* taps, bool turned, std::int64_t from, std::int64_t to) {
-    const std::int64_t stride = place_stride(from, to);
-    const Buffer places = uninitialised(winograd_places * stride);
-    parallel_for(from, 8, [&](std::int64_t begin, std::int64_t end) {
-        for (std::int64_t i = begin; i < end; ++i)
-            winograd_transform_filter(taps + i * 9 * to, turned, places.get() + i * to, stride, to);
-    });
-    std::vector<PackedMatrix<float>> filters(static_cast<std::size_t>(winograd_places));
-    parallel_for(winograd_places, 1, [&](std::int64_t place, std::int64_t) {
-        filters[static_cast<std::size_t>(place)] = PackedMatrix<float>(places.get() + place * stride, from, to, to, 1);
-    });
-    return filters;
-}
+class TransformedFilters {
+public:
+    TransformedFilters(const float* taps, bool turned, std::int64_t from, std::int64_t to) : from_(from), to_(to) {
+        const std::int64_t width = PackedMatrix<float>::usual_panel_width();
+        const std::int64_t panels = chunk_count(to, width);
+        stride_ = place_stride(from, panels * width);
+        storage_ = uninitialised(winograd_places * stride_ + line);
+        void* start = storage_.get();
+        std::size_t space = line * sizeof(float) * 2;
+        first_ = static_cast<float*>(std::align(line * sizeof(float), sizeof(float), start, space));
+        // The last panel has columns that no filter writes.
+        if (to % width != 0) std::fill_n(first_, winograd_places * stride_, 0.0F);
+        parallel_for(from, 8, [&](std::int64_t begin, std::int64_t end) {
+            for (std::int64_t i = begin; i < end; ++i)
+                winograd_transform_filter(taps + i * 9 * to, turned, {first_ + i * width, stride_, width, from * width}, to);
+        });
+    }
+
+    [[nodiscard]] PackedMatrix<float> at(std::int64_t place) const {
+        return PackedMatrix<float>::of_panels(first_ + place * stride_, from_, to_);
+    }
+
+private:
+    static constexpr std::int64_t line = 16;
+
+    std::int64_t from_, to_, stride_;
+    Buffer storage_;
+    float* first_;
+};
 
 /// One correlation of x with filters that are already transformed; both images may have any extent.
 struct Correlation {
     const float* x;
+    ConvGate<float> gate;  ///< of x
     Image in;
-    const std::vector<PackedMatrix<float>>* filters;
+    const TransformedFilters* filters;
     ConvFinish<float> finish;
     float* y;
     Image out;
@@ -135,13 +152,20 @@ void correlate_block(const Correlation& c, const TileBuffers& buffers, std::int6
         PatchPixels patch;
         for (std::int64_t i = begin; i < end; ++i) {
             point_at_square(patch, c.x, zeros.data(), c.in, c.tiling, first + i, c.padding);
-            winograd_transform_patch(patch, buffers.patches.get() + i * c.in.channels, buffers.patch_stride, c.in.channels);
+            float* const places = buffers.patches.get() + i * c.in.channels;
+            if (c.gate.signs == nullptr) {
+                winograd_transform_patch(patch, places, buffers.patch_stride, c.in.channels);
+                continue;
+            }
+            PatchPixels signs;
+            point_at_square(signs, c.gate.signs, zeros.data(), c.in, c.tiling, first + i, c.padding);
+            winograd_transform_gated_patch(patch, signs, c.gate.slope, places, buffers.patch_stride, c.in.channels);
         }
     });
     parallel_for(winograd_places, 1, [&](std::int64_t place, std::int64_t) {
         multiply_packed<float>(buffers.products.get() + place * buffers.product_stride, c.out.channels,
                                {buffers.patches.get() + place * buffers.patch_stride, c.in.channels, 1}, count,
-                               (*c.filters)[static_cast<std::size_t>(place)]);
+                               c.filters->at(place));
     });
     parallel_for(count, 16, [&](std::int64_t begin, std::int64_t end) {
         const Buffer sink = uninitialised(c.out.channels);
@@ -157,8 +181,8 @@ void correlate_block(const Correlation& c, const TileBuffers& buffers, std::int6
 
 void correlate(const Correlation& c) {
     const std::int64_t channels = c.in.channels * c.out.channels;
-    const std::int64_t block = tiles_of_block(channels);
-    const std::int64_t blocks = chunk_count(c.tiling.count, block);
+    const std::int64_t blocks = chunk_count(c.tiling.count, tiles_of_block(channels));
+    const std::int64_t block = chunk_count(c.tiling.count, blocks);
     // Filters that no cache of one thread holds are read by all of them once for each block, which they share.
     const std::int64_t run = shares_blocks(channels) ? blocks : chunk_count(blocks, runs);
     parallel_for(blocks, run, [&](std::int64_t begin, std::int64_t end) {
@@ -188,14 +212,16 @@ bool winograd_pays(const ConvGeometry& g) {
 
 void winograd_conv2d(const float* x, const float* weight, const ConvFinish<float>& finish, float* y, const ConvGeometry& g) {
     const Buffer taps = input_first(weight, g.out_channels, g.in_channels);
-    const auto filters = transformed_filters(taps.get(), false, g.in_channels, g.out_channels);
-    correlate({x, input_of(g), &filters, finish, y, output_of(g), g.padding, Tiling(g.batch, g.out_height, g.out_width)});
+    const TransformedFilters filters(taps.get(), false, g.in_channels, g.out_channels);
+    correlate({x, {}, input_of(g), &filters, finish, y, output_of(g), g.padding, Tiling(g.batch, g.out_height, g.out_width)});
 }
 
-void winograd_conv2d_transpose(const float* dL_dy, const float* weight, float* dL_dx, const ConvGeometry& g) {
+void winograd_conv2d_transpose(const float* dL_dy, const ConvGate<float>& gate, const float* weight, float* dL_dx,
+                               const ConvGeometry& g) {
     // The correlation with the turned filters, whose square begins two pixels before an input pixel less the padding.
-    const auto filters = transformed_filters(weight, true, g.out_channels, g.in_channels);
-    correlate({dL_dy, output_of(g), &filters, {}, dL_dx, input_of(g), 2 - g.padding, Tiling(g.batch, g.in_height, g.in_width)});
+    const TransformedFilters filters(weight, true, g.out_channels, g.in_channels);
+    correlate(
+        {dL_dy, gate, output_of(g), &filters, {}, dL_dx, input_of(g), 2 - g.padding, Tiling(g.batch, g.in_height, g.in_width)});
 }
 
 void winograd_conv2d_weight_grad(const float* dL_dy, const float* x, float* dL_dweight, const ConvGeometry& g) {

@@ -14,7 +14,8 @@ namespace stymo::kernels {
 
 /// The three convolutions of core/ops/conv.h on contiguous arrays. Bits do not depend on the number of threads.
 void winograd_conv2d(const float* x, const float* weight, const ConvFinish<float>& finish, float* y, const ConvGeometry& g);
-void winograd_conv2d_transpose(const float* dL_dy, const float* weight, float* dL_dx, const ConvGeometry& g);
+void winograd_conv2d_transpose(const float* dL_dy, const ConvGate<float>& gate, const float* weight, float* dL_dx,
+                               const ConvGeometry& g);
 void winograd_conv2d_weight_grad(const float* dL_dy, const float* x, float* dL_dweight, const ConvGeometry& g);
 
 }  // namespace stymo::kernels

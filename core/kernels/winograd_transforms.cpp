@@ -160,6 +160,21 @@ void transform_patch(const PatchPixels& patch, float* places, std::int64_t place
         });
 }
 
+void transform_gated_patch(const PatchPixels& patch, const PatchPixels& signs, float slope, float* places,
+                           std::int64_t place_stride, std::int64_t channels) {
+    transform<PatchLine>(
+        channels,
+        [&](int row, int column, std::int64_t c) {
+            const auto pixel = static_cast<std::size_t>(row * 6 + column);
+            const Vector value = simd::LoadU(Tag(), patch[pixel] + c);
+            const auto positive = simd::Gt(simd::LoadU(Tag(), signs[pixel] + c), simd::Zero(Tag()));
+            return simd::IfThenElse(positive, value, times(value, slope));
+        },
+        [&](int row, int column, std::int64_t c, Vector v) {
+            simd::StoreU(v, Tag(), places + (row * 6 + column) * place_stride + c);
+        });
+}
+
 void transform_products(const float* places, std::int64_t place_stride, const float* bias, float slope, const TilePixels& tile,
                         std::int64_t channels) {
     transform<ProductLine>(
@@ -183,7 +198,7 @@ void transform_tile(const ConstTilePixels& tile, float* places, std::int64_t pla
         });
 }
 
-void transform_filter(const float* taps, bool turned, float* places, std::int64_t place_stride, std::int64_t channels) {
+void transform_filter(const float* taps, bool turned, const PanelRows& rows, std::int64_t channels) {
     transform<FilterLine>(
         channels,
         [&](int row, int column, std::int64_t c) {
@@ -191,7 +206,9 @@ void transform_filter(const float* taps, bool turned, float* places, std::int64_
             return simd::LoadU(Tag(), taps + (turned ? 8 - tap : tap) * channels + c);
         },
         [&](int row, int column, std::int64_t c, Vector v) {
-            simd::StoreU(v, Tag(), places + (row * 6 + column) * place_stride + c);
+            simd::StoreU(v, Tag(),
+                         rows.first + (row * 6 + column) * rows.place_stride + c / rows.panel_width * rows.panel_stride +
+                             c % rows.panel_width);
         });
 }
 
@@ -209,6 +226,7 @@ HWY_AFTER_NAMESPACE();
 namespace stymo::kernels {
 
 HWY_EXPORT(transform_patch);
+HWY_EXPORT(transform_gated_patch);
 HWY_EXPORT(transform_products);
 HWY_EXPORT(transform_tile);
 HWY_EXPORT(transform_filter);
@@ -216,6 +234,11 @@ HWY_EXPORT(transform_to_filter);
 
 void winograd_transform_patch(const PatchPixels& patch, float* places, std::int64_t place_stride, std::int64_t channels) {
     HWY_DYNAMIC_DISPATCH(transform_patch)(patch, places, place_stride, channels);
+}
+
+void winograd_transform_gated_patch(const PatchPixels& patch, const PatchPixels& signs, float slope, float* places,
+                                    std::int64_t place_stride, std::int64_t channels) {
+    HWY_DYNAMIC_DISPATCH(transform_gated_patch)(patch, signs, slope, places, place_stride, channels);
 }
 
 void winograd_transform_products(const float* places, std::int64_t place_stride, const float* bias, float slope,
@@ -227,8 +250,8 @@ void winograd_transform_tile(const ConstTilePixels& tile, float* places, std::in
     HWY_DYNAMIC_DISPATCH(transform_tile)(tile, places, place_stride, channels);
 }
 
-void winograd_transform_filter(const float* taps, bool turned, float* places, std::int64_t place_stride, std::int64_t channels) {
-    HWY_DYNAMIC_DISPATCH(transform_filter)(taps, turned, places, place_stride, channels);
+void winograd_transform_filter(const float* taps, bool turned, const PanelRows& rows, std::int64_t channels) {
+    HWY_DYNAMIC_DISPATCH(transform_filter)(taps, turned, rows, channels);
 }
 
 void winograd_transform_to_filter(const float* places, std::int64_t place_stride, float* taps, std::int64_t channels) {

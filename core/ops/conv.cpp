@@ -34,6 +34,16 @@ void require_same_type(const Variable& a, const Variable& b, const char* name) {
     if (a.dtype() != b.dtype()) fail<TypeError>("[", name, "] operands are ", a.dtype(), " and ", b.dtype());
 }
 
+/// The convolution `y` with its activation where only x is tracked: a gradient needs no gated copy of the output's gradient.
+Variable record_frozen(const Variable& x, const Variable& weight, Tensor y, double slope, const Conv2dOptions& options) {
+    return record("conv2d", std::move(y), {x}, Save::the_output(), {[weight, slope, options](const Vjp& v) {
+                      if (v.create_graph())
+                          return conv2d_transpose(leaky_gate(v.grad(), v.output().value(), slope), weight, v.shape(0), options);
+                      return Variable(kernels::conv2d_gated_transpose(v.grad().value(), v.output().value(), slope, weight.value(),
+                                                                      v.shape(0), options));
+                  }});
+}
+
 Save save_both(const Variable& a, const Variable& b) {
     return (b.tracked() ? Save::input(0) : Save::none()) | (a.tracked() ? Save::input(1) : Save::none());
 }
@@ -53,6 +63,8 @@ Variable conv2d(const Variable& x, const Variable& weight, const Variable& bias,
     }
     if (!(slope >= 0.0)) fail<ValueError>("[conv2d] the slope must not be negative, got ", slope);
     const Tensor y = kernels::conv2d(x.value(), weight.value(), bias.defined() ? bias.value() : Tensor{}, slope, shape, options);
+    if (slope != 1.0 && !weight.tracked() && !(bias.defined() && bias.tracked()))
+        return record_frozen(x, weight, y, slope, options);
     std::vector<Variable> inputs{x, weight};
     std::vector<VjpRule> rules{[options](const Vjp& v) { return conv2d_transpose(v.grad(), v.input(1), v.shape(0), options); },
                                [options](const Vjp& v) { return conv2d_weight_grad(v.grad(), v.input(0), v.shape(1), options); }};

@@ -2,10 +2,14 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <string>
 
 #include "core/error.h"
 #include "core/io/image.h"
 #include "core/ops/resample.h"
+#include "fit/photo/grab_cut.h"
+#include "fit/photo/head_mask.h"
 #include "fit/photo/onnx_network.h"
 #include "render/head_parts.h"
 
@@ -36,10 +40,6 @@ const Convention& convention_of(FaceParserKind kind) {
     return kind == FaceParserKind::celebamask ? celebamask : face_parsing_pytorch;
 }
 
-/// Class i of a mirror image is this class of the picture: left and right eyes, brows and ears change places.
-constexpr std::array<std::size_t, class_count> mirrored_class = {0,  1,  2,  3,  5,  4,  7,  6,  9, 8,
-                                                                 10, 11, 12, 13, 14, 15, 16, 17, 18};
-
 /// Logits (side, side, 19) in CelebAMask-HQ's order.
 Tensor logits_of(OnnxNetwork& network, const Convention& convention, const Tensor& picture) {
     const OnnxNetwork::Output output = network.run(picture, convention.scale);
@@ -55,14 +55,6 @@ Tensor logits_of(OnnxNetwork& network, const Convention& convention, const Tenso
     return logits;
 }
 
-/// logits += those of the mirror image, turned back.
-void add_mirrored(Tensor& logits, const Tensor& of_mirror_image) {
-    const Tensor turned = mirror_image(of_mirror_image);
-    const std::span<const float> from = turned.values<float>();
-    const std::span<float> to = logits.mutable_values<float>();
-    for (std::size_t i = 0; i < to.size(); ++i) to[i] += from[i - i % class_count + mirrored_class[i % class_count]];
-}
-
 Tensor strongest_class(const Tensor& logits) {
     Tensor classes({logits.shape(0), logits.shape(1), 1});
     const std::span<const float> from = logits.values<float>();
@@ -75,11 +67,55 @@ Tensor strongest_class(const Tensor& logits) {
     return classes;
 }
 
+/// Sum of the probabilities of the head's classes.
+Tensor head_probability(const Tensor& logits) {
+    Tensor probability({logits.shape(0), logits.shape(1), 1});
+    const std::span<const float> from = logits.values<float>();
+    std::size_t at = 0;
+    for (float& result : probability.mutable_values<float>()) {
+        const auto pixel = from.subspan(at, class_count);
+        const float largest = *std::max_element(pixel.begin(), pixel.end());
+        float head = 0.0F;
+        float all = 0.0F;
+        for (std::size_t i = 0; i < class_count; ++i) {
+            const float likelihood = std::exp(pixel[i] - largest);
+            all += likelihood;
+            if (is_head_class(static_cast<int>(i))) head += likelihood;
+        }
+        result = head / all;
+        at += class_count;
+    }
+    return probability;
+}
+
+/// The classes where they agree with the mask; elsewhere skin within it and background outside.
+Tensor classes_within(Tensor classes, const Tensor& mask) {
+    const std::span<const float> head = mask.values<float>();
+    const std::span<float> values = classes.mutable_values<float>();
+    for (std::size_t i = 0; i < values.size(); ++i) {
+        const bool in_head = head[i] > 0.5F;
+        if (is_head_class(static_cast<int>(values[i])) != in_head)
+            values[i] = static_cast<float>(in_head ? HeadPart::skin : HeadPart::background);
+    }
+    return classes;
+}
+
 }  // namespace
 
 struct FaceParser::Implementation {
     OnnxNetwork network;
     FaceParserKind kind = FaceParserKind::celebamask;
+
+    /// Of an aligned crop, at its own size.
+    Tensor logits(const Tensor& crop) {
+        if (crop.rank() != 3 || crop.size() == 0 || crop.shape(2) != 3)
+            fail<ShapeError>("[face parser] a crop is (height, width, 3); got ", crop.shape());
+        const Convention& convention = convention_of(kind);
+        const Tensor few = logits_of(network, convention, resize_image(crop, convention.input_side, convention.input_side));
+        const Variable batch = few.reshaped({1, few.shape(0), few.shape(1), head_part_count});
+        const Variable resized = resize_bilinear(batch, static_cast<int>(crop.shape(0)), static_cast<int>(crop.shape(1)));
+        return resized.value().reshaped({crop.shape(0), crop.shape(1), head_part_count});
+    }
 
     /// Why the network cannot be one of this kind, or nothing.
     std::optional<std::string> objection(FaceParserKind candidate) {
@@ -111,15 +147,13 @@ FaceParserKind FaceParser::kind() const {
 }
 
 Tensor FaceParser::parse(const Tensor& crop) {
-    if (crop.rank() != 3 || crop.size() == 0 || crop.shape(2) != 3)
-        fail<ShapeError>("[face parser] a crop is (height, width, 3); got ", crop.shape());
-    const Convention& convention = convention_of(implementation_->kind);
-    const Tensor input = resize_image(crop, convention.input_side, convention.input_side);
-    Tensor logits = logits_of(implementation_->network, convention, input);
-    add_mirrored(logits, logits_of(implementation_->network, convention, mirror_image(input)));
-    const Variable batch = logits.reshaped({1, logits.shape(0), logits.shape(1), head_part_count});
-    const Variable resized = resize_bilinear(batch, static_cast<int>(crop.shape(0)), static_cast<int>(crop.shape(1)));
-    return strongest_class(resized.value().reshaped({crop.shape(0), crop.shape(1), head_part_count}));
+    return strongest_class(implementation_->logits(crop));
+}
+
+Tensor FaceParser::head_mask(const Tensor& crop, const Landmarks& landmarks) {
+    const Tensor logits = implementation_->logits(crop);
+    const Tensor mask = grab_cut_head_mask(crop, landmarks, head_probability(logits));
+    return head_mask_from_parsing(classes_within(strongest_class(logits), mask));
 }
 
 }  // namespace stymo

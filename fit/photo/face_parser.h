@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "core/tensor.h"
+#include "fit/photo/landmarks.h"
 
 namespace stymo {
 
@@ -27,8 +28,12 @@ public:
     [[nodiscard]] FaceParserKind kind() const;
 
     /// The classes of an aligned crop (side, side, 3) in [0, 1]: indices 0..18 of CelebAMask-HQ (render/head_parts.h), (side,
-    /// side, 1). Means of the picture and its mirror image decide. Not to be called from several threads at once.
+    /// side, 1). Not to be called from several threads at once, like the next.
     [[nodiscard]] Tensor parse(const Tensor& crop);
+
+    /// The head mask of an aligned crop as head_mask_from_parsing makes it, after GrabCut has mended what the network says by the
+    /// landmarks and by the picture's own colours.
+    [[nodiscard]] Tensor head_mask(const Tensor& crop, const Landmarks& landmarks);
 
 private:
     struct Implementation;

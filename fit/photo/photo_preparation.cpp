@@ -26,6 +26,9 @@ constexpr std::int64_t fit_side = 256;
 /// A model that misses the landmarks by more, in units of the picture's side, was fitted to something that is no face.
 constexpr double largest_landmark_error = 0.10;
 
+/// Part of the pixels wanted below which there is nothing of a face to learn from; detectors take such spots for faces.
+constexpr double least_resolution = 0.25;
+
 struct Face {
     Landmarks landmarks;
     std::int64_t faces = 1;
@@ -99,10 +102,14 @@ struct PhotoPreparation::Implementation {
     [[nodiscard]] Tensor made_mask(const Tensor& picture, const Landmarks& landmarks) {
         if (!parser) return grab_cut_head_mask(picture, landmarks);
         const std::lock_guard one_at_a_time(parsing);
-        return head_mask_from_parsing(parser->parse(picture));
+        return parser->head_mask(picture, landmarks);
     }
 
     [[nodiscard]] FaceCrop crop(const Tensor& photo, const Tensor& known_mask, const Face& face);
+    [[nodiscard]] PreparedFace joined(FaceCrop crop, std::optional<MorphableFit> fit);
+    /// Why the face cannot be used; empty: it can.
+    [[nodiscard]] std::string failure_of(const FaceCrop& crop, const std::optional<MorphableFit>& fit) const;
+    [[nodiscard]] std::int64_t wanted_side() const { return settings.wanted_side > 0 ? settings.wanted_side : settings.side; }
 };
 
 FaceCrop PhotoPreparation::Implementation::crop(const Tensor& photo, const Tensor& known_mask, const Face& face) {
@@ -133,6 +140,39 @@ FaceCrop PhotoPreparation::Implementation::crop(const Tensor& photo, const Tenso
     crop.fit_target = {landmarks_at(fit_side), resized(picture, fit_side), resized(mask, fit_side)};
     if (network) crop.face_box = network->face_box(picture);
     return crop;
+}
+
+std::string PhotoPreparation::Implementation::failure_of(const FaceCrop& crop, const std::optional<MorphableFit>& fit) const {
+    if (crop.side_in_photo < least_resolution * static_cast<double>(wanted_side()))
+        return "its face is too small (a crop of " + std::to_string(std::llround(crop.side_in_photo)) + " pixels a side)";
+    if (!fit || !(fit->landmark_error <= largest_landmark_error)) return "the head model does not fit what was found";
+    return {};
+}
+
+PreparedFace PhotoPreparation::Implementation::joined(FaceCrop crop, std::optional<MorphableFit> fit) {
+    PreparedFace face;
+    face.failure = failure_of(crop, fit);
+    face.fit = std::move(fit).value_or(MorphableFit{});
+    double yaw = face.fit.pose.yaw;
+    if (network && face.failure.empty()) {
+        try {
+            face.network_rotation = network->rotation(crop.face_box);
+            yaw = angles_from_rotation(*face.network_rotation)[0];
+        } catch (const NumericError& error) {
+            face.failure = std::string("the pose network gives ") + error.what();
+        }
+    }
+    face.warnings = photo_warnings({.faces = settings.all_faces ? 1 : crop.faces,
+                                    .crop_side = crop.side_in_photo,
+                                    .wanted_side = wanted_side(),
+                                    .share_outside = crop.share_outside,
+                                    .covered_share = covered_share(crop.mask),
+                                    .yaw = yaw,
+                                    .landmark_error = face.fit.landmark_error,
+                                    .made_mask = crop.made_mask});
+    crop.face_box = {};
+    face.crop = std::move(crop);
+    return face;
 }
 
 PhotoPreparation::PhotoPreparation(const PhotoPreparationSettings& settings)
@@ -168,31 +208,7 @@ std::vector<PreparedFace> PhotoPreparation::finish(std::vector<FaceCrop> crops) 
     for (FaceCrop& crop : crops) targets.push_back(std::move(crop.fit_target));
     std::vector<std::optional<MorphableFit>> fits = fits_of(tools.head, targets, tools.settings.intrinsics);
     std::vector<PreparedFace> faces;
-    for (std::size_t i = 0; i < crops.size(); ++i) {
-        PreparedFace face{std::move(crops[i]), std::move(fits[i]).value_or(MorphableFit{}), {}, {}, {}};
-        if (!fits[i] || !(face.fit.landmark_error <= largest_landmark_error))
-            face.failure = "the head model does not fit what was found";
-        double yaw = face.fit.pose.yaw;
-        if (tools.network && face.failure.empty()) {
-            try {
-                face.network_rotation = tools.network->rotation(face.crop.face_box);
-                yaw = angles_from_rotation(*face.network_rotation)[0];
-            } catch (const NumericError& error) {
-                face.failure = std::string("the pose network gives ") + error.what();
-            }
-        }
-        face.crop.face_box = {};
-        face.warnings =
-            photo_warnings({.faces = tools.settings.all_faces ? 1 : face.crop.faces,
-                            .crop_side = face.crop.side_in_photo,
-                            .wanted_side = tools.settings.wanted_side > 0 ? tools.settings.wanted_side : tools.settings.side,
-                            .share_outside = face.crop.share_outside,
-                            .covered_share = covered_share(face.crop.mask),
-                            .yaw = yaw,
-                            .landmark_error = face.fit.landmark_error,
-                            .made_mask = face.crop.made_mask});
-        faces.push_back(std::move(face));
-    }
+    for (std::size_t i = 0; i < crops.size(); ++i) faces.push_back(tools.joined(std::move(crops[i]), std::move(fits[i])));
     return faces;
 }
 

@@ -141,7 +141,7 @@ TEST_CASE("A pose comes back from every form that stymo-prep pose writes") {
     CHECK(pose == json::parse(stymo::read_text_file(folder / "pose.json")));
     const json record = {{"id", "a"}, {"pose", pose["pose"]}};
     const json other = {{"id", "b"}, {"pose", {{"yaw_deg", 0}, {"pitch_deg", 0}, {"roll_deg", 0}, {"t", {0, 0, 5}}}}};
-    const json labels = {{"labels", {{"00000/a.png", pose["eg3d"]}}}};
+    const json labels = {{"labels", json::array({json::array({"00000/a.png", pose["eg3d"]})})}};
     std::ostringstream plain;
     for (const json& number : pose["eg3d"]) plain << number.get<double>() << ", ";
     const std::vector<std::pair<std::string, std::string>> forms = {

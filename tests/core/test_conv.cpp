@@ -70,5 +70,10 @@ TEST_CASE("A convolution with bias and leaky ReLU is its composition, whichever 
         const std::vector<Variable> of_composed = grad(composed, leaves, {.create_graph = false, .dL_dy = dL_dy});
         for (std::size_t k = 0; k < leaves.size(); ++k)
             CHECK(of_fused[k].value().to_vector() == of_composed[k].value().to_vector());
+        const Variable frozen = conv2d(x, Variable(weight.value()), Variable(bias.value()), 0.2, form.options);
+        for (const bool create_graph : {false, true}) {
+            const Variable of_frozen = grad(frozen, x, {.create_graph = create_graph, .dL_dy = dL_dy});
+            CHECK(of_frozen.value().to_vector() == of_composed[0].value().to_vector());
+        }
     }
 }

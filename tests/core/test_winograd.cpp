@@ -52,7 +52,7 @@ Results winograd(const Form& form) {
     Results r{Tensor(form.y()), Tensor(form.x), Tensor(form.weight)};
     const auto in = [](const Tensor& t) { return t.values<float>().data(); };
     kernels::winograd_conv2d(in(x), in(weight), {}, r.y.mutable_values<float>().data(), form.geometry());
-    kernels::winograd_conv2d_transpose(in(dL_dy), in(weight), r.dL_dx.mutable_values<float>().data(), form.geometry());
+    kernels::winograd_conv2d_transpose(in(dL_dy), {}, in(weight), r.dL_dx.mutable_values<float>().data(), form.geometry());
     kernels::winograd_conv2d_weight_grad(in(dL_dy), in(x), r.dL_dweight.mutable_values<float>().data(), form.geometry());
     return r;
 }

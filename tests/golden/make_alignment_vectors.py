@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter
 
 def picture(height, width):
     row, column, channel = numpy.meshgrid(numpy.arange(height), numpy.arange(width), numpy.arange(3), indexing="ij")
-    wave = numpy.sin(0.11 * row + 0.02 * column * (channel + 1)) * numpy.cos(0.07 * column + 0.3 * channel)
+    wave = numpy.sin(0.05 * row + 0.01 * column * (channel + 1)) * numpy.cos(0.03 * column + 0.3 * channel)
     return numpy.uint8(numpy.floor(255 * (0.5 + 0.45 * wave) + 0.5))
 
 

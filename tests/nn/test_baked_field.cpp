@@ -8,6 +8,7 @@
 #include "nn/models/realtime/baked_field.h"
 #include "nn/models/realtime/face_renderer.h"
 #include "nn/models/realtime/sampled_field.h"
+#include "nn/models/realtime/softplus.h"
 #include "nn/models/view.h"
 #include "support/check_close.h"
 #include "support/tiny_model.h"
@@ -75,7 +76,7 @@ TEST_CASE("a baked field comes closer to the exact one with its resolution", "[b
 
     std::vector<double> errors;
     for (const std::int64_t resolution : {16, 32, 64}) {
-        BakedField baked(sampling, BakedViews{}, {.resolution = resolution, .tolerance = 1e-4});
+        BakedField baked(sampling, ViewRange{}, {.resolution = resolution, .tolerance = 1e-4});
         baked.set_field(field);
         const FeatureMap map = seen(baked, rays);
         errors.push_back(relative_error(map.features, expected.features));
@@ -93,20 +94,20 @@ TEST_CASE("a baked field holds no more than was announced, even where everything
     const RaySampling sampling = sampling_of(model, 8);
     for (const std::int64_t resolution : {8, 17, 32}) {
         const BakeOptions options{.resolution = resolution, .dimension = 8, .tolerance = 1e-6};
-        const BakedSamples samples = bake(with_density(tiny_field(model), 0.0F, -2.0F), sampling, BakedViews{}, options);
+        const BakedSamples samples = bake(with_density(tiny_field(model), 0.0F, -2.0F), sampling, ViewRange{}, options);
         CHECK(samples.bytes() <= baked_bytes(options));
         CHECK(static_cast<std::int64_t>(samples.records.size()) > samples.lattice.size() / 2 * samples.dimension);
     }
     CHECK(baked_bytes({.resolution = 128}) <= most_baked_bytes);
-    CHECK_THROWS_AS(bake(tiny_field(model), sampling, BakedViews{}, {.resolution = 1000}), ValueError);
-    CHECK_THROWS_AS(bake(tiny_field(model), sampling, BakedViews{}, {.resolution = 4}), ValueError);
-    CHECK_THROWS_AS(bake(tiny_field(model), sampling, BakedViews{}, {.dimension = 0}), ValueError);
+    CHECK_THROWS_AS(bake(tiny_field(model), sampling, ViewRange{}, {.resolution = 1000}), ValueError);
+    CHECK_THROWS_AS(bake(tiny_field(model), sampling, ViewRange{}, {.resolution = 4}), ValueError);
+    CHECK_THROWS_AS(bake(tiny_field(model), sampling, ViewRange{}, {.dimension = 0}), ValueError);
 }
 
 TEST_CASE("an empty field bakes to nothing, and every ray sees the background", "[baked]") {
     const Model model = tiny_model();
     const RaySampling sampling = sampling_of(model, 8);
-    BakedField baked(sampling, BakedViews{}, {.resolution = 16});
+    BakedField baked(sampling, ViewRange{}, {.resolution = 16});
     baked.set_field(with_density(tiny_field(model), 0.0F, -40.0F));
     const CameraRays rays = rays_of(model_camera(model, 0.0, 0.0, 0.0), sampling);
     const FeatureMap map = seen(baked, rays);
@@ -122,7 +123,7 @@ TEST_CASE("a camera within the head or beside it sees finite features", "[baked]
     sampling.near_z = 2.0;
     sampling.far_z = -2.0;
     const FoldedField field = with_density(tiny_field(model), 50.0F, 10.0F);
-    BakedField baked(sampling, BakedViews{}, {.resolution = 32});
+    BakedField baked(sampling, ViewRange{}, {.resolution = 32});
     baked.set_field(field);
     Camera camera = model_camera(model, 0.4, 0.0, 0.0);
     for (const double distance : {0.0, 0.5, 1.9, 100.0}) {

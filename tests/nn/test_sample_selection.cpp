@@ -6,6 +6,7 @@
 #include "core/rng.h"
 #include "nn/models/realtime/density_grid.h"
 #include "nn/models/realtime/sample_selection.h"
+#include "nn/models/realtime/softplus.h"
 
 using namespace stymo;
 
@@ -18,10 +19,10 @@ SampleSelection selected(const std::vector<DensityBounds>& bounds, float delta, 
     return selection;
 }
 
-/// x + 2 y + 3 z where that is positive.
+/// The softplus of x + 2 y + 3 z.
 void slope(std::span<const float> points, std::span<float> densities) {
     for (std::size_t i = 0; i < densities.size(); ++i)
-        densities[i] = std::max(0.0F, points[3 * i] + 2.0F * points[3 * i + 1] + 3.0F * points[3 * i + 2]);
+        densities[i] = softplus(points[3 * i] + 2.0F * points[3 * i + 1] + 3.0F * points[3 * i + 2]);
 }
 
 }  // namespace
@@ -74,7 +75,7 @@ TEST_CASE("a density grid bounds what it has learnt and nothing else", "[realtim
     CHECK(std::isinf(bounds[0].upper));
 
     grid.learn(points, slope);
-    CHECK(grid.known_vertices() == 16);
+    CHECK(grid.known_vertices() == 54);
     CHECK(grid.bounds(points, bounds));
     std::vector<float> densities(3);
     slope(points, densities);
@@ -88,7 +89,42 @@ TEST_CASE("a density grid bounds what it has learnt and nothing else", "[realtim
     CHECK(std::isinf(bounds[2].upper));
 
     grid.learn(points, slope);
-    CHECK(grid.known_vertices() == 16);
+    CHECK(grid.known_vertices() == 54);
     grid.forget();
     CHECK_FALSE(grid.bounds(points, bounds));
+}
+
+TEST_CASE("a density grid looks closely only where the density is not thin", "[realtime]") {
+    DensityGrid grid(1.0, 0.25, 0.5);
+    const std::vector<float> thin{-0.9F, -0.9F, -0.9F}, thick{0.1F, 0.1F, 0.1F};
+    std::vector<DensityBounds> bounds(1);
+    std::vector<float> densities(1);
+    grid.learn(thin, slope);
+    CHECK(grid.known_vertices() == 8);
+    CHECK(grid.bounds(thin, bounds));
+    slope(thin, densities);
+    CHECK(bounds[0].estimate == Approx(densities[0]));
+    CHECK(bounds[0].upper < 0.5F);
+    grid.learn(thick, slope);
+    CHECK(grid.known_vertices() == 8 + 27);
+    CHECK(grid.bounds(thick, bounds));
+    slope(thick, densities);
+    CHECK(bounds[0].estimate == Approx(densities[0]));
+    CHECK(bounds[0].upper - bounds[0].lower <= Approx(6.0 * 0.25));
+}
+
+TEST_CASE("a density grid is as well learnt from one point in each cell as from all of them", "[realtime]") {
+    Rng rng(2);
+    const Tensor points = rng.uniform({200, 3}, -1.2, 1.2);
+    const std::span<const float> all = points.values<float>();
+    DensityGrid from_all(1.0, 0.25, 0.5), from_some(1.0, 0.25, 0.5);
+    from_all.learn(all, slope);
+    const std::vector<float> some = from_all.one_in_each_cell(all);
+    CHECK(some.size() < all.size());
+    from_some.learn(some, slope);
+    CHECK(from_some.known_vertices() == from_all.known_vertices());
+    std::vector<DensityBounds> expected(200), bounds(200);
+    CHECK(from_all.bounds(all, expected));
+    CHECK(from_some.bounds(all, bounds));
+    for (std::size_t i = 0; i < bounds.size(); ++i) CHECK(bounds[i].estimate == expected[i].estimate);
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/parallel.h"
+#include "nn/models/realtime/softplus.h"
 
 namespace stymo {
 namespace {
@@ -14,10 +15,12 @@ constexpr std::int64_t lane_count = 16;
 constexpr std::int64_t rays_per_chunk = 32;
 // Of the tolerance: what all samples of a ray in blocks taken for empty, and what is behind the last sample read, may have.
 constexpr double neglected_share = 0.1;
+// In units of the tolerance: opacity up to which a ray counts as empty.
+constexpr double empty_share = 10.0;
 
 }  // namespace
 
-BakedField::BakedField(const RaySampling& rays, const BakedViews& views, const BakeOptions& options)
+BakedField::BakedField(const RaySampling& rays, const ViewRange& views, const BakeOptions& options)
     : sampling_(rays), views_(views), options_(options) {}
 
 void BakedField::set_field(const FoldedField& field) {
@@ -71,7 +74,7 @@ void BakedField::look(const CameraRays& rays, FeatureMap& map) {
             std::ranges::fill(row, 0.0F);
             Seen seen = march(rays.rays[ray], rays.samples_per_ray, row.first(row.size() - 1));
             map.depths[ray] = seen.depth + (1.0F - seen.opacity) * background;
-            map.counts[ray] = static_cast<double>(seen.opacity) > options_.tolerance ? 1 : 0;
+            map.counts[ray] = static_cast<double>(seen.opacity) > empty_share * options_.tolerance ? 1 : 0;
             if (map.counts[ray] != 0) {
                 row.back() = seen.opacity;
             } else {

@@ -16,7 +16,7 @@ namespace stymo {
 class BakedField final : public FieldSource {
 public:
     /// Throws as `bake`.
-    BakedField(const RaySampling& rays, const BakedViews& views, const BakeOptions& options);
+    BakedField(const RaySampling& rays, const ViewRange& views, const BakeOptions& options);
 
     void set_field(const FoldedField& field) override;
     void look(const CameraRays& rays, FeatureMap& map) override;
@@ -33,7 +33,7 @@ private:
     void add_features(const std::array<float, 3>& place, float weight, std::span<float> coefficients) const;
 
     RaySampling sampling_;
-    BakedViews views_;
+    ViewRange views_;
     BakeOptions options_;
     BakedSamples samples_;
     kernels::PackedMatrix<float> finish_;

@@ -13,6 +13,7 @@
 #include "core/parallel.h"
 #include "nn/models/realtime/feature_basis.h"
 #include "nn/models/realtime/packed_field.h"
+#include "nn/models/realtime/softplus.h"
 
 namespace stymo {
 namespace {
@@ -118,23 +119,11 @@ struct WeightedPoint {
     double weight = 0.0;
 };
 
-std::vector<Camera> outer_cameras(const BakedViews& views) {
-    std::vector<Camera> cameras;
-    for (const double yaw : {-views.yaw, 0.0, views.yaw}) {
-        for (const double pitch : {-views.pitch, 0.0, views.pitch}) {
-            const CameraConfig& camera = views.camera;
-            cameras.push_back(
-                camera_from_pose(pivot_pose(yaw, pitch, 0.0, camera.distance, camera.pivot_depth), camera.intrinsics));
-        }
-    }
-    return cameras;
-}
-
 /// Where the samples of the outermost views lie, with their compositing weights.
-std::vector<WeightedPoint> seen_points(const PackedField<float>& field, RaySampling rays, const BakedViews& views) {
+std::vector<WeightedPoint> seen_points(const PackedField<float>& field, RaySampling rays, const ViewRange& views) {
     rays.rays_per_side = std::max<std::int64_t>(rays.rays_per_side / locating_stride, 1);
     rays.samples_per_ray = std::max<std::int64_t>(rays.samples_per_ray / locating_stride, 2);
-    const RaySamples samples = sample_rays(outer_cameras(views), rays, nullptr);
+    const RaySamples samples = sample_rays(cameras_over(views, 3, 3), rays, nullptr);
     const auto points = samples.points.values<float>();
     const auto deltas = samples.deltas.values<float>();
     std::vector<WeightedPoint> seen(deltas.size());
@@ -234,17 +223,6 @@ Tensor finishing_matrix(const FeatureBasis& basis, std::int64_t dimension) {
 
 }  // namespace
 
-float softplus(float x) {
-    return std::max(x, 0.0F) + std::log1p(std::exp(-std::abs(x)));
-}
-
-float inverse_softplus(float density) {
-    constexpr float least_input = -60.0F;
-    // Beyond, exp overflows, and the softplus is its own argument to float32's precision.
-    constexpr float linear_from = 20.0F;
-    return density > linear_from ? density : std::max(std::log(std::expm1(density)), least_input);
-}
-
 std::int64_t baked_bytes(const BakeOptions& options) {
     const std::int64_t side = rounded_up(options.resolution, cells_unit) + 1;
     const auto record = rounded_up(options.dimension, lane_count) * static_cast<std::int64_t>(sizeof(kernels::BFloat16));
@@ -257,7 +235,7 @@ std::int64_t BakedSamples::bytes() const {
                                      records.size() * sizeof(kernels::BFloat16));
 }
 
-BakedSamples bake(const FoldedField& field, const RaySampling& rays, const BakedViews& views, const BakeOptions& options) {
+BakedSamples bake(const FoldedField& field, const RaySampling& rays, const ViewRange& views, const BakeOptions& options) {
     require_valid(options);
     const PackedField<float> packed(field);
     BakedSamples samples;

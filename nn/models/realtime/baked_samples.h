@@ -4,9 +4,9 @@
 #include <vector>
 
 #include "core/kernels/gemm.h"
-#include "nn/models/model.h"
 #include "nn/models/radiance_field.h"
 #include "nn/models/realtime/density_lattice.h"
+#include "nn/models/realtime/view_range.h"
 #include "render/rays.h"
 
 namespace stymo {
@@ -15,13 +15,6 @@ struct BakeOptions {
     std::int64_t resolution = 96;  ///< cells along the longest side of the box; rounded up to a multiple of 4
     std::int64_t dimension = 64;   ///< numbers kept of a point's features; rounded up to a multiple of 16
     double tolerance = 1e-2;       ///< compositing weight up to which a sample may have the mean feature instead of its own
-};
-
-/// Whom a bake is for: cameras that see the head turned to either side by up to these angles.
-struct BakedViews {
-    CameraConfig camera;
-    double yaw = 0.5;  ///< radians
-    double pitch = 0.2;
 };
 
 /// One face's field at the vertices of a box of cubic cells which holds what the views see. The field was evaluated at
@@ -48,11 +41,7 @@ inline constexpr std::int64_t most_baked_bytes = 300'000'000;
 /// `rays` tells where the views have their samples, and how long a piece of a ray they stand for. Throws ValueError for a
 /// resolution below 8, a dimension below 1, options of more than `most_baked_bytes`, and as
 /// `sample_rays` for the outermost views.
-[[nodiscard]] BakedSamples bake(const FoldedField& field, const RaySampling& rays, const BakedViews& views,
+[[nodiscard]] BakedSamples bake(const FoldedField& field, const RaySampling& rays, const ViewRange& views,
                                 const BakeOptions& options);
-
-/// log(1 + exp(x)) for one number, and its inverse, which takes what is too thin to tell from nothing for exp(-60).
-[[nodiscard]] float softplus(float x);
-[[nodiscard]] float inverse_softplus(float density);
 
 }  // namespace stymo

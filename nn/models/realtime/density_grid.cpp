@@ -5,88 +5,162 @@
 #include <cmath>
 #include <limits>
 
+#include "nn/models/realtime/softplus.h"
+
 namespace stymo {
 namespace {
 
-constexpr float unknown = -1.0F;
-constexpr float wanted = -2.0F;
+constexpr float unknown = -1e3F;
+constexpr float wanted = -2e3F;
 constexpr DensityBounds anything{0.0F, 0.0F, std::numeric_limits<float>::infinity()};
+
+/// Most of space is empty, and there looser bounds are as good and take less time.
+DensityBounds from_inputs(float lower, float estimate, float upper) {
+    constexpr float nothing = -16.0F, thin = -7.0F;
+    constexpr DensityBounds next_to_nothing{0.0F, 0.0F, 1.2e-7F};  // softplus(-16) = 1.1e-7
+    if (upper < nothing) return next_to_nothing;
+    if (upper < thin) return {0.0F, std::exp(estimate), std::exp(upper)};
+    return {softplus(lower), softplus(estimate), softplus(upper)};
+}
 
 }  // namespace
 
-/// The first corner of a cell, or -1 outside the cube, and where in it a point is.
-struct DensityGrid::Cell {
-    std::int64_t corner = -1;
+/// The first of the corners around a point, the steps to the others, and where between them the point is.
+struct DensityGrid::Place {
+    std::int64_t cell = -1;  ///< outside the cube
+    std::int64_t corner = 0;
+    std::int64_t step = 2;
     std::array<float, 3> part{};
 };
 
-DensityGrid::DensityGrid(double half_side, double spacing)
-    : vertices_(static_cast<std::int64_t>(std::ceil(2.0 * half_side / spacing)) + 1),
-      half_side_(static_cast<float>(half_side)),
+DensityGrid::DensityGrid(double half_side, double spacing, double thin)
+    : cells_(static_cast<std::int64_t>(std::ceil(half_side / spacing))),
+      vertices_(2 * cells_ + 1),
+      half_side_(static_cast<float>(static_cast<double>(cells_) * spacing)),
       spacing_(static_cast<float>(spacing)),
-      density_(static_cast<std::size_t>(vertices_ * vertices_ * vertices_), unknown) {}
+      thin_(inverse_softplus(static_cast<float>(thin))),
+      states_(static_cast<std::size_t>(cells_ * cells_ * cells_), CellState::unknown),
+      inputs_(static_cast<std::size_t>(vertices_ * vertices_ * vertices_), unknown) {}
+
+std::vector<float> DensityGrid::one_in_each_cell(std::span<const float> points) const {
+    std::vector<bool> taken(states_.size());
+    std::vector<float> result;
+    for (std::size_t i = 0; i + 2 < points.size(); i += 3) {
+        const std::int64_t cell = place_of(points.data() + i).cell;
+        if (cell < 0 || taken[static_cast<std::size_t>(cell)]) continue;
+        taken[static_cast<std::size_t>(cell)] = true;
+        result.insert(result.end(), points.begin() + static_cast<std::ptrdiff_t>(i),
+                      points.begin() + static_cast<std::ptrdiff_t>(i + 3));
+    }
+    return result;
+}
 
 void DensityGrid::forget() {
-    std::ranges::fill(density_, unknown);
+    std::ranges::fill(states_, CellState::unknown);
+    std::ranges::fill(inputs_, unknown);
     known_vertices_ = 0;
 }
 
-DensityGrid::Cell DensityGrid::cell_of(const float* point) const {
-    Cell cell;
-    std::array<std::int64_t, 3> place{};
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-        const float position = (point[axis] + half_side_) / spacing_;
-        if (!(position >= 0.0F && position < static_cast<float>(vertices_ - 1))) return cell;
-        place[axis] = static_cast<std::int64_t>(position);
-        cell.part[axis] = position - static_cast<float>(place[axis]);
-    }
-    cell.corner = (place[2] * vertices_ + place[1]) * vertices_ + place[0];
-    return cell;
+std::int64_t DensityGrid::first_vertex(std::int64_t cell) const {
+    return 2 * ((cell / cells_ / cells_ * vertices_ + cell / cells_ % cells_) * vertices_ + cell % cells_);
 }
 
-void DensityGrid::learn(std::span<const float> points, const DensityFunction& density) {
+DensityGrid::Place DensityGrid::place_of(const float* point) const {
+    Place place;
+    std::array<std::int64_t, 3> index{};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        const float position = (point[axis] + half_side_) / (2.0F * spacing_);
+        if (!(position >= 0.0F && position < static_cast<float>(cells_))) return place;
+        index[axis] = static_cast<std::int64_t>(position);
+        place.part[axis] = position - static_cast<float>(index[axis]);
+    }
+    place.cell = (index[2] * cells_ + index[1]) * cells_ + index[0];
+    const bool fine = states_[static_cast<std::size_t>(place.cell)] == CellState::fine;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        index[axis] *= 2;
+        if (!fine) continue;
+        const bool second = place.part[axis] >= 0.5F;
+        index[axis] += second ? 1 : 0;
+        place.part[axis] = 2.0F * place.part[axis] - (second ? 1.0F : 0.0F);
+    }
+    place.corner = (index[2] * vertices_ + index[1]) * vertices_ + index[0];
+    place.step = fine ? 1 : 2;
+    return place;
+}
+
+void DensityGrid::ask(std::span<const std::int64_t> cells, std::int64_t step, const DensityFunction& density) {
     wanted_.clear();
     points_.clear();
-    for (std::size_t i = 0; i + 2 < points.size(); i += 3) {
-        const Cell cell = cell_of(points.data() + i);
-        for (std::int64_t k = 0; cell.corner >= 0 && k < 8; ++k) {
-            const std::int64_t vertex = cell.corner + k % 2 + k / 2 % 2 * vertices_ + k / 4 * vertices_ * vertices_;
-            float& value = density_[static_cast<std::size_t>(vertex)];
-            if (value != unknown) continue;
-            value = wanted;
-            wanted_.push_back(vertex);
-            for (const std::int64_t place : {vertex % vertices_, vertex / vertices_ % vertices_, vertex / vertices_ / vertices_})
-                points_.push_back(static_cast<float>(place) * spacing_ - half_side_);
+    const auto want = [this](std::int64_t vertex) {
+        float& input = inputs_[static_cast<std::size_t>(vertex)];
+        if (input != unknown) return;
+        input = wanted;
+        wanted_.push_back(vertex);
+        for (const std::int64_t place : {vertex % vertices_, vertex / vertices_ % vertices_, vertex / vertices_ / vertices_})
+            points_.push_back(static_cast<float>(place) * spacing_ - half_side_);
+    };
+    for (const std::int64_t cell : cells) {
+        const std::int64_t first = first_vertex(cell);
+        for (std::int64_t z = 0; z <= 2; z += step) {
+            for (std::int64_t y = 0; y <= 2; y += step) {
+                for (std::int64_t x = 0; x <= 2; x += step) want(first + (z * vertices_ + y) * vertices_ + x);
+            }
         }
     }
     densities_.resize(wanted_.size());
     density(points_, densities_);
-    for (std::size_t i = 0; i < wanted_.size(); ++i) density_[static_cast<std::size_t>(wanted_[i])] = densities_[i];
-    known_vertices_ += static_cast<std::int64_t>(wanted_.size());
+    for (std::size_t i = 0; i < wanted_.size(); ++i)
+        inputs_[static_cast<std::size_t>(wanted_[i])] = inverse_softplus(densities_[i]);
+    known_vertices_ += std::ssize(wanted_);
+}
+
+bool DensityGrid::is_thin(std::int64_t cell) const {
+    const float* first = inputs_.data() + first_vertex(cell);
+    for (std::int64_t corner = 0; corner < 8; ++corner) {
+        const std::int64_t x = corner % 2, y = corner / 2 % 2, z = corner / 4;
+        if (first[2 * ((z * vertices_ + y) * vertices_ + x)] >= thin_) return false;
+    }
+    return true;
+}
+
+void DensityGrid::learn(std::span<const float> points, const DensityFunction& density) {
+    new_cells_.clear();
+    for (std::size_t i = 0; i + 2 < points.size(); i += 3) {
+        const std::int64_t cell = place_of(points.data() + i).cell;
+        if (cell < 0 || states_[static_cast<std::size_t>(cell)] != CellState::unknown) continue;
+        states_[static_cast<std::size_t>(cell)] = CellState::coarse;
+        new_cells_.push_back(cell);
+    }
+    ask(new_cells_, 2, density);
+    std::erase_if(new_cells_, [this](std::int64_t cell) { return is_thin(cell); });
+    for (const std::int64_t cell : new_cells_) states_[static_cast<std::size_t>(cell)] = CellState::fine;
+    ask(new_cells_, 1, density);
 }
 
 bool DensityGrid::bounds(std::span<const float> points, std::span<DensityBounds> result) const {
     bool all_known = true;
     for (std::size_t i = 0; i < result.size(); ++i) {
-        const Cell cell = cell_of(points.data() + 3 * i);
-        if (cell.corner < 0) {
+        const Place place = place_of(points.data() + 3 * i);
+        const bool inside = place.cell >= 0;
+        if (!inside || states_[static_cast<std::size_t>(place.cell)] == CellState::unknown) {
             result[i] = anything;
+            all_known = all_known && !inside;
             continue;
         }
-        const float* corner = density_.data() + cell.corner;
-        DensityBounds bounds{corner[0], 0.0F, corner[0]};
+        const float* corner = inputs_.data() + place.corner;
+        float lower = *corner, upper = *corner, estimate = 0.0F;
         for (std::int64_t z = 0; z < 2; ++z) {
             for (std::int64_t y = 0; y < 2; ++y) {
-                const float* edge = corner + (z * vertices_ + y) * vertices_;
-                bounds.lower = std::min({bounds.lower, edge[0], edge[1]});
-                bounds.upper = std::max({bounds.upper, edge[0], edge[1]});
-                const float share = (z == 1 ? cell.part[2] : 1.0F - cell.part[2]) * (y == 1 ? cell.part[1] : 1.0F - cell.part[1]);
-                bounds.estimate += share * (edge[0] + cell.part[0] * (edge[1] - edge[0]));
+                const float* row = corner + place.step * (z * vertices_ + y) * vertices_;
+                const float first = row[0], second = row[place.step];
+                lower = std::min({lower, first, second});
+                upper = std::max({upper, first, second});
+                const float share =
+                    (z == 1 ? place.part[2] : 1.0F - place.part[2]) * (y == 1 ? place.part[1] : 1.0F - place.part[1]);
+                estimate += share * (first + place.part[0] * (second - first));
             }
         }
-        const bool known = bounds.lower >= 0.0F;
-        result[i] = known ? bounds : anything;
-        all_known = all_known && known;
+        result[i] = from_inputs(lower, estimate, upper);
     }
     return all_known;
 }

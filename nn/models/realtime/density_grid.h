@@ -13,33 +13,45 @@ namespace stymo {
 using DensityFunction = std::function<void(std::span<const float> points, std::span<float> densities)>;
 
 /// The density of one head at the vertices of a lattice around the origin, asked for as points need it and kept. What is known
-/// of a point depends on the head alone, not on what was asked before. Bounds are the extremes over the eight corners of a cell:
-/// they hold where the density is monotonous within the cell, so not for what is thinner than a cell; the estimate is linear
-/// between the corners.
+/// of a point depends on the head alone, not on what was asked before. Vertices stand `spacing` apart, but twice that in cells of
+/// eight such cubes whose corners are all thinner than `thin`. Bounds are the extremes over the eight corners around a point:
+/// they hold where the density is monotonous between them, so not for what is smaller; the estimate is linear between the
+/// corners in the number of which the density is the softplus.
 class DensityGrid {
 public:
     DensityGrid() = default;
-    /// A cube from -half_side to half_side along each axis.
-    DensityGrid(double half_side, double spacing);
+    /// A cube around the origin whose half side is at least `half_side`.
+    DensityGrid(double half_side, double spacing, double thin = 0.0);
 
+    /// Of these points, 3 numbers each, one for each cell within the cube that some of them lie in.
+    [[nodiscard]] std::vector<float> one_in_each_cell(std::span<const float> points) const;
     /// For another head.
     void forget();
-    /// Asks for the corners of the cells of these points, 3 numbers each, as far as they are unknown.
+    /// Asks for what is unknown around these points, 3 numbers each.
     void learn(std::span<const float> points, const DensityFunction& density);
-    /// From 0 to infinity outside the cube, and where the corners are unknown. False if there is such a corner.
+    /// From 0 to infinity outside the cube, and where nothing was learnt. False if there is such a place inside.
     bool bounds(std::span<const float> points, std::span<DensityBounds> result) const;
     /// How many vertices are known.
     [[nodiscard]] std::int64_t known_vertices() const { return known_vertices_; }
 
 private:
-    struct Cell;
-    [[nodiscard]] Cell cell_of(const float* point) const;
+    enum class CellState : std::uint8_t { unknown, coarse, fine };
+    struct Place;
+    [[nodiscard]] Place place_of(const float* point) const;
+    [[nodiscard]] std::int64_t first_vertex(std::int64_t cell) const;
+    /// Vertices of these cells, `step` apart, as far as they are unknown.
+    void ask(std::span<const std::int64_t> cells, std::int64_t step, const DensityFunction& density);
+    [[nodiscard]] bool is_thin(std::int64_t cell) const;
 
-    std::int64_t vertices_ = 0;  ///< along each axis
+    std::int64_t cells_ = 0;     ///< along each axis, of two spacings
+    std::int64_t vertices_ = 0;  ///< along each axis, one spacing apart
     float half_side_ = 0.0F;
     float spacing_ = 0.0F;
-    std::vector<float> density_;  ///< of all vertices; negative: unknown
+    float thin_ = 0.0F;  ///< the softplus of it
+    std::vector<CellState> states_;
+    std::vector<float> inputs_;  ///< of all vertices: the density is the softplus
     std::int64_t known_vertices_ = 0;
+    std::vector<std::int64_t> new_cells_;
     std::vector<std::int64_t> wanted_;
     std::vector<float> points_;
     std::vector<float> densities_;

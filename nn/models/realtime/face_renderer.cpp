@@ -35,7 +35,7 @@ std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model, const R
     if (options.mode == RenderMode::baked) {
         RaySampling rays = model.decoder.rays;
         rays.samples_per_ray = options.samples_per_ray;
-        return std::make_unique<BakedField>(rays, BakedViews{.camera = model.camera},
+        return std::make_unique<BakedField>(rays, ViewRange{.camera = model.camera},
                                             BakeOptions{.resolution = options.bake_resolution});
     }
     return make_sampled_field(model, options, precision);

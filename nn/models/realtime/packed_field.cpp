@@ -7,6 +7,7 @@
 #include "core/kernels/doubling.h"
 #include "core/kernels/fast_math.h"
 #include "core/parallel.h"
+#include "nn/models/realtime/softplus.h"
 #include "render/encoding.h"
 
 namespace stymo {
@@ -14,7 +15,9 @@ namespace {
 
 /// Channels of the encoding begin a row whose rest is to lie on a cache line.
 constexpr std::int64_t encoding_multiple = 32;
-constexpr std::size_t most_phases = 48;
+/// Points whose phases fill whole vectors together, which those of one point do not.
+constexpr std::int64_t points_at_once = 8;
+constexpr std::int64_t most_phases = 48;
 constexpr std::size_t most_channels = 128;
 
 template <class T>
@@ -25,11 +28,6 @@ void grow(std::vector<T>& buffer, std::int64_t size) {
 std::vector<float> values(const Tensor& tensor) {
     const auto all = tensor.values<float>();
     return {all.begin(), all.end()};
-}
-
-/// max(x, 0) + log(1 + exp(-|x|))
-float softplus_value(float x) {
-    return std::max(x, 0.0F) + std::log1p(std::exp(-std::abs(x)));
 }
 
 /// `x` itself, or a wider copy of it.
@@ -90,23 +88,28 @@ template <class T>
 void PackedField<T>::encode(std::span<const float> points, FieldTile<T>& tile) const {
     const std::int64_t count = static_cast<std::int64_t>(points.size()) / 3, stride = encoding_ + width_;
     const std::int64_t phase_count = 3 * frequencies_;
-    std::array<float, most_phases> phases{};
+    std::array<float, points_at_once * most_phases> phases, sines, cosines;
     std::array<float, most_channels> row{};  // zeros beyond the cosines
-    float* const sines = row.data() + 3;
-    float* const cosines = sines + phase_count;
-    for (std::int64_t point = 0; point < count; ++point) {
-        const float* x = points.data() + 3 * point;
-        float frequency = 1.0F;
-        for (std::int64_t octave = 0; octave < frequencies_; ++octave, frequency *= 2.0F) {
-            for (std::int64_t axis = 0; axis < 3; ++axis)
-                phases[static_cast<std::size_t>(3 * octave + axis)] = x[axis] * frequency;
+    for (std::int64_t first = 0; first < count; first += points_at_once) {
+        const std::int64_t last = std::min(count, first + points_at_once);
+        float* phase = phases.data();
+        for (std::int64_t point = first; point < last; ++point) {
+            const float* x = points.data() + 3 * point;
+            float frequency = 1.0F;
+            for (std::int64_t octave = 0; octave < frequencies_; ++octave, frequency *= 2.0F) {
+                for (std::int64_t axis = 0; axis < 3; ++axis) *phase++ = x[axis] * frequency;
+            }
         }
-        std::copy_n(x, 3, row.data());
-        kernels::for_each_sine_cosine(phases.data(), phase_count, [=](std::int64_t i, float sine, float cosine) {
-            sines[i] = sine;
-            cosines[i] = cosine;
+        kernels::for_each_sine_cosine(phases.data(), phase - phases.data(), [&](std::int64_t i, float sine, float cosine) {
+            sines[static_cast<std::size_t>(i)] = sine;
+            cosines[static_cast<std::size_t>(i)] = cosine;
         });
-        kernels::narrow(tile.joined.data() + point * stride, row.data(), encoding_);
+        for (std::int64_t point = first; point < last; ++point) {
+            std::copy_n(points.data() + 3 * point, 3, row.data());
+            std::copy_n(sines.data() + (point - first) * phase_count, phase_count, row.data() + 3);
+            std::copy_n(cosines.data() + (point - first) * phase_count, phase_count, row.data() + 3 + phase_count);
+            kernels::narrow(tile.joined.data() + point * stride, row.data(), encoding_);
+        }
     }
 }
 
@@ -139,9 +142,9 @@ void PackedField<T>::density(std::span<const float> points, FieldTile<T>& tile) 
     }
     const Rows<T> last = output(layers_.size() - 1, tile);
     for (std::int64_t i = 0; i < count; ++i) {
-        tile.density[static_cast<std::size_t>(i)] = softplus_value(
-            dot(as_floats(last.data + i * last.stride, width_, tile.features.data()), density_weight_.data(), width_) +
-            density_bias_);
+        tile.density[static_cast<std::size_t>(i)] =
+            softplus(dot(as_floats(last.data + i * last.stride, width_, tile.features.data()), density_weight_.data(), width_) +
+                     density_bias_);
     }
 }
 

@@ -27,11 +27,14 @@ void SampleSelection::keep_all() {
 void select_samples(std::span<const DensityBounds> bounds, float delta, float tolerance, std::int64_t ray,
                     SampleSelection& selection) {
     const std::int64_t first = ray * selection.samples_per_ray;
+    // Bounds of bounds for what is thin: 1 - exp(-x) <= x, and no light is lost.
+    constexpr float thin = 1e-2F;
     std::int32_t count = 0;
     float transmittance = 1.0F, left_out = 0.0F, gap = 0.0F;
     for (std::size_t i = 0; i < bounds.size(); ++i) {
-        left_out -= transmittance * std::expm1(-bounds[i].upper * delta);
-        if (bounds[i].lower > 0.0F) transmittance *= std::exp(-bounds[i].lower * delta);
+        const float most = bounds[i].upper * delta, least = bounds[i].lower * delta;
+        left_out += transmittance * (most < thin ? most : -std::expm1(-most));
+        if (least >= thin) transmittance *= std::exp(-least);
         if (left_out < tolerance) {
             gap += bounds[i].estimate * delta;
             continue;

@@ -4,10 +4,12 @@
 #include <atomic>
 #include <cmath>
 #include <functional>
+#include <numeric>
 
 #include "core/parallel.h"
 #include "nn/models/realtime/density_grid.h"
 #include "nn/models/realtime/packed_field.h"
+#include "nn/models/realtime/view_range.h"
 
 namespace stymo {
 namespace {
@@ -18,6 +20,10 @@ constexpr std::int64_t tile_points = 192;
 constexpr std::int64_t rays_per_chunk = 32;
 /// Compositing weight of a ray that the samples without features of their own may have together, in units of the tolerance.
 constexpr float featureless_share = 0.5F;
+/// The same of a ray that counts as empty.
+constexpr float empty_share = 0.5F;
+/// The same of a ray all of whose samples lie where the lattice is coarse because the density is thin.
+constexpr double thin_share = 0.5;
 
 /// Calls body(item, thread) for every item; `thread` counts from 0 and is nobody else's at that time.
 template <class Body>
@@ -56,13 +62,27 @@ float interval(const Ray& ray, std::int64_t samples) {
 }
 
 /// Around all that the model's own camera sees as the head turns, with some room for other distances.
-DensityGrid make_grid(const ModelConfig& model) {
+DensityGrid make_grid(const ModelConfig& model, double tolerance) {
     const RaySampling& sampling = model.decoder.rays;
     const double reach = std::max(std::abs(sampling.near_z), std::abs(sampling.far_z));
     const double side = 0.5 / model.camera.intrinsics.focal * (model.camera.distance + reach);
     constexpr double room = 1.25;
     const double depth = sampling.near_z - sampling.far_z;
-    return {room * std::hypot(reach, side, side), depth / 48.0};
+    return {room * std::hypot(reach, side, side), depth / 48.0, thin_share * tolerance / depth};
+}
+
+/// A point in each cell of the grid that the usual views see.
+std::vector<float> points_in_reach(const ModelConfig& model, const DensityGrid& grid) {
+    // A little more than pictures show, so that views between these need nothing else.
+    constexpr double wider = 0.9, deeper = 0.4;
+    ViewRange range{.camera = model.camera};
+    range.camera.intrinsics.focal *= wider;
+    RaySampling sampling = model.decoder.rays;
+    sampling.samples_per_ray = 48;
+    sampling.near_z += deeper;
+    sampling.far_z -= deeper;
+    const RaySamples samples = sample_rays(cameras_over(range, 7, 3), sampling, nullptr);
+    return grid.one_in_each_cell(samples.points.values<float>());
 }
 
 template <class T>
@@ -75,6 +95,7 @@ public:
 
 private:
     void evaluate(std::span<const float> points, std::span<float> densities);
+    void learn(std::span<const float> points);
     void select(const CameraRays& rays);
     [[nodiscard]] bool select_from_grid(const CameraRays& rays);
     void cut_into_tiles();
@@ -87,6 +108,7 @@ private:
     float tolerance_;
     PackedField<T> field_;
     DensityGrid grid_;
+    std::vector<float> reach_;  ///< points around which a new head's density is learnt at once
     SampleSelection selection_;
     std::vector<std::int64_t> tiles_;  ///< first ray of each, and the end of the last
     std::int64_t largest_tile_ = 0;    ///< points
@@ -99,13 +121,24 @@ private:
 template <class T>
 SampledField<T>::SampledField(const ModelConfig& model, const RendererOptions& options)
     : mode_(options.mode), tolerance_(mode_ == RenderMode::exact ? 0.0F : static_cast<float>(options.tolerance)) {
-    if (mode_ != RenderMode::exact) grid_ = make_grid(model);
+    if (mode_ != RenderMode::exact) {
+        grid_ = make_grid(model, options.tolerance);
+        reach_ = points_in_reach(model, grid_);
+    }
 }
 
 template <class T>
 void SampledField<T>::set_field(const FoldedField& field) {
     field_ = PackedField<T>(field);
+    if (mode_ == RenderMode::exact) return;
+    scratch_.resize(static_cast<std::size_t>(thread_count()));
     grid_.forget();
+    learn(reach_);
+}
+
+template <class T>
+void SampledField<T>::learn(std::span<const float> points) {
+    grid_.learn(points, [this](std::span<const float> vertices, std::span<float> densities) { evaluate(vertices, densities); });
 }
 
 /// Densities of any number of points, by all threads.
@@ -156,7 +189,7 @@ void SampledField<T>::select(const CameraRays& rays) {
         std::vector<float>& points = scratch_.front().points;
         points.clear();
         for (const Ray& ray : rays.rays) append_points(ray, rays.samples_per_ray, points);
-        grid_.learn(points, [&](std::span<const float> vertices, std::span<float> densities) { evaluate(vertices, densities); });
+        learn(points);
         static_cast<void>(select_from_grid(rays));
     }
 }
@@ -180,18 +213,22 @@ bool SampledField<T>::select_from_grid(const CameraRays& rays) {
     return known;
 }
 
-/// Whole rays, so that a tile can composite them.
+/// Whole rays, so that a tile can composite them; as many tiles for each thread, of the same size as far as rays allow.
 template <class T>
 void SampledField<T>::cut_into_tiles() {
+    const std::int64_t all = std::accumulate(selection_.counts.begin(), selection_.counts.end(), std::int64_t{0});
+    const std::int64_t rounds = chunk_count(all, tile_points * thread_count()),
+                       tiles = std::max<std::int64_t>(rounds, 1) * thread_count();
     tiles_.assign(1, 0);
-    std::int64_t points = 0;
+    std::int64_t points = 0, done = 0;
     largest_tile_ = 0;
     for (std::size_t ray = 0; ray < selection_.counts.size(); ++ray) {
-        if (points > 0 && points + selection_.counts[ray] > tile_points) {
+        if (points > 0 && (done + selection_.counts[ray] / 2) * tiles >= std::ssize(tiles_) * all) {
             tiles_.push_back(static_cast<std::int64_t>(ray));
             points = 0;
         }
         points += selection_.counts[ray];
+        done += selection_.counts[ray];
         largest_tile_ = std::max(largest_tile_, points);
     }
     tiles_.push_back(static_cast<std::int64_t>(selection_.counts.size()));
@@ -271,13 +308,17 @@ void SampledField<T>::composite_ray(std::int64_t ray, std::int64_t first_row, co
         depth += weight * static_cast<float>(sample_distance(line, selection_.samples[slot + count - 1], rays.samples_per_ray));
     }
     opacities_[index] = opacity;
-    map.counts[index] = opacity > 0.0F;
     map.depths[index] = depth + (1.0F - opacity) * background_;
 
+    const bool empty = opacity <= empty_share * tolerance_;
+    map.counts[index] = empty ? 0 : 1;
+    if (empty) {
+        opacities_[index] = 0.0F;
+        return;
+    }
     // A weight too small for features of its own goes to the next sample that has some.
     const float least = count == 0 ? 0.0F : featureless_share * tolerance_ / static_cast<float>(count);
     float carried = 0.0F;
-    const std::size_t rows_before = scratch.rows.size();
     for (std::size_t k = 0; k < count; ++k) {
         carried += scratch.weights[k];
         if (carried < least) continue;
@@ -286,12 +327,7 @@ void SampledField<T>::composite_ray(std::int64_t ray, std::int64_t first_row, co
         scratch.row_weights.push_back(carried);
         carried = 0.0F;
     }
-    if (scratch.rows.size() > rows_before) {
-        scratch.row_weights.back() += carried;
-    } else {
-        map.counts[index] = 0;
-        opacities_[index] = 0.0F;
-    }
+    scratch.row_weights.back() += carried;
 }
 
 template <class T>
