@@ -20,8 +20,8 @@ inline constexpr std::int64_t float16_columns = 32;
     return i / 2 * 2 * float16_columns + j % 2 * float16_columns + j / 2 * 2 + i % 2;
 }
 
-/// Pairs of products that a lane adds up in half precision. The error grows with their root, and so does the share of time that is
-/// not spent on conversions.
+/// Pairs of products that a lane adds up in half precision. The error grows with their root, and so does the share of time that
+/// is not spent on conversions.
 inline constexpr std::int64_t float16_pairs_at_once = 64;
 
 /// Some rows of the left operand, and a panel of the right one.
