@@ -9,14 +9,14 @@ namespace stymo {
 
 FitReport report_fit(const Model& model, const FitTarget& target, const Tensor& mask, const FitResult& result, std::int64_t index,
                      const Lpips* lpips) {
-    const Camera& camera = target.cameras[static_cast<std::size_t>(index)];
+    const auto face = static_cast<std::size_t>(index);
     ViewOptions options{.samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
                         .resolution = target.targets.back().shape(1)};
     FitReport report;
     report.target = picture(target.targets.back(), index);
-    report.initial = render_view(model, result.initial, index, camera, options).picture;
+    report.initial = render_view(model, result.initial, index, target.cameras[face], options).picture;
     options.mask = options.resolution == model.config().decoder.resolution;
-    const View fitted = render_view(model, result.fitted, index, camera, options);
+    const View fitted = render_view(model, result.fitted, index, result.cameras[face], options);
     report.fitted = fitted.picture;
     report.mask = fitted.mask;
     report.counting_samples = fitted.counting_samples;

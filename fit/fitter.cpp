@@ -2,25 +2,63 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <span>
 
 #include "core/autograd/grad.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/ops/ops.h"
 #include "nn/optim/adam.h"
+#include "render/tracked_rays.h"
 
 namespace stymo {
 
 namespace {
 
+/// Identity and texture, in the order of `code_names`, stay from photo to photo.
+bool is_of_person(std::size_t group) {
+    return group == 0 || group == 2;
+}
+
+/// Codes whose identity and texture are the mean of all rows.
+Codes of_one_person(Codes codes) {
+    for (std::size_t group = 0; group < code_names.size(); ++group) {
+        Variable& values = codes.groups[group];
+        if (is_of_person(group)) values = broadcast_to(mean(values, {0}), values.shape());
+    }
+    return codes;
+}
+
+/// The cameras' poses as parameters of their own.
+struct Orbits {
+    ParameterStore store;
+
+    Orbits(const std::vector<Camera>& cameras, DType dtype) {
+        std::vector<Pose> poses;
+        for (const Camera& camera : cameras) poses.push_back(pose_from_camera(camera));
+        store.create("orbits", orbit_parameters(poses, dtype));
+    }
+
+    [[nodiscard]] const Variable& parameters() const { return store.all().front().variable(); }
+
+    [[nodiscard]] std::vector<Camera> cameras(std::vector<Camera> cameras) const {
+        for (std::size_t i = 0; i < cameras.size(); ++i)
+            cameras[i] =
+                camera_from_pose(pose_from_orbit(parameters().value(), static_cast<std::int64_t>(i)), cameras[i].intrinsics);
+        return cameras;
+    }
+};
+
 /// The code offsets as parameters of their own.
 struct Offsets {
     ParameterStore store;
 
-    explicit Offsets(const Codes& codes) {
+    Offsets(const Codes& codes, bool one_person) {
         for (std::size_t group = 0; group < code_names.size(); ++group) {
-            store.create(std::string("offset.") + code_names[group],
-                         Tensor::zeros(codes.groups[group].shape(), codes.groups[group].dtype()));
+            const Variable& values = codes.groups[group];
+            const std::int64_t rows = one_person && is_of_person(group) ? 1 : codes.batch();
+            store.create(std::string("offset.") + code_names[group], Tensor::zeros({rows, values.shape(1)}, values.dtype()));
         }
     }
 
@@ -62,31 +100,46 @@ FitResult fit_codes(const Model& model, const ReconstructionLoss& reconstruction
         .keep_field = options.keep_field};
     FitResult result;
     result.initial = detached(model.encoder()(Variable(target.input)));
+    if (options.one_person) result.initial = of_one_person(std::move(result.initial));
+    result.cameras = target.cameras;
     const auto batch = static_cast<double>(result.initial.batch());
-    const Offsets offsets(result.initial);
+    const Offsets offsets(result.initial, options.one_person);
+    std::optional<Orbits> orbits;
+    if (options.refine_pose) orbits.emplace(target.cameras, result.initial.identity().dtype());
     ReconstructionLoss::Target photos;
     if (options.steps > 0) photos = reconstruction_loss.kept_target(target.targets);
     Adam adam;
     double learning_rate = options.learning_rate;
     for (std::int64_t step = 0; step < options.steps && !interrupted(); ++step) {
         const Codes codes = add(result.initial, offsets.codes());
+        if (orbits) {
+            result.cameras = orbits->cameras(std::move(result.cameras));
+            decode.orbits = orbits->parameters();
+        }
         if (options.tolerance > 0.0 && step % options.examination_interval == 0) {
             decode.kept_samples = significant_samples(
-                model.decoder().compositing_weights(codes, target.cameras, decode.samples_per_ray), options.tolerance);
+                model.decoder().compositing_weights(codes, result.cameras, decode.samples_per_ray), options.tolerance);
             decode.keep_field = options.keep_field || mean_of(decode.kept_samples) <= few_samples;
         }
-        const Decoded decoded = model.decoder()(codes, target.cameras, decode);
+        const Decoded decoded = model.decoder()(codes, result.cameras, decode);
         // A mean over the batch times its size: the faces' gradients do not depend on how many are fitted together.
         const Variable loss =
             reconstruction_loss(decoded.images, photos).total * batch + squared_length(offsets.codes()) * regularizer;
         result.losses.push_back(loss.value().item() / batch);
         if (!std::isfinite(result.losses.back()))
             fail<NumericError>("fitting step ", step, ": the loss is not finite; lower the learning rate");
-        const std::vector<Variable> gradients = grad(loss, variables_of(offsets.store.all()));
-        adam.step(offsets.store.all(), gradients, learning_rate);
+        std::vector<Variable> learnt = variables_of(offsets.store.all());
+        if (orbits) learnt.push_back(orbits->parameters());
+        const std::vector<Variable> gradients = grad(loss, learnt);
+        const std::span of_codes = std::span(gradients).first(code_names.size());
+        adam.step(offsets.store.all(), of_codes, learning_rate);
+        if (orbits)
+            adam.step(orbits->store.all(), std::span(gradients).subspan(code_names.size()),
+                      learning_rate * options.pose_learning_rate_factor);
         learning_rate *= options.decay;
         if (options.on_step) options.on_step(step + 1, result.losses.back());
     }
+    if (orbits) result.cameras = orbits->cameras(std::move(result.cameras));
     result.fitted = detached(add(result.initial, offsets.codes()));
     return result;
 }

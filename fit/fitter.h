@@ -30,6 +30,11 @@ struct FitOptions {
     /// Keeps what the gradient needs of the field instead of computing it once more: faster by a fifth, for 4 bytes times the
     /// field's channels for each sample and sine layer. Done anyway where few samples count.
     bool keep_field = false;
+    /// The rows are photos of one person: identity and texture start at their mean and share their offset.
+    bool one_person = false;
+    /// The poses learn too, as orbit parameters (render/tracked_rays.h), with a rate of their own.
+    bool refine_pose = false;
+    double pose_learning_rate_factor = 0.1;
     /// Called after each step with the number of steps done and the loss.
     std::function<void(std::int64_t, double)> on_step = {};
 };
@@ -38,14 +43,16 @@ struct FitOptions {
 [[nodiscard]] Tensor significant_samples(const Tensor& weights, double tolerance);
 
 struct FitResult {
-    Codes initial;               ///< the encoder's, in Z
-    Codes fitted;                ///< initial + offsets
-    std::vector<double> losses;  ///< mean over the faces, before each step
+    Codes initial;                  ///< the encoder's, in Z
+    Codes fitted;                   ///< initial + offsets
+    std::vector<double> losses;     ///< mean over the faces, before each step
+    std::vector<Camera> cameras{};  ///< the target's, unless the poses learnt
 };
 
-/// The paper's fitting: Adam on code offsets that start at zero, everything else fixed; each face is its own problem whatever the
-/// batch. `loss` is the model's own reconstruction loss or another one. Throws ShapeError for targets that do not suit the model,
-/// ValueError for a side that it does not render, NumericError if the loss becomes non-finite.
+/// The paper's fitting: Adam on code offsets that start at zero, everything else fixed unless asked
+/// for; each face is its own problem whatever the batch, but for one person. `loss` is the model's own reconstruction loss or
+/// another one. Throws ShapeError for targets that do not suit the model, ValueError for a side that it does not render,
+/// NumericError if the loss becomes non-finite.
 [[nodiscard]] FitResult fit_codes(const Model& model, const ReconstructionLoss& loss, const FitTarget& target,
                                   const FitOptions& options);
 

@@ -5,6 +5,9 @@
 namespace stymo {
 namespace {
 
+/// From right, down, forward to right, up, backward, and back.
+constexpr Matrix3 camera_axes{{{1, 0, 0}, {0, -1, 0}, {0, 0, -1}}};
+
 Matrix3 product(const Matrix3& a, const Matrix3& b) {
     Matrix3 result{};
     for (std::size_t i = 0; i < 3; ++i) {
@@ -41,9 +44,13 @@ Vector3 angles_from_rotation(const Matrix3& rotation) {
 }
 
 Camera camera_from_pose(const Pose& pose, const Intrinsics& intrinsics) {
-    const Matrix3 camera_axes{{{1, 0, 0}, {0, -1, 0}, {0, 0, -1}}};
     const Matrix3 rotation = rotation_from_angles(pose.yaw, pose.pitch, pose.roll);
     return {intrinsics, product(rotation, camera_axes), pose.translation};
+}
+
+Pose pose_from_camera(const Camera& camera) {
+    const auto [yaw, pitch, roll] = angles_from_rotation(product(camera.world_from_camera, camera_axes));
+    return {yaw, pitch, roll, camera.center};
 }
 
 Pose orbit_pose(double yaw, double pitch, double roll, double distance) {

@@ -39,6 +39,8 @@ struct Camera {
 
 /// world_from_camera = R diag(1, -1, -1), centre = translation.
 [[nodiscard]] Camera camera_from_pose(const Pose& pose, const Intrinsics& intrinsics);
+/// The pose that camera_from_pose makes this camera of.
+[[nodiscard]] Pose pose_from_camera(const Camera& camera);
 /// The pose that sees the head turned by these angles from `distance`: translation = R (0, 0, distance).
 [[nodiscard]] Pose orbit_pose(double yaw, double pitch, double roll, double distance);
 /// The pose that keeps the point (0, 0, pivot_depth) of the face in the middle of the image, as FFHQ's alignment does, and is

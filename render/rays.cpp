@@ -32,6 +32,12 @@ Vector3 ray_direction(const Camera& camera, double image_x, double image_y) {
     return direction;
 }
 
+Vector3 pixel_direction(const Camera& camera, const RaySampling& sampling, std::int64_t row, std::int64_t column) {
+    const double offset = sampling.pixel_centers ? 0.5 : 0.0;
+    const double side = static_cast<double>(sampling.rays_per_side);
+    return ray_direction(camera, (static_cast<double>(column) + offset) / side, (static_cast<double>(row) + offset) / side);
+}
+
 /// Depth k of `samples` + 1, moved within its stratum: between the middles of the intervals on its two sides.
 double stratified_position(std::int64_t k, std::int64_t samples, double uniform) {
     const double lower = std::max(static_cast<double>(k) - 0.5, 0.0);
@@ -78,11 +84,12 @@ void require_valid(const std::vector<Camera>& cameras, const RaySampling& sampli
 
 }  // namespace
 
+Vector3 camera_direction(const Intrinsics& intrinsics, const RaySampling& sampling, std::int64_t row, std::int64_t column) {
+    return pixel_direction({intrinsics, {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}, {}}, sampling, row, column);
+}
+
 Ray camera_ray(const Camera& camera, const RaySampling& sampling, std::int64_t row, std::int64_t column) {
-    const double offset = sampling.pixel_centers ? 0.5 : 0.0;
-    const double side = static_cast<double>(sampling.rays_per_side);
-    const Vector3 direction =
-        ray_direction(camera, (static_cast<double>(column) + offset) / side, (static_cast<double>(row) + offset) / side);
+    const Vector3 direction = pixel_direction(camera, sampling, row, column);
 
     const bool along_world_z = sampling.planes == DepthPlanes::world_z;
     const double height = along_world_z ? camera.center[2] : length(camera.center);

@@ -32,6 +32,9 @@ struct Ray {
     double far_distance = 0.0;
 };
 
+/// Unit vector through one pixel of the feature map, along the camera's own axes: x right, y down, z forward.
+[[nodiscard]] Vector3 camera_direction(const Intrinsics& intrinsics, const RaySampling& sampling, std::int64_t row,
+                                       std::int64_t column);
 /// The ray through one pixel of the feature map. Throws as `sample_rays`.
 [[nodiscard]] Ray camera_ray(const Camera& camera, const RaySampling& sampling, std::int64_t row, std::int64_t column);
 /// Distance of sample k of N without jitter; k = N is the far plane.

@@ -6,6 +6,7 @@ packages=(
     build-essential cmake ninja-build pkg-config
     libhwy-dev nlohmann-json3-dev libcli11-dev catch2
     libopencv-dev libpng-dev zlib1g-dev libzip-dev libopenimageio-dev openimageio-tools # the CMake files of libopenimageio-dev refer to the tools
+    libdlib-dev libdlib-data # optional: faces in photos as they come
 )
 
 missing=()

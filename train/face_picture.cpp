@@ -4,6 +4,7 @@
 
 #include "core/error.h"
 #include "core/io/image.h"
+#include "render/head_parts.h"
 
 namespace stymo {
 namespace {

@@ -105,10 +105,6 @@ std::map<std::string, std::vector<fs::path>> head_parts_by_number(const fs::path
 
 }  // namespace
 
-bool is_head_class(int index) {
-    return (index >= 1 && index <= 13) || index == 15;
-}
-
 FolderScan scan_folder(const fs::path& folder) {
     if (!fs::is_directory(folder)) fail<FileError>(folder.string(), ": no such folder; give a folder of face pictures");
     try {

@@ -33,8 +33,4 @@ struct FolderScan {
 /// for a malformed side file.
 [[nodiscard]] FolderScan scan_folder(const std::filesystem::path& folder);
 
-/// Whether a class of CelebAMask-HQ's parsing (0..18) belongs to the head: 1-13 and 15, all but background, hat, neck and
-/// clothes.
-[[nodiscard]] bool is_head_class(int index);
-
 }  // namespace stymo

@@ -13,9 +13,9 @@
 #include "core/io/image.h"
 #include "core/io/json_writer.h"
 #include "core/parallel.h"
+#include "render/morphable/shading.h"
 #include "render/pose_json.h"
 #include "render/rasterizer.h"
-#include "render/spherical_harmonics.h"
 #include "train/folder_records.h"
 
 namespace stymo {
@@ -67,27 +67,6 @@ namespace {
     return pose;
 }
 
-[[nodiscard]] Tensor shaded_colors(const MorphableHead& head, const Tensor& vertices, const SyntheticFace& face,
-                                   const Camera& camera) {
-    const Tensor normals = vertex_normals(vertices, head.triangles);
-    Tensor colors = head_albedo(head, face.texture);
-    const auto normal_values = normals.values<float>();
-    const auto color_values = colors.mutable_values<float>();
-    for (std::size_t vertex = 0; vertex < color_values.size(); vertex += 3) {
-        Vector3 normal{};
-        for (std::size_t axis = 0; axis < 3; ++axis) {
-            for (std::size_t k = 0; k < 3; ++k)
-                normal[axis] += camera.world_from_camera[k][axis] * static_cast<double>(normal_values[vertex + k]);
-        }
-        const Vector3 light = irradiance(face.light, normal);
-        for (std::size_t channel = 0; channel < 3; ++channel) {
-            color_values[vertex + channel] =
-                std::clamp(color_values[vertex + channel] * static_cast<float>(light[channel]), 0.01F, 1.0F);
-        }
-    }
-    return colors;
-}
-
 [[nodiscard]] std::string face_id(std::int64_t index) {
     const std::string digits = std::to_string(index);
     return std::string(digits.size() < 5 ? 5 - digits.size() : 0, '0') + digits;
@@ -137,8 +116,9 @@ SyntheticImage render_synthetic_face(const MorphableHead& head, const SyntheticF
                                      std::int64_t side) {
     const Camera camera = camera_from_pose(face.pose, intrinsics);
     const Tensor vertices = head_vertices(head, face.identity, face.expression);
-    const RasterImage raster =
-        rasterize(vertices, shaded_colors(head, vertices, face, camera), head.triangles, camera, {side, side, 3});
+    const Tensor colors =
+        shaded_colors(head_albedo(head, face.texture), vertex_normals(vertices, head.triangles), face.light, camera);
+    const RasterImage raster = rasterize(vertices, colors, head.triangles, camera, {side, side, 3});
     SyntheticImage image{raster.color, Tensor::zeros({side, side, 1}), {}};
     const auto coverage = raster.coverage.values<float>();
     const auto color = image.color.mutable_values<float>();

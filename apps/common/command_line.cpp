@@ -13,6 +13,7 @@
 #include "apps/common/allocator.h"
 #include "core/error.h"
 #include "core/parallel.h"
+#include "fit/photo/face_detector.h"
 
 namespace stymo {
 namespace {
@@ -68,7 +69,8 @@ const char* vector_instructions() {
 std::string version_text(const std::string& program) {
     std::ostringstream text;
     text << program << " " << STYMO_VERSION << "\nthreads: " << thread_count()
-         << "\nvector instructions: " << vector_instructions();
+         << "\nvector instructions: " << vector_instructions()
+         << "\nfaces in photos: " << (FaceDetector::available() ? "dlib" : "off (built without dlib)");
     return text.str();
 }
 

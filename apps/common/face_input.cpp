@@ -14,11 +14,6 @@ namespace stymo {
 
 namespace {
 
-Tensor at_side(const Tensor& image, std::int64_t side) {
-    const int length = static_cast<int>(side);
-    return clamp(resize_image(central_square(image), length, length), 0.0, 1.0).value();
-}
-
 Face face_of_folder(const FaceSource& source, const ModelConfig& config) {
     const Dataset data(source.data, config.decoder.resolution, {.cache_megabytes = 0}, Split::all, frontal_pose(config.camera));
     const auto found = std::ranges::find(data.ids(), source.id);
@@ -31,8 +26,15 @@ Face face_of_folder(const FaceSource& source, const ModelConfig& config) {
 }  // namespace
 
 void require_photo(const FaceSource& source) {
-    if (source.image.empty() && source.data.empty()) fail<UsageError>("--image is required, or --data and --id");
+    if (source.images.empty() && source.data.empty()) fail<UsageError>("--image is required, or --data and --id");
+    if (source.images.size() > 1 && !source.as_it_comes())
+        fail<UsageError>("several photos are prepared by the tool itself: leave out --mask, --pose, --data and --as-is");
     if (source.data.empty() != source.id.empty()) fail<UsageError>("--data and --id need each other");
+}
+
+Tensor at_model_side(const Tensor& image, std::int64_t side) {
+    const int length = static_cast<int>(side);
+    return clamp(resize_image(central_square(image), length, length), 0.0, 1.0).value();
 }
 
 void write_broken_files(std::ostream& stream, const DatasetSummary& summary, std::size_t known) {
@@ -46,14 +48,14 @@ Face read_face(const FaceSource& source, const ModelConfig& config) {
     if (!source.data.empty()) {
         face = face_of_folder(source, config);
     } else {
-        face.id = source.image.stem().string();
+        face.id = std::filesystem::path(source.images.front()).stem().string();
         face.pose = frontal_pose(config.camera);
         face.intrinsics = config.camera.intrinsics;
         face.mask = Tensor::full({side, side, 1}, 1.0);
     }
-    if (!source.image.empty()) face.image = at_side(read_image(source.image), side);
+    if (!source.images.empty()) face.image = at_model_side(read_image(source.images.front()), side);
     if (!source.mask.empty()) {
-        face.mask = at_side(read_mask(source.mask), side);
+        face.mask = at_model_side(read_mask(source.mask), side);
         face.has_mask = true;
     }
     if (!source.pose.empty()) {

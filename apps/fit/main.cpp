@@ -1,12 +1,16 @@
+#include <algorithm>
 #include <filesystem>
 #include <iomanip>
 #include <iostream>
 #include <optional>
 #include <sstream>
+#include <vector>
 
 #include "apps/common/command_line.h"
 #include "apps/common/face_input.h"
 #include "apps/common/lpips_options.h"
+#include "apps/common/preparation_options.h"
+#include "apps/fit/prepared_photos.h"
 #include "core/clock.h"
 #include "core/interrupt.h"
 #include "core/io/file.h"
@@ -23,6 +27,7 @@ struct Options {
     stymo::FaceSource face;
     std::optional<std::int64_t> samples;
     stymo::LpipsOptions lpips;
+    stymo::PhotoPreparationSettings preparation;
     stymo::FitOptions fit;
 };
 
@@ -42,6 +47,50 @@ std::string summary(const stymo::FitReport& report, double seconds) {
     return text.str();
 }
 
+/// The photos to be fitted together, with where their files go.
+struct Photo {
+    stymo::Face face;
+    std::filesystem::path out;
+    std::optional<std::vector<std::string>> warnings;  ///< of a photo that was prepared
+};
+
+/// Prepares the photos as they come and shows what was found before the long work begins.
+std::vector<Photo> prepared(const Options& options, const stymo::ModelConfig& model) {
+    std::vector<stymo::PreparedPhoto> ready = stymo::prepare_photos(options.face.images, model, options.preparation);
+    std::vector<Photo> photos;
+    for (stymo::PreparedPhoto& photo : ready) {
+        const std::filesystem::path out = ready.size() == 1 ? options.out : options.out / photo.face.id;
+        if (std::ranges::any_of(photos, [&](const Photo& other) { return other.out == out; }))
+            stymo::fail<stymo::UsageError>("two photos are called ", photo.face.id, "; give them different names");
+        stymo::require_writable_folder(out);
+        stymo::write_image(out / "aligned.png", photo.aligned);
+        stymo::write_image(out / "overlay.png", photo.overlay);
+        for (const std::string& warning : photo.warnings)
+            std::cerr << "warning: " << photo.face.id << ": " << warning << std::endl;
+        photos.push_back({std::move(photo.face), out, std::move(photo.warnings)});
+    }
+    return photos;
+}
+
+std::vector<Photo> photos_of(const Options& options, const stymo::ModelConfig& model) {
+    if (options.face.as_it_comes()) return prepared(options, model);
+    Photo photo{stymo::read_face(options.face, model), options.out, {}};
+    stymo::require_writable_folder(options.out);
+    return {std::move(photo)};
+}
+
+stymo::JsonValue write_fit(const Photo& photo, const stymo::FitReport& report, const stymo::FitResult& result, std::int64_t index,
+                           double seconds) {
+    stymo::JsonValue json = to_json(report, result, seconds);
+    if (photo.warnings) json.add("warnings", *photo.warnings);
+    stymo::write_image(photo.out / "fit.png", stymo::comparison_sheet(report));
+    stymo::write_image(photo.out / "render.png", report.fitted);
+    stymo::write_code_file(photo.out / "codes.json", result.fitted, index,
+                           stymo::pose_from_camera(result.cameras[static_cast<std::size_t>(index)]));
+    stymo::write_text_file(photo.out / "report.json", json.text() + "\n");
+    return json;
+}
+
 stymo::AppResult fit(Options options) {
     stymo::require_photo(options.face);
     if (options.samples) options.fit.samples_per_ray = *options.samples;
@@ -52,10 +101,12 @@ stymo::AppResult fit(Options options) {
     std::optional<stymo::Lpips> metric;
     if (reconstruction.lpips() == nullptr && !options.lpips.trunk.empty())
         metric.emplace(config.perceptual, "leave out --lpips-trunk");
-    const stymo::Face face = stymo::read_face(options.face, model.config());
-    const stymo::TrainingBatch batch = stymo::make_batch(std::vector{face});
+    const std::vector<Photo> photos = photos_of(options, model.config());
+    std::vector<stymo::Face> faces;
+    for (const Photo& photo : photos) faces.push_back(photo.face);
+    const stymo::TrainingBatch batch = stymo::make_batch(faces);
     const stymo::FitTarget target{batch.input, batch.targets, batch.cameras};
-    stymo::require_writable_folder(options.out);
+    options.fit.one_person = photos.size() > 1;
 
     const stymo::InterruptGuard guard;
     stymo::Progress progress({.title = "fit", .total = options.fit.steps, .unit = "steps"});
@@ -68,13 +119,16 @@ stymo::AppResult fit(Options options) {
     const stymo::Lpips* lpips = metric ? &*metric : reconstruction.lpips();
     if (lpips == nullptr)
         std::cerr << "LPIPS is not measured; name its weights with --lpips-trunk and --lpips-heads" << std::endl;
-    const stymo::FitReport report = stymo::report_fit(model, target, batch.mask, result, 0, lpips);
-    const stymo::JsonValue json = to_json(report, result, seconds);
-    stymo::write_image(options.out / "fit.png", stymo::comparison_sheet(report));
-    stymo::write_image(options.out / "render.png", report.fitted);
-    stymo::write_code_file(options.out / "codes.json", result.fitted, 0, face.pose);
-    stymo::write_text_file(options.out / "report.json", json.text() + "\n");
-    stymo::AppResult done{summary(report, seconds), json};
+    stymo::AppResult done;
+    std::vector<stymo::JsonValue> reports;
+    for (std::size_t i = 0; i < photos.size(); ++i) {
+        const auto index = static_cast<std::int64_t>(i);
+        const stymo::FitReport report = stymo::report_fit(model, target, batch.mask, result, index, lpips);
+        reports.push_back(write_fit(photos[i], report, result, index, seconds));
+        if (photos.size() > 1) done.text += photos[i].face.id + "\n";
+        done.text += summary(report, seconds);
+    }
+    done.json = photos.size() == 1 ? reports.front() : stymo::JsonValue::object({{"photos", reports}});
     const std::int64_t steps = std::ssize(result.losses);
     if (steps < options.fit.steps)
         done.incomplete = "interrupted after " + std::to_string(steps) + " of " + std::to_string(options.fit.steps) + " steps";
@@ -85,14 +139,22 @@ stymo::AppResult fit(Options options) {
 
 int main(int argc, char** argv) {
     Options options;
-    stymo::CommandLine line("stymo-fit", "Fits a model to one photo: codes that reproduce it, for rendering from any side.");
+    stymo::CommandLine line("stymo-fit",
+                            "Fits a model to a photo as it comes, or to several of one person: codes that reproduce it, for "
+                            "rendering from any side.");
     line.option("--model", options.model, "model.safetensors of a training run").required();
-    line.option("--image", options.face.image, "the photo, aligned as FFHQ");
-    line.option("--mask", options.face.mask, "head mask of the photo; without one the whole frame is fitted");
-    line.option("--pose", options.face.pose, "JSON file with the photo's pose; without one the face is taken as frontal");
+    line.option("--image", options.face.images,
+                "a photo, whose face is found, aligned and masked; repeated: photos of one person, fitted together");
+    line.option("--mask", options.face.mask,
+                "head mask of a photo that is aligned as FFHQ; without --pose it is taken as frontal");
+    line.option("--pose", options.face.pose, "JSON file with an aligned photo's pose; without --mask the whole frame is fitted");
+    line.flag("--as-is", options.face.as_is, "the photo is aligned as FFHQ, its face frontal; the whole frame is fitted");
     line.option("--data", options.face.data, "folder of faces in FFHQ format that has the photo's mask and pose");
     line.option("--id", options.face.id, "the photo's id in --data").needs("--data");
-    line.option("--out", options.out, "folder for fit.png, render.png, codes.json, report.json").required();
+    line.option("--out", options.out,
+                "folder for fit.png, render.png, codes.json, report.json; of a photo as it comes also aligned.png, overlay.png")
+        .required();
+    stymo::declare_preparation_files(line, options.preparation);
     line.option("--steps", options.fit.steps, "optimiser steps").range(0, 1e6);
     line.option("--learning-rate", options.fit.learning_rate, "of the first step").range(0, 10);
     line.option("--decay", options.fit.decay, "factor on the learning rate after each step").range(0, 1);
@@ -102,6 +164,7 @@ int main(int argc, char** argv) {
     line.option("--tolerance", options.fit.tolerance,
                 "leaves out samples with less compositing weight, examined every 8 steps; 0: none")
         .range(0, 1);
+    line.flag("--refine-pose", options.fit.refine_pose, "the pose learns too, with a tenth of the learning rate; slower");
     stymo::declare_perceptual_weight(line, options.lpips);
     stymo::declare_lpips_files(line, options.lpips);
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return fit(options); });

@@ -1,66 +1,99 @@
-#include <filesystem>
+#include <cmath>
 #include <iomanip>
 #include <optional>
 #include <sstream>
 
 #include "apps/common/command_line.h"
+#include "apps/common/preparation_options.h"
+#include "apps/prep/pipeline.h"
+#include "apps/prep/pose_command.h"
+#include "core/clock.h"
+#include "core/error.h"
 #include "core/interrupt.h"
 #include "core/progress.h"
-#include "train/pose_network.h"
-#include "train/prepare.h"
 
 namespace {
+
+struct Options {
+    stymo::FolderPreparation folders;
+    stymo::PhotoPreparationSettings settings;
+    bool no_overlay = false;
+};
 
 void print_angle(std::ostream& text, const char* name, const stymo::AngleStatistics& angle) {
     text << '\n'
          << name << " " << angle.mean << " +- " << angle.deviation << " degrees, " << angle.lowest << " to " << angle.highest;
 }
 
-std::string text_of(const stymo::PrepareReport& report, const std::filesystem::path& folder) {
+std::string text_of(const stymo::PrepareReport& report, const Options& options) {
     std::ostringstream text;
     text << std::fixed << std::setprecision(1) << report.ok << " of " << report.found << " photos prepared in "
-         << folder.string();
-    if (report.without_mask > 0) text << "; " << report.without_mask << " without a mask (the whole frame is taken)";
+         << options.folders.out.string() << ": " << report.faces << " faces, " << report.aligned_already
+         << " of them aligned already, " << report.made_masks << " with a mask that was made";
+    if (report.mask_agreement)
+        text << "; it has " << std::setprecision(3) << *report.mask_agreement << " in common with the one given (mean of IoU)"
+             << std::setprecision(1);
     for (const stymo::BrokenFile& item : report.failed) text << "\nskipped " << item.file << ": " << item.reason;
-    if (!report.poses) {
-        text << "\nno poses (frontal is assumed): give --pose-net to estimate them";
-        return text.str();
-    }
-    print_angle(text, "yaw", report.poses->yaw);
-    print_angle(text, "pitch", report.poses->pitch);
-    print_angle(text, "roll", report.poses->roll);
-    text << "\nsubtracted medians: pitch " << report.poses->pitch_offset << ", roll " << report.poses->roll_offset << " degrees";
+    for (const stymo::FaceWarning& item : report.warnings) text << "\n" << item.id << ": " << item.warning;
+    text << "\nlandmarks are missed by " << std::setprecision(2) << 100.0 * report.landmark_error
+         << " percent of the picture's side (median)" << std::setprecision(1);
+    print_angle(text, "yaw", report.poses.yaw);
+    print_angle(text, "pitch", report.poses.pitch);
+    print_angle(text, "roll", report.poses.roll);
+    if (!options.settings.pose_network.empty())
+        text << "\nsubtracted medians: pitch " << report.poses.pitch_offset << ", roll " << report.poses.roll_offset
+             << " degrees";
     return text.str();
+}
+
+stymo::AppResult prepare(Options options) {
+    if (options.folders.photos.empty()) stymo::fail<stymo::UsageError>("--photos is required");
+    if (options.folders.out.empty()) stymo::fail<stymo::UsageError>("--out is required");
+    options.folders.overlays = !options.no_overlay;
+    const stymo::PhotoPreparation preparation(options.settings);
+    const stymo::InterruptGuard guard;
+    std::optional<stymo::Progress> progress;
+    const double start = stymo::seconds_now();
+    const stymo::PrepareOutcome outcome =
+        stymo::prepare_folder(options.folders, preparation, [&](std::int64_t done, std::int64_t total) {
+            if (!progress) progress.emplace(stymo::ProgressTask{"Photos", total, done, "photos"});
+            progress->update(done);
+        });
+    progress.reset();
+    if (!outcome.report)
+        stymo::fail("interrupted after ", outcome.done, " of ", outcome.found, " photos; the same command goes on from there");
+    std::ostringstream text;
+    text << text_of(*outcome.report, options);
+    if (outcome.done_now > 0)
+        text << '\n'
+             << std::fixed << std::setprecision(2) << (stymo::seconds_now() - start) / static_cast<double>(outcome.done_now)
+             << " s a photo";
+    return {text.str(), stymo::to_json(*outcome.report)};
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-    stymo::CommandLine line("stymo-prep", "Makes a training set of photos that are aligned as FFHQ (square crops of heads).");
-    std::filesystem::path photos;
-    std::filesystem::path folder;
-    std::optional<std::filesystem::path> pose_net;
-    stymo::PrepareSettings settings;
-    line.option("--photos", photos, "Folder in the FFHQ or CelebAMask-HQ format").required();
-    line.option("--out", folder, "Folder to write: images, masks, faces.jsonl, camera.json, report.json").required();
-    line.option("--size", settings.side, "Side of the images in pixels").range(8, 4096);
-    line.option("--pose-net", pose_net, "Head pose network in an ONNX file: 3DDFA_V2 or 6DRepNet (default: no poses)");
-    line.option("--distance", settings.distance, "Distance of the frontal camera from the head's origin").range(1, 100);
-    line.option("--pivot-depth", settings.pivot_depth, "How far in front of the origin the middle of the photos lies")
+    Options options;
+    stymo::PhotoPreparationSettings& settings = options.settings;
+    stymo::CommandLine line("stymo-prep",
+                            "Makes a training set of photos: finds the faces, aligns them as FFHQ, masks the heads, "
+                            "fits a head model for pose and codes. A call that was stopped goes on with the next one.");
+    line.option("--photos", options.folders.photos, "folder of photos; masks/, parsing/ and landmarks of faces.jsonl are used");
+    line.option("--out", options.folders.out, "folder to write: images, masks, faces.jsonl, camera.json, report.json, overlays");
+    line.option("--size", settings.side, "side of the images in pixels").range(8, 4096);
+    stymo::declare_preparation_files(line, settings);
+    line.flag("--all-faces", settings.all_faces, "every face of a photo, not the largest alone");
+    line.flag("--new-masks", settings.new_masks, "make masks even where the folder has them, and say how much they agree");
+    line.option("--distance", settings.pivot.distance, "with --pose-net: of the frontal camera from the head's origin")
+        .range(1, 100);
+    line.option("--pivot-depth", settings.pivot.pivot_depth,
+                "with --pose-net: how far in front of the origin the middle of the photos lies")
         .range(-1, 0.99);
-    line.flag("--overlay", settings.overlays, "Draw the heads' axes over the photos: overlays/axes_000.png, ...")
-        .needs("--pose-net");
-    return line.run(argc, argv, [&](const stymo::CommonOptions&) {
-        std::optional<stymo::PoseNetwork> network;
-        if (pose_net) network.emplace(*pose_net);
-        const stymo::InterruptGuard guard;
-        std::optional<stymo::Progress> progress;
-        const stymo::PrepareReport report = stymo::prepare_aligned_photos(
-            photos, folder, settings, network ? &*network : nullptr, [&](std::int64_t done, std::int64_t total) {
-                if (!progress) progress.emplace(stymo::ProgressTask{"Photos", total, 0, "photos"});
-                progress->update(done);
-            });
-        progress.reset();
-        return stymo::AppResult{text_of(report, folder), stymo::to_json(report)};
-    });
+    line.flag("--no-overlay", options.no_overlay, "leave out the contact sheets overlays/sheet_000.png, ...");
+    stymo::PoseCommand pose;
+    stymo::Command pose_command = line.command("pose", "Converts a pose between programs, and draws the head's axes.",
+                                               [&](const stymo::CommonOptions&) { return stymo::convert_pose(pose); });
+    stymo::declare_pose_command(pose_command, pose);
+    return line.run(argc, argv, [&](const stymo::CommonOptions&) { return prepare(options); });
 }

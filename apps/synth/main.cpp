@@ -6,8 +6,7 @@
 #include "core/clock.h"
 #include "core/interrupt.h"
 #include "core/progress.h"
-#include "render/morphable/builtin_head.h"
-#include "render/morphable/head_file.h"
+#include "render/morphable/head_source.h"
 #include "train/synthetic_faces.h"
 
 int main(int argc, char** argv) {
@@ -18,10 +17,11 @@ int main(int argc, char** argv) {
     line.option("--out", folder, "Folder to write: images, masks, faces.jsonl, camera.json").required();
     line.option("--count", settings.count, "Number of heads").range(1, 10000000);
     line.option("--size", settings.side, "Side of the images in pixels").range(8, 4096);
-    line.option("--morphable", morphable, "Head model in a .safetensors file (default: the built-in head)");
+    line.option("--morphable", morphable,
+                "Head model: a .safetensors file or a folder of ICT-FaceKit (default: the built-in head)");
     return line.run(argc, argv, [&](const stymo::CommonOptions& common) {
         const double start = stymo::seconds_now();
-        const stymo::MorphableHead head = morphable ? stymo::read_morphable_head(*morphable) : stymo::builtin_head();
+        const stymo::MorphableHead head = stymo::morphable_head_from(morphable);
         const stymo::InterruptGuard guard;
         stymo::Progress progress({"Heads", settings.count, 0, "heads"});
         stymo::write_synthetic_faces(head, settings, stymo::Rng(common.seed), folder,

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -30,6 +31,10 @@ void write_animation(const std::filesystem::path& path, const std::vector<Tensor
 
 /// Antialiased resampling of (height, width, channels) to another size; values may overshoot slightly.
 [[nodiscard]] Tensor resize_image(const Tensor& image, int height, int width);
+/// The rows top..top+height-1 and columns left..left+width-1 of (height, width, channels). Throws ShapeError if they are not in
+/// it.
+[[nodiscard]] Tensor image_part(const Tensor& image, std::int64_t top, std::int64_t left, std::int64_t height,
+                                std::int64_t width);
 /// The largest square in the middle of (height, width, channels).
 [[nodiscard]] Tensor central_square(const Tensor& image);
 /// Pictures of one size side by side, `columns` in a row, black where the last row is not full.

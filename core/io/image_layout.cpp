@@ -36,20 +36,26 @@ Tensor resize_image(const Tensor& image, int height, int width) {
     return resize_bicubic(batch, height, width).value().reshaped({height, width, image.shape(2)});
 }
 
-Tensor central_square(const Tensor& image) {
-    const std::int64_t height = image.shape(0);
-    const std::int64_t width = image.shape(1);
+Tensor image_part(const Tensor& image, std::int64_t top, std::int64_t left, std::int64_t height, std::int64_t width) {
+    if (image.rank() != 3 || top < 0 || left < 0 || height <= 0 || width <= 0 || top + height > image.shape(0) ||
+        left + width > image.shape(1)) {
+        fail<ShapeError>("[image_part] no ", height, " x ", width, " pixels from (", top, ", ", left, ") in ", image.shape());
+    }
+    if (height == image.shape(0) && width == image.shape(1)) return image;
     const std::int64_t channels = image.shape(2);
-    if (height == width) return image;
-    const std::int64_t side = std::min(height, width);
-    const std::int64_t top = (height - side) / 2;
-    const std::int64_t left = (width - side) / 2;
-    Tensor square({side, side, channels});
+    Tensor part({height, width, channels});
     const std::span<const float> from = image.values<float>();
-    const std::span<float> to = square.mutable_values<float>();
-    for (std::int64_t row = 0; row < side; ++row)
-        std::copy_n(from.begin() + ((top + row) * width + left) * channels, side * channels, to.begin() + row * side * channels);
-    return square;
+    const std::span<float> to = part.mutable_values<float>();
+    for (std::int64_t row = 0; row < height; ++row) {
+        const auto begin = from.begin() + ((top + row) * image.shape(1) + left) * channels;
+        std::copy_n(begin, width * channels, to.begin() + row * width * channels);
+    }
+    return part;
+}
+
+Tensor central_square(const Tensor& image) {
+    const std::int64_t side = std::min(image.shape(0), image.shape(1));
+    return image_part(image, (image.shape(0) - side) / 2, (image.shape(1) - side) / 2, side, side);
 }
 
 Tensor tile_images(const std::vector<Tensor>& images, int columns) {

@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "nn/layers/mapping.h"
+#include "render/tracked_rays.h"
 
 namespace stymo {
 namespace {
@@ -166,8 +167,13 @@ Codes Decoder::map(const Codes& z) const {
 Decoded Decoder::operator()(const Codes& z, const std::vector<Camera>& cameras, const DecodeOptions& options) const {
     const Codes w = map(z);
     RaySamples samples = layers_->samples_of(w, cameras, options.samples_per_ray, options.jitter);
-    RenderedRays rays = layers_->field.render({samples.points, samples.deltas, options.kept_samples}, geometry_style(w),
-                                              options.keep_field ? SineArguments::kept : SineArguments::recomputed);
+    const RayPoints points{samples.points, samples.deltas, options.kept_samples};
+    RenderedRays rays =
+        options.orbits.defined()
+            ? layers_->field.render_tracked(tracked_points(options.orbits, cameras, config().rays, samples.depths), points,
+                                            geometry_style(w))
+            : layers_->field.render(points, geometry_style(w),
+                                    options.keep_field ? SineArguments::kept : SineArguments::recomputed);
     const std::int64_t side = config().rays.rays_per_side;
     const Variable features = layers_->field.finish(rays.composited, sum(rays.weights.weights, {2}));
 

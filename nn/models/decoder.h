@@ -48,6 +48,9 @@ struct DecodeOptions {
     /// The backward pass computes the render blocks with the mask branch once more, image by image, instead of keeping what it
     /// needs of them. Changes results by rounding.
     bool recompute_blocks = false;
+    /// (B, 6), orbit parameters (render/tracked_rays.h) of the very poses of the cameras, which gradients flow to; undefined: to
+    /// none. Much slower than without; kept_samples decide by how much.
+    Variable orbits{};
     Rng* jitter = nullptr;  ///< stratified samples (training); null: fixed samples
 };
 

@@ -1,8 +1,12 @@
 #include "nn/models/radiance_field.h"
 
+#include <algorithm>
+
+#include "core/autograd/recompute.h"
 #include "core/error.h"
 #include "core/ops/activation.h"
 #include "core/ops/elementwise.h"
+#include "core/ops/index.h"
 #include "core/ops/shape_ops.h"
 #include "render/encoding.h"
 
@@ -35,6 +39,29 @@ Variable composed_rays(const RayPoints& rays, const SineNetwork& network) {
     if (rays.kept.defined()) density = density * Variable(rays.kept);
     const CompositeWeights weights = composite_weights(density, rays.deltas);
     return concat({weights.weights, weights.transmittance, composite(weights.weights, samples.features)}, 2);
+}
+
+/// The samples of face `index` that count.
+RowIndices kept_rows(const RayPoints& rays, std::int64_t index) {
+    const std::int64_t count = rays.deltas.shape(1) * rays.deltas.shape(2);
+    RowIndices rows;
+    const std::vector<double> kept = rays.kept.defined() ? rays.kept.to_vector() : std::vector<double>();
+    for (std::int64_t i = 0; i < count; ++i)
+        if (kept.empty() || kept[static_cast<std::size_t>(index * count + i)] != 0.0) rows.push_back(i);
+    return rows;
+}
+
+/// Of one face: points (P, 3), samples (K, 1 + width) that count, density before the features.
+RenderedRays composited(const Variable& samples, const RowIndices& rows, const Tensor& deltas) {
+    const std::int64_t count = deltas.size(), per_ray = deltas.shape(2);
+    const Variable density = scatter_add_rows(slice(samples, 1, 0, 1), rows, count);
+    const CompositeWeights weights = composite_weights(reshape(density, deltas.shape()), deltas);
+    const Variable counting = gather_rows(reshape(weights.weights, {count, 1}), rows);
+    RowIndices ray_of_row;
+    for (const std::int64_t row : rows) ray_of_row.push_back(row / per_ray);
+    const Variable sums =
+        scatter_add_rows(counting * slice(samples, 1, 1, samples.shape(1)), std::move(ray_of_row), deltas.shape(1));
+    return {weights, reshape(sums, {1, deltas.shape(1), sums.shape(1)})};
 }
 
 RenderedRays taken_apart(const Variable& rays, std::int64_t samples) {
@@ -82,6 +109,38 @@ RenderedRays RadianceField::render(const RayPoints& rays, const Variable& style,
 
 RenderedRays RadianceField::render_reference(const RayPoints& rays, const Variable& style) const {
     return taken_apart(composed_rays(rays, network(style)), rays.deltas.shape(2));
+}
+
+Variable RadianceField::tracked_samples(const Variable& points, const Variable& style) const {
+    constexpr std::int64_t rows_at_once = 8192;
+    std::vector<Variable> parts;
+    for (std::int64_t begin = 0; begin < points.shape(0); begin += rows_at_once) {
+        const std::int64_t end = std::min(begin + rows_at_once, points.shape(0));
+        parts.push_back(recompute(
+            [field = *this](std::span<const Variable> inputs) {
+                const std::int64_t rows = inputs[0].shape(0);
+                const FieldSamples samples = evaluate(reshape(inputs[0], {1, rows, 3}), field.network(inputs[1]), false);
+                return reshape(concat({samples.density, samples.features}, 2), {rows, -1});
+            },
+            {slice(points, 0, begin, end), style}));
+    }
+    return concat(parts, 0);
+}
+
+RenderedRays RadianceField::render_tracked(const Variable& points, const RayPoints& rays, const Variable& style) const {
+    std::vector<Variable> weights, transmittance, sums;
+    for (std::int64_t face = 0; face < points.shape(0); ++face) {
+        // A face without any sample that counts would leave nothing to compute with.
+        RowIndices rows = kept_rows(rays, face);
+        if (rows.empty()) rows.push_back(0);
+        const Variable own = reshape(slice(points, 0, face, face + 1), {points.shape(1), 3});
+        const Variable samples = tracked_samples(gather_rows(own, rows), slice(style, 0, face, face + 1));
+        RenderedRays rendered = composited(samples, rows, slice(Variable(rays.deltas), 0, face, face + 1).value());
+        weights.push_back(rendered.weights.weights);
+        transmittance.push_back(rendered.weights.transmittance);
+        sums.push_back(rendered.composited);
+    }
+    return {{concat(weights, 0), concat(transmittance, 0)}, concat(sums, 0)};
 }
 
 FoldedField RadianceField::folded(const Variable& style) const {

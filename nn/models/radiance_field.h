@@ -56,6 +56,10 @@ public:
     /// The same as a composition: its oracle.
     [[nodiscard]] RenderedRays render_reference(const RayPoints& rays, const Variable& style) const;
 
+    /// The same with points (B, R * N, 3) that gradients flow to, in place of those of `rays`. Of samples that are left out
+    /// nothing is computed; of the others the features are computed once more in the backward pass, a few thousand at a time.
+    [[nodiscard]] RenderedRays render_tracked(const Variable& points, const RayPoints& rays, const Variable& style) const;
+
     /// The last layer W r + b on composited features, (B, R, width) = sum_i w_i r_i and opacity (B, R, 1) = sum_i w_i ->
     /// (B, R, feature_channels) = W sum_i w_i r_i + b sum_i w_i = sum_i w_i (W r_i + b), with as many times fewer rows as there
     /// are samples on a ray.
@@ -65,6 +69,8 @@ public:
 
 private:
     [[nodiscard]] SineNetwork network(const Variable& style) const;
+    /// Density and features (K, 1 + width) at points (K, 3) of one face.
+    [[nodiscard]] Variable tracked_samples(const Variable& points, const Variable& style) const;
 
     std::int64_t frequencies_;
     std::size_t skip_layer_;

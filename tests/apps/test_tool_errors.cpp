@@ -73,17 +73,17 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
         {"stymo-synth --out out --count many", "--count"},
         {"stymo-synth --out out --count 1.5", "--count"},
         {"stymo-synth --out out --seed -1", "--seed"},
-        {"stymo-prep --photos faces --out out --overlay", "--pose-net"},
+        {"stymo-prep --photos faces", "--out"},
         {"stymo-train", "--config"},
         {"stymo-train --config tiny.json --data faces", "--out"},
         {"stymo-train --config tiny.json --data faces --out out --max-minutes -1", "--max-minutes"},
         {fit, "--image"},
         {fit + "--data faces", "--id"},
         {fit + "--id 00001", "--data"},
-        {fit + "--image faces/images/00000.png --steps -1", "--steps"},
-        {fit + "--image faces/images/00000.png --learning-rate nan", "--learning-rate"},
-        {fit + "--image faces/images/00000.png --regularizer inf", "--regularizer"},
-        {fit + "--image faces/images/00000.png --samples 1", "--samples"},
+        {fit + "--image faces/images/00000.png --as-is --steps -1", "--steps"},
+        {fit + "--image faces/images/00000.png --as-is --learning-rate nan", "--learning-rate"},
+        {fit + "--image faces/images/00000.png --as-is --regularizer inf", "--regularizer"},
+        {fit + "--image faces/images/00000.png --as-is --samples 1", "--samples"},
         {render + "--out out.tiff", "out.tiff"},
         {render + "--out out.gif", "out.gif"},
         {render + "--out out", "out"},
@@ -138,8 +138,8 @@ TEST_CASE("Inputs that are missing, empty or something else are named") {
         {"stymo-eval pair whole.jpg text.png", "text.png: not an image"},
         {"stymo-eval pair whole.jpg whole.jpg --lpips squeeze", "squeezenet1_1-b8a52dc0.pth"},
         {"stymo-eval pair whole.jpg whole.jpg --lpips alex --lpips-trunk none --lpips-heads random", "no file none"},
-        {fit + "--image faces/images/00000.png --perceptual-weight 0.1", "--perceptual-weight 0"},
-        {fit + "--image faces/images/00000.png --lpips-trunk text.png --lpips-heads random", "text.png: "},
+        {fit + "--image faces/images/00000.png --as-is --perceptual-weight 0.1", "--perceptual-weight 0"},
+        {fit + "--image faces/images/00000.png --as-is --lpips-trunk text.png --lpips-heads random", "text.png: "},
     };
     check_refused(calls, failed);
 }
@@ -153,7 +153,7 @@ TEST_CASE("A photo of zero bytes gives exactly one line") {
 
 TEST_CASE("A folder that cannot be made is named by every tool that writes") {
     // The names of a file in place of a folder hold for the superuser too, whom no missing right stops.
-    const std::string photo = "stymo-fit --model run/model.safetensors --image faces/images/00000.png ";
+    const std::string photo = "stymo-fit --model run/model.safetensors --image faces/images/00000.png --as-is ";
     const std::string render = "stymo-render --model run/model.safetensors --codes fit/codes.json ";
     for (const std::string place : {"file", "file/deep"}) {
         check_refused({{"stymo-synth --count 1 --size 32 --out " + place, "file"},

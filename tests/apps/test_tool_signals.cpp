@@ -52,7 +52,7 @@ TEST_CASE("Training that is interrupted saves a checkpoint first, and goes on fr
 
 TEST_CASE("A fit that is interrupted keeps what it has and says so") {
     const std::string fit =
-        "stymo-fit --model run/model.safetensors --image faces/images/00000.png --out stopped_fit --steps 1000000 --json";
+        "stymo-fit --model run/model.safetensors --image faces/images/00000.png --as-is --out stopped_fit --steps 1000000 --json";
     const ToolOutcome outcome = interrupted(fit, "fit ", SIGINT);
     CHECK(outcome.exit_code == 1);
     const json report = json::parse(outcome.out);

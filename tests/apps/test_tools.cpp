@@ -120,7 +120,7 @@ TEST_CASE("stymo-fit writes four files; the report says how good and how fast") 
 }
 
 TEST_CASE("A fit needs a photo only, makes its folder with its parents, and prints one object with --json") {
-    const ToolOutcome outcome = done(std::string(fit) + "--image faces/images/00001.png --out new/deep/fit --steps 1 --json");
+    const ToolOutcome outcome = done(std::string(fit) + "--image faces/images/00001.png --as-is --out new/deep/fit --steps 1 --json");
     CHECK(json::parse(outcome.out) == parsed_file(stymo::tiny_run() / "new/deep/fit/report.json"));
     CHECK(stymo::line_count(outcome.out) == 1);
     CHECK_THAT(outcome.err, Catch::Contains("1/1"));
@@ -128,7 +128,7 @@ TEST_CASE("A fit needs a photo only, makes its folder with its parents, and prin
 
 TEST_CASE("A second fit into the same folder replaces the files of the first and leaves no others") {
     const fs::path& folder = stymo::tiny_run();
-    done(std::string(fit) + "--image faces/images/00002.png --out twice --steps 1");
+    done(std::string(fit) + "--image faces/images/00002.png --as-is --out twice --steps 1");
     const std::string first = stymo::read_text_file(folder / "twice/codes.json");
     done(std::string(fit) +
          "--image faces/images/00003.png --mask faces/masks/00003.png --pose fit/codes.json --out twice --steps 2");
@@ -157,7 +157,7 @@ TEST_CASE("Grey, transparent, palette, 16-bit, turned and odd-sized photos are f
         fs::copy_file(entry.path(), folder / "mixed" / entry.path().filename(), fs::copy_options::overwrite_existing);
     stymo::write_image(folder / "mixed/odd.jpg", stymo::Tensor::full({91, 37, 1}, 0.5));
     for (const std::string& name : names_in(folder / "mixed"))
-        done(std::string(fit) + "--image mixed/" + name + " --out kinds --steps 1");
+        done(std::string(fit) + "--image mixed/" + name + " --as-is --out kinds --steps 1");
     const ToolOutcome outcome = done("stymo-train --config tiny.json --data mixed --out kinds_run --set data.split.test=0");
     CHECK_THAT(outcome.err,
                Catch::Contains(std::to_string(names_in(folder / "mixed").size()) + " faces") && !Catch::Contains("broken"));
@@ -246,19 +246,4 @@ TEST_CASE("stymo-eval pair compares two pictures") {
     CHECK_THAT(done(pair).out, Catch::Contains("PSNR") && !Catch::Contains("LPIPS"));
     const json equal = json::parse(done("stymo-eval pair faces/images/00000.png faces/images/00000.png --json").out);
     CHECK(equal["l1"] == 0.0);
-}
-
-TEST_CASE("stymo-prep makes a folder that trains, and names what it left out") {
-    const fs::path& folder = stymo::tiny_run();
-    fs::create_directories(folder / "photos");
-    for (const char* name : {"00000.png", "00001.png", "00002.png"})
-        fs::copy_file(folder / "faces/images" / name, folder / "photos" / name, fs::copy_options::overwrite_existing);
-    fs::copy_file(folder / "zero.png", folder / "photos/zero.png", fs::copy_options::overwrite_existing);
-    const json report = json::parse(done("stymo-prep --photos photos --out prepared --size 64 --json").out);
-    CHECK(report["found"] == 4);
-    CHECK(report["ok"] == 3);
-    CHECK(report["failed"][0]["file"] == "photos/zero.png");
-    CHECK(report["failed"][0]["reason"] == "not an image (zero bytes)");
-    CHECK(names_in(folder / "prepared/images") == std::set<std::string>{"00000.png", "00001.png", "00002.png"});
-    done("stymo-train --config tiny.json --data prepared --out prepared_run --set stage1.steps=1 --set data.split.test=0");
 }

@@ -24,6 +24,7 @@ struct Fit {
     Fit() {
         model.parameters().set_trainable("", false);
         target.cameras = {model_camera(model, -0.2, 0.0, 0.0), model_camera(model, 0.2, 0.0, 0.0)};
+        result.cameras = target.cameras;
         // The second face was fitted perfectly.
         const Decoded decoded = model.decoder()(result.fitted, target.cameras,
                                                 {.samples_per_ray = model.config().reconstruction.fit_samples_per_ray});

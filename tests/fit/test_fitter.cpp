@@ -201,3 +201,36 @@ TEST_CASE("targets that do not suit the model are refused, and so is what is not
         error_message<NumericError>([&] { static_cast<void>(fit_codes(model, loss_of(model), bad, {.steps = 3})); });
     CHECK_THAT(message, Catch::Contains("step 0") && Catch::Contains("not finite"));
 }
+
+TEST_CASE("a pose that is learnt comes nearer to the one of the picture, and the picture with it", "[fitter]") {
+    const Model model = frozen_model();
+    FitTarget target = target_of(model, random_codes(1, 7, 1.0, DType::float64));
+    const Pose truth = pose_from_camera(target.cameras[0]);
+    target.cameras[0] = model_camera(model, truth.yaw + 0.1, truth.pitch - 0.05, 0.0);
+    FitOptions options{.steps = 60, .learning_rate = 0.03, .decay = 0.98, .regularizer = 0.0, .tolerance = 0.0};
+    const FitResult fixed = fit_codes(model, loss_of(model), target, options);
+    CHECK(pose_from_camera(fixed.cameras[0]).yaw == Approx(truth.yaw + 0.1));
+    options.refine_pose = true;
+    options.pose_learning_rate_factor = 0.5;
+    const FitResult refined = fit_codes(model, loss_of(model), target, options);
+    CHECK(refined.losses.front() == Approx(fixed.losses.front()).epsilon(1e-9));
+    CHECK(refined.losses.back() < fixed.losses.back());
+    CHECK(pose_from_camera(refined.cameras[0]).yaw != Approx(truth.yaw + 0.1));
+}
+
+TEST_CASE("several photos of one person share identity and texture, and nothing else", "[fitter]") {
+    const Model model = frozen_model();
+    const FitTarget target = target_of(model, random_codes(2, 7, 1.0, DType::float64));
+    const FitResult result =
+        fit_codes(model, loss_of(model), target, {.steps = 30, .learning_rate = 0.02, .regularizer = 0.0, .one_person = true});
+    const Codes apart = detached(model.encoder()(Variable(target.input)));
+    for (std::size_t group = 0; group < code_names.size(); ++group) {
+        const auto difference_of_rows = [&](const Codes& codes) {
+            return sum(abs(slice(codes.groups[group], 0, 0, 1) - slice(codes.groups[group], 0, 1, 2))).value().item();
+        };
+        const bool shared = group == 0 || group == 2;
+        CHECK((difference_of_rows(result.fitted) == 0.0) == shared);
+        CHECK(difference_of_rows(apart) > 0.0);
+    }
+    CHECK(result.losses.back() < result.losses.front());
+}

@@ -5,7 +5,9 @@
 #include "core/ops/ops.h"
 #include "nn/models/decoder.h"
 #include "nn/models/radiance_field.h"
+#include "render/tracked_rays.h"
 #include "support/check_close.h"
+#include "support/check_grad.h"
 #include "support/live_nodes.h"
 
 using namespace stymo;
@@ -189,8 +191,7 @@ TEST_CASE("recomputing the render blocks changes images and gradients by roundin
         const LiveNodes live;
         Rng jitter(5);
         const Decoded decoded = model.decoder(
-            z, {frontal(), frontal(0.3)},
-            {.samples_per_ray = 6, .mask = true, .recompute_blocks = blocks, .jitter = &jitter});
+            z, {frontal(), frontal(0.3)}, {.samples_per_ray = 6, .mask = true, .recompute_blocks = blocks, .jitter = &jitter});
         const std::int64_t nodes = live.added();
         const Variable loss = mean(square(decoded.images[0])) + mean(square(decoded.images[1])) + mean(decoded.mask_logit) +
                               depth_variance(decoded.weights.weights, decoded.samples.depths) +
@@ -242,4 +243,36 @@ TEST_CASE("a decoder says what does not fit") {
     z.groups[3] = Tensor::zeros({1, 26});
     CHECK_THROWS_WITH(model.decoder.map(z), Catch::Contains("code light must be (1, 27)"));
     CHECK_THROWS_AS(model.decoder(random_codes(1), {frontal()}, {.samples_per_ray = 1}), ValueError);
+}
+
+TEST_CASE("a decoder whose poses are tracked gives the same feature map, and its gradients are finite differences") {
+    DecoderConfig config = narrow(16);
+    config.frequencies = 2;
+    config.rays.rays_per_side = 8;
+    Model model{config};
+    model.store.convert(DType::float64);
+    model.store.set_trainable("", false);
+    const std::vector<Pose> poses{orbit_pose(0.2, 0.1, 0.0, 5.3), orbit_pose(-0.3, 0.0, 0.1, 5.0)};
+    std::vector<Camera> cameras;
+    for (const Pose& pose : poses) cameras.push_back(camera_from_pose(pose, {}));
+    const Codes codes = random_codes(2, DType::float64);
+    const Tensor orbits = orbit_parameters(poses, DType::float64);
+    for (const bool all : {true, false}) {
+        DecodeOptions options{.samples_per_ray = 4};
+        if (!all) {
+            options.kept_samples = Tensor::full({2, 64, 4}, 1.0, DType::float64);
+            const auto kept = options.kept_samples.mutable_values<double>();
+            for (std::size_t i = 0; i < kept.size(); i += 3) kept[i] = 0.0;
+        }
+        const Tensor fused = model.decoder(codes, cameras, options).feature_map.value();
+        // Of the feature map: the render blocks do not see the pose, and have kinks that a difference would step over.
+        const auto tracked = [&](const std::vector<Variable>& x) {
+            options.orbits = x[0];
+            return model.decoder(codes, cameras, options).feature_map;
+        };
+        CHECK(check_close(tracked({Variable(orbits)}).value(), fused, 1e-9).passed);
+        const GradReport report = check_grad("decoder of orbits", tracked, {orbits}, {.order = 1});
+        INFO(report.message);
+        CHECK(report.passed);
+    }
 }

@@ -36,8 +36,8 @@ while IFS= read -r file; do
     done < <(sed -nE 's/^[[:space:]]*#[[:space:]]*include[[:space:]]*"([^"]+)".*/\1/p' "$file")
 
     # Headers of the kernels are private and not installed, so Highway may appear there.
-    forbidden='hwy|Eigen|opencv2|nlohmann|OpenImageIO|omp\.h'
-    [[ $file == core/kernels/* ]] && forbidden='Eigen|opencv2|nlohmann|OpenImageIO|omp\.h'
+    forbidden='hwy|dlib|Eigen|opencv2|nlohmann|OpenImageIO|omp\.h'
+    [[ $file == core/kernels/* ]] && forbidden='dlib|Eigen|opencv2|nlohmann|OpenImageIO|omp\.h'
     if [[ $file == *.h ]] && grep -qE "^[[:space:]]*#[[:space:]]*include[[:space:]]*[<\"]($forbidden)" "$file"; then
         violation "$file: a header includes one of $forbidden"
     fi

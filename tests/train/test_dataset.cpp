@@ -16,6 +16,7 @@
 #include "core/io/image.h"
 #include "core/parallel.h"
 #include "core/rng.h"
+#include "render/head_parts.h"
 #include "train/dataset.h"
 #include "train/folder_scan.h"
 

@@ -1,5 +1,3 @@
-#include <unistd.h>
-
 #include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -14,10 +12,9 @@
 #include "core/error.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
-#include "core/parallel.h"
-#include "train/dataset.h"
-#include "train/pose_network.h"
-#include "train/prepare.h"
+#include "core/io/scratch_folder.h"
+#include "fit/photo/network_poses.h"
+#include "fit/photo/pose_network.h"
 
 using namespace stymo;
 namespace fs = std::filesystem;
@@ -25,24 +22,6 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr double degree = std::numbers::pi / 180.0;
-
-/// A folder that is removed with all that a test put into it.
-class TemporaryFolder {
-public:
-    TemporaryFolder() : path_(fs::temp_directory_path() / ("stymo_prepare_" + std::to_string(::getpid()))) {
-        fs::remove_all(path_);
-        fs::create_directories(path_ / "photos/images");
-        fs::create_directories(path_ / "photos/masks");
-    }
-    ~TemporaryFolder() { fs::remove_all(path_); }
-    TemporaryFolder(const TemporaryFolder&) = delete;
-    TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-
-    [[nodiscard]] fs::path operator/(const fs::path& name) const { return path_ / name; }
-
-private:
-    fs::path path_;
-};
 
 std::optional<fs::path> shared_data() {
     const char* variable = std::getenv("STYMO_SHARED");
@@ -83,10 +62,6 @@ Matrix3 product_with_transpose(const Matrix3& matrix) {
     return result;
 }
 
-Tensor plain(std::int64_t height, std::int64_t width, std::int64_t channels, double value) {
-    return Tensor::full({height, width, channels}, value);
-}
-
 std::string message_of(const std::function<void()>& action) {
     try {
         action();
@@ -98,7 +73,7 @@ std::string message_of(const std::function<void()>& action) {
 
 }  // namespace
 
-TEST_CASE("3DDFA's turns of the head become the opposite turns of the camera", "[prepare]") {
+TEST_CASE("3DDFA's turns of the head become the opposite turns of the camera", "[photo]") {
     // By hand, y up: the nose, the head's z axis, is the last column.
     const double c = std::cos(30 * degree), s = std::sin(30 * degree);
     const Matrix3 nose_to_the_right{{{c, 0, s}, {0, 1, 0}, {-s, 0, c}}};
@@ -109,7 +84,7 @@ TEST_CASE("3DDFA's turns of the head become the opposite turns of the camera", "
     check_angles(rotation_from_3ddfa(outputs_for(clockwise)), {0, 0, 30});
 }
 
-TEST_CASE("the head's axes are seen where 3DDFA's matrix puts them", "[prepare]") {
+TEST_CASE("the head's axes are seen where 3DDFA's matrix puts them", "[photo]") {
     const Matrix3 picture_from_head = rotation_from_angles(0.6, -0.3, 0.2);
     const Vector3 angles = angles_from_rotation(rotation_from_3ddfa(outputs_for(picture_from_head)));
     // From far away a perspective picture is a scaled orthographic one.
@@ -124,14 +99,14 @@ TEST_CASE("the head's axes are seen where 3DDFA's matrix puts them", "[prepare]"
     }
 }
 
-TEST_CASE("6DRepNet's matrix is the pose's rotation as it is", "[prepare]") {
+TEST_CASE("6DRepNet's matrix is the pose's rotation as it is", "[photo]") {
     const Matrix3 expected = rotation_from_angles(0.5, -0.2, 0.1);
     std::array<float, 9> outputs{};
     for (std::size_t i = 0; i < 9; ++i) outputs[i] = static_cast<float>(expected[i / 3][i % 3]);
     check_angles(rotation_from_6drepnet(outputs), {0.5 / degree, -0.2 / degree, 0.1 / degree});
 }
 
-TEST_CASE("the nearest rotation is orthonormal, right-handed, and leaves rotations alone", "[prepare]") {
+TEST_CASE("the nearest rotation is orthonormal, right-handed, and leaves rotations alone", "[photo]") {
     const Matrix3 skewed{{{1.1, 0.1, 0.0}, {0.05, 0.8, -0.3}, {0.0, 0.4, 0.9}}};
     const Matrix3 rotation = nearest_rotation(skewed);
     const Matrix3 identity = product_with_transpose(rotation);
@@ -146,11 +121,11 @@ TEST_CASE("the nearest rotation is orthonormal, right-handed, and leaves rotatio
     CHECK_THROWS_AS(nearest_rotation({{{1, 0, 0}, {0, std::numeric_limits<double>::quiet_NaN(), 0}, {0, 0, 1}}}), NumericError);
 }
 
-TEST_CASE("the medians of pitch and roll are subtracted, the yaw stays", "[prepare]") {
+TEST_CASE("the medians of pitch and roll are subtracted, the yaw stays", "[photo]") {
     std::vector<Matrix3> rotations;
     for (const double turn : {-0.4, 0.1, 0.2}) rotations.push_back(rotation_from_angles(turn, turn / 2 - 0.2, turn / 4));
-    PoseReport report;
-    const std::vector<Pose> poses = poses_from_rotations(rotations, PrepareSettings{}, report);
+    PoseStatistics report;
+    const std::vector<Pose> poses = poses_from_rotations(rotations, PivotCamera{}, report);
     CHECK(report.pitch_offset == Approx((0.05 - 0.2) / degree));
     CHECK(report.roll_offset == Approx(0.025 / degree));
     CHECK(poses[0].yaw == Approx(-0.4));
@@ -164,64 +139,18 @@ TEST_CASE("the medians of pitch and roll are subtracted, the yaw stays", "[prepa
     CHECK(poses[2].translation[0] == Approx(4.4 * rotation_from_angles(0.2, 0.05, 0.025)[0][2]));
 }
 
-TEST_CASE("photos that cannot be used are named, the others become a data set", "[prepare]") {
-    const TemporaryFolder folder;
-    write_image(folder / "photos/images/00000.png", plain(40, 40, 3, 0.5));
-    write_image(folder / "photos/masks/00000.png", plain(40, 40, 1, 1.0));
-    write_image(folder / "photos/images/00001.png", plain(40, 50, 3, 0.5));
-    write_text_file(folder / "photos/images/00002.png", "no picture");
-    write_image(folder / "photos/images/00003.png", plain(64, 64, 3, 0.25));
-    PrepareSettings settings;
-    settings.side = 16;
-    const PrepareReport report = prepare_aligned_photos(folder / "photos", folder / "set", settings, nullptr);
-    CHECK(report.found == 4);
-    CHECK(report.ok == 2);
-    CHECK(report.without_mask == 1);
-    CHECK_FALSE(report.poses.has_value());
-    REQUIRE(report.failed.size() == 2);
-    CHECK(report.failed[0].file == (folder / "photos/images/00001.png").string());
-    CHECK(report.failed[0].reason == "not square: only aligned crops are read so far");
-    CHECK(report.failed[1].file == (folder / "photos/images/00002.png").string());
-
-    const auto json = nlohmann::json::parse(read_text_file(folder / "set/report.json"));
-    CHECK(json["found"] == 4);
-    CHECK(json["ok"] == 2);
-    CHECK(json["failed"][0]["reason"] == report.failed[0].reason);
-    CHECK(json["poses"].is_null());
-
-    const Dataset set(folder / "set", 16, {0, 0}, Split::all);
-    CHECK(set.ids() == std::vector<std::string>{"00000", "00003"});
-    CHECK(set.load(0).has_mask);
-    CHECK_FALSE(set.load(0).has_pose);
-    CHECK(set.load(0).mask.values<float>()[100] == 1.0F);
-    CHECK(set.load(1).image.values<float>()[100] == Approx(0.25).margin(0.002));
-}
-
-TEST_CASE("a folder that cannot be prepared leaves nothing behind", "[prepare]") {
-    const TemporaryFolder folder;
-    write_image(folder / "photos/images/00001.png", plain(40, 50, 3, 0.5));
-    const auto prepare = [&] {
-        static_cast<void>(prepare_aligned_photos(folder / "photos", folder / "set", PrepareSettings{}, nullptr));
-    };
-    CHECK_THAT(message_of(prepare), Catch::Contains("none of its 1 photos can be used") && Catch::Contains("not square"));
-    CHECK(std::distance(fs::directory_iterator(folder / ""), fs::directory_iterator()) == 1);
-
-    fs::create_directories(folder / "set/images");
-    CHECK_THAT(message_of(prepare), Catch::Contains("exists already"));
-}
-
-TEST_CASE("a file that is not a pose network is refused in one line", "[prepare]") {
-    const TemporaryFolder folder;
-    write_text_file(folder / "photos/net.onnx", "not a network");
-    CHECK_THROWS_AS(PoseNetwork(folder / "photos/none.onnx"), FileError);
-    CHECK_THAT(message_of([&] { PoseNetwork(folder / "photos/net.onnx"); }), Catch::Contains("not an ONNX network"));
+TEST_CASE("a file that is not a pose network is refused in one line", "[photo]") {
+    const ScratchFolder folder;
+    write_text_file(folder.path() / "net.onnx", "not a network");
+    CHECK_THROWS_AS(PoseNetwork(folder.path() / "none.onnx"), FileError);
+    CHECK_THAT(message_of([&] { PoseNetwork(folder.path() / "net.onnx"); }), Catch::Contains("not an ONNX network"));
     const auto shared = shared_data();
     if (!shared) return;
     CHECK_THAT(message_of([&] { PoseNetwork(*shared / "weights/face_parser_unet.onnx"); }),
                Catch::Contains("not a known pose network"));
 }
 
-TEST_CASE("the network finds the yaw of real photos, and mirrored poses in mirrored photos", "[prepare]") {
+TEST_CASE("the network finds the yaw of real photos, and mirrored poses in mirrored photos", "[photo]") {
     const auto shared = shared_data();
     if (!shared) return;
     PoseNetwork network(*shared / "weights/pose_3ddfa_mb05.onnx");
@@ -234,25 +163,4 @@ TEST_CASE("the network finds the yaw of real photos, and mirrored poses in mirro
     CHECK(mirrored[0] == Approx(-pose[0]).margin(0.01));
     CHECK(mirrored[1] == Approx(pose[1]).margin(0.01));
     CHECK(mirrored[2] == Approx(-pose[2]).margin(0.01));
-}
-
-TEST_CASE("the number of threads does not change a prepared folder", "[prepare]") {
-    const auto shared = shared_data();
-    if (!shared) return;
-    const TemporaryFolder folder;
-    for (const char* id : {"00000", "00001", "00002"})
-        fs::copy_file(*shared / "data/celebamask/images" / (std::string(id) + ".jpg"),
-                      folder / "photos/images" / (std::string(id) + ".jpg"));
-    PoseNetwork network(*shared / "weights/pose_3ddfa_mb05.onnx");
-    PrepareSettings settings;
-    settings.side = 64;
-    settings.overlays = true;
-    const int threads = thread_count();
-    set_thread_count(1);
-    static_cast<void>(prepare_aligned_photos(folder / "photos", folder / "one", settings, &network));
-    set_thread_count(3);
-    static_cast<void>(prepare_aligned_photos(folder / "photos", folder / "three", settings, &network));
-    set_thread_count(threads);
-    for (const char* file : {"faces.jsonl", "camera.json", "report.json", "images/00001.png", "overlays/axes_000.png"})
-        CHECK(read_text_file(folder / "one" / file) == read_text_file(folder / "three" / file));
 }

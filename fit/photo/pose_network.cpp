@@ -1,28 +1,25 @@
-#include "train/pose_network.h"
+#include "fit/photo/pose_network.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <opencv2/core/utils/logger.hpp>
-#include <opencv2/dnn.hpp>
+#include <opencv2/core.hpp>
 #include <string>
 
 #include "core/error.h"
-#include "core/io/file.h"
 #include "core/io/image.h"
+#include "fit/photo/onnx_network.h"
 
 namespace stymo {
 namespace {
 
-/// Where the network's input lies in an aligned photo (units of its side), and how it wants the pixels: (x - mean) / deviation.
+/// Where the network's input lies in an aligned photo (units of its side), and how it wants the pixels.
 struct NetworkKind {
     std::int64_t outputs;
     int input_side;
     double box_side;
     double box_center_y;
-    std::array<float, 3> mean;
-    std::array<float, 3> deviation;
-    bool blue_first;
+    PixelScale scale;
     Matrix3 (*rotation)(std::span<const float>);
 };
 
@@ -30,46 +27,17 @@ struct NetworkKind {
 // those of their mirror images. 6DRepNet expects the box of a face detector, about half of a photo, enlarged by a fifth on each
 // side.
 constexpr std::array kinds = {
-    NetworkKind{62, 120, 0.65, 0.56, {0.5F, 0.5F, 0.5F}, {128.0F / 255, 128.0F / 255, 128.0F / 255}, true, rotation_from_3ddfa},
-    NetworkKind{9, 224, 0.70, 0.56, {0.485F, 0.456F, 0.406F}, {0.229F, 0.224F, 0.225F}, false, rotation_from_6drepnet},
+    NetworkKind{62, 120, 0.65, 0.56, {{0.5F, 0.5F, 0.5F}, {128.0F / 255, 128.0F / 255, 128.0F / 255}, true}, rotation_from_3ddfa},
+    NetworkKind{9, 224, 0.70, 0.56, {{0.485F, 0.456F, 0.406F}, {0.229F, 0.224F, 0.225F}}, rotation_from_6drepnet},
 };
-
-/// OpenCV explains on stderr why it refuses a network, where the tools promise a single line.
-class QuietOpenCv {
-public:
-    QuietOpenCv() : former_(cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT)) {}
-    ~QuietOpenCv() { cv::utils::logging::setLogLevel(former_); }
-    QuietOpenCv(const QuietOpenCv&) = delete;
-    QuietOpenCv& operator=(const QuietOpenCv&) = delete;
-
-private:
-    cv::utils::logging::LogLevel former_;
-};
-
-std::vector<float> forward(cv::dnn::Net& network, const NetworkKind& kind, const Tensor& box) {
-    const int side = kind.input_side;
-    const std::array<int, 4> shape = {1, 3, side, side};
-    cv::Mat input(4, shape.data(), CV_32F);
-    const std::span<const float> pixels = box.values<float>();
-    const std::size_t plane = static_cast<std::size_t>(side) * static_cast<std::size_t>(side);
-    auto* const values = input.ptr<float>();
-    for (std::size_t channel = 0; channel < 3; ++channel) {
-        const std::size_t source = kind.blue_first ? 2 - channel : channel;
-        for (std::size_t i = 0; i < plane; ++i)
-            values[channel * plane + i] = (pixels[3 * i + source] - kind.mean[source]) / kind.deviation[source];
-    }
-    network.setInput(input);
-    const cv::Mat output = network.forward();
-    return {output.ptr<float>(), output.ptr<float>() + output.total()};
-}
 
 /// The kind whose input the network accepts and whose number of outputs it then gives; null if there is none.
-const NetworkKind* kind_of(cv::dnn::Net& network) {
+const NetworkKind* kind_of(OnnxNetwork& network) {
     for (const NetworkKind& kind : kinds) {
         try {
             const Tensor grey = Tensor::full({kind.input_side, kind.input_side, 3}, 0.5);
-            if (static_cast<std::int64_t>(forward(network, kind, grey).size()) == kind.outputs) return &kind;
-        } catch (const cv::Exception&) {
+            if (std::ssize(network.run(grey, kind.scale).values) == kind.outputs) return &kind;
+        } catch (const ShapeError&) {
             // An input size the network was not made for.
         }
     }
@@ -130,18 +98,12 @@ Matrix3 rotation_from_6drepnet(std::span<const float> outputs) {
 }
 
 struct PoseNetwork::Implementation {
-    cv::dnn::Net network;
-    const NetworkKind* kind = nullptr;
+    OnnxNetwork network;
+    const NetworkKind* kind;
 };
 
-PoseNetwork::PoseNetwork(const std::filesystem::path& onnx) : implementation_(std::make_unique<Implementation>()) {
-    const std::string bytes = read_text_file(onnx);
-    const QuietOpenCv quiet;
-    try {
-        implementation_->network = cv::dnn::readNetFromONNX(bytes.data(), bytes.size());
-    } catch (const cv::Exception&) {
-        fail<FileError>(onnx.string(), ": not an ONNX network that OpenCV can run");
-    }
+PoseNetwork::PoseNetwork(const std::filesystem::path& onnx)
+    : implementation_(std::make_unique<Implementation>(Implementation{OnnxNetwork(onnx), nullptr})) {
     implementation_->kind = kind_of(implementation_->network);
     if (implementation_->kind == nullptr)
         fail<FileError>(onnx.string(),
@@ -163,11 +125,7 @@ Tensor PoseNetwork::face_box(const Tensor& photo) const {
     const std::int64_t side = rounded + (photo_side - rounded) % 2;
     const std::int64_t left = (photo_side - side) / 2;
     const std::int64_t top = std::min(pixels(kind.box_center_y - kind.box_side / 2), photo_side - side);
-    Tensor box({side, side, 3});
-    const std::span<const float> from = photo.values<float>();
-    const std::span<float> to = box.mutable_values<float>();
-    for (std::int64_t row = 0; row < side; ++row)
-        std::copy_n(from.begin() + ((top + row) * photo_side + left) * 3, side * 3, to.begin() + row * side * 3);
+    const Tensor box = image_part(photo, top, left, side, side);
     return resize_image(box, kind.input_side, kind.input_side);
 }
 
@@ -175,8 +133,9 @@ Matrix3 PoseNetwork::rotation(const Tensor& face_box) {
     const NetworkKind& kind = *implementation_->kind;
     if (!(face_box.shape() == Shape{kind.input_side, kind.input_side, 3}))
         fail<ShapeError>("[pose network] the face box is ", kind.input_side, " pixels wide and high; got ", face_box.shape());
-    const Matrix3 direct = kind.rotation(forward(implementation_->network, kind, face_box));
-    const Matrix3 through_mirror = mirrored(kind.rotation(forward(implementation_->network, kind, mirror_image(face_box))));
+    const Matrix3 direct = kind.rotation(implementation_->network.run(face_box, kind.scale).values);
+    const Matrix3 through_mirror =
+        mirrored(kind.rotation(implementation_->network.run(mirror_image(face_box), kind.scale).values));
     return nearest_rotation(sum(direct, through_mirror));
 }
 

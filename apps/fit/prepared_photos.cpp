@@ -1,0 +1,68 @@
+#include "apps/fit/prepared_photos.h"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "apps/common/face_input.h"
+#include "core/error.h"
+#include "core/io/image.h"
+#include "fit/photo/preparation_overlay.h"
+
+namespace stymo {
+namespace {
+
+constexpr std::int64_t least_aligned_side = 512;
+
+FaceCrop largest_face(const PhotoPreparation& preparation, const std::string& image) {
+    const Tensor photo = read_image(image);
+    try {
+        return preparation.crops(photo, {}).front();
+    } catch (const ValueError& error) {
+        fail<FileError>(image, ": ", error.what(), "; if it is an aligned crop already, give --mask and --pose, or --as-is");
+    }
+}
+
+PreparedPhoto photo_of(const std::string& image, PreparedFace prepared, const PhotoPreparation& preparation,
+                       const ModelConfig& model) {
+    if (!prepared.failure.empty()) fail<FileError>(image, ": ", prepared.failure);
+    const PhotoPreparationSettings& settings = preparation.settings();
+    if (prepared.network_rotation) {
+        const auto [yaw, pitch, roll] = angles_from_rotation(*prepared.network_rotation);
+        prepared.fit.pose = pivot_pose(yaw, pitch, roll, settings.pivot.distance, settings.pivot.pivot_depth);
+    }
+    const std::int64_t side = model.decoder.resolution;
+    const FaceCrop& crop = prepared.crop;
+    PreparedPhoto photo;
+    photo.face = {.id = std::filesystem::path(image).stem().string(),
+                  .image = at_model_side(crop.image, side),
+                  .mask = at_model_side(crop.mask, side),
+                  .pose = prepared.fit.pose,
+                  .intrinsics = settings.intrinsics,
+                  .code = {},
+                  .has_mask = true,
+                  .has_pose = true};
+    photo.aligned = crop.image;
+    photo.overlay = preparation_overlay({crop.image, crop.mask, crop.landmarks, prepared.fit}, preparation.head(),
+                                        settings.intrinsics, settings.side);
+    photo.warnings = std::move(prepared.warnings);
+    return photo;
+}
+
+}  // namespace
+
+std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images, const ModelConfig& model,
+                                          PhotoPreparationSettings settings) {
+    settings.side = std::max(model.decoder.resolution, least_aligned_side);
+    settings.wanted_side = model.decoder.resolution;
+    settings.intrinsics = model.camera.intrinsics;
+    settings.pivot = {model.camera.distance, model.camera.pivot_depth};
+    const PhotoPreparation preparation(settings);
+    std::vector<FaceCrop> crops;
+    for (const std::string& image : images) crops.push_back(largest_face(preparation, image));
+    std::vector<PreparedFace> faces = preparation.finish(std::move(crops));
+    std::vector<PreparedPhoto> photos;
+    for (std::size_t i = 0; i < faces.size(); ++i) photos.push_back(photo_of(images[i], std::move(faces[i]), preparation, model));
+    return photos;
+}
+
+}  // namespace stymo

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "fit/photo/photo_preparation.h"
+#include "nn/models/model.h"
+#include "train/batch.h"
+
+namespace stymo {
+
+/// A photo ready to be fitted, and what was found on it.
+struct PreparedPhoto {
+    Face face;       ///< at the model's resolution
+    Tensor aligned;  ///< the crop, 512 pixels a side or the model's if that is more
+    Tensor overlay;  ///< everything found, drawn over it
+    std::vector<std::string> warnings;
+};
+
+/// Finds, aligns and masks the largest face of each photo, with its pose for the model's camera. `settings`: the files to work
+/// with. Throws FileError naming the photo that cannot be read or used.
+[[nodiscard]] std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images, const ModelConfig& model,
+                                                        PhotoPreparationSettings settings);
+
+}  // namespace stymo

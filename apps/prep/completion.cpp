@@ -1,0 +1,166 @@
+#include "apps/prep/completion.h"
+
+#include <algorithm>
+#include <fstream>
+#include <functional>
+
+#include "core/error.h"
+#include "core/interrupt.h"
+#include "core/io/file.h"
+#include "core/io/image.h"
+#include "core/parallel.h"
+#include "fit/photo/preparation_overlay.h"
+#include "train/folder_records.h"
+
+namespace stymo {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t faces_in_a_sheet = 64;
+constexpr int columns = 8;
+constexpr std::int64_t thumbnail_side = 192;
+
+/// What must be known of all faces at once; the rest stays in the notes.
+struct Summary {
+    PrepareReport report;
+    std::vector<double> landmark_errors;
+    std::vector<double> mask_agreements;
+    std::vector<Matrix3> rotations;  ///< empty without a network
+    std::vector<Pose> poses;         ///< of the morphable fit, then the network's if there is one
+};
+
+Summary summary_of(const FolderPreparation& folders, const PivotCamera& pivot, std::span<const std::string> files,
+                   const ProgressFile& notes) {
+    Summary summary;
+    PrepareReport& report = summary.report;
+    report.found = std::ssize(files);
+    for (const std::string& file : files) {
+        const PhotoOutcome photo = notes.read(file);
+        if (!photo.failure.empty()) report.failed.push_back({(folders.photos / file).string(), photo.failure});
+        if (!photo.faces.empty()) ++report.ok;
+        for (const FaceOutcome& face : photo.faces) {
+            ++report.faces;
+            report.aligned_already += face.was_aligned ? 1 : 0;
+            report.made_masks += face.made_mask ? 1 : 0;
+            summary.landmark_errors.push_back(face.fit.landmark_error);
+            if (face.mask_agreement) summary.mask_agreements.push_back(*face.mask_agreement);
+            for (const std::string& warning : face.warnings) report.warnings.push_back({face.id, warning});
+            summary.poses.push_back(face.fit.pose);
+            if (face.network_rotation) summary.rotations.push_back(*face.network_rotation);
+        }
+    }
+    if (report.ok == 0) return summary;
+    report.landmark_error = median(summary.landmark_errors);
+    if (const std::vector<double>& all = summary.mask_agreements; !all.empty()) {
+        double sum = 0.0;
+        for (const double agreement : all) sum += agreement;
+        report.mask_agreement = sum / static_cast<double>(all.size());
+    }
+    if (summary.rotations.empty()) {
+        report.poses = statistics_of(summary.poses);
+    } else {
+        summary.poses = poses_from_rotations(summary.rotations, pivot, report.poses);
+    }
+    return summary;
+}
+
+/// Calls `visit` with each face and its final pose, in order.
+void for_each_face(std::span<const std::string> files, const ProgressFile& notes, const std::vector<Pose>& poses,
+                   const std::function<void(FaceOutcome)>& visit) {
+    std::size_t index = 0;
+    for (const std::string& file : files) {
+        for (FaceOutcome& face : notes.read(file).faces) {
+            face.fit.pose = poses[index++];
+            visit(std::move(face));
+        }
+    }
+}
+
+void write_sheet(const fs::path& out, std::size_t number, const PhotoPreparation& preparation,
+                 std::span<const FaceOutcome> faces) {
+    std::vector<Tensor> thumbnails(faces.size());
+    const Intrinsics& intrinsics = preparation.settings().intrinsics;
+    parallel_for(std::ssize(faces), 1, [&](std::int64_t begin, std::int64_t end) {
+        for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
+            const std::string name = faces[i].id + ".png";
+            thumbnails[i] = preparation_overlay(
+                {read_image(out / "images" / name), read_mask(out / "masks" / name), faces[i].landmarks, faces[i].fit},
+                preparation.head(), intrinsics, thumbnail_side);
+        }
+    });
+    const std::string digits = std::to_string(number);
+    const std::string padding(digits.size() < 3 ? 3 - digits.size() : 0, '0');
+    write_image(out / "overlays" / ("sheet_" + padding + digits + ".png"), tile_images(thumbnails, columns));
+}
+
+/// Returns false if a signal came.
+bool write_sheets(const fs::path& out, const PhotoPreparation& preparation, std::span<const std::string> files,
+                  const ProgressFile& notes, const std::vector<Pose>& poses) {
+    require_writable_folder(out / "overlays");
+    std::vector<FaceOutcome> sheet;
+    std::size_t number = 0;
+    const auto write = [&] {
+        if (!sheet.empty() && !interrupted()) write_sheet(out, number++, preparation, sheet);
+        sheet.clear();
+    };
+    for_each_face(files, notes, poses, [&](FaceOutcome face) {
+        sheet.push_back(std::move(face));
+        if (sheet.size() == faces_in_a_sheet) write();
+    });
+    write();
+    return !interrupted();
+}
+
+void remove_all_of(const fs::path& out) {
+    fs::remove(ProgressFile::path_in(out));
+    fs::remove_all(out / "images");
+    fs::remove_all(out / "masks");
+    if (fs::is_empty(out)) fs::remove(out);
+}
+
+}  // namespace
+
+std::optional<PrepareReport> complete_folder(const FolderPreparation& folders, const PhotoPreparation& preparation,
+                                             std::span<const std::string> files, const ProgressFile& notes) {
+    Summary summary = summary_of(folders, preparation.settings().pivot, files, notes);
+    const PrepareReport& report = summary.report;
+    if (report.ok == 0) {
+        remove_all_of(folders.out);
+        fail<FileError>(folders.photos.string(), ": none of its ", report.found,
+                        " photos can be used; the first: ", report.failed.front().file, ": ", report.failed.front().reason);
+    }
+    if (folders.overlays && !write_sheets(folders.out, preparation, files, notes, summary.poses)) return std::nullopt;
+    write_whole(folders.out / "faces.jsonl", [&](const fs::path& temporary) {
+        std::ofstream stream(temporary, std::ios::binary);
+        for_each_face(files, notes, summary.poses,
+                      [&](const FaceOutcome& face) { stream << face_record(face, face.fit.pose).text() << '\n'; });
+        stream.flush();
+        if (!stream) fail<FileError>((folders.out / "faces.jsonl").string(), ": cannot be written; is the disk full?");
+    });
+    write_intrinsics(folders.out / "camera.json", preparation.settings().intrinsics);
+    write_text_file(folders.out / "report.json", to_json(report).text() + "\n");
+    fs::remove(ProgressFile::path_in(folders.out));
+    return std::move(summary.report);
+}
+
+JsonValue to_json(const PrepareReport& report) {
+    std::vector<JsonValue> failed;
+    for (const BrokenFile& item : report.failed)
+        failed.push_back(JsonValue::object({{"file", item.file}, {"reason", item.reason}}));
+    std::vector<JsonValue> warnings;
+    for (const FaceWarning& item : report.warnings)
+        warnings.push_back(JsonValue::object({{"id", item.id}, {"warning", item.warning}}));
+    return JsonValue::object({{"found", report.found},
+                              {"ok", report.ok},
+                              {"faces", report.faces},
+                              {"aligned_already", report.aligned_already},
+                              {"made_masks", report.made_masks},
+                              {"landmark_error", report.landmark_error},
+                              {"mask_iou", report.mask_agreement ? JsonValue(*report.mask_agreement) : JsonValue()},
+                              {"failed", failed},
+                              {"warnings", warnings},
+                              {"poses", to_json(report.poses)}});
+}
+
+}  // namespace stymo

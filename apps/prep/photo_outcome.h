@@ -1,0 +1,42 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/io/json_writer.h"
+#include "fit/photo/photo_preparation.h"
+
+namespace stymo {
+
+/// What is kept of a prepared face beside its picture and its mask.
+struct FaceOutcome {
+    std::string id;
+    MorphableFit fit;
+    Landmarks landmarks{};
+    std::optional<Matrix3> network_rotation;
+    std::optional<double> mask_agreement;
+    bool was_aligned = false;
+    bool made_mask = false;
+    std::vector<std::string> warnings;
+};
+
+/// What became of one photo: `failure` says why it cannot be used, or is empty.
+struct PhotoOutcome {
+    std::string file;  ///< relative to the folder of photos
+    std::string failure;
+    std::vector<FaceOutcome> faces;
+};
+
+[[nodiscard]] FaceOutcome outcome_of(std::string id, PreparedFace face);
+
+/// One line. Numbers are read back as they were.
+[[nodiscard]] JsonValue to_json(const PhotoOutcome& outcome);
+/// Throws FileError for text that to_json did not write.
+[[nodiscard]] PhotoOutcome parse_photo_outcome(std::string_view line);
+
+/// A line of faces.jsonl.
+[[nodiscard]] JsonValue face_record(const FaceOutcome& face, const Pose& pose);
+
+}  // namespace stymo

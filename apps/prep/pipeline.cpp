@@ -1,0 +1,193 @@
+#include "apps/prep/pipeline.h"
+
+#include <algorithm>
+#include <set>
+#include <span>
+
+#include "apps/prep/completion.h"
+#include "apps/prep/progress_file.h"
+#include "core/error.h"
+#include "core/interrupt.h"
+#include "core/io/file.h"
+#include "core/io/image.h"
+#include "core/parallel.h"
+#include "train/folder_scan.h"
+
+namespace stymo {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Photos that are fitted at once: enough for all threads, few enough to wait for after Ctrl-C.
+constexpr std::size_t photos_in_a_batch = 8;
+
+void require_own_folder(const fs::path& folder) {
+    if (fs::exists(folder) && !fs::exists(ProgressFile::path_in(folder)) && (!fs::is_directory(folder) || !fs::is_empty(folder)))
+        fail<FileError>(folder.string(), ": exists already; choose another folder or remove it");
+}
+
+JsonValue settings_json(const fs::path& photos, const PhotoPreparationSettings& settings) {
+    const auto absolute = [](const fs::path& path) { return path.empty() ? std::string() : fs::absolute(path).string(); };
+    return JsonValue::object({{"--photos", absolute(photos)},
+                              {"--size", settings.side},
+                              {"--all-faces", settings.all_faces},
+                              {"--new-masks", settings.new_masks},
+                              {"--landmarks", absolute(settings.landmark_model)},
+                              {"--morphable", absolute(settings.morphable)},
+                              {"--parser", absolute(settings.parser)},
+                              {"--pose-net", absolute(settings.pose_network)},
+                              {"--distance", settings.pivot.distance},
+                              {"--pivot-depth", settings.pivot.pivot_depth}});
+}
+
+KnownOfPhoto known_of(const std::string& id, const FolderScan& scan, Tensor mask) {
+    KnownOfPhoto known{std::move(mask), {}};
+    const auto record = scan.records.find(id);
+    if (record != scan.records.end() && !record->second.landmarks.empty())
+        std::ranges::copy(record->second.landmarks, known.landmarks.emplace().begin());
+    return known;
+}
+
+/// A photo on its way: its crops until they are fitted.
+struct PhotoInWork {
+    const FaceFiles* files = nullptr;
+    std::vector<FaceCrop> crops;
+    std::string failure;
+};
+
+PhotoInWork cropped(const FaceFiles& files, const FolderScan& scan, const PhotoPreparation& preparation) {
+    PhotoInWork work{&files, {}, {}};
+    FacePicture picture = read_face_picture(files);
+    if (picture.broken) {
+        const bool of_photo = picture.broken->file == files.image.string();
+        work.failure = of_photo ? picture.broken->reason : picture.broken->file + ": " + picture.broken->reason;
+        return work;
+    }
+    try {
+        work.crops = preparation.crops(picture.image, known_of(files.id, scan, std::move(picture.mask)));
+    } catch (const Error& error) {
+        work.failure = error.what();
+    }
+    return work;
+}
+
+/// "ID" for the largest face of a photo, "ID_2" for the next.
+std::string face_id(const std::string& photo, std::size_t index) {
+    return index == 0 ? photo : photo + "_" + std::to_string(index + 1);
+}
+
+/// Writes what can be used of a photo, pictures first, so that a photo that is noted is there.
+PhotoOutcome written(const fs::path& photos, const fs::path& out, PhotoInWork work, std::span<PreparedFace> faces,
+                     const std::set<std::string>& photo_ids) {
+    PhotoOutcome outcome{work.files->image.lexically_relative(photos).string(), std::move(work.failure), {}};
+    for (std::size_t i = 0; i < faces.size(); ++i) {
+        std::string id = face_id(work.files->id, i);
+        if (i > 0 && photo_ids.contains(id))
+            faces[i].failure = "a photo has the id " + id + " of its face " + std::to_string(i + 1);
+        if (!faces[i].failure.empty()) {
+            outcome.failure = faces[i].failure;
+            continue;
+        }
+        write_image(out / "images" / (id + ".png"), faces[i].crop.image);
+        write_image(out / "masks" / (id + ".png"), faces[i].crop.mask);
+        outcome.faces.push_back(outcome_of(std::move(id), std::move(faces[i])));
+    }
+    return outcome;
+}
+
+class FolderWork {
+public:
+    FolderWork(const FolderPreparation& folders, const PhotoPreparation& preparation, const FolderScan& scan)
+        : folders_(folders),
+          preparation_(preparation),
+          scan_(scan),
+          notes_(folders.out, settings_json(folders.photos, preparation.settings())) {
+        for (const FaceFiles& files : scan.faces) {
+            photo_ids_.insert(files.id);
+            if (!notes_.contains(name_of(files))) waiting_.push_back(&files);
+        }
+    }
+
+    [[nodiscard]] std::int64_t waiting() const { return std::ssize(waiting_); }
+    [[nodiscard]] const ProgressFile& notes() const { return notes_; }
+
+    /// Prepares up to a batch of the photos that wait; returns false, with none of them noted, if a signal came.
+    [[nodiscard]] bool next_batch() {
+        const std::size_t count = std::min(photos_in_a_batch, waiting_.size());
+        std::vector<PhotoInWork> batch(count);
+        parallel_for(static_cast<std::int64_t>(count), 1, [&](std::int64_t begin, std::int64_t end) {
+            for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end) && !interrupted(); ++i)
+                batch[i] = cropped(*waiting_[i], scan_, preparation_);
+        });
+        if (interrupted()) return false;
+        std::vector<FaceCrop> crops;
+        std::vector<std::size_t> first_face;
+        for (PhotoInWork& photo : batch) {
+            first_face.push_back(crops.size());
+            std::ranges::move(photo.crops, std::back_inserter(crops));
+        }
+        first_face.push_back(crops.size());
+        std::vector<PreparedFace> faces = preparation_.finish(std::move(crops));
+        std::vector<PhotoOutcome> outcomes(count);
+        parallel_for(static_cast<std::int64_t>(count), 1, [&](std::int64_t begin, std::int64_t end) {
+            for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
+                outcomes[i] = written(folders_.photos, folders_.out, std::move(batch[i]),
+                                      std::span(faces).subspan(first_face[i], first_face[i + 1] - first_face[i]), photo_ids_);
+        });
+        for (const PhotoOutcome& outcome : outcomes) notes_.append(outcome);
+        waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(count));
+        return true;
+    }
+
+    [[nodiscard]] std::vector<std::string> names() const {
+        std::vector<std::string> names;
+        for (const FaceFiles& files : scan_.faces) names.push_back(name_of(files));
+        return names;
+    }
+
+private:
+    [[nodiscard]] std::string name_of(const FaceFiles& files) const {
+        return files.image.lexically_relative(folders_.photos).string();
+    }
+
+    const FolderPreparation& folders_;
+    const PhotoPreparation& preparation_;
+    const FolderScan& scan_;
+    ProgressFile notes_;
+    std::set<std::string> photo_ids_;
+    std::vector<const FaceFiles*> waiting_;
+};
+
+bool has_landmarks(const FolderScan& scan, const FaceFiles& files) {
+    const auto record = scan.records.find(files.id);
+    return record != scan.records.end() && !record->second.landmarks.empty();
+}
+
+}  // namespace
+
+PrepareOutcome prepare_folder(const FolderPreparation& folders, const PhotoPreparation& preparation,
+                              const std::function<void(std::int64_t, std::int64_t)>& progress) {
+    const FolderScan scan = scan_folder(folders.photos);
+    require_own_folder(folders.out);
+    // Before anything is written.
+    if (!std::ranges::all_of(scan.faces, [&](const FaceFiles& files) { return has_landmarks(scan, files); }))
+        preparation.require_detector();
+    require_writable_folder(folders.out / "images");
+    require_writable_folder(folders.out / "masks");
+
+    PrepareOutcome outcome;
+    outcome.found = std::ssize(scan.faces);
+    FolderWork work(folders, preparation, scan);
+    const std::int64_t before = outcome.found - work.waiting();
+    bool going_on = true;
+    do {
+        outcome.done = outcome.found - work.waiting();
+        if (progress) progress(outcome.done, outcome.found);
+        going_on = work.waiting() > 0 && work.next_batch();
+    } while (going_on);
+    outcome.done_now = outcome.done - before;
+    if (work.waiting() == 0) outcome.report = complete_folder(folders, preparation, work.names(), work.notes());
+    return outcome;
+}
+
+}  // namespace stymo

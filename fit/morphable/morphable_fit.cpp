@@ -1,0 +1,156 @@
+#include "fit/morphable/morphable_fit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "core/error.h"
+#include "core/parallel.h"
+#include "fit/morphable/contour.h"
+#include "fit/morphable/landmark_term.h"
+#include "fit/morphable/pixel_term.h"
+#include "fit/morphable/state.h"
+#include "render/spherical_harmonics.h"
+
+namespace stymo {
+
+namespace {
+
+using morphable::Contour;
+using morphable::NormalEquations;
+using morphable::State;
+using morphable::VertexTable;
+
+/// What all photos share.
+struct FittedHead {
+    const MorphableHead* head;
+    Contour contour;
+    VertexTable face;
+    std::vector<bool> non_negative;
+};
+
+void check(const MorphableFitTarget& target) {
+    const Tensor& image = target.image;
+    if (image.rank() != 3 || image.shape(0) != image.shape(1) || image.shape(2) != 3 || image.size() == 0)
+        fail<ShapeError>("[morphable fit] needs square pictures (S, S, 3); got ", image.shape());
+    const Tensor& mask = target.mask;
+    if (mask.defined() && !(mask.shape() == Shape{image.shape(0), image.shape(1), 1}))
+        fail<ShapeError>("[morphable fit] the mask is ", mask.shape(), ", the picture ", image.shape());
+    for (const PicturePoint& point : target.landmarks) {
+        if (!std::isfinite(point[0]) || !std::isfinite(point[1])) fail<ValueError>("[morphable fit] a landmark is not finite");
+    }
+}
+
+/// Codes are standard normal; the light is near a white one from everywhere, and of little colour.
+void add_prior(NormalEquations& equations, const State& state) {
+    constexpr double light_deviation = 0.3;
+    constexpr double tint_deviation = 0.05;
+    const std::array<double, 1> one{1.0};
+    for (std::size_t i = morphable::identity_begin; i < morphable::light_begin; ++i) equations.add(one, i, state[i], 1.0);
+    const std::array<float, 27> neutral = neutral_light();
+    for (std::size_t band = 0; band < 9; ++band) {
+        const std::size_t first = morphable::light_begin + 3 * band;
+        for (std::size_t channel = 0; channel < 3; ++channel) {
+            equations.add(one, first + channel, state[first + channel] - static_cast<double>(neutral[3 * band + channel]),
+                          1.0 / (light_deviation * light_deviation));
+            std::array<double, 3> difference{-1.0 / 3.0, -1.0 / 3.0, -1.0 / 3.0};
+            difference[channel] += 1.0;
+            double tint = 0.0;
+            for (std::size_t k = 0; k < 3; ++k) tint += difference[k] * state[first + k];
+            equations.add(difference, first, tint, 1.0 / (tint_deviation * tint_deviation));
+        }
+    }
+}
+
+/// Minimises the prior, the landmarks and, where there is one, the term of the pixels over the unknowns first .. last - 1.
+[[nodiscard]] State minimized(State state, std::size_t first, std::size_t last, int steps, const FittedHead& fitted,
+                              morphable::LandmarkTerm& landmarks, std::optional<morphable::PixelTerm>& pixels) {
+    morphable::LeastSquaresProblem problem;
+    problem.fixed.assign(morphable::state_size, true);
+    std::fill(problem.fixed.begin() + static_cast<std::ptrdiff_t>(first),
+              problem.fixed.begin() + static_cast<std::ptrdiff_t>(last), false);
+    problem.non_negative = fitted.non_negative;
+    problem.linearized = [&](std::span<const double> x) {
+        NormalEquations equations(morphable::state_size);
+        landmarks.hold(x);
+        landmarks.add_to(equations, x);
+        if (pixels) {
+            pixels->hold(x);
+            pixels->add_to(equations, x);
+        }
+        add_prior(equations, State(x.begin(), x.end()));
+        return equations;
+    };
+    problem.cost = [&](std::span<const double> x) {
+        NormalEquations prior(morphable::state_size);
+        add_prior(prior, State(x.begin(), x.end()));
+        return prior.cost + landmarks.cost(x) + (pixels ? pixels->cost(x) : 0.0);
+    };
+    return morphable::minimized(problem, std::move(state), steps);
+}
+
+[[nodiscard]] MorphableFit fit_one(const FittedHead& fitted, const MorphableFitTarget& target, const Intrinsics& intrinsics,
+                                   const MorphableFitOptions& options) {
+    const double side = static_cast<double>(target.image.shape(0));
+    const Landmarks given = scaled_landmarks(target.landmarks, 1.0 / side);
+    State state(morphable::state_size, 0.0);
+    std::ranges::copy(morphable::affine_pose(fitted.contour, given, intrinsics), state.begin());
+    std::ranges::copy(neutral_light(), state.begin() + morphable::light_begin);
+
+    morphable::LandmarkTerm landmarks(fitted.contour, given, intrinsics, options);
+    std::optional<morphable::PixelTerm> pixels;
+    landmarks.use_jaw(false);
+    state = minimized(std::move(state), 0, morphable::pose_size, 5, fitted, landmarks, pixels);
+    landmarks.use_jaw(true);
+    state = minimized(std::move(state), 0, morphable::texture_begin, options.landmark_steps, fitted, landmarks, pixels);
+    if (options.pixels) {
+        pixels.emplace(*fitted.head, fitted.face, target, intrinsics, options);
+        state = minimized(std::move(state), morphable::texture_begin, morphable::state_size, 2, fitted, landmarks, pixels);
+        state = minimized(std::move(state), 0, morphable::state_size, options.pixel_steps, fitted, landmarks, pixels);
+    }
+    MorphableFit fit{morphable::pose_of(state),
+                     morphable::code_of(state, morphable::identity_begin, 100),
+                     morphable::code_of(state, morphable::expression_begin, 79),
+                     morphable::code_of(state, morphable::texture_begin, 100),
+                     morphable::code_of(state, morphable::light_begin, 27),
+                     0.0};
+    landmarks.hold(state);
+    const Landmarks found = landmarks.fitted(state);
+    double sum = 0.0;
+    for (std::size_t k = 0; k < found.size(); ++k)
+        sum += std::pow(found[k][0] - given[k][0], 2) + std::pow(found[k][1] - given[k][1], 2);
+    fit.landmark_error = std::sqrt(sum / static_cast<double>(found.size()));
+    return fit;
+}
+
+}  // namespace
+
+std::vector<MorphableFit> fit_morphable(const MorphableHead& head, std::span<const MorphableFitTarget> targets,
+                                        const Intrinsics& intrinsics, const MorphableFitOptions& options) {
+    for (const MorphableFitTarget& target : targets) check(target);
+    FittedHead fitted{&head, Contour(head),
+                      VertexTable(head, options.pixels ? morphable::face_vertices(head) : std::vector<std::int32_t>{}),
+                      std::vector<bool>(morphable::state_size, false)};
+    std::copy(head.one_sided.begin(), head.one_sided.end(), fitted.non_negative.begin() + morphable::expression_begin);
+    std::vector<MorphableFit> fits(targets.size());
+    parallel_for(static_cast<std::int64_t>(targets.size()), 1, [&](std::int64_t begin, std::int64_t end) {
+        for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
+            fits[i] = fit_one(fitted, targets[i], intrinsics, options);
+    });
+    return fits;
+}
+
+Landmarks fitted_landmarks(const MorphableHead& head, const MorphableFit& fit, const Intrinsics& intrinsics, std::int64_t side) {
+    const Contour contour(head);
+    const std::vector<double> points = morphable::table_points(contour.table(), morphable::state_of(fit));
+    const Camera camera = camera_from_pose(fit.pose, intrinsics);
+    const std::array<std::size_t, 68> rows = contour.rows(points, camera);
+    Landmarks result{};
+    for (std::size_t k = 0; k < result.size(); ++k) {
+        const Vector3 seen = project(camera, {points[3 * rows[k]], points[3 * rows[k] + 1], points[3 * rows[k] + 2]});
+        result[k] = {seen[0] * static_cast<double>(side), seen[1] * static_cast<double>(side)};
+    }
+    return result;
+}
+
+}  // namespace stymo

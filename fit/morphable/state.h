@@ -1,0 +1,30 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "fit/morphable/morphable_fit.h"
+
+/// The unknowns of the fit as one vector. Not part of the public interface.
+namespace stymo::morphable {
+
+/// yaw, pitch, roll and the head's origin in the camera's axes (x right, y down, z forward), then the codes.
+inline constexpr std::size_t pose_size = 6;
+inline constexpr std::size_t identity_begin = pose_size;
+inline constexpr std::size_t expression_begin = identity_begin + 100;
+inline constexpr std::size_t texture_begin = expression_begin + 79;
+inline constexpr std::size_t light_begin = texture_begin + 100;
+inline constexpr std::size_t state_size = light_begin + 27;
+inline constexpr std::size_t shape_size = texture_begin - identity_begin;
+
+using State = std::vector<double>;
+
+[[nodiscard]] Pose pose_of(std::span<const double> state);
+/// The first pose_size numbers of a state.
+[[nodiscard]] std::array<double, pose_size> pose_numbers(const Pose& pose);
+[[nodiscard]] std::vector<float> code_of(std::span<const double> state, std::size_t begin, std::size_t size);
+[[nodiscard]] State state_of(const MorphableFit& fit);
+
+}  // namespace stymo::morphable

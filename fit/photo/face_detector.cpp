@@ -1,0 +1,198 @@
+#include "fit/photo/face_detector.h"
+
+#include "core/error.h"
+
+#ifdef STYMO_WITH_DLIB
+
+// The two headers that read dlib's configuration. Debian's asks for BLAS in every program that includes dlib, without depending
+// on the package to link it; what is used here multiplies no large matrix.
+#include <dlib/assert.h>
+#include <dlib/test_for_odr_violations.h>
+#undef DLIB_USE_BLAS
+#undef DLIB_USE_LAPACK
+
+#include <dlib/array2d.h>
+#include <dlib/image_processing/frontal_face_detector.h>
+#include <dlib/image_processing/shape_predictor.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+
+#include "core/io/image.h"
+
+namespace stymo {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* debian_landmark_model = "/usr/share/dlib/shape_predictor_68_face_landmarks.dat";
+
+/// A copy of the photo that is searched: its longer side in pixels, and the least confidence of a face.
+struct Search {
+    double longer_side;
+    double confidence;
+};
+
+/// Made one after the other until there is a face. The detector's window is 80 pixels wide. Large profiles and covered eyes are
+/// missed by the first, which the last finds; coming last, it does not hide small faces that are seen clearly.
+constexpr std::array<Search, 4> searches = {{{640, 0.0}, {1280, 0.0}, {2560, 0.0}, {320, -0.2}}};
+constexpr double largest_enlargement = 4.0;
+
+/// Width of a face, in pixels, in the picture that its landmarks are predicted in. The predictor rounds to whole pixels.
+constexpr double predicted_face_width = 320.0;
+
+using Picture = dlib::array2d<dlib::rgb_pixel>;
+
+Picture picture_of(const Tensor& image) {
+    Picture picture(image.shape(0), image.shape(1));
+    const std::span<const float> values = image.values<float>();
+    std::size_t at = 0;
+    const auto byte = [&] { return static_cast<unsigned char>(std::clamp(values[at++], 0.0F, 1.0F) * 255.0F + 0.5F); };
+    for (long row = 0; row < picture.nr(); ++row)
+        for (dlib::rgb_pixel& pixel : std::span(&picture[row][0], static_cast<std::size_t>(picture.nc()))) {
+            pixel.red = byte();
+            pixel.green = byte();
+            pixel.blue = byte();
+        }
+    return picture;
+}
+
+int scaled_length(std::int64_t length, double scale) {
+    return std::max(1, static_cast<int>(std::lround(static_cast<double>(length) * scale)));
+}
+
+Tensor scaled_image(const Tensor& image, double scale) {
+    return resize_image(image, scaled_length(image.shape(0), scale), scaled_length(image.shape(1), scale));
+}
+
+/// The part of a photo around a face, and where it comes from.
+struct Surroundings {
+    Tensor image;
+    double left;
+    double top;
+    double scale;
+};
+
+Surroundings surroundings_of(const Tensor& photo, const DetectedFace& face) {
+    // The jaw may reach beyond the detector's box by a third of it.
+    const double margin = 0.5 * face.width;
+    const auto bound = [](double value, std::int64_t length) { return std::clamp<std::int64_t>(std::llround(value), 0, length); };
+    const std::int64_t height = photo.shape(0);
+    const std::int64_t width = photo.shape(1);
+    const std::int64_t left = bound(face.left - margin, width - 1);
+    const std::int64_t top = bound(face.top - margin, height - 1);
+    const std::int64_t right = std::max(bound(face.left + face.width + margin, width), left + 1);
+    const std::int64_t bottom = std::max(bound(face.top + face.height + margin, height), top + 1);
+    const Tensor part = image_part(photo, top, left, bottom - top, right - left);
+    const double scale = predicted_face_width / face.width;
+    return {scaled_image(part, scale), static_cast<double>(left), static_cast<double>(top), scale};
+}
+
+}  // namespace
+
+struct FaceDetector::Implementation {
+    dlib::frontal_face_detector detector = dlib::get_frontal_face_detector();
+    dlib::shape_predictor predictor;
+
+    [[nodiscard]] std::vector<DetectedFace> boxes(const Tensor& photo, double scale, double confidence) const {
+        // A detector keeps the picture that it searches; a copy of it is small.
+        dlib::frontal_face_detector searching = detector;
+        std::vector<DetectedFace> faces;
+        for (const dlib::rectangle& box : searching(picture_of(scaled_image(photo, scale)), confidence))
+            faces.push_back({static_cast<double>(box.left()) / scale,
+                             static_cast<double>(box.top()) / scale,
+                             static_cast<double>(box.width()) / scale,
+                             static_cast<double>(box.height()) / scale,
+                             {}});
+        return faces;
+    }
+
+    [[nodiscard]] Landmarks landmarks(const Tensor& photo, const DetectedFace& face) const {
+        const auto [image, left, top, scale] = surroundings_of(photo, face);
+        const auto pixel = [scale](double length) { return std::lround(length * scale); };
+        const dlib::rectangle box(pixel(face.left - left), pixel(face.top - top), pixel(face.left + face.width - left) - 1,
+                                  pixel(face.top + face.height - top) - 1);
+        const dlib::full_object_detection shape = predictor(picture_of(image), box);
+        Landmarks result;
+        for (std::size_t i = 0; i < result.size(); ++i) {
+            const dlib::point& point = shape.part(i);
+            result[i] = {left + (static_cast<double>(point.x()) + 0.5) / scale,
+                         top + (static_cast<double>(point.y()) + 0.5) / scale};
+        }
+        return result;
+    }
+};
+
+bool FaceDetector::available() {
+    return true;
+}
+
+FaceDetector::FaceDetector(const fs::path& landmark_model) {
+    auto implementation = std::make_unique<Implementation>();
+    const fs::path path = landmark_model.empty() ? fs::path(debian_landmark_model) : landmark_model;
+    if (!fs::is_regular_file(path))
+        fail<FileError>(path.string(), ": no such file; install the package libdlib-data or give a model of 68 landmarks");
+    try {
+        dlib::deserialize(path.string()) >> implementation->predictor;
+    } catch (const std::exception&) {
+        fail<FileError>(path.string(), ": not a model of dlib's shape_predictor");
+    }
+    if (implementation->predictor.num_parts() != Landmarks().size())
+        fail<FileError>(path.string(), ": predicts ", implementation->predictor.num_parts(), " landmarks; 68 are needed");
+    implementation_ = std::move(implementation);
+}
+
+std::vector<DetectedFace> FaceDetector::find(const Tensor& photo) const {
+    if (photo.rank() != 3 || photo.size() == 0 || photo.shape(2) != 3)
+        fail<ShapeError>("[face detector] a photo is (height, width, 3); got ", photo.shape());
+    const auto longer_side = static_cast<double>(std::max(photo.shape(0), photo.shape(1)));
+    std::vector<DetectedFace> faces;
+    double former_scale = 0.0;
+    for (const auto& [side, confidence] : searches) {
+        // The first search never enlarges: faces that fill a small photo are the common case.
+        const double limit = former_scale == 0.0 ? 1.0 : largest_enlargement;
+        const double scale = std::min(limit, side / longer_side);
+        if (scale == former_scale) continue;
+        former_scale = scale;
+        faces = implementation_->boxes(photo, scale, confidence);
+        if (!faces.empty()) break;
+    }
+    for (DetectedFace& face : faces) face.landmarks = implementation_->landmarks(photo, face);
+    std::stable_sort(faces.begin(), faces.end(),
+                     [](const DetectedFace& a, const DetectedFace& b) { return a.width * a.height > b.width * b.height; });
+    return faces;
+}
+
+}  // namespace stymo
+
+#else
+
+namespace stymo {
+
+struct FaceDetector::Implementation {};
+
+bool FaceDetector::available() {
+    return false;
+}
+
+FaceDetector::FaceDetector(const std::filesystem::path&) {
+    fail("faces cannot be found: this build is without dlib; install libdlib-dev and libdlib-data and build again");
+}
+
+std::vector<DetectedFace> FaceDetector::find(const Tensor&) const {
+    return {};
+}
+
+}  // namespace stymo
+
+#endif
+
+namespace stymo {
+
+FaceDetector::~FaceDetector() = default;
+FaceDetector::FaceDetector(FaceDetector&&) noexcept = default;
+FaceDetector& FaceDetector::operator=(FaceDetector&&) noexcept = default;
+
+}  // namespace stymo

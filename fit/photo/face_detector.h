@@ -1,0 +1,44 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <vector>
+
+#include "core/tensor.h"
+#include "fit/photo/landmarks.h"
+
+namespace stymo {
+
+/// A face in a photo, in pixels of the photo.
+struct DetectedFace {
+    double left = 0.0;
+    double top = 0.0;
+    double width = 0.0;
+    double height = 0.0;
+    Landmarks landmarks{};
+};
+
+/// dlib's frontal face detector and its predictor of 68 landmarks.
+class FaceDetector {
+public:
+    /// Whether the library was built with dlib.
+    [[nodiscard]] static bool available();
+
+    /// `landmark_model`: a file of dlib's shape_predictor with 68 points; empty for the one of Debian's package libdlib-data,
+    /// whose training data exclude commercial use. Throws Error in a build without dlib, FileError for a file that is missing or
+    /// no such model.
+    explicit FaceDetector(const std::filesystem::path& landmark_model = {});
+    ~FaceDetector();
+    FaceDetector(FaceDetector&&) noexcept;
+    FaceDetector& operator=(FaceDetector&&) noexcept;
+
+    /// The faces of an upright photo (height, width, 3) in [0, 1], largest first. Photos are looked at in 640 pixels of their
+    /// longer side and, where nothing is found, in more. May be called from several threads at once.
+    [[nodiscard]] std::vector<DetectedFace> find(const Tensor& photo) const;
+
+private:
+    struct Implementation;
+    std::unique_ptr<const Implementation> implementation_;
+};
+
+}  // namespace stymo

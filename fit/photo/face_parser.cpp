@@ -1,0 +1,159 @@
+#include "fit/photo/face_parser.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+
+#include "core/error.h"
+#include "core/io/image.h"
+#include "core/ops/resample.h"
+#include "fit/photo/grab_cut.h"
+#include "fit/photo/head_mask.h"
+#include "fit/photo/onnx_network.h"
+#include "render/head_parts.h"
+
+namespace stymo {
+namespace {
+
+constexpr std::size_t class_count = head_part_count;
+
+/// What a kind of network takes and gives: `classes[i]` is CelebAMask-HQ's index of its i-th class.
+struct Convention {
+    int input_side;
+    PixelScale scale;
+    std::array<std::size_t, class_count> classes;
+};
+
+const Convention& convention_of(FaceParserKind kind) {
+    static constexpr Convention celebamask{
+        256,
+        {{0.5F, 0.5F, 0.5F}, {0.5F, 0.5F, 0.5F}},
+        {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18},
+    };
+    // Background, skin, brows, eyes, glasses, ears, earring, nose, mouth, lips, neck, necklace, cloth, hair, hat.
+    static constexpr Convention face_parsing_pytorch{
+        512,
+        {{0.485F, 0.456F, 0.406F}, {0.229F, 0.224F, 0.225F}},
+        {0, 1, 6, 7, 4, 5, 3, 8, 9, 15, 2, 10, 11, 12, 17, 16, 18, 13, 14},
+    };
+    return kind == FaceParserKind::celebamask ? celebamask : face_parsing_pytorch;
+}
+
+/// Logits (side, side, 19) in CelebAMask-HQ's order.
+Tensor logits_of(OnnxNetwork& network, const Convention& convention, const Tensor& picture) {
+    const OnnxNetwork::Output output = network.run(picture, convention.scale);
+    const auto& extents = output.extents;
+    if (extents.size() != 4 || extents[1] != head_part_count)
+        fail<ShapeError>("the network does not give ", head_part_count, " classes for each pixel");
+    Tensor logits({extents[2], extents[3], head_part_count});
+    const std::span<float> values = logits.mutable_values<float>();
+    const std::size_t plane = values.size() / class_count;
+    for (std::size_t channel = 0; channel < class_count; ++channel)
+        for (std::size_t i = 0; i < plane; ++i)
+            values[i * class_count + convention.classes[channel]] = output.values[channel * plane + i];
+    return logits;
+}
+
+Tensor strongest_class(const Tensor& logits) {
+    Tensor classes({logits.shape(0), logits.shape(1), 1});
+    const std::span<const float> from = logits.values<float>();
+    std::size_t at = 0;
+    for (float& result : classes.mutable_values<float>()) {
+        const auto pixel = from.subspan(at, class_count);
+        result = static_cast<float>(std::distance(pixel.begin(), std::max_element(pixel.begin(), pixel.end())));
+        at += class_count;
+    }
+    return classes;
+}
+
+/// Sum of the probabilities of the head's classes.
+Tensor head_probability(const Tensor& logits) {
+    Tensor probability({logits.shape(0), logits.shape(1), 1});
+    const std::span<const float> from = logits.values<float>();
+    std::size_t at = 0;
+    for (float& result : probability.mutable_values<float>()) {
+        const auto pixel = from.subspan(at, class_count);
+        const float largest = *std::max_element(pixel.begin(), pixel.end());
+        float head = 0.0F;
+        float all = 0.0F;
+        for (std::size_t i = 0; i < class_count; ++i) {
+            const float likelihood = std::exp(pixel[i] - largest);
+            all += likelihood;
+            if (is_head_class(static_cast<int>(i))) head += likelihood;
+        }
+        result = head / all;
+        at += class_count;
+    }
+    return probability;
+}
+
+/// The classes where they agree with the mask; elsewhere skin within it and background outside.
+Tensor classes_within(Tensor classes, const Tensor& mask) {
+    const std::span<const float> head = mask.values<float>();
+    const std::span<float> values = classes.mutable_values<float>();
+    for (std::size_t i = 0; i < values.size(); ++i) {
+        const bool in_head = head[i] > 0.5F;
+        if (is_head_class(static_cast<int>(values[i])) != in_head)
+            values[i] = static_cast<float>(in_head ? HeadPart::skin : HeadPart::background);
+    }
+    return classes;
+}
+
+}  // namespace
+
+struct FaceParser::Implementation {
+    OnnxNetwork network;
+    FaceParserKind kind = FaceParserKind::celebamask;
+
+    /// Of an aligned crop, at its own size.
+    Tensor logits(const Tensor& crop) {
+        if (crop.rank() != 3 || crop.size() == 0 || crop.shape(2) != 3)
+            fail<ShapeError>("[face parser] a crop is (height, width, 3); got ", crop.shape());
+        const Convention& convention = convention_of(kind);
+        const Tensor few = logits_of(network, convention, resize_image(crop, convention.input_side, convention.input_side));
+        const Variable batch = few.reshaped({1, few.shape(0), few.shape(1), head_part_count});
+        const Variable resized = resize_bilinear(batch, static_cast<int>(crop.shape(0)), static_cast<int>(crop.shape(1)));
+        return resized.value().reshaped({crop.shape(0), crop.shape(1), head_part_count});
+    }
+
+    /// Why the network cannot be one of this kind, or nothing.
+    std::optional<std::string> objection(FaceParserKind candidate) {
+        const Convention& convention = convention_of(candidate);
+        try {
+            static_cast<void>(logits_of(network, convention, Tensor::zeros({convention.input_side, convention.input_side, 3})));
+        } catch (const ShapeError& error) {
+            return error.what();
+        }
+        return std::nullopt;
+    }
+};
+
+FaceParser::FaceParser(const std::filesystem::path& onnx, std::optional<FaceParserKind> kind)
+    : implementation_(std::make_unique<Implementation>(Implementation{OnnxNetwork(onnx)})) {
+    const bool several = implementation_->network.output_count() > 1;
+    if (!kind && !several && !implementation_->objection(FaceParserKind::celebamask)) kind = FaceParserKind::celebamask;
+    implementation_->kind = kind.value_or(FaceParserKind::face_parsing_pytorch);
+    if (const auto objection = implementation_->objection(implementation_->kind))
+        fail<FileError>(onnx.string(), ": not a face parser (", *objection, ")");
+}
+
+FaceParser::~FaceParser() = default;
+FaceParser::FaceParser(FaceParser&&) noexcept = default;
+FaceParser& FaceParser::operator=(FaceParser&&) noexcept = default;
+
+FaceParserKind FaceParser::kind() const {
+    return implementation_->kind;
+}
+
+Tensor FaceParser::parse(const Tensor& crop) {
+    return strongest_class(implementation_->logits(crop));
+}
+
+Tensor FaceParser::head_mask(const Tensor& crop, const Landmarks& landmarks) {
+    const Tensor logits = implementation_->logits(crop);
+    const Tensor mask = grab_cut_head_mask(crop, landmarks, head_probability(logits));
+    return head_mask_from_parsing(classes_within(strongest_class(logits), mask));
+}
+
+}  // namespace stymo

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "core/tensor.h"
+#include "fit/photo/landmarks.h"
+
+namespace stymo {
+
+/// What a face-parsing network expects and in which order it gives its 19 classes.
+enum class FaceParserKind {
+    celebamask,            ///< input 256x256 RGB in [-1, 1]; CelebAMask-HQ's order of classes
+    face_parsing_pytorch,  ///< BiSeNet of zllrunning/face-parsing.PyTorch: 512x512, ImageNet's mean and deviation, its own order
+};
+
+/// A network that tells the parts of a head, read from an ONNX file.
+class FaceParser {
+public:
+    /// Without a kind: face_parsing_pytorch for a network that has several outputs or does not take 256 pixels, celebamask
+    /// otherwise. Throws FileError for a file that is missing, not an ONNX network, or does not give 19 classes for each pixel.
+    explicit FaceParser(const std::filesystem::path& onnx, std::optional<FaceParserKind> kind = std::nullopt);
+    ~FaceParser();
+    FaceParser(FaceParser&&) noexcept;
+    FaceParser& operator=(FaceParser&&) noexcept;
+
+    [[nodiscard]] FaceParserKind kind() const;
+
+    /// The classes of an aligned crop (side, side, 3) in [0, 1]: indices 0..18 of CelebAMask-HQ (render/head_parts.h), (side,
+    /// side, 1). Not to be called from several threads at once, like the next.
+    [[nodiscard]] Tensor parse(const Tensor& crop);
+
+    /// The head mask of an aligned crop as head_mask_from_parsing makes it, after GrabCut has mended what the network says by the
+    /// landmarks and by the picture's own colours.
+    [[nodiscard]] Tensor head_mask(const Tensor& crop, const Landmarks& landmarks);
+
+private:
+    struct Implementation;
+    std::unique_ptr<Implementation> implementation_;
+};
+
+}  // namespace stymo

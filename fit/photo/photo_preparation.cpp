@@ -1,0 +1,215 @@
+#include "fit/photo/photo_preparation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+
+#include "core/error.h"
+#include "core/io/image.h"
+#include "core/ops/elementwise.h"
+#include "fit/photo/alignment.h"
+#include "fit/photo/face_detector.h"
+#include "fit/photo/face_parser.h"
+#include "fit/photo/grab_cut.h"
+#include "fit/photo/head_mask.h"
+#include "fit/photo/photo_warnings.h"
+#include "fit/photo/pose_network.h"
+#include "render/morphable/head_source.h"
+
+namespace stymo {
+namespace {
+
+/// Sides of the pictures that masks and the morphable fit are made of.
+constexpr std::int64_t mask_side = 512;
+constexpr std::int64_t fit_side = 256;
+
+/// A model that misses the landmarks by more, in units of the picture's side, was fitted to something that is no face.
+constexpr double largest_landmark_error = 0.10;
+
+/// Part of the pixels wanted below which there is nothing of a face to learn from; detectors take such spots for faces.
+constexpr double least_resolution = 0.25;
+
+struct Face {
+    Landmarks landmarks;
+    std::int64_t faces = 1;
+};
+
+Tensor resized(const Tensor& image, std::int64_t side) {
+    if (image.shape(0) == side && image.shape(1) == side) return image;
+    return clamp(resize_image(image, static_cast<int>(side), static_cast<int>(side)), 0.0, 1.0).value();
+}
+
+/// The mask at the photo's own size.
+Tensor in_frame_of(const Tensor& photo, const Tensor& mask) {
+    const std::int64_t height = photo.shape(0), width = photo.shape(1);
+    if (mask.shape(0) == height && mask.shape(1) == width) return mask;
+    const double stretch = static_cast<double>(mask.shape(1) * height) / static_cast<double>(mask.shape(0) * width);
+    constexpr double rounding = 0.02;
+    if (std::abs(stretch - 1.0) > rounding) fail<ValueError>("its mask has other proportions");
+    return clamp(resize_image(mask, static_cast<int>(height), static_cast<int>(width)), 0.0, 1.0).value();
+}
+
+std::optional<std::filesystem::path> named(const std::filesystem::path& path) {
+    return path.empty() ? std::nullopt : std::optional(path);
+}
+
+/// One at a time where the batch has a face that cannot be fitted, which is none of the others' fault.
+std::vector<std::optional<MorphableFit>> fits_of(const MorphableHead& head, const std::vector<MorphableFitTarget>& targets,
+                                                 const Intrinsics& intrinsics) {
+    std::vector<std::optional<MorphableFit>> fits;
+    try {
+        for (MorphableFit& fit : fit_morphable(head, targets, intrinsics)) fits.emplace_back(std::move(fit));
+        return fits;
+    } catch (const Error&) {
+        if (targets.size() == 1) return {std::nullopt};
+    }
+    for (const MorphableFitTarget& target : targets) fits.push_back(fits_of(head, {target}, intrinsics).front());
+    return fits;
+}
+
+}  // namespace
+
+struct PhotoPreparation::Implementation {
+    PhotoPreparationSettings settings;
+    MorphableHead head;
+    std::optional<FaceParser> parser;
+    std::optional<PoseNetwork> network;
+    std::mutex parsing;
+    std::once_flag detector_read;
+    std::optional<FaceDetector> detector;
+
+    explicit Implementation(const PhotoPreparationSettings& given)
+        : settings(given), head(morphable_head_from(named(given.morphable))) {
+        if (!settings.parser.empty()) parser.emplace(settings.parser);
+        if (!settings.pose_network.empty()) network.emplace(settings.pose_network);
+    }
+
+    [[nodiscard]] const FaceDetector& read_detector() {
+        std::call_once(detector_read, [this] { detector.emplace(settings.landmark_model); });
+        return *detector;
+    }
+
+    [[nodiscard]] std::vector<Face> faces_in(const Tensor& photo, const KnownOfPhoto& known) {
+        if (known.landmarks) return {{*known.landmarks, 1}};
+        const std::vector<DetectedFace> found = read_detector().find(photo);
+        if (found.empty()) fail<ValueError>("no face was found");
+        std::vector<Face> faces;
+        for (const DetectedFace& face : found) faces.push_back({face.landmarks, std::ssize(found)});
+        if (!settings.all_faces) faces.resize(1);
+        return faces;
+    }
+
+    [[nodiscard]] Tensor made_mask(const Tensor& picture, const Landmarks& landmarks) {
+        if (!parser) return grab_cut_head_mask(picture, landmarks);
+        const std::lock_guard one_at_a_time(parsing);
+        return parser->head_mask(picture, landmarks);
+    }
+
+    [[nodiscard]] FaceCrop crop(const Tensor& photo, const Tensor& known_mask, const Face& face);
+    [[nodiscard]] PreparedFace joined(FaceCrop crop, std::optional<MorphableFit> fit);
+    /// Why the face cannot be used; empty: it can.
+    [[nodiscard]] std::string failure_of(const FaceCrop& crop, const std::optional<MorphableFit>& fit) const;
+    [[nodiscard]] std::int64_t wanted_side() const { return settings.wanted_side > 0 ? settings.wanted_side : settings.side; }
+};
+
+FaceCrop PhotoPreparation::Implementation::crop(const Tensor& photo, const Tensor& known_mask, const Face& face) {
+    const std::int64_t height = photo.shape(0), width = photo.shape(1);
+    const Alignment alignment = ffhq_alignment(face.landmarks);
+    FaceCrop crop;
+    crop.was_aligned = is_aligned(alignment, width, height);
+    crop.faces = face.faces;
+    crop.side_in_photo = crop.was_aligned ? static_cast<double>(width) : alignment.side();
+    crop.share_outside = crop.was_aligned ? 0.0 : share_outside(alignment, width, height);
+    const auto cut = [&](const Tensor& from, std::int64_t side) {
+        return crop.was_aligned ? resized(from, side) : aligned_crop(from, alignment, side);
+    };
+    const auto landmarks_at = [&](std::int64_t side) {
+        return crop.was_aligned ? scaled_landmarks(face.landmarks, static_cast<double>(side) / static_cast<double>(width))
+                                : aligned_landmarks(face.landmarks, alignment, side);
+    };
+    const std::int64_t side = settings.side;
+    const Tensor large = cut(photo, std::max(side, mask_side));
+    crop.image = resized(large, side);
+    crop.landmarks = landmarks_at(side);
+    const Tensor picture = resized(large, mask_side);
+    const Tensor known = known_mask.defined() ? cut(known_mask, mask_side) : Tensor();
+    crop.made_mask = settings.new_masks || !known.defined();
+    const Tensor mask = crop.made_mask ? made_mask(picture, landmarks_at(mask_side)) : known;
+    if (crop.made_mask && known.defined()) crop.mask_agreement = intersection_over_union(mask, known);
+    crop.mask = resized(mask, side);
+    crop.fit_target = {landmarks_at(fit_side), resized(picture, fit_side), resized(mask, fit_side)};
+    if (network) crop.face_box = network->face_box(picture);
+    return crop;
+}
+
+std::string PhotoPreparation::Implementation::failure_of(const FaceCrop& crop, const std::optional<MorphableFit>& fit) const {
+    if (crop.side_in_photo < least_resolution * static_cast<double>(wanted_side()))
+        return "its face is too small (a crop of " + std::to_string(std::llround(crop.side_in_photo)) + " pixels a side)";
+    if (!fit || !(fit->landmark_error <= largest_landmark_error)) return "the head model does not fit what was found";
+    return {};
+}
+
+PreparedFace PhotoPreparation::Implementation::joined(FaceCrop crop, std::optional<MorphableFit> fit) {
+    PreparedFace face;
+    face.failure = failure_of(crop, fit);
+    face.fit = std::move(fit).value_or(MorphableFit{});
+    double yaw = face.fit.pose.yaw;
+    if (network && face.failure.empty()) {
+        try {
+            face.network_rotation = network->rotation(crop.face_box);
+            yaw = angles_from_rotation(*face.network_rotation)[0];
+        } catch (const NumericError& error) {
+            face.failure = std::string("the pose network gives ") + error.what();
+        }
+    }
+    face.warnings = photo_warnings({.faces = settings.all_faces ? 1 : crop.faces,
+                                    .crop_side = crop.side_in_photo,
+                                    .wanted_side = wanted_side(),
+                                    .share_outside = crop.share_outside,
+                                    .covered_share = covered_share(crop.mask),
+                                    .yaw = yaw,
+                                    .landmark_error = face.fit.landmark_error,
+                                    .made_mask = crop.made_mask});
+    crop.face_box = {};
+    face.crop = std::move(crop);
+    return face;
+}
+
+PhotoPreparation::PhotoPreparation(const PhotoPreparationSettings& settings)
+    : implementation_(std::make_unique<Implementation>(settings)) {}
+PhotoPreparation::~PhotoPreparation() = default;
+PhotoPreparation::PhotoPreparation(PhotoPreparation&&) noexcept = default;
+PhotoPreparation& PhotoPreparation::operator=(PhotoPreparation&&) noexcept = default;
+
+const PhotoPreparationSettings& PhotoPreparation::settings() const {
+    return implementation_->settings;
+}
+
+const MorphableHead& PhotoPreparation::head() const {
+    return implementation_->head;
+}
+
+void PhotoPreparation::require_detector() const {
+    static_cast<void>(implementation_->read_detector());
+}
+
+std::vector<FaceCrop> PhotoPreparation::crops(const Tensor& photo, const KnownOfPhoto& known) const {
+    const std::vector<Face> faces = implementation_->faces_in(photo, known);
+    const Tensor mask = known.mask.defined() ? in_frame_of(photo, known.mask) : Tensor();
+    std::vector<FaceCrop> crops;
+    for (const Face& face : faces) crops.push_back(implementation_->crop(photo, mask, face));
+    return crops;
+}
+
+std::vector<PreparedFace> PhotoPreparation::finish(std::vector<FaceCrop> crops) const {
+    if (crops.empty()) return {};
+    Implementation& tools = *implementation_;
+    std::vector<MorphableFitTarget> targets;
+    for (FaceCrop& crop : crops) targets.push_back(std::move(crop.fit_target));
+    std::vector<std::optional<MorphableFit>> fits = fits_of(tools.head, targets, tools.settings.intrinsics);
+    std::vector<PreparedFace> faces;
+    for (std::size_t i = 0; i < crops.size(); ++i) faces.push_back(tools.joined(std::move(crops[i]), std::move(fits[i])));
+    return faces;
+}
+
+}  // namespace stymo

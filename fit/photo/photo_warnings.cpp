@@ -1,0 +1,54 @@
+#include "fit/photo/photo_warnings.h"
+
+#include <cmath>
+#include <sstream>
+
+#include "core/angle.h"
+
+namespace stymo {
+namespace {
+
+constexpr double largest_share_outside = 0.10;
+constexpr double largest_yaw_deg = 60.0;
+constexpr double least_covered = 0.05;
+constexpr double most_covered = 0.95;
+constexpr double largest_landmark_error = 0.04;
+/// A crop with fewer pixels for each pixel wanted is blurred.
+constexpr double least_resolution = 0.5;
+
+template <class... Parts>
+std::string line(const Parts&... parts) {
+    std::ostringstream text;
+    (text << ... << parts);
+    return text.str();
+}
+
+long percent(double share) {
+    return std::lround(100.0 * share);
+}
+
+}  // namespace
+
+std::vector<std::string> photo_warnings(const PhotoFindings& findings) {
+    std::vector<std::string> warnings;
+    if (findings.faces > 1)
+        warnings.push_back(line(findings.faces, " faces were found and the largest was taken; cut the photo if it is another"));
+    if (findings.crop_side < least_resolution * static_cast<double>(findings.wanted_side))
+        warnings.push_back(line("the head is small: its crop has ", std::lround(findings.crop_side), " pixels a side for ",
+                                findings.wanted_side, " wanted; give a larger photo"));
+    if (findings.share_outside > largest_share_outside)
+        warnings.push_back(line("the head is cut off: ", percent(findings.share_outside),
+                                " percent of the crop lie outside of the photo; give a photo with more around the head"));
+    if (std::abs(degrees_from_radians(findings.yaw)) > largest_yaw_deg)
+        warnings.push_back(line("the head is turned by ", std::lround(degrees_from_radians(findings.yaw)),
+                                " degrees, and half of the face is hidden; give a photo from nearer the front"));
+    if (findings.covered_share < least_covered || findings.covered_share > most_covered)
+        warnings.push_back(line("the head mask covers ", percent(findings.covered_share), " percent of the picture; give ",
+                                findings.made_mask ? "a mask, or a face parser with --parser" : "another mask"));
+    if (findings.landmark_error > largest_landmark_error)
+        warnings.push_back(line("the head model misses the landmarks by ", percent(findings.landmark_error),
+                                " percent of the picture's side; the pose is doubtful, look at the overlay"));
+    return warnings;
+}
+
+}  // namespace stymo

@@ -1,0 +1,35 @@
+#pragma once
+
+namespace stymo {
+
+/// CelebAMask-HQ's classes of the parts of a head, in its order.
+enum class HeadPart {
+    background,
+    skin,
+    nose,
+    eye_glasses,
+    left_eye,
+    right_eye,
+    left_brow,
+    right_brow,
+    left_ear,
+    right_ear,
+    mouth,
+    upper_lip,
+    lower_lip,
+    hair,
+    hat,
+    earring,
+    necklace,
+    neck,
+    cloth
+};
+constexpr int head_part_count = 19;
+
+/// Whether a class of CelebAMask-HQ's parsing (0..18) belongs to the head: 1-13 and 15, all but background, hat, neck and
+/// clothes.
+[[nodiscard]] constexpr bool is_head_class(int index) {
+    return (index >= 1 && index <= 13) || index == 15;
+}
+
+}  // namespace stymo

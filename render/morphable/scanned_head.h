@@ -1,0 +1,29 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/tensor.h"
+#include "render/morphable/head.h"
+
+/// What the readers of scanned heads share. Not part of the public interface.
+namespace stymo::morphable {
+
+/// A linear model as its files have it: centimetres, x to the image's right, y up, z out of the face.
+struct ScannedHead {
+    std::string name;   ///< of the file or folder, for messages
+    Tensor mean;        ///< (V, 3) float32
+    Tensor identity;    ///< (up to 100, V, 3), in units of one standard deviation
+    Tensor expression;  ///< (1 to 79, V, 3), one-sided shapes at full strength
+    std::vector<std::array<std::int32_t, 3>> triangles;
+    std::array<std::int32_t, 68> landmarks{};
+};
+
+/// Moves and scales it to where the built-in head has its eyes and mouth, fills the bases with zero rows, drops the triangles of
+/// the neck, and gives it parts and a smooth colour basis of ours. Throws FileError if eyes and mouth are not where a face has
+/// them.
+[[nodiscard]] MorphableHead head_from_scans(const ScannedHead& scanned);
+
+}  // namespace stymo::morphable

@@ -1,0 +1,122 @@
+#include <array>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <iostream>
+#include <optional>
+
+#include "core/error.h"
+#include "core/io/image.h"
+#include "fit/photo/face_detector.h"
+#include "render/head_parts.h"
+
+using namespace stymo;
+using Catch::Contains;
+namespace fs = std::filesystem;
+
+namespace {
+
+/// The folder of photos with hand-made parsings, if this test can use it.
+std::optional<fs::path> photos() {
+    const char* variable = std::getenv("STYMO_SHARED");
+    const fs::path folder =
+        (variable != nullptr ? fs::path(variable) : fs::path(STYMO_SOURCE_DIR) / "../shared") / "data/celebamask";
+    if (FaceDetector::available() && fs::is_directory(folder)) return folder;
+    std::cout << (FaceDetector::available() ? "skipped: no shared data\n" : "skipped: built without dlib\n");
+    return std::nullopt;
+}
+
+/// The middle of the pixels of one class.
+PicturePoint middle_of(const Tensor& classes, HeadPart part) {
+    PicturePoint sum{};
+    double count = 0.0;
+    for (std::int64_t i = 0; i < classes.size(); ++i)
+        if (static_cast<int>(classes.values<float>()[static_cast<std::size_t>(i)]) == static_cast<int>(part)) {
+            sum[0] += static_cast<double>(i % classes.shape(1)) + 0.5;
+            sum[1] += static_cast<double>(i / classes.shape(1)) + 0.5;
+            ++count;
+        }
+    return {sum[0] / count, sum[1] / count};
+}
+
+double distance(const PicturePoint& a, const PicturePoint& b) {
+    return std::hypot(a[0] - b[0], a[1] - b[1]);
+}
+
+Tensor on_grey(const Tensor& photo, std::int64_t height, std::int64_t width, std::int64_t top, std::int64_t left) {
+    Tensor canvas = Tensor::full({height, width, 3}, 0.5);
+    const auto from = photo.values<float>();
+    const auto to = canvas.mutable_values<float>();
+    for (std::int64_t row = 0; row < photo.shape(0); ++row)
+        std::copy_n(from.begin() + row * photo.shape(1) * 3, photo.shape(1) * 3, to.begin() + ((top + row) * width + left) * 3);
+    return canvas;
+}
+
+}  // namespace
+
+TEST_CASE("landmarks lie where hand-made parsings have eyes and nose") {
+    const auto folder = photos();
+    if (!folder) return;
+    const FaceDetector detector;
+    for (const char* id : {"00001", "00020", "00040"}) {
+        const auto faces = detector.find(read_image(*folder / "images" / (std::string(id) + ".jpg")));
+        REQUIRE(faces.size() == 1);
+        const Landmarks& landmarks = faces.front().landmarks;
+        const Tensor classes = read_class_map(*folder / "parsing" / (std::string(id) + ".png"));
+        const double tolerance = 0.12 * inter_ocular_distance(landmarks);
+        // The parsing's left eye is the person's own, on the picture's right.
+        CHECK(distance(mean_landmark(landmarks, 36, 41), middle_of(classes, HeadPart::right_eye)) < tolerance);
+        CHECK(distance(mean_landmark(landmarks, 42, 47), middle_of(classes, HeadPart::left_eye)) < tolerance);
+        CHECK(std::abs(mean_landmark(landmarks, 27, 35)[0] - middle_of(classes, HeadPart::nose)[0]) < 2 * tolerance);
+    }
+}
+
+TEST_CASE("a face is found in a thumbnail, and in a photo of which it is a small part, at the same place") {
+    const auto folder = photos();
+    if (!folder) return;
+    const FaceDetector detector;
+    const Tensor photo = read_image(*folder / "images/00040.jpg");
+    const Landmarks landmarks = detector.find(photo).at(0).landmarks;
+    const double tolerance = 0.1 * inter_ocular_distance(landmarks);
+    const auto largest_difference = [&](const Landmarks& other) {
+        double largest = 0.0;
+        for (std::size_t i = 17; i < landmarks.size(); ++i) largest = std::max(largest, distance(landmarks[i], other[i]));
+        return largest;
+    };
+    const auto in_thumbnail = detector.find(resize_image(photo, 64, 64));
+    REQUIRE(in_thumbnail.size() == 1);
+    CHECK(largest_difference(scaled_landmarks(in_thumbnail.front().landmarks, 8.0)) < 2 * tolerance);
+    const auto in_large = detector.find(on_grey(resize_image(photo, 256, 256), 1500, 2000, 900, 1300));
+    REQUIRE(in_large.size() == 1);
+    Landmarks moved = in_large.front().landmarks;
+    for (PicturePoint& point : moved) point = {(point[0] - 1300) * 2, (point[1] - 900) * 2};
+    CHECK(largest_difference(moved) < tolerance);
+}
+
+TEST_CASE("of two faces the larger comes first, and a picture without a face has none") {
+    const auto folder = photos();
+    if (!folder) return;
+    const FaceDetector detector;
+    const Tensor photo = read_image(*folder / "images/00040.jpg");
+    Tensor two = on_grey(photo, 600, 1000, 40, 440);
+    const Tensor small = resize_image(photo, 300, 300);
+    for (std::int64_t row = 0; row < 300; ++row)
+        std::copy_n(small.values<float>().begin() + row * 900, 900,
+                    two.mutable_values<float>().begin() + ((150 + row) * 1000 + 60) * 3);
+    const auto faces = detector.find(two);
+    REQUIRE(faces.size() == 2);
+    CHECK(faces[0].width > 1.3 * faces[1].width);
+    CHECK(faces[0].left > 440);
+    CHECK(detector.find(Tensor::full({100, 80, 3}, 0.5)).empty());
+    CHECK_THROWS_AS(detector.find(Tensor::zeros({10, 10, 1})), ShapeError);
+}
+
+TEST_CASE("what is no model of landmarks is refused in one line") {
+    if (!FaceDetector::available()) {
+        CHECK_THROWS_WITH(FaceDetector(), Contains("without dlib"));
+        return;
+    }
+    CHECK_THROWS_WITH(FaceDetector("/nowhere/landmarks.dat"), Contains("/nowhere/landmarks.dat") && Contains("libdlib-data"));
+    CHECK_THROWS_WITH(FaceDetector(fs::path(STYMO_SOURCE_DIR) / "README.md"), Contains("not a model"));
+}

@@ -1,0 +1,68 @@
+#include <array>
+#include <catch2/catch.hpp>
+#include <filesystem>
+
+#include "core/error.h"
+#include "core/io/file.h"
+#include "fit/photo/face_parser.h"
+#include "fit/photo/onnx_network.h"
+#include "render/head_parts.h"
+
+using namespace stymo;
+using Catch::Contains;
+namespace fs = std::filesystem;
+
+namespace {
+
+fs::path golden(const std::string& name) {
+    return fs::path(STYMO_SOURCE_DIR) / "tests/golden/onnx" / name;
+}
+
+/// Rows of squares, the n-th in the n-th colour of make_face_parsers.py; five to a row.
+Tensor picture_of_parts(std::int64_t square) {
+    Tensor picture({5 * square, 5 * square, 3});
+    const auto values = picture.mutable_values<float>();
+    for (std::int64_t i = 0; i < 25 * square * square; ++i) {
+        const std::int64_t n = (i / (5 * square) / square * 5 + i % (5 * square) / square) % head_part_count;
+        const std::array<std::int64_t, 3> color = {n / 9, n / 3 % 3, n % 3};
+        for (std::size_t c = 0; c < 3; ++c) values[static_cast<std::size_t>(i) * 3 + c] = static_cast<float>(color[c]) / 2.0F;
+    }
+    return picture;
+}
+
+float at_square(const Tensor& classes, std::int64_t n) {
+    const std::int64_t square = classes.shape(0) / 5;
+    const std::int64_t row = n / 5 * square + square / 2;
+    const std::int64_t column = n % 5 * square + square / 2;
+    return classes.values<float>()[static_cast<std::size_t>(row * classes.shape(1) + column)];
+}
+
+void check_parts(FaceParser parser) {
+    for (const std::int64_t square : {48, 103}) {
+        const Tensor classes = parser.parse(picture_of_parts(square));
+        REQUIRE(classes.shape() == Shape{5 * square, 5 * square, 1});
+        for (int n = 0; n < head_part_count; ++n) CHECK(at_square(classes, n) == static_cast<float>(n));
+    }
+}
+
+}  // namespace
+
+TEST_CASE("a parser in CelebAMask-HQ's order is recognised and its classes come back") {
+    FaceParser parser(golden("face_parser_celebamask.onnx"));
+    CHECK(parser.kind() == FaceParserKind::celebamask);
+    check_parts(std::move(parser));
+}
+
+TEST_CASE("a parser of face-parsing.PyTorch is recognised and its classes are renamed") {
+    FaceParser parser(golden("face_parser_bisenet.onnx"));
+    CHECK(parser.kind() == FaceParserKind::face_parsing_pytorch);
+    check_parts(std::move(parser));
+}
+
+TEST_CASE("what is no face parser is refused in one line") {
+    CHECK_THROWS_WITH(FaceParser(golden("missing.onnx")), Contains("missing.onnx"));
+    CHECK_THROWS_WITH(FaceParser(golden("face_parser_18_classes.onnx")), Contains("19 classes"));
+    CHECK_THROWS_WITH(FaceParser(golden("face_parser_celebamask.onnx"), FaceParserKind::face_parsing_pytorch),
+                      Contains("not a face parser") && Contains("512 x 512"));
+    CHECK_THROWS_WITH(FaceParser(fs::path(STYMO_SOURCE_DIR) / "README.md"), Contains("not an ONNX network"));
+}

@@ -1,0 +1,99 @@
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <numbers>
+
+#include "core/error.h"
+#include "core/io/image.h"
+#include "core/rng.h"
+#include "fit/photo/face_detector.h"
+#include "fit/photo/head_mask.h"
+#include "fit/photo/photo_preparation.h"
+#include "render/morphable/builtin_head.h"
+#include "support/error_message.h"
+#include "train/synthetic_faces.h"
+
+using namespace stymo;
+
+namespace {
+
+constexpr double degree = std::numbers::pi / 180.0;
+
+struct RenderedHead {
+    SyntheticFace face;
+    SyntheticImage image;
+};
+
+RenderedHead rendered_head(std::uint64_t seed, std::int64_t side) {
+    const MorphableHead head = builtin_head();
+    RenderedHead rendered{sample_synthetic_face(head, Rng(seed)), {}};
+    rendered.image = render_synthetic_face(head, rendered.face, {}, side);
+    return rendered;
+}
+
+/// The picture with black around it, landmarks moved along.
+RenderedHead with_margin(RenderedHead rendered, std::int64_t margin) {
+    const auto widened = [&](const Tensor& from) {
+        const std::int64_t side = from.shape(0), channels = from.shape(2), width = side + 2 * margin;
+        Tensor to = Tensor::zeros({width, width, channels});
+        for (std::int64_t row = 0; row < side; ++row)
+            std::copy_n(from.values<float>().begin() + row * side * channels, side * channels,
+                        to.mutable_values<float>().begin() + ((row + margin) * width + margin) * channels);
+        return to;
+    };
+    rendered.image.color = widened(rendered.image.color);
+    rendered.image.mask = widened(rendered.image.mask);
+    for (auto& point : rendered.image.landmarks)
+        for (double& coordinate : point) coordinate += static_cast<double>(margin);
+    return rendered;
+}
+
+}  // namespace
+
+TEST_CASE("a rendered head with known landmarks and mask is aligned, and its turn is found", "[photo]") {
+    const RenderedHead rendered = with_margin(rendered_head(5, 256), 100);
+    PhotoPreparationSettings settings;
+    settings.side = 128;
+    const PhotoPreparation preparation(settings);
+    std::vector<FaceCrop> crops = preparation.crops(rendered.image.color, {rendered.image.mask, rendered.image.landmarks});
+    REQUIRE(crops.size() == 1);
+    const FaceCrop& crop = crops.front();
+    CHECK(crop.image.shape() == Shape{128, 128, 3});
+    CHECK(crop.mask.shape() == Shape{128, 128, 1});
+    CHECK_FALSE(crop.was_aligned);
+    CHECK_FALSE(crop.made_mask);
+    CHECK_FALSE(crop.mask_agreement);
+    // FFHQ has the eyes in the middle of the width, a little above that of the height.
+    const PicturePoint eyes = mean_landmark(crop.landmarks, 36, 47);
+    CHECK(eyes[0] == Approx(64.0).margin(6.0));
+    CHECK(eyes[1] == Approx(60.0).margin(6.0));
+    const std::vector<PreparedFace> faces = preparation.finish(std::move(crops));
+    REQUIRE(faces.size() == 1);
+    CHECK(faces[0].failure.empty());
+    CHECK(std::abs(faces[0].fit.pose.yaw - rendered.face.pose.yaw) < 3 * degree);
+    CHECK(faces[0].fit.landmark_error < 0.015);
+    CHECK(faces[0].fit.identity.size() == 100);
+}
+
+TEST_CASE("masks that are made are compared with known ones", "[photo]") {
+    const RenderedHead rendered = rendered_head(6, 256);
+    PhotoPreparationSettings settings;
+    settings.side = 64;
+    settings.new_masks = true;
+    const PhotoPreparation preparation(settings);
+    const FaceCrop crop = preparation.crops(rendered.image.color, {rendered.image.mask, rendered.image.landmarks}).front();
+    CHECK(crop.made_mask);
+    REQUIRE(crop.mask_agreement);
+    CHECK(*crop.mask_agreement > 0.5);
+}
+
+TEST_CASE("a photo without a face, or with a mask of other proportions, is refused with the reason", "[photo]") {
+    const PhotoPreparation preparation{PhotoPreparationSettings{}};
+    const RenderedHead rendered = rendered_head(5, 64);
+    const KnownOfPhoto wrong{Tensor::full({64, 80, 1}, 1.0), rendered.image.landmarks};
+    CHECK(test::error_message<ValueError>([&] { static_cast<void>(preparation.crops(rendered.image.color, wrong)); }) ==
+          "its mask has other proportions");
+    if (!FaceDetector::available()) return;
+    const Tensor grey = Tensor::full({80, 100, 3}, 0.5);
+    CHECK(test::error_message<ValueError>([&] { static_cast<void>(preparation.crops(grey, {})); }) == "no face was found");
+}

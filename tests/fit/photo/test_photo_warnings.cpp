@@ -1,0 +1,50 @@
+#include <catch2/catch.hpp>
+
+#include "fit/photo/photo_warnings.h"
+#include "support/error_message.h"
+
+using namespace stymo;
+
+namespace {
+
+PhotoFindings good() {
+    return {.crop_side = 600.0, .wanted_side = 512, .landmark_error = 0.01};
+}
+
+void check_only(const PhotoFindings& findings, const std::string& text) {
+    const std::vector<std::string> warnings = photo_warnings(findings);
+    REQUIRE(warnings.size() == 1);
+    CHECK_THAT(warnings.front(), Catch::Contains(text));
+    CHECK(test::is_one_line(warnings.front()));
+}
+
+}  // namespace
+
+TEST_CASE("a good photo is not warned of", "[photo]") {
+    CHECK(photo_warnings(good()).empty());
+}
+
+TEST_CASE("each thing that looks wrong has a warning of its own", "[photo]") {
+    PhotoFindings several = good();
+    several.faces = 3;
+    check_only(several, "3 faces were found");
+    PhotoFindings small = good();
+    small.crop_side = 100.0;
+    check_only(small, "100 pixels a side for 512 wanted");
+    PhotoFindings cut = good();
+    cut.share_outside = 0.2;
+    check_only(cut, "20 percent of the crop lie outside");
+    PhotoFindings turned = good();
+    turned.yaw = -1.2;
+    check_only(turned, "turned by -69 degrees");
+    PhotoFindings empty = good();
+    empty.covered_share = 0.04;
+    check_only(empty, "--parser");
+    PhotoFindings full = good();
+    full.covered_share = 0.96;
+    full.made_mask = false;
+    check_only(full, "covers 96 percent of the picture; give another mask");
+    PhotoFindings astray = good();
+    astray.landmark_error = 0.06;
+    check_only(astray, "look at the overlay");
+}
