@@ -47,7 +47,8 @@ namespace {
 __attribute__((target("avx512fp16,avx512vl"))) inline __m512h sums_of_pairs(__m512h a, __m512h b) {
     constexpr __mmask32 odd = 0xAAAAAAAA;
     const __m512i first = _mm512_mask_blend_epi16(odd, _mm512_castph_si512(a), _mm512_castph_si512(b));
-    const __m512i second = _mm512_rol_epi32(_mm512_mask_blend_epi16(odd, _mm512_castph_si512(b), _mm512_castph_si512(a)), 16);
+    const __m512i second =
+        _mm512_maskz_rol_epi32(0xFFFF, _mm512_mask_blend_epi16(odd, _mm512_castph_si512(b), _mm512_castph_si512(a)), 16);
     return _mm512_add_ph(_mm512_castsi512_ph(first), _mm512_castsi512_ph(second));
 }
 
@@ -96,9 +97,10 @@ __attribute__((target("avx512fp16,avx512vl"))) void multiply_rows(const Float16B
         sum_pairs<rows>(sums, block.operands, begin, std::min(float16_pairs_at_once, block.operands.pairs - begin));
 #pragma GCC unroll 12
         for (int row = 0; row < rows; ++row) {
+            // Masks of all lanes: the plain forms have operands that gcc takes for uninitialised.
             const __m512i both = _mm512_castph_si512(sums_of_pairs(sums[row][0], sums[row][1]));
-            const __m512 lower = _mm512_cvtxph_ps(_mm256_castsi256_ph(_mm512_castsi512_si256(both)));
-            const __m512 upper = _mm512_cvtxph_ps(_mm256_castsi256_ph(_mm512_extracti64x4_epi64(both, 1)));
+            const __m512 lower = _mm512_cvtxph_ps(_mm256_castsi256_ph(_mm512_maskz_extracti64x4_epi64(0xF, both, 0)));
+            const __m512 upper = _mm512_cvtxph_ps(_mm256_castsi256_ph(_mm512_maskz_extracti64x4_epi64(0xF, both, 1)));
             const float* const from = start + row * start_stride;
             float* const to = block.sums + row * block.sums_stride;
             _mm512_storeu_ps(to, _mm512_add_ps(_mm512_loadu_ps(from), lower));
