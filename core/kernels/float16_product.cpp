@@ -133,7 +133,7 @@ __attribute__((target("avx512fp16,avx512vl"))) void multiply_rows(const Float16L
     const __m256h lower = _mm512_cvtxps_ph(_mm512_loadu_ps(layer.bias)),
                   upper = _mm512_cvtxps_ph(_mm512_loadu_ps(layer.bias + 16));
     const __m512h bias = _mm512_castsi512_ph(
-        _mm512_inserti64x4(_mm512_castsi256_si512(_mm256_castph_si256(lower)), _mm256_castph_si256(upper), 1));
+        _mm512_maskz_inserti64x4(0xFF, _mm512_castsi256_si512(_mm256_castph_si256(lower)), _mm256_castph_si256(upper), 1));
     const ExactFactor gain = exact_factor(std::numbers::sqrt2_v<float>), leak = exact_factor(std::numbers::sqrt2_v<float> * 0.2F);
 #pragma GCC unroll 12
     for (int row = 0; row < rows; ++row) {
