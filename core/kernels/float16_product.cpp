@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstring>
+#include <numbers>
 
 #if defined(__x86_64__)
 #include <immintrin.h>
@@ -42,56 +43,64 @@ Float16 rounded_to_float16(float x) {
 
 namespace {
 
-/// Products that a lane adds up in half precision. The error grows with their root, and so does the share of time that is not
-/// spent on conversions.
-constexpr std::int64_t pairs_at_once = 64;
-
 /// Both sums of a lane's pair, for the even columns (a) and the odd ones (b): in the order of the columns.
 __attribute__((target("avx512fp16,avx512vl"))) inline __m512h sums_of_pairs(__m512h a, __m512h b) {
     constexpr __mmask32 odd = 0xAAAAAAAA;
     const __m512i first = _mm512_mask_blend_epi16(odd, _mm512_castph_si512(a), _mm512_castph_si512(b));
-    const __m512i second = _mm512_rol_epi32(_mm512_mask_blend_epi16(odd, _mm512_castph_si512(b), _mm512_castph_si512(a)), 16);
+    const __m512i second =
+        _mm512_maskz_rol_epi32(0xFFFF, _mm512_mask_blend_epi16(odd, _mm512_castph_si512(b), _mm512_castph_si512(a)), 16);
     return _mm512_add_ph(_mm512_castsi512_ph(first), _mm512_castsi512_ph(second));
+}
+
+template <int rows>
+using PairSums = __m512h[rows][2];
+
+/// Sums of `count` pairs from pair `begin` on, in half precision.
+template <int rows>
+__attribute__((target("avx512fp16,avx512vl"), always_inline)) inline void sum_pairs(PairSums<rows>& sums,
+                                                                                    const Float16Operands& operands,
+                                                                                    std::int64_t begin, std::int64_t count) {
+#pragma GCC unroll 12
+    for (int row = 0; row < rows; ++row) sums[row][0] = sums[row][1] = _mm512_setzero_ph();
+    // A pointer for three rows each, not derived from one another: else there are not registers enough for distances.
+    const Float16* left0 = operands.left + 2 * begin;
+    const Float16* left3 = left0 + 3 * operands.row_stride;
+    const Float16* left6 = left0 + 6 * operands.row_stride;
+    const Float16* left9 = left0 + 9 * operands.row_stride;
+    const Float16* panel = operands.panel + begin * operands.panel_stride;
+    for (std::int64_t i = 0; i < count; ++i) {
+        const __m512h even = _mm512_loadu_ph(panel), odd = _mm512_loadu_ph(panel + float16_columns);
+#pragma GCC unroll 12
+        for (int row = 0; row < rows; ++row) {
+            const Float16* const left = row < 3 ? left0 : row < 6 ? left3 : row < 9 ? left6 : left9;
+            std::int32_t pair = 0;
+            std::memcpy(&pair, left + row % 3 * operands.row_stride, sizeof(pair));
+            const __m512h factor = _mm512_castsi512_ph(_mm512_set1_epi32(pair));
+            sums[row][0] = _mm512_fmadd_ph(factor, even, sums[row][0]);
+            sums[row][1] = _mm512_fmadd_ph(factor, odd, sums[row][1]);
+        }
+        left0 += 2;
+        left3 += 2;
+        left6 += 2;
+        left9 += 2;
+        __asm__("" : "+r"(left0), "+r"(left3), "+r"(left6), "+r"(left9));
+        panel += operands.panel_stride;
+    }
 }
 
 template <int rows>
 __attribute__((target("avx512fp16,avx512vl"))) void multiply_rows(const Float16Block& block) {
     const float* start = block.start;
     std::int64_t start_stride = block.start_stride;
-    for (std::int64_t begin = 0; begin == 0 || begin < block.pairs; begin += pairs_at_once) {
-        const std::int64_t count = std::min(pairs_at_once, block.pairs - begin);
-        __m512h sums[rows][2];
-#pragma GCC unroll 12
-        for (int row = 0; row < rows; ++row) sums[row][0] = sums[row][1] = _mm512_setzero_ph();
-        // A pointer for three rows each, not derived from one another: else there are not registers enough for distances.
-        const Float16* left0 = block.left + 2 * begin;
-        const Float16* left3 = left0 + 3 * block.row_stride;
-        const Float16* left6 = left0 + 6 * block.row_stride;
-        const Float16* left9 = left0 + 9 * block.row_stride;
-        const Float16* panel = block.panel + begin * block.panel_stride;
-        for (std::int64_t i = 0; i < count; ++i) {
-            const __m512h even = _mm512_loadu_ph(panel), odd = _mm512_loadu_ph(panel + float16_columns);
-#pragma GCC unroll 12
-            for (int row = 0; row < rows; ++row) {
-                const Float16* const left = row < 3 ? left0 : row < 6 ? left3 : row < 9 ? left6 : left9;
-                std::int32_t pair = 0;
-                std::memcpy(&pair, left + row % 3 * block.row_stride, sizeof(pair));
-                const __m512h factor = _mm512_castsi512_ph(_mm512_set1_epi32(pair));
-                sums[row][0] = _mm512_fmadd_ph(factor, even, sums[row][0]);
-                sums[row][1] = _mm512_fmadd_ph(factor, odd, sums[row][1]);
-            }
-            left0 += 2;
-            left3 += 2;
-            left6 += 2;
-            left9 += 2;
-            __asm__("" : "+r"(left0), "+r"(left3), "+r"(left6), "+r"(left9));
-            panel += block.panel_stride;
-        }
+    for (std::int64_t begin = 0; begin == 0 || begin < block.operands.pairs; begin += float16_pairs_at_once) {
+        PairSums<rows> sums;
+        sum_pairs<rows>(sums, block.operands, begin, std::min(float16_pairs_at_once, block.operands.pairs - begin));
 #pragma GCC unroll 12
         for (int row = 0; row < rows; ++row) {
+            // Masks of all lanes: the plain forms have operands that gcc takes for uninitialised.
             const __m512i both = _mm512_castph_si512(sums_of_pairs(sums[row][0], sums[row][1]));
-            const __m512 lower = _mm512_cvtxph_ps(_mm256_castsi256_ph(_mm512_castsi512_si256(both)));
-            const __m512 upper = _mm512_cvtxph_ps(_mm256_castsi256_ph(_mm512_extracti64x4_epi64(both, 1)));
+            const __m512 lower = _mm512_cvtxph_ps(_mm256_castsi256_ph(_mm512_maskz_extracti64x4_epi64(0xF, both, 0)));
+            const __m512 upper = _mm512_cvtxph_ps(_mm256_castsi256_ph(_mm512_maskz_extracti64x4_epi64(0xF, both, 1)));
             const float* const from = start + row * start_stride;
             float* const to = block.sums + row * block.sums_stride;
             _mm512_storeu_ps(to, _mm512_add_ps(_mm512_loadu_ps(from), lower));
@@ -102,14 +111,40 @@ __attribute__((target("avx512fp16,avx512vl"))) void multiply_rows(const Float16B
     }
 }
 
-}  // namespace
+/// A factor as a half and what that lacks: rounded, the gain would be off by the same in every layer.
+struct ExactFactor {
+    __m512h nearest;
+    __m512h rest;
+};
 
-bool multiplies_float16() {
-    static const bool supported = __builtin_cpu_supports("avx512fp16") != 0;
-    return supported;
+__attribute__((target("avx512fp16,avx512vl"), always_inline)) inline ExactFactor exact_factor(float factor) {
+    const float nearest = widened(rounded_to_float16(factor));
+    return {_mm512_set1_ph(static_cast<_Float16>(nearest)), _mm512_set1_ph(static_cast<_Float16>(factor - nearest))};
 }
 
-void multiply_float16_block(int rows, const Float16Block& block) {
+__attribute__((target("avx512fp16,avx512vl"), always_inline)) inline __m512h times(__m512h x, const ExactFactor& factor) {
+    return _mm512_fmadd_ph(x, factor.nearest, _mm512_mul_ph(x, factor.rest));
+}
+
+template <int rows>
+__attribute__((target("avx512fp16,avx512vl"))) void multiply_rows(const Float16Layer& layer) {
+    PairSums<rows> sums;
+    sum_pairs<rows>(sums, layer.operands, 0, layer.operands.pairs);
+    const __m256h lower = _mm512_cvtxps_ph(_mm512_loadu_ps(layer.bias)),
+                  upper = _mm512_cvtxps_ph(_mm512_loadu_ps(layer.bias + 16));
+    const __m512h bias = _mm512_castsi512_ph(
+        _mm512_maskz_inserti64x4(0xFF, _mm512_castsi256_si512(_mm256_castph_si256(lower)), _mm256_castph_si256(upper), 1));
+    const ExactFactor gain = exact_factor(std::numbers::sqrt2_v<float>), leak = exact_factor(std::numbers::sqrt2_v<float> * 0.2F);
+#pragma GCC unroll 12
+    for (int row = 0; row < rows; ++row) {
+        __m512h x = _mm512_add_ph(sums_of_pairs(sums[row][0], sums[row][1]), bias);
+        if (layer.leaky_relu) x = _mm512_max_ph(times(x, gain), times(x, leak));
+        _mm512_storeu_ph(layer.out + row * layer.out_stride, x);
+    }
+}
+
+template <class Block>
+void multiply_block(int rows, const Block& block) {
     switch (rows) {
         case 12:
             multiply_rows<12>(block);
@@ -128,6 +163,21 @@ void multiply_float16_block(int rows, const Float16Block& block) {
     }
 }
 
+}  // namespace
+
+bool multiplies_float16() {
+    static const bool supported = __builtin_cpu_supports("avx512fp16") != 0;
+    return supported;
+}
+
+void multiply_float16_block(int rows, const Float16Block& block) {
+    multiply_block(rows, block);
+}
+
+void multiply_float16_layer(int rows, const Float16Layer& layer) {
+    multiply_block(rows, layer);
+}
+
 #else
 
 bool multiplies_float16() {
@@ -135,6 +185,8 @@ bool multiplies_float16() {
 }
 
 void multiply_float16_block(int, const Float16Block&) {}
+
+void multiply_float16_layer(int, const Float16Layer&) {}
 
 #endif
 

@@ -161,9 +161,25 @@ public:
 private:
     [[nodiscard]] bool activates() const { return finishes_ && (activation_ != Activation::none || slope_ != nullptr); }
 
+    /// Whether no sum is longer than half precision carries, and nothing after it needs more.
+    [[nodiscard]] bool stays_half(std::int64_t words) const {
+        return words <= float16_pairs_at_once && columns_ == float16_columns && !adds_ && finishes_ && slope_ == nullptr &&
+               activation_ != Activation::sine;
+    }
+
     template <int vectors>
     HWY_INLINE void multiply_rows(const LeftPiece<Operands>& left, std::int64_t row, int height) {
         Out* const c = c_ + row * stride_;
+        if constexpr (std::is_same_v<Operands, HalfPairs> && std::is_same_v<Out, Element>) {
+            if (stays_half(left.words)) {
+                multiply_float16_layer(height, {{left.row(row), left.row_stride, panel_, panel_stride_, left.words},
+                                                bias_,
+                                                activation_ == Activation::leaky_relu,
+                                                c,
+                                                stride_});
+                return;
+            }
+        }
         Block<Operands> block{bias_,
                               0,
                               sums_.data(),

@@ -27,16 +27,23 @@ void combine(float* out, const float* before, const float* at, const float* afte
     for (std::int64_t i = 0; i < count; ++i) out[i] = w0 * before[i] + w1 * at[i] + w2 * after[i];
 }
 
-/// Pixels too narrow for a vector: even and odd ones apart, then in turn.
-void double_colors(float* out, const float* x, float* scratch, std::int64_t pixels, const DoublingFilter& filter) {
-    const std::int64_t length = pixels * colors;
-    float *even = scratch, *odd = scratch + length;
-    combine(even, x - colors, x, x + colors, filter.even, length);
-    combine(odd, x - colors, x, x + colors, mirrored(filter.even), length);
-    for (std::int64_t i = 0; i < length; i += colors) {
-        std::copy_n(even + i, colors, out + 2 * i);
-        std::copy_n(odd + i, colors, out + 2 * i + colors);
+/// Pixels too narrow for a vector go by fours of numbers: what is one too many, the next pixel overwrites.
+void double_colors(float* out, const float* x, std::int64_t pixels, const DoublingFilter& filter) {
+    constexpr std::int64_t wide = colors + 1;
+    const auto [before, at, after] = filter.even;
+    const float* const last = x + (pixels - 1) * colors;
+    for (; x < last; x += colors, out += 2 * colors) {
+        std::array<float, wide> even, odd;
+        for (std::size_t c = 0; c < even.size(); ++c) {
+            const float left = x[static_cast<std::int64_t>(c) - colors], here = at * x[c], right = x[c + colors];
+            even[c] = before * left + here + after * right;
+            odd[c] = after * left + here + before * right;
+        }
+        std::copy_n(even.data(), wide, out);
+        std::copy_n(odd.data(), wide, out + colors);
     }
+    combine(out, last - colors, last, last + colors, filter.even, colors);
+    combine(out + colors, last - colors, last, last + colors, mirrored(filter.even), colors);
 }
 
 /// By exp(r + n log 2): Cody-Waite reduction and the polynomial of the Cephes library (Moshier).
@@ -70,7 +77,7 @@ void double_row(float* out, float* scratch, const float* image, std::int64_t row
     if (right == 0) std::copy_n(mixed + length - channels, channels, mixed + length);
 
     if (channels == colors) {
-        double_colors(out, mixed, mixed + length + channels, end - begin, filter);
+        double_colors(out, mixed, end - begin, filter);
     } else {
         for (std::int64_t i = 0; i < length; i += channels) {
             combine(out + 2 * i, mixed + i - channels, mixed + i, mixed + i + channels, filter.even, channels);

@@ -18,7 +18,7 @@ inline constexpr DoublingFilter bilinear_doubling{{0.25F, 0.75F, 0.0F}, {0.0F, 1
 inline constexpr DoublingFilter smooth_doubling{{0.3125F, 0.625F, 0.0625F}, {0.0F, 0.875F, 0.125F}};
 
 /// What pixels [begin, end) of an image (side, side, channels) become in row `row` of the doubled image -> out
-/// (2 (end - begin), channels). `scratch`: (3 (end - begin) + 2) * channels numbers.
+/// (2 (end - begin), channels). `scratch`: (end - begin + 2) * channels numbers.
 void double_row(float* out, float* scratch, const float* image, std::int64_t row, std::int64_t begin, std::int64_t end,
                 std::int64_t side, std::int64_t channels, const DoublingFilter& filter);
 

@@ -220,8 +220,11 @@ HWY_INLINE void multiply_block_of_numbers(int rows, const Block<Operands>& block
 template <class Operands, int vectors>
 HWY_INLINE void multiply_block_of(int rows, const Block<Operands>& block) {
     if constexpr (std::is_same_v<Operands, HalfPairs>) {
-        multiply_float16_block(rows, {block.start, block.start_stride, block.sums, block.sums_stride, block.left,
-                                      block.row_stride, block.panel, block.panel_stride, block.inner});
+        multiply_float16_block(rows, {{block.left, block.row_stride, block.panel, block.panel_stride, block.inner},
+                                      block.start,
+                                      block.start_stride,
+                                      block.sums,
+                                      block.sums_stride});
     } else {
         multiply_block_of_numbers<Operands, vectors>(rows, block);
     }

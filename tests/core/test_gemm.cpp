@@ -167,6 +167,25 @@ TEST_CASE("Products of half precision agree with plain loops over the rounded nu
     check_all<Float16, float, Float16>(error + 1e-6);
 }
 
+TEST_CASE("The leaky ReLU of a layer in half precision has no bias of its own", "[gemm]") {
+    constexpr std::int64_t columns = 32;
+    const std::vector<float> ones(columns, 1.0F);
+    const PackedMatrix<Float16> right(ones.data(), 1, columns, columns, 1);
+    std::vector<Float16> result(columns);
+    double error_sum = 0.0, count = 0.0;
+    for (const double sign : {1.0, -1.0}) {
+        for (double size = 0x1p-6; size < 0x1p6; size *= 1.003, ++count) {
+            const Float16 x = rounded_to_float16(static_cast<float>(sign * size));
+            multiply_packed(result.data(), columns, LeftMatrix<Float16>{&x, 1}, 1, right, {.activation = Activation::leaky_relu});
+            const double value = activated(widened(x), Activation::leaky_relu);
+            const double error = widened(result.back()) / value - 1.0;
+            CHECK(std::abs(error) < 0x1p-10);
+            error_sum += error;
+        }
+    }
+    CHECK(std::abs(error_sum / count) < 2e-5);
+}
+
 TEST_CASE("Rounding to half precision takes the nearest number, the even one of two", "[gemm]") {
     const auto rounded = [](float x) { return widened(rounded_to_float16(x)); };
     for (std::uint32_t bits = 0; bits < 0x10000; ++bits) {

@@ -28,7 +28,7 @@ void BlockStep<T>::prepare(StripBuffers<T>& buffers) const {
     grow(buffers.hidden, pixels * block.out());
     grow(buffers.features, pixels * block.out());
     grow(buffers.lateral, above.side * mask_channels);
-    grow(buffers.scratch, (3 * below.side + 2) * std::max(colors, mask_channels));
+    grow(buffers.scratch, (below.side + 2) * std::max(colors, mask_channels));
     grow(buffers.rgb_row, above.side * colors);
     grow(buffers.mask_row, above.side * mask_channels);
 }

@@ -41,7 +41,7 @@ std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model, const R
     return make_sampled_field(model, options, precision);
 }
 
-/// Those that are computed with 16 bits in mode `bf16`.
+/// Those that are computed with 16 bits in mode `bf16`, and of a bake the render blocks'.
 std::vector<FoldedLayer> reduced_layers(const FoldedField& field) {
     std::vector<FoldedLayer> layers = field.layers;
     layers.push_back(field.feature0);
@@ -128,15 +128,17 @@ void FaceRenderer::State::look(const Camera& seen_by) {
 }
 
 bool FaceRenderer::State::change_precision(Precision& precision, std::span<const FoldedLayer> layers) const {
-    if (options.mode != RenderMode::bf16) return false;
-    const Precision present = std::exchange(precision, sixteen_bits_for(layers));
-    return precision != present;
+    Precision fitting = Precision::float32;
+    if (options.mode == RenderMode::bf16 || options.mode == RenderMode::baked) fitting = sixteen_bits_for(layers);
+    // A bake errs more than half precision, but what bfloat16 loses is not won back in time.
+    if (options.mode == RenderMode::baked && fitting == Precision::bfloat16) fitting = Precision::float32;
+    return std::exchange(precision, fitting) != fitting;
 }
 
 void FaceRenderer::State::fold_field() {
     camera.reset();
     const FoldedField folded = model.decoder().folded_field(w);
-    if (change_precision(field_precision, reduced_layers(folded)))
+    if (options.mode == RenderMode::bf16 && change_precision(field_precision, reduced_layers(folded)))
         field = make_field_source(model.config(), options, field_precision);
     field->set_field(folded);
     ++counts.folds;

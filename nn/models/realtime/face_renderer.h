@@ -13,7 +13,7 @@ enum class RenderMode {
     exact,  ///< every sample, float32
     skip,   ///< float32, without the samples and pixels that cannot count by more than the tolerance
     bf16,   ///< as skip, with weights and activations of the faster type of 16 bits (precision.h)
-    baked,  ///< the field sampled once for this head; views read it
+    baked,  ///< the field sampled once for this head; views read it, with render blocks of half precision where it is fast
 };
 
 struct RendererOptions {
