@@ -56,6 +56,8 @@ Measurement fit_step(const BenchRun& run, bool perceptual, double tolerance = Fi
     const double forward = frame_work(subject.model).of_frame(run.options.samples) +
                            (perceptual ? trunk_work(perceptual_network, subject.model.config().decoder.resolution) : 0.0);
     result.work = 2.0 * forward;
+    // Work that was left out is not counted, so there is no share to give.
+    if (tolerance > 0.0) result.limit = Limit::none;
     return result;
 }
 
