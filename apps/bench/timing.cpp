@@ -7,18 +7,9 @@
 
 #include "core/clock.h"
 #include "core/kernels/peak.h"
+#include "core/median.h"
 
 namespace stymo {
-
-namespace {
-
-double median_of(std::vector<double> values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::ranges::nth_element(values, middle);
-    return *middle;
-}
-
-}  // namespace
 
 void Timing::add(double run_seconds) {
     seconds.push_back(run_seconds);
@@ -31,7 +22,7 @@ void Timing::add(const Timing& other) {
 }
 
 double Timing::median() const {
-    return median_of(seconds);
+    return stymo::median(seconds);
 }
 
 double Timing::minimum() const {
@@ -39,7 +30,7 @@ double Timing::minimum() const {
 }
 
 double Timing::median_multiply_adds() const {
-    return multiply_adds.empty() ? 0.0 : median_of(multiply_adds);
+    return multiply_adds.empty() ? 0.0 : stymo::median(multiply_adds);
 }
 
 Timing time_repeated(int repeats, double at_least_seconds, const std::function<void()>& body) {

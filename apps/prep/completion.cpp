@@ -8,6 +8,7 @@
 #include "core/interrupt.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
+#include "core/median.h"
 #include "core/parallel.h"
 #include "fit/photo/preparation_overlay.h"
 #include "train/folder_records.h"

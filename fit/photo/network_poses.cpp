@@ -5,6 +5,7 @@
 
 #include "core/angle.h"
 #include "core/error.h"
+#include "core/median.h"
 
 namespace stymo {
 namespace {
@@ -31,13 +32,6 @@ JsonValue to_json(const AngleStatistics& angle) {
 }
 
 }  // namespace
-
-double median(std::vector<double> values) {
-    if (values.empty()) fail<ValueError>("[median] there are no values");
-    std::ranges::sort(values);
-    const std::size_t half = values.size() / 2;
-    return values.size() % 2 == 1 ? values[half] : (values[half - 1] + values[half]) / 2;
-}
 
 PoseStatistics statistics_of(std::span<const Pose> poses) {
     if (poses.empty()) fail<ValueError>("[poses] there are no poses");

@@ -40,7 +40,4 @@ struct PivotCamera {
 [[nodiscard]] std::vector<Pose> poses_from_rotations(std::span<const Matrix3> rotations, const PivotCamera& camera,
                                                      PoseStatistics& statistics);
 
-/// The mean of the two middle values of an even number. Throws ValueError for no values.
-[[nodiscard]] double median(std::vector<double> values);
-
 }  // namespace stymo

@@ -15,6 +15,7 @@
 #include "nn/layers/batch_norm.h"
 #include "nn/layers/conv_layer.h"
 #include "nn/models/encoder.h"
+#include "shared_data.h"
 
 using namespace stymo;
 
@@ -40,15 +41,6 @@ std::vector<BackboneRow> rows_where(bool large) {
     std::vector<BackboneRow> result;
     std::ranges::copy_if(rows, std::back_inserter(result), [&](const BackboneRow& row) { return row.large == large; });
     return result;
-}
-
-std::optional<std::filesystem::path> shared_data() {
-    const char* variable = std::getenv("STYMO_SHARED");
-    const std::filesystem::path folder =
-        variable != nullptr ? std::filesystem::path(variable) : std::filesystem::path(STYMO_SOURCE_DIR) / "../shared";
-    if (std::filesystem::exists(folder / "weights/mobilefacenet_arcface.safetensors")) return folder;
-    std::cout << "skipped: no shared data\n";
-    return std::nullopt;
 }
 
 /// Random image in [-1, 1].

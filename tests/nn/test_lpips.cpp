@@ -14,6 +14,7 @@
 #include "core/io/tensor_file.h"
 #include "core/ops/ops.h"
 #include "nn/models/perceptual/lpips.h"
+#include "shared_data.h"
 #include "support/check_close.h"
 #include "support/check_grad.h"
 #include "support/error_message.h"
@@ -93,11 +94,6 @@ void compare_with_pytorch(const Lpips& lpips, DType dtype, double tolerance) {
     CHECK(report.passed);
 }
 
-fs::path shared_folder() {
-    const char* variable = std::getenv("STYMO_SHARED");
-    return variable != nullptr ? fs::path(variable) : fs::path(STYMO_SOURCE_DIR) / "../shared";
-}
-
 Tensor picture_batch(const fs::path& path) {
     const Tensor image = read_image(path);
     return affine(image.reshaped({1, image.shape(0), image.shape(1), 3}), 2.0, -1.0).value();
@@ -115,12 +111,10 @@ TEST_CASE("LPIPS and its gradient agree with PyTorch for every trunk", "[lpips][
 }
 
 TEST_CASE("LPIPS with the published SqueezeNet and heads gives the published numbers", "[lpips]") {
-    const fs::path shared = shared_folder();
+    const auto folder = shared_data();
+    if (!folder) return;
+    const fs::path shared = *folder;
     const fs::path trunk = shared / "weights/squeezenet1_1.safetensors";
-    if (!fs::exists(trunk) || !fs::exists(shared / "data/reference.json")) {
-        std::cout << "skipped: no shared data\n";
-        return;
-    }
     const Lpips lpips({.network = "squeezenet1_1",
                        .trunk = trunk.string(),
                        .heads = (shared / "weights/lpips_heads_v0.1.safetensors").string()},

@@ -7,6 +7,7 @@
 #include "core/io/scratch_folder.h"
 #include "core/io/tensor_file.h"
 #include "render/morphable/head_file.h"
+#include "shared_data.h"
 
 namespace {
 
@@ -79,15 +80,9 @@ TEST_CASE("A file that is no morphable head is refused with the tensor's name") 
 }
 
 TEST_CASE("The scanned head of the shared data fits the frame") {
-    const char* shared = std::getenv("STYMO_SHARED");
-    const std::filesystem::path path =
-        (shared != nullptr ? std::filesystem::path(shared) : std::filesystem::path(STYMO_SOURCE_DIR) / "../shared") /
-        "data/ict_face.safetensors";
-    if (!std::filesystem::exists(path)) {
-        std::cout << "skipped: no shared data\n";
-        return;
-    }
-    const stymo::MorphableHead head = stymo::read_morphable_head(path);
+    const auto path = stymo::shared_data("data/ict_face.safetensors");
+    if (!path) return;
+    const stymo::MorphableHead head = stymo::read_morphable_head(*path);
     CHECK(head.vertex_count() == 26719);
     const auto points = head.mean.values<float>();
     for (const auto& triangle : head.triangles) {

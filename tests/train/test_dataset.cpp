@@ -17,6 +17,7 @@
 #include "core/parallel.h"
 #include "core/rng.h"
 #include "render/head_parts.h"
+#include "shared_data.h"
 #include "train/dataset.h"
 #include "train/folder_scan.h"
 
@@ -126,14 +127,6 @@ std::string code_json(int first) {
         text += "]";
     }
     return text + "}";
-}
-
-std::optional<fs::path> shared_photos() {
-    const char* variable = std::getenv("STYMO_SHARED");
-    const fs::path shared = variable != nullptr ? fs::path(variable) : fs::path(STYMO_SOURCE_DIR) / "../shared";
-    if (fs::exists(shared / "data/celebamask/images")) return shared / "data/celebamask";
-    std::cout << "skipped: no shared data\n";
-    return std::nullopt;
 }
 
 }  // namespace
@@ -460,7 +453,7 @@ TEST_CASE("faces that do not make a batch are refused", "[dataset]") {
 }
 
 TEST_CASE("the CelebAMask-HQ photos are read with their masks, the last hundred held out", "[dataset]") {
-    const auto photos = shared_photos();
+    const auto photos = shared_data("data/celebamask");
     if (!photos) return;
     DataConfig config;
     config.test = 100;

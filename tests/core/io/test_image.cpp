@@ -14,6 +14,7 @@
 #include "core/io/image.h"
 #include "core/io/scratch_folder.h"
 #include "core/rng.h"
+#include "shared_data.h"
 
 using namespace stymo;
 using Catch::Matchers::Contains;
@@ -57,14 +58,9 @@ TEST_CASE("class maps are read as indices, not as colours") {
 }
 
 TEST_CASE("the class maps of CelebAMask-HQ hold its 19 classes") {
-    const char* variable = std::getenv("STYMO_SHARED");
-    const std::filesystem::path shared = variable != nullptr ? variable : std::string(STYMO_SOURCE_DIR) + "/../shared";
-    const std::filesystem::path path = shared / "data/celebamask/parsing/00000.png";
-    if (!std::filesystem::exists(path)) {
-        std::cout << "skipped: no shared data\n";
-        return;
-    }
-    const Tensor classes = read_class_map(path);
+    const auto path = shared_data("data/celebamask/parsing/00000.png");
+    if (!path) return;
+    const Tensor classes = read_class_map(*path);
     CHECK(classes.shape() == Shape{512, 512, 1});
     std::set<float> seen;
     for (const float value : classes.values<float>()) {

@@ -7,35 +7,28 @@
 
 #include "core/angle.h"
 #include "core/io/image.h"
+#include "core/median.h"
 #include "fit/morphable/morphable_fit.h"
 #include "fit/photo/face_detector.h"
 #include "fit/photo/pose_network.h"
 #include "render/morphable/head_source.h"
+#include "shared_data.h"
 
 namespace {
 
-[[nodiscard]] double median(std::vector<double> values) {
-    std::ranges::sort(values);
-    return values[values.size() / 2];
-}
-
 /// Median distance of the values from their median.
 [[nodiscard]] double spread(std::vector<double> values) {
-    const double middle = median(values);
+    const double middle = stymo::median(values);
     for (double& value : values) value = std::abs(value - middle);
-    return median(std::move(values));
+    return stymo::median(std::move(values));
 }
 
 }  // namespace
 
 TEST_CASE("On photos the fitted head meets dlib's landmarks and agrees with a pose network", "[slow]") {
-    const char* variable = std::getenv("STYMO_SHARED");
-    const std::filesystem::path shared =
-        variable != nullptr ? std::filesystem::path(variable) : std::filesystem::path(STYMO_SOURCE_DIR) / "../shared";
-    if (!std::filesystem::exists(shared / "data/celebamask/images") || !stymo::FaceDetector::available()) {
-        std::cout << "skipped: no shared data, or built without dlib\n";
-        return;
-    }
+    const auto folder = stymo::shared_data();
+    if (!folder || !stymo::FaceDetector::available()) return;
+    const std::filesystem::path& shared = *folder;
     std::vector<std::filesystem::path> photos;
     for (const auto& entry : std::filesystem::directory_iterator(shared / "data/celebamask/images"))
         photos.push_back(entry.path());
@@ -65,10 +58,10 @@ TEST_CASE("On photos the fitted head meets dlib's landmarks and agrees with a po
             pitches.push_back(stymo::degrees_from_radians(fits[i].pose.pitch - angles[i][1]));
         }
         std::cout << (*name == '\0' ? "built-in head" : name) << ", " << fits.size() << " photos: landmarks missed by "
-                  << median(misses) << " % of the inter-ocular distance, yaw differs by " << median(yaws) << ", pitch by "
-                  << median(pitches) << " +- " << spread(pitches) << " degrees\n";
-        CHECK(median(misses) < 5.0);
-        CHECK(median(yaws) < 6.0);
+                  << stymo::median(misses) << " % of the inter-ocular distance, yaw differs by " << stymo::median(yaws)
+                  << ", pitch by " << stymo::median(pitches) << " +- " << spread(pitches) << " degrees\n";
+        CHECK(stymo::median(misses) < 5.0);
+        CHECK(stymo::median(yaws) < 6.0);
         CHECK(spread(pitches) < 6.0);
     }
 }

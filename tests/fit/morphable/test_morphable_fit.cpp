@@ -7,12 +7,14 @@
 
 #include "core/angle.h"
 #include "core/error.h"
+#include "core/median.h"
 #include "core/parallel.h"
 #include "core/rng.h"
 #include "fit/morphable/morphable_fit.h"
 #include "fit/photo/face_detector.h"
 #include "render/morphable/builtin_head.h"
 #include "render/morphable/head_file.h"
+#include "shared_data.h"
 #include "support/error_message.h"
 #include "support/thread_count.h"
 #include "train/synthetic_faces.h"
@@ -76,11 +78,6 @@ constexpr std::int64_t side = 256;
     for (std::size_t k = 0; k < truth.size(); ++k)
         sum += std::pow(truth[k][0] - found[k][0], 2) + std::pow(truth[k][1] - found[k][1], 2);
     return std::sqrt(sum / 68.0);
-}
-
-[[nodiscard]] double median(std::vector<double> values) {
-    std::ranges::sort(values);
-    return values[values.size() / 2];
 }
 
 /// Mean squared difference of the fitted head's colours and the picture's, on the head.
@@ -148,9 +145,9 @@ TEST_CASE("Noisy landmarks and colours of random heads bring back pose, shape an
         for (std::size_t k = 0; k < head.one_sided.size(); ++k)
             CHECK((!head.one_sided[k] || with_colors[i].expression[k] >= 0.0F));
     }
-    CHECK(median(angles) < 2.0);
-    CHECK(median(errors) < 0.006);
-    CHECK(median(gains) > 2.0);
+    CHECK(stymo::median(angles) < 2.0);
+    CHECK(stymo::median(errors) < 0.006);
+    CHECK(stymo::median(gains) > 2.0);
 }
 
 TEST_CASE("A photo's fit does not depend on its company or the number of threads") {
@@ -186,15 +183,9 @@ TEST_CASE("What cannot be fitted is refused in one line") {
 }
 
 TEST_CASE("Scanned heads of known truth are found within 2 degrees and 1.5 percent of the image side", "[slow]") {
-    const char* shared = std::getenv("STYMO_SHARED");
-    const std::filesystem::path path =
-        (shared != nullptr ? std::filesystem::path(shared) : std::filesystem::path(STYMO_SOURCE_DIR) / "../shared") /
-        "data/ict_face.safetensors";
-    if (!std::filesystem::exists(path)) {
-        std::cout << "skipped: no shared data\n";
-        return;
-    }
-    const stymo::MorphableHead head = stymo::read_morphable_head(path);
+    const auto path = stymo::shared_data("data/ict_face.safetensors");
+    if (!path) return;
+    const stymo::MorphableHead head = stymo::read_morphable_head(*path);
     const stymo::Rng rng(7);
     std::vector<stymo::SyntheticFace> faces;
     std::vector<stymo::MorphableFitTarget> targets;
@@ -210,10 +201,10 @@ TEST_CASE("Scanned heads of known truth are found within 2 degrees and 1.5 perce
             errors.push_back(truth_error(head, faces[which[i]], fits[i]));
             given_errors.push_back(fits[i].landmark_error);
         }
-        std::cout << landmarks << " landmarks, " << fits.size() << " heads: rotation " << median(angles)
-                  << " degrees, true landmarks " << 100.0 * median(errors) << " %, given ones " << 100.0 * median(given_errors)
-                  << " % of the side\n";
-        return std::array{median(angles), median(errors), median(given_errors)};
+        std::cout << landmarks << " landmarks, " << fits.size() << " heads: rotation " << stymo::median(angles)
+                  << " degrees, true landmarks " << 100.0 * stymo::median(errors) << " %, given ones "
+                  << 100.0 * stymo::median(given_errors) << " % of the side\n";
+        return std::array{stymo::median(angles), stymo::median(errors), stymo::median(given_errors)};
     };
     std::vector<std::size_t> which(faces.size());
     std::iota(which.begin(), which.end(), std::size_t{0});

@@ -10,6 +10,7 @@
 #include "core/io/image.h"
 #include "fit/photo/face_detector.h"
 #include "render/head_parts.h"
+#include "shared_data.h"
 
 using namespace stymo;
 using Catch::Contains;
@@ -19,11 +20,8 @@ namespace {
 
 /// The folder of photos with hand-made parsings, if this test can use it.
 std::optional<fs::path> photos() {
-    const char* variable = std::getenv("STYMO_SHARED");
-    const fs::path folder =
-        (variable != nullptr ? fs::path(variable) : fs::path(STYMO_SOURCE_DIR) / "../shared") / "data/celebamask";
-    if (FaceDetector::available() && fs::is_directory(folder)) return folder;
-    std::cout << (FaceDetector::available() ? "skipped: no shared data\n" : "skipped: built without dlib\n");
+    if (FaceDetector::available()) return shared_data("data/celebamask");
+    std::cout << "skipped: built without dlib\n";
     return std::nullopt;
 }
 

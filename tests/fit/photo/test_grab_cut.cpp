@@ -14,6 +14,7 @@
 #include "fit/photo/grab_cut.h"
 #include "fit/photo/head_mask.h"
 #include "render/head_parts.h"
+#include "shared_data.h"
 
 using namespace stymo;
 
@@ -100,16 +101,11 @@ TEST_CASE("GrabCut refuses crops that are not square and landmarks upside down")
 }
 
 TEST_CASE("head masks agree with hand-made ones", "[slow]") {
-    namespace fs = std::filesystem;
-    const char* variable = std::getenv("STYMO_SHARED");
-    const fs::path shared = variable != nullptr ? fs::path(variable) : fs::path(STYMO_SOURCE_DIR) / "../shared";
-    const fs::path photos = shared / "data/celebamask";
-    if (!FaceDetector::available() || !fs::is_directory(photos)) {
-        std::cout << "skipped: no shared data or no dlib\n";
-        return;
-    }
+    const auto shared = shared_data();
+    if (!shared || !FaceDetector::available()) return;
+    const std::filesystem::path photos = *shared / "data/celebamask";
     const FaceDetector detector;
-    FaceParser parser(shared / "weights/face_parser_unet.onnx");
+    FaceParser parser(*shared / "weights/face_parser_unet.onnx");
     double by_grab_cut = 0.0, by_parser = 0.0;
     int count = 0;
     for (int i = 1; i < 800; i += 20) {
@@ -124,7 +120,9 @@ TEST_CASE("head masks agree with hand-made ones", "[slow]") {
         by_parser += intersection_over_union(parser.head_mask(photo, faces.front().landmarks), truth);
         ++count;
     }
+    std::cout << "head masks of " << count << " photos: IoU " << by_grab_cut / count << " by GrabCut, " << by_parser / count
+              << " by the parser\n";
     CHECK(count >= 38);
     CHECK(by_grab_cut / count >= 0.80);
-    CHECK(by_parser / count >= 0.86);
+    CHECK(by_parser / count >= 0.88);
 }

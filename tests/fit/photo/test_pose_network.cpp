@@ -15,6 +15,7 @@
 #include "core/io/scratch_folder.h"
 #include "fit/photo/network_poses.h"
 #include "fit/photo/pose_network.h"
+#include "shared_data.h"
 
 using namespace stymo;
 namespace fs = std::filesystem;
@@ -22,14 +23,6 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr double degree = std::numbers::pi / 180.0;
-
-std::optional<fs::path> shared_data() {
-    const char* variable = std::getenv("STYMO_SHARED");
-    const fs::path folder = variable != nullptr ? fs::path(variable) : fs::path(STYMO_SOURCE_DIR) / "../shared";
-    if (fs::is_directory(folder)) return folder;
-    std::cout << "skipped: no shared data\n";
-    return std::nullopt;
-}
 
 /// The first 12 outputs of 3DDFA_V2 for a head turned by `picture_from_head` (y up), with its scale and its translation.
 std::array<float, 12> outputs_for(const Matrix3& picture_from_head) {
