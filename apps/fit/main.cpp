@@ -10,6 +10,7 @@
 #include "apps/common/face_input.h"
 #include "apps/common/lpips_options.h"
 #include "apps/common/preparation_options.h"
+#include "apps/common/work_plans.h"
 #include "apps/fit/prepared_photos.h"
 #include "core/clock.h"
 #include "core/interrupt.h"
@@ -29,6 +30,7 @@ struct Options {
     stymo::LpipsOptions lpips;
     stymo::PhotoPreparationSettings preparation;
     stymo::FitOptions fit;
+    bool explain = false;
 };
 
 void write_metrics(std::ostream& stream, const char* name, const stymo::ImageMetrics& metrics) {
@@ -94,6 +96,7 @@ stymo::JsonValue write_fit(const Photo& photo, const stymo::FitReport& report, c
 stymo::AppResult fit(Options options) {
     stymo::require_photo(options.face);
     if (options.samples) options.fit.samples_per_ray = *options.samples;
+    stymo::Explainer explainer(options.explain);
     const stymo::Model model = stymo::Model::load(options.model);
     const stymo::ReconstructionConfig config = stymo::fitting_config(options.lpips, model.config().reconstruction);
     const stymo::ReconstructionLoss reconstruction(config, "--perceptual-weight 0");
@@ -108,6 +111,7 @@ stymo::AppResult fit(Options options) {
     const stymo::FitTarget target{batch.input, batch.targets, batch.cameras};
     options.fit.one_person = photos.size() > 1;
 
+    explainer.show(stymo::fit_plan(model, config, reconstruction, metric ? &*metric : nullptr, options.fit));
     const stymo::InterruptGuard guard;
     stymo::Progress progress({.title = "fit", .total = options.fit.steps, .unit = "steps"});
     options.fit.on_step = [&](std::int64_t step, double loss) { progress.update(step, "loss " + std::to_string(loss)); };
@@ -130,6 +134,9 @@ stymo::AppResult fit(Options options) {
     }
     done.json = photos.size() == 1 ? reports.front() : stymo::JsonValue::object({{"photos", reports}});
     const std::int64_t steps = std::ssize(result.losses);
+    explainer.count("photos", std::ssize(photos));
+    explainer.count("steps", steps);
+    explainer.finish(done);
     if (steps < options.fit.steps)
         done.incomplete = "interrupted after " + std::to_string(steps) + " of " + std::to_string(options.fit.steps) + " steps";
     return done;
@@ -167,5 +174,6 @@ int main(int argc, char** argv) {
     line.flag("--refine-pose", options.fit.refine_pose, "the pose learns too, with a tenth of the learning rate; slower");
     stymo::declare_perceptual_weight(line, options.lpips);
     stymo::declare_lpips_files(line, options.lpips);
+    stymo::declare_explain(line, options.explain);
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return fit(options); });
 }

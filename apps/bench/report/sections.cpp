@@ -1,3 +1,4 @@
+#include "apps/bench/report/omitted.h"
 #include "apps/bench/report/quadrature.h"
 #include "apps/bench/report/section.h"
 #include "apps/bench/report/stability.h"
@@ -8,6 +9,7 @@ std::vector<ReportSection> report_sections() {
     return {
         quadrature_section(),
         stability_section(),
+        omitted_section(),
     };
 }
 
