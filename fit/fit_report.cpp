@@ -26,7 +26,7 @@ bool is_unchanged(const FitTarget& target, const FitResult& result, std::int64_t
 }  // namespace
 
 FitReport report_fit(const Model& model, const FitTarget& target, const Tensor& mask, const FitResult& result, std::int64_t index,
-                     const Lpips* lpips) {
+                     const Lpips* lpips, bool with_head_mask) {
     const auto face = static_cast<std::size_t>(index);
     ViewOptions options{.samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
                         .resolution = target.targets.back().shape(1)};
@@ -34,7 +34,7 @@ FitReport report_fit(const Model& model, const FitTarget& target, const Tensor& 
     report.target = picture(target.targets.back(), index);
     const bool unchanged = is_unchanged(target, result, index);
     if (!unchanged) report.initial = render_view(model, result.initial, index, target.cameras[face], options).picture;
-    options.mask = options.resolution == model.config().decoder.resolution;
+    options.mask = with_head_mask && options.resolution == model.config().decoder.resolution;
     const View fitted = render_view(model, result.fitted, index, result.cameras[face], options);
     report.fitted = fitted.picture;
     report.mask = fitted.mask;

@@ -104,6 +104,10 @@ stymo::AppResult fit(Options options) {
     std::optional<stymo::Lpips> metric;
     if (reconstruction.lpips() == nullptr && !options.lpips.trunk.empty())
         metric.emplace(config.perceptual, "leave out --lpips-trunk");
+    stymo::WorkPlan plan = stymo::fit_plan(model, config, reconstruction, metric ? &*metric : nullptr, options.fit);
+    const bool found = options.face.as_it_comes();
+    plan.modules.push_back({"detector and masks of photos", found, found ? "" : "the photo is aligned already"});
+    explainer.show(std::move(plan));
     const std::vector<Photo> photos = photos_of(options, model.config());
     std::vector<stymo::Face> faces;
     for (const Photo& photo : photos) faces.push_back(photo.face);
@@ -111,7 +115,6 @@ stymo::AppResult fit(Options options) {
     const stymo::FitTarget target{batch.input, batch.targets, batch.cameras};
     options.fit.one_person = photos.size() > 1;
 
-    explainer.show(stymo::fit_plan(model, config, reconstruction, metric ? &*metric : nullptr, options.fit));
     const stymo::InterruptGuard guard;
     stymo::Progress progress({.title = "fit", .total = options.fit.steps, .unit = "steps"});
     options.fit.on_step = [&](std::int64_t step, double loss) { progress.update(step, "loss " + std::to_string(loss)); };
@@ -127,7 +130,7 @@ stymo::AppResult fit(Options options) {
     std::vector<stymo::JsonValue> reports;
     for (std::size_t i = 0; i < photos.size(); ++i) {
         const auto index = static_cast<std::int64_t>(i);
-        const stymo::FitReport report = stymo::report_fit(model, target, batch.mask, result, index, lpips);
+        const stymo::FitReport report = stymo::report_fit(model, target, batch.mask, result, index, lpips, true);
         reports.push_back(write_fit(photos[i], report, result, index, seconds));
         if (photos.size() > 1) done.text += photos[i].face.id + "\n";
         done.text += summary(report, seconds);
