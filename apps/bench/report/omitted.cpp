@@ -56,6 +56,10 @@ std::vector<ReportCell> scene_row(const Scene& scene, const SceneFrames& needed,
             largest_difference(needed.picture, all.picture)};
 }
 
+PlotPoint point_of(const SceneFrames& frames, const std::string& label) {
+    return {static_cast<double>(frames.counts.field_samples) * 1e-3, frames.seconds / millisecond, label};
+}
+
 void write_scenes(ReportWriter& report, const BenchSubject& subject, const ReportInputs& inputs) {
     report.heading("Scenes");
     report.text(
@@ -78,10 +82,10 @@ void write_scenes(ReportWriter& report, const BenchSubject& subject, const Repor
         };
         const SceneFrames needed = frames(RenderMode::skip), all = frames(RenderMode::exact);
         rows.push_back(scene_row(scene, needed, all));
-        for (const auto& [series, one] : {std::pair(0, &needed), std::pair(1, &all)})
-            plot.series[static_cast<std::size_t>(series)].points.push_back(
-                {static_cast<double>(one->counts.field_samples) * 1e-3, one->seconds / millisecond, scene.name});
+        plot.series[0].points.push_back(point_of(needed, scene.name));
+        plot.series[1].points.push_back(point_of(all, ""));
     }
+    for (PlotSeries& series : plot.series) std::ranges::sort(series.points, {}, &PlotPoint::x);
     report.table("omitted_scenes",
                  {"scene", "samples", "through the field", "tiles", "pixels", "pixels computed", "layers", "layers computed",
                   "buffers", "ms, everything", "ms", "PSNR dB", "largest difference"},
