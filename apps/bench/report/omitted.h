@@ -52,6 +52,7 @@ struct JobRun {
     WorkCounts work;
     double seconds = 0.0;  ///< median
 };
+/// Runs it once unmeasured, then `repeats` times within a few seconds; with 0, or without the time, the first run counts.
 [[nodiscard]] JobRun run_job(const std::function<Tensor()>& job, const std::function<void()>& before, int repeats);
 
 /// What scenes and jobs leave out, with time and error against doing everything.

@@ -58,7 +58,7 @@ SceneFrames scene_frames(const Model& model, const Codes& codes, const Scene& sc
         frames.work = meter.counts();
         frames.counts = renderer.counts();
     }
-    constexpr double least_seconds = 0.2;
+    const double least_seconds = 0.04 * repeats;
     constexpr int most = 500;
     std::vector<double> seconds;
     const double begin = seconds_now();
