@@ -172,7 +172,7 @@ std::vector<OmittedJob> omitted_jobs(BenchSubject& subject, const BenchOptions& 
 }
 
 JobRun run_job(const std::function<Tensor()>& job, const std::function<void()>& before, int repeats) {
-    constexpr double most_seconds = 3.0;
+    constexpr double most_seconds = 2.0;
     JobRun run;
     std::vector<double> seconds;
     const double begin = seconds_now();
