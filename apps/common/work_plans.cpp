@@ -72,7 +72,7 @@ WorkPlan render_plan(const Model& model, const RendererOptions& options) {
     plan.modules = {encoder_part(model),
                     {"radiance field", true, numbers_text(model, "decoder.field.")},
                     {"render blocks", true, blocks.str()},
-                    {"mask branch", options.mask, options.mask ? "" : "without --mask"},
+                    {"mask branch of the renderer", options.mask, options.mask ? "" : "without --mask"},
                     {"density lattice", lattice, lattice ? "" : (baked ? "a bake needs none" : "every sample is taken")},
                     {"baked samples", baked, baked ? "" : "only --mode baked reads them"},
                     lpips_part(nullptr, "rendering compares nothing"),
