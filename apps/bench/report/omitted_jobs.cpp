@@ -38,7 +38,7 @@ Codes first_codes(const BenchSubject& subject) {
 /// All numbers in one row.
 Tensor joined(const std::vector<Variable>& variables) {
     std::vector<Variable> rows;
-    for (const Variable& variable : variables) rows.push_back(Variable(variable.value().reshaped({1, variable.value().size()})));
+    for (const Variable& variable : variables) rows.emplace_back(variable.value().reshaped({1, variable.value().size()}));
     return concat(rows, 1).value();
 }
 
