@@ -2,7 +2,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/common/command_line.h"
-#include "apps/common/evaluate.h"
+#include "apps/eval/evaluate.h"
 #include "apps/tiny_run.h"
 #include "core/error.h"
 
