@@ -10,6 +10,7 @@
 #include "apps/common/command_line.h"
 #include "core/error.h"
 #include "core/interrupt.h"
+#include "core/ops/elementwise.h"
 #include "core/ops/resample.h"
 #include "core/parallel.h"
 #include "core/progress.h"
@@ -78,10 +79,9 @@ public:
         scores_.insert_or_assign(place, std::move(score));
         progress.update(done(), text());
     }
-    void add_failure(std::int64_t place, const std::string& reason, Progress& progress) {
+    void add_failure(std::int64_t place, const std::string& reason) {
         const std::lock_guard lock(mutex_);
         failed_.insert_or_assign(place, FailedFace{id_of(place), reason});
-        progress.update(done(), text());
     }
 
     [[nodiscard]] Evaluation evaluation() const {
@@ -149,9 +149,12 @@ ComparedFace compared_face(const Dataset& faces, std::int64_t index, const Evalu
     const std::int64_t side = faces.side();
     const int compared = static_cast<int>(result.target.targets.back().shape(1));
     for (const Region region : options.regions) {
-        const Tensor mask = region == Region::head
-                                ? batch.mask
-                                : options.face_region->mask(faces.files(index), side).reshaped({1, side, side, 1});
+        Tensor mask = batch.mask;
+        if (region == Region::face) {
+            // Outside the head the target is black whatever the photo shows.
+            const Tensor within = options.face_region->mask(faces.files(index), side).reshaped(mask.shape());
+            mask = (Variable(mask) * within).value();
+        }
         result.masks.push_back(resize_box(mask, compared, compared).value());
     }
     return result;
@@ -179,7 +182,7 @@ Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Da
             const FitReport report = report_fit(model, face.target, face.masks.front(), fit, 0, options.lpips);
             score = score_of(faces.ids()[static_cast<std::size_t>(place)], report, face, options);
         } catch (const Error& error) {
-            findings.add_failure(place, error.what(), progress);
+            findings.add_failure(place, error.what());
             return;
         }
         findings.add(place, std::move(score), fit, progress);
@@ -199,14 +202,13 @@ Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Da
         work(0, std::ssize(places));
     else
         parallel_for(std::ssize(places), 1, work);
-    progress.finish();
-
     Evaluation evaluation = findings.evaluation();
     if (evaluation.scores.empty()) {
         if (evaluation.failed.empty()) fail<FileError>("interrupted; no face was scored");
         fail<FileError>("none of the ", evaluation.failed.size(),
                         " faces could be scored; the first: ", evaluation.failed.front().reason);
     }
+    progress.finish();
     return evaluation;
 }
 

@@ -13,7 +13,7 @@ namespace stymo {
 /// The part of the picture that is compared; what is outside is black in both pictures.
 enum class Region {
     head,  ///< with hair and ears: the mask that the model was trained with
-    face   ///< without hair and ears (is_face_class)
+    face   ///< of it, what is neither hair nor ear (is_face_class)
 };
 
 [[nodiscard]] const char* name_of(Region region);

@@ -223,8 +223,9 @@ TEST_CASE("The face's region is scored within the head, of the folder's parsing 
     tiny.options.face_region = &by_folder;
 
     const ComparedFace face = compared_face(tiny.faces, 0, tiny.options);
-    CHECK(face.masks[1].to_vector()[10] == 1.0);
-    CHECK(face.masks[1].to_vector()[50] == 0.0);
+    const std::vector<double> head = face.masks[0].to_vector();
+    const std::vector<double> left = face.masks[1].to_vector();
+    for (std::size_t i = 0; i < head.size(); ++i) REQUIRE(left[i] == (i % 64 < 32 ? head[i] : 0.0));
     const Evaluation evaluation = tiny.run();
     REQUIRE(evaluation.scores.size() == 2);
     CHECK(evaluation.failed.size() == 1);
