@@ -3,8 +3,10 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "nn/models/code_statistics.h"
 #include "nn/models/decoder.h"
 #include "nn/models/encoder.h"
 #include "nn/models/perceptual/lpips.h"
@@ -53,7 +55,8 @@ public:
 
     /// A trained model, frozen. Throws FileError for a file that is missing, malformed or not a model of stymo.
     [[nodiscard]] static Model load(const std::filesystem::path& path, ModelParts parts = ModelParts::all);
-    /// Writes every parameter and the configuration (metadata "config"). Whole or not at all. Throws ValueError for a part.
+    /// Writes every parameter, the configuration (metadata "config") and the statistics of codes, if any. Whole or not at all.
+    /// Throws ValueError for a part.
     void save(const std::filesystem::path& path) const;
 
     [[nodiscard]] const ModelConfig& config() const { return config_; }
@@ -63,6 +66,9 @@ public:
     [[nodiscard]] const Encoder& encoder() const;
     [[nodiscard]] bool has_encoder() const { return encoder_.has_value(); }
     [[nodiscard]] const Decoder& decoder() const { return decoder_; }
+    /// Of the codes of faces that it was trained on; nothing in models that were saved without.
+    [[nodiscard]] const std::optional<CodeStatistics>& code_statistics() const { return code_statistics_; }
+    void set_code_statistics(std::optional<CodeStatistics> statistics) { code_statistics_ = std::move(statistics); }
 
 private:
     Model(const ModelConfig& config, Rng& rng, ModelParts parts);
@@ -71,6 +77,7 @@ private:
     ParameterStore parameters_;
     std::optional<Encoder> encoder_;
     Decoder decoder_;
+    std::optional<CodeStatistics> code_statistics_;
 };
 
 /// The model's configuration as it stands in the metadata of its file.

@@ -1,0 +1,17 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "nn/models/model.h"
+#include "train/dataset.h"
+
+namespace stymo {
+
+/// The encoder's codes of `faces`, in their order; of at most `most` (1 or more) of them, evenly spread over the set. One row for
+/// each.
+[[nodiscard]] Codes encoded_faces(const Model& model, const Dataset& faces, std::int64_t most);
+/// Statistics of these codes; nothing for less than two faces, or for codes that are not finite.
+[[nodiscard]] std::optional<CodeStatistics> training_code_statistics(const Model& model, const Dataset& faces, std::int64_t most);
+
+}  // namespace stymo
