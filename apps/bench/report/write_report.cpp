@@ -45,6 +45,13 @@ std::vector<ReportSection> chosen_sections(const ReportOptions& options) {
     return sections;
 }
 
+BenchOptions fitting_options(const ReportOptions& options) {
+    BenchOptions fitting = options.bench;
+    if (!options.fit_model.empty()) fitting.model = options.fit_model;
+    if (!options.fit_data.empty()) fitting.data = options.fit_data;
+    return fitting;
+}
+
 std::string conditions(const ReportOptions& options, const CommonOptions& common) {
     return "Threads: " + std::to_string(thread_count()) + "; seed: " + std::to_string(common.seed) +
            "; model: " + (options.bench.model.empty() ? "random weights" : options.bench.model.filename().string()) + ".";
@@ -72,7 +79,7 @@ AppResult write_report(const ReportOptions& options, const CommonOptions& common
         progress.update(std::ssize(times), section.name);
         report.title(2, section.title);
         const double begin = seconds_now();
-        section.write(report, {.bench = options.bench, .seed = common.seed, .seconds = section.seconds});
+        section.write(report, {options.bench, fitting_options(options), options.lpips, common.seed, section.seconds});
         times.push_back({section.name, seconds_now() - begin, section.seconds});
     }
     progress.finish();

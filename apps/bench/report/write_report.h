@@ -6,11 +6,15 @@
 
 #include "apps/bench/subject.h"
 #include "apps/common/command_line.h"
+#include "apps/common/lpips_options.h"
 
 namespace stymo {
 
 struct ReportOptions {
     BenchOptions bench;
+    std::filesystem::path fit_model{};  ///< of the section on fitting; empty: the same
+    std::filesystem::path fit_data{};
+    LpipsOptions lpips{};
     std::filesystem::path out;
     std::string parts{};  ///< names of sections, separated by commas; empty: all that the inputs are there for
 };
