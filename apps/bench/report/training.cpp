@@ -191,4 +191,9 @@ TrainConfig report_training(std::int64_t steps, std::int64_t samples_per_ray) {
     return config;
 }
 
+ReportSection training_section() {
+    constexpr double seconds = 180.0;
+    return {.name = "training", .title = "Training", .seconds = seconds, .write = write_training};
+}
+
 }  // namespace stymo
