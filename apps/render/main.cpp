@@ -9,6 +9,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/output_file.h"
+#include "apps/common/work_plans.h"
 #include "core/angle.h"
 #include "core/error.h"
 #include "core/interrupt.h"
@@ -32,6 +33,7 @@ struct Options {
     double frames_per_second = 24.0;
     std::string mode = "exact";
     stymo::RendererOptions renderer;
+    bool explain = false;
 };
 
 const std::vector<std::string> mode_names{"exact", "skip", "bf16", "baked"};
@@ -73,10 +75,12 @@ stymo::AppResult render(Options options) {
     } else {
         stymo::require_extension(options.out, {".png", ".jpg"});
     }
-    const stymo::Model model = stymo::Model::load(options.model);
+    stymo::Explainer explainer(options.explain);
+    const stymo::Model model = stymo::Model::load(options.model, stymo::ModelParts::decoder);
     const stymo::CodeFile face = stymo::read_code_file(options.codes);
     stymo::require_folder_of(options.out);
     options.renderer.mode = mode_of(options.mode);
+    explainer.show(stymo::render_plan(model, options.renderer));
     stymo::FaceRenderer renderer(model, options.renderer);
     renderer.show(face.codes);
     std::vector<std::string> written{options.out.string()};
@@ -97,7 +101,10 @@ stymo::AppResult render(Options options) {
     }
     std::string text;
     for (const std::string& path : written) text += path + "\n";
-    return {text, stymo::JsonValue::object({{"written", written}})};
+    stymo::AppResult result{text, stymo::JsonValue::object({{"written", written}})};
+    stymo::add_counts(explainer, renderer.counts());
+    explainer.finish(result);
+    return result;
 }
 
 }  // namespace
@@ -133,5 +140,6 @@ int main(int argc, char** argv) {
     line.option("--fps", options.frames_per_second, "frames per second of the orbit").range(1, 240);
     line.flag("--mask", options.renderer.mask, "also write the head mask, OUT_mask.png").excludes("--orbit");
     line.flag("--depth", options.renderer.depth, "also write the depth of each ray, OUT_depth.exr").excludes("--orbit");
+    stymo::declare_explain(line, options.explain);
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return render(options); });
 }

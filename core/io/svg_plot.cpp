@@ -82,7 +82,7 @@ private:
         for (const double digit : {5.0, 2.0, 1.0})
             if (digit * decade * most >= high_ - low_) step = digit * decade;
         std::vector<double> values;
-        for (double count = std::ceil(low_ / step); count * step <= high_; ++count) values.push_back(count * step);
+        for (double count = std::ceil(low_ / step); count * step <= high_; ++count) values.push_back(count * step + 0.0);  // never -0
         return values;
     }
 

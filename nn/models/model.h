@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -39,6 +40,12 @@ struct ModelConfig {
 /// Binds "decoder.", "encoder.", "camera.", "reconstruction." .
 void describe(ConfigSchema& schema, ModelConfig& config);
 
+/// What is made of a model.
+enum class ModelParts {
+    all,
+    decoder,  ///< for codes that are known already; of the encoder nothing is made
+};
+
 /// Encoder and decoder with their parameters: what is trained, saved, fitted and rendered. Parameters are named
 /// "encoder. ..." and "decoder. ...".
 class Model {
@@ -47,20 +54,24 @@ public:
     Model(const ModelConfig& config, Rng& rng);
 
     /// A trained model, frozen. Throws FileError for a file that is missing, malformed or not a model of stymo.
-    [[nodiscard]] static Model load(const std::filesystem::path& path);
-    /// Writes every parameter and the configuration (metadata "config"). Whole or not at all.
+    [[nodiscard]] static Model load(const std::filesystem::path& path, ModelParts parts = ModelParts::all);
+    /// Writes every parameter and the configuration (metadata "config"). Whole or not at all. Throws ValueError for a part.
     void save(const std::filesystem::path& path) const;
 
     [[nodiscard]] const ModelConfig& config() const { return config_; }
     [[nodiscard]] ParameterStore& parameters() { return parameters_; }
     [[nodiscard]] const ParameterStore& parameters() const { return parameters_; }
-    [[nodiscard]] const Encoder& encoder() const { return encoder_; }
+    /// Throws ValueError where only the decoder was loaded.
+    [[nodiscard]] const Encoder& encoder() const;
+    [[nodiscard]] bool has_encoder() const { return encoder_.has_value(); }
     [[nodiscard]] const Decoder& decoder() const { return decoder_; }
 
 private:
+    Model(const ModelConfig& config, Rng& rng, ModelParts parts);
+
     ModelConfig config_;
     ParameterStore parameters_;
-    Encoder encoder_;
+    std::optional<Encoder> encoder_;
     Decoder decoder_;
 };
 

@@ -94,7 +94,7 @@ void write_rendering(ReportWriter& report, const ReportInputs& inputs) {
 }  // namespace
 
 ReportSection rendering_section() {
-    constexpr double seconds = 240.0;
+    constexpr double seconds = 100.0;
     return {.name = "rendering", .title = "Rendering", .seconds = seconds, .needs_model = true, .write = write_rendering};
 }
 

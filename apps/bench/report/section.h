@@ -75,7 +75,7 @@ struct ReportSection {
     std::string name;  ///< of --parts
     std::string title;
     double seconds = 0.0;      ///< what it may take
-    bool needs_model = false;  ///< --model and --data; left out without them
+    bool needs_model = false;  ///< with its photos; a small one is trained where none is given
     void (*write)(ReportWriter& report, const ReportInputs& inputs);
 };
 

@@ -1,4 +1,5 @@
 #include "apps/bench/report/fitting.h"
+#include "apps/bench/report/omitted.h"
 #include "apps/bench/report/quadrature.h"
 #include "apps/bench/report/rendering.h"
 #include "apps/bench/report/section.h"
@@ -9,7 +10,7 @@ namespace stymo {
 
 std::vector<ReportSection> report_sections() {
     return {
-        quadrature_section(), rendering_section(), fitting_section(), training_section(), stability_section(),
+        quadrature_section(), rendering_section(), fitting_section(), training_section(), stability_section(), omitted_section(),
     };
 }
 

@@ -5,12 +5,11 @@
 #include <cmath>
 
 #include "apps/bench/report.h"
+#include "apps/bench/report/small_model.h"
 #include "core/clock.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/folder_in_progress.h"
-#include "render/morphable/builtin_head.h"
-#include "train/synthetic_faces.h"
 #include "train/trainer.h"
 #include "train/validation.h"
 
@@ -19,9 +18,6 @@ namespace stymo {
 namespace {
 
 constexpr std::array<std::int64_t, 3> sample_counts{16, 32, 64};
-constexpr std::int64_t side = 64;
-constexpr std::int64_t heads = 240;
-constexpr std::int64_t held_out = 20;
 constexpr std::int64_t most_samples = sample_counts.back();
 
 struct TrainingPoint {
@@ -47,18 +43,17 @@ struct Heads {
 /// In a folder that is gone again afterwards: small sets are decoded at once.
 Heads synthetic_heads(const ReportInputs& inputs) {
     const FolderInProgress folder(std::filesystem::temp_directory_path() / "stymo-report-heads");
-    const TrainConfig config = report_training(1, most_samples);
-    const SyntheticFaceSettings settings{.count = heads, .side = side, .intrinsics = config.model.camera.intrinsics};
-    write_synthetic_faces(builtin_head(), settings, Rng(inputs.seed).split("heads"), folder.path());
-    return {Dataset(folder.path(), side, config.data, Split::training), Dataset(folder.path(), side, config.data, Split::test)};
+    write_small_heads(folder.path(), inputs.seed);
+    const DataConfig config = small_training(1, most_samples).data;
+    return {Dataset(folder.path(), small_side, config, Split::training), Dataset(folder.path(), small_side, config, Split::test)};
 }
 
 ValidationScore score_of(const Trainer& trainer, const Dataset& faces, std::int64_t samples) {
-    return validation_score(trainer.model(), trainer.reconstruction(), faces, faces.size(), side, samples);
+    return validation_score(trainer.model(), trainer.reconstruction(), faces, faces.size(), small_side, samples);
 }
 
 double time_of_step(const Heads& data, std::int64_t samples, std::uint64_t seed) {
-    Trainer trainer(report_training(1000, samples), data.training, nullptr, seed);
+    Trainer trainer(small_training(1000, samples), data.training, nullptr, seed);
     static_cast<void>(trainer.step());
     constexpr int steps = 4;
     const double begin = seconds_now();
@@ -70,7 +65,7 @@ TrainingCurve train(const Heads& data, std::int64_t samples, double seconds, std
     // The learning rate reaches zero when the time is up, whatever a step costs.
     const double step_time = time_of_step(data, samples, seed);
     const auto steps = static_cast<std::int64_t>(std::clamp(seconds / step_time, 10.0, 3200.0));
-    const TrainConfig config = report_training(steps, samples);
+    const TrainConfig config = small_training(steps, samples);
     Trainer trainer(config, data.training, nullptr, seed);
     TrainingCurve curve{.samples = samples, .batch = config.stage1.batch, .points = {}, .with_most_samples = {}};
     double spent = 0.0;
@@ -95,7 +90,7 @@ std::string name_of(const TrainingCurve& curve) {
 Plot plot_of(const std::vector<TrainingCurve>& curves) {
     Plot plot{.title = "Loss against seconds of training",
               .x_label = "seconds of training",
-              .y_label = "reconstruction loss on " + std::to_string(held_out) + " held-out heads",
+              .y_label = "reconstruction loss on " + std::to_string(small_held_out) + " held-out heads",
               .series = {},
               .x_scale = PlotScale::linear,
               .y_scale = PlotScale::logarithmic};
@@ -137,11 +132,11 @@ void write_training(ReportWriter& report, const ReportInputs& inputs) {
     const double seconds = 0.8 * inputs.seconds / static_cast<double>(sample_counts.size());
     for (const std::int64_t samples : sample_counts) curves.push_back(train(data, samples, seconds, inputs.seed));
     report.text(
-        "The first stage with N samples on a ray: the model of `configs/demo-64.json` on " + std::to_string(heads - held_out) +
-        " synthetic heads of " + std::to_string(side) +
+        "The first stage with N samples on a ray: the model of `configs/demo-64.json` on " +
+        std::to_string(small_heads - small_held_out) + " synthetic heads of " + std::to_string(small_side) +
         " pixels, for the same time with each N; the learning rate falls to zero in that time. The loss is that of "
         "reconstruction on " +
-        std::to_string(held_out) +
+        std::to_string(small_held_out) +
         " heads that are held out, with N samples too; scores do not count as time. All of it is float32: training in 16 bits "
         "does not exist here.");
     report.plot("training", plot_of(curves));
@@ -150,49 +145,8 @@ void write_training(ReportWriter& report, const ReportInputs& inputs) {
 
 }  // namespace
 
-TrainConfig report_training(std::int64_t steps, std::int64_t samples_per_ray) {
-    TrainConfig config;
-    DecoderConfig& decoder = config.model.decoder;
-    decoder.resolution = side;
-    decoder.field_width = 64;
-    decoder.field_layers = 4;
-    decoder.feature_channels = 64;
-    decoder.frequencies = 6;
-    decoder.depth_planes = "optical_axis";
-    decoder.rays.near_z = 1.6;
-    decoder.rays.far_z = -1.6;
-    decoder.block_channels = {64};
-    config.model.encoder.backbone = "small_conv";
-    config.model.encoder.head_width = 256;
-    config.model.camera.pivot_depth = 0.0;
-    ReconstructionConfig& reconstruction = config.model.reconstruction;
-    reconstruction.resolution_weights = {1.0};
-    reconstruction.perceptual_weight = 0.0;
-    reconstruction.fit_samples_per_ray = 16;
-    reconstruction.fit_regularizer = 1e-4;
-    config.data.test = held_out;
-    config.data.validation = 0;
-    config.data.held_out = "last";
-    config.loss.code_weights = {1e-4, 1e-4, 1e-4, 1e-3};
-    config.loss.mask_weight = 0.1;
-    config.loss.mask_start_epoch = 2;
-    config.loss.opacity_weight = 0.2;
-    config.loss.depth_variance_weight = 0.2;
-    config.optimizer.learning_rate = 3e-3;
-    config.optimizer.schedule = "cosine";
-    config.stage1.steps = steps;
-    config.stage1.batch = 4;
-    config.stage1.micro_batch = 2;
-    config.stage1.samples_per_ray = samples_per_ray;
-    config.stage2.resolutions.clear();
-    config.output.tick_steps = 50;
-    config.output.sample_steps = 250;
-    config.output.checkpoint_minutes = 0.0;
-    return config;
-}
-
 ReportSection training_section() {
-    constexpr double seconds = 180.0;
+    constexpr double seconds = 100.0;
     return {.name = "training", .title = "Training", .seconds = seconds, .write = write_training};
 }
 

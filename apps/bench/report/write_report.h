@@ -20,7 +20,7 @@ struct ReportOptions {
 };
 
 /// Writes report.md with its plots and tables; the folder appears when all of it is done. Throws UsageError for a section that
-/// does not exist, and for one that needs a model if none was given.
+/// does not exist, and for one that needs a model if --model or --data was given without the other.
 [[nodiscard]] AppResult write_report(const ReportOptions& options, const CommonOptions& common);
 /// "quadrature,rendering,...": all there are.
 [[nodiscard]] std::string report_section_names();
