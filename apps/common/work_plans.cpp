@@ -96,6 +96,10 @@ WorkPlan fit_plan(const Model& model, const ReconstructionConfig& config, const 
     plan.computed.push_back({"mask branch while fitting", false, "no loss of a fit reads the mask"});
     plan.computed.push_back({"samples below the tolerance", options.tolerance <= 0.0,
                              options.tolerance <= 0.0 ? "--tolerance is 0" : "left out between two examinations"});
+    plan.computed.push_back({"large pictures in the first steps", options.coarse_steps == 0,
+                             options.coarse_steps == 0 ? "" : std::to_string(options.coarse_steps) + " steps do without"});
+    const bool curvature = options.optimizer == FitOptimizer::lbfgs;
+    plan.computed.push_back({"curvature", curvature, curvature ? "L-BFGS" : "--optimizer is adam"});
     plan.computed.push_back({"gradients of the codes", options.steps > 0, std::to_string(code_size) + " numbers in 4 tensors"});
     plan.computed.push_back({"gradients of the pose", options.refine_pose, options.refine_pose ? "" : "without --refine-pose"});
     plan.computed.push_back({"gradients of the weights", false, "the model is frozen"});

@@ -30,6 +30,7 @@ struct Options {
     stymo::LpipsOptions lpips;
     stymo::PhotoPreparationSettings preparation;
     stymo::FitOptions fit;
+    std::string optimizer = "adam";
     bool explain = false;
 };
 
@@ -96,6 +97,7 @@ stymo::JsonValue write_fit(const Photo& photo, const stymo::FitReport& report, c
 stymo::AppResult fit(Options options) {
     stymo::require_photo(options.face);
     if (options.samples) options.fit.samples_per_ray = *options.samples;
+    if (options.optimizer == "lbfgs") options.fit.optimizer = stymo::FitOptimizer::lbfgs;
     stymo::Explainer explainer(options.explain);
     const stymo::Model model = stymo::Model::load(options.model);
     const stymo::ReconstructionConfig config = stymo::fitting_config(options.lpips, model.config().reconstruction);
@@ -117,7 +119,7 @@ stymo::AppResult fit(Options options) {
 
     const stymo::InterruptGuard guard;
     stymo::Progress progress({.title = "fit", .total = options.fit.steps, .unit = "steps"});
-    options.fit.on_step = [&](std::int64_t step, double loss) { progress.update(step, "loss " + std::to_string(loss)); };
+    options.fit.on_step = [&](const stymo::FitStep& step) { progress.update(step.steps, "loss " + std::to_string(step.loss)); };
     const double start = stymo::seconds_now();
     const stymo::FitResult result = stymo::fit_codes(model, reconstruction, target, options.fit);
     const double seconds = stymo::seconds_now() - start;
@@ -140,7 +142,7 @@ stymo::AppResult fit(Options options) {
     explainer.count("photos", std::ssize(photos));
     explainer.count("steps", steps);
     explainer.finish(done);
-    if (steps < options.fit.steps)
+    if (steps < options.fit.steps && !result.converged)
         done.incomplete = "interrupted after " + std::to_string(steps) + " of " + std::to_string(options.fit.steps) + " steps";
     return done;
 }
@@ -166,8 +168,15 @@ int main(int argc, char** argv) {
         .required();
     stymo::declare_preparation_files(line, options.preparation);
     line.option("--steps", options.fit.steps, "optimiser steps").range(0, 1e6);
+    line.option("--optimizer", options.optimizer,
+                "adam, as in the paper, or lbfgs: fewer steps to the same loss; each is one evaluation of loss and gradient")
+        .one_of({"adam", "lbfgs"});
     line.option("--learning-rate", options.fit.learning_rate, "of the first step").range(0, 10);
-    line.option("--decay", options.fit.decay, "factor on the learning rate after each step").range(0, 1);
+    line.option("--decay", options.fit.decay, "Adam's factor on the learning rate after each step").range(0, 1);
+    line.option(
+            "--coarse-steps", options.fit.coarse_steps,
+            "so many steps at the beginning compare pictures of 64 pixels, then 128 and so on, up to half of the model's: faster")
+        .range(0, 1e6);
     line.option("--regularizer", options.fit.regularizer, "weight of the squared code offsets; negative: the model's own")
         .range(-1, 1e6);
     line.option("--samples", options.samples, "samples per ray; the model's own unless given").range(2, 4096);

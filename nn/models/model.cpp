@@ -33,6 +33,8 @@ void describe(ConfigSchema& schema, ModelConfig& config) {
     schema.number("reconstruction.perceptual_weight", reconstruction.perceptual_weight, 0.0, 1e6,
                   "lambda of LPIPS at the largest resolution (paper: 0.1); 0: without");
     describe(schema, reconstruction.perceptual, "reconstruction.perceptual_");
+    schema.integer("reconstruction.perceptual_resolution", reconstruction.perceptual_resolution, 0, 4096,
+                   "side of the pictures that LPIPS compares at most, a power of two; 0: no limit (paper: no limit)");
     schema.integer("reconstruction.fit_samples_per_ray", reconstruction.fit_samples_per_ray, 2, 4096,
                    "samples per ray while fitting (paper: 64)");
     schema.number("reconstruction.fit_regularizer", reconstruction.fit_regularizer, 0.0, 1e6,

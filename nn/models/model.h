@@ -26,6 +26,8 @@ struct ReconstructionConfig {
     double photometric_weight = 1.0;
     double perceptual_weight = 0.1;  ///< lambda of LPIPS at the largest resolution
     LpipsConfig perceptual;
+    /// Side of the pictures that LPIPS compares at most, a power of two; larger ones are reduced to it by means. 0: no limit.
+    std::int64_t perceptual_resolution = 0;
     std::int64_t fit_samples_per_ray = 64;
     double fit_regularizer = 1.0;  ///< weight of the sum of squared code offsets
 };
