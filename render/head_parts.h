@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+
 namespace stymo {
 
 /// CelebAMask-HQ's classes of the parts of a head, in its order.
@@ -25,6 +27,11 @@ enum class HeadPart {
     cloth
 };
 constexpr int head_part_count = 19;
+
+/// The names of the classes in CelebAMask-HQ's files, in the order of `HeadPart`.
+inline constexpr std::array<const char*, head_part_count> head_part_names{
+    "background", "skin",  "nose",  "eye_g", "l_eye", "r_eye", "l_brow", "r_brow", "l_ear", "r_ear",
+    "mouth",      "u_lip", "l_lip", "hair",  "hat",   "ear_r", "neck_l", "neck",   "cloth"};
 
 /// Whether a class of CelebAMask-HQ's parsing (0..18) belongs to the head: 1-13 and 15, all but background, hat, neck and
 /// clothes.
