@@ -9,7 +9,6 @@
 #include "nn/optim/schedule.h"
 #include "train/adversarial_updater.h"
 #include "train/reconstruction_updater.h"
-#include "train/training_codes.h"
 #include "train/validation.h"
 
 namespace stymo {
@@ -143,7 +142,6 @@ void Trainer::save_checkpoint(const RunFolder& folder) {
     line << "checkpoint at step " << state_.step;
     {
         const EvaluationScope evaluation(*this);
-        model_.set_code_statistics(training_code_statistics(model_, training_, config_.output.statistics_images));
         model_.save(folder.model_file());
         const std::int64_t count = validation_ == nullptr ? 0 : std::min(config_.output.validation_images, validation_->size());
         if (count > 0) {
@@ -160,8 +158,6 @@ void Trainer::save_checkpoint(const RunFolder& folder) {
             }
         }
     }
-    // They are of the averaged model, and a checkpoint holds what training goes on with.
-    model_.set_code_statistics({});
     Checkpoint checkpoint{state_, {}};
     if (updater_) updater_->save(checkpoint.tensors);
     if (average_) average_->save(checkpoint.tensors, average_prefix);

@@ -29,11 +29,20 @@ Codes encoded_faces(const Model& model, const Dataset& faces, std::int64_t most)
     return split_codes(concat(rows, 0));
 }
 
-std::optional<CodeStatistics> training_code_statistics(const Model& model, const Dataset& faces, std::int64_t most) {
+std::optional<CodeStatistics> code_statistics_of(const Model& model, const Dataset& faces, std::int64_t most) {
     if (std::min(most, faces.size()) < 2) return std::nullopt;
     const Codes codes = encoded_faces(model, faces, most);
     if (!joined(codes).value().all_finite()) return std::nullopt;
     return CodeStatistics::of(codes);
+}
+
+void add_code_statistics(const std::filesystem::path& model_file, const Dataset& faces, std::int64_t most) {
+    if (!std::filesystem::exists(model_file)) return;
+    const std::optional<CodeStatistics> statistics = code_statistics_of(Model::load(model_file), faces, most);
+    if (!statistics) return;
+    TensorFile file = read_tensor_file(model_file);
+    statistics->save(file);
+    write_tensor_file(model_file, file);
 }
 
 }  // namespace stymo

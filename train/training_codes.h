@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 
 #include "nn/models/model.h"
@@ -12,6 +13,8 @@ namespace stymo {
 /// each.
 [[nodiscard]] Codes encoded_faces(const Model& model, const Dataset& faces, std::int64_t most);
 /// Statistics of these codes; nothing for less than two faces, or for codes that are not finite.
-[[nodiscard]] std::optional<CodeStatistics> training_code_statistics(const Model& model, const Dataset& faces, std::int64_t most);
+[[nodiscard]] std::optional<CodeStatistics> code_statistics_of(const Model& model, const Dataset& faces, std::int64_t most);
+/// Adds them to a model's file, if there is that file and they can be had. Throws what reading and writing throw.
+void add_code_statistics(const std::filesystem::path& model_file, const Dataset& faces, std::int64_t most);
 
 }  // namespace stymo

@@ -3,7 +3,6 @@
 #include <filesystem>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "nn/models/code_statistics.h"
@@ -68,9 +67,8 @@ public:
     [[nodiscard]] const Encoder& encoder() const;
     [[nodiscard]] bool has_encoder() const { return encoder_.has_value(); }
     [[nodiscard]] const Decoder& decoder() const { return decoder_; }
-    /// Of the codes of faces that it was trained on; nothing in models that were saved without.
+    /// Of the codes of faces that it was trained on, if its file has them: the end of a training adds them.
     [[nodiscard]] const std::optional<CodeStatistics>& code_statistics() const { return code_statistics_; }
-    void set_code_statistics(std::optional<CodeStatistics> statistics) { code_statistics_ = std::move(statistics); }
 
 private:
     Model(const ModelConfig& config, Rng& rng, ModelParts parts);

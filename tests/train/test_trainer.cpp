@@ -328,7 +328,6 @@ TEST_CASE("a run's model has the statistics of its own codes of the training fac
     const CodeStatistics expected = CodeStatistics::of(split_codes(concat(codes, 0)));
     CHECK(check_close(model.code_statistics()->mean(), expected.mean(), 1e-6).passed);
     CHECK(check_close(model.code_statistics()->factor(), expected.factor(), 1e-3).passed);
-    // It goes on with other weights than those that the statistics are of.
     CHECK_FALSE(Model::load(folder / "run/checkpoints/000002/model.safetensors").code_statistics());
 
     config.output.statistics_images = 0;
