@@ -66,7 +66,7 @@ void write_scenes(ReportWriter& report, const BenchSubject& subject, const Repor
     BenchSubject without = make_subject(inputs.bench, inputs.seed);
     empty_field(without.model);
     std::vector<std::vector<ReportCell>> rows;
-    PlotSeries series{"frames that leave out what does not count", {}};
+    PlotSeries series{"skip", {}};
     for (const Scene& scene : omitted_scenes(subject.model)) {
         const Model& model = scene.empty ? without.model : subject.model;
         const auto frames = [&](RenderMode mode) {
