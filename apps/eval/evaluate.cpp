@@ -29,13 +29,6 @@ std::int64_t parse_index(std::string_view text, const std::string& whole) {
     return value;
 }
 
-/// The batch with targets of at most this side.
-FitTarget target_of(const TrainingBatch& batch, std::int64_t resolution) {
-    FitTarget target{batch.input, batch.targets, batch.cameras};
-    while (resolution > 0 && target.targets.size() > 1 && target.targets.back().shape(1) > resolution) target.targets.pop_back();
-    return target;
-}
-
 FaceScore score_of(const std::string& id, const FitReport& report, const ComparedFace& face, const EvaluationOptions& options) {
     FaceScore score{id, {}, report.counting_samples};
     for (std::size_t k = 0; k < options.regions.size(); ++k) {
@@ -142,12 +135,14 @@ void require_comparable(const Dataset& faces, const EvaluationOptions& options) 
                     "--parser with an ONNX file, or --region head");
 }
 
-ComparedFace compared_face(const Dataset& faces, std::int64_t index, const EvaluationOptions& options) {
+ComparedFace compared_face(const Model& model, const Dataset& faces, std::int64_t index, const EvaluationOptions& options) {
     const Face face = faces.load_exactly(index);
     const TrainingBatch batch = make_batch({&face, 1});
-    ComparedFace result{index, target_of(batch, options.resolution), {}};
-    const std::int64_t side = faces.side();
-    const int compared = static_cast<int>(result.target.targets.back().shape(1));
+    ComparedFace result{index, {batch.input, batch.targets, batch.cameras}, {}};
+    std::vector<Tensor>& targets = result.target.targets;
+    while (options.resolution > 0 && targets.size() > 1 && targets.back().shape(1) > options.resolution) targets.pop_back();
+    const std::int64_t side = model.config().decoder.resolution;
+    const int compared = static_cast<int>(targets.back().shape(1));
     for (const Region region : options.regions) {
         Tensor mask = batch.mask;
         if (region == Region::face) {
@@ -176,7 +171,7 @@ Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Da
         FitResult fit;
         FaceScore score;
         try {
-            const ComparedFace face = compared_face(faces, place, options);
+            const ComparedFace face = compared_face(model, faces, place, options);
             fit = fit_codes(model, loss, face.target, fitting);
             if (std::ssize(fit.losses) < fitting.steps) return;
             const FitReport report = report_fit(model, face.target, face.masks.front(), fit, 0, options.lpips);

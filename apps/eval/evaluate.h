@@ -40,7 +40,8 @@ struct ComparedFace {
 };
 
 /// Throws FileError for a picture or mask that cannot be read.
-[[nodiscard]] ComparedFace compared_face(const Dataset& faces, std::int64_t index, const EvaluationOptions& options);
+[[nodiscard]] ComparedFace compared_face(const Model& model, const Dataset& faces, std::int64_t index,
+                                         const EvaluationOptions& options);
 
 /// What can be said before any work: throws ConfigError for a range outside the set, FileError if the face's region is wanted and
 /// nothing tells it for any face.

@@ -66,7 +66,7 @@ Tensor score_sheet(const Model& model, const ReconstructionLoss& loss, const Dat
     constexpr int columns = 6;
     std::vector<Tensor> tiles;
     for (const SheetRow& row : rows) {
-        const ComparedFace face = compared_face(faces, place_of(faces, row.id), options);
+        const ComparedFace face = compared_face(model, faces, place_of(faces, row.id), options);
         const FitResult result = result_of(model, loss, face, row.id, options);
         const FitReport report = report_fit(model, face.target, face.masks.front(), result, 0);
         tiles.insert(tiles.end(), {report.target, report.initial, report.fitted});

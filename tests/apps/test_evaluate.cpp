@@ -222,7 +222,7 @@ TEST_CASE("The face's region is scored within the head, of the folder's parsing 
     FaceRegion by_folder;
     tiny.options.face_region = &by_folder;
 
-    const ComparedFace face = compared_face(tiny.faces, 0, tiny.options);
+    const ComparedFace face = compared_face(tiny.model, tiny.faces, 0, tiny.options);
     const std::vector<double> head = face.masks[0].to_vector();
     const std::vector<double> left = face.masks[1].to_vector();
     for (std::size_t i = 0; i < head.size(); ++i) REQUIRE(left[i] == (i % 64 < 32 ? head[i] : 0.0));
