@@ -69,6 +69,7 @@ Model Model::load(const std::filesystem::path& path) {
     Model model(config, unused);
     model.parameters_.load(file, path.string());
     model.parameters_.set_trainable("", false);
+    model.code_statistics_ = CodeStatistics::load(file, path.string());
     return model;
 }
 
@@ -77,6 +78,7 @@ void Model::save(const std::filesystem::path& path) const {
     file.metadata[format_key] = format_name;
     file.metadata[config_key] = to_json(config_);
     parameters_.save(file);
+    if (code_statistics_) code_statistics_->save(file);
     write_tensor_file(path, file);
 }
 

@@ -1,9 +1,11 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "nn/models/code_statistics.h"
 #include "nn/models/decoder.h"
 #include "nn/models/encoder.h"
 #include "nn/models/perceptual/lpips.h"
@@ -46,7 +48,7 @@ public:
 
     /// A trained model, frozen. Throws FileError for a file that is missing, malformed or not a model of stymo.
     [[nodiscard]] static Model load(const std::filesystem::path& path);
-    /// Writes every parameter and the configuration (metadata "config"). Whole or not at all.
+    /// Writes every parameter, the configuration (metadata "config") and the statistics of codes, if any. Whole or not at all.
     void save(const std::filesystem::path& path) const;
 
     [[nodiscard]] const ModelConfig& config() const { return config_; }
@@ -54,12 +56,15 @@ public:
     [[nodiscard]] const ParameterStore& parameters() const { return parameters_; }
     [[nodiscard]] const Encoder& encoder() const { return encoder_; }
     [[nodiscard]] const Decoder& decoder() const { return decoder_; }
+    /// Of the codes of faces that it was trained on, if its file has them: the end of a training adds them.
+    [[nodiscard]] const std::optional<CodeStatistics>& code_statistics() const { return code_statistics_; }
 
 private:
     ModelConfig config_;
     ParameterStore parameters_;
     Encoder encoder_;
     Decoder decoder_;
+    std::optional<CodeStatistics> code_statistics_;
 };
 
 /// The model's configuration as it stands in the metadata of its file.

@@ -88,7 +88,6 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
         {render + "--out out.gif", "out.gif"},
         {render + "--out out", "out"},
         {render + "--out out.png --orbit 3", "out.png"},
-        {render + "--out out.gif --orbit 3 --mask", "--mask"},
         {render + "--out out.png --yaw nan", "--yaw"},
         {render + "--out out.png --yaw 200", "--yaw"},
         {render + "--out out.png --size 513", "--size"},
