@@ -16,6 +16,7 @@ struct ColorOptions {
     std::filesystem::path out;
     std::string part;
     std::string color;
+    std::string term = "pixels";
     std::optional<std::int64_t> samples;
     ColorEditOptions edit;
 };

@@ -1,6 +1,8 @@
 #include "apps/edit/mix.h"
 
 #include <algorithm>
+#include <cstdint>
+#include <sstream>
 
 #include "core/clock.h"
 #include "core/io/file.h"
@@ -49,6 +51,18 @@ std::vector<CodeFile> faces_of(const std::vector<std::string>& files) {
     return faces;
 }
 
+/// Adds faces drawn from the distribution of the training codes to the sources, with names for the report.
+void add_sampled(const Model& model, MixOptions& options, std::vector<CodeFile>& sources, std::uint64_t seed) {
+    if (options.sampled > 0 && !model.code_statistics())
+        fail<FileError>(options.model.string(),
+                        ": holds no statistics of its training codes to draw faces from; train it anew, or name a --source");
+    Rng rng = Rng(seed).split("mix");
+    for (std::int64_t i = 0; i < options.sampled; ++i) {
+        sources.push_back({model.code_statistics()->sample(rng, options.truncation), frontal_pose(model.config().camera)});
+        options.sources.push_back("sample " + std::to_string(i));
+    }
+}
+
 /// What a tool found out, as files in its folder have it too.
 AppResult written(const std::filesystem::path& out, const char* picture, const JsonValue& report) {
     write_text_file(out / "report.json", report.text() + "\n");
@@ -88,9 +102,9 @@ AppResult mix_sheet(const Model& model, const MixOptions& options, const std::ve
                                       {"seconds", seconds_now() - start}}));
 }
 
-AppResult mix(MixOptions options) {
-    const bool sheet = options.sources.size() > 1 || options.targets.size() > 1;
-    if (options.sources.empty()) fail<UsageError>("--source is required");
+AppResult mix(MixOptions options, std::uint64_t seed) {
+    const bool sheet = std::ssize(options.sources) + options.sampled > 1 || options.targets.size() > 1;
+    if (options.sources.empty() && options.sampled == 0) fail<UsageError>("--source is required, or --sample");
     if (options.targets.empty()) fail<UsageError>("--target is required");
     if (options.take.empty() && !sheet)
         fail<UsageError>("--take is required: id, expr, tex, light, or several joined with commas");
@@ -98,7 +112,8 @@ AppResult mix(MixOptions options) {
     static_cast<void>(groups_of(options.take));
     const Model model = Model::load(options.model);
     const ViewOptions view{.samples_per_ray = options.samples.value_or(model.config().reconstruction.fit_samples_per_ray)};
-    const std::vector<CodeFile> sources = faces_of(options.sources);
+    std::vector<CodeFile> sources = faces_of(options.sources);
+    add_sampled(model, options, sources, seed);
     const std::vector<CodeFile> targets = faces_of(options.targets);
     require_writable_folder(options.out);
     return sheet ? mix_sheet(model, options, sources, targets, view)
@@ -112,7 +127,7 @@ void declare_mix(CommandLine& line, MixOptions& options) {
         "mix",
         "Shows the target's face with some groups of codes of the source, in the target's pose. With several sources "
         "or targets a sheet: sources down, targets across, one block for each group.",
-        [&options](const CommonOptions&) { return mix(options); });
+        [&options](const CommonOptions& common) { return mix(options, common.seed); });
     command.option("--model", options.model, "model.safetensors of a training run").required();
     command.option("--source", options.sources, "codes.json of the face that the groups are taken from; may be repeated");
     command.option("--target", options.targets,
@@ -121,6 +136,10 @@ void declare_mix(CommandLine& line, MixOptions& options) {
         "--take", options.take,
         "groups to take from the source: id, expr, tex, light, joined with commas; in a sheet each is a block of its own "
         "(expr,tex,light unless given)");
+    command.option("--sample", options.sampled, "number of further sources, drawn from the model's training codes with --seed")
+        .range(0, 1000);
+    command.option("--truncation", options.truncation, "of drawn faces: 1 as varied as the training's, 0 the mean face")
+        .range(0, 2);
     command.option("--samples", options.samples, "samples per ray; the model's own unless given").range(2, 4096);
     command
         .option("--out", options.out,

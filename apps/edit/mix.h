@@ -14,6 +14,8 @@ struct MixOptions {
     std::vector<std::string> sources;
     std::vector<std::string> targets;
     std::string take;
+    std::int64_t sampled = 0;  ///< sources drawn from the training codes
+    double truncation = 0.7;
     std::optional<std::int64_t> samples;
     std::filesystem::path out;
 };

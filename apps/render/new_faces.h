@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "apps/common/command_line.h"
+#include "apps/common/explain.h"
 #include "apps/render/options.h"
 
 namespace stymo {

@@ -26,6 +26,12 @@ Variable squared_distance(const Variable& image, const Variable& other, const Te
     return sum(masked_mean(square(image - other), mask));
 }
 
+/// L_color.
+Variable color_loss(const Variable& image, const Variable& wanted, const Tensor& part, ColorTerm term) {
+    if (term == ColorTerm::pixels) return squared_distance(image, wanted, part);
+    return sum(square(masked_mean(image - wanted, part)));
+}
+
 /// An image of one colour, in the decoder's range.
 Variable plain(const Vector3& color, const Shape& shape, DType dtype) {
     const Tensor pixel = Tensor::from({1, 1, 1, 3}, std::span<const double>(color)).to(dtype);
@@ -70,7 +76,7 @@ ColorEdit edit_color(const Model& model, const Codes& codes, const Camera& camer
     double learning_rate = options.learning_rate;
     for (std::int64_t step = 0; step < options.steps && !interrupted(); ++step) {
         const Variable image = edited_image();
-        const Variable loss = squared_distance(image, wanted, mask) +
+        const Variable loss = color_loss(image, wanted, mask, options.term) +
                               squared_distance(image, original, rest) * options.rest_weight +
                               sum(square(store.all().front().variable())) * regularizer;
         edit.losses.push_back(loss.value().item());

@@ -8,7 +8,14 @@
 
 namespace stymo {
 
+/// What is to have the wanted colour.
+enum class ColorTerm {
+    pixels,  ///< each pixel of the part, as in the paper, which flattens its light and shade, too
+    mean,    ///< the mean of the part, whose light and shade are left as they like
+};
+
 struct ColorEditOptions {
+    ColorTerm term = ColorTerm::pixels;
     std::int64_t steps = 200;
     double learning_rate = 0.01;
     double decay = 0.99;  ///< factor on the learning rate after each step
@@ -28,9 +35,9 @@ struct ColorEdit {
 };
 
 /// The paper's editing of a part's colour: Adam on an offset of the texture code alone that starts at zero, with
-/// L_color + rest_weight L_rest + regularizer |offset|^2. L_color is the squared distance of the pixels of the part from `color`,
-/// L_rest that of all others from what they were, both in the decoder's range [-1, 1], summed over RGB, averaged over the
-/// pixels. Texture does not enter the field: it is rendered once, and a step costs the render blocks.
+/// L_color + rest_weight L_rest + regularizer |offset|^2. L_color is the squared distance of the pixels of the part (or of
+/// their mean) from `color`, L_rest that of all others from what they were, both in the decoder's range [-1, 1], summed over RGB,
+/// averaged over the pixels. Texture does not enter the field: it is rendered once, and a step costs the render blocks.
 /// `part` is (S, S, 1) in [0, 1], `color` in [0, 1]. Throws ShapeError for another shape, ValueError for a part without pixels,
 /// NumericError if the loss becomes non-finite.
 [[nodiscard]] ColorEdit edit_color(const Model& model, const Codes& codes, const Camera& camera, const Tensor& part,

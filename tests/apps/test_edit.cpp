@@ -74,6 +74,18 @@ TEST_CASE("Several sources or targets make a sheet with a block for each group")
     CHECK(stymo::read_image(tiny_run() / "sheet/sheet.png").shape() == stymo::Shape{3 * 64, 2 * 64, 3});
 }
 
+TEST_CASE("Sources may be drawn from the training's codes, and are the same for the same seed") {
+    const std::string command = mix + "--sample 2 --truncation 0.5 --target fit/codes.json --take id --out drawn --json ";
+    const json report = json::parse(done(command).out);
+    CHECK(report["sources"] == json({"sample 0", "sample 1"}));
+    const std::string sheet = stymo::read_text_file(tiny_run() / "drawn/sheet.png");
+    CHECK(stymo::read_image(tiny_run() / "drawn/sheet.png").shape() == stymo::Shape{3 * 64, 2 * 64, 3});
+    done(command);
+    CHECK(stymo::read_text_file(tiny_run() / "drawn/sheet.png") == sheet);
+    done(command + "--seed 5");
+    CHECK(stymo::read_text_file(tiny_run() / "drawn/sheet.png") != sheet);
+}
+
 TEST_CASE("stymo-edit color writes codes that differ in texture, a picture and a report") {
     // The network calls grey hair, and a hardly trained model is grey.
     const json report =

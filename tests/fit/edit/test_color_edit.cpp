@@ -89,6 +89,17 @@ TEST_CASE("the first loss of an edit is the mean squared distance of the part fr
     CHECK(edit.losses.front() == Approx(squared_mean(edit.before, wanted, left_half())).epsilon(1e-9));
 }
 
+TEST_CASE("of the mean of a part the first loss is the squared distance of the means, and its shade need not go",
+          "[color_edit]") {
+    const Model model = frozen_model();
+    const Vector3 wanted{0.9, 0.1, 0.3};
+    const ColorEdit edit = edit_color(model, codes_of(3), model_camera(model, 0.0, 0.0, 0.0), left_half(), wanted,
+                                      {.term = ColorTerm::mean, .steps = 1});
+    const Vector3 mean = mean_color(edit.before, left_half());
+    CHECK(edit.losses.front() ==
+          Approx(4.0 * std::pow(length({mean[0] - 0.9, mean[1] - 0.1, mean[2] - 0.3}), 2.0)).epsilon(1e-9));
+}
+
 TEST_CASE("what lies outside of a part changes the less the more it weighs", "[color_edit]") {
     const Model model = frozen_model();
     const Camera camera = model_camera(model, 0.0, 0.0, 0.0);
