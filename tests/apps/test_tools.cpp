@@ -120,7 +120,8 @@ TEST_CASE("stymo-fit writes four files; the report says how good and how fast") 
 }
 
 TEST_CASE("A fit needs a photo only, makes its folder with its parents, and prints one object with --json") {
-    const ToolOutcome outcome = done(std::string(fit) + "--image faces/images/00001.png --as-is --out new/deep/fit --steps 1 --json");
+    const ToolOutcome outcome =
+        done(std::string(fit) + "--image faces/images/00001.png --as-is --out new/deep/fit --steps 1 --json");
     CHECK(json::parse(outcome.out) == parsed_file(stymo::tiny_run() / "new/deep/fit/report.json"));
     CHECK(stymo::line_count(outcome.out) == 1);
     CHECK_THAT(outcome.err, Catch::Contains("1/1"));
@@ -230,6 +231,18 @@ TEST_CASE("LPIPS is measured where it was asked for, and random weights are call
     const json report = json::parse(done(fit + options + random + "--perceptual-weight 0.5").out);
     CHECK(report["fitted"]["lpips"].is_number());
     CHECK(report["lpips_network"] == "vgg16, random weights");
+}
+
+TEST_CASE("stymo-fit fits by L-BFGS, and lets LPIPS compare smaller pictures") {
+    const std::string options = std::string(fit) + "--image faces/images/00001.png --as-is --json --optimizer lbfgs ";
+    const json report = json::parse(done(options + "--out lbfgs --steps 5 --coarse-steps 2").out);
+    const std::vector<double> losses = report["loss"].get<std::vector<double>>();
+    REQUIRE(losses.size() == 5);
+    CHECK(losses.back() < losses.front());
+    const std::string perceptual = "--steps 1 --lpips-trunk random --lpips-heads random --perceptual-weight 0.5 ";
+    const json whole = json::parse(done(options + "--out lbfgs-whole " + perceptual).out);
+    const json half = json::parse(done(options + "--out lbfgs-half --perceptual-resolution 32 " + perceptual).out);
+    CHECK(whole["loss"][0] != half["loss"][0]);
 }
 
 TEST_CASE("stymo-eval pair compares two pictures") {
