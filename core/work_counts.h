@@ -9,7 +9,8 @@ namespace stymo {
 struct WorkCounts {
     std::int64_t operations = 0;      ///< ops evaluated, those of gradients included; a fused op counts once
     std::int64_t gradient_rules = 0;  ///< of ops, each for one of their inputs
-    std::int64_t gradients = 0;       ///< tensors that `grad` has found one for; what is not reached gets zeros and counts not
+    std::int64_t gradients = 0;       ///< tensors that `grad` has found one for, in gradients within gradients too; not zeros
+                                      ///< for what is not reached
     std::int64_t field_points = 0;    ///< points through a network of sine layers, once more where it is computed once more
     std::int64_t parameters = 0;      ///< tensors that networks have made as their weights
     std::int64_t buffers = 0;         ///< of tensors, allocated

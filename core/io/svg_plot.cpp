@@ -82,7 +82,8 @@ private:
         for (const double digit : {5.0, 2.0, 1.0})
             if (digit * decade * most >= high_ - low_) step = digit * decade;
         std::vector<double> values;
-        for (double count = std::ceil(low_ / step); count * step <= high_; ++count) values.push_back(count * step + 0.0);  // never -0
+        constexpr double no_sign = 0.0;  // added to -0
+        for (double count = std::ceil(low_ / step); count * step <= high_; ++count) values.push_back(count * step + no_sign);
         return values;
     }
 

@@ -1,8 +1,12 @@
 // What scenes and jobs leave out, on the smallest model: less work, the same result.
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "apps/bench/report/omitted.h"
+#include "apps/tiny_run.h"
+#include "apps/tool_run.h"
+#include "core/io/file.h"
 #include "support/check_close.h"
 #include "support/tiny_model.h"
 
@@ -64,5 +68,24 @@ TEST_CASE("A job with what it needs gives what it gives with everything, for les
         CHECK(subject.model.parameters().trainable().empty());
         if (job.name.starts_with("edit")) CHECK(needed.work.field_points == 0);
         if (job.name.starts_with("evaluation")) CHECK(needed.work.gradient_rules == 0);
+    }
+}
+
+TEST_CASE("The report has a row for each scene and two for each job, with the counts of what was done", "[report][slow]") {
+    const auto outcome = run_tool(tiny_run(),
+                                  "stymo-bench report --out omitted --parts omitted --repeats 1 --samples 4 --model "
+                                  "run/model.safetensors --data faces");
+    INFO(outcome.err);
+    REQUIRE(outcome.exit_code == 0);
+    const std::filesystem::path folder = tiny_run() / "omitted";
+    const nlohmann::json scenes = nlohmann::json::parse(read_text_file(folder / "omitted_scenes.json"));
+    REQUIRE(scenes.size() == 5);
+    CHECK(scenes[4]["scene"] == "empty");
+    CHECK(scenes[4]["through the field"] == 0);
+    const nlohmann::json jobs = nlohmann::json::parse(read_text_file(folder / "omitted_jobs.json"));
+    REQUIRE(jobs.size() == 10);
+    for (std::size_t i = 0; i < jobs.size(); i += 2) {
+        CHECK(jobs[i]["error"].get<double>() < 1e-4);
+        CHECK(jobs[i]["operations"] < jobs[i + 1]["operations"]);
     }
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "apps/bench/report.h"
 #include "core/metrics.h"
@@ -56,10 +57,6 @@ std::vector<ReportCell> scene_row(const Scene& scene, const SceneFrames& needed,
             largest_difference(needed.picture, all.picture)};
 }
 
-PlotPoint point_of(const SceneFrames& frames, const std::string& label) {
-    return {static_cast<double>(frames.counts.field_samples) * 1e-3, frames.seconds / millisecond, label};
-}
-
 void write_scenes(ReportWriter& report, const BenchSubject& subject, const ReportInputs& inputs) {
     report.heading("Scenes");
     report.text(
@@ -69,12 +66,7 @@ void write_scenes(ReportWriter& report, const BenchSubject& subject, const Repor
     BenchSubject without = make_subject(inputs.bench, inputs.seed);
     empty_field(without.model);
     std::vector<std::vector<ReportCell>> rows;
-    Plot plot{.title = "Frames by the work that they need",
-              .x_label = "samples through the field, thousands",
-              .y_label = "time of a frame, ms",
-              .series = {{"what counts", {}}, {"everything", {}}},
-              .x_scale = PlotScale::linear,
-              .y_scale = PlotScale::logarithmic};
+    PlotSeries series{"skip", {}};
     for (const Scene& scene : omitted_scenes(subject.model)) {
         const Model& model = scene.empty ? without.model : subject.model;
         const auto frames = [&](RenderMode mode) {
@@ -82,15 +74,19 @@ void write_scenes(ReportWriter& report, const BenchSubject& subject, const Repor
         };
         const SceneFrames needed = frames(RenderMode::skip), all = frames(RenderMode::exact);
         rows.push_back(scene_row(scene, needed, all));
-        plot.series[0].points.push_back(point_of(needed, scene.name));
-        plot.series[1].points.push_back(point_of(all, ""));
+        series.points.push_back({static_cast<double>(needed.counts.field_samples), needed.seconds / millisecond, scene.name});
     }
-    for (PlotSeries& series : plot.series) std::ranges::sort(series.points, {}, &PlotPoint::x);
+    std::ranges::sort(series.points, {}, &PlotPoint::x);
     report.table("omitted_scenes",
                  {"scene", "samples", "through the field", "tiles", "pixels", "pixels computed", "layers", "layers computed",
                   "buffers", "ms, everything", "ms", "PSNR dB", "largest difference"},
                  rows);
-    report.plot("omitted_scenes_time", plot);
+    report.plot("omitted_scenes_time", {.title = "Scenes by the samples that count in them",
+                                        .x_label = "samples through the field",
+                                        .y_label = "time of a frame, ms",
+                                        .series = {std::move(series)},
+                                        .x_scale = PlotScale::linear,
+                                        .y_scale = PlotScale::linear});
 }
 
 std::vector<ReportCell> job_row(const OmittedJob& job, const std::string& done, const JobRun& run, const ReportCell& error) {

@@ -38,7 +38,7 @@ Codes first_codes(const BenchSubject& subject) {
 /// All numbers in one row.
 Tensor joined(const std::vector<Variable>& variables) {
     std::vector<Variable> rows;
-    for (const Variable& variable : variables) rows.push_back(Variable(variable.value().reshaped({1, variable.value().size()})));
+    for (const Variable& variable : variables) rows.emplace_back(variable.value().reshaped({1, variable.value().size()}));
     return concat(rows, 1).value();
 }
 
@@ -153,13 +153,13 @@ Tensor evaluated(BenchSubject& subject, const BenchOptions& options, bool everyt
     const TrainingBatch batch = make_batch(std::span(subject.photos).first(1));
     const FitTarget target{batch.input, batch.targets, batch.cameras};
     const FitResult result = fit_codes(subject.model, loss, target, {.steps = 0, .samples_per_ray = options.samples});
-    const FitReport report = report_fit(subject.model, target, batch.mask, result, 0, loss.lpips());
+    const FitReport report = report_fit(subject.model, target, batch.mask, result, 0, loss.lpips(), everything);
     subject.model.parameters().set_trainable("", false);
     return report.fitted;
 }
 
 OmittedJob evaluation(BenchSubject& subject, const BenchOptions& options) {
-    return {"evaluation of a face", "every graph, since the model is frozen, and LPIPS, which nobody asked for",
+    return {"evaluation of a face", "every graph, since the model is frozen, the head mask, and LPIPS, which nobody asked for",
             [&subject, options] { return evaluated(subject, options, false); },
             [&subject, options] { return evaluated(subject, options, true); }};
 }
