@@ -89,7 +89,7 @@ TEST_CASE("The section on fitting judges every way by the same loss", "[report]"
     for (const auto& [way, loss] : first) CHECK(loss == Approx(first.begin()->second));
 }
 
-TEST_CASE("The section on training lowers the loss with every number of samples", "[report]") {
+TEST_CASE("The section on training lowers the loss with every number of samples", "[report][slow]") {
     const fs::path folder = written(training_section(), 4.0);
     std::map<int, std::vector<double>> losses;
     for (const json& point : rows_of(folder / "training_curves.json"))

@@ -144,6 +144,7 @@ TEST_CASE("Inputs that are missing, empty or something else are named") {
         {"stymo-eval pair whole.jpg whole.jpg --lpips squeeze", "squeezenet1_1-b8a52dc0.pth"},
         {"stymo-eval pair whole.jpg whole.jpg --lpips alex --lpips-trunk none --lpips-heads random", "no file none"},
         {fit + "--image faces/images/00000.png --as-is --perceptual-weight 0.1", "--perceptual-weight 0"},
+        {fit + "--image faces/images/00000.png --as-is --perceptual-resolution 48", "perceptual_resolution = 48"},
         {fit + "--image faces/images/00000.png --as-is --lpips-trunk text.png --lpips-heads random", "text.png: "},
     };
     check_refused(calls, failed);

@@ -244,6 +244,18 @@ TEST_CASE("LPIPS is measured where it was asked for, and random weights are call
     CHECK(report["lpips_network"] == "vgg16, random weights");
 }
 
+TEST_CASE("stymo-fit fits by L-BFGS, and lets LPIPS compare smaller pictures") {
+    const std::string options = std::string(fit) + "--image faces/images/00001.png --as-is --json --optimizer lbfgs ";
+    const json report = json::parse(done(options + "--out lbfgs --steps 5 --coarse-steps 2").out);
+    const std::vector<double> losses = report["loss"].get<std::vector<double>>();
+    REQUIRE(losses.size() == 5);
+    CHECK(losses.back() < losses.front());
+    const std::string perceptual = "--steps 1 --lpips-trunk random --lpips-heads random --perceptual-weight 0.5 ";
+    const json whole = json::parse(done(options + "--out lbfgs-whole " + perceptual).out);
+    const json half = json::parse(done(options + "--out lbfgs-half --perceptual-resolution 32 " + perceptual).out);
+    CHECK(whole["loss"][0] != half["loss"][0]);
+}
+
 TEST_CASE("stymo-eval pair compares two pictures") {
     const std::string pair = "stymo-eval pair faces/images/00000.png faces/images/00001.png ";
     const json plain = json::parse(done(pair + "--json").out);
