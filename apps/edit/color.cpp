@@ -135,7 +135,7 @@ ColorReport report_of(const ColorOptions& options, const ColorEdit& edit, const 
 AppResult color(ColorOptions options) {
     const Vector3 target = color_of(options.color);
     const HeadPartSet parts = parts_of(options.part);
-    options.edit.term = options.term == "mean" ? ColorTerm::mean : ColorTerm::pixels;
+    options.edit.term = options.term == "pixels" ? ColorTerm::pixels : ColorTerm::mean;
     const Model model = Model::load(options.model);
     options.edit.samples_per_ray = options.samples.value_or(model.config().reconstruction.fit_samples_per_ray);
     const CodeFile face = read_code_file(options.codes);
@@ -189,7 +189,7 @@ void declare_color(CommandLine& line, ColorOptions& options) {
                 "and the wanted one) and report.json")
         .required();
     ColorEditOptions& edit = options.edit;
-    command.option("--term", options.term, "what is to have the colour: mean, of the part; pixels, each one (the paper's)")
+    command.option("--term", options.term, "what is to have the colour: the part's mean, or each of its pixels as in the paper")
         .one_of({"mean", "pixels"});
     command.option("--steps", edit.steps, "optimiser steps").range(0, 1e6);
     command.option("--learning-rate", edit.learning_rate, "of the first step").range(0, 10);

@@ -16,7 +16,7 @@ struct ColorOptions {
     std::filesystem::path out;
     std::string part;
     std::string color;
-    std::string term = "pixels";
+    std::string term = "mean";
     std::optional<std::int64_t> samples;
     ColorEditOptions edit;
 };

@@ -1,9 +1,8 @@
 #include "apps/edit/mix.h"
 
-#include <algorithm>
 #include <cstdint>
-#include <sstream>
 
+#include "apps/common/code_groups.h"
 #include "core/clock.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
@@ -16,26 +15,15 @@ namespace stymo {
 
 namespace {
 
-/// "expr,tex" as one set for each of its names.
-std::vector<CodeGroups> groups_of(const std::string& list) {
-    std::vector<CodeGroups> groups;
-    std::istringstream stream(list);
-    for (std::string name; std::getline(stream, name, ',');) {
-        const auto found = std::ranges::find(code_names, name);
-        if (found == code_names.end())
-            fail<UsageError>("--take ", list, ": \"", name, "\" is no group of codes; there are id, expr, tex and light");
-        CodeGroups group{};
-        group[static_cast<std::size_t>(found - code_names.begin())] = true;
-        groups.push_back(group);
+/// Each group by itself.
+std::vector<CodeGroups> blocks_of(const CodeGroups& groups) {
+    std::vector<CodeGroups> blocks;
+    for (std::size_t i = 0; i < groups.size(); ++i) {
+        CodeGroups block{};
+        block[i] = true;
+        if (groups[i]) blocks.push_back(block);
     }
-    return groups;
-}
-
-CodeGroups together(const std::vector<CodeGroups>& groups) {
-    CodeGroups all{};
-    for (const CodeGroups& group : groups)
-        for (std::size_t i = 0; i < all.size(); ++i) all[i] = all[i] || group[i];
-    return all;
+    return blocks;
 }
 
 std::vector<std::string> names_of(const CodeGroups& groups) {
@@ -71,7 +59,7 @@ AppResult written(const std::filesystem::path& out, const char* picture, const J
 
 AppResult mix_two(const Model& model, const MixOptions& options, const CodeFile& source, const CodeFile& target,
                   const ViewOptions& view) {
-    const CodeGroups taken = together(groups_of(options.take));
+    const CodeGroups taken = parse_code_groups(options.take);
     const double start = seconds_now();
     const Codes mixed = mix_codes(target.codes, source.codes, taken);
     const Camera camera = camera_from_pose(target.pose, model.config().camera.intrinsics);
@@ -92,13 +80,13 @@ AppResult mix_two(const Model& model, const MixOptions& options, const CodeFile&
 
 AppResult mix_sheet(const Model& model, const MixOptions& options, const std::vector<CodeFile>& sources,
                     const std::vector<CodeFile>& targets, const ViewOptions& view) {
-    const std::vector<CodeGroups> blocks = groups_of(options.take);
+    const CodeGroups taken = parse_code_groups(options.take);
     const double start = seconds_now();
-    write_image(options.out / "sheet.png", mixing_sheet(model, sources, targets, blocks, view.samples_per_ray));
+    write_image(options.out / "sheet.png", mixing_sheet(model, sources, targets, blocks_of(taken), view.samples_per_ray));
     return written(options.out, "sheet.png",
                    JsonValue::object({{"sources", options.sources},
                                       {"targets", options.targets},
-                                      {"blocks", names_of(together(blocks))},
+                                      {"blocks", names_of(taken)},
                                       {"seconds", seconds_now() - start}}));
 }
 
@@ -109,7 +97,7 @@ AppResult mix(MixOptions options, std::uint64_t seed) {
     if (options.take.empty() && !sheet)
         fail<UsageError>("--take is required: id, expr, tex, light, or several joined with commas");
     if (options.take.empty()) options.take = "expr,tex,light";
-    static_cast<void>(groups_of(options.take));
+    static_cast<void>(parse_code_groups(options.take));
     const Model model = Model::load(options.model);
     const ViewOptions view{.samples_per_ray = options.samples.value_or(model.config().reconstruction.fit_samples_per_ray)};
     std::vector<CodeFile> sources = faces_of(options.sources);

@@ -82,10 +82,12 @@ TEST_CASE("editing a colour moves the part towards it and keeps all codes but th
     CHECK(check_close(edit.after, render_view(model, edit.codes, 0, camera, {.samples_per_ray = 4}).picture, 1e-9).passed);
 }
 
-TEST_CASE("the first loss of an edit is the mean squared distance of the part from the colour", "[color_edit]") {
+TEST_CASE("as the paper has it, the first loss of an edit is the mean squared distance of the part from the colour",
+          "[color_edit]") {
     const Model model = frozen_model();
     const Vector3 wanted{0.9, 0.1, 0.3};
-    const ColorEdit edit = edit_color(model, codes_of(3), model_camera(model, 0.0, 0.0, 0.0), left_half(), wanted, {.steps = 1});
+    const ColorEdit edit = edit_color(model, codes_of(3), model_camera(model, 0.0, 0.0, 0.0), left_half(), wanted,
+                                      {.term = ColorTerm::pixels, .steps = 1});
     CHECK(edit.losses.front() == Approx(squared_mean(edit.before, wanted, left_half())).epsilon(1e-9));
 }
 
