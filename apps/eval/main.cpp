@@ -41,8 +41,7 @@ const stymo::Lpips* metric_network(const stymo::LpipsOptions& options, const sty
     return &own.emplace(config, "leave out --lpips");
 }
 
-/// What the scores depend on, by the names of the options.
-std::vector<std::pair<std::string, stymo::JsonValue>> settings_of(const Options& options) {
+stymo::Settings settings_of(const Options& options) {
     const auto absolute = [](const fs::path& path) { return path.empty() ? std::string() : fs::absolute(path).string(); };
     std::ostringstream checksum;
     checksum << std::hex << stymo::crc32c(stymo::read_text_file(options.model));
@@ -66,65 +65,65 @@ std::vector<std::pair<std::string, stymo::JsonValue>> settings_of(const Options&
             {"--lpips-heads", options.lpips.heads}};
 }
 
-/// report.json, report.md and sheet.png of a complete evaluation.
-void write_report(const fs::path& out, const stymo::Evaluation& evaluation, stymo::JsonValue json, stymo::ReportContext context,
-                  const stymo::Tensor& sheet) {
-    std::vector<stymo::JsonValue> rows;
-    for (const stymo::SheetRow& row : context.rows)
-        rows.push_back(stymo::JsonValue::object({{"id", row.id}, {"kind", row.kind}, {"psnr", row.psnr}}));
-    json.add("sheet", rows);
-    stymo::write_image(out / "sheet.png", sheet);
-    stymo::write_text_file(out / "report.json", json.text() + "\n");
-    stymo::write_text_file(out / "report.md", stymo::report_page(evaluation, context));
+stymo::Dataset faces_of(const Options& options, const stymo::ModelConfig& model) {
+    const stymo::Split split = stymo::split_called(options.split);
+    stymo::DataConfig data;
+    if (split != stymo::Split::all) data = stymo::split_of_run(options.model);
+    data.cache_megabytes = 0;
+    return {options.data, model.decoder.resolution, data, split, stymo::frontal_pose(model.camera)};
+}
+
+stymo::JsonValue sheet_json(const std::vector<stymo::SheetRow>& rows) {
+    std::vector<stymo::JsonValue> values;
+    for (const stymo::SheetRow& row : rows)
+        values.push_back(stymo::JsonValue::object({{"id", row.id}, {"kind", row.kind}, {"psnr", row.psnr}}));
+    return values;
+}
+
+stymo::AppResult result_of(const stymo::Evaluation& evaluation, const std::string& network) {
+    stymo::AppResult result{stymo::table(evaluation.scores), stymo::summary_json(evaluation.scores, evaluation.failed),
+                            evaluation.incomplete};
+    if (network.empty()) return result;
+    result.text += "LPIPS: " + network + "\n";
+    result.json.add("lpips_network", network);
+    return result;
 }
 
 stymo::AppResult evaluate(Options options) {
     if (options.model.empty()) stymo::fail<stymo::UsageError>("--model is required");
     if (options.data.empty()) stymo::fail<stymo::UsageError>("--data is required");
-    stymo::EvaluationOptions& evaluation_options = options.evaluation;
-    evaluation_options.range = stymo::parse_range(options.ids);
-    evaluation_options.regions = stymo::regions_called(options.region);
-    if (options.samples) evaluation_options.fitting.samples_per_ray = *options.samples;
-    const stymo::Split split = stymo::split_called(options.split);
+    stymo::EvaluationOptions& evaluated = options.evaluation;
+    evaluated.range = stymo::parse_range(options.ids);
+    evaluated.regions = stymo::regions_called(options.region);
+    if (options.samples) evaluated.fitting.samples_per_ray = *options.samples;
     const stymo::Model model = stymo::Model::load(options.model);
-    stymo::DataConfig data;
-    if (split != stymo::Split::all) data = stymo::split_of_run(options.model);
-    data.cache_megabytes = 0;
-    const stymo::Dataset faces(options.data, model.config().decoder.resolution, data, split,
-                               stymo::frontal_pose(model.config().camera));
+    const stymo::Dataset faces = faces_of(options, model.config());
     stymo::FaceRegion face_region(options.parser);
-    evaluation_options.face_region = &face_region;
+    evaluated.face_region = &face_region;
     stymo::ReconstructionConfig config = stymo::fitting_config(options.lpips, model.config().reconstruction);
-    if (!evaluation_options.fit) config.perceptual_weight = 0.0;
+    if (!evaluated.fit) config.perceptual_weight = 0.0;
     const stymo::ReconstructionLoss loss(config, "--perceptual-weight 0");
     std::optional<stymo::Lpips> own;
-    evaluation_options.lpips = metric_network(options.lpips, model.config().reconstruction.perceptual, loss, own);
-    const std::string network = evaluation_options.lpips != nullptr ? evaluation_options.lpips->label() : "";
+    evaluated.lpips = metric_network(options.lpips, model.config().reconstruction.perceptual, loss, own);
+    const std::string network = evaluated.lpips != nullptr ? evaluated.lpips->label() : "";
+    stymo::require_comparable(faces, evaluated);
 
     const auto settings = settings_of(options);
     stymo::JsonValue settings_json = stymo::JsonValue::object();
-    stymo::ReportContext context{{}, network, {}};
-    for (const auto& [name, value] : settings) {
-        settings_json.add(name, value);
-        context.settings.emplace_back(name, value.text());
-    }
-    stymo::require_comparable(faces, evaluation_options);
+    for (const auto& [name, value] : settings) settings_json.add(name, value);
     std::optional<stymo::ScoreFolder> folder;
-    if (!options.out.empty()) evaluation_options.folder = &folder.emplace(options.out, settings_json);
-    const stymo::Evaluation evaluation = stymo::evaluate(model, loss, faces, evaluation_options);
+    if (!options.out.empty()) evaluated.folder = &folder.emplace(options.out, settings_json);
+    const stymo::Evaluation evaluation = stymo::evaluate(model, loss, faces, evaluated);
     for (const stymo::FailedFace& face : evaluation.failed) std::cerr << "skipped " << face.reason << std::endl;
 
-    stymo::AppResult result{stymo::table(evaluation.scores), stymo::summary_json(evaluation.scores, evaluation.failed),
-                            evaluation.incomplete};
-    if (!network.empty()) {
-        result.text += "LPIPS: " + network + "\n";
-        result.json.add("lpips_network", network);
-    }
+    stymo::AppResult result = result_of(evaluation, network);
     if (folder && evaluation.incomplete.empty()) {
-        context.rows = stymo::sheet_rows(evaluation.scores);
-        const stymo::Tensor sheet = stymo::score_sheet(model, loss, faces, evaluation_options, context.rows);
+        const std::vector<stymo::SheetRow> rows = stymo::sheet_rows(evaluation.scores);
+        stymo::write_image(options.out / "sheet.png", stymo::score_sheet(model, loss, faces, evaluated, rows));
         stymo::JsonValue json = result.json;
-        write_report(options.out, evaluation, json.add("settings", settings_json), std::move(context), sheet);
+        json.add("sheet", sheet_json(rows)).add("settings", settings_json);
+        stymo::write_text_file(options.out / "report.json", json.text() + "\n");
+        stymo::write_text_file(options.out / "report.md", stymo::report_page(evaluation, {settings, network, rows}));
     }
     stymo::JsonValue scores = stymo::JsonValue::object();
     for (const stymo::FaceScore& score : evaluation.scores) scores.add(score.id, to_json(score));

@@ -45,7 +45,7 @@ std::string report_page(const Evaluation& evaluation, const ReportContext& conte
         page << "| " << i + 1 << " | " << row.id << " | " << row.kind << " | " << std::setprecision(2) << row.psnr << " |\n";
     }
     page << "\n## Settings\n\n| option | value |\n|---|---|\n";
-    for (const auto& [name, value] : context.settings) page << "| `" << name << "` | " << value << " |\n";
+    for (const auto& [name, value] : context.settings) page << "| `" << name << "` | " << value.text() << " |\n";
     return page.str();
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "apps/eval/evaluate.h"
@@ -8,9 +9,12 @@
 
 namespace stymo {
 
+/// What the scores depend on, by the names of the options.
+using Settings = std::vector<std::pair<std::string, JsonValue>>;
+
 /// What an evaluation's report.md says beside its scores.
 struct ReportContext {
-    std::vector<std::pair<std::string, std::string>> settings;
+    Settings settings;
     std::string lpips_network;   ///< empty: LPIPS was not measured
     std::vector<SheetRow> rows;  ///< of sheet.png
 };

@@ -253,7 +253,7 @@ TEST_CASE("The split is that of the model's run, or there is none") {
 
 TEST_CASE("The page of an evaluation has its table, what failed, the sheet's rows and the settings") {
     const std::string page = report_page({three_scores, {{"d", "d.png: not an image"}}},
-                                         {{{"--steps", "100"}}, "vgg16, random weights", sheet_rows(three_scores)});
+                                         {{{"--steps", 100}}, "vgg16, random weights", sheet_rows(three_scores)});
     CHECK_THAT(page, Catch::Contains("3 faces, 1 failed") && Catch::Contains("| head | fitted | mean | 0.1000 | 0.0300 |") &&
                          Catch::Contains("- d: d.png: not an image") && Catch::Contains("LPIPS: vgg16, random weights") &&
                          Catch::Contains("| 1 | a | best | 24.00 |") && Catch::Contains("| `--steps` | 100 |"));
