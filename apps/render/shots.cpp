@@ -1,11 +1,10 @@
 #include "apps/render/shots.h"
 
-#include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
 #include <sstream>
 
+#include "apps/common/code_groups.h"
 #include "apps/common/command_line.h"
 #include "core/angle.h"
 #include "core/ops/elementwise.h"
@@ -34,17 +33,11 @@ std::vector<double> parse_angles(const std::string& option, const std::string& t
     return angles;
 }
 
-std::array<bool, code_names.size()> parse_groups(const std::string& list) {
-    std::array<bool, code_names.size()> taken{};
-    std::istringstream stream(list);
-    for (std::string name; std::getline(stream, name, ',');) {
-        const auto place = std::ranges::find(code_names, name) - code_names.begin();
-        if (place == static_cast<std::ptrdiff_t>(code_names.size()))
-            fail<UsageError>("--take ", list, ": \"", name, "\" is no group of codes; there are id, expr, tex and light");
-        taken[static_cast<std::size_t>(place)] = true;
-    }
-    if (list.empty()) taken.fill(true);
-    return taken;
+/// Without a list all of them.
+CodeGroups groups_of(const std::string& list) {
+    CodeGroups all;
+    all.fill(true);
+    return list.empty() ? all : parse_code_groups(list);
 }
 
 Pose pose_of_degrees(const Model& model, double yaw, double pitch, double roll) {
@@ -88,13 +81,13 @@ ShotList interpolation(const RenderOptions& options, const Pose& pose, const Cod
 }  // namespace
 
 void require_understood(const RenderOptions& options) {
-    static_cast<void>(parse_groups(options.take));
+    static_cast<void>(groups_of(options.take));
     if (!options.grid_yaw.empty()) static_cast<void>(parse_angles("--grid-yaw", options.grid_yaw));
     if (!options.grid_pitch.empty()) static_cast<void>(parse_angles("--grid-pitch", options.grid_pitch));
 }
 
 Codes interpolated(const Codes& from, const Codes& to, double part, const std::string& take) {
-    const std::array<bool, code_names.size()> taken = parse_groups(take);
+    const CodeGroups taken = groups_of(take);
     Codes result = from;
     for (std::size_t group = 0; group < taken.size(); ++group) {
         if (taken[group]) result.groups[group] = from.groups[group] * (1.0 - part) + to.groups[group] * part;
