@@ -69,15 +69,15 @@ TEST_CASE("The section on rendering holds every frame against the exact one", "[
     CHECK(rows[0]["varied"] == "exact");
     CHECK(rows[0]["worst pixel"] == 0.0);
     for (const json& row : rows) {
-        const bool equal = row["PSNR dB"].is_null();
-        CHECK(equal == (row["worst pixel"] == 0.0));
-        if (!equal) CHECK(row["PSNR dB"].get<double>() >= row["worst picture's"].get<double>() - 1e-9);
+        CHECK(row["worst picture's"].is_null() == (row["worst pixel"] == 0.0));
+        // Infinite where one of the pictures is equal.
+        if (!row["PSNR dB"].is_null()) CHECK(row["PSNR dB"].get<double>() >= row["worst picture's"].get<double>() - 1e-9);
     }
     for (const json& row : rows_of(folder / "rendering_fastest.json"))
         if (!row["worst picture's"].is_null()) CHECK(row["worst picture's"].get<double>() >= row["wanted dB"].get<double>());
 }
 
-TEST_CASE("The section on fitting judges every way by the same loss", "[report]") {
+TEST_CASE("The section on fitting judges every way by the same loss", "[report][slow]") {
     const fs::path folder = written(fitting_section(), 1.0);
     const json rows = rows_of(folder / "fitting.json");
     REQUIRE(rows.size() == 7);

@@ -80,6 +80,8 @@ std::string report_section_names() {
 
 AppResult write_report(const ReportOptions& options, const CommonOptions& common) {
     const std::vector<ReportSection> sections = chosen_sections(options);
+    for (const std::filesystem::path& model : {options.bench.model, options.fit_model})
+        if (!model.empty() && !std::filesystem::exists(model)) fail<FileError>(model.string(), ": no such file");
     FolderInProgress folder(options.out);
     ReportWriter report(folder.path());
     report.title(1, "Error against run time, and numerical stability");
