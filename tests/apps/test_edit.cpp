@@ -52,17 +52,17 @@ void make_other_face() {
 TEST_CASE("stymo-edit mix writes the target's codes with the source's groups, a picture and a report") {
     make_other_face();
     const json report =
-        json::parse(done(mix + "--source other/codes.json --target fit/codes.json --take expr,light --out mixed --json").out);
-    CHECK(report == parsed("mixed/report.json"));
+        json::parse(done(mix + "--source other/codes.json --target fit/codes.json --take expr,light --out mixed_faces --json").out);
+    CHECK(report == parsed("mixed_faces/report.json"));
     CHECK(report["taken"] == json({"expr", "light"}));
-    const json mixed = parsed("mixed/codes.json");
+    const json mixed = parsed("mixed_faces/codes.json");
     const json source = parsed("other/codes.json");
     const json target = parsed("fit/codes.json");
     for (const char* group : {"expr", "light"}) CHECK(mixed["code"][group] == source["code"][group]);
     for (const char* group : {"id", "tex"}) CHECK(mixed["code"][group] == target["code"][group]);
     CHECK(mixed["pose"] == target["pose"]);
-    CHECK(stymo::read_image(tiny_run() / "mixed/mix.png").shape() == stymo::Shape{64, 3 * 64, 3});
-    CHECK(stymo::read_image(tiny_run() / "mixed/render.png").shape() == stymo::Shape{64, 64, 3});
+    CHECK(stymo::read_image(tiny_run() / "mixed_faces/mix.png").shape() == stymo::Shape{64, 3 * 64, 3});
+    CHECK(stymo::read_image(tiny_run() / "mixed_faces/render.png").shape() == stymo::Shape{64, 64, 3});
 }
 
 TEST_CASE("Several sources or targets make a sheet with a block for each group") {
