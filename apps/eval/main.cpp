@@ -60,6 +60,7 @@ stymo::Settings settings_of(const Options& options) {
             {"--refine-pose", fitting.refine_pose},
             {"--resolution", options.evaluation.resolution},
             {"--perceptual-weight", or_own(options.lpips.perceptual_weight)},
+            {"--perceptual-resolution", or_own(options.lpips.perceptual_resolution)},
             {"--lpips", options.lpips.metric},
             {"--lpips-trunk", options.lpips.trunk},
             {"--lpips-heads", options.lpips.heads}};
