@@ -79,6 +79,7 @@ Model Model::load(const std::filesystem::path& path, ModelParts parts) {
     Model model(config, unused, parts);
     model.parameters_.load(file, path.string());
     model.parameters_.set_trainable("", false);
+    model.code_statistics_ = CodeStatistics::load(file, path.string());
     return model;
 }
 
@@ -88,6 +89,7 @@ void Model::save(const std::filesystem::path& path) const {
     file.metadata[format_key] = format_name;
     file.metadata[config_key] = to_json(config_);
     parameters_.save(file);
+    if (code_statistics_) code_statistics_->save(file);
     write_tensor_file(path, file);
 }
 

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "nn/models/code_statistics.h"
 #include "nn/models/decoder.h"
 #include "nn/models/encoder.h"
 #include "nn/models/perceptual/lpips.h"
@@ -55,7 +56,8 @@ public:
 
     /// A trained model, frozen. Throws FileError for a file that is missing, malformed or not a model of stymo.
     [[nodiscard]] static Model load(const std::filesystem::path& path, ModelParts parts = ModelParts::all);
-    /// Writes every parameter and the configuration (metadata "config"). Whole or not at all. Throws ValueError for a part.
+    /// Writes every parameter, the configuration (metadata "config") and the statistics of codes, if any. Whole or not at all.
+    /// Throws ValueError for a part.
     void save(const std::filesystem::path& path) const;
 
     [[nodiscard]] const ModelConfig& config() const { return config_; }
@@ -65,6 +67,8 @@ public:
     [[nodiscard]] const Encoder& encoder() const;
     [[nodiscard]] bool has_encoder() const { return encoder_.has_value(); }
     [[nodiscard]] const Decoder& decoder() const { return decoder_; }
+    /// Of the codes of faces that it was trained on, if its file has them: the end of a training adds them.
+    [[nodiscard]] const std::optional<CodeStatistics>& code_statistics() const { return code_statistics_; }
 
 private:
     Model(const ModelConfig& config, Rng& rng, ModelParts parts);
@@ -73,6 +77,7 @@ private:
     ParameterStore parameters_;
     std::optional<Encoder> encoder_;
     Decoder decoder_;
+    std::optional<CodeStatistics> code_statistics_;
 };
 
 /// The model's configuration as it stands in the metadata of its file.

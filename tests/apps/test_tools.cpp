@@ -204,18 +204,29 @@ TEST_CASE("An orbit becomes a GIF or a film, of one frame or more") {
 }
 
 TEST_CASE("stymo-eval scores the faces that were asked for, and the fitted codes too with --fit") {
-    const ToolOutcome outcome =
-        done("stymo-eval --model run/model.safetensors --data faces --ids 10- --fit --steps 2 --json --sheet rows/sheet.png");
+    const std::string eval = "stymo-eval --model run/model.safetensors --data faces ";
+    const std::string fitted = eval + "--split test --fit --refine-pose --steps 2 --json --out scored";
+    const ToolOutcome outcome = done(fitted);
     const json scores = json::parse(outcome.out);
     CHECK(scores["count"] == 2);
     CHECK(keys(scores["faces"]) == std::set<std::string>{"00010", "00011"});
     for (const char* when : {"initial", "fitted"}) {
+        const json& faces = scores["faces"];
         const double mean =
-            (scores["faces"]["00010"][when]["l1"].get<double>() + scores["faces"]["00011"][when]["l1"].get<double>()) / 2;
-        CHECK(scores["mean"][when]["l1"].get<double>() == Approx(mean));
+            (faces["00010"]["head"][when]["l1"].get<double>() + faces["00011"]["head"][when]["l1"].get<double>()) / 2;
+        CHECK(scores["mean"]["head"][when]["l1"].get<double>() == Approx(mean));
     }
-    CHECK(stymo::read_image(stymo::tiny_run() / "rows/sheet.png").shape() == stymo::Shape{2 * 64, 7 * 64, 3});
-    const ToolOutcome text = done("stymo-eval --model run/model.safetensors --data faces --ids 3");
+    const fs::path out = stymo::tiny_run() / "scored";
+    CHECK(names_in(out) ==
+          std::set<std::string>{"codes", "report.json", "report.md", "scores.jsonl", "settings.json", "sheet.png"});
+    CHECK(names_in(out / "codes") == std::set<std::string>{"00010.json", "00011.json"});
+    CHECK(stymo::read_image(out / "sheet.png").shape() == stymo::Shape{2 * 64, 6 * 64, 3});
+    CHECK(parsed_file(out / "report.json")["settings"]["--refine-pose"] == true);
+    CHECK(parsed_file(out / "report.json")["mean"] == scores["mean"]);
+    CHECK(json::parse(done(fitted).out) == scores);
+    CHECK(stymo::line_count(stymo::read_text_file(out / "scores.jsonl")) == 2);
+    done("stymo-render --model run/model.safetensors --codes scored/codes/00011.json --out scored_view.png --samples 4");
+    const ToolOutcome text = done(eval + "--ids 3");
     CHECK_THAT(text.out, Catch::Contains("initial") && !Catch::Contains("fitted"));
 }
 
@@ -223,7 +234,7 @@ TEST_CASE("LPIPS is measured where it was asked for, and random weights are call
     const std::string eval = "stymo-eval --model run/model.safetensors --data faces --ids 10 --lpips squeeze ";
     const std::string random = "--lpips-trunk random --lpips-heads random ";
     const json scores = json::parse(done(eval + random + "--json").out);
-    CHECK(scores["mean"]["initial"]["lpips"].is_number());
+    CHECK(scores["mean"]["head"]["initial"]["lpips"].is_number());
     CHECK(scores["lpips_network"] == "squeezenet1_1, random weights");
     CHECK_THAT(done(eval + random).out, Catch::Contains("LPIPS: squeezenet1_1, random weights"));
 
