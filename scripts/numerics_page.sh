@@ -6,8 +6,8 @@ set -eu
 report=$1
 docs=$(dirname "$0")/../docs
 
-for plot in "$docs"/numerics/*.svg; do
-    if [ -f "$report/$(basename "$plot")" ]; then cp "$report/$(basename "$plot")" "$plot"; fi
+for plot in $(grep -o 'numerics/[a-z0-9_]*\.svg' "$docs/numerics.md" | sort -u); do
+    if [ -f "$report/$(basename "$plot")" ]; then cp "$report/$(basename "$plot")" "$docs/$plot"; fi
 done
 unfinished=$(mktemp)
 awk '

@@ -139,7 +139,7 @@ void write_training(ReportWriter& report, const ReportInputs& inputs) {
         std::to_string(small_held_out) +
         " heads that are held out, with N samples too; scores do not count as time. All of it is float32: training in 16 bits "
         "does not exist here.");
-    report.plot("training", plot_of(curves));
+    report.plot("training_loss", plot_of(curves));
     write_curves(report, curves);
 }
 
