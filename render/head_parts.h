@@ -39,4 +39,9 @@ inline constexpr std::array<const char*, head_part_count> head_part_names{
     return (index >= 1 && index <= 13) || index == 15;
 }
 
+/// Whether it belongs to the face alone: 1-7 and 10-12, the head without ears, hair and earrings.
+[[nodiscard]] constexpr bool is_face_class(int index) {
+    return (index >= 1 && index <= 7) || (index >= 10 && index <= 12);
+}
+
 }  // namespace stymo

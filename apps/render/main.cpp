@@ -3,6 +3,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/output_file.h"
+#include "apps/common/work_plans.h"
 #include "apps/render/mesh.h"
 #include "apps/render/new_faces.h"
 #include "apps/render/pictures.h"
@@ -24,20 +25,24 @@ void require_names(const stymo::RenderOptions& options) {
     }
 }
 
-stymo::AppResult render(const stymo::RenderOptions& options, const stymo::CommonOptions& common) {
+stymo::AppResult render(stymo::RenderOptions options, const stymo::CommonOptions& common) {
     require_names(options);
     stymo::require_understood(options);
-    const stymo::Model model = stymo::Model::load(options.model);
+    options.renderer.mode = stymo::render_mode(options.mode);
+    stymo::Explainer explainer(options.explain);
+    const bool encodes = !options.data.empty();
+    const stymo::Model model = stymo::Model::load(options.model, encodes ? stymo::ModelParts::all : stymo::ModelParts::decoder);
+    explainer.show(stymo::render_plan(model, options.renderer));
     std::vector<std::filesystem::path> written;
     if (options.sample > 0) {
-        written = stymo::write_new_faces(options, model, common.seed);
+        written = stymo::write_new_faces(options, model, common.seed, explainer);
     } else {
         const stymo::CodeFile face = stymo::read_code_file(options.codes);
         for (const std::filesystem::path& file : {options.out, options.mesh}) {
             if (!file.empty()) stymo::require_folder_of(file);
         }
         if (!options.out.empty())
-            written = stymo::write_pictures(options.out, options, model, stymo::shots_of_face(options, model, face));
+            written = stymo::write_pictures(options.out, options, model, stymo::shots_of_face(options, model, face), explainer);
         if (!options.mesh.empty()) {
             stymo::write_mesh(options, model, face);
             written.push_back(options.mesh);
@@ -49,7 +54,9 @@ stymo::AppResult render(const stymo::RenderOptions& options, const stymo::Common
         names.push_back(path.string());
         text += names.back() + "\n";
     }
-    return {text, stymo::JsonValue::object({{"written", names}})};
+    stymo::AppResult result{text, stymo::JsonValue::object({{"written", names}})};
+    explainer.finish(result);
+    return result;
 }
 
 void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
@@ -126,5 +133,6 @@ int main(int argc, char** argv) {
     line.option("--out", options.out, "picture (.png, .jpg); animation (.gif, .mp4) with --orbit or --to; folder with --sample");
     declare_view(line, options);
     declare_jobs(line, options);
+    stymo::declare_explain(line, options.explain);
     return line.run(argc, argv, [&](const stymo::CommonOptions& common) { return render(options, common); });
 }

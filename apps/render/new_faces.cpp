@@ -39,7 +39,8 @@ std::string code_file_name(std::size_t index) {
 
 }  // namespace
 
-std::vector<std::filesystem::path> write_new_faces(const RenderOptions& options, const Model& model, std::uint64_t seed) {
+std::vector<std::filesystem::path> write_new_faces(const RenderOptions& options, const Model& model, std::uint64_t seed,
+                                                   Explainer& explainer) {
     const CodeStatistics statistics = statistics_of(options, model);
     const Rng rng = Rng(seed).split("new faces");
     const Pose pose = chosen_pose(options, model, frontal_pose(model.config().camera));
@@ -52,7 +53,7 @@ std::vector<std::filesystem::path> write_new_faces(const RenderOptions& options,
     }
     list.columns = static_cast<int>(std::ceil(std::sqrt(static_cast<double>(options.sample))));
     FolderInProgress folder(options.out);
-    std::vector<std::filesystem::path> written = write_pictures(folder.path() / "faces.png", options, model, list);
+    std::vector<std::filesystem::path> written = write_pictures(folder.path() / "faces.png", options, model, list, explainer);
     for (std::size_t i = 0; i < list.shots.size(); ++i) {
         written.push_back(folder.path() / code_file_name(i));
         write_code_file(written.back(), list.shots[i].codes, 0, pose);

@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "apps/common/command_line.h"
+#include "apps/common/explain.h"
 #include "apps/render/options.h"
 
 namespace stymo {
@@ -12,6 +12,6 @@ namespace stymo {
 /// codes of each. The n-th face depends on the seed alone, not on how many there are. Returns the files. Throws FileError for a
 /// model without statistics if no folder of faces is named.
 [[nodiscard]] std::vector<std::filesystem::path> write_new_faces(const RenderOptions& options, const Model& model,
-                                                                 std::uint64_t seed);
+                                                                 std::uint64_t seed, Explainer& explainer);
 
 }  // namespace stymo

@@ -39,7 +39,8 @@ struct RenderOptions {
     HeadMeshOptions meshing;
 
     std::string mode = "exact";
-    RendererOptions renderer;
+    RendererOptions renderer;  ///< its mode is that of `mode`
+    bool explain = false;
 
     [[nodiscard]] bool grid() const { return !grid_yaw.empty() || !grid_pitch.empty(); }
 };

@@ -5,6 +5,7 @@
 #include <iomanip>
 #include <sstream>
 
+#include "apps/common/work_plans.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/image.h"
@@ -14,15 +15,8 @@ namespace stymo {
 
 namespace {
 
-RenderMode mode_of(const std::string& name) {
-    const auto place = std::ranges::find(render_mode_names(), name) - render_mode_names().begin();
-    return std::array{RenderMode::exact, RenderMode::skip, RenderMode::bf16, RenderMode::baked}[static_cast<std::size_t>(place)];
-}
-
-std::vector<View> views(const RenderOptions& options, const Model& model, const std::vector<Shot>& shots) {
-    RendererOptions settings = options.renderer;
-    settings.mode = mode_of(options.mode);
-    FaceRenderer renderer(model, settings);
+std::vector<View> views(const RenderOptions& options, const Model& model, const std::vector<Shot>& shots, Explainer& explainer) {
+    FaceRenderer renderer(model, options.renderer);
     std::vector<View> result;
     const InterruptGuard guard;
     std::optional<Progress> progress;
@@ -35,6 +29,7 @@ std::vector<View> views(const RenderOptions& options, const Model& model, const 
         if (progress) progress->update(static_cast<std::int64_t>(result.size()));
     }
     if (progress) progress->finish();
+    add_counts(explainer, renderer.counts());
     return result;
 }
 
@@ -74,9 +69,14 @@ const std::vector<std::string>& render_mode_names() {
     return names;
 }
 
+RenderMode render_mode(const std::string& name) {
+    const auto place = std::ranges::find(render_mode_names(), name) - render_mode_names().begin();
+    return std::array{RenderMode::exact, RenderMode::skip, RenderMode::bf16, RenderMode::baked}[static_cast<std::size_t>(place)];
+}
+
 std::vector<std::filesystem::path> write_pictures(const std::filesystem::path& out, const RenderOptions& options,
-                                                  const Model& model, const ShotList& list) {
-    const std::vector<View> seen = views(options, model, list.shots);
+                                                  const Model& model, const ShotList& list, Explainer& explainer) {
+    const std::vector<View> seen = views(options, model, list.shots, explainer);
     const bool animation = out.extension() == ".gif" || out.extension() == ".mp4";
     std::vector<std::filesystem::path> written;
     const auto beside = [&](const std::string& suffix) {

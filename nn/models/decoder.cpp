@@ -96,8 +96,8 @@ struct Decoder::Layers {
     Layers(const DecoderConfig& decoder_config, ParameterStore& store, const std::string& prefix, Rng& rng);
     [[nodiscard]] RaySamples samples_of(const Codes& w, const std::vector<Camera>& cameras, std::int64_t samples_per_ray,
                                         Rng* jitter) const;
-    /// Number of blocks for these options.
-    [[nodiscard]] std::size_t blocks_for(const DecodeOptions& options) const;
+    /// Number of blocks up to a picture of this side; 0: all.
+    [[nodiscard]] std::size_t blocks_for(std::int64_t resolution) const;
 };
 
 Decoder::Layers::Layers(const DecoderConfig& decoder_config, ParameterStore& store, const std::string& prefix, Rng& rng)
@@ -134,14 +134,14 @@ RaySamples Decoder::Layers::samples_of(const Codes& w, const std::vector<Camera>
     return sample_rays(cameras, sampling, jitter, w.identity().dtype());
 }
 
-std::size_t Decoder::Layers::blocks_for(const DecodeOptions& options) const {
-    if (options.resolution == 0) return blocks.size();
+std::size_t Decoder::Layers::blocks_for(std::int64_t resolution) const {
+    if (resolution == 0) return blocks.size();
     for (std::size_t i = 0; i < sides.size(); ++i) {
-        if (sides[i] == options.resolution) return i + 1;
+        if (sides[i] == resolution) return i + 1;
     }
     std::string list;
     for (const std::int64_t side : sides) list += (list.empty() ? "" : ", ") + std::to_string(side);
-    fail<ValueError>("this model renders pictures with a side of ", list, ", not ", options.resolution);
+    fail<ValueError>("this model renders pictures with a side of ", list, ", not ", resolution);
 }
 
 Decoder::Decoder(const DecoderConfig& config, ParameterStore& store, const std::string& prefix, Rng& rng)
@@ -194,7 +194,7 @@ Decoded Decoder::decode_feature_map(const Variable& feature_map, const Codes& w,
     decoded.feature_map = feature_map;
     std::vector<Variable> features;
     Rendered rendered{feature_map, {}};
-    for (std::size_t i = 0; i < layers_->blocks_for(options); ++i) {
+    for (std::size_t i = 0; i < layers_->blocks_for(options.resolution); ++i) {
         rendered = layers_->blocks[i](rendered, style, options.recompute_blocks);
         decoded.images.push_back(tanh(rendered.rgb));
         if (options.mask) features.push_back(config().mask_detach ? rendered.features.detach() : rendered.features);
@@ -222,10 +222,10 @@ FoldedField Decoder::folded_field(const Codes& w) const {
     return layers_->field.folded(geometry_style(w));
 }
 
-std::vector<FoldedRenderBlock> Decoder::folded_blocks(const Codes& w) const {
+std::vector<FoldedRenderBlock> Decoder::folded_blocks(const Codes& w, std::int64_t resolution) const {
     std::vector<FoldedRenderBlock> blocks;
     const Variable style = appearance_style(w);
-    for (const RenderBlock& block : layers_->blocks) blocks.push_back(block.folded(style));
+    for (std::size_t i = 0; i < layers_->blocks_for(resolution); ++i) blocks.push_back(layers_->blocks[i].folded(style));
     return blocks;
 }
 

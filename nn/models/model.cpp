@@ -33,6 +33,8 @@ void describe(ConfigSchema& schema, ModelConfig& config) {
     schema.number("reconstruction.perceptual_weight", reconstruction.perceptual_weight, 0.0, 1e6,
                   "lambda of LPIPS at the largest resolution (paper: 0.1); 0: without");
     describe(schema, reconstruction.perceptual, "reconstruction.perceptual_");
+    schema.integer("reconstruction.perceptual_resolution", reconstruction.perceptual_resolution, 0, 4096,
+                   "side of the pictures that LPIPS compares at most, a power of two; 0: no limit (paper: no limit)");
     schema.integer("reconstruction.fit_samples_per_ray", reconstruction.fit_samples_per_ray, 2, 4096,
                    "samples per ray while fitting (paper: 64)");
     schema.number("reconstruction.fit_regularizer", reconstruction.fit_regularizer, 0.0, 1e6,
@@ -46,12 +48,20 @@ std::string to_json(const ModelConfig& config) {
     return schema.to_json();
 }
 
-Model::Model(const ModelConfig& config, Rng& rng)
+Model::Model(const ModelConfig& config, Rng& rng) : Model(config, rng, ModelParts::all) {}
+
+Model::Model(const ModelConfig& config, Rng& rng, ModelParts parts)
     : config_(config),
-      encoder_(config.encoder, parameters_, "encoder", rng),
+      encoder_(parts == ModelParts::all ? std::optional(Encoder(config.encoder, parameters_, "encoder", rng))
+                                        : std::optional<Encoder>()),
       decoder_(config.decoder, parameters_, "decoder", rng) {}
 
-Model Model::load(const std::filesystem::path& path) {
+const Encoder& Model::encoder() const {
+    if (!encoder_) fail<ValueError>("of this model only the decoder was loaded");
+    return *encoder_;
+}
+
+Model Model::load(const std::filesystem::path& path, ModelParts parts) {
     const TensorFile file = read_tensor_file(path);
     const auto format = file.metadata.find(format_key);
     const auto text = file.metadata.find(config_key);
@@ -66,7 +76,7 @@ Model Model::load(const std::filesystem::path& path) {
     // The file holds every weight, so the backbone's own file, which may be gone by now, is not read again.
     config.encoder.backbone_weights.clear();
     Rng unused(0);
-    Model model(config, unused);
+    Model model(config, unused, parts);
     model.parameters_.load(file, path.string());
     model.parameters_.set_trainable("", false);
     model.code_statistics_ = CodeStatistics::load(file, path.string());
@@ -74,6 +84,7 @@ Model Model::load(const std::filesystem::path& path) {
 }
 
 void Model::save(const std::filesystem::path& path) const {
+    if (!has_encoder()) fail<ValueError>(path.string(), ": a model without its encoder is not saved");
     TensorFile file;
     file.metadata[format_key] = format_name;
     file.metadata[config_key] = to_json(config_);

@@ -8,6 +8,7 @@
 #include "core/ops/elementwise.h"
 #include "core/ops/index.h"
 #include "core/ops/shape_ops.h"
+#include "core/work_counts.h"
 #include "render/encoding.h"
 
 namespace stymo {
@@ -23,6 +24,7 @@ Variable sine_layer(const Variable& x, const ModulatedLayer& layer) {
 }
 
 FieldSamples evaluate(const Variable& points, const SineNetwork& network, bool density_only) {
+    work::count_field_points(points.shape(0) * points.shape(1));
     const Variable encoding = positional_encoding(points, network.frequencies);
     Variable x = encoding;
     for (std::size_t i = 0; i + 1 < network.layers.size(); ++i)

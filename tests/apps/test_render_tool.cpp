@@ -14,7 +14,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
-using stymo::identical;
 using stymo::read_code_file;
 using stymo::read_image;
 using stymo::Shape;
