@@ -21,7 +21,7 @@ struct ColorEditOptions {
     double decay = 0.99;  ///< factor on the learning rate after each step
     /// Weight of the squared texture offset; the model's own (ReconstructionConfig::fit_regularizer) if negative.
     double regularizer = -1.0;
-    double rest_weight = 1.0;          ///< of L_rest beside L_color; the paper's is 1
+    double rest_weight = 2.0;          ///< of L_rest beside L_color; the paper's is 1
     std::int64_t samples_per_ray = 0;  ///< 0: the model's own
     /// Called after each step with the number of steps done and the loss.
     std::function<void(std::int64_t, double)> on_step = {};
