@@ -99,7 +99,7 @@ FitResult fit_codes(const Model& model, const ReconstructionLoss& reconstruction
         .resolution = target.targets.back().shape(1),
         .keep_field = options.keep_field};
     FitResult result;
-    result.initial = detached(model.encoder()(Variable(target.input)));
+    result.initial = detached(target.initial ? *target.initial : model.encoder()(Variable(target.input)));
     if (options.one_person) result.initial = of_one_person(std::move(result.initial));
     result.cameras = target.cameras;
     const auto batch = static_cast<double>(result.initial.batch());
@@ -118,7 +118,8 @@ FitResult fit_codes(const Model& model, const ReconstructionLoss& reconstruction
         }
         if (options.tolerance > 0.0 && step % options.examination_interval == 0) {
             decode.kept_samples = significant_samples(
-                model.decoder().compositing_weights(codes, result.cameras, decode.samples_per_ray), options.tolerance);
+                model.decoder().compositing_weights(codes, result.cameras, decode.samples_per_ray, decode.resolution),
+                options.tolerance);
             decode.keep_field = options.keep_field || mean_of(decode.kept_samples) <= few_samples;
         }
         const Decoded decoded = model.decoder()(codes, result.cameras, decode);

@@ -14,6 +14,7 @@
 #include "core/progress.h"
 #include "fit/fit_report.h"
 #include "nn/models/view.h"
+#include "train/face_codes.h"
 
 namespace stymo {
 
@@ -29,8 +30,8 @@ std::int64_t parse_index(std::string_view text, const std::string& whole) {
 }
 
 /// The batch with targets of at most this side.
-FitTarget target_of(const TrainingBatch& batch, std::int64_t resolution) {
-    FitTarget target{batch.input, batch.targets, batch.cameras};
+FitTarget target_of(const Model& model, const TrainingBatch& batch, std::int64_t resolution) {
+    FitTarget target{batch.input, batch.targets, batch.cameras, face_codes(model, batch)};
     while (resolution > 0 && target.targets.size() > 1 && target.targets.back().shape(1) > resolution) target.targets.pop_back();
     return target;
 }
@@ -108,7 +109,7 @@ Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Da
         }
         if (group.empty()) continue;
         const TrainingBatch batch = make_batch(group);
-        const FitTarget target = target_of(batch, options.resolution);
+        const FitTarget target = target_of(model, batch, options.resolution);
         const Tensor mask = resize_box(batch.mask, side_of(target), side_of(target)).value();
         const FitResult result = fit_codes(model, loss, target, fitting);
         if (std::ssize(result.losses) < fitting.steps) break;

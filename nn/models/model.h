@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,15 +31,18 @@ struct ReconstructionConfig {
 struct ModelConfig {
     DecoderConfig decoder;
     EncoderConfig encoder;
+    /// Where the code of a photo comes from: "encoder"; "morphable", the data's fit of a morphable model; "morphable_offset", the
+    /// same plus an offset that training learns for each of its photos.
+    std::string code_source = "encoder";
     CameraConfig camera;
     ReconstructionConfig reconstruction;
 };
 
-/// Binds "decoder.", "encoder.", "camera.", "reconstruction." .
+/// Binds "decoder.", "encoder.", "codes.", "camera.", "reconstruction." .
 void describe(ConfigSchema& schema, ModelConfig& config);
 
-/// Encoder and decoder with their parameters: what is trained, saved, fitted and rendered. Parameters are named
-/// "encoder. ..." and "decoder. ...".
+/// Encoder, unless codes come from elsewhere, and decoder with their parameters: what is trained, saved, fitted and rendered.
+/// Parameters are named "encoder. ..." and "decoder. ...".
 class Model {
 public:
     /// Random weights from `rng`, but the encoder's backbone from its weights file if the configuration names one.
@@ -52,13 +56,15 @@ public:
     [[nodiscard]] const ModelConfig& config() const { return config_; }
     [[nodiscard]] ParameterStore& parameters() { return parameters_; }
     [[nodiscard]] const ParameterStore& parameters() const { return parameters_; }
-    [[nodiscard]] const Encoder& encoder() const { return encoder_; }
+    [[nodiscard]] bool has_encoder() const { return encoder_.has_value(); }
+    /// Throws ValueError for a model without one.
+    [[nodiscard]] const Encoder& encoder() const;
     [[nodiscard]] const Decoder& decoder() const { return decoder_; }
 
 private:
     ModelConfig config_;
     ParameterStore parameters_;
-    Encoder encoder_;
+    std::optional<Encoder> encoder_;
     Decoder decoder_;
 };
 

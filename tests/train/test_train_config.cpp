@@ -17,7 +17,7 @@ const fs::path configurations = fs::path(STYMO_SOURCE_DIR) / "configs";
 
 std::vector<fs::path> configuration_files() {
     std::vector<fs::path> files;
-    for (const auto& entry : fs::directory_iterator(configurations))
+    for (const auto& entry : fs::recursive_directory_iterator(configurations))
         if (entry.path().extension() == ".json") files.push_back(entry.path());
     std::ranges::sort(files);
     return files;
@@ -148,4 +148,9 @@ TEST_CASE("the table of keys has a line for every key of a written configuration
          {"decoder.resolution", "encoder.backbone", "camera.focal", "reconstruction.fit_regularizer", "data.split.test",
           "loss.mask_weight", "optimizer.schedule", "stage1.micro_batch", "output.keep_last"})
         CHECK_THAT(table, Catch::Contains(key));
+}
+
+TEST_CASE("codes of the data do not go with mirrored photos", "[train_config]") {
+    CHECK_THAT(refusal({"codes.source=morphable", "data.mirror=true"}),
+               Catch::Contains("codes.source = morphable needs data.mirror = false"));
 }
