@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <filesystem>
+#include <set>
+#include <string>
 
 #include "core/io/file.h"
 #include "core/io/scratch_folder.h"
@@ -46,12 +48,15 @@ TEST_CASE("a memory budget that no step fits is refused, with the key and what w
 TEST_CASE("every configuration that comes with the project is accepted and describes a model that can be made",
           "[train_config]") {
     REQUIRE_FALSE(configuration_files().empty());
+    std::set<std::string> made;
     for (const fs::path& file : configuration_files()) {
         INFO(file.string());
         const TrainConfig config = load_train_config(file, {});
         CHECK(config.stage1.steps > 0);
         ModelConfig model = config.model;
         model.encoder.backbone_weights.clear();
+        // The large ones take seconds to draw.
+        if (!made.insert(model.encoder.backbone).second) model.encoder.backbone = "small_conv";
         Rng rng(1);
         CHECK(Model(model, rng).parameters().element_count() > 0);
     }
