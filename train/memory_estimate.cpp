@@ -101,8 +101,8 @@ Need field_need(const DecoderConfig& config, const TrainingPhase& phase, bool re
         constexpr std::int64_t tile = 2048;
         const std::int64_t composited = blocks ? config.field_width / 2 : 3;
         const std::int64_t layers = (config.field_layers + 4) * config.field_width;
-        return {rays * (3 * (composited + phase.samples_per_ray) + 12 * phase.samples_per_ray),
-                3 * tile * layers + 4 * config.field_width * layers};
+        return {rays * (2 * (composited + phase.samples_per_ray) + 8 * phase.samples_per_ray),
+                tile * layers + 4 * config.field_width * layers};
     }
     const std::int64_t weights = config.field_width * (config.field_width * (config.field_layers + 1) + 2 * encoding);
     const std::int64_t arguments = recomputed ? 0 : rays * phase.samples_per_ray * config.field_width * (config.field_layers + 1);

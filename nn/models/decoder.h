@@ -48,7 +48,7 @@ struct DecodeOptions {
     /// (B, rays, samples_per_ray), 0 where a sample is left out as if it were empty; undefined: none is.
     Tensor kept_samples{};
     /// Keeps what the backward pass needs of the field, layers * width numbers for each sample, instead of computing it once
-    /// more.
+    /// more. A field with concatenated codes keeps nothing either way.
     bool keep_field = false;
     /// The backward pass computes the render blocks with the mask branch once more, image by image, instead of keeping what it
     /// needs of them. Changes results by rounding.
