@@ -9,6 +9,7 @@
 #include <new>
 
 #include "core/error.h"
+#include "core/work_counts.h"
 
 namespace stymo {
 
@@ -24,7 +25,12 @@ std::shared_ptr<std::byte[]> allocate(std::size_t bytes) {
     void* aligned = block;
     std::size_t space = bytes + alignment;
     std::align(alignment, bytes, aligned, space);
-    return {static_cast<std::byte*>(aligned), [block](std::byte*) { std::free(block); }};
+    const auto counted = static_cast<std::int64_t>(bytes);
+    work::count_buffer(counted);
+    return {static_cast<std::byte*>(aligned), [block, counted](std::byte*) {
+                std::free(block);
+                work::count_release(counted);
+            }};
 }
 
 template <class T>

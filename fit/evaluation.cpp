@@ -1,10 +1,34 @@
 #include "fit/evaluation.h"
 
+#include <numeric>
+
+#include "core/median.h"
 #include "core/metrics.h"
 #include "core/ops/elementwise.h"
 #include "nn/models/picture.h"
 
 namespace stymo {
+
+namespace {
+
+/// `average` of each metric; it is never given no values.
+template <class Average>
+ImageMetrics averaged(const std::vector<ImageMetrics>& metrics, const Average& average) {
+    ImageMetrics result;
+    if (metrics.empty()) return result;
+    for (double ImageMetrics::*member : {&ImageMetrics::l1, &ImageMetrics::l1_mean, &ImageMetrics::ssim, &ImageMetrics::psnr}) {
+        std::vector<double> values;
+        for (const ImageMetrics& one : metrics) values.push_back(one.*member);
+        result.*member = average(values);
+    }
+    std::vector<double> distances;
+    for (const ImageMetrics& one : metrics)
+        if (one.lpips) distances.push_back(*one.lpips);
+    if (!distances.empty()) result.lpips = average(distances);
+    return result;
+}
+
+}  // namespace
 
 MetricTarget::MetricTarget(const Tensor& target, const Tensor& mask, const Lpips* lpips)
     : masked_target_(masked_picture(target, mask)), mask_(mask), lpips_(lpips) {
@@ -25,16 +49,13 @@ Tensor lpips_input(const Tensor& picture) {
 }
 
 ImageMetrics mean(const std::vector<ImageMetrics>& metrics) {
-    ImageMetrics total;
-    const auto count = static_cast<double>(metrics.size());
-    for (const ImageMetrics& one : metrics) {
-        total.l1 += one.l1 / count;
-        total.l1_mean += one.l1_mean / count;
-        total.ssim += one.ssim / count;
-        total.psnr += one.psnr / count;
-        if (one.lpips) total.lpips = total.lpips.value_or(0.0) + *one.lpips / count;
-    }
-    return total;
+    return averaged(metrics, [](const std::vector<double>& values) {
+        return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+    });
+}
+
+ImageMetrics median(const std::vector<ImageMetrics>& metrics) {
+    return averaged(metrics, [](const std::vector<double>& values) { return median(values); });
 }
 
 JsonValue to_json(const ImageMetrics& metrics) {

@@ -37,7 +37,9 @@ private:
 /// A picture (S, S, 3) in [0, 1] as what LPIPS takes, (1, S, S, 3) in [-1, 1].
 [[nodiscard]] Tensor lpips_input(const Tensor& picture);
 
+/// Of each metric by itself, LPIPS over those where it was measured; zeros for none.
 [[nodiscard]] ImageMetrics mean(const std::vector<ImageMetrics>& metrics);
+[[nodiscard]] ImageMetrics median(const std::vector<ImageMetrics>& metrics);
 /// {"l1", "l1_mean", "ssim", "psnr"} and, where it was measured, "lpips".
 [[nodiscard]] JsonValue to_json(const ImageMetrics& metrics);
 

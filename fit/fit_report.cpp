@@ -7,22 +7,46 @@
 
 namespace stymo {
 
+namespace {
+
+/// Whether row `index` has kept its codes and camera, as after a fit of no steps.
+bool is_unchanged(const FitTarget& target, const FitResult& result, std::int64_t index) {
+    if (!result.losses.empty()) return false;
+    const auto face = static_cast<std::size_t>(index);
+    if (result.cameras[face].center != target.cameras[face].center ||
+        result.cameras[face].world_from_camera != target.cameras[face].world_from_camera)
+        return false;
+    for (std::size_t group = 0; group < code_names.size(); ++group) {
+        const auto row = [&](const Codes& codes) { return slice(codes.groups[group], 0, index, index + 1).value().to_vector(); };
+        if (row(result.initial) != row(result.fitted)) return false;
+    }
+    return true;
+}
+
+}  // namespace
+
 FitReport report_fit(const Model& model, const FitTarget& target, const Tensor& mask, const FitResult& result, std::int64_t index,
-                     const Lpips* lpips) {
+                     const Lpips* lpips, bool with_head_mask) {
     const auto face = static_cast<std::size_t>(index);
     ViewOptions options{.samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
                         .resolution = target.targets.back().shape(1)};
     FitReport report;
     report.target = picture(target.targets.back(), index);
-    report.initial = render_view(model, result.initial, index, target.cameras[face], options).picture;
-    options.mask = options.resolution == model.config().decoder.resolution;
+    const bool unchanged = is_unchanged(target, result, index);
+    if (!unchanged) report.initial = render_view(model, result.initial, index, target.cameras[face], options).picture;
+    options.mask = with_head_mask && options.resolution == model.config().decoder.resolution;
     const View fitted = render_view(model, result.fitted, index, result.cameras[face], options);
     report.fitted = fitted.picture;
     report.mask = fitted.mask;
     report.counting_samples = fitted.counting_samples;
     const MetricTarget measured(report.target, picture_mask(mask, index), lpips);
-    report.initial_metrics = measured.measure(report.initial);
     report.fitted_metrics = measured.measure(report.fitted);
+    if (unchanged) {
+        report.initial = report.fitted;
+        report.initial_metrics = report.fitted_metrics;
+    } else {
+        report.initial_metrics = measured.measure(report.initial);
+    }
     if (lpips != nullptr) report.lpips_network = lpips->label();
     return report;
 }

@@ -2,78 +2,111 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
+#include <iterator>
 #include <span>
 
-#include "core/autograd/grad.h"
 #include "core/error.h"
 #include "core/interrupt.h"
-#include "core/ops/ops.h"
+#include "fit/fit_problem.h"
 #include "nn/optim/adam.h"
-#include "render/tracked_rays.h"
+#include "nn/optim/lbfgs.h"
 
 namespace stymo {
 
 namespace {
 
-/// Identity and texture, in the order of `code_names`, stay from photo to photo.
-bool is_of_person(std::size_t group) {
-    return group == 0 || group == 2;
+void report_step(const FitProblem& problem, const FitOptions& options, const FitResult& result) {
+    if (options.on_step) options.on_step({std::ssize(result.losses), result.losses.back(), detached(problem.codes())});
 }
 
-/// Codes whose identity and texture are the mean of all rows.
-Codes of_one_person(Codes codes) {
-    for (std::size_t group = 0; group < code_names.size(); ++group) {
-        Variable& values = codes.groups[group];
-        if (is_of_person(group)) values = broadcast_to(mean(values, {0}), values.shape());
+void fit_by_adam(FitProblem& problem, const FitOptions& options, FitResult& result) {
+    Adam adam;
+    double learning_rate = options.learning_rate;
+    for (std::int64_t step = 0; step < options.steps && !interrupted(); ++step) {
+        static_cast<void>(problem.choose_pictures(step));
+        if (step % options.examination_interval == 0) problem.examine_samples();
+        const FitProblem::Evaluation evaluation = problem.evaluate();
+        if (!std::isfinite(evaluation.loss))
+            fail<NumericError>("fitting step ", step, ": the loss is not finite; lower the learning rate");
+        result.losses.push_back(evaluation.loss);
+        const std::span gradients(evaluation.gradients);
+        adam.step(problem.offsets(), gradients.first(code_names.size()), learning_rate);
+        adam.step(problem.orbits(), gradients.subspan(code_names.size()), learning_rate * options.pose_learning_rate_factor);
+        learning_rate *= options.decay;
+        report_step(problem, options, result);
     }
-    return codes;
 }
 
-/// The cameras' poses as parameters of their own.
-struct Orbits {
-    ParameterStore store;
+/// The parameters of a problem as one list of numbers, the poses in units in which they move as much less as Adam moves them.
+class NumbersOf {
+public:
+    NumbersOf(const FitProblem& problem, double pose_unit) : problem_(problem), pose_unit_(pose_unit) {}
 
-    Orbits(const std::vector<Camera>& cameras, DType dtype) {
-        std::vector<Pose> poses;
-        for (const Camera& camera : cameras) poses.push_back(pose_from_camera(camera));
-        store.create("orbits", orbit_parameters(poses, dtype));
+    [[nodiscard]] std::vector<double> values() const {
+        return joined(variables_of(problem_.offsets()), variables_of(problem_.orbits()), 1.0 / pose_unit_);
+    }
+    [[nodiscard]] std::vector<double> gradient(const std::vector<Variable>& gradients) const {
+        const auto first_orbit = gradients.begin() + std::ssize(problem_.offsets());
+        return joined({gradients.begin(), first_orbit}, {first_orbit, gradients.end()}, pose_unit_);
+    }
+    void set(std::span<const double> numbers) const {
+        std::size_t begin = 0;
+        for (const Parameter& offset : problem_.offsets()) set(offset, numbers, begin, 1.0);
+        for (const Parameter& orbit : problem_.orbits()) set(orbit, numbers, begin, pose_unit_);
     }
 
-    [[nodiscard]] const Variable& parameters() const { return store.all().front().variable(); }
-
-    [[nodiscard]] std::vector<Camera> cameras(std::vector<Camera> cameras) const {
-        for (std::size_t i = 0; i < cameras.size(); ++i)
-            cameras[i] =
-                camera_from_pose(pose_from_orbit(parameters().value(), static_cast<std::int64_t>(i)), cameras[i].intrinsics);
-        return cameras;
+private:
+    static std::vector<double> joined(const std::vector<Variable>& offsets, const std::vector<Variable>& orbits, double factor) {
+        std::vector<double> numbers;
+        for (const Variable& offset : offsets) std::ranges::copy(offset.value().to_vector(), std::back_inserter(numbers));
+        for (const Variable& orbit : orbits)
+            for (const double number : orbit.value().to_vector()) numbers.push_back(factor * number);
+        return numbers;
     }
+    static void set(const Parameter& parameter, std::span<const double> numbers, std::size_t& begin, double factor) {
+        const Tensor& value = parameter.variable().value();
+        const auto size = static_cast<std::size_t>(value.size());
+        std::vector<double> own;
+        for (const double number : numbers.subspan(begin, size)) own.push_back(factor * number);
+        parameter.set_value(Tensor::from(value.shape(), own).to(value.dtype()));
+        begin += size;
+    }
+
+    const FitProblem& problem_;
+    double pose_unit_;
 };
 
-/// The code offsets as parameters of their own.
-struct Offsets {
-    ParameterStore store;
-
-    Offsets(const Codes& codes, bool one_person) {
-        for (std::size_t group = 0; group < code_names.size(); ++group) {
-            const Variable& values = codes.groups[group];
-            const std::int64_t rows = one_person && is_of_person(group) ? 1 : codes.batch();
-            store.create(std::string("offset.") + code_names[group], Tensor::zeros({rows, values.shape(1)}, values.dtype()));
+void fit_by_lbfgs(FitProblem& problem, const FitOptions& options, FitResult& result) {
+    const NumbersOf numbers(problem, options.pose_learning_rate_factor);
+    const auto batch = static_cast<double>(problem.initial().batch());
+    std::vector<double> start = numbers.values();
+    // As far as Adam's first step.
+    const double first_step = options.learning_rate * std::sqrt(static_cast<double>(start.size()));
+    Lbfgs minimiser(std::move(start), {.first_step = first_step});
+    std::int64_t steps = 0;
+    const auto objective = [&](const std::vector<double>& point) {
+        numbers.set(point);
+        const FitProblem::Evaluation evaluation = problem.evaluate();
+        if (++steps == 1) result.losses.push_back(evaluation.loss);
+        return ValueAndGradient{evaluation.loss * batch, numbers.gradient(evaluation.gradients)};
+    };
+    std::int64_t place = 0;  // in the order of pictures
+    for (std::int64_t iteration = 0; steps < options.steps && !interrupted(); ++iteration) {
+        place = std::max(place, steps);
+        const bool other_pictures = problem.choose_pictures(place);
+        if (other_pictures || iteration % options.examination_interval == 0) {
+            problem.examine_samples();
+            minimiser.objective_changed();
         }
+        const bool moved = minimiser.step(objective, static_cast<int>(options.steps - steps));
+        numbers.set(minimiser.point());
+        result.losses.resize(static_cast<std::size_t>(steps), minimiser.here()->value / batch);
+        report_step(problem, options, result);
+        if (moved || steps == options.steps) continue;
+        result.converged = place >= options.coarse_steps;
+        if (result.converged) break;
+        place = options.coarse_steps;
     }
-
-    [[nodiscard]] Codes codes() const {
-        Codes result;
-        for (std::size_t group = 0; group < code_names.size(); ++group) result.groups[group] = store.all()[group].variable();
-        return result;
-    }
-};
-
-/// Share of the samples up to which keeping the field's arguments takes little memory.
-constexpr double few_samples = 0.25;
-
-double mean_of(const Tensor& values) {
-    return mean(Variable(values)).value().item();
 }
 
 }  // namespace
@@ -87,61 +120,20 @@ Tensor significant_samples(const Tensor& weights, double tolerance) {
     return result;
 }
 
-FitResult fit_codes(const Model& model, const ReconstructionLoss& reconstruction_loss, const FitTarget& target,
-                    const FitOptions& options) {
-    if (target.targets.empty()) fail<ShapeError>("fitting: no targets");
-    const ReconstructionConfig& reconstruction = model.config().reconstruction;
-    const double regularizer = options.regularizer < 0.0 ? reconstruction.fit_regularizer : options.regularizer;
-    if (options.examination_interval < 1)
-        fail<ValueError>("fitting: samples are examined every ", options.examination_interval, " steps; give at least 1");
-    DecodeOptions decode{
-        .samples_per_ray = options.samples_per_ray > 0 ? options.samples_per_ray : reconstruction.fit_samples_per_ray,
-        .resolution = target.targets.back().shape(1),
-        .keep_field = options.keep_field};
+FitResult fit_codes(const Model& model, const ReconstructionLoss& loss, const FitTarget& target, const FitOptions& options) {
+    FitProblem problem(model, loss, target, options);
     FitResult result;
-    result.initial = detached(target.initial ? *target.initial : model.encoder()(Variable(target.input)));
-    if (options.one_person) result.initial = of_one_person(std::move(result.initial));
-    result.cameras = target.cameras;
-    const auto batch = static_cast<double>(result.initial.batch());
-    const Offsets offsets(result.initial, options.one_person);
-    std::optional<Orbits> orbits;
-    if (options.refine_pose) orbits.emplace(target.cameras, result.initial.identity().dtype());
-    ReconstructionLoss::Target photos;
-    if (options.steps > 0) photos = reconstruction_loss.kept_target(target.targets);
-    Adam adam;
-    double learning_rate = options.learning_rate;
-    for (std::int64_t step = 0; step < options.steps && !interrupted(); ++step) {
-        const Codes codes = add(result.initial, offsets.codes());
-        if (orbits) {
-            result.cameras = orbits->cameras(std::move(result.cameras));
-            decode.orbits = orbits->parameters();
-        }
-        if (options.tolerance > 0.0 && step % options.examination_interval == 0) {
-            decode.kept_samples = significant_samples(
-                model.decoder().compositing_weights(codes, result.cameras, decode.samples_per_ray, decode.resolution),
-                options.tolerance);
-            decode.keep_field = options.keep_field || mean_of(decode.kept_samples) <= few_samples;
-        }
-        const Decoded decoded = model.decoder()(codes, result.cameras, decode);
-        // A mean over the batch times its size: the faces' gradients do not depend on how many are fitted together.
-        const Variable loss =
-            reconstruction_loss(decoded.images, photos).total * batch + squared_length(offsets.codes()) * regularizer;
-        result.losses.push_back(loss.value().item() / batch);
-        if (!std::isfinite(result.losses.back()))
-            fail<NumericError>("fitting step ", step, ": the loss is not finite; lower the learning rate");
-        std::vector<Variable> learnt = variables_of(offsets.store.all());
-        if (orbits) learnt.push_back(orbits->parameters());
-        const std::vector<Variable> gradients = grad(loss, learnt);
-        const std::span of_codes = std::span(gradients).first(code_names.size());
-        adam.step(offsets.store.all(), of_codes, learning_rate);
-        if (orbits)
-            adam.step(orbits->store.all(), std::span(gradients).subspan(code_names.size()),
-                      learning_rate * options.pose_learning_rate_factor);
-        learning_rate *= options.decay;
-        if (options.on_step) options.on_step(step + 1, result.losses.back());
+    result.initial = problem.initial();
+    switch (options.optimizer) {
+        case FitOptimizer::adam:
+            fit_by_adam(problem, options, result);
+            break;
+        case FitOptimizer::lbfgs:
+            fit_by_lbfgs(problem, options, result);
+            break;
     }
-    if (orbits) result.cameras = orbits->cameras(std::move(result.cameras));
-    result.fitted = detached(add(result.initial, offsets.codes()));
+    result.cameras = problem.cameras();
+    result.fitted = detached(problem.codes());
     return result;
 }
 

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "core/error.h"
+#include "core/work_counts.h"
 
 namespace stymo {
 
@@ -32,6 +33,7 @@ Parameter ParameterStore::create(std::string name, Tensor value) {
 Parameter ParameterStore::create_constant(std::string name, Tensor value) {
     if (std::ranges::any_of(parameters_, [&](const Parameter& other) { return other.name() == name; }))
         fail<ValueError>("there is already a parameter ", name);
+    work::count_parameter();
     parameters_.push_back(Parameter(std::make_shared<Parameter::Slot>(Parameter::Slot{std::move(name), std::move(value)})));
     constant_.push_back(true);
     return parameters_.back();

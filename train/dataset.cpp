@@ -209,6 +209,11 @@ const std::vector<std::string>& Dataset::ids() const {
     return implementation_->ids;
 }
 
+const FaceFiles& Dataset::files(std::int64_t index) const {
+    if (index < 0 || index >= size()) fail<ValueError>("face ", index, " of a data set of ", size());
+    return implementation_->faces[static_cast<std::size_t>(index)];
+}
+
 Face Dataset::load(std::int64_t index) const {
     if (index < 0 || index >= size()) fail<ValueError>("face ", index, " of a data set of ", size());
     for (std::int64_t step = 0; step < size(); ++step)

@@ -57,6 +57,8 @@ public:
     [[nodiscard]] std::int64_t side() const;
     /// In order; numbers by value.
     [[nodiscard]] const std::vector<std::string>& ids() const;
+    /// Where a face comes from. Throws ValueError for an index outside the set.
+    [[nodiscard]] const FaceFiles& files(std::int64_t index) const;
     /// Safe from several threads. A broken file that was not found at the start (a set too large for the cache) is noted in the
     /// summary, and the next readable face stands in for it. Throws ValueError for an index outside the set.
     [[nodiscard]] Face load(std::int64_t index) const;

@@ -26,7 +26,7 @@ Codes CodeOffsets::of(std::span<const std::string> ids) const {
 }
 
 Codes face_codes(const Model& model, const TrainingBatch& batch, const CodeOffsets* offsets) {
-    if (model.has_encoder()) return model.encoder()(Variable(batch.input));
+    if (model.config().code_source == "encoder") return model.encoder()(Variable(batch.input));
     const std::vector<double> present = batch.code_present.to_vector();
     for (std::size_t i = 0; i < present.size(); ++i) {
         if (present[i] == 0.0)

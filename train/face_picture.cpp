@@ -1,6 +1,8 @@
 #include "train/face_picture.h"
 
 #include <algorithm>
+#include <array>
+#include <string_view>
 
 #include "core/error.h"
 #include "core/io/image.h"
@@ -9,9 +11,17 @@
 namespace stymo {
 namespace {
 
-Tensor head_of_parsing(Tensor classes) {
-    for (float& value : classes.mutable_values<float>()) value = is_head_class(static_cast<int>(value)) ? 1.0F : 0.0F;
+/// 1 where `belongs` says so of the class.
+Tensor part_of_parsing(Tensor classes, bool (*belongs)(int)) {
+    for (float& value : classes.mutable_values<float>()) value = belongs(static_cast<int>(value)) ? 1.0F : 0.0F;
     return classes;
+}
+
+/// Whether a part of the head, a file "00012_hair.png", is one of the face.
+bool is_face_part(const std::filesystem::path& file) {
+    constexpr std::array<std::string_view, 4> others{"hair", "l_ear", "r_ear", "ear_r"};
+    const std::string stem = file.stem().string();
+    return std::ranges::find(others, std::string_view(stem).substr(stem.find('_') + 1)) == others.end();
 }
 
 Tensor merged(Tensor mask, const Tensor& part) {
@@ -41,16 +51,36 @@ FacePicture read_face_picture(const FaceFiles& files) {
             picture.mask = read_mask(files.mask);
         } else if (!files.parsing.empty()) {
             reading = &files.parsing;
-            picture.mask = head_of_parsing(read_class_map(files.parsing));
-        }
-        for (const std::filesystem::path& part : files.mask_parts) {
-            reading = &part;
-            picture.mask = picture.mask.defined() ? merged(std::move(picture.mask), read_mask(part)) : read_mask(part);
+            picture.mask = part_of_parsing(read_class_map(files.parsing), is_head_class);
+        } else {
+            for (const std::filesystem::path& part : files.mask_parts) {
+                reading = &part;
+                picture.mask = picture.mask.defined() ? merged(std::move(picture.mask), read_mask(part)) : read_mask(part);
+            }
         }
         return picture;
     } catch (const Error& error) {
         return {{}, {}, BrokenFile{reading->string(), reason_of(error, *reading)}};
     }
+}
+
+bool tells_face_region(const FaceFiles& files) {
+    return !files.parsing.empty() || std::ranges::any_of(files.mask_parts, is_face_part);
+}
+
+Tensor read_face_region(const FaceFiles& files) {
+    if (!files.parsing.empty()) return part_of_parsing(read_class_map(files.parsing), is_face_class);
+    Tensor region;
+    for (const std::filesystem::path& part : files.mask_parts) {
+        if (!is_face_part(part)) continue;
+        try {
+            region = region.defined() ? merged(std::move(region), read_mask(part)) : read_mask(part);
+        } catch (const Error& error) {
+            fail<FileError>(part.string(), ": ", reason_of(error, part));
+        }
+    }
+    if (!region.defined()) fail<ValueError>(files.id, ": no parsing and no parts of the face");
+    return region;
 }
 
 }  // namespace stymo

@@ -21,7 +21,14 @@ struct FacePicture {
     std::optional<BrokenFile> broken;  ///< the file that could not be read; image and mask are undefined then
 };
 
-/// Decodes what scan_folder found. Never throws for what is in the files.
+/// Decodes what scan_folder found; the mask is the head mask, else made of the parsing, else of the parts. Never throws for what
+/// is in the files.
 [[nodiscard]] FacePicture read_face_picture(const FaceFiles& files);
+
+/// Whether the parsing or the parts tell the face from hair and ears.
+[[nodiscard]] bool tells_face_region(const FaceFiles& files);
+/// The face without hair and ears as 0 or 1, (height, width, 1) of the size it is stored in: of the parsing, else of the parts.
+/// Throws FileError for a file that cannot be read, ValueError if there is neither.
+[[nodiscard]] Tensor read_face_region(const FaceFiles& files);
 
 }  // namespace stymo

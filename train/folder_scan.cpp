@@ -119,11 +119,9 @@ FolderScan scan_folder(const fs::path& folder) {
         FolderScan scan;
         for (const auto& [id, image] : images) {
             FaceFiles files{id, image, {}, {}, {}};
-            if (const auto mask = masks.find(id); mask != masks.end())
-                files.mask = mask->second;
-            else if (const auto map = parsing.find(id); map != parsing.end())
-                files.parsing = map->second;
-            else if (const auto found = parts.find(std::string(without_leading_zeros(id))); is_number(id) && found != parts.end())
+            if (const auto mask = masks.find(id); mask != masks.end()) files.mask = mask->second;
+            if (const auto map = parsing.find(id); map != parsing.end()) files.parsing = map->second;
+            if (const auto found = parts.find(std::string(without_leading_zeros(id))); is_number(id) && found != parts.end())
                 files.mask_parts = found->second;
             scan.faces.push_back(std::move(files));
         }

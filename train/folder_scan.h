@@ -10,7 +10,7 @@
 
 namespace stymo {
 
-/// Where the picture and the head mask of one face are found. At most one of the three kinds of mask is given.
+/// Where the picture and the masks of one face are found; of the three kinds of mask any may be missing.
 struct FaceFiles {
     std::string id;  ///< the picture's file stem
     std::filesystem::path image;

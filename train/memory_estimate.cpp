@@ -209,8 +209,12 @@ std::int64_t generator_numbers(const TrainConfig& config, const TrainingPhase& p
     need.add(decoder_need(model.decoder, phase, recomputation, mask));
     const std::int64_t encoder = phase.micro_batch * backbone_size(model.encoder.backbone).saved;
     if (phase.stage == 1 && model.code_source == "encoder") need.saved += encoder;
-    if (model.reconstruction.perceptual_weight > 0.0)
-        need.add({0, perceptual_size(model.reconstruction.perceptual.network).saved * square(phase.resolution)});
+    const ReconstructionConfig& loss = model.reconstruction;
+    if (loss.perceptual_weight > 0.0) {
+        const std::int64_t limit = loss.perceptual_resolution;
+        const std::int64_t side = limit > 0 ? std::min(limit, phase.resolution) : phase.resolution;
+        need.add({0, perceptual_size(loss.perceptual.network).saved * square(side)});
+    }
     if (has_discriminator(config, phase)) {
         const Need judge = discriminator_need(config.discriminator, phase);
         // A frozen layer keeps no input, only what its activation needs.

@@ -89,6 +89,9 @@ void describe_output(ConfigSchema& schema, OutputConfig& config) {
     schema.integer("output.keep_last", config.keep_last, 1, 1'000'000, "checkpoints kept");
     schema.integer("output.validation_images", config.validation_images, 0, 1'000'000,
                    "held-out images that the best model is chosen by; 0: none is chosen");
+    schema.integer(
+        "output.statistics_images", config.statistics_images, 0, 100'000'000,
+        "training images whose codes' mean and covariance the end of a run adds to its model, for drawing new faces; 0: none");
 }
 
 constexpr std::int64_t training_rays_per_side = 32;

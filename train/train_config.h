@@ -74,6 +74,8 @@ struct OutputConfig {
     std::int64_t checkpoint_steps = 0;  ///< also after so many steps; 0: not by steps
     std::int64_t keep_last = 3;
     std::int64_t validation_images = 16;  ///< held-out images that the best checkpoint is chosen by; 0: none is chosen
+    std::int64_t statistics_images =
+        1000;  ///< training images whose codes' statistics the end of a run adds to its models; 0: none
 };
 
 /// Everything a training run depends on beside its data. The defaults are the paper's.

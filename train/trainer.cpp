@@ -88,8 +88,8 @@ StepReport Trainer::step() {
     const TrainingPlace place = schedule_.place(state_.step);
     enter_stage(place.phase.stage);
     // Only at the last resolution all features are there that the branch takes.
-    const bool mask_loss =
-        place.phase.resolution == config_.model.decoder.resolution && (place.phase.stage == 2 || state_.mask_loss);
+    const bool mask_loss = config_.loss.mask_weight > 0.0 && place.phase.resolution == config_.model.decoder.resolution &&
+                           (place.phase.stage == 2 || state_.mask_loss);
     StepReport report = updater_->step(place, mask_loss);
     if (report.non_finite) {
         count_failure(*report.non_finite);

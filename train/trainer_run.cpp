@@ -7,6 +7,7 @@
 #include "core/progress.h"
 #include "train/sample_sheet.h"
 #include "train/trainer.h"
+#include "train/training_codes.h"
 
 namespace stymo {
 
@@ -86,6 +87,9 @@ TrainingOutcome Trainer::run(const RunFolder& folder, const TrainingLimits& limi
     outcome.finished = state_.step >= schedule_.steps();
     if (tick.steps() > 0 && outcome.last_tick.total == 0.0) outcome.last_tick = tick.losses();
     if (saved_step != state_.step) save_checkpoint(folder);
+    // Once, at the end, for they take as long as many steps; and behind the checkpoint, should the process be ended meanwhile.
+    for (const std::filesystem::path& model : {folder.model_file(), folder.best_file()})
+        add_code_statistics(model, training_, output.statistics_images);
     progress.finish(step_text(outcome.last_tick));
     return outcome;
 }

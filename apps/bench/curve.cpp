@@ -1,9 +1,9 @@
 #include "apps/bench/curve.h"
 
-#include "apps/bench/frames.h"
+#include <cmath>
+
 #include "core/error.h"
 #include "core/interrupt.h"
-#include "core/io/svg_plot.h"
 #include "core/progress.h"
 
 namespace stymo {
@@ -31,7 +31,7 @@ RendererOptions exact_frame(const BenchOptions& bench) {
 
 std::vector<Way> all_ways(const BenchOptions& bench) {
     const RendererOptions exact = exact_frame(bench);
-    std::vector<Way> ways;
+    std::vector<Way> ways{{"exact", "", exact}};
     for (const std::int64_t part : {8, 4, 2}) {
         if (bench.samples / part < 2) continue;
         RendererOptions fewer = exact;
@@ -68,7 +68,7 @@ std::vector<CurvePoint> measure_curve(const BenchSubject& subject, const BenchOp
         FaceRenderer renderer(subject.model, way);
         const double seconds = time_frames(subject, renderer, options.repeats).median();
         const PictureError error = error_of(all_pictures(subject, way), pictures);
-        points.push_back({series, value, seconds, error.root_mean_square, error.psnr_worst});
+        points.push_back({series, value, seconds, error});
         progress.update(std::ssize(points));
     }
     progress.finish();
@@ -76,10 +76,11 @@ std::vector<CurvePoint> measure_curve(const BenchSubject& subject, const BenchOp
 }
 
 Cells curve_cells(const std::vector<CurvePoint>& points) {
-    Cells cells{{"varied", "value", "ms", "RMS error", "worst PSNR dB"}};
+    Cells cells{{"varied", "value", "ms", "RMS error", "worst pixel", "PSNR dB", "worst"}};
     for (const CurvePoint& point : points)
-        cells.push_back({point.series, point.value, decimal(point.seconds * 1e3, 2), decimal(point.root_mean_square, 6),
-                         decimal(point.psnr_worst, 1)});
+        cells.push_back({point.series, point.value, decimal(point.seconds * 1e3, 2), decimal(point.error.root_mean_square, 6),
+                         decimal(point.error.worst_pixel, 3), decimal(point.error.psnr_mean, 1),
+                         decimal(point.error.psnr_worst, 1)});
     return cells;
 }
 
@@ -89,22 +90,29 @@ JsonValue to_json(const std::vector<CurvePoint>& points) {
         values.push_back(JsonValue::object({{"varied", point.series},
                                             {"value", point.value},
                                             {"median_seconds", point.seconds},
-                                            {"root_mean_square_error", point.root_mean_square},
-                                            {"psnr_worst_db", point.psnr_worst}}));
+                                            {"root_mean_square_error", point.error.root_mean_square},
+                                            {"worst_pixel", point.error.worst_pixel},
+                                            {"psnr_mean_db", point.error.psnr_mean},
+                                            {"psnr_worst_db", point.error.psnr_worst}}));
     return values;
 }
 
-std::string curve_plot(const std::vector<CurvePoint>& points) {
-    Plot plot{.title = "Error against frame time",
-              .x_label = "time of a frame, ms",
-              .y_label = "root mean square error against the exact frame (white = 1)",
-              .series = {}};
+Plot curve_plot(const std::vector<CurvePoint>& points, const std::string& title, const std::string& label, PlotScale scale,
+                double PictureError::*number) {
+    Plot plot{.title = title, .x_label = "time of a frame, ms", .y_label = label, .series = {}, .y_scale = scale};
     for (const CurvePoint& point : points) {
-        if (point.root_mean_square <= 0.0) continue;
+        const double y = point.error.*number;
+        if (!std::isfinite(y) || (scale == PlotScale::logarithmic && y <= 0.0)) continue;
         if (plot.series.empty() || plot.series.back().name != point.series) plot.series.push_back({point.series, {}});
-        plot.series.back().points.push_back({point.seconds * 1e3, point.root_mean_square, point.value});
+        plot.series.back().points.push_back({point.seconds * 1e3, y, point.value});
     }
-    return plot.series.empty() ? "" : to_svg(plot);
+    return plot;
+}
+
+Plot error_plot(const std::vector<CurvePoint>& points) {
+    // The exact frame has no error but rounding's.
+    return curve_plot(points, "Error against frame time", "root mean square error against the exact frame (white = 1)",
+                      PlotScale::logarithmic, &PictureError::root_mean_square);
 }
 
 }  // namespace stymo

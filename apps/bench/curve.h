@@ -3,8 +3,10 @@
 #include <string>
 #include <vector>
 
+#include "apps/bench/frames.h"
 #include "apps/bench/report.h"
 #include "apps/bench/subject.h"
+#include "core/io/svg_plot.h"
 
 namespace stymo {
 
@@ -13,15 +15,18 @@ struct CurvePoint {
     std::string series;  ///< what is varied
     std::string value;
     double seconds = 0.0;  ///< of a frame, median
-    double root_mean_square = 0.0;
-    double psnr_worst = 0.0;
+    PictureError error;
 };
 
-/// Error against frame time over samples, tolerance, precision, baked resolution.
+/// Error against frame time over samples, tolerance, precision, baked resolution; the exact frame comes first.
 [[nodiscard]] std::vector<CurvePoint> measure_curve(const BenchSubject& subject, const BenchOptions& options);
 [[nodiscard]] Cells curve_cells(const std::vector<CurvePoint>& points);
 [[nodiscard]] JsonValue to_json(const std::vector<CurvePoint>& points);
-/// SVG. Frames without any error have no place on it; empty if none has one.
-[[nodiscard]] std::string curve_plot(const std::vector<CurvePoint>& points);
+/// A number of each point against its time. Points whose number is not finite, or not positive on a logarithmic scale, have no
+/// place on it; without any other the plot has no series.
+[[nodiscard]] Plot curve_plot(const std::vector<CurvePoint>& points, const std::string& title, const std::string& label,
+                              PlotScale scale, double PictureError::*number);
+/// The root mean square error.
+[[nodiscard]] Plot error_plot(const std::vector<CurvePoint>& points);
 
 }  // namespace stymo

@@ -2,10 +2,23 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "core/metrics.h"
 
 namespace stymo {
+
+namespace {
+
+double largest_difference(const Tensor& a, const Tensor& b) {
+    double largest = 0.0;
+    const std::span<const float> left = a.values<float>(), right = b.values<float>();
+    for (std::size_t i = 0; i < left.size(); ++i)
+        largest = std::max(largest, std::abs(static_cast<double>(left[i]) - static_cast<double>(right[i])));
+    return largest;
+}
+
+}  // namespace
 
 Timing time_frames(const BenchSubject& subject, FaceRenderer& renderer, int repeats) {
     constexpr double seconds_of_a_face = 0.2;
@@ -36,6 +49,7 @@ PictureError error_of(const Pictures& pictures, const Pictures& exact) {
         const double psnr = peak_signal_to_noise_ratio(pictures.at(i), exact[i]);
         error.psnr_mean += psnr / static_cast<double>(exact.size());
         error.psnr_worst = std::min(error.psnr_worst, psnr);
+        error.worst_pixel = std::max(error.worst_pixel, largest_difference(pictures[i], exact[i]));
         squares += std::pow(10.0, -psnr / 10.0) / static_cast<double>(exact.size());
     }
     error.root_mean_square = std::sqrt(squares);

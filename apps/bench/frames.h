@@ -22,6 +22,7 @@ struct PictureError {
     double psnr_mean = 0.0;                                       ///< dB, mean over the pictures
     double psnr_worst = std::numeric_limits<double>::infinity();  ///< infinite where all are equal
     double root_mean_square = 0.0;                                ///< over all numbers of all pictures
+    double worst_pixel = 0.0;                                     ///< largest difference of any number of any picture
 };
 [[nodiscard]] PictureError error_of(const Pictures& pictures, const Pictures& exact);
 

@@ -25,7 +25,7 @@ void declare(stymo::Command& command, stymo::BenchOptions& options) {
 int main(int argc, char** argv) {
     stymo::SessionOptions options;
     std::string row;
-    std::string parts;
+    stymo::ReportOptions page;
     stymo::CommandLine line("stymo-bench",
                             "Measures speed, with its ratio to the machine's peak and to PyTorch, and what it costs in error.");
     const std::vector<std::pair<std::string, std::string>> sessions{
@@ -55,14 +55,18 @@ int main(int argc, char** argv) {
                      [&](const stymo::CommonOptions& common) { return stymo::bench_row(row, options.bench, common); });
     one.option("NAME", row, "the row").required();
     declare(one, options.bench);
-    stymo::Command report =
-        line.command("report", "Error against run time and numerical stability, as a page with plots.",
-                     [&](const stymo::CommonOptions& common) {
-                         return stymo::write_report({.bench = options.bench, .out = options.out, .parts = parts}, common);
-                     });
-    report.option("--out", options.out, "folder for report.md with its plots and tables").required();
-    report.option("--parts", parts,
+    stymo::Command report = line.command("report", "Error against run time and numerical stability, as a page with plots.",
+                                         [&](const stymo::CommonOptions& common) {
+                                             page.bench = options.bench;
+                                             return stymo::write_report(page, common);
+                                         });
+    report.option("--out", page.out, "folder for report.md with its plots and tables").required();
+    report.option("--parts", page.parts,
                   "some of " + stymo::report_section_names() + "; without it all that the inputs are there for");
+    report.option("--fit-model", page.fit_model,
+                  "model of the part on fitting, which takes hundreds of steps; --model unless given");
+    report.option("--fit-data", page.fit_data, "its photos; --data unless given");
+    stymo::declare_lpips_files(report, page.lpips);
     declare(report, options.bench);
     line.command("rows", "Lists all rows.", [](const stymo::CommonOptions&) { return stymo::bench_row_names(); });
     return line.run(argc, argv);

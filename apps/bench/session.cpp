@@ -107,8 +107,8 @@ private:
 void add_curve(Report& report, const BenchSubject& subject, const BenchOptions& options) {
     const std::vector<CurvePoint> points = measure_curve(subject, options);
     report.add("curve", curve_cells(points), curve_cells(points), to_json(points));
-    const std::string plot = curve_plot(points);
-    if (!plot.empty()) report.add_file("error_against_time.svg", plot);
+    const Plot plot = error_plot(points);
+    if (!plot.series.empty()) report.add_file("error_against_time.svg", to_svg(plot));
 }
 
 }  // namespace

@@ -46,9 +46,9 @@ Measurement fit_step(const BenchRun& run, bool perceptual, double tolerance = Fi
     FitOptions fit{.samples_per_ray = run.options.samples, .tolerance = tolerance};
     const std::int64_t group = tolerance > 0.0 ? fit.examination_interval : 1;
     fit.steps = run.options.repeats * group + 1;
-    fit.on_step = [&](std::int64_t step, double) {
-        if ((step - 1) % group != 0) return;
-        if (step > 1) result.timing.add((seconds_now() - last) / static_cast<double>(group));
+    fit.on_step = [&](const FitStep& step) {
+        if ((step.steps - 1) % group != 0) return;
+        if (step.steps > 1) result.timing.add((seconds_now() - last) / static_cast<double>(group));
         last = seconds_now();
     };
     static_cast<void>(fit_codes(subject.model, loss, {batch.input, batch.targets, batch.cameras}, fit));

@@ -33,6 +33,10 @@ void declare_perceptual_weight(Command& command, LpipsOptions& options) {
         .option("--perceptual-weight", options.perceptual_weight,
                 "weight of LPIPS while fitting, 0 for none; the model's own unless given")
         .range(0, 1e6);
+    command
+        .option("--perceptual-resolution", options.perceptual_resolution,
+                "side of the pictures that LPIPS compares at most while fitting, 0 for no limit; the model's own unless given")
+        .range(0, 4096);
 }
 
 LpipsConfig metric_config(const LpipsOptions& options, const LpipsConfig& model) {
@@ -42,6 +46,7 @@ LpipsConfig metric_config(const LpipsOptions& options, const LpipsConfig& model)
 
 ReconstructionConfig fitting_config(const LpipsOptions& options, ReconstructionConfig model) {
     if (options.perceptual_weight) model.perceptual_weight = *options.perceptual_weight;
+    if (options.perceptual_resolution) model.perceptual_resolution = *options.perceptual_resolution;
     const LpipsConfig metric = metric_config(options, model.perceptual);
     if (metric.network == model.perceptual.network) model.perceptual = metric;
     return model;

@@ -1,23 +1,32 @@
 #include <filesystem>
 #include <iostream>
 #include <optional>
+#include <sstream>
 
 #include "apps/common/command_line.h"
-#include "apps/common/evaluate.h"
-#include "apps/common/face_input.h"
 #include "apps/common/lpips_options.h"
-#include "apps/common/output_file.h"
+#include "apps/eval/evaluate.h"
 #include "apps/eval/pair.h"
+#include "apps/eval/report_page.h"
+#include "apps/eval/run_split.h"
+#include "apps/eval/score_sheet.h"
+#include "core/io/checksum.h"
+#include "core/io/file.h"
 #include "core/io/image.h"
 #include "nn/models/view.h"
 
 namespace {
 
+namespace fs = std::filesystem;
+
 struct Options {
-    std::filesystem::path model;
-    std::filesystem::path data;
-    std::filesystem::path sheet;
+    fs::path model;
+    fs::path data;
+    fs::path out;
+    std::string split;
     std::string ids;
+    std::string region = "head";
+    fs::path parser;
     std::optional<std::int64_t> samples;
     stymo::LpipsOptions lpips;
     stymo::EvaluationOptions evaluation;
@@ -32,34 +41,93 @@ const stymo::Lpips* metric_network(const stymo::LpipsOptions& options, const sty
     return &own.emplace(config, "leave out --lpips");
 }
 
+stymo::Settings settings_of(const Options& options) {
+    const auto absolute = [](const fs::path& path) { return path.empty() ? std::string() : fs::absolute(path).string(); };
+    std::ostringstream checksum;
+    checksum << std::hex << stymo::crc32c(stymo::read_text_file(options.model));
+    const stymo::FitOptions& fitting = options.evaluation.fitting;
+    const auto or_own = [](const auto& value) { return value ? stymo::JsonValue(*value) : stymo::JsonValue("the model's own"); };
+    return {{"--model", absolute(options.model) + ", CRC-32C " + checksum.str()},
+            {"--data", absolute(options.data)},
+            {"--split", options.split},
+            {"--ids", options.ids},
+            {"--region", options.region},
+            {"--parser", absolute(options.parser)},
+            {"--fit", options.evaluation.fit},
+            {"--steps", fitting.steps},
+            {"--regularizer", fitting.regularizer},
+            {"--samples", or_own(options.samples)},
+            {"--refine-pose", fitting.refine_pose},
+            {"--resolution", options.evaluation.resolution},
+            {"--perceptual-weight", or_own(options.lpips.perceptual_weight)},
+            {"--lpips", options.lpips.metric},
+            {"--lpips-trunk", options.lpips.trunk},
+            {"--lpips-heads", options.lpips.heads}};
+}
+
+stymo::Dataset faces_of(const Options& options, const stymo::ModelConfig& model) {
+    const stymo::Split split = stymo::split_called(options.split);
+    stymo::DataConfig data;
+    if (split != stymo::Split::all) data = stymo::split_of_run(options.model);
+    data.cache_megabytes = 0;
+    return {options.data, model.decoder.resolution, data, split, stymo::frontal_pose(model.camera)};
+}
+
+stymo::JsonValue sheet_json(const std::vector<stymo::SheetRow>& rows) {
+    std::vector<stymo::JsonValue> values;
+    for (const stymo::SheetRow& row : rows)
+        values.push_back(stymo::JsonValue::object({{"id", row.id}, {"kind", row.kind}, {"psnr", row.psnr}}));
+    return values;
+}
+
+stymo::AppResult result_of(const stymo::Evaluation& evaluation, const std::string& network) {
+    stymo::AppResult result{stymo::table(evaluation.scores), stymo::summary_json(evaluation.scores, evaluation.failed),
+                            evaluation.incomplete};
+    if (network.empty()) return result;
+    result.text += "LPIPS: " + network + "\n";
+    result.json.add("lpips_network", network);
+    return result;
+}
+
 stymo::AppResult evaluate(Options options) {
     if (options.model.empty()) stymo::fail<stymo::UsageError>("--model is required");
     if (options.data.empty()) stymo::fail<stymo::UsageError>("--data is required");
-    options.evaluation.range = stymo::parse_range(options.ids);
-    if (options.samples) options.evaluation.fitting.samples_per_ray = *options.samples;
-    if (!options.sheet.empty()) {
-        stymo::require_extension(options.sheet, {".png", ".jpg"});
-        options.evaluation.yaw_rows = 8;
-    }
+    stymo::EvaluationOptions& evaluated = options.evaluation;
+    evaluated.range = stymo::parse_range(options.ids);
+    evaluated.regions = stymo::regions_called(options.region);
+    if (options.samples) evaluated.fitting.samples_per_ray = *options.samples;
     const stymo::Model model = stymo::Model::load(options.model);
-    const stymo::Dataset faces(options.data, model.config().decoder.resolution, {.cache_megabytes = 0}, stymo::Split::all,
-                               stymo::frontal_pose(model.config().camera));
-    if (!options.sheet.empty()) stymo::require_folder_of(options.sheet);
+    const stymo::Dataset faces = faces_of(options, model.config());
+    stymo::FaceRegion face_region(options.parser);
+    evaluated.face_region = &face_region;
     stymo::ReconstructionConfig config = stymo::fitting_config(options.lpips, model.config().reconstruction);
-    if (!options.evaluation.fit) config.perceptual_weight = 0.0;
+    if (!evaluated.fit) config.perceptual_weight = 0.0;
     const stymo::ReconstructionLoss loss(config, "--perceptual-weight 0");
     std::optional<stymo::Lpips> own;
-    const stymo::Lpips* metric = metric_network(options.lpips, model.config().reconstruction.perceptual, loss, own);
-    options.evaluation.lpips = metric;
-    const stymo::Evaluation evaluation = stymo::evaluate(model, loss, faces, options.evaluation);
-    stymo::write_broken_files(std::cerr, faces.summary(), 0);
-    if (evaluation.turning_sheet.defined()) stymo::write_image(options.sheet, evaluation.turning_sheet);
-    stymo::AppResult result{stymo::table(evaluation.scores, options.evaluation.fit),
-                            stymo::to_json(evaluation.scores, options.evaluation.fit), evaluation.incomplete};
-    if (metric != nullptr) {
-        result.text += "LPIPS: " + metric->label() + "\n";
-        result.json.add("lpips_network", metric->label());
+    evaluated.lpips = metric_network(options.lpips, model.config().reconstruction.perceptual, loss, own);
+    const std::string network = evaluated.lpips != nullptr ? evaluated.lpips->label() : "";
+    stymo::require_comparable(faces, evaluated);
+
+    const auto settings = settings_of(options);
+    stymo::JsonValue settings_json = stymo::JsonValue::object();
+    for (const auto& [name, value] : settings) settings_json.add(name, value);
+    std::optional<stymo::ScoreFolder> folder;
+    if (!options.out.empty()) evaluated.folder = &folder.emplace(options.out, settings_json);
+    const stymo::Evaluation evaluation = stymo::evaluate(model, loss, faces, evaluated);
+    for (const stymo::FailedFace& face : evaluation.failed) std::cerr << "skipped " << face.reason << std::endl;
+
+    stymo::AppResult result = result_of(evaluation, network);
+    if (folder && evaluation.incomplete.empty()) {
+        const std::vector<stymo::SheetRow> rows = stymo::sheet_rows(evaluation.scores);
+        stymo::write_image(options.out / "sheet.png", stymo::score_sheet(model, loss, faces, evaluated, rows));
+        stymo::JsonValue json = result.json;
+        json.add("sheet", sheet_json(rows)).add("settings", settings_json);
+        stymo::write_text_file(options.out / "report.json", json.text() + "\n");
+        stymo::write_text_file(options.out / "report.md", stymo::report_page(evaluation, {settings, network, rows}));
     }
+    stymo::JsonValue scores = stymo::JsonValue::object();
+    for (const stymo::FaceScore& score : evaluation.scores) scores.add(score.id, to_json(score));
+    result.json.add("faces", scores);
     return result;
 }
 
@@ -70,19 +138,30 @@ int main(int argc, char** argv) {
     stymo::CommandLine line(
         "stymo-eval", "Scores a model on a folder of faces: L1, LPIPS, SSIM and PSNR of the head on black, over the full frame.");
     line.option("--model", options.model, "model.safetensors of a training run (required)");
-    line.option("--data", options.data, "folder of faces in FFHQ format (required)");
-    line.option("--ids", options.ids, "places in the order of ids, such as 700-799; without it all");
+    line.option("--data", options.data, "folder of faces in FFHQ format or in CelebAMask-HQ's layout (required)");
+    line.option("--split", options.split, "only this part, as the model's training run (config.json) split its data")
+        .one_of({"train", "val", "test"});
+    line.option("--ids", options.ids, "places in the order of ids (of the split), such as 700-799; without it all");
+    line.option("--out", options.out,
+                "folder for scores.jsonl, report.json, report.md, sheet.png and the fitted codes; goes on where it was stopped");
+    line.option("--region", options.region, "what is compared: the head, the face without hair and ears, or both in turn")
+        .one_of({"head", "face", "both"});
+    line.option("--parser", options.parser, "face parser in an ONNX file, for faces whose folder has no parsing")
+        .needs("--region");
     line.flag("--fit", options.evaluation.fit, "also fit each face and score the fitted codes");
     line.option("--steps", options.evaluation.fitting.steps, "fitting steps").range(0, 1e6);
     line.option("--regularizer", options.evaluation.fitting.regularizer,
                 "weight of the squared code offsets; negative: the model's own")
         .range(-1, 1e6);
+    line.flag("--refine-pose", options.evaluation.fitting.refine_pose,
+              "the poses learn too while fitting, with a tenth of the learning rate; slower")
+        .needs("--fit");
     line.option("--resolution", options.evaluation.resolution,
                 "side of the pictures that are compared: 64, 128, ...; the model's own unless given")
         .range(64, 4096);
     line.option("--samples", options.samples, "samples per ray while fitting; the model's own unless given").range(2, 4096);
-    line.option("--sheet", options.sheet,
-                "picture of the first 8 faces: target, fitted, and five views from yaw -30 to 30 degrees");
+    line.flag("--one-by-one", options.evaluation.one_by_one,
+              "each face on all threads, one after another; without it each thread has a face of its own");
     stymo::declare_lpips_metric(line, options.lpips);
     stymo::declare_lpips_files(line, options.lpips);
     stymo::declare_perceptual_weight(line, options.lpips);

@@ -10,6 +10,7 @@
 #include "apps/common/face_input.h"
 #include "apps/common/lpips_options.h"
 #include "apps/common/preparation_options.h"
+#include "apps/common/work_plans.h"
 #include "apps/fit/prepared_photos.h"
 #include "core/clock.h"
 #include "core/interrupt.h"
@@ -30,6 +31,8 @@ struct Options {
     stymo::LpipsOptions lpips;
     stymo::PhotoPreparationSettings preparation;
     stymo::FitOptions fit;
+    std::string optimizer = "adam";
+    bool explain = false;
 };
 
 void write_metrics(std::ostream& stream, const char* name, const stymo::ImageMetrics& metrics) {
@@ -95,6 +98,8 @@ stymo::JsonValue write_fit(const Photo& photo, const stymo::FitReport& report, c
 stymo::AppResult fit(Options options) {
     stymo::require_photo(options.face);
     if (options.samples) options.fit.samples_per_ray = *options.samples;
+    if (options.optimizer == "lbfgs") options.fit.optimizer = stymo::FitOptimizer::lbfgs;
+    stymo::Explainer explainer(options.explain);
     const stymo::Model model = stymo::Model::load(options.model);
     const stymo::ReconstructionConfig config = stymo::fitting_config(options.lpips, model.config().reconstruction);
     const stymo::ReconstructionLoss reconstruction(config, "--perceptual-weight 0");
@@ -102,6 +107,10 @@ stymo::AppResult fit(Options options) {
     std::optional<stymo::Lpips> metric;
     if (reconstruction.lpips() == nullptr && !options.lpips.trunk.empty())
         metric.emplace(config.perceptual, "leave out --lpips-trunk");
+    stymo::WorkPlan plan = stymo::fit_plan(model, config, reconstruction, metric ? &*metric : nullptr, options.fit);
+    const bool found = options.face.as_it_comes();
+    plan.modules.push_back({"detector and masks of photos", found, found ? "" : "the photo is aligned already"});
+    explainer.show(std::move(plan));
     const std::vector<Photo> photos = photos_of(options, model.config());
     std::vector<stymo::Face> faces;
     for (const Photo& photo : photos) faces.push_back(photo.face);
@@ -111,7 +120,7 @@ stymo::AppResult fit(Options options) {
 
     const stymo::InterruptGuard guard;
     stymo::Progress progress({.title = "fit", .total = options.fit.steps, .unit = "steps"});
-    options.fit.on_step = [&](std::int64_t step, double loss) { progress.update(step, "loss " + std::to_string(loss)); };
+    options.fit.on_step = [&](const stymo::FitStep& step) { progress.update(step.steps, "loss " + std::to_string(step.loss)); };
     const double start = stymo::seconds_now();
     const stymo::FitResult result = stymo::fit_codes(model, reconstruction, target, options.fit);
     const double seconds = stymo::seconds_now() - start;
@@ -124,14 +133,17 @@ stymo::AppResult fit(Options options) {
     std::vector<stymo::JsonValue> reports;
     for (std::size_t i = 0; i < photos.size(); ++i) {
         const auto index = static_cast<std::int64_t>(i);
-        const stymo::FitReport report = stymo::report_fit(model, target, batch.mask, result, index, lpips);
+        const stymo::FitReport report = stymo::report_fit(model, target, batch.mask, result, index, lpips, true);
         reports.push_back(write_fit(photos[i], report, result, index, seconds));
         if (photos.size() > 1) done.text += photos[i].face.id + "\n";
         done.text += summary(report, seconds);
     }
     done.json = photos.size() == 1 ? reports.front() : stymo::JsonValue::object({{"photos", reports}});
     const std::int64_t steps = std::ssize(result.losses);
-    if (steps < options.fit.steps)
+    explainer.count("photos", std::ssize(photos));
+    explainer.count("steps", steps);
+    explainer.finish(done);
+    if (steps < options.fit.steps && !result.converged)
         done.incomplete = "interrupted after " + std::to_string(steps) + " of " + std::to_string(options.fit.steps) + " steps";
     return done;
 }
@@ -157,8 +169,15 @@ int main(int argc, char** argv) {
         .required();
     stymo::declare_preparation_files(line, options.preparation);
     line.option("--steps", options.fit.steps, "optimiser steps").range(0, 1e6);
+    line.option("--optimizer", options.optimizer,
+                "adam, as in the paper, or lbfgs: fewer steps to the same loss; each is one evaluation of loss and gradient")
+        .one_of({"adam", "lbfgs"});
     line.option("--learning-rate", options.fit.learning_rate, "of the first step").range(0, 10);
-    line.option("--decay", options.fit.decay, "factor on the learning rate after each step").range(0, 1);
+    line.option("--decay", options.fit.decay, "Adam's factor on the learning rate after each step").range(0, 1);
+    line.option(
+            "--coarse-steps", options.fit.coarse_steps,
+            "so many steps at the beginning compare pictures of 64 pixels, then 128 and so on, up to half of the model's: faster")
+        .range(0, 1e6);
     line.option("--regularizer", options.fit.regularizer, "weight of the squared code offsets; negative: the model's own")
         .range(-1, 1e6);
     line.option("--samples", options.samples, "samples per ray; the model's own unless given").range(2, 4096);
@@ -168,5 +187,6 @@ int main(int argc, char** argv) {
     line.flag("--refine-pose", options.fit.refine_pose, "the pose learns too, with a tenth of the learning rate; slower");
     stymo::declare_perceptual_weight(line, options.lpips);
     stymo::declare_lpips_files(line, options.lpips);
+    stymo::declare_explain(line, options.explain);
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return fit(options); });
 }

@@ -2,24 +2,10 @@
 
 #include <nlohmann/json.hpp>
 
+#include "apps/common/begun_settings.h"
 #include "core/error.h"
 
 namespace stymo {
-namespace {
-
-using Json = nlohmann::json;
-
-/// Says which setting differs; both are objects that this program wrote.
-[[noreturn]] void refuse(const std::filesystem::path& path, const Json& begun, const Json& wanted) {
-    const std::string folder = path.parent_path().string();
-    for (const auto& [key, value] : wanted.items())
-        if (!begun.contains(key) || begun[key] != value)
-            fail<FileError>(folder, ": was begun with other settings (", key, " was ", begun.value(key, Json("unknown")).dump(),
-                            ", now ", value.dump(), "); give the same ones or another --out");
-    fail<FileError>(folder, ": was begun by another version of the program; give another --out");
-}
-
-}  // namespace
 
 std::filesystem::path ProgressFile::path_in(const std::filesystem::path& folder) {
     return folder / "progress.jsonl";
@@ -44,10 +30,10 @@ void ProgressFile::go_on(const std::string& settings) {
     std::streamoff whole = 0;
     // The last line is whole only if a line break ends it.
     for (int number = 1; std::getline(stream, line) && !stream.eof(); ++number) {
-        const Json value = Json::parse(line, nullptr, false);
+        const nlohmann::json value = nlohmann::json::parse(line, nullptr, false);
         if (!value.is_object())
             fail<FileError>(path_.string(), ", line ", number, ": not JSON; remove the folder and begin anew");
-        if (number == 1 && line != settings) refuse(path_, value, Json::parse(settings));
+        if (number == 1) require_same_settings(path_.parent_path(), line, settings);
         if (number > 1) lines_[value.value("file", "")] = whole;
         whole = stream.tellg();
     }

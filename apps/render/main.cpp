@@ -1,113 +1,65 @@
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <filesystem>
-#include <numbers>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "apps/common/command_line.h"
 #include "apps/common/output_file.h"
-#include "core/angle.h"
-#include "core/error.h"
-#include "core/interrupt.h"
-#include "core/io/image.h"
-#include "core/progress.h"
-#include "nn/models/code_file.h"
-#include "nn/models/realtime/face_renderer.h"
+#include "apps/common/work_plans.h"
+#include "apps/render/mesh.h"
+#include "apps/render/new_faces.h"
+#include "apps/render/pictures.h"
 
 namespace {
 
-struct Options {
-    std::filesystem::path model;
-    std::filesystem::path codes;
-    std::filesystem::path out;
-    std::optional<double> yaw;
-    std::optional<double> pitch;
-    std::optional<double> roll;
-    int orbit = 0;
-    double orbit_yaw = 30.0;
-    double orbit_pitch = 8.0;
-    double frames_per_second = 24.0;
-    std::string mode = "exact";
-    stymo::RendererOptions renderer;
-};
-
-const std::vector<std::string> mode_names{"exact", "skip", "bf16", "baked"};
-
-stymo::RenderMode mode_of(const std::string& name) {
-    const auto place = std::ranges::find(mode_names, name) - mode_names.begin();
-    return std::array{stymo::RenderMode::exact, stymo::RenderMode::skip, stymo::RenderMode::bf16,
-                      stymo::RenderMode::baked}[static_cast<std::size_t>(place)];
-}
-
-/// The pose the photo was fitted in, unless an angle is given.
-stymo::Camera chosen_camera(const Options& options, const stymo::Model& model, const stymo::CodeFile& face) {
-    if (!options.yaw && !options.pitch && !options.roll)
-        return stymo::camera_from_pose(face.pose, model.config().camera.intrinsics);
-    return stymo::model_camera(model, stymo::radians_from_degrees(options.yaw.value_or(0.0)),
-                               stymo::radians_from_degrees(options.pitch.value_or(0.0)),
-                               stymo::radians_from_degrees(options.roll.value_or(0.0)));
-}
-
-std::vector<stymo::Tensor> orbit_frames(const Options& options, const stymo::Model& model, stymo::FaceRenderer& renderer) {
-    std::vector<stymo::Tensor> frames;
-    const stymo::InterruptGuard guard;
-    stymo::Progress progress({.title = "render", .total = options.orbit, .unit = "frames"});
-    for (int frame = 0; frame < options.orbit; ++frame) {
-        if (stymo::interrupted()) stymo::fail<stymo::Error>("interrupted; nothing was written");
-        const double turn = 2.0 * std::numbers::pi * frame / options.orbit;
-        const stymo::Camera camera = stymo::model_camera(model, stymo::radians_from_degrees(options.orbit_yaw) * std::sin(turn),
-                                                         stymo::radians_from_degrees(options.orbit_pitch) * std::cos(turn), 0.0);
-        frames.push_back(renderer.render(camera).picture);
-        progress.update(frame + 1);
-    }
-    progress.finish();
-    return frames;
-}
-
-stymo::AppResult render(Options options) {
+void require_names(const stymo::RenderOptions& options) {
+    if (options.codes.empty() && options.sample == 0) stymo::fail<stymo::UsageError>("--codes is required");
+    if (options.out.empty() && options.mesh.empty()) stymo::fail<stymo::UsageError>("--out is required");
+    if (options.sample > 0 && options.out.empty()) stymo::fail<stymo::UsageError>("--sample needs --out, a folder");
+    if (!options.mesh.empty()) stymo::require_extension(options.mesh, {".ply"});
+    if (options.sample > 0 || options.out.empty()) return;
     if (options.orbit > 0) {
         stymo::require_extension(options.out, {".gif", ".mp4"});
+    } else if (!options.to.empty()) {
+        stymo::require_extension(options.out, {".gif", ".mp4", ".png", ".jpg"});
     } else {
         stymo::require_extension(options.out, {".png", ".jpg"});
     }
-    const stymo::Model model = stymo::Model::load(options.model);
-    const stymo::CodeFile face = stymo::read_code_file(options.codes);
-    stymo::require_folder_of(options.out);
-    options.renderer.mode = mode_of(options.mode);
-    stymo::FaceRenderer renderer(model, options.renderer);
-    renderer.show(face.codes);
-    std::vector<std::string> written{options.out.string()};
-    if (options.orbit > 0) {
-        stymo::write_animation(options.out, orbit_frames(options, model, renderer), options.frames_per_second);
-    } else {
-        const stymo::View view = renderer.render(chosen_camera(options, model, face));
-        const auto beside = [&](const char* suffix) {
-            std::filesystem::path path = options.out;
-            path.replace_extension();
-            path += suffix;
-            written.push_back(path.string());
-            return path;
-        };
-        stymo::write_image(options.out, view.picture);
-        if (options.renderer.mask) stymo::write_image(beside("_mask.png"), view.mask);
-        if (options.renderer.depth) stymo::write_exr(beside("_depth.exr"), view.depth);
-    }
-    std::string text;
-    for (const std::string& path : written) text += path + "\n";
-    return {text, stymo::JsonValue::object({{"written", written}})};
 }
 
-}  // namespace
+stymo::AppResult render(stymo::RenderOptions options, const stymo::CommonOptions& common) {
+    require_names(options);
+    stymo::require_understood(options);
+    options.renderer.mode = stymo::render_mode(options.mode);
+    stymo::Explainer explainer(options.explain);
+    const bool encodes = !options.data.empty();
+    const stymo::Model model = stymo::Model::load(options.model, encodes ? stymo::ModelParts::all : stymo::ModelParts::decoder);
+    explainer.show(stymo::render_plan(model, options.renderer));
+    std::vector<std::filesystem::path> written;
+    if (options.sample > 0) {
+        written = stymo::write_new_faces(options, model, common.seed, explainer);
+    } else {
+        const stymo::CodeFile face = stymo::read_code_file(options.codes);
+        for (const std::filesystem::path& file : {options.out, options.mesh}) {
+            if (!file.empty()) stymo::require_folder_of(file);
+        }
+        if (!options.out.empty())
+            written = stymo::write_pictures(options.out, options, model, stymo::shots_of_face(options, model, face), explainer);
+        if (!options.mesh.empty()) {
+            stymo::write_mesh(options, model, face);
+            written.push_back(options.mesh);
+        }
+    }
+    std::string text;
+    std::vector<std::string> names;
+    for (const std::filesystem::path& path : written) {
+        names.push_back(path.string());
+        text += names.back() + "\n";
+    }
+    stymo::AppResult result{text, stymo::JsonValue::object({{"written", names}})};
+    explainer.finish(result);
+    return result;
+}
 
-int main(int argc, char** argv) {
-    Options options;
-    stymo::CommandLine line("stymo-render", "Renders a face from any side.");
-    line.option("--model", options.model, "model.safetensors of a training run").required();
-    line.option("--codes", options.codes, "codes.json of a fit").required();
-    line.option("--out", options.out, "picture (.png, .jpg), or animation (.gif, .mp4) with --orbit").required();
+void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
     line.option("--yaw", options.yaw,
                 "degrees, positive: the face turns to the image's left; without any angle the photo's own pose")
         .range(-180, 180);
@@ -120,18 +72,67 @@ int main(int argc, char** argv) {
                 "exact; skip: without samples that count for little; bf16: also with numbers of 16 bits (half precision on "
                 "processors that compute it, else bfloat16); baked: the field read from "
                 "samples taken once")
-        .one_of(mode_names);
+        .one_of(stymo::render_mode_names());
     line.option("--tolerance", options.renderer.tolerance,
                 "of skip and bf16: compositing weight that samples left out in a row may have together")
         .range(0, 0.99);
     line.option("--bake-resolution", options.renderer.bake_resolution,
                 "of baked: cells along one side of the cube that is sampled")
         .range(8, 512);
+    line.flag("--mask", options.renderer.mask, "also write the head mask, OUT_mask.png; of an animation another one");
+    line.flag("--depth", options.renderer.depth,
+              "also write the depth of each ray, OUT_depth.exr; of an animation one file a frame");
+}
+
+void declare_jobs(stymo::Command& line, stymo::RenderOptions& options) {
     line.option("--orbit", options.orbit, "number of frames of a turn around the head").range(0, 10000);
     line.option("--orbit-yaw", options.orbit_yaw, "degrees to either side in the orbit").range(0, 180);
     line.option("--orbit-pitch", options.orbit_pitch, "degrees up and down in the orbit").range(0, 90);
-    line.option("--fps", options.frames_per_second, "frames per second of the orbit").range(1, 240);
-    line.flag("--mask", options.renderer.mask, "also write the head mask, OUT_mask.png").excludes("--orbit");
-    line.flag("--depth", options.renderer.depth, "also write the depth of each ray, OUT_depth.exr").excludes("--orbit");
-    return line.run(argc, argv, [&](const stymo::CommonOptions&) { return render(options); });
+    line.option("--fps", options.frames_per_second, "frames per second of an animation").range(1, 240);
+    line.option("--to", options.to,
+                "codes.json of another face: pictures on the way there, a strip or an animation there and back")
+        .excludes("--orbit");
+    line.option("--frames", options.frames, "pictures on the way of --to, both ends included").range(2, 10000).needs("--to");
+    line.option("--grid-yaw", options.grid_yaw, "FROM:TO:COUNT in degrees: a sheet of views, these from left to right")
+        .excludes("--orbit")
+        .excludes("--to");
+    line.option("--grid-pitch", options.grid_pitch, "FROM:TO:COUNT in degrees: a sheet of views, these from top to bottom")
+        .excludes("--orbit")
+        .excludes("--to");
+    line.option("--sample", options.sample,
+                "number of new faces, drawn from the distribution of the training codes; --out is a folder, --seed decides which")
+        .range(0, 10000)
+        .excludes("--orbit")
+        .excludes("--to")
+        .excludes("--grid-yaw")
+        .excludes("--grid-pitch");
+    line.option("--truncation", options.truncation, "1: as varied as the training faces; 0: their mean")
+        .range(0, 10)
+        .needs("--sample");
+    line.option("--data", options.data, "folder of faces whose codes' distribution takes the place of the model's")
+        .needs("--sample");
+    line.option(
+        "--take", options.take,
+        "groups that --to or --sample change: id, expr, tex, light, joined with commas; the others are those of --codes, of "
+        "--sample without --codes the mean");
+    line.option("--mesh", options.mesh, "also write the surface of the face, a .ply file; --out may be left out")
+        .excludes("--sample");
+    line.option("--mesh-resolution", options.meshing.resolution, "cells along the longest side of the box around the head")
+        .range(2, 1024)
+        .needs("--mesh");
+    line.option("--mesh-level", options.meshing.level, "density of the surface").range(1e-6, 1e6).needs("--mesh");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    stymo::RenderOptions options;
+    stymo::CommandLine line("stymo-render", "Renders a face from any side, faces between two, new faces, and meshes.");
+    line.option("--model", options.model, "model.safetensors of a training run").required();
+    line.option("--codes", options.codes, "codes.json of a fit; required but with --sample");
+    line.option("--out", options.out, "picture (.png, .jpg); animation (.gif, .mp4) with --orbit or --to; folder with --sample");
+    declare_view(line, options);
+    declare_jobs(line, options);
+    stymo::declare_explain(line, options.explain);
+    return line.run(argc, argv, [&](const stymo::CommonOptions& common) { return render(options, common); });
 }

@@ -4,6 +4,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/face_input.h"
+#include "apps/common/work_plans.h"
 #include "core/error.h"
 #include "nn/models/view.h"
 #include "train/plan.h"
@@ -21,6 +22,7 @@ struct Options {
     bool dry_run = false;
     std::string measure = "ends";
     bool print_keys = false;
+    bool explain = false;
 };
 
 std::optional<stymo::Dataset> validation_faces(const Options& options, const stymo::TrainConfig& config) {
@@ -47,10 +49,14 @@ stymo::AppResult train(const Options& options, const stymo::CommonOptions& commo
     config.model.camera.intrinsics = training.load(0).intrinsics;
     const std::optional<stymo::Dataset> validation = validation_faces(options, config);
     std::cerr << "training: " << training.summary().text() << '\n';
+    stymo::Explainer explainer(options.explain);
     stymo::Trainer trainer(config, training, validation ? &*validation : nullptr, common.seed);
+    explainer.show(stymo::train_plan(config, trainer));
     if (options.dry_run) {
         const stymo::TrainingPlan plan = stymo::measure_plan(trainer, config, training, measured_phases(options.measure));
-        return {stymo::plan_text(plan), stymo::to_json(plan)};
+        stymo::AppResult result{stymo::plan_text(plan), stymo::to_json(plan)};
+        explainer.finish(result);
+        return result;
     }
     // Before the run folder is made: a wrong --resume leaves nothing behind.
     if (!options.resume.empty())
@@ -62,7 +68,10 @@ stymo::AppResult train(const Options& options, const stymo::CommonOptions& commo
     const std::size_t known = training.summary().broken.size();
     const stymo::TrainingOutcome outcome = trainer.run(folder, {.minutes = options.max_minutes});
     stymo::write_broken_files(std::cerr, training.summary(), known);
-    return {stymo::outcome_text(outcome, folder), stymo::to_json(outcome, folder)};
+    stymo::AppResult result{stymo::outcome_text(outcome, folder), stymo::to_json(outcome, folder)};
+    explainer.count("steps", outcome.steps);
+    explainer.finish(result);
+    return result;
 }
 
 }  // namespace
@@ -81,5 +90,6 @@ int main(int argc, char** argv) {
         .one_of({"ends", "all", "none"})
         .needs("--dry-run");
     line.flag("--print-keys", options.print_keys, "print the table of all configuration keys and stop");
+    stymo::declare_explain(line, options.explain);
     return line.run(argc, argv, [&](const stymo::CommonOptions& common) { return train(options, common); });
 }

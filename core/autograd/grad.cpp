@@ -6,6 +6,7 @@
 #include "core/autograd/node.h"
 #include "core/error.h"
 #include "core/ops/elementwise.h"
+#include "core/work_counts.h"
 
 namespace stymo {
 
@@ -93,6 +94,7 @@ private:
         if (node->joint_rule() && std::ranges::count(needed, true) > 0) together = node->joint_rule()(vjp, needed);
         for (std::size_t i = 0; i < needed.size(); ++i) {
             if (!needed[i]) continue;
+            work::count_gradient_rule();
             if (node->joint_rule()) {
                 accumulate(*node, i, std::move(together.at(i)));
                 continue;
@@ -132,6 +134,7 @@ std::vector<Variable> grad(const Variable& y, std::span<const Variable> xs, cons
     if (y.tracked()) {
         by_target = Sweep(topological_order(y.node(), targets, options.partial), options).run(std::move(dL_dy), targets);
     }
+    work::count_gradients(std::ranges::count_if(by_target, &Variable::defined));
     std::vector<Variable> result;
     result.reserve(xs.size());
     for (const Variable& x : xs) {

@@ -3,12 +3,14 @@
 #include <algorithm>
 
 #include "core/error.h"
+#include "core/work_counts.h"
 
 namespace stymo {
 
 Variable record(const char* name, Tensor value, std::vector<Variable> inputs, Save save, std::vector<VjpRule> rules) {
     if (rules.size() != inputs.size())
         fail<GradientError>("[", name, "] has ", inputs.size(), " inputs but ", rules.size(), " rules");
+    work::count_operation();
     if (std::ranges::none_of(inputs, &Variable::tracked)) return Variable(std::move(value));
     std::vector<Node::Input> edges;
     edges.reserve(inputs.size());
@@ -21,6 +23,7 @@ Variable record(const char* name, Tensor value, std::vector<Variable> inputs, Sa
 }
 
 Variable record(const char* name, Tensor value, std::vector<Node::Input> inputs, JointVjpRule joint_rule) {
+    work::count_operation();
     return {std::move(value), std::make_shared<Node>(name, std::move(inputs), std::move(joint_rule))};
 }
 

@@ -82,7 +82,8 @@ private:
         for (const double digit : {5.0, 2.0, 1.0})
             if (digit * decade * most >= high_ - low_) step = digit * decade;
         std::vector<double> values;
-        for (double count = std::ceil(low_ / step); count * step <= high_; ++count) values.push_back(count * step);
+        constexpr double no_sign = 0.0;  // added to -0
+        for (double count = std::ceil(low_ / step); count * step <= high_; ++count) values.push_back(count * step + no_sign);
         return values;
     }
 
@@ -141,9 +142,10 @@ void write_axes(std::ostream& svg, const Plot& plot, const Axis& x, const Axis& 
 }
 
 void write_series(std::ostream& svg, const PlotSeries& series, std::size_t index, const Axis& x, const Axis& y) {
-    const char* colour = colours.at(index % colours.size());
+    const std::size_t style = series.style.value_or(index);
+    const char* colour = colours.at(style % colours.size());
     const auto write_polyline = [&](const std::string& points) {
-        const char* dashes = index < colours.size() ? "" : " stroke-dasharray=\"6 4\"";
+        const char* dashes = style < colours.size() ? "" : " stroke-dasharray=\"6 4\"";
         svg << "<polyline fill=\"none\" stroke-width=\"1.5\" stroke=\"" << colour << "\"" << dashes << " points=\"" << points
             << "\"/>\n";
     };

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,6 +16,9 @@ struct PlotPoint {
 struct PlotSeries {
     std::string name;
     std::vector<PlotPoint> points;  ///< joined in this order
+    /// Series of one style look alike in every plot: 8 colours, dashed from 8 on. Without one its place in the plot stands for
+    /// it.
+    std::optional<std::size_t> style{};
 };
 
 enum class PlotScale { logarithmic, linear };

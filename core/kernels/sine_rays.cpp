@@ -1,6 +1,7 @@
 #include "core/kernels/sine_rays.h"
 
 #include "core/kernels/ray_run.h"
+#include "core/work_counts.h"
 
 namespace stymo::kernels {
 
@@ -14,6 +15,7 @@ void render_run(RayRun<T>& run, const RayExtents& extents, std::int64_t first, s
     const std::size_t features = extents.inputs.size() - 1;
     for (std::int64_t ray = first; ray < end; ray = run.tile().end_ray) {
         run.take(ray, end);
+        work::count_field_points(run.tile().points());
         T* x = odd.get();
         for (std::size_t layer = 0; layer <= features; ++layer) {
             const T* before = x;

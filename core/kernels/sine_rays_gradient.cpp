@@ -1,5 +1,6 @@
 #include "core/kernels/ray_run.h"
 #include "core/kernels/sine_rays.h"
+#include "core/work_counts.h"
 
 namespace stymo::kernels {
 
@@ -58,6 +59,7 @@ public:
     void operator()(std::int64_t first, std::int64_t end, const T* dL_dy) {
         for (std::int64_t ray = first; ray < end; ray = run_.tile().end_ray) {
             run_.take(ray, end);
+            if (kept_ == nullptr) work::count_field_points(run_.tile().points());
             take_arguments();
             differentiate_compositing(dL_dy);
             for (std::size_t layer = layers_ - 1; layer > 0; --layer) {

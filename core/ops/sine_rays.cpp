@@ -9,6 +9,7 @@
 #include "core/kernels/sine_rays.h"
 #include "core/ops/elementwise.h"
 #include "core/ops/sample_order.h"
+#include "core/work_counts.h"
 
 namespace stymo {
 
@@ -78,7 +79,10 @@ Variable sine_rays(const RayPoints& rays, const SineNetwork& network, const Sine
                           const std::vector<Value>& of) { return network_of<Value>(of, frequencies, skip_layer); };
     const bool tracked = std::ranges::any_of(parts, &Variable::tracked);
     kernels::SineRaysResult result = kernels::sine_rays(rays, with(values), tracked && arguments == SineArguments::kept);
-    if (!tracked) return Variable(std::move(result.value));
+    if (!tracked) {
+        work::count_operation();
+        return Variable(std::move(result.value));
+    }
 
     std::vector<Node::Input> inputs;
     for (const Variable& part : parts) inputs.push_back({part.node(), part.value(), part.shape()});

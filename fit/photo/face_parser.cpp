@@ -67,6 +67,22 @@ Tensor strongest_class(const Tensor& logits) {
     return classes;
 }
 
+/// The strongest of the head's classes within the mask, background outside.
+Tensor strongest_head_class(const Tensor& logits, const Tensor& mask) {
+    Tensor classes(mask.shape());
+    const std::span<const float> from = logits.values<float>();
+    const std::span<const float> head = mask.values<float>();
+    const std::span<float> result = classes.mutable_values<float>();
+    for (std::size_t i = 0; i < result.size(); ++i) {
+        const auto pixel = from.subspan(i * class_count, class_count);
+        auto strongest = static_cast<std::size_t>(HeadPart::skin);
+        for (std::size_t part = 0; part < class_count; ++part)
+            if (is_head_class(static_cast<int>(part)) && pixel[part] > pixel[strongest]) strongest = part;
+        result[i] = head[i] < 0.5F ? static_cast<float>(HeadPart::background) : static_cast<float>(strongest);
+    }
+    return classes;
+}
+
 /// Sum of the probabilities of the head's classes.
 Tensor head_probability(const Tensor& logits) {
     Tensor probability({logits.shape(0), logits.shape(1), 1});
@@ -148,6 +164,13 @@ FaceParserKind FaceParser::kind() const {
 
 Tensor FaceParser::parse(const Tensor& crop) {
     return strongest_class(implementation_->logits(crop));
+}
+
+Tensor FaceParser::parse_head(const Tensor& crop, const Tensor& mask) {
+    const Tensor logits = implementation_->logits(crop);
+    if (!(mask.shape() == crop.shape().with(2, 1)))
+        fail<ShapeError>("[face parser] the mask ", mask.shape(), " does not belong to the crop ", crop.shape());
+    return strongest_head_class(logits, mask);
 }
 
 Tensor FaceParser::head_mask(const Tensor& crop, const Landmarks& landmarks) {

@@ -31,6 +31,10 @@ public:
     /// side, 1). Not to be called from several threads at once, like the next.
     [[nodiscard]] Tensor parse(const Tensor& crop);
 
+    /// The same of a head alone on black: background where `mask` (side, side, 1) is below one half, elsewhere the likeliest of
+    /// the parts of a head (is_head_class). Networks take dark or blurred hair in front of black for background.
+    [[nodiscard]] Tensor parse_head(const Tensor& crop, const Tensor& mask);
+
     /// The head mask of an aligned crop as head_mask_from_parsing makes it, after GrabCut has mended what the network says by the
     /// landmarks and by the picture's own colours.
     [[nodiscard]] Tensor head_mask(const Tensor& crop, const Landmarks& landmarks);

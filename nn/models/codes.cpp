@@ -1,9 +1,27 @@
 #include "nn/models/codes.h"
 
+#include "core/error.h"
 #include "core/ops/elementwise.h"
 #include "core/ops/reduce.h"
+#include "core/ops/shape_ops.h"
 
 namespace stymo {
+
+Variable joined(const Codes& codes) {
+    return concat({codes.groups.begin(), codes.groups.end()}, 1);
+}
+
+Codes split_codes(const Variable& rows) {
+    if (rows.rank() != 2 || rows.shape(1) != code_size)
+        fail<ShapeError>("codes have ", code_size, " numbers a row, got ", rows.shape());
+    Codes codes;
+    std::int64_t begin = 0;
+    for (std::size_t i = 0; i < codes.groups.size(); ++i) {
+        codes.groups[i] = slice(rows, 1, begin, begin + code_sizes[i]);
+        begin += code_sizes[i];
+    }
+    return codes;
+}
 
 Codes add(const Codes& a, const Codes& b) {
     Codes sum;

@@ -23,6 +23,10 @@ struct Codes {
     [[nodiscard]] std::int64_t batch() const { return groups[0].shape(0); }
 };
 
+/// All numbers of each face in one row, groups in their order: (B, 306).
+[[nodiscard]] Variable joined(const Codes& codes);
+/// The inverse of `joined`. Throws ShapeError for rows of another length.
+[[nodiscard]] Codes split_codes(const Variable& rows);
 /// a + b, group by group.
 [[nodiscard]] Codes add(const Codes& a, const Codes& b);
 /// The same numbers as constants.

@@ -311,10 +311,10 @@ FoldedField Decoder::folded_field(const Codes& w) const {
     return layers_->field->folded(field_style(w));
 }
 
-std::vector<FoldedRenderBlock> Decoder::folded_blocks(const Codes& w) const {
+std::vector<FoldedRenderBlock> Decoder::folded_blocks(const Codes& w, std::int64_t resolution) const {
     std::vector<FoldedRenderBlock> blocks;
     const Variable style = appearance_style(w);
-    for (const auto& block : layers_->blocks) blocks.push_back(block->folded(style));
+    for (std::size_t i = 0; i < layers_->images_up_to(resolution); ++i) blocks.push_back(layers_->blocks[i]->folded(style));
     return blocks;
 }
 

@@ -99,7 +99,8 @@ public:
     /// The layers as they are for one face, with codes (1, ...) in W: what a renderer computes with. Throw ValueError unless it
     /// folds.
     [[nodiscard]] FoldedField folded_field(const Codes& w) const;
-    [[nodiscard]] std::vector<FoldedRenderBlock> folded_blocks(const Codes& w) const;
+    /// Those of a picture of this side, 0 for the model's own. Throws ValueError for one that is not one of the model's.
+    [[nodiscard]] std::vector<FoldedRenderBlock> folded_blocks(const Codes& w, std::int64_t resolution = 0) const;
     [[nodiscard]] FoldedMaskBranch folded_mask() const;
     /// Decoded::weights.weights of an image with samples at fixed places, (B, rays, samples_per_ray), and no more than they take.
     /// Throws what decoding throws.

@@ -37,6 +37,8 @@ void describe(ConfigSchema& schema, ModelConfig& config) {
     schema.number("reconstruction.perceptual_weight", reconstruction.perceptual_weight, 0.0, 1e6,
                   "lambda of LPIPS at the largest resolution (paper: 0.1); 0: without");
     describe(schema, reconstruction.perceptual, "reconstruction.perceptual_");
+    schema.integer("reconstruction.perceptual_resolution", reconstruction.perceptual_resolution, 0, 4096,
+                   "side of the pictures that LPIPS compares at most, a power of two; 0: no limit (paper: no limit)");
     schema.integer("reconstruction.fit_samples_per_ray", reconstruction.fit_samples_per_ray, 2, 4096,
                    "samples per ray while fitting (paper: 64)");
     schema.number("reconstruction.fit_regularizer", reconstruction.fit_regularizer, 0.0, 1e6,
@@ -50,23 +52,26 @@ std::string to_json(const ModelConfig& config) {
     return schema.to_json();
 }
 
-Model::Model(const ModelConfig& config, Rng& rng)
+Model::Model(const ModelConfig& config, Rng& rng) : Model(config, rng, ModelParts::all) {}
+
+Model::Model(const ModelConfig& config, Rng& rng, ModelParts parts)
     : config_(config),
-      encoder_(config.code_source == "encoder"
+      encoder_(parts == ModelParts::all && config.code_source == "encoder"
                    ? std::optional<Encoder>(std::in_place, config.encoder, parameters_, "encoder", rng)
                    : std::nullopt),
       decoder_(config.decoder, parameters_, "decoder", rng) {}
 
 const Encoder& Model::encoder() const {
-    if (!encoder_)
+    if (!encoder_ && config_.code_source != "encoder")
         fail<ValueError>(
             "this model has no encoder: its codes are those of a morphable model, which a photo must bring along "
             "(codes.source = ",
             config_.code_source, ")");
+    if (!encoder_) fail<ValueError>("of this model only the decoder was loaded");
     return *encoder_;
 }
 
-Model Model::load(const std::filesystem::path& path) {
+Model Model::load(const std::filesystem::path& path, ModelParts parts) {
     const TensorFile file = read_tensor_file(path);
     const auto format = file.metadata.find(format_key);
     const auto text = file.metadata.find(config_key);
@@ -81,17 +86,20 @@ Model Model::load(const std::filesystem::path& path) {
     // The file holds every weight, so the backbone's own file, which may be gone by now, is not read again.
     config.encoder.backbone_weights.clear();
     Rng unused(0);
-    Model model(config, unused);
+    Model model(config, unused, parts);
     model.parameters_.load(file, path.string());
     model.parameters_.set_trainable("", false);
+    model.code_statistics_ = CodeStatistics::load(file, path.string());
     return model;
 }
 
 void Model::save(const std::filesystem::path& path) const {
+    if (!has_encoder()) fail<ValueError>(path.string(), ": a model without its encoder is not saved");
     TensorFile file;
     file.metadata[format_key] = format_name;
     file.metadata[config_key] = to_json(config_);
     parameters_.save(file);
+    if (code_statistics_) code_statistics_->save(file);
     write_tensor_file(path, file);
 }
 

@@ -7,6 +7,7 @@
 #include "core/ops/activation.h"
 #include "core/ops/elementwise.h"
 #include "core/ops/shape_ops.h"
+#include "core/work_counts.h"
 #include "nn/models/kept_samples.h"
 #include "render/encoding.h"
 
@@ -18,6 +19,7 @@ Variable sine_layer(const Variable& x, const ModulatedLayer& layer) {
 }
 
 FieldSamples evaluate(const Variable& points, const SineNetwork& network, bool density_only) {
+    work::count_field_points(points.shape(0) * points.shape(1));
     const Variable encoding = positional_encoding(points, network.frequencies);
     Variable x = encoding;
     for (std::size_t i = 0; i + 1 < network.layers.size(); ++i)

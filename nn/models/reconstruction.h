@@ -14,15 +14,18 @@ namespace stymo {
 /// L_recon of the paper: what makes a rendered face equal a photo, in both training stages and in fitting alike.
 class ReconstructionLoss {
 public:
-    /// Loads the perceptual network unless its weight is 0; throws what `Lpips` throws. `off_switch`: how the user turns the
-    /// perceptual term off.
+    /// Loads the perceptual network unless its weight is 0; throws what `Lpips` throws, and ConfigError for a perceptual
+    /// resolution that is no power of two. `off_switch`: how
+    /// the user turns the perceptual term off.
     explicit ReconstructionLoss(const ReconstructionConfig& config,
                                 const std::string& off_switch = "reconstruction.perceptual_weight = 0");
 
     /// Photos on black with what is computed of them only once.
     struct Target {
         std::vector<Tensor> pictures;  ///< (B, s, s, 3) in [-1, 1], background -1, for s = 64, 128, ... up to the resolution R
-        /// Of each face's largest picture; empty: computed where they are needed, one face at a time, and let go again.
+        std::vector<double> weights;   ///< of the photometric loss, at least one for each picture
+        /// Of each face's largest picture, or of what it is reduced to; empty: computed where they are needed, one face at a
+        /// time, and let go again.
         std::vector<Lpips::Features> features;
     };
     /// `pictures` up to the side `resolution` (0: all of them), without features: for a target that is used once.

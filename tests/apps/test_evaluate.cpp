@@ -1,18 +1,75 @@
 #include <catch2/catch.hpp>
+#include <cmath>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "apps/common/command_line.h"
-#include "apps/common/evaluate.h"
+#include "apps/eval/evaluate.h"
+#include "apps/eval/report_page.h"
+#include "apps/eval/run_split.h"
+#include "apps/eval/score_folder.h"
+#include "apps/eval/score_sheet.h"
 #include "apps/tiny_run.h"
 #include "core/error.h"
+#include "core/io/file.h"
+#include "core/io/image.h"
+#include "core/io/scratch_folder.h"
+#include "core/parallel.h"
+#include "support/error_message.h"
+#include "support/thread_count.h"
 
 namespace {
 
-using stymo::FaceScore;
-using stymo::parse_range;
+namespace fs = std::filesystem;
+using namespace stymo;
+using nlohmann::json;
+using stymo::test::error_message;
 
-const std::vector<FaceScore> two_scores = {{"a", {0.3, 0.1, 0.5, 20.0}, {0.2, 0.06, 0.7, 24.0}},
-                                           {"b", {0.1, 0.04, 0.7, 10.0}, {0.0, 0.0, 0.9, 12.0}}};
+FaceScore score_of(const std::string& id, const ImageMetrics& initial, const ImageMetrics& fitted) {
+    return {id, {{Region::head, initial, fitted}}, 0.25};
+}
+
+const std::vector<FaceScore> three_scores = {score_of("a", {0.3, 0.1, 0.5, 20.0}, {0.2, 0.06, 0.7, 24.0}),
+                                             score_of("b", {0.1, 0.04, 0.7, 10.0}, {0.0, 0.0, 0.9, 12.0}),
+                                             score_of("c", {0.2, 0.07, 0.6, 12.0}, {0.1, 0.03, 0.8, 15.0})};
+
+/// Faces whose fitted PSNR is 1, 2, ..., not in order.
+std::vector<FaceScore> scores_by_psnr(int count) {
+    std::vector<FaceScore> scores;
+    for (int i = 0; i < count; ++i) {
+        const int psnr = (i * 7) % count + 1;
+        scores.push_back(score_of("face" + std::to_string(psnr), {}, {0.0, 0.0, 0.0, static_cast<double>(psnr)}));
+    }
+    return scores;
+}
+
+std::vector<std::string> ids_of(const std::vector<SheetRow>& rows, const std::string& kind) {
+    std::vector<std::string> ids;
+    for (const SheetRow& row : rows)
+        if (row.kind == kind) ids.push_back(row.id);
+    return ids;
+}
+
+/// The tiny run's model on its faces.
+struct TinyEvaluation {
+    Model model = Model::load(tiny_run() / "run/model.safetensors");
+    Dataset faces{tiny_run() / "faces", 64, {.cache_megabytes = 0}, Split::all};
+    ReconstructionLoss loss{model.config().reconstruction};
+    EvaluationOptions options;
+
+    TinyEvaluation() {
+        options.range = {0, 2};
+        options.fit = true;
+        options.fitting.steps = 2;
+    }
+    [[nodiscard]] Evaluation run() const { return evaluate(model, loss, faces, options); }
+};
+
+std::vector<std::string> lines_of(const std::vector<FaceScore>& scores) {
+    std::vector<std::string> lines;
+    for (const FaceScore& score : scores) lines.push_back(to_json(score).text());
+    return lines;
+}
 
 }  // namespace
 
@@ -30,41 +87,174 @@ TEST_CASE("A range of faces is one place, two, or from one to the end") {
 
 TEST_CASE("Anything else is no range of faces") {
     const auto text = GENERATE("x", "-3", "1-2-3", "5-2", "1-x", "1.5", " 1", "1 ", "99999999999999999999", "-");
-    CHECK_THROWS_AS(parse_range(text), stymo::UsageError);
+    CHECK_THROWS_AS(parse_range(text), UsageError);
     CHECK_THROWS_WITH(parse_range(text), Catch::Contains("--ids"));
 }
 
-TEST_CASE("The scores of a folder are the means over its faces") {
-    const auto json = nlohmann::json::parse(stymo::to_json(two_scores, true).text());
-    CHECK(json["count"] == 2);
-    CHECK(json["mean"]["initial"]["psnr"].get<double>() == Approx(15.0));
-    CHECK(json["mean"]["fitted"]["l1"].get<double>() == Approx(0.1));
-    CHECK(json["mean"]["fitted"]["ssim"].get<double>() == Approx(0.8));
-    CHECK(json["faces"]["b"]["fitted"]["psnr"] == 12.0);
-    const auto without = nlohmann::json::parse(stymo::to_json(two_scores, false).text());
-    CHECK_FALSE(without["mean"].contains("fitted"));
-    CHECK_THAT(stymo::table(two_scores, true), Catch::Contains("15.00") && Catch::Contains("18.00"));
-    CHECK_THAT(stymo::table(two_scores, false), !Catch::Contains("fitted"));
+TEST_CASE("The scores of a folder are the means and the medians over its faces") {
+    const auto value = json::parse(summary_json(three_scores, {{"d", "d.png: not an image"}}).text());
+    CHECK(value["count"] == 3);
+    CHECK(value["mean"]["head"]["initial"]["psnr"].get<double>() == Approx(14.0));
+    CHECK(value["mean"]["head"]["fitted"]["l1"].get<double>() == Approx(0.1));
+    CHECK(value["median"]["head"]["initial"]["psnr"].get<double>() == Approx(12.0));
+    CHECK(value["median"]["head"]["fitted"]["ssim"].get<double>() == Approx(0.8));
+    CHECK(value["counting_samples"].get<double>() == Approx(0.25));
+    CHECK(value["failed"] == json{{{"id", "d"}, {"reason", "d.png: not an image"}}});
+    CHECK_FALSE(value["mean"].contains("face"));
+    CHECK_THAT(table(three_scores), Catch::Contains("3 faces") && Catch::Contains("14.00") && Catch::Contains("17.00") &&
+                                        Catch::Contains("median") && !Catch::Contains("LPIPS"));
+
+    std::vector<FaceScore> initial_alone = three_scores;
+    for (FaceScore& score : initial_alone) score.regions.front().fitted.reset();
+    CHECK_FALSE(json::parse(summary_json(initial_alone, {}).text())["mean"]["head"].contains("fitted"));
+    CHECK_THAT(table(initial_alone), !Catch::Contains("fitted"));
 }
 
-TEST_CASE("How many faces are fitted at once does not change their scores") {
-    const stymo::Model model = stymo::Model::load(stymo::tiny_run() / "run/model.safetensors");
-    const stymo::Dataset faces(stymo::tiny_run() / "faces", 64, {}, stymo::Split::all);
-    const stymo::ReconstructionLoss loss(model.config().reconstruction);
-    stymo::EvaluationOptions options;
-    options.range = {0, 2};
-    options.fit = true;
-    options.fitting.steps = 2;
-    options.batch = 1;
-    const auto one_by_one = stymo::evaluate(model, loss, faces, options).scores;
-    options.batch = 4;
-    const auto together = stymo::evaluate(model, loss, faces, options).scores;
-    REQUIRE(one_by_one.size() == 3);
-    REQUIRE(together.size() == 3);
-    for (std::size_t i = 0; i < 3; ++i) {
-        CHECK(one_by_one[i].id == together[i].id);
-        CHECK(one_by_one[i].fitted.l1 == Approx(together[i].fitted.l1).epsilon(1e-3));
+TEST_CASE("A face's score is read back from its line as it was, infinite PSNR included") {
+    FaceScore score{"00012",
+                    {{Region::head, {0.1, 1.0 / 3.0, 0.25, 21.0, 0.125}, ImageMetrics{0.0, 0.0, 1.0, INFINITY, 0.0}},
+                     {Region::face, {1e-7, 0.2, 0.3, 30.0, 0.5}, ImageMetrics{0.1, 0.2, 0.3, 4.0, 0.25}}},
+                    0.28};
+    const std::string line = to_json(score).text();
+    const FaceScore again = parse_face_score(line);
+    CHECK(to_json(again).text() == line);
+    CHECK(again.regions[0].fitted->psnr == INFINITY);
+    CHECK(again.regions[0].initial.l1_mean == 1.0 / 3.0);
+    CHECK(again.regions[1].region == Region::face);
+    for (const char* text :
+         {"", "{}", R"({"id":"a","counting_samples":1})", R"({"id":"a","head":{},"counting_samples":1})", "[1"})
+        CHECK_THROWS_AS(parse_face_score(text), FileError);
+}
+
+TEST_CASE("The sheet shows the best, the median and the worst faces, none of them twice") {
+    const std::vector<SheetRow> many = sheet_rows(scores_by_psnr(20));
+    CHECK(ids_of(many, "best") == std::vector<std::string>{"face20", "face19", "face18"});
+    CHECK(ids_of(many, "median") == std::vector<std::string>{"face12", "face11", "face10"});
+    CHECK(ids_of(many, "worst") == std::vector<std::string>{"face3", "face2", "face1"});
+    CHECK(many.front().psnr == 20.0);
+    const std::vector<SheetRow> few = sheet_rows(scores_by_psnr(5));
+    REQUIRE(few.size() == 3);
+    CHECK(few[0].id == "face5");
+    CHECK(few[1].id == "face3");
+    CHECK(few[2].id == "face1");
+    CHECK(sheet_rows(scores_by_psnr(2)).size() == 2);
+    CHECK(sheet_rows(scores_by_psnr(1)).size() == 1);
+}
+
+TEST_CASE("A face's score is the same on one thread and on two, by itself and beside others") {
+    TinyEvaluation tiny;
+    const test::ThreadCount restored;
+    set_thread_count(2);
+    const std::vector<std::string> side_by_side = lines_of(tiny.run().scores);
+    tiny.options.one_by_one = true;
+    const std::vector<std::string> one_by_one = lines_of(tiny.run().scores);
+    set_thread_count(1);
+    tiny.options.one_by_one = false;
+    const std::vector<std::string> on_one_thread = lines_of(tiny.run().scores);
+    tiny.options.range = {1, 1};
+    const std::vector<std::string> alone = lines_of(tiny.run().scores);
+    REQUIRE(side_by_side.size() == 3);
+    CHECK(side_by_side == one_by_one);
+    CHECK(side_by_side == on_one_thread);
+    CHECK(alone == std::vector<std::string>{side_by_side[1]});
+    tiny.options.range = {12, -1};
+    CHECK_THROWS_AS(tiny.run(), ConfigError);
+}
+
+TEST_CASE("An evaluation goes on where it was stopped, without the line that was cut off") {
+    const ScratchFolder scratch;
+    const JsonValue settings = JsonValue::object({{"--steps", 2}, {"--fit", true}});
+    TinyEvaluation tiny;
+    {
+        ScoreFolder folder(scratch.path() / "out", settings);
+        tiny.options.folder = &folder;
+        tiny.options.range = {0, 1};
+        static_cast<void>(tiny.run());
     }
-    options.range = {12, -1};
-    CHECK_THROWS_AS(stymo::evaluate(model, loss, faces, options), stymo::ConfigError);
+    const fs::path file = scratch.path() / "out/scores.jsonl";
+    const std::string two_lines = read_text_file(file);
+    std::ofstream(file, std::ios::app) << R"({"id":"00002","head":{"ini)";
+    ScoreFolder folder(scratch.path() / "out", settings);
+    CHECK(folder.known().size() == 2);
+    CHECK(read_text_file(file) == two_lines);
+    tiny.options.folder = &folder;
+    tiny.options.range = {0, 2};
+    const Evaluation continued = tiny.run();
+    CHECK(read_text_file(file) == two_lines + to_json(continued.scores[2]).text() + "\n");
+    CHECK(fs::exists(folder.codes_of("00002")));
+    tiny.options.folder = nullptr;
+    CHECK(lines_of(continued.scores) == lines_of(tiny.run().scores));
+}
+
+TEST_CASE("A folder of scores that was begun otherwise is refused by the setting that differs") {
+    const ScratchFolder scratch;
+    const auto open = [&](std::int64_t steps) {
+        ScoreFolder(scratch.path() / "out", JsonValue::object({{"--fit", true}, {"--steps", steps}}));
+    };
+    open(100);
+    CHECK_NOTHROW(open(100));
+    CHECK_THAT(error_message([&] { open(50); }), Catch::Contains("other settings (--steps was 100, now 50)"));
+    write_text_file(scratch.path() / "out/scores.jsonl", "{}\n");
+    CHECK_THAT(error_message([&] { open(100); }), Catch::Contains("scores.jsonl, line 1: "));
+    fs::create_directory(scratch.path() / "other");
+    write_text_file(scratch.path() / "other/scores.jsonl", "");
+    CHECK_THAT(error_message([&] { ScoreFolder(scratch.path() / "other", JsonValue::object()); }),
+               Catch::Contains("settings.json"));
+}
+
+TEST_CASE("The face's region is scored within the head, of the folder's parsing or by a parser") {
+    const ScratchFolder scratch;
+    const fs::path folder = scratch.path() / "faces";
+    fs::create_directories(folder / "parsing");
+    fs::copy(tiny_run() / "faces/images", folder / "images");
+    fs::copy(tiny_run() / "faces/masks", folder / "masks");
+    // The head is skin on the left half, hair on the right.
+    for (const char* id : {"00000", "00001"}) {
+        Tensor classes({64, 64, 1});
+        const std::span<float> values = classes.mutable_values<float>();
+        for (std::size_t i = 0; i < values.size(); ++i) values[i] = (i % 64 < 32 ? 1.0F : 13.0F) / 255.0F;
+        write_image(folder / "parsing" / (std::string(id) + ".png"), classes);
+    }
+    TinyEvaluation tiny;
+    tiny.faces = Dataset(folder, 64, {.cache_megabytes = 0}, Split::all);
+    tiny.options.fit = false;
+    tiny.options.regions = {Region::head, Region::face};
+    FaceRegion by_folder;
+    tiny.options.face_region = &by_folder;
+
+    const ComparedFace face = compared_face(tiny.model, tiny.faces, 0, tiny.options);
+    const std::vector<double> head = face.masks[0].to_vector();
+    const std::vector<double> left = face.masks[1].to_vector();
+    for (std::size_t i = 0; i < head.size(); ++i) REQUIRE(left[i] == (i % 64 < 32 ? head[i] : 0.0));
+    const Evaluation evaluation = tiny.run();
+    REQUIRE(evaluation.scores.size() == 2);
+    CHECK(evaluation.failed.size() == 1);
+    CHECK_THAT(evaluation.failed.front().reason, Catch::Contains("00002.png") && Catch::Contains("--parser"));
+    const std::vector<RegionScore>& regions = evaluation.scores.front().regions;
+    CHECK(regions[1].initial.l1 > 0.0);
+    CHECK(regions[1].initial.l1 < regions[0].initial.l1);
+
+    FaceRegion by_parser(STYMO_SOURCE_DIR "/tests/golden/onnx/face_parser_celebamask.onnx");
+    tiny.options.face_region = &by_parser;
+    CHECK(tiny.run().failed.empty());
+    tiny.options.face_region = &by_folder;
+    tiny.options.range = {3, 5};
+    CHECK_THAT(error_message([&] { static_cast<void>(tiny.run()); }), Catch::Contains("--region") && Catch::Contains("--parser"));
+}
+
+TEST_CASE("The split is that of the model's run, or there is none") {
+    CHECK(split_called("") == Split::all);
+    CHECK(split_called("val") == Split::validation);
+    CHECK_THROWS_AS(split_called("rest"), UsageError);
+    CHECK(split_of_run(tiny_run() / "run/model.safetensors").test == 2);
+    CHECK(split_of_run(tiny_run() / "run/checkpoints/000004/model.safetensors").held_out == "last");
+    CHECK_THROWS_WITH(split_of_run(tiny_run() / "fit/model.safetensors"), Catch::Contains("--ids"));
+}
+
+TEST_CASE("The page of an evaluation has its table, what failed, the sheet's rows and the settings") {
+    const std::string page = report_page({three_scores, {{"d", "d.png: not an image"}}},
+                                         {{{"--steps", 100}}, "vgg16, random weights", sheet_rows(three_scores)});
+    CHECK_THAT(page, Catch::Contains("3 faces, 1 failed") && Catch::Contains("| head | fitted | mean | 0.1000 | 0.0300 |") &&
+                         Catch::Contains("- d: d.png: not an image") && Catch::Contains("LPIPS: vgg16, random weights") &&
+                         Catch::Contains("| 1 | a | best | 24.00 |") && Catch::Contains("| `--steps` | 100 |"));
 }

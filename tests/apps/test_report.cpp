@@ -67,7 +67,10 @@ TEST_CASE("A part of the report that does not exist, or lacks its model, is refu
     refused("stymo-bench report --out no-report --parts ,", 2, "--parts");
     refused("stymo-bench report --out file --parts quadrature", 1, "file");
     for (const stymo::ReportSection& section : stymo::report_sections())
-        if (section.needs_model) refused("stymo-bench report --out no-report --parts " + section.name, 2, "--model");
+        if (section.needs_model) {
+            refused("stymo-bench report --out no-report --model run/model.safetensors --parts " + section.name, 2, "--data");
+            refused("stymo-bench report --out no-report --model none --data faces --parts " + section.name, 1, "none: ");
+        }
 }
 
 TEST_CASE("The report on quadrature has its page, plots and numbers", "[report][slow]") {

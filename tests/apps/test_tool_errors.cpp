@@ -88,13 +88,15 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
         {render + "--out out.gif", "out.gif"},
         {render + "--out out", "out"},
         {render + "--out out.png --orbit 3", "out.png"},
-        {render + "--out out.gif --orbit 3 --mask", "--mask"},
         {render + "--out out.png --yaw nan", "--yaw"},
         {render + "--out out.png --yaw 200", "--yaw"},
         {render + "--out out.png --size 513", "--size"},
         {eval + "--ids 5-2", "5-2"},
         {eval + "--ids all", "all"},
-        {eval + "--sheet out.tif", "out.tif"},
+        {eval + "--split rest", "--split"},
+        {eval + "--region nose", "--region"},
+        {eval + "--parser run/model.safetensors", "--region"},
+        {eval + "--refine-pose", "--fit"},
     };
     check_refused(calls, wrong_usage);
 }
@@ -132,13 +134,17 @@ TEST_CASE("Inputs that are missing, empty or something else are named") {
         {"stymo-render --model run/model.safetensors --codes fit/codes.json --out out.png --size 128", "64, not 128"},
         {"stymo-eval --model none --data faces", "none: "},
         {"stymo-eval --model run/model.safetensors --data empty", "empty: "},
-        {"stymo-eval --model run/model.safetensors --data faces --ids 12", "--ids"},
+        {"stymo-eval --model run/model.safetensors --data faces --ids 12 --out out", "--ids"},
+        {"stymo-eval --model run/model.safetensors --data faces --split val --out out", "data.split"},
+        {"stymo-eval --model run/model.safetensors --data faces --region face --out out", "--parser"},
+        {"stymo-eval --model run/model.safetensors --data faces --region face --parser text.png --out out", "text.png: "},
         {"stymo-eval --model run/model.safetensors --data faces --lpips vgg16", "vgg16-397923af.pth"},
         {"stymo-eval pair zero.png whole.jpg", "zero.png: not an image (zero bytes)"},
         {"stymo-eval pair whole.jpg text.png", "text.png: not an image"},
         {"stymo-eval pair whole.jpg whole.jpg --lpips squeeze", "squeezenet1_1-b8a52dc0.pth"},
         {"stymo-eval pair whole.jpg whole.jpg --lpips alex --lpips-trunk none --lpips-heads random", "no file none"},
         {fit + "--image faces/images/00000.png --as-is --perceptual-weight 0.1", "--perceptual-weight 0"},
+        {fit + "--image faces/images/00000.png --as-is --perceptual-resolution 48", "perceptual_resolution = 48"},
         {fit + "--image faces/images/00000.png --as-is --lpips-trunk text.png --lpips-heads random", "text.png: "},
     };
     check_refused(calls, failed);
@@ -160,7 +166,7 @@ TEST_CASE("A folder that cannot be made is named by every tool that writes") {
                        {photo + "--out " + place, "file"},
                        {"stymo-prep --photos faces --out " + place, "file"},
                        {render + "--out " + place + "/x.png", "file"},
-                       {"stymo-eval --model run/model.safetensors --data faces --ids 0 --sheet " + place + "/x.png", "file"}},
+                       {"stymo-eval --model run/model.safetensors --data faces --ids 0 --out " + place, "file"}},
                       failed);
         check_refused({{"stymo-train --config tiny.json --data faces --out " + place, "file"}}, failed, 1);
     }

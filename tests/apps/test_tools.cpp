@@ -120,7 +120,8 @@ TEST_CASE("stymo-fit writes four files; the report says how good and how fast") 
 }
 
 TEST_CASE("A fit needs a photo only, makes its folder with its parents, and prints one object with --json") {
-    const ToolOutcome outcome = done(std::string(fit) + "--image faces/images/00001.png --as-is --out new/deep/fit --steps 1 --json");
+    const ToolOutcome outcome =
+        done(std::string(fit) + "--image faces/images/00001.png --as-is --out new/deep/fit --steps 1 --json");
     CHECK(json::parse(outcome.out) == parsed_file(stymo::tiny_run() / "new/deep/fit/report.json"));
     CHECK(stymo::line_count(outcome.out) == 1);
     CHECK_THAT(outcome.err, Catch::Contains("1/1"));
@@ -203,18 +204,29 @@ TEST_CASE("An orbit becomes a GIF or a film, of one frame or more") {
 }
 
 TEST_CASE("stymo-eval scores the faces that were asked for, and the fitted codes too with --fit") {
-    const ToolOutcome outcome =
-        done("stymo-eval --model run/model.safetensors --data faces --ids 10- --fit --steps 2 --json --sheet rows/sheet.png");
+    const std::string eval = "stymo-eval --model run/model.safetensors --data faces ";
+    const std::string fitted = eval + "--split test --fit --refine-pose --steps 2 --json --out scored";
+    const ToolOutcome outcome = done(fitted);
     const json scores = json::parse(outcome.out);
     CHECK(scores["count"] == 2);
     CHECK(keys(scores["faces"]) == std::set<std::string>{"00010", "00011"});
     for (const char* when : {"initial", "fitted"}) {
+        const json& faces = scores["faces"];
         const double mean =
-            (scores["faces"]["00010"][when]["l1"].get<double>() + scores["faces"]["00011"][when]["l1"].get<double>()) / 2;
-        CHECK(scores["mean"][when]["l1"].get<double>() == Approx(mean));
+            (faces["00010"]["head"][when]["l1"].get<double>() + faces["00011"]["head"][when]["l1"].get<double>()) / 2;
+        CHECK(scores["mean"]["head"][when]["l1"].get<double>() == Approx(mean));
     }
-    CHECK(stymo::read_image(stymo::tiny_run() / "rows/sheet.png").shape() == stymo::Shape{2 * 64, 7 * 64, 3});
-    const ToolOutcome text = done("stymo-eval --model run/model.safetensors --data faces --ids 3");
+    const fs::path out = stymo::tiny_run() / "scored";
+    CHECK(names_in(out) ==
+          std::set<std::string>{"codes", "report.json", "report.md", "scores.jsonl", "settings.json", "sheet.png"});
+    CHECK(names_in(out / "codes") == std::set<std::string>{"00010.json", "00011.json"});
+    CHECK(stymo::read_image(out / "sheet.png").shape() == stymo::Shape{2 * 64, 6 * 64, 3});
+    CHECK(parsed_file(out / "report.json")["settings"]["--refine-pose"] == true);
+    CHECK(parsed_file(out / "report.json")["mean"] == scores["mean"]);
+    CHECK(json::parse(done(fitted).out) == scores);
+    CHECK(stymo::line_count(stymo::read_text_file(out / "scores.jsonl")) == 2);
+    done("stymo-render --model run/model.safetensors --codes scored/codes/00011.json --out scored_view.png --samples 4");
+    const ToolOutcome text = done(eval + "--ids 3");
     CHECK_THAT(text.out, Catch::Contains("initial") && !Catch::Contains("fitted"));
 }
 
@@ -222,7 +234,7 @@ TEST_CASE("LPIPS is measured where it was asked for, and random weights are call
     const std::string eval = "stymo-eval --model run/model.safetensors --data faces --ids 10 --lpips squeeze ";
     const std::string random = "--lpips-trunk random --lpips-heads random ";
     const json scores = json::parse(done(eval + random + "--json").out);
-    CHECK(scores["mean"]["initial"]["lpips"].is_number());
+    CHECK(scores["mean"]["head"]["initial"]["lpips"].is_number());
     CHECK(scores["lpips_network"] == "squeezenet1_1, random weights");
     CHECK_THAT(done(eval + random).out, Catch::Contains("LPIPS: squeezenet1_1, random weights"));
 
@@ -230,6 +242,18 @@ TEST_CASE("LPIPS is measured where it was asked for, and random weights are call
     const json report = json::parse(done(fit + options + random + "--perceptual-weight 0.5").out);
     CHECK(report["fitted"]["lpips"].is_number());
     CHECK(report["lpips_network"] == "vgg16, random weights");
+}
+
+TEST_CASE("stymo-fit fits by L-BFGS, and lets LPIPS compare smaller pictures") {
+    const std::string options = std::string(fit) + "--image faces/images/00001.png --as-is --json --optimizer lbfgs ";
+    const json report = json::parse(done(options + "--out lbfgs --steps 5 --coarse-steps 2").out);
+    const std::vector<double> losses = report["loss"].get<std::vector<double>>();
+    REQUIRE(losses.size() == 5);
+    CHECK(losses.back() < losses.front());
+    const std::string perceptual = "--steps 1 --lpips-trunk random --lpips-heads random --perceptual-weight 0.5 ";
+    const json whole = json::parse(done(options + "--out lbfgs-whole " + perceptual).out);
+    const json half = json::parse(done(options + "--out lbfgs-half --perceptual-resolution 32 " + perceptual).out);
+    CHECK(whole["loss"][0] != half["loss"][0]);
 }
 
 TEST_CASE("stymo-eval pair compares two pictures") {

@@ -62,6 +62,18 @@ TEST_CASE("scores of several pictures are averaged one by one", "[evaluation]") 
     CHECK(mean({}).l1 == 0.0);
 }
 
+TEST_CASE("the median of several pictures is taken of each metric by itself", "[evaluation]") {
+    const ImageMetrics middle =
+        median({{0.1, 0.9, 0.3, 20.0}, {0.3, 0.4, 0.5, 30.0}, {0.7, 0.1, 0.4, std::numeric_limits<double>::infinity()}});
+    CHECK(middle.l1 == 0.3);
+    CHECK(middle.l1_mean == 0.4);
+    CHECK(middle.ssim == 0.4);
+    CHECK(middle.psnr == 30.0);
+    CHECK_FALSE(middle.lpips.has_value());
+    CHECK(median({{.lpips = 0.5}, {.lpips = 0.25}}).lpips.value() == 0.375);
+    CHECK(median(std::vector<ImageMetrics>{}).psnr == 0.0);
+}
+
 TEST_CASE("LPIPS is measured where a network is given, between masked pictures", "[evaluation]") {
     constexpr std::int64_t larger = 32;
     const Lpips lpips({.network = "squeezenet1_1", .trunk = "random", .heads = "random"}, "");

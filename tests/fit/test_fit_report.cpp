@@ -2,6 +2,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/ops/ops.h"
+#include "core/work_counts.h"
 #include "fit/fit_report.h"
 #include "nn/models/picture.h"
 #include "nn/models/view.h"
@@ -37,7 +38,7 @@ struct Fit {
 
 TEST_CASE("a report shows and measures one face before and after its fit", "[fit_report]") {
     const Fit fit;
-    const FitReport report = report_fit(fit.model, fit.target, fit.mask, fit.result, 1);
+    const FitReport report = report_fit(fit.model, fit.target, fit.mask, fit.result, 1, nullptr, true);
     CHECK(report.initial.shape() == Shape{side, side, 3});
     CHECK(report.mask.shape() == Shape{side, side, 1});
     CHECK(identical(report.target, picture(fit.target.targets.back(), 1)));
@@ -50,6 +51,26 @@ TEST_CASE("a report shows and measures one face before and after its fit", "[fit
     CHECK(report.initial_metrics.ssim == expected.ssim);
     // The first face's target has a pixel that its fit has not.
     CHECK(report_fit(fit.model, fit.target, fit.mask, fit.result, 0).fitted_metrics.l1 > 1e-5);
+}
+
+TEST_CASE("a fit that changed nothing is rendered and measured once, and the head mask is computed only if it is wanted",
+          "[fit_report][work]") {
+    Fit fit;
+    const auto counted = [&](bool with_head_mask) {
+        const WorkMeter meter;
+        const FitReport report = report_fit(fit.model, fit.target, fit.mask, fit.result, 1, nullptr, with_head_mask);
+        CHECK(report.mask.defined() == with_head_mask);
+        return meter.counts();
+    };
+    const std::int64_t two_frames = counted(false).field_points;
+    CHECK(counted(true).operations > counted(false).operations);
+    fit.result.losses.clear();
+    CHECK(counted(false).field_points == two_frames);
+    fit.result.initial = fit.result.fitted;
+    CHECK(2 * counted(false).field_points == two_frames);
+    const FitReport report = report_fit(fit.model, fit.target, fit.mask, fit.result, 1);
+    CHECK(identical(report.initial, report.fitted));
+    CHECK(report.initial_metrics.psnr == report.fitted_metrics.psnr);
 }
 
 TEST_CASE("only what the mask covers is measured", "[fit_report]") {
@@ -84,7 +105,7 @@ TEST_CASE("a report names the network of LPIPS if it was measured", "[fit_report
 
 TEST_CASE("the comparison shows target, initial, fitted and mask side by side", "[fit_report]") {
     const Fit fit;
-    const FitReport report = report_fit(fit.model, fit.target, fit.mask, fit.result, 0);
+    const FitReport report = report_fit(fit.model, fit.target, fit.mask, fit.result, 0, nullptr, true);
     const Tensor sheet = comparison_sheet(report);
     REQUIRE(sheet.shape() == Shape{side, 4 * side, 3});
     const auto tile = [&](std::int64_t index) { return slice(Variable(sheet), 1, index * side, (index + 1) * side).value(); };

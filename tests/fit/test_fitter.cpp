@@ -60,8 +60,8 @@ TEST_CASE("fitting finds codes that give the pictures of known codes", "[fitter]
     const FitTarget target = target_of(model, random_codes(1, 7, 1.0, DType::float64));
     std::int64_t calls = 0;
     const FitOptions options{
-        .steps = 150, .learning_rate = 0.03, .decay = 0.98, .regularizer = 0.0, .on_step = [&](std::int64_t step, double) {
-            CHECK(step == ++calls);
+        .steps = 150, .learning_rate = 0.03, .decay = 0.98, .regularizer = 0.0, .on_step = [&](const FitStep& step) {
+            CHECK(step.steps == ++calls);
         }};
     const FitResult result = fit_codes(model, loss_of(model), target, options);
     REQUIRE(result.losses.size() == 150);
@@ -78,6 +78,89 @@ TEST_CASE("fitting finds codes that give the pictures of known codes", "[fitter]
     }
     const Decoded decoded = model.decoder()(result.fitted, target.cameras, {.samples_per_ray = samples});
     CHECK(mean(abs(decoded.images.back() - Variable(target.targets.back()))).value().item() < 0.1 * result.losses.front());
+}
+
+TEST_CASE("L-BFGS needs fewer evaluations than Adam to the same loss", "[fitter]") {
+    const Model model = frozen_model();
+    const FitTarget target = target_of(model, random_codes(1, 7, 1.0, DType::float64));
+    FitOptions options{.steps = 100, .learning_rate = 0.03, .decay = 0.98, .regularizer = 1e-4, .tolerance = 0.0};
+    const FitResult adam = fit_codes(model, loss_of(model), target, options);
+    options.optimizer = FitOptimizer::lbfgs;
+    options.steps = 60;
+    std::int64_t last = 0;
+    Codes codes;
+    options.on_step = [&](const FitStep& step) {
+        CHECK(step.steps > last);
+        last = step.steps;
+        codes = step.codes;
+    };
+    const FitResult lbfgs = fit_codes(model, loss_of(model), target, options);
+    CHECK(last == std::ssize(lbfgs.losses));
+    CHECK(last <= 60);
+    CHECK(lbfgs.losses.front() == adam.losses.front());
+    CHECK(lbfgs.losses.back() < adam.losses.back());
+    CHECK(std::ranges::is_sorted(lbfgs.losses, std::greater<>()));
+    for (std::size_t group = 0; group < code_names.size(); ++group)
+        CHECK(identical(codes.groups[group].value(), lbfgs.fitted.groups[group].value()));
+}
+
+TEST_CASE("L-BFGS fits poses and several photos of one person, and stops where nothing is lower", "[fitter]") {
+    const Model model = frozen_model();
+    FitTarget target = target_of(model, random_codes(2, 7, 1.0, DType::float64));
+    const Pose truth = pose_from_camera(target.cameras[0]);
+    target.cameras[0] = model_camera(model, truth.yaw + 0.1, truth.pitch - 0.05, 0.0);
+    const FitOptions options{.optimizer = FitOptimizer::lbfgs,
+                             .steps = 40,
+                             .regularizer = 1e-4,
+                             .tolerance = 1e-4,
+                             .examination_interval = 4,
+                             .one_person = true,
+                             .refine_pose = true};
+    const FitResult result = fit_codes(model, loss_of(model), target, options);
+    CHECK(result.losses.size() == 40);
+    CHECK(result.losses.back() < 0.8 * result.losses.front());
+    CHECK(pose_from_camera(result.cameras[0]).yaw != Approx(truth.yaw + 0.1));
+    CHECK(identical(slice(result.fitted.identity(), 0, 0, 1).value(), slice(result.fitted.identity(), 0, 1, 2).value()));
+    // What the encoder says of its own picture cannot be improved by much.
+    FitTarget own = row(target, 1);
+    const Codes codes = detached(model.encoder()(Variable(own.input)));
+    own.targets = {model.decoder()(codes, own.cameras, {.samples_per_ray = samples}).images.back().value()};
+    const FitResult arrived = fit_codes(model, loss_of(model), own, {.optimizer = FitOptimizer::lbfgs, .tolerance = 0.0});
+    CHECK(arrived.converged);
+    CHECK(arrived.losses.size() < 200);
+    own.targets[0].mutable_values<double>()[5] = std::nan("");
+    CHECK_THROWS_AS(fit_codes(model, loss_of(model), own, {.optimizer = FitOptimizer::lbfgs}), NumericError);
+}
+
+TEST_CASE("the first steps of a fit from coarse to fine compare small pictures, and the loss of the last ones is the usual one",
+          "[fitter]") {
+    ModelConfig config = tiny_model_config();
+    config.decoder.resolution = 32;
+    config.decoder.block_channels = {6, 4};
+    config.reconstruction.resolution_weights = {0.5, 2.0};
+    Rng rng(1);
+    Model model(config, rng);
+    model.parameters().set_trainable("", false);
+    FitTarget target;
+    target.input = rng.uniform({1, 32, 32, 3}, -1.0, 1.0);
+    target.cameras = {model_camera(model, 0.1, 0.0, 0.0)};
+    for (const Variable& image : model.decoder()(random_codes(1, 7), target.cameras, {.samples_per_ray = samples}).images)
+        target.targets.push_back(image.value());
+    REQUIRE(target.targets.size() == 2);
+    FitTarget small = target;
+    small.targets.pop_back();
+    ReconstructionConfig as_the_largest = config.reconstruction;
+    as_the_largest.resolution_weights = {2.0};
+    for (const FitOptimizer optimizer : {FitOptimizer::adam, FitOptimizer::lbfgs}) {
+        FitOptions options{.optimizer = optimizer, .steps = 12, .regularizer = 1e-3, .coarse_steps = 6};
+        const FitResult mixed = fit_codes(model, loss_of(model), target, options);
+        options.coarse_steps = 0;
+        const FitResult coarse = fit_codes(model, ReconstructionLoss(as_the_largest), small, options);
+        for (std::size_t i = 0; i < 6; ++i) CHECK(mixed.losses[i] == Approx(coarse.losses[i]).epsilon(1e-5));
+        const FitResult fine = fit_codes(model, loss_of(model), target, options);
+        CHECK(mixed.losses.back() < fine.losses.front());
+        CHECK(mixed.losses[8] != Approx(coarse.losses[8]));
+    }
 }
 
 TEST_CASE("faces fitted together come out as each alone", "[fitter]") {

@@ -208,6 +208,9 @@ TEST_CASE("layers are folded only for codes that have changed", "[realtime]") {
     CHECK(renderer.counts().folds == folds + 1);
     const View colored = renderer.render(camera);
     CHECK(renderer.counts().field_samples == 0);
+    CHECK(renderer.counts().tiles == 0);
+    CHECK(renderer.counts().layers_computed == 4);  // of one render block
+    CHECK(renderer.counts().layers == 2 + 3 + 4 + 2);
     CHECK_FALSE(identical(colored.picture, first.picture));
     const View expected = rendered(model, edited, camera, {.samples_per_ray = 8});
     CHECK(identical(colored.picture, expected.picture));
@@ -226,7 +229,11 @@ TEST_CASE("where there is no density nothing goes through the field", "[realtime
         CHECK(check_close(seen.picture, expected.picture, 1e-5).passed);
         CHECK(check_close(seen.mask, expected.mask, 1e-5).passed);
         CHECK(check_close(seen.depth, expected.depth, 1e-5).passed);
-        if (mode == RenderMode::skip) CHECK(renderer.counts().field_samples == 0);
+        if (mode != RenderMode::skip) continue;
+        CHECK(renderer.counts().field_samples == 0);
+        CHECK(renderer.counts().tiles == 0);
+        CHECK(renderer.counts().pixels_computed == 0);
+        CHECK(renderer.counts().layers_computed == 0);
     }
 }
 

@@ -3,6 +3,7 @@
 #include "core/io/file.h"
 #include "core/io/scratch_folder.h"
 #include "core/io/tensor_file.h"
+#include "core/work_counts.h"
 #include "nn/models/view.h"
 #include "support/check_close.h"
 #include "support/error_message.h"
@@ -48,6 +49,25 @@ TEST_CASE("a model that was saved and loaded encodes and renders to the same bit
 
     loaded.save(folder / "again.safetensors");
     CHECK(read_text_file(folder / "again.safetensors") == read_text_file(folder / "model.safetensors"));
+}
+
+TEST_CASE("of a model that only renders no encoder is made, and its frames have the same bits", "[model]") {
+    const ScratchFolder folder;
+    const Model model = tiny_model(3);
+    model.save(folder / "model.safetensors");
+    const WorkMeter meter;
+    const Model decoder = Model::load(folder / "model.safetensors", ModelParts::decoder);
+    CHECK(decoder.parameters().element_count("encoder.") == 0);
+    CHECK(decoder.parameters().element_count() == model.parameters().element_count("decoder."));
+    CHECK(meter.counts().parameters == std::ssize(decoder.parameters().all()));
+    const Camera camera = model_camera(model, 0.3, 0.0, 0.0);
+    const ViewOptions options{.samples_per_ray = 4};
+    CHECK(identical(render_view(decoder, random_codes(1, 2), 0, camera, options).picture,
+                    render_view(model, random_codes(1, 2), 0, camera, options).picture));
+    CHECK_FALSE(decoder.has_encoder());
+    CHECK_THROWS_AS(decoder.encoder(), ValueError);
+    CHECK_THROWS_AS(decoder.save(folder / "part.safetensors"), ValueError);
+    CHECK_FALSE(std::filesystem::exists(folder / "part.safetensors"));
 }
 
 TEST_CASE("a model loads though the weights its backbone came from are gone", "[model]") {

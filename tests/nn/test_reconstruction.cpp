@@ -73,6 +73,34 @@ TEST_CASE("A target that stays the same keeps the features of its largest pictur
     CHECK(identical(loss(images, kept).total.value(), loss(images, loss.target(photos)).total.value()));
 }
 
+TEST_CASE("LPIPS compares pictures reduced by means where they are larger than its limit", "[reconstruction]") {
+    ReconstructionConfig config = config_with(0.25);
+    config.perceptual_resolution = 32;
+    const ReconstructionLoss loss(config);
+    Rng rng(1);
+    const std::vector<Tensor> photos{rng.uniform({2, 64, 64, 3}, -1.0, 1.0)};
+    const std::vector<Variable> images{Variable::leaf(rng.uniform({2, 64, 64, 3}, -1.0, 1.0))};
+    const Lpips& lpips = *loss.lpips();
+    const auto halved = [](const Variable& x) { return resize_box(x, 32, 32); };
+    const Variable expected = mean(lpips.distance(lpips.features(halved(images[0])), lpips.features(halved(photos[0]))));
+    for (const ReconstructionLoss::Target& target : {loss.target(photos), loss.kept_target(photos)}) {
+        const ReconstructionLoss::Terms terms = loss(images, target);
+        CHECK(terms.perceptual.value().item() == Approx(expected.value().item()));
+        const CloseReport report =
+            check_close(grad(terms.perceptual, images).front().value(), grad(expected, images).front().value(), 1e-4);
+        INFO(report.message);
+        CHECK(report.passed);
+    }
+    config.perceptual_resolution = 64;
+    config.perceptual_weight = 0.25;
+    const ReconstructionLoss unlimited(config_with(0.25)), limited(config);
+    CHECK(identical(unlimited(images, unlimited.target(photos)).total.value(),
+                    limited(images, limited.target(photos)).total.value()));
+    config.perceptual_resolution = 48;
+    CHECK_THAT(error_message<ConfigError>([&] { const ReconstructionLoss no_power(config); }),
+               Catch::Contains("reconstruction.perceptual_resolution = 48"));
+}
+
 TEST_CASE("Without its weight the perceptual term needs no network", "[reconstruction]") {
     ReconstructionConfig config = config_with(0.0);
     config.perceptual = {};

@@ -113,6 +113,23 @@ TEST_CASE("a density grid looks closely only where the density is not thin", "[r
     CHECK(bounds[0].upper - bounds[0].lower <= Approx(6.0 * 0.25));
 }
 
+TEST_CASE("points are thin where their cells are known to be, and nowhere else", "[realtime]") {
+    DensityGrid grid(1.0, 0.25, 0.5);
+    const std::vector<float> thin{-0.9F, -0.9F, -0.9F, -0.8F, -0.7F, -0.9F}, thick{0.1F, 0.1F, 0.1F};
+    CHECK_FALSE(grid.all_thin(thin));
+    grid.learn(thin, slope);
+    grid.learn(thick, slope);
+    CHECK(grid.all_thin(thin));
+    CHECK_FALSE(grid.all_thin(thick));
+    std::vector<float> mixed = thin;
+    mixed.insert(mixed.end(), thick.begin(), thick.end());
+    CHECK_FALSE(grid.all_thin(mixed));
+    CHECK_FALSE(grid.all_thin(std::vector{-0.9F, -0.9F, -1.1F}));
+    std::vector<DensityBounds> bounds(2);
+    CHECK(grid.bounds(thin, bounds));
+    for (const DensityBounds& bound : bounds) CHECK(bound.upper < 0.5F);
+}
+
 TEST_CASE("a density grid is as well learnt from one point in each cell as from all of them", "[realtime]") {
     Rng rng(2);
     const Tensor points = rng.uniform({200, 3}, -1.2, 1.2);

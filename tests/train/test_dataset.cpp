@@ -228,6 +228,41 @@ TEST_CASE("masks come from masks, from the parsing's head classes and from Celeb
     CHECK(pixel(faces.load(3).mask, 10, 50, 0) == 0.0F);
 }
 
+TEST_CASE("the face without hair and ears is told by the parsing, else by CelebAMask-HQ's parts, beside any head mask",
+          "[dataset]") {
+    const TemporaryFolder folder;
+    for (const char* id : {"1", "2", "3", "4"})
+        write_image(folder / ("CelebA-HQ-img/" + std::string(id) + ".jpg"), plain(64, 64, grey));
+    write_image(folder / "masks/1.png", mask_of(64, 1.0F, 1.0F));
+    std::vector<std::uint8_t> classes(64 * 64);
+    for (std::size_t i = 0; i < classes.size(); ++i)
+        classes[i] = static_cast<std::uint8_t>(std::min<std::size_t>(i % 64 / 3, 18));
+    write_raw<std::uint8_t>(folder / "parsing/1.png", 64, 64, 1, classes);
+    for (const char* part : {"hair", "l_ear", "ear_r"})
+        write_image(folder / ("CelebAMask-HQ-mask-anno/0/00002_" + std::string(part) + ".png"), mask_of(32, 1.0F, 0.0F));
+    write_image(folder / "CelebAMask-HQ-mask-anno/0/00002_skin.png", mask_of(32, 0.0F, 1.0F));
+    write_image(folder / "CelebAMask-HQ-mask-anno/0/00003_hair.png", mask_of(32, 1.0F, 0.0F));
+
+    const Dataset faces = open(folder);
+    const Tensor parsed = read_face_region(faces.files(0));
+    for (std::int64_t index = 0; index < head_part_count; ++index) {
+        // The paper's facial region in CelebAMask-HQ's order: skin, nose, glasses, eyes, brows, mouth and lips.
+        const bool face = (index >= 1 && index <= 7) || (index >= 10 && index <= 12);
+        CHECK(pixel(parsed, 10, index * 3 + 1, 0) == (face ? 1.0F : 0.0F));
+    }
+    CHECK(pixel(faces.load(0).mask, 10, 1, 0) == 1.0F);
+    const Tensor merged = read_face_region(faces.files(1));
+    CHECK(pixel(merged, 10, 5, 0) == 0.0F);
+    CHECK(pixel(merged, 10, 25, 0) == 1.0F);
+    for (const std::int64_t without : {2, 3}) {
+        CHECK_FALSE(tells_face_region(faces.files(without)));
+        CHECK_THROWS_AS(read_face_region(faces.files(without)), ValueError);
+    }
+    CHECK_THROWS_AS(faces.files(4), ValueError);
+    std::ofstream(folder / "parsing/1.png") << "no picture";
+    CHECK_THROWS_WITH(read_face_region(faces.files(0)), Catch::Contains("parsing/1.png: "));
+}
+
 TEST_CASE("what a face lacks is filled in, counted and said once", "[dataset]") {
     const TemporaryFolder folder;
     for (const char* id : {"1", "2", "3"}) write_image(folder / ("images/" + std::string(id) + ".png"), plain(64, 64, grey));

@@ -10,6 +10,7 @@
 
 #include "core/interrupt.h"
 #include "core/io/file.h"
+#include "core/ops/ops.h"
 #include "support/check_close.h"
 #include "support/error_message.h"
 #include "support/thread_count.h"
@@ -312,6 +313,29 @@ TEST_CASE("a run keeps the model that scores best and samples of what it sees", 
     const TensorFile raw = read_tensor_file(folder / "run/checkpoints/000002/model.safetensors");
     CHECK_FALSE(identical(parameter_named(averaged, "decoder.field.density.weight").variable().value(),
                           raw.tensors.at("decoder.field.density.weight")));
+}
+
+TEST_CASE("a run's model has the statistics of its own codes of the training faces, unless that is switched off", "[trainer]") {
+    const ScratchFolder folder;
+    TrainConfig config = tiny_train_config();
+    static_cast<void>(train(config, folder / "run", 2));
+    const Model model = Model::load(folder / "run/model.safetensors");
+    REQUIRE(model.code_statistics());
+    CHECK(model.code_statistics()->faces() == faces().size());
+    std::vector<Variable> codes;
+    for (std::int64_t i = 0; i < faces().size(); ++i)
+        codes.push_back(joined(model.encoder()(Variable(make_batch(std::vector{faces().load(i)}).input))));
+    const CodeStatistics expected = CodeStatistics::of(split_codes(concat(codes, 0)));
+    CHECK(check_close(model.code_statistics()->mean(), expected.mean(), 1e-6).passed);
+    CHECK(check_close(model.code_statistics()->factor(), expected.factor(), 1e-3).passed);
+    CHECK_FALSE(Model::load(folder / "run/checkpoints/000002/model.safetensors").code_statistics());
+
+    config.output.statistics_images = 0;
+    static_cast<void>(train(config, folder / "without", 1));
+    CHECK_FALSE(Model::load(folder / "without/model.safetensors").code_statistics());
+    config.output.statistics_images = 3;
+    static_cast<void>(train(config, folder / "some", 1));
+    CHECK(Model::load(folder / "some/model.safetensors").code_statistics()->faces() == 3);
 }
 
 TEST_CASE("a checkpoint of another seed or another model is refused in one line", "[trainer]") {

@@ -6,6 +6,7 @@
 
 #include "core/error.h"
 #include "core/io/file.h"
+#include "core/work_counts.h"
 #include "support/check_close.h"
 #include "support/error_message.h"
 #include "train/plan.h"
@@ -76,6 +77,42 @@ const fs::path& whole_run() {
 }
 
 }  // namespace
+
+TEST_CASE("the first stage makes no discriminator, and LPIPS is made for neither without its weight", "[work]") {
+    const TrainConfig config = tiny_two_stage_config();
+    const Dataset& data = faces();
+    const WorkMeter meter;
+    Trainer trainer(config, data, nullptr, 5);
+    const auto weights = [](const Trainer& of) { return std::ssize(of.model().parameters().all()); };
+    static_cast<void>(trainer.step());
+    static_cast<void>(trainer.step());
+    CHECK(meter.counts().parameters == weights(trainer));
+    static_cast<void>(trainer.step());
+    CHECK(meter.counts().parameters > weights(trainer));
+}
+
+TEST_CASE("without the mask's loss its branch is neither computed nor trained", "[work]") {
+    TrainConfig config = tiny_train_config();
+    config.model.decoder.resolution = 128;
+    config.model.decoder.block_channels = {6, 4};
+    config.model.reconstruction.resolution_weights = {0.5, 1.0};
+    config.loss.mask_start_epoch = 0;
+    const auto operations_of_a_step = [&](double mask_weight) {
+        config.loss.mask_weight = mask_weight;
+        Trainer trainer(config, faces(), nullptr, 5);
+        const WorkMeter meter;
+        static_cast<void>(trainer.step());
+        const std::vector<Parameter> trained = trainer.model().parameters().trainable();
+        const bool any_mask =
+            std::ranges::any_of(trained, [](const Parameter& one) { return one.name().starts_with("decoder.mask."); });
+        CHECK(any_mask == (mask_weight > 0.0));
+        return meter.counts();
+    };
+    const WorkCounts without = operations_of_a_step(0.0), with = operations_of_a_step(0.1);
+    CHECK(without.operations < with.operations);
+    CHECK(without.gradient_rules < with.gradient_rules);
+    CHECK(without.gradients < with.gradients);
+}
 
 TEST_CASE("a run that stops and resumes gives the same bits in both stages and across every change of phase", "[two_stages]") {
     const std::int64_t stop = GENERATE(1, 2, 3, 4, 5);

@@ -166,7 +166,7 @@ void write_plot(ReportWriter& report, const QuadratureStudy& study, std::size_t 
               .y_label = "root mean square error over " + std::to_string(ray_count) + " rays",
               .series = {}};
     for (std::size_t rule = 0; rule < study.rules.size(); ++rule) {
-        PlotSeries series{study.rules[rule].name, {}};
+        PlotSeries series{study.rules[rule].name, {}, rule};
         for (const QuadraturePoint& point : curve_of(study, rule, family).points) {
             // Round-off has no curve, and Euler leaves every scale.
             const double error = point.error.*quantity.error;
@@ -176,7 +176,13 @@ void write_plot(ReportWriter& report, const QuadratureStudy& study, std::size_t 
         }
         if (!series.points.empty()) plot.series.push_back(std::move(series));
     }
-    if (plot.series.empty()) return;
+    if (2 * plot.series.size() < study.rules.size()) {
+        std::string others;
+        for (const PlotSeries& series : plot.series) others += (others.empty() ? "" : ", ") + series.name;
+        report.text("No plot of " + std::string(quantity.words) + " for " + profile + ": every rule is exact there" +
+                    (others.empty() ? "." : " but " + others + "."));
+        return;
+    }
     std::string file = "quadrature_" + std::string(quantity.name) + "_" + profile;
     std::ranges::replace(file, ' ', '_');
     report.plot(file, plot);

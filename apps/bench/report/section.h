@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "apps/bench/subject.h"
+#include "apps/common/lpips_options.h"
 #include "core/io/json_writer.h"
 #include "core/io/svg_plot.h"
 
@@ -62,7 +63,9 @@ private:
 
 /// What a section starts from.
 struct ReportInputs {
-    BenchOptions bench;  ///< model and data may be empty, except in sections that need a model
+    BenchOptions bench;    ///< model and data may be empty, except in sections that need a model
+    BenchOptions fitting;  ///< the same for what takes many steps: another model, perhaps a smaller one
+    LpipsOptions lpips;    ///< files for models that name none
     std::uint64_t seed = 0;
     double seconds = 0.0;  ///< what the section may take, on two cores; to be kept by doing less, not by breaking off
 };
@@ -72,7 +75,7 @@ struct ReportSection {
     std::string name;  ///< of --parts
     std::string title;
     double seconds = 0.0;      ///< what it may take
-    bool needs_model = false;  ///< --model and --data; left out without them
+    bool needs_model = false;  ///< with its photos; a small one is trained where none is given
     void (*write)(ReportWriter& report, const ReportInputs& inputs);
 };
 

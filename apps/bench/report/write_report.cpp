@@ -1,10 +1,12 @@
 #include "apps/bench/report/write_report.h"
 
 #include <algorithm>
+#include <optional>
 #include <sstream>
 
 #include "apps/bench/report.h"
 #include "apps/bench/report/section.h"
+#include "apps/bench/report/small_model.h"
 #include "core/clock.h"
 #include "core/error.h"
 #include "core/interrupt.h"
@@ -24,7 +26,7 @@ std::vector<std::string> names_in(const std::string& list) {
 }
 
 bool has_inputs(const ReportSection& section, const BenchOptions& bench) {
-    return !section.needs_model || (!bench.model.empty() && !bench.data.empty());
+    return !section.needs_model || bench.model.empty() == bench.data.empty();
 }
 
 /// In the order of the report, whatever the order of `parts`.
@@ -39,15 +41,33 @@ std::vector<ReportSection> chosen_sections(const ReportOptions& options) {
         const auto found = std::ranges::find(sections, name, &ReportSection::name);
         if (found == sections.end())
             fail<UsageError>("--parts: the report has no part \"", name, "\"; it has ", report_section_names());
-        if (!has_inputs(*found, options.bench)) fail<UsageError>("--parts: ", name, " needs --model and --data");
+        if (!has_inputs(*found, options.bench)) fail<UsageError>("--parts: ", name, " needs --data with --model, or neither");
     }
     std::erase_if(sections, [&](const ReportSection& section) { return std::ranges::find(names, section.name) == names.end(); });
     return sections;
 }
 
+BenchOptions fitting_options(const ReportOptions& options) {
+    BenchOptions fitting = options.bench;
+    if (!options.fit_model.empty()) fitting.model = options.fit_model;
+    if (!options.fit_data.empty()) fitting.data = options.fit_data;
+    return fitting;
+}
+
+/// Serves the sections that need a model where none is given; trained on heads of its own.
+BenchOptions small_subject(const std::filesystem::path& folder, BenchOptions bench, std::uint64_t seed) {
+    constexpr double seconds = 45.0;
+    bench.data = folder / "heads";
+    bench.model = folder / "model.safetensors";
+    std::filesystem::create_directory(bench.data);
+    write_small_heads(bench.data, seed);
+    write_small_model(bench.data, bench.model, seed, seconds);
+    return bench;
+}
+
 std::string conditions(const ReportOptions& options, const CommonOptions& common) {
-    return "Threads: " + std::to_string(thread_count()) + "; seed: " + std::to_string(common.seed) +
-           "; model: " + (options.bench.model.empty() ? "random weights" : options.bench.model.filename().string()) + ".";
+    return "Threads: " + std::to_string(thread_count()) + "; seed: " + std::to_string(common.seed) + "; model: " +
+           (options.bench.model.empty() ? "a small one, trained for this report" : options.bench.model.filename().string()) + ".";
 }
 
 }  // namespace
@@ -67,12 +87,19 @@ AppResult write_report(const ReportOptions& options, const CommonOptions& common
     const InterruptGuard guard;
     Progress progress({.title = "report", .total = std::ssize(sections), .unit = {}});
     std::vector<std::vector<ReportCell>> times;
+    ReportOptions given = options;
+    std::optional<FolderInProgress> small;
+    if (options.bench.model.empty() && std::ranges::any_of(sections, &ReportSection::needs_model)) {
+        progress.update(0, "small model");
+        small.emplace(std::filesystem::temp_directory_path() / "stymo-report-model");
+        given.bench = small_subject(small->path(), options.bench, common.seed);
+    }
     for (const ReportSection& section : sections) {
         if (interrupted()) fail<Error>("interrupted; nothing was written");
         progress.update(std::ssize(times), section.name);
         report.title(2, section.title);
         const double begin = seconds_now();
-        section.write(report, {.bench = options.bench, .seed = common.seed, .seconds = section.seconds});
+        section.write(report, {given.bench, fitting_options(given), given.lpips, common.seed, section.seconds});
         times.push_back({section.name, seconds_now() - begin, section.seconds});
     }
     progress.finish();

@@ -63,7 +63,7 @@ void BakedField::look(const CameraRays& rays, FeatureMap& map) {
     map.features.resize(static_cast<std::size_t>(count * channels));
     map.counts.resize(rays.rays.size());
     map.depths.resize(rays.rays.size());
-    map.field_samples = 0;
+    map.field_samples = map.tiles = 0;
     coefficients_.resize(static_cast<std::size_t>(count * row_size));
     const auto background = static_cast<float>(farthest_sample(rays));
     parallel_for(count, rays_per_chunk, [&](std::int64_t begin, std::int64_t end) {

@@ -168,6 +168,10 @@ void BlockStep<T>::double_sum(float* to, const AlignedVector<float>& sum, std::i
 template <class T>
 void BlockStep<T>::finish_rgb_row(std::int64_t row, const T* features, StripBuffers<T>& buffers) const {
     const std::int64_t length = above.side * colors;
+    if (last && above.shown[row].size() == 0) {
+        std::copy_n(canvas.background_colors.data(), length, canvas.picture.data() + row * length);
+        return;
+    }
     float* to = last ? buffers.rgb_row.data() : above.rgb.data() + row * length;
     double_sum(to, below.rgb, row, colors, kernels::smooth_doubling, buffers);
     const PixelRow &pixels = above.occupied[row], &shown = above.shown[row];
@@ -182,6 +186,10 @@ void BlockStep<T>::finish_rgb_row(std::int64_t row, const T* features, StripBuff
 template <class T>
 void BlockStep<T>::finish_mask_row(std::int64_t row, StripBuffers<T>& buffers) const {
     const auto channels = static_cast<std::int64_t>(canvas.logit_weight.size());
+    if (last && above.shown[row].size() == 0) {
+        std::fill_n(canvas.mask.data() + row * above.side, above.side, canvas.background_mask);
+        return;
+    }
     float* to = last ? buffers.mask_row.data() : above.mask.data() + row * above.side * channels;
     double_sum(to, below.mask, row, channels, kernels::bilinear_doubling, buffers);
     const PixelRow &pixels = above.occupied[row], &shown = above.shown[row];

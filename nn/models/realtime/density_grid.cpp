@@ -88,6 +88,25 @@ DensityGrid::Place DensityGrid::place_of(const float* point) const {
     return place;
 }
 
+std::int64_t DensityGrid::cell_of(const float* point) const {
+    const float cells_per_unit = 1.0F / (2.0F * spacing_);
+    std::int64_t cell = 0;
+    for (std::size_t axis = 3; axis-- > 0;) {
+        const float position = (point[axis] + half_side_) * cells_per_unit;
+        if (!(position >= 0.0F && position < static_cast<float>(cells_))) return -1;
+        cell = cell * cells_ + static_cast<std::int64_t>(position);
+    }
+    return cell;
+}
+
+bool DensityGrid::all_thin(std::span<const float> points) const {
+    for (std::size_t i = 0; i < points.size(); i += 3) {
+        const std::int64_t cell = cell_of(points.data() + i);
+        if (cell < 0 || states_[static_cast<std::size_t>(cell)] != CellState::coarse) return false;
+    }
+    return true;
+}
+
 void DensityGrid::ask(std::span<const std::int64_t> cells, std::int64_t step, const DensityFunction& density) {
     wanted_.clear();
     points_.clear();

@@ -31,6 +31,8 @@ public:
     void learn(std::span<const float> points, const DensityFunction& density);
     /// From 0 to infinity outside the cube, and where nothing was learnt. False if there is such a place inside.
     bool bounds(std::span<const float> points, std::span<DensityBounds> result) const;
+    /// Whether all these points, 3 numbers each, lie in cells that are known and thin.
+    [[nodiscard]] bool all_thin(std::span<const float> points) const;
     /// How many vertices are known.
     [[nodiscard]] std::int64_t known_vertices() const { return known_vertices_; }
 
@@ -38,6 +40,8 @@ private:
     enum class CellState : std::uint8_t { unknown, coarse, fine };
     struct Place;
     [[nodiscard]] Place place_of(const float* point) const;
+    /// Negative outside the cube.
+    [[nodiscard]] std::int64_t cell_of(const float* point) const;
     [[nodiscard]] std::int64_t first_vertex(std::int64_t cell) const;
     /// Vertices of these cells, `step` apart, as far as they are unknown.
     void ask(std::span<const std::int64_t> cells, std::int64_t step, const DensityFunction& density);

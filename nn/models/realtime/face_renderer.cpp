@@ -58,6 +58,19 @@ std::vector<FoldedLayer> reduced_layers(std::span<const FoldedRenderBlock> block
     return layers;
 }
 
+/// Layers of which a frame is made.
+struct LayerCount {
+    std::int64_t field = 0;
+    std::int64_t picture = 0;  ///< render blocks and mask branch
+};
+
+LayerCount layer_count(const DecoderConfig& decoder, std::int64_t resolution, bool mask) {
+    constexpr std::int64_t of_block = 4, beside_sine_layers = 3;  // FoldedRenderBlock; density and features
+    LayerCount count{decoder.field_layers + beside_sine_layers, mask ? 1 : 0};
+    for (std::int64_t side = decoder.rays.rays_per_side; side < resolution; side *= 2) count.picture += of_block + (mask ? 1 : 0);
+    return count;
+}
+
 }  // namespace
 
 struct FaceRenderer::State {
@@ -122,7 +135,7 @@ bool FaceRenderer::State::take(const Codes& codes, std::int64_t index, std::size
 
 void FaceRenderer::State::look(const Camera& seen_by) {
     if (camera && same(*camera, seen_by)) {
-        feature_map.field_samples = 0;
+        feature_map.field_samples = feature_map.tiles = 0;
         return;
     }
     camera.reset();
@@ -153,7 +166,7 @@ void FaceRenderer::State::fold_field() {
 }
 
 void FaceRenderer::State::fold_blocks() {
-    const std::vector<FoldedRenderBlock> folded = model.decoder().folded_blocks(w);
+    const std::vector<FoldedRenderBlock> folded = model.decoder().folded_blocks(w, options.resolution);
     ++counts.folds;
     const bool changed = change_precision(block_precision, reduced_layers(folded));
     if (blocks && !changed) {
@@ -179,6 +192,13 @@ void FaceRenderer::State::count() {
     counts.field_samples = feature_map.field_samples;
     counts.pixels = blocks->counts().pixels;
     counts.pixels_computed = blocks->counts().pixels_computed;
+    counts.tiles = feature_map.tiles;
+    const DecoderConfig& decoder = model.config().decoder;
+    const LayerCount all = layer_count(decoder, decoder.resolution, true);
+    const LayerCount shown_layers = layer_count(decoder, view.picture.shape(0), options.mask);
+    counts.layers = all.field + all.picture;
+    counts.layers_computed =
+        (counts.field_samples > 0 ? shown_layers.field : 0) + (counts.pixels_computed > 0 ? shown_layers.picture : 0);
 }
 
 View FaceRenderer::State::render_unfolded(const Camera& seen_by) {

@@ -32,9 +32,12 @@ struct RendererOptions {
 struct RenderCounts {
     std::int64_t samples = 0;        ///< of all rays
     std::int64_t field_samples = 0;  ///< of them, through the field
+    std::int64_t tiles = 0;          ///< of samples that went through the field together
     std::int64_t pixels = 0;         ///< of all render blocks, at their resolution
     std::int64_t pixels_computed = 0;
-    std::int64_t folds = 0;  ///< of weights for new codes, since the renderer was made
+    std::int64_t layers = 0;           ///< of the model's field, all its render blocks and its mask branch
+    std::int64_t layers_computed = 0;  ///< of them, for more than the one pixel that the background is
+    std::int64_t folds = 0;            ///< of weights for new codes, since the renderer was made
 };
 
 /// Shows one face of a trained model from many sides. Folds the layers for the codes once, keeps what does not change from frame

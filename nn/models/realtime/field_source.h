@@ -21,6 +21,7 @@ struct FeatureMap {
     std::vector<std::uint8_t> counts;  ///< (rays): 0 for an empty ray, else 1
     std::vector<float> depths;       ///< (rays): expected Euclidean distance; that of the farthest sample of all behind the rest
     std::int64_t field_samples = 0;  ///< samples that went through the field
+    std::int64_t tiles = 0;          ///< how many at a time: in so many parts
 };
 
 /// The seam between ways of computing the field, which is all that the modes differ in before the render blocks.

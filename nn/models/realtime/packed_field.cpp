@@ -7,6 +7,7 @@
 #include "core/kernels/doubling.h"
 #include "core/kernels/fast_math.h"
 #include "core/parallel.h"
+#include "core/work_counts.h"
 #include "nn/models/realtime/softplus.h"
 #include "render/encoding.h"
 
@@ -131,6 +132,7 @@ void PackedField<T>::reserve(std::int64_t points, FieldTile<T>& tile) const {
 template <class T>
 void PackedField<T>::density(std::span<const float> points, FieldTile<T>& tile) const {
     const std::int64_t count = static_cast<std::int64_t>(points.size()) / 3, joined = encoding_ + width_;
+    work::count_field_points(count);
     reserve(count, tile);
     encode(points, tile);
     for (std::size_t i = 0; i < layers_.size(); ++i) {

@@ -24,6 +24,11 @@ void SampleSelection::keep_all() {
     }
 }
 
+void SampleSelection::keep_none(std::int64_t ray) {
+    counts[static_cast<std::size_t>(ray)] = 0;
+    tails[static_cast<std::size_t>(ray)] = 0.0F;
+}
+
 void select_samples(std::span<const DensityBounds> bounds, float delta, float tolerance, std::int64_t ray,
                     SampleSelection& selection) {
     const std::int64_t first = ray * selection.samples_per_ray;

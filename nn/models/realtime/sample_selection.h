@@ -26,6 +26,8 @@ struct SampleSelection {
     void resize(std::int64_t rays, std::int64_t per_ray);
     /// Every sample of every ray.
     void keep_all();
+    /// No sample of this ray, which has next to no opacity.
+    void keep_none(std::int64_t ray);
 };
 
 /// Chooses samples of one ray, with an interval of length `delta` each, and enters them into `selection` at `ray`. The weight of

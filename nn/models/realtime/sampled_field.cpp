@@ -24,6 +24,8 @@ constexpr float featureless_share = 0.5F;
 constexpr float empty_share = 0.5F;
 /// The same of a ray all of whose samples lie where the lattice is coarse because the density is thin.
 constexpr double thin_share = 0.5;
+/// Up to this part of 1 / thin_share times the depth between the planes, a ray through thin space has less than the tolerance.
+constexpr double thin_rays = 1.9;
 
 /// Calls body(item, thread) for every item; `thread` counts from 0 and is nobody else's at that time.
 template <class Body>
@@ -106,6 +108,7 @@ private:
 
     RenderMode mode_;
     float tolerance_;
+    double thin_length_ = 0.0;  ///< of a ray through thin cells alone that may be left out
     PackedField<T> field_;
     DensityGrid grid_;
     std::vector<float> reach_;  ///< points around which a new head's density is learnt at once
@@ -123,6 +126,7 @@ SampledField<T>::SampledField(const ModelConfig& model, const RendererOptions& o
     : mode_(options.mode), tolerance_(mode_ == RenderMode::exact ? 0.0F : static_cast<float>(options.tolerance)) {
     if (mode_ != RenderMode::exact) {
         grid_ = make_grid(model, options.tolerance);
+        thin_length_ = thin_rays * (model.decoder.rays.near_z - model.decoder.rays.far_z);
         reach_ = points_in_reach(model, grid_);
     }
 }
@@ -178,6 +182,7 @@ void SampledField<T>::look(const CameraRays& rays, FeatureMap& map) {
     finish(map);
     map.field_samples = 0;
     for (const std::int32_t kept : selection_.counts) map.field_samples += kept;
+    map.tiles = map.field_samples > 0 ? std::ssize(tiles_) - 1 : 0;
 }
 
 template <class T>
@@ -206,6 +211,11 @@ bool SampledField<T>::select_from_grid(const CameraRays& rays) {
             const Ray& ray = rays.rays[static_cast<std::size_t>(i)];
             scratch.points.clear();
             append_points(ray, samples, scratch.points);
+            // Most rays beside a head; what they meet together is below what counts as empty.
+            if (ray.far_distance - ray.near_distance <= thin_length_ && grid_.all_thin(scratch.points)) {
+                selection_.keep_none(i);
+                continue;
+            }
             if (!grid_.bounds(scratch.points, scratch.bounds)) known = false;
             select_samples(scratch.bounds, interval(ray, samples), tolerance_, i, selection_);
         }

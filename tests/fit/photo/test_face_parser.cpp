@@ -66,3 +66,24 @@ TEST_CASE("what is no face parser is refused in one line") {
                       Contains("not a face parser") && Contains("512 x 512"));
     CHECK_THROWS_WITH(FaceParser(fs::path(STYMO_SOURCE_DIR) / "README.md"), Contains("not an ONNX network"));
 }
+
+TEST_CASE("on a head alone every pixel of the mask is a part of a head, and every other background") {
+    FaceParser parser(golden("face_parser_celebamask.onnx"));
+    const Tensor picture = picture_of_parts(48);
+    const Tensor plain = parser.parse(picture);
+    Tensor mask = Tensor::full({240, 240, 1}, 0.6);
+    for (std::size_t i = 0; i < 240 * 120; ++i) mask.mutable_values<float>()[i] = 0.4F;
+    const Tensor classes = parser.parse_head(picture, mask);
+    for (std::size_t i = 0; i < 240 * 240; ++i) {
+        const float part = classes.values<float>()[i];
+        const float unmasked = plain.values<float>()[i];
+        if (i < 240 * 120) {
+            REQUIRE(part == 0.0F);
+        } else if (is_head_class(static_cast<int>(unmasked))) {
+            REQUIRE(part == unmasked);
+        } else {
+            REQUIRE(is_head_class(static_cast<int>(part)));
+        }
+    }
+    CHECK_THROWS_WITH(parser.parse_head(picture, Tensor::zeros({24, 24, 1})), Contains("does not belong"));
+}

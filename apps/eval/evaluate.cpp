@@ -1,0 +1,211 @@
+#include "apps/eval/evaluate.h"
+
+#include <algorithm>
+#include <atomic>
+#include <charconv>
+#include <iomanip>
+#include <map>
+#include <sstream>
+
+#include "apps/common/command_line.h"
+#include "core/error.h"
+#include "core/interrupt.h"
+#include "core/ops/elementwise.h"
+#include "core/ops/resample.h"
+#include "core/parallel.h"
+#include "core/progress.h"
+#include "nn/models/picture.h"
+#include "train/face_codes.h"
+
+namespace stymo {
+
+namespace {
+
+std::int64_t parse_index(std::string_view text, const std::string& whole) {
+    std::int64_t value = 0;
+    const auto end = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (text.empty() || end.ec != std::errc{} || end.ptr != text.data() + text.size() || value < 0) {
+        fail<UsageError>("--ids ", whole, ": must be a range of places in the order of ids, such as 700-799");
+    }
+    return value;
+}
+
+FaceScore score_of(const std::string& id, const FitReport& report, const ComparedFace& face, const EvaluationOptions& options) {
+    FaceScore score{id, {}, report.counting_samples};
+    for (std::size_t k = 0; k < options.regions.size(); ++k) {
+        RegionScore& region = score.regions.emplace_back(RegionScore{options.regions[k], report.initial_metrics});
+        if (options.fit) region.fitted = report.fitted_metrics;
+        if (k == 0) continue;
+        const MetricTarget measured(report.target, picture_mask(face.masks[k], 0), options.lpips);
+        region.initial = measured.measure(report.initial);
+        if (options.fit) region.fitted = measured.measure(report.fitted);
+    }
+    return score;
+}
+
+/// The places that were asked for.
+std::vector<std::int64_t> places_of(const Dataset& faces, const FaceRange& range) {
+    const std::int64_t last = range.last < 0 ? faces.size() - 1 : std::min(range.last, faces.size() - 1);
+    if (range.first > last) fail<ConfigError>("--ids: the folder has only ", faces.size(), " faces, counted from 0");
+    std::vector<std::int64_t> places;
+    for (std::int64_t i = range.first; i <= last; ++i) places.push_back(i);
+    return places;
+}
+
+/// What several threads find out, by place in the order of ids.
+class Findings {
+public:
+    Findings(const Dataset& faces, const std::vector<std::int64_t>& places, ScoreFolder* folder)
+        : faces_(faces), folder_(folder), asked_(std::ssize(places)) {
+        if (folder == nullptr) return;
+        std::map<std::string, FaceScore> known;
+        for (const FaceScore& score : folder->known()) known.insert_or_assign(score.id, score);
+        for (const std::int64_t place : places)
+            if (const auto found = known.find(id_of(place)); found != known.end()) scores_.emplace(place, found->second);
+    }
+
+    [[nodiscard]] bool contains(std::int64_t place) const { return scores_.contains(place); }
+    [[nodiscard]] std::int64_t count() const { return std::ssize(scores_); }
+
+    void add(std::int64_t place, FaceScore score, const FitResult& fit, Progress& progress) {
+        const std::lock_guard lock(mutex_);
+        if (folder_ != nullptr) folder_->add(score, fit);
+        scores_.insert_or_assign(place, std::move(score));
+        progress.update(done(), text());
+    }
+    void add_failure(std::int64_t place, const std::string& reason) {
+        const std::lock_guard lock(mutex_);
+        failed_.insert_or_assign(place, FailedFace{id_of(place), reason});
+    }
+
+    [[nodiscard]] Evaluation evaluation() const {
+        Evaluation evaluation;
+        for (const auto& [place, score] : scores_) evaluation.scores.push_back(score);
+        for (const auto& [place, face] : failed_) evaluation.failed.push_back(face);
+        if (done() < asked_) {
+            std::ostringstream text;
+            text << "interrupted after " << done() << " of " << asked_ << " faces";
+            if (folder_ != nullptr) text << "; the same command goes on from there";
+            evaluation.incomplete = text.str();
+        }
+        return evaluation;
+    }
+
+private:
+    [[nodiscard]] const std::string& id_of(std::int64_t place) const { return faces_.ids()[static_cast<std::size_t>(place)]; }
+    [[nodiscard]] std::int64_t done() const { return std::ssize(scores_) + std::ssize(failed_); }
+    [[nodiscard]] std::string text() const {
+        double initial = 0.0;
+        double last = 0.0;
+        for (const auto& [place, score] : scores_) {
+            initial += score.regions.front().initial.psnr / static_cast<double>(scores_.size());
+            last += score.regions.front().last().psnr / static_cast<double>(scores_.size());
+        }
+        std::ostringstream text;
+        text << std::fixed << std::setprecision(2) << "PSNR " << initial << " initial, " << last << " fitted";
+        return text.str();
+    }
+
+    const Dataset& faces_;
+    ScoreFolder* folder_;
+    std::int64_t asked_;
+    std::mutex mutex_;
+    std::map<std::int64_t, FaceScore> scores_;
+    std::map<std::int64_t, FailedFace> failed_;
+};
+
+}  // namespace
+
+FaceRange parse_range(const std::string& text) {
+    if (text.empty()) return {};
+    const std::size_t dash = text.find('-');
+    const std::int64_t first = parse_index(std::string_view(text).substr(0, dash), text);
+    if (dash == std::string::npos) return {first, first};
+    if (dash + 1 == text.size()) return {first, -1};
+    const std::int64_t last = parse_index(std::string_view(text).substr(dash + 1), text);
+    if (last < first) fail<UsageError>("--ids ", text, ": the range ends before it begins");
+    return {first, last};
+}
+
+void require_comparable(const Dataset& faces, const EvaluationOptions& options) {
+    const std::vector<std::int64_t> places = places_of(faces, options.range);
+    if (std::ranges::find(options.regions, Region::face) == options.regions.end()) return;
+    if (options.face_region == nullptr) fail<ValueError>("the region of the face needs a FaceRegion");
+    if (std::ranges::any_of(places, [&](std::int64_t i) { return options.face_region->tells(faces.files(i)); })) return;
+    fail<FileError>("--region: the folder has neither parsing/ID.png nor CelebAMask-HQ's parts to tell faces from hair; give ",
+                    "--parser with an ONNX file, or --region head");
+}
+
+ComparedFace compared_face(const Model& model, const Dataset& faces, std::int64_t index, const EvaluationOptions& options) {
+    const Face face = faces.load_exactly(index);
+    const TrainingBatch batch = make_batch({&face, 1});
+    ComparedFace result{index, {batch.input, batch.targets, batch.cameras, face_codes(model, batch)}, {}};
+    std::vector<Tensor>& targets = result.target.targets;
+    while (options.resolution > 0 && targets.size() > 1 && targets.back().shape(1) > options.resolution) targets.pop_back();
+    const std::int64_t side = model.config().decoder.resolution;
+    const int compared = static_cast<int>(targets.back().shape(1));
+    for (const Region region : options.regions) {
+        Tensor mask = batch.mask;
+        if (region == Region::face) {
+            // Outside the head the target is black whatever the photo shows.
+            const Tensor within = options.face_region->mask(faces.files(index), side).reshaped(mask.shape());
+            mask = (Variable(mask) * within).value();
+        }
+        result.masks.push_back(resize_box(mask, compared, compared).value());
+    }
+    return result;
+}
+
+Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Dataset& faces, const EvaluationOptions& options) {
+    require_comparable(faces, options);
+    std::vector<std::int64_t> places = places_of(faces, options.range);
+    FitOptions fitting = options.fitting;
+    if (!options.fit) fitting.steps = 0;
+    Findings findings(faces, places, options.folder);
+    const auto asked = std::ssize(places);
+    std::erase_if(places, [&](std::int64_t place) { return findings.contains(place); });
+
+    const InterruptGuard guard;
+    Progress progress({.title = "evaluate", .total = asked, .first = findings.count(), .unit = "faces"});
+    std::atomic<bool> stopped = false;
+    const auto do_face = [&](std::int64_t place) {
+        FitResult fit;
+        FaceScore score;
+        try {
+            const ComparedFace face = compared_face(model, faces, place, options);
+            fit = fit_codes(model, loss, face.target, fitting);
+            if (std::ssize(fit.losses) < fitting.steps) return;
+            const FitReport report = report_fit(model, face.target, face.masks.front(), fit, 0, options.lpips);
+            score = score_of(faces.ids()[static_cast<std::size_t>(place)], report, face, options);
+        } catch (const Error& error) {
+            findings.add_failure(place, error.what());
+            return;
+        }
+        findings.add(place, std::move(score), fit, progress);
+    };
+    const auto work = [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t k = begin; k < end && !interrupted() && !stopped.load(); ++k) {
+            try {
+                do_face(places[static_cast<std::size_t>(k)]);
+            } catch (...) {
+                // The other threads would go on for as long as there are faces.
+                stopped = true;
+                throw;
+            }
+        }
+    };
+    if (options.one_by_one)
+        work(0, std::ssize(places));
+    else
+        parallel_for(std::ssize(places), 1, work);
+    Evaluation evaluation = findings.evaluation();
+    if (evaluation.scores.empty()) {
+        if (evaluation.failed.empty()) fail<FileError>("interrupted; no face was scored");
+        fail<FileError>("none of the ", evaluation.failed.size(),
+                        " faces could be scored; the first: ", evaluation.failed.front().reason);
+    }
+    progress.finish();
+    return evaluation;
+}
+
+}  // namespace stymo

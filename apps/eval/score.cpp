@@ -1,0 +1,141 @@
+#include "apps/eval/score.h"
+
+#include <algorithm>
+#include <iomanip>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "core/error.h"
+#include "nn/models/view.h"
+
+namespace stymo {
+
+namespace {
+
+using Json = nlohmann::json;
+
+double number_or_infinity(const Json& value) {
+    return value.is_null() ? std::numeric_limits<double>::infinity() : value.get<double>();
+}
+
+ImageMetrics parse_metrics(const Json& value) {
+    ImageMetrics metrics{value.at("l1").get<double>(), value.at("l1_mean").get<double>(), value.at("ssim").get<double>(),
+                         number_or_infinity(value.at("psnr"))};
+    if (value.contains("lpips")) metrics.lpips = value["lpips"].get<double>();
+    return metrics;
+}
+
+/// {"head": {"initial": ..., "fitted": ...}, ...} of the rows that are means or of those that are medians.
+JsonValue rows_json(const std::vector<SummaryRow>& rows, bool median) {
+    JsonValue regions = JsonValue::object();
+    for (const Region region : {Region::head, Region::face}) {
+        JsonValue stages = JsonValue::object();
+        bool any = false;
+        for (const SummaryRow& row : rows) {
+            if (row.region != region || row.median != median) continue;
+            stages.add(row.fitted ? "fitted" : "initial", to_json(row.metrics));
+            any = true;
+        }
+        if (any) regions.add(name_of(region), stages);
+    }
+    return regions;
+}
+
+}  // namespace
+
+const char* name_of(Region region) {
+    return region == Region::head ? "head" : "face";
+}
+
+std::vector<Region> regions_called(std::string_view text) {
+    if (text == "both") return {Region::head, Region::face};
+    for (const Region region : {Region::head, Region::face})
+        if (text == name_of(region)) return {region};
+    fail<ValueError>("no region is called ", text, "; give head, face or both");
+}
+
+JsonValue to_json(const FaceScore& score) {
+    JsonValue json = JsonValue::object({{"id", score.id}});
+    for (const RegionScore& region : score.regions) {
+        JsonValue stages = JsonValue::object({{"initial", to_json(region.initial)}});
+        if (region.fitted) stages.add("fitted", to_json(*region.fitted));
+        json.add(name_of(region.region), stages);
+    }
+    return json.add("counting_samples", score.counting_samples);
+}
+
+FaceScore parse_face_score(std::string_view line) {
+    try {
+        const Json value = Json::parse(line);
+        FaceScore score{value.at("id").get<std::string>(), {}, value.at("counting_samples").get<double>()};
+        for (const Region region : {Region::head, Region::face}) {
+            if (!value.contains(name_of(region))) continue;
+            const Json& stages = value[name_of(region)];
+            RegionScore& added = score.regions.emplace_back(RegionScore{region, parse_metrics(stages.at("initial"))});
+            if (stages.contains("fitted")) added.fitted = parse_metrics(stages["fitted"]);
+        }
+        if (score.regions.empty()) fail<FileError>("no region");
+        return score;
+    } catch (const Json::exception&) {
+        fail<FileError>("not the score of a face");
+    }
+}
+
+std::vector<SummaryRow> summary(const std::vector<FaceScore>& scores) {
+    std::vector<SummaryRow> rows;
+    const std::size_t regions = scores.empty() ? 0 : scores.front().regions.size();
+    for (std::size_t k = 0; k < regions; ++k) {
+        const Region region = scores.front().regions[k].region;
+        for (const bool fitted : {false, true}) {
+            std::vector<ImageMetrics> all;
+            for (const FaceScore& score : scores) {
+                const RegionScore& one = score.regions.at(k);
+                if (!fitted) all.push_back(one.initial);
+                if (fitted && one.fitted) all.push_back(*one.fitted);
+            }
+            if (all.empty()) continue;
+            rows.push_back({region, fitted, false, mean(all)});
+            rows.push_back({region, fitted, true, median(all)});
+        }
+    }
+    return rows;
+}
+
+double mean_counting_samples(const std::vector<FaceScore>& scores) {
+    double sum = 0.0;
+    for (const FaceScore& score : scores) sum += score.counting_samples;
+    return scores.empty() ? 0.0 : sum / static_cast<double>(scores.size());
+}
+
+std::string table(const std::vector<FaceScore>& scores) {
+    const std::vector<SummaryRow> rows = summary(scores);
+    const bool lpips = std::ranges::any_of(rows, [](const SummaryRow& row) { return row.metrics.lpips.has_value(); });
+    std::ostringstream text;
+    text << std::left << std::setw(22) << std::to_string(scores.size()) + (scores.size() == 1 ? " face" : " faces")
+         << "       L1  L1 (mean)" << (lpips ? "    LPIPS" : "") << "     SSIM  PSNR dB\n"
+         << std::fixed;
+    for (const SummaryRow& row : rows) {
+        text << std::left << std::setw(6) << name_of(row.region) << std::setw(9) << (row.fitted ? "fitted" : "initial")
+             << std::setw(7) << (row.median ? "median" : "mean") << std::right << std::setprecision(4) << std::setw(9)
+             << row.metrics.l1 << std::setw(11) << row.metrics.l1_mean;
+        if (lpips) text << std::setw(9) << row.metrics.lpips.value_or(0.0);
+        text << std::setw(9) << row.metrics.ssim << std::setprecision(2) << std::setw(9) << row.metrics.psnr << '\n';
+    }
+    text << std::setprecision(1) << 100.0 * mean_counting_samples(scores) << " % of the samples count (weight above "
+         << std::defaultfloat << counting_weight << ")\n";
+    return text.str();
+}
+
+JsonValue summary_json(const std::vector<FaceScore>& scores, const std::vector<FailedFace>& failed) {
+    const std::vector<SummaryRow> rows = summary(scores);
+    std::vector<JsonValue> failures;
+    for (const FailedFace& face : failed) failures.push_back(JsonValue::object({{"id", face.id}, {"reason", face.reason}}));
+    return JsonValue::object({{"count", scores.size()},
+                              {"mean", rows_json(rows, false)},
+                              {"median", rows_json(rows, true)},
+                              {"counting_samples", mean_counting_samples(scores)},
+                              {"failed", failures}});
+}
+
+}  // namespace stymo

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/io/json_writer.h"
+#include "fit/evaluation.h"
+
+namespace stymo {
+
+/// The part of the picture that is compared; what is outside is black in both pictures.
+enum class Region {
+    head,  ///< with hair and ears: the mask that the model was trained with
+    face   ///< of it, what is neither hair nor ear (is_face_class)
+};
+
+[[nodiscard]] const char* name_of(Region region);
+/// "head", "face" or "both".
+[[nodiscard]] std::vector<Region> regions_called(std::string_view text);
+
+struct RegionScore {
+    Region region = Region::head;
+    ImageMetrics initial;                  ///< of the encoder's codes
+    std::optional<ImageMetrics> fitted{};  ///< empty without fitting
+
+    /// What a face is judged by: the fitted codes if there are any.
+    [[nodiscard]] const ImageMetrics& last() const { return fitted ? *fitted : initial; }
+};
+
+struct FaceScore {
+    std::string id;
+    std::vector<RegionScore> regions;  ///< at least one; the same for all faces of an evaluation
+    double counting_samples = 1.0;     ///< View::counting_samples of the fitted face
+};
+
+/// A face that has no score, and why.
+struct FailedFace {
+    std::string id;
+    std::string reason;
+};
+
+/// One line: {"id", "head": {"initial": {...}, "fitted": {...}}, "face": ..., "counting_samples"}. Numbers are read back as they
+/// were, infinite ones as null.
+[[nodiscard]] JsonValue to_json(const FaceScore& score);
+/// Throws FileError for text that to_json did not write.
+[[nodiscard]] FaceScore parse_face_score(std::string_view line);
+
+/// A row of the tables: all faces' scores of one region and one stage in one number for each metric.
+struct SummaryRow {
+    Region region = Region::head;
+    bool fitted = false;
+    bool median = false;  ///< else the mean
+    ImageMetrics metrics;
+};
+
+/// Rows by region, then initial and fitted, then mean and median.
+[[nodiscard]] std::vector<SummaryRow> summary(const std::vector<FaceScore>& scores);
+[[nodiscard]] double mean_counting_samples(const std::vector<FaceScore>& scores);
+
+/// The rows for people.
+[[nodiscard]] std::string table(const std::vector<FaceScore>& scores);
+/// {"count", "mean": {"head": {"initial": {...}, "fitted": {...}}, ...}, "median": the same, "counting_samples",
+/// "failed": [{"id", "reason"}]}
+[[nodiscard]] JsonValue summary_json(const std::vector<FaceScore>& scores, const std::vector<FailedFace>& failed);
+
+}  // namespace stymo

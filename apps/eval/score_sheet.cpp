@@ -1,0 +1,84 @@
+#include "apps/eval/score_sheet.h"
+
+#include <algorithm>
+#include <set>
+
+#include "core/angle.h"
+#include "core/error.h"
+#include "core/io/image.h"
+#include "core/ops/ops.h"
+#include "nn/models/code_file.h"
+#include "nn/models/picture.h"
+#include "nn/models/view.h"
+
+namespace stymo {
+
+namespace {
+
+constexpr double error_gain = 4.0;
+
+Tensor error_map(const FitReport& report, const Tensor& mask) {
+    const Variable difference = abs(Variable(masked_picture(report.fitted, mask)) - masked_picture(report.target, mask));
+    const Variable grey = clamp(mean(difference, {2}) * error_gain, 0.0, 1.0);
+    return broadcast_to(grey, report.fitted.shape()).value();
+}
+
+/// The codes before and after, as the evaluation had them.
+FitResult result_of(const Model& model, const ReconstructionLoss& loss, const ComparedFace& face, const std::string& id,
+                    const EvaluationOptions& options) {
+    FitResult result = fit_codes(model, loss, face.target, {.steps = 0});
+    if (!options.fit) return result;
+    const CodeFile file = read_code_file(options.folder->codes_of(id));
+    result.fitted = file.codes;
+    result.cameras = {camera_from_pose(file.pose, face.target.cameras.front().intrinsics)};
+    return result;
+}
+
+std::int64_t place_of(const Dataset& faces, const std::string& id) {
+    const auto found = std::ranges::find(faces.ids(), id);
+    if (found == faces.ids().end()) fail<FileError>("the folder has no face ", id, " any more");
+    return found - faces.ids().begin();
+}
+
+}  // namespace
+
+std::vector<SheetRow> sheet_rows(const std::vector<FaceScore>& scores) {
+    std::vector<const FaceScore*> order;
+    for (const FaceScore& score : scores) order.push_back(&score);
+    const auto psnr = [](const FaceScore* score) { return score->regions.front().last().psnr; };
+    std::ranges::stable_sort(order, std::greater{}, psnr);
+    const std::size_t count = order.size();
+    const std::size_t each = count >= 9 ? 3 : 1;
+    std::vector<SheetRow> rows;
+    std::set<std::size_t> taken;
+    const auto take = [&](const char* kind, std::size_t first) {
+        for (std::size_t i = first; i < std::min(first + each, count); ++i)
+            if (taken.insert(i).second) rows.push_back({kind, order[i]->id, psnr(order[i])});
+    };
+    take("best", 0);
+    if (count >= 3) take("median", (count - each) / 2);
+    if (count >= 2) take("worst", count - each);
+    return rows;
+}
+
+Tensor score_sheet(const Model& model, const ReconstructionLoss& loss, const Dataset& faces, const EvaluationOptions& options,
+                   const std::vector<SheetRow>& rows) {
+    constexpr int columns = 6;
+    std::vector<Tensor> tiles;
+    for (const SheetRow& row : rows) {
+        const ComparedFace face = compared_face(model, faces, place_of(faces, row.id), options);
+        const FitResult result = result_of(model, loss, face, row.id, options);
+        const FitReport report = report_fit(model, face.target, face.masks.front(), result, 0);
+        tiles.insert(tiles.end(), {report.target, report.initial, report.fitted});
+        for (const double yaw_degrees : {-30.0, 30.0}) {
+            const Camera camera = model_camera(model, radians_from_degrees(yaw_degrees), 0.0, 0.0);
+            const ViewOptions view{.samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
+                                   .resolution = report.target.shape(0)};
+            tiles.push_back(render_view(model, result.fitted, 0, camera, view).picture);
+        }
+        tiles.push_back(error_map(report, picture_mask(face.masks.front(), 0)));
+    }
+    return tile_images(tiles, columns);
+}
+
+}  // namespace stymo

@@ -1,0 +1,17 @@
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "apps/common/explain.h"
+#include "apps/render/options.h"
+
+namespace stymo {
+
+/// Writes a folder with `faces.png`, a sheet of faces drawn from the distribution of the training codes, and NNNN.json with the
+/// codes of each. The n-th face depends on the seed alone, not on how many there are. Returns the files. Throws FileError for a
+/// model without statistics if no folder of faces is named.
+[[nodiscard]] std::vector<std::filesystem::path> write_new_faces(const RenderOptions& options, const Model& model,
+                                                                 std::uint64_t seed, Explainer& explainer);
+
+}  // namespace stymo

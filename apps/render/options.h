@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "nn/models/head_mesh.h"
+#include "nn/models/realtime/face_renderer.h"
+
+namespace stymo {
+
+/// The options of stymo-render. `orbit`, `to`, the grids and `sample` exclude each other; without any of them it is one view.
+struct RenderOptions {
+    std::filesystem::path model;
+    std::filesystem::path codes;
+    std::filesystem::path out;
+    std::optional<double> yaw;
+    std::optional<double> pitch;
+    std::optional<double> roll;
+
+    int orbit = 0;
+    double orbit_yaw = 30.0;
+    double orbit_pitch = 8.0;
+
+    std::filesystem::path to;
+    int frames = 24;
+    std::string take;
+    double frames_per_second = 24.0;
+
+    std::string grid_yaw;
+    std::string grid_pitch;
+
+    int sample = 0;
+    double truncation = 0.7;
+    std::filesystem::path data;
+
+    std::filesystem::path mesh;
+    HeadMeshOptions meshing;
+
+    std::string mode = "exact";
+    RendererOptions renderer;  ///< its mode is that of `mode`
+    bool explain = false;
+
+    [[nodiscard]] bool grid() const { return !grid_yaw.empty() || !grid_pitch.empty(); }
+};
+
+}  // namespace stymo

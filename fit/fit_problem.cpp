@@ -1,0 +1,126 @@
+#include "fit/fit_problem.h"
+
+#include <algorithm>
+#include <span>
+#include <string>
+
+#include "core/autograd/grad.h"
+#include "core/error.h"
+#include "core/ops/ops.h"
+#include "render/tracked_rays.h"
+
+namespace stymo {
+
+namespace {
+
+/// Identity and texture, in the order of `code_names`, stay from photo to photo.
+bool is_of_person(std::size_t group) {
+    return group == 0 || group == 2;
+}
+
+/// Codes whose identity and texture are the mean of all rows.
+Codes of_one_person(Codes codes) {
+    for (std::size_t group = 0; group < code_names.size(); ++group) {
+        Variable& values = codes.groups[group];
+        if (is_of_person(group)) values = broadcast_to(mean(values, {0}), values.shape());
+    }
+    return codes;
+}
+
+Tensor orbits_of(const std::vector<Camera>& cameras, DType dtype) {
+    std::vector<Pose> poses;
+    for (const Camera& camera : cameras) poses.push_back(pose_from_camera(camera));
+    return orbit_parameters(poses, dtype);
+}
+
+/// Share of the samples up to which keeping the field's arguments takes little memory.
+constexpr double few_samples = 0.25;
+
+double mean_of(const Tensor& values) {
+    return mean(Variable(values)).value().item();
+}
+
+void require_sound(const FitTarget& target, const FitOptions& options) {
+    if (target.targets.empty()) fail<ShapeError>("fitting: no targets");
+    if (options.examination_interval < 1)
+        fail<ValueError>("fitting: samples are examined every ", options.examination_interval, " steps; give at least 1");
+}
+
+Codes initial_codes(const Model& model, const FitTarget& target, const FitOptions& options) {
+    require_sound(target, options);
+    Codes codes = detached(target.initial ? *target.initial : model.encoder()(Variable(target.input)));
+    return options.one_person ? of_one_person(std::move(codes)) : codes;
+}
+
+}  // namespace
+
+FitProblem::FitProblem(const Model& model, const ReconstructionLoss& loss, const FitTarget& target, const FitOptions& options)
+    : model_(model),
+      loss_(loss),
+      target_(target),
+      options_(options),
+      regularizer_(options.regularizer < 0.0 ? model.config().reconstruction.fit_regularizer : options.regularizer),
+      initial_(initial_codes(model, target, options)) {
+    for (std::size_t group = 0; group < code_names.size(); ++group) {
+        const Variable& values = initial_.groups[group];
+        const std::int64_t rows = options.one_person && is_of_person(group) ? 1 : initial_.batch();
+        offsets_.create(std::string("offset.") + code_names[group], Tensor::zeros({rows, values.shape(1)}, values.dtype()));
+    }
+    if (options.refine_pose) orbits_.create("orbits", orbits_of(target.cameras, initial_.identity().dtype()));
+    const std::int64_t own = model.config().reconstruction.fit_samples_per_ray;
+    decode_.samples_per_ray = options.samples_per_ray > 0 ? options.samples_per_ray : own;
+    decode_.keep_field = options.keep_field;
+}
+
+Codes FitProblem::code_offsets() const {
+    Codes result;
+    for (std::size_t group = 0; group < code_names.size(); ++group) result.groups[group] = offsets()[group].variable();
+    return result;
+}
+
+std::vector<Camera> FitProblem::cameras() const {
+    std::vector<Camera> cameras = target_.cameras;
+    if (orbits().empty()) return cameras;
+    const Tensor& parameters = orbits().front().variable().value();
+    for (std::size_t i = 0; i < cameras.size(); ++i)
+        cameras[i] = camera_from_pose(pose_from_orbit(parameters, static_cast<std::int64_t>(i)), cameras[i].intrinsics);
+    return cameras;
+}
+
+void FitProblem::examine_samples() {
+    if (options_.tolerance <= 0.0) return;
+    decode_.kept_samples =
+        significant_samples(model_.decoder().compositing_weights(codes(), cameras(), decode_.samples_per_ray, decode_.resolution),
+                            options_.tolerance);
+    decode_.keep_field = options_.keep_field || mean_of(decode_.kept_samples) <= few_samples;
+}
+
+bool FitProblem::choose_pictures(std::int64_t step) {
+    const std::size_t all = target_.targets.size();
+    std::size_t count = all;
+    if (step < options_.coarse_steps)
+        count = 1 + static_cast<std::size_t>(step) * (all - 1) / static_cast<std::size_t>(options_.coarse_steps);
+    count = std::min(count, all);
+    if (count == picture_count_) return false;
+    picture_count_ = count;
+    photos_ = loss_.kept_target(std::span(target_.targets).first(count));
+    // Whichever picture is the largest weighs as much as the largest of all.
+    if (photos_.weights.size() >= all) photos_.weights[count - 1] = photos_.weights[all - 1];
+    decode_.resolution = target_.targets[count - 1].shape(1);
+    return true;
+}
+
+FitProblem::Evaluation FitProblem::evaluate() {
+    const auto batch = static_cast<double>(initial_.batch());
+    if (!orbits().empty()) decode_.orbits = orbits().front().variable();
+    const Decoded decoded = model_.decoder()(codes(), cameras(), decode_);
+    // A mean over the batch times its size: the faces' gradients do not depend on how many are fitted together.
+    const Variable loss = loss_(decoded.images, photos_).total * batch + squared_length(code_offsets()) * regularizer_;
+    Evaluation result{loss.value().item() / batch, {}};
+    std::vector<Variable> learnt = variables_of(offsets());
+    if (!orbits().empty()) learnt.push_back(orbits().front().variable());
+    result.gradients = grad(loss, learnt);
+    return result;
+}
+
+}  // namespace stymo

@@ -1,0 +1,148 @@
+// What stymo-render does beside one view: sheets, faces on the way to another, new faces, meshes.
+#include <catch2/catch.hpp>
+#include <nlohmann/json.hpp>
+
+#include "apps/tiny_run.h"
+#include "apps/tool_run.h"
+#include "core/io/file.h"
+#include "core/io/image.h"
+#include "nn/models/code_file.h"
+#include "nn/models/model.h"
+#include "support/check_close.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using stymo::read_code_file;
+using stymo::read_image;
+using stymo::Shape;
+using stymo::tiny_run;
+using stymo::ToolOutcome;
+using namespace stymo::test;
+
+constexpr const char* render = "stymo-render --model run/model.safetensors --samples 4 ";
+constexpr const char* of_fit = "--codes fit/codes.json ";
+
+ToolOutcome done(const std::string& options) {
+    ToolOutcome outcome = stymo::run_tool(tiny_run(), render + options);
+    INFO(options << "\n" << outcome.err);
+    CHECK(outcome.exit_code == 0);
+    return outcome;
+}
+
+void refused(const std::string& options, int exit_code, const std::string& culprit) {
+    const ToolOutcome outcome = stymo::run_tool(tiny_run(), render + options);
+    INFO(options << "\n" << outcome.err);
+    CHECK(outcome.exit_code == exit_code);
+    CHECK(stymo::line_count(outcome.err) == 1);
+    CHECK_THAT(outcome.err, Catch::StartsWith("stymo-render: ") && Catch::Contains(culprit));
+    CHECK(outcome.out.empty());
+}
+
+std::vector<double> numbers(const fs::path& codes) {
+    return joined(read_code_file(tiny_run() / codes).codes).value().to_vector();
+}
+
+/// A tile of a picture of tiles of 64 pixels.
+stymo::Tensor tile(const std::string& picture, int row, int column) {
+    return stymo::image_part(read_image(tiny_run() / picture), 64 * row, 64 * column, 64, 64);
+}
+
+}  // namespace
+
+TEST_CASE("A grid shows yaw from left to right and pitch from top to bottom, as single views do", "[render_tool]") {
+    done(std::string(of_fit) + "--out grid.png --grid-yaw -20:20:3 --grid-pitch 10:-10:2 --depth --mask");
+    CHECK(read_image(tiny_run() / "grid.png").shape() == Shape{128, 192, 3});
+    CHECK(stymo::read_mask(tiny_run() / "grid_mask.png").shape() == Shape{128, 192, 1});
+    CHECK(read_image(tiny_run() / "grid_depth.exr").shape() == Shape{64, 96, 3});
+    done(std::string(of_fit) + "--out single.png --yaw 20 --pitch 10");
+    CHECK(identical(read_image(tiny_run() / "single.png"), tile("grid.png", 0, 2)));
+    done(std::string(of_fit) + "--out column.png --grid-pitch 10:10:1 --yaw 20");
+    CHECK(identical(read_image(tiny_run() / "single.png"), read_image(tiny_run() / "column.png")));
+}
+
+TEST_CASE("Faces on the way to another are a strip or an animation, and keep the groups that are not taken", "[render_tool]") {
+    done("--sample 1 --truncation 1 --out other");
+    const std::string way = std::string(of_fit) + "--to other/0000.json --yaw 0 ";
+    done(way + "--frames 3 --out way.png");
+    CHECK(read_image(tiny_run() / "way.png").shape() == Shape{64, 192, 3});
+    done(std::string(of_fit) + "--yaw 0 --out from.png");
+    done("--codes other/0000.json --yaw 0 --out to.png");
+    CHECK(identical(tile("way.png", 0, 0), read_image(tiny_run() / "from.png")));
+    CHECK(identical(tile("way.png", 0, 2), read_image(tiny_run() / "to.png")));
+    done(way + "--frames 3 --out way.gif --mask --depth");
+    CHECK(stymo::read_text_file(tiny_run() / "way_mask.gif").starts_with("GIF89a"));
+    for (const char* frame : {"way_0000_depth.exr", "way_0002_depth.exr"}) CHECK(fs::exists(tiny_run() / frame));
+    CHECK_FALSE(fs::exists(tiny_run() / "way_0003_depth.exr"));
+}
+
+TEST_CASE("New faces come with a sheet and their codes, the same for the same seed however many", "[render_tool]") {
+    const ToolOutcome outcome = done("--sample 3 --out new --json");
+    CHECK(json::parse(outcome.out)["written"] == json{"new/faces.png", "new/0000.json", "new/0001.json", "new/0002.json"});
+    CHECK(read_image(tiny_run() / "new/faces.png").shape() == Shape{128, 128, 3});
+    done("--sample 2 --out again");
+    CHECK(numbers("again/0001.json") == numbers("new/0001.json"));
+    CHECK(numbers("new/0000.json") != numbers("new/0001.json"));
+    done("--sample 1 --out another --seed 1");
+    CHECK(numbers("another/0000.json") != numbers("new/0000.json"));
+    done("--codes new/0001.json --out face.png");
+    CHECK(identical(read_image(tiny_run() / "face.png"), tile("new/faces.png", 0, 1)));
+}
+
+TEST_CASE("New faces narrow to the mean, and may change some groups of a given face alone", "[render_tool]") {
+    const stymo::Model model = stymo::Model::load(tiny_run() / "run/model.safetensors");
+    REQUIRE(model.code_statistics());
+    done("--sample 1 --truncation 0 --out mean");
+    CHECK(numbers("mean/0000.json") == model.code_statistics()->mean().to_vector());
+
+    done(std::string(of_fit) + "--sample 1 --take expr,light --out changed");
+    done("--sample 1 --out all");
+    const std::vector<double> fit = numbers("fit/codes.json"), changed = numbers("changed/0000.json"),
+                              all = numbers("all/0000.json");
+    for (std::size_t i = 0; i < fit.size(); ++i) {
+        const bool taken = (i >= 100 && i < 179) || i >= 279;
+        REQUIRE(changed[i] == (taken ? all[i] : fit[i]));
+    }
+}
+
+TEST_CASE("A model without statistics draws new faces from a folder's", "[render_tool]") {
+    const std::string checkpoint =
+        "stymo-render --samples 4 --model run/checkpoints/000004/model.safetensors --sample 1 --out bare";
+    const ToolOutcome without = stymo::run_tool(tiny_run(), checkpoint);
+    CHECK(without.exit_code == 1);
+    CHECK_THAT(without.err, Catch::Contains("model.safetensors: has no statistics") && Catch::Contains("--data"));
+    CHECK_FALSE(fs::exists(tiny_run() / "bare"));
+    CHECK(stymo::run_tool(tiny_run(), checkpoint + " --data faces").exit_code == 0);
+    CHECK(fs::exists(tiny_run() / "bare/0000.json"));
+}
+
+TEST_CASE("A mesh is written alone or beside a picture", "[render_tool]") {
+    // Four steps of training make no head; any density has a surface.
+    const std::string surface = "--mesh head.ply --mesh-resolution 12 --mesh-level 0.05 ";
+    const ToolOutcome outcome = done(of_fit + surface + "--json");
+    CHECK(json::parse(outcome.out)["written"] == json{"head.ply"});
+    CHECK(stymo::read_text_file(tiny_run() / "head.ply").starts_with("ply\nformat binary_little_endian 1.0\n"));
+    done(of_fit + surface + "--out beside.png");
+    CHECK(fs::exists(tiny_run() / "beside.png"));
+    refused(std::string(of_fit) + "--mesh head.ply --mesh-resolution 4 --mesh-level 1000000", 1,
+            "no density of this face reaches");
+}
+
+TEST_CASE("Jobs of stymo-render that do not fit together are refused", "[render_tool]") {
+    const std::string one = std::string(of_fit) + "--out out.png ";
+    refused("--out out.png", 2, "--codes");
+    refused(of_fit, 2, "--out");
+    refused("--sample 2", 2, "--out");
+    refused(one + "--grid-yaw 1:2", 2, "--grid-yaw 1:2");
+    refused(one + "--grid-pitch 0:10:0", 2, "--grid-pitch");
+    refused(one + "--grid-yaw 0:200:3", 2, "--grid-yaw");
+    refused(one + "--grid-yaw 0:20:3x", 2, "--grid-yaw");
+    refused(one + "--grid-yaw 0:20:3 --sample 2", 2, "--sample");
+    refused(one + "--take hair --to fit/codes.json", 2, "\"hair\"");
+    refused(one + "--frames 3", 2, "--to");
+    refused(one + "--to none.json", 1, "none.json: ");
+    refused(one + "--mesh head.obj", 2, "head.obj");
+    refused("--sample 2 --truncation nan --out new", 2, "--truncation");
+    CHECK_FALSE(fs::exists(tiny_run() / "out.png"));
+}
