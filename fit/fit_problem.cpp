@@ -48,7 +48,7 @@ void require_sound(const FitTarget& target, const FitOptions& options) {
 
 Codes initial_codes(const Model& model, const FitTarget& target, const FitOptions& options) {
     require_sound(target, options);
-    Codes codes = detached(model.encoder()(Variable(target.input)));
+    Codes codes = detached(target.initial ? *target.initial : model.encoder()(Variable(target.input)));
     return options.one_person ? of_one_person(std::move(codes)) : codes;
 }
 
@@ -89,8 +89,9 @@ std::vector<Camera> FitProblem::cameras() const {
 
 void FitProblem::examine_samples() {
     if (options_.tolerance <= 0.0) return;
-    decode_.kept_samples = significant_samples(model_.decoder().compositing_weights(codes(), cameras(), decode_.samples_per_ray),
-                                               options_.tolerance);
+    decode_.kept_samples =
+        significant_samples(model_.decoder().compositing_weights(codes(), cameras(), decode_.samples_per_ray, decode_.resolution),
+                            options_.tolerance);
     decode_.keep_field = options_.keep_field || mean_of(decode_.kept_samples) <= few_samples;
 }
 

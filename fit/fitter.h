@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "nn/models/model.h"
@@ -14,6 +15,7 @@ struct FitTarget {
     /// (B, R, R, 3) in [-1, 1] for R = 64, 128, ...: masked, background -1. The last one is the largest that is rendered.
     std::vector<Tensor> targets;
     std::vector<Camera> cameras;
+    std::optional<Codes> initial{};  ///< where fitting starts, in Z; none: the encoder's codes of `input`
 };
 
 enum class FitOptimizer {
@@ -58,7 +60,7 @@ struct FitOptions {
 [[nodiscard]] Tensor significant_samples(const Tensor& weights, double tolerance);
 
 struct FitResult {
-    Codes initial;  ///< the encoder's, in Z
+    Codes initial;  ///< the encoder's or the target's, in Z
     Codes fitted;   ///< initial + offsets
     /// Mean over the faces, before each step. L-BFGS has the one that its iteration ended with for each evaluation of it.
     std::vector<double> losses;

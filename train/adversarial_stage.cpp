@@ -29,8 +29,9 @@ const Tensor& photos(const TrainingBatch& batch, const AdversarialPhase& phase) 
 }
 
 /// Pictures of the batch's faces as the discriminator sees them, one face at a time: none needs the memory of more.
-Tensor fakes(const Model& model, const TrainingBatch& batch, const AdversarialPhase& phase, Rng& jitter) {
-    const Codes codes = detached(model.encoder()(Variable(batch.input)));
+Tensor fakes(const Model& model, const TrainingBatch& batch, const AdversarialPhase& phase, Rng& jitter,
+             const CodeOffsets* offsets) {
+    const Codes codes = detached(face_codes(model, batch, offsets));
     std::vector<Variable> pictures;
     for (std::int64_t i = 0; i < codes.batch(); ++i) {
         Codes face;
@@ -67,9 +68,9 @@ Variable adversarial_loss(const Discriminator& discriminator, const Variable& im
 
 DiscriminatorGradients discriminator_gradients(const Model& model, const Discriminator& discriminator, const TrainingBatch& batch,
                                                const AdversarialPhase& phase, const std::vector<Parameter>& parameters,
-                                               Rng& jitter) {
+                                               Rng& jitter, const CodeOffsets* offsets) {
     const Tensor real_images = faded_image(photos(batch, phase), phase.fade).value();
-    const Tensor fake_images = fakes(model, batch, phase, jitter);
+    const Tensor fake_images = fakes(model, batch, phase, jitter, offsets);
     const std::vector<Variable> leaves = variables_of(parameters);
     const Judged real = judged(discriminator, real_images, phase.fade, real_loss, leaves);
     const Judged fake = judged(discriminator, fake_images, phase.fade, fake_loss, leaves);
@@ -93,11 +94,12 @@ DiscriminatorGradients r1_gradients(const Discriminator& discriminator, const Tr
 LossAndGradients generator_gradients(const Model& model, const Discriminator* discriminator,
                                      const ReconstructionLoss& reconstruction, const TrainingBatch& batch,
                                      const AdversarialPhase& phase, const TrainConfig& config,
-                                     const std::vector<Parameter>& parameters, bool mask_loss, Rng& jitter) {
+                                     const std::vector<Parameter>& parameters, bool mask_loss, Rng& jitter,
+                                     const CodeOffsets* offsets) {
     const LossConfig& weights = config.loss;
     // The branch sums up the features of every block, so it is trained where all of them are there.
     const bool with_mask = mask_loss && weights.mask_weight > 0.0 && phase.resolution == model.decoder().config().resolution;
-    const Codes codes = detached(model.encoder()(Variable(batch.input)));
+    const Codes codes = detached(face_codes(model, batch, offsets));
     const Recomputation recomputation = choose_recomputation(
         config,
         {.stage = 2, .resolution = phase.resolution, .micro_batch = codes.batch(), .samples_per_ray = phase.samples_per_ray});

@@ -38,7 +38,8 @@ struct DiscriminatorGradients {
 /// them. Throws ShapeError for a batch without pictures of the phase's resolution.
 [[nodiscard]] DiscriminatorGradients discriminator_gradients(const Model& model, const Discriminator& discriminator,
                                                              const TrainingBatch& batch, const AdversarialPhase& phase,
-                                                             const std::vector<Parameter>& parameters, Rng& jitter);
+                                                             const std::vector<Parameter>& parameters, Rng& jitter,
+                                                             const CodeOffsets* offsets = nullptr);
 
 /// One micro-batch of R1: gradients of `weight` * E |dD/dx|^2 / 2 on the real photos. Throws as discriminator_gradients.
 [[nodiscard]] DiscriminatorGradients r1_gradients(const Discriminator& discriminator, const TrainingBatch& batch,
@@ -46,12 +47,13 @@ struct DiscriminatorGradients {
                                                   const std::vector<Parameter>& parameters);
 
 /// One micro-batch of the generator's update: reconstruction up to the phase's resolution, mask loss, opacity, depth variance,
-/// non-saturating adversarial loss with its weight. The encoder's codes are constants, and so is the discriminator; there is no
+/// non-saturating adversarial loss with its weight. The faces' codes are constants, and so is the discriminator; there is no
 /// code loss. Without adversarial weight the discriminator is not run and may be null. A discriminator whose parameters are
 /// frozen meanwhile takes less memory for the same gradients. The mask loss needs `mask_loss` and the model's own resolution.
 [[nodiscard]] LossAndGradients generator_gradients(const Model& model, const Discriminator* discriminator,
                                                    const ReconstructionLoss& reconstruction, const TrainingBatch& batch,
                                                    const AdversarialPhase& phase, const TrainConfig& config,
-                                                   const std::vector<Parameter>& parameters, bool mask_loss, Rng& jitter);
+                                                   const std::vector<Parameter>& parameters, bool mask_loss, Rng& jitter,
+                                                   const CodeOffsets* offsets = nullptr);
 
 }  // namespace stymo

@@ -83,8 +83,8 @@ std::optional<std::string> AdversarialUpdater::update_discriminator(const Traini
     Rng jitter = parts_.rng.split("discriminator jitter").split(static_cast<std::uint64_t>(place.phase.first_step + place.step));
     for (const std::int64_t first_image : micro_batches) {
         const TrainingBatch batch = parts_.images.batch(first_image, place.phase.micro_batch);
-        const DiscriminatorGradients result =
-            discriminator_gradients(parts_.model, judge_->discriminator, batch, adversarial_phase(place), parameters, jitter);
+        const DiscriminatorGradients result = discriminator_gradients(
+            parts_.model, judge_->discriminator, batch, adversarial_phase(place), parameters, jitter, parts_.offsets);
         report.discriminator.accumulate(result.losses, mean.part());
         mean.add(result.gradients);
     }
@@ -123,7 +123,7 @@ std::optional<std::string> AdversarialUpdater::update_generator(const TrainingPl
         const TrainingBatch batch = parts_.images.batch(first_image, place.phase.micro_batch);
         const LossAndGradients result =
             generator_gradients(parts_.model, judge_ ? &judge_->discriminator : nullptr, parts_.reconstruction, batch,
-                                adversarial_phase(place), parts_.config, parameters, mask_loss, jitter);
+                                adversarial_phase(place), parts_.config, parameters, mask_loss, jitter, parts_.offsets);
         report.losses.accumulate(result.losses, mean.part());
         mean.add(result.gradients);
     }

@@ -89,7 +89,10 @@ TrainingBatch make_batch(std::span<const Face> faces) {
     const Tensor target = affine(images * Variable(batch.mask), 2.0, -1.0).value();
     for (std::int64_t s = smallest_target; s <= side; s *= 2) batch.targets.push_back(shrunk(target, s, -1.0, 1.0));
 
-    for (const Face& face : faces) batch.cameras.push_back(camera_from_pose(face.pose, face.intrinsics));
+    for (const Face& face : faces) {
+        batch.ids.push_back(face.id);
+        batch.cameras.push_back(camera_from_pose(face.pose, face.intrinsics));
+    }
     add_codes(batch, faces);
     return batch;
 }

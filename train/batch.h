@@ -29,6 +29,7 @@ struct Face {
 
 /// Several faces as the networks and the losses take them.
 struct TrainingBatch {
+    std::vector<std::string> ids;
     Tensor input;                 ///< (B, S, S, 3) in [-1, 1], unmasked: what the encoder sees
     std::vector<Tensor> targets;  ///< (B, s, s, 3) in [-1, 1] for s = 64, 128, ..., S: the head on black (-1)
     Tensor mask;                  ///< (B, S, S, 1) in [0, 1]

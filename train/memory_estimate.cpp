@@ -69,6 +69,16 @@ struct Need {
 std::int64_t decoder_weights(const DecoderConfig& config) {
     constexpr std::int64_t geometry = 179, appearance = 127;
     const std::int64_t width = config.field_width, encoding = 3 + 6 * config.frequencies;
+    if (config.conditioning == "concatenation") {
+        std::int64_t weights = (config.field_layers + 2) * width * (width + 1) + 2 * (encoding + geometry) * width +
+                               width / 2 * (appearance + config.feature_channels);
+        std::int64_t in = config.feature_channels;
+        for (const std::int64_t out : config.render == "none" ? std::vector<std::int64_t>{} : config.block_channels) {
+            weights += 10 * in * in + in * out;
+            in = out;
+        }
+        return weights;
+    }
     std::int64_t weights = (config.field_layers + 1) * width * (width + geometry + 2) + 2 * encoding * (width + geometry) +
                            width * config.feature_channels;
     for (const std::int64_t size : code_sizes) weights += config.mapping_layers * size * (size + 1);
@@ -82,8 +92,18 @@ std::int64_t decoder_weights(const DecoderConfig& config) {
 
 /// Field and compositing: samples, results and their gradients, and the arguments of the sines.
 Need field_need(const DecoderConfig& config, const TrainingPhase& phase, bool recomputed) {
-    const std::int64_t rays = phase.micro_batch * square(config.rays.rays_per_side);
+    const bool blocks = config.render == "blocks";
+    const std::int64_t rays = phase.micro_batch * square(blocks ? config.rays.rays_per_side : phase.resolution);
     const std::int64_t encoding = 3 + 6 * config.frequencies;
+    if (config.conditioning == "concatenation") {
+        // Points, distances, depths and weights of all rays with their gradients; the layers of one tile of samples, and the sums
+        // of its weights' gradients.
+        constexpr std::int64_t tile = 2048;
+        const std::int64_t composited = blocks ? config.field_width / 2 : 3;
+        const std::int64_t layers = (config.field_layers + 4) * config.field_width;
+        return {rays * (2 * (composited + phase.samples_per_ray) + 8 * phase.samples_per_ray),
+                tile * layers + 4 * config.field_width * layers};
+    }
     const std::int64_t weights = config.field_width * (config.field_width * (config.field_layers + 1) + 2 * encoding);
     const std::int64_t arguments = recomputed ? 0 : rays * phase.samples_per_ray * config.field_width * (config.field_layers + 1);
     return {rays * (3 * (config.field_width + phase.samples_per_ray) + 5 * phase.samples_per_ray) + arguments,
@@ -104,6 +124,10 @@ Need block_need(std::int64_t side, std::int64_t in, std::int64_t out, std::int64
 
 Need decoder_need(const DecoderConfig& config, const TrainingPhase& phase, const Recomputation& recomputation, bool mask) {
     Need need = field_need(config, phase, recomputation.field);
+    if (config.render == "none") {
+        need.add({phase.micro_batch * 5 * 4 * square(phase.resolution), 0});
+        return need;
+    }
     std::int64_t in = config.feature_channels;
     std::int64_t side = config.rays.rays_per_side;
     std::int64_t mask_numbers = 0;
@@ -164,7 +188,7 @@ std::int64_t encoder_weights(const EncoderConfig& config) {
 
 /// Weights; of those that are trained gradient, mean gradient and both moments; averages of all.
 std::int64_t lasting_numbers(const TrainConfig& config, const TrainingPhase& phase) {
-    const std::int64_t encoder = encoder_weights(config.model.encoder);
+    const std::int64_t encoder = config.model.code_source == "encoder" ? encoder_weights(config.model.encoder) : 0;
     const std::int64_t decoder = decoder_weights(config.model.decoder);
     const double half_life = phase.stage == 1 ? config.stage1.average_half_life : config.stage2.average_half_life;
     std::int64_t numbers = encoder + decoder + (half_life > 0.0 ? encoder + decoder : 0);
@@ -184,7 +208,7 @@ std::int64_t generator_numbers(const TrainConfig& config, const TrainingPhase& p
     Need need{photos, 0};
     need.add(decoder_need(model.decoder, phase, recomputation, mask));
     const std::int64_t encoder = phase.micro_batch * backbone_size(model.encoder.backbone).saved;
-    if (phase.stage == 1) need.saved += encoder;
+    if (phase.stage == 1 && model.code_source == "encoder") need.saved += encoder;
     const ReconstructionConfig& loss = model.reconstruction;
     if (loss.perceptual_weight > 0.0) {
         const std::int64_t limit = loss.perceptual_resolution;

@@ -21,6 +21,18 @@ void LossTerms::accumulate(const LossTerms& other, double part) {
     code_norm += part * other.code_norm;
 }
 
+namespace {
+
+/// The mask where the rays are: one value for each.
+Tensor mask_of_rays(const TrainingBatch& batch, const Decoded& decoded) {
+    const std::int64_t rays = decoded.weights.transmittance.shape(1);
+    if (rays == batch.mask_32.shape(1) * batch.mask_32.shape(2)) return batch.mask_32;
+    const int side = static_cast<int>(decoded.images.back().shape(1));
+    return resize_box(batch.mask, side, side).value();
+}
+
+}  // namespace
+
 void add_common_terms(Variable& total, LossTerms& report, const ReconstructionLoss::Terms& terms, const Decoded& decoded,
                       const TrainingBatch& batch, bool with_mask, const LossConfig& weights) {
     total = total + terms.total;
@@ -30,16 +42,17 @@ void add_common_terms(Variable& total, LossTerms& report, const ReconstructionLo
     add_term(total, report.mask, with_mask ? weights.mask_weight : 0.0,
              [&] { return mask_loss(decoded.mask_logit, batch.mask); });
     add_term(total, report.opacity, weights.opacity_weight,
-             [&] { return opacity_loss(decoded.weights.transmittance, batch.mask_32); });
+             [&] { return opacity_loss(decoded.weights.transmittance, mask_of_rays(batch, decoded)); });
     add_term(total, report.depth_variance, weights.depth_variance_weight,
              [&] { return depth_variance(decoded.weights.weights, decoded.samples.depths); });
 }
 
 LossAndGradients reconstruction_gradients(const Model& model, const ReconstructionLoss& reconstruction,
                                           const TrainingBatch& batch, const TrainConfig& config,
-                                          const std::vector<Parameter>& parameters, bool mask_loss, Rng& jitter) {
+                                          const std::vector<Parameter>& parameters, bool mask_loss, Rng& jitter,
+                                          const CodeOffsets* offsets) {
     const LossConfig& weights = config.loss;
-    const Codes codes = model.encoder()(Variable(batch.input));
+    const Codes codes = face_codes(model, batch, offsets);
     const bool with_mask = mask_loss && weights.mask_weight > 0.0;
     const std::int64_t samples_per_ray = config.stage1.samples_per_ray;
     const std::int64_t resolution = stage1_resolution(config);

@@ -5,6 +5,7 @@
 #include "nn/models/model.h"
 #include "nn/models/reconstruction.h"
 #include "train/batch.h"
+#include "train/face_codes.h"
 #include "train/train_config.h"
 
 namespace stymo {
@@ -38,9 +39,11 @@ void add_common_terms(Variable& total, LossTerms& report, const ReconstructionLo
 
 /// Forward and backward pass of the first stage on one micro-batch: encoder, decoder with stratified samples, loss.
 /// `mask_loss` says whether the mask term is on yet. The loss is a mean over the images of the batch. `jitter` moves on by as
-/// much for each image, so that several micro-batches in a row draw what one batch of all their images would.
+/// much for each image, so that several micro-batches in a row draw what one batch of all their images would. `offsets`: of the
+/// faces' codes, if they learn any.
 [[nodiscard]] LossAndGradients reconstruction_gradients(const Model& model, const ReconstructionLoss& reconstruction,
                                                         const TrainingBatch& batch, const TrainConfig& config,
-                                                        const std::vector<Parameter>& parameters, bool mask_loss, Rng& jitter);
+                                                        const std::vector<Parameter>& parameters, bool mask_loss, Rng& jitter,
+                                                        const CodeOffsets* offsets = nullptr);
 
 }  // namespace stymo

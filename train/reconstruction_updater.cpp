@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 
 namespace stymo {
@@ -42,15 +43,16 @@ double ReconstructionUpdater::learning_rate(const TrainingPlace& place) const {
 
 StepReport ReconstructionUpdater::step(const TrainingPlace& place, bool mask_loss) {
     set_trainable_parts(place, mask_loss);
-    const std::vector<Parameter> parameters = parts_.model.parameters().trainable();
+    std::vector<Parameter> parameters = parts_.model.parameters().trainable();
+    if (parts_.offsets != nullptr) std::ranges::copy(parts_.offsets->parameters().trainable(), std::back_inserter(parameters));
     const std::vector<std::int64_t> micro_batches = place.micro_batches();
     StepReport report;
     GradientMean mean(micro_batches.size());
     Rng jitter = parts_.rng.split("jitter").split(static_cast<std::uint64_t>(place.phase.first_step + place.step));
     for (const std::int64_t first_image : micro_batches) {
         const TrainingBatch batch = parts_.images.batch(first_image, place.phase.micro_batch);
-        const LossAndGradients result =
-            reconstruction_gradients(parts_.model, parts_.reconstruction, batch, parts_.config, parameters, mask_loss, jitter);
+        const LossAndGradients result = reconstruction_gradients(parts_.model, parts_.reconstruction, batch, parts_.config,
+                                                                 parameters, mask_loss, jitter, parts_.offsets);
         report.losses.accumulate(result.losses, mean.part());
         mean.add(result.gradients);
     }

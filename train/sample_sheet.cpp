@@ -16,11 +16,12 @@ constexpr std::int64_t faces_shown = 6;
 
 }  // namespace
 
-Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t resolution, std::int64_t samples_per_ray) {
+Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t resolution, std::int64_t samples_per_ray,
+                    const CodeOffsets* offsets) {
     std::vector<Tensor> tiles;
     for (std::int64_t index = 0; index < std::min(faces_shown, faces.size()); ++index) {
         const TrainingBatch batch = make_batch(std::vector{faces.load(index)});
-        const Codes codes = model.encoder()(Variable(batch.input));
+        const Codes codes = face_codes(model, batch, offsets);
         const auto show = [&](const Camera& camera) {
             const Decoded decoded =
                 model.decoder()(codes, {camera}, {.samples_per_ray = samples_per_ray, .resolution = resolution});

@@ -176,6 +176,9 @@ void check_memory(const TrainConfig& config, const std::string& source) {
 
 void check(const TrainConfig& config, const std::string& source) {
     check_stage1(config, source);
+    if (config.model.code_source != "encoder" && config.data.mirror)
+        fail<ConfigError>(source, ": codes.source = ", config.model.code_source,
+                          " needs data.mirror = false: the code of a mirrored face is not known");
     if (config.model.decoder.rays.rays_per_side != training_rays_per_side) {
         fail<ConfigError>(source, ": decoder.rays_per_side = ", config.model.decoder.rays.rays_per_side, "; training needs ",
                           training_rays_per_side, ", half the side of the smallest target");

@@ -17,6 +17,15 @@ namespace {
 
 constexpr const char* average_prefix = "average.";
 
+void require_codes(const TrainConfig& config, const Dataset& faces) {
+    if (config.model.code_source == "encoder") return;
+    const DatasetSummary summary = faces.summary();
+    if (summary.without_code == 0) return;
+    fail<ConfigError>("codes.source = ", config.model.code_source, " needs a morphable model's code of every face, and ",
+                      summary.without_code, " of ", summary.faces,
+                      " have none; prepare the folder with stymo-prep --morphable, or set codes.source to encoder");
+}
+
 Model initial_model(const ModelConfig& config, const Rng& rng) {
     Rng weights = rng.split("weights");
     return {config, weights};
@@ -33,6 +42,9 @@ Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Datas
       images_(training, config.data.mirror, rng_),
       model_(initial_model(config.model, rng_)),
       reconstruction_(config.model.reconstruction) {
+    require_codes(config, training);
+    if (validation != nullptr) require_codes(config, *validation);
+    if (config.model.code_source == "morphable_offset") offsets_.emplace(training.ids());
     state_.seed = seed;
     state_.mask_loss = config.loss.mask_start_epoch == 0;
 }
@@ -61,7 +73,7 @@ double Trainer::average_half_life(const TrainingPlace& place) const {
 void Trainer::enter_stage(int stage) {
     if (stage == stage_) return;
     stage_ = stage;
-    const TrainingParts parts{config_, images_, reconstruction_, rng_, model_};
+    const TrainingParts parts{config_, images_, reconstruction_, rng_, model_, offsets_ ? &*offsets_ : nullptr};
     if (stage == 1) {
         updater_ = std::make_unique<ReconstructionUpdater>(parts);
     } else {
@@ -132,6 +144,7 @@ void Trainer::resume(const std::filesystem::path& folder) {
         average_.emplace(model_.parameters().all());
         average_->load(checkpoint.tensors, source, average_prefix);
     }
+    if (offsets_) offsets_->parameters().load(checkpoint.tensors, source);
     enter_stage(schedule_.place(state_.step).phase.stage);
     updater_->load(checkpoint.tensors, source);
 }
@@ -160,6 +173,7 @@ void Trainer::save_checkpoint(const RunFolder& folder) {
     }
     Checkpoint checkpoint{state_, {}};
     if (updater_) updater_->save(checkpoint.tensors);
+    if (offsets_) offsets_->parameters().save(checkpoint.tensors);
     if (average_) average_->save(checkpoint.tensors, average_prefix);
     write_checkpoint(folder.checkpoint(state_.step), model_, checkpoint);
     folder.finish_checkpoint(state_.step, config_.output.keep_last);

@@ -37,7 +37,7 @@ struct TrainingOutcome {
 class Trainer {
 public:
     /// `validation` may be null: then no best model is chosen, and the sample sheets show training images. Both outlive this.
-    /// Throws what Model and ReconstructionLoss throw.
+    /// Throws what Model and ReconstructionLoss throw, and ConfigError if codes are to come from the data and faces have none.
     Trainer(const TrainConfig& config, const Dataset& training, const Dataset* validation, std::uint64_t seed);
     ~Trainer();
     Trainer(const Trainer&) = delete;
@@ -74,6 +74,8 @@ private:
     };
 
     [[nodiscard]] const Dataset& shown_faces() const { return validation_ != nullptr ? *validation_ : training_; }
+    /// Of the codes of `shown_faces`.
+    [[nodiscard]] const CodeOffsets* shown_offsets() const { return validation_ == nullptr && offsets_ ? &*offsets_ : nullptr; }
     /// The phase that the model has come out of, which is what it is good for.
     [[nodiscard]] TrainingPhase phase_done() const;
     [[nodiscard]] double epochs_at(std::int64_t step) const { return images_.epochs(schedule_.images_before(step)); }
@@ -93,6 +95,7 @@ private:
     TrainingImages images_;
     Model model_;
     ReconstructionLoss reconstruction_;
+    std::optional<CodeOffsets> offsets_;
     int stage_ = 0;  ///< that `updater_` is of; 0 before the first step
     std::unique_ptr<Updater> updater_;
     std::optional<Ema> average_;

@@ -68,7 +68,8 @@ TrainingOutcome Trainer::run(const RunFolder& folder, const TrainingLimits& limi
         progress.update(images, step_text(report.losses));
         if (is_due(state_.step, output.sample_steps)) {
             const EvaluationScope evaluation(*this);
-            folder.sample(state_.step, sample_sheet(model_, shown_faces(), place.phase.resolution, place.phase.samples_per_ray));
+            folder.sample(state_.step, sample_sheet(model_, shown_faces(), place.phase.resolution, place.phase.samples_per_ray,
+                                                    shown_offsets()));
         }
         const bool time_to_save =
             output.checkpoint_minutes > 0.0 && seconds_now() - last_checkpoint >= output.checkpoint_minutes * 60.0;

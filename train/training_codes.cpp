@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/ops/ops.h"
+#include "train/face_codes.h"
 
 namespace stymo {
 
@@ -19,6 +20,10 @@ Codes encoded_faces(const Model& model, const Dataset& faces, std::int64_t most)
     for (std::int64_t begin = 0; begin < count; begin += faces_at_once) {
         std::vector<std::int64_t> indices;
         for (std::int64_t i = begin; i < std::min(begin + faces_at_once, count); ++i) indices.push_back(i * faces.size() / count);
+        if (model.config().code_source != "encoder") {
+            rows.push_back(joined(face_codes(model, make_batch(faces.load(indices)))));
+            continue;
+        }
         std::vector<Variable> images;
         for (const Face& face : faces.load(indices)) {
             const std::int64_t side = faces.side();

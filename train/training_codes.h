@@ -9,8 +9,8 @@
 
 namespace stymo {
 
-/// The encoder's codes of `faces`, in their order; of at most `most` (1 or more) of them, evenly spread over the set. One row for
-/// each.
+/// The codes of `faces` before any fitting (train/face_codes.h), in their order; of at most `most` (1 or more) of them, evenly
+/// spread over the set. One row for each.
 [[nodiscard]] Codes encoded_faces(const Model& model, const Dataset& faces, std::int64_t most);
 /// Statistics of these codes; nothing for less than two faces, or for codes that are not finite.
 [[nodiscard]] std::optional<CodeStatistics> code_statistics_of(const Model& model, const Dataset& faces, std::int64_t most);

@@ -31,6 +31,7 @@ struct TrainingParts {
     const ReconstructionLoss& reconstruction;
     const Rng& rng;
     Model& model;
+    CodeOffsets* offsets;  ///< null where no code learns any
 };
 
 /// The optimiser steps of one stage, with all that they remember.

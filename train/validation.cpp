@@ -4,7 +4,7 @@
 #include "core/ops/elementwise.h"
 #include "core/ops/resample.h"
 #include "nn/models/picture.h"
-#include "train/batch.h"
+#include "train/face_codes.h"
 
 namespace stymo {
 
@@ -13,7 +13,7 @@ ValidationScore validation_score(const Model& model, const ReconstructionLoss& r
     ValidationScore sum;
     for (std::int64_t index = 0; index < count; ++index) {
         const TrainingBatch batch = make_batch(std::vector{faces.load(index)});
-        const Codes codes = model.encoder()(Variable(batch.input));
+        const Codes codes = face_codes(model, batch);
         const Decoded decoded =
             model.decoder()(codes, batch.cameras, {.samples_per_ray = samples_per_ray, .resolution = resolution});
         const ReconstructionLoss::Target target = reconstruction.target(batch.targets, resolution);

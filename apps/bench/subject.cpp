@@ -8,6 +8,7 @@
 #include "core/angle.h"
 #include "nn/models/view.h"
 #include "train/dataset.h"
+#include "train/face_codes.h"
 
 namespace stymo {
 
@@ -57,7 +58,7 @@ BenchSubject subject_of(Model model, const BenchOptions& options, std::uint64_t 
                            frontal_pose(config.camera));
         const std::int64_t faces = std::min<std::int64_t>(options.faces, data.size());
         for (std::int64_t i = 0; i < faces; ++i) subject.photos.push_back(data.load(i));
-        subject.codes = detached(subject.model.encoder()(Variable(make_batch(subject.photos).input)));
+        subject.codes = detached(face_codes(subject.model, make_batch(subject.photos)));
     }
     subject.views = orbit(subject.model, options.views);
     return subject;

@@ -8,16 +8,6 @@ namespace stymo {
 
 namespace {
 
-double size_of(const FoldedLayer& layer) {
-    return static_cast<double>(layer.weight.size());
-}
-
-Codes any_code() {
-    Codes z;
-    for (std::size_t group = 0; group < code_sizes.size(); ++group) z.groups[group] = Tensor::zeros({1, code_sizes[group]});
-    return z;
-}
-
 double area(std::int64_t side) {
     return static_cast<double>(side * side);
 }
@@ -29,23 +19,11 @@ double FrameWork::of_field(std::int64_t samples_per_ray) const {
 }
 
 FrameWork frame_work(const Model& model, std::int64_t resolution) {
-    const DecoderConfig& config = model.decoder().config();
-    const Codes w = model.decoder().map(any_code());
-    const FoldedField field = model.decoder().folded_field(w);
-    FrameWork work;
-    for (const FoldedLayer& layer : field.layers) work.field_sample += size_of(layer);
-    work.field_sample += size_of(field.density) + size_of(field.feature0);
-    work.ray = size_of(field.feature1);
-    work.rays = area(config.rays.rays_per_side);
-    const std::int64_t last = resolution > 0 ? resolution : config.resolution;
-    std::int64_t side = config.rays.rays_per_side;
-    for (const FoldedRenderBlock& block : model.decoder().folded_blocks(w)) {
-        if (side >= last) break;
-        work.blocks += area(side) * size_of(block.detail);
-        side *= 2;
-        work.blocks += area(side) * (size_of(block.modulated0) + size_of(block.modulated1) + size_of(block.to_rgb));
-    }
-    return work;
+    const DecoderWork work = model.decoder().work(resolution);
+    return {.field_sample = static_cast<double>(work.field.sample),
+            .ray = static_cast<double>(work.field.ray),
+            .blocks = static_cast<double>(work.blocks),
+            .rays = static_cast<double>(work.rays)};
 }
 
 double trunk_work(const std::string& network, std::int64_t side) {

@@ -15,6 +15,7 @@
 #include "core/parallel.h"
 #include "core/progress.h"
 #include "nn/models/picture.h"
+#include "train/face_codes.h"
 
 namespace stymo {
 
@@ -138,7 +139,7 @@ void require_comparable(const Dataset& faces, const EvaluationOptions& options) 
 ComparedFace compared_face(const Model& model, const Dataset& faces, std::int64_t index, const EvaluationOptions& options) {
     const Face face = faces.load_exactly(index);
     const TrainingBatch batch = make_batch({&face, 1});
-    ComparedFace result{index, {batch.input, batch.targets, batch.cameras}, {}};
+    ComparedFace result{index, {batch.input, batch.targets, batch.cameras, face_codes(model, batch)}, {}};
     std::vector<Tensor>& targets = result.target.targets;
     while (options.resolution > 0 && targets.size() > 1 && targets.back().shape(1) > options.resolution) targets.pop_back();
     const std::int64_t side = model.config().decoder.resolution;

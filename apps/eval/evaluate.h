@@ -39,7 +39,7 @@ struct ComparedFace {
     std::vector<Tensor> masks;  ///< (1, S, S, 1) of each region
 };
 
-/// Throws FileError for a picture or mask that cannot be read.
+/// Throws FileError for a picture or mask that cannot be read, ValueError for a face without the code that the model starts from.
 [[nodiscard]] ComparedFace compared_face(const Model& model, const Dataset& faces, std::int64_t index,
                                          const EvaluationOptions& options);
 

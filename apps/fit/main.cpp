@@ -19,6 +19,7 @@
 #include "core/progress.h"
 #include "fit/fit_report.h"
 #include "nn/models/code_file.h"
+#include "train/face_codes.h"
 
 namespace {
 
@@ -114,7 +115,7 @@ stymo::AppResult fit(Options options) {
     std::vector<stymo::Face> faces;
     for (const Photo& photo : photos) faces.push_back(photo.face);
     const stymo::TrainingBatch batch = stymo::make_batch(faces);
-    const stymo::FitTarget target{batch.input, batch.targets, batch.cameras};
+    const stymo::FitTarget target{batch.input, batch.targets, batch.cameras, stymo::face_codes(model, batch)};
     options.fit.one_person = photos.size() > 1;
 
     const stymo::InterruptGuard guard;

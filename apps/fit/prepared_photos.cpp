@@ -22,6 +22,13 @@ FaceCrop largest_face(const PhotoPreparation& preparation, const std::string& im
     }
 }
 
+std::vector<float> code_of(const MorphableFit& fit) {
+    std::vector<float> code;
+    for (const std::vector<float>* group : {&fit.identity, &fit.expression, &fit.texture, &fit.light})
+        code.insert(code.end(), group->begin(), group->end());
+    return code;
+}
+
 PreparedPhoto photo_of(const std::string& image, PreparedFace prepared, const PhotoPreparation& preparation,
                        const ModelConfig& model) {
     if (!prepared.failure.empty()) fail<FileError>(image, ": ", prepared.failure);
@@ -38,9 +45,10 @@ PreparedPhoto photo_of(const std::string& image, PreparedFace prepared, const Ph
                   .mask = at_model_side(crop.mask, side),
                   .pose = prepared.fit.pose,
                   .intrinsics = settings.intrinsics,
-                  .code = {},
+                  .code = code_of(prepared.fit),
                   .has_mask = true,
-                  .has_pose = true};
+                  .has_pose = true,
+                  .has_code = true};
     photo.aligned = crop.image;
     photo.overlay = preparation_overlay({crop.image, crop.mask, crop.landmarks, prepared.fit}, preparation.head(),
                                         settings.intrinsics, settings.side);

@@ -43,6 +43,8 @@ public:
     /// The bias as used, (out).
     [[nodiscard]] Variable effective_bias() const;
     [[nodiscard]] FoldedLayer folded() const;
+    /// For one row of the input.
+    [[nodiscard]] std::int64_t multiply_adds() const { return weight_.variable().value().size(); }
 
 private:
     Parameter weight_;

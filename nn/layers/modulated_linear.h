@@ -31,6 +31,8 @@ public:
     [[nodiscard]] ModulatedLayer parts(const Variable& style) const;
     /// The same as the layer with one weight for all samples, between a scaling of the inputs and one of the outputs: its oracle.
     [[nodiscard]] Variable reference(const Variable& x, const Variable& style) const;
+    /// For one row of the input.
+    [[nodiscard]] std::int64_t multiply_adds() const { return weight_.variable().value().size(); }
 
 private:
     [[nodiscard]] Variable rows(const Variable& x, const Variable& style) const;

@@ -32,6 +32,10 @@ FoldedRenderBlock RenderBlock::folded(const Variable& style) const {
     return {upsampler_.folded_detail(), modulated0_.folded(style), modulated1_.folded(style), to_rgb_.folded()};
 }
 
+std::int64_t RenderBlock::multiply_adds() const {
+    return upsampler_.multiply_adds() + 4 * (modulated0_.multiply_adds() + modulated1_.multiply_adds() + to_rgb_.multiply_adds());
+}
+
 Rendered RenderBlock::operator()(const Rendered& below, const Variable& style, bool recomputed) const {
     const Variable above = recomputed ? recomputed_features(below.features, style) : features(below.features, style);
     const Variable rgb = to_rgb_(above);

@@ -19,6 +19,8 @@ public:
     [[nodiscard]] Variable operator()(const Variable& x) const;
     /// The layer C -> 4C; output channel 4 c + 2 i + j is the detail of channel c at row i, column j of the doubled pixel.
     [[nodiscard]] FoldedLayer folded_detail() const { return detail_.folded(); }
+    /// For one pixel of the input.
+    [[nodiscard]] std::int64_t multiply_adds() const { return detail_.multiply_adds(); }
 
 private:
     Linear detail_;

@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "nn/layers/mapping.h"
+#include "nn/layers/plain_render_block.h"
 #include "render/tracked_rays.h"
 
 namespace stymo {
@@ -34,7 +35,7 @@ std::size_t checked_block_count(const DecoderConfig& config) {
         fail<ConfigError>("decoder.resolution ", config.resolution, " is not decoder.rays_per_side ", config.rays.rays_per_side,
                           " doubled once or more");
     }
-    if (*count > config.block_channels.size()) {
+    if (config.render == "blocks" && *count > config.block_channels.size()) {
         fail<ConfigError>("decoder.resolution ", config.resolution, " needs ", *count, " numbers in decoder.block_channels, got ",
                           config.block_channels.size());
     }
@@ -47,11 +48,59 @@ DepthPlanes parse_planes(const std::string& name) {
     fail<ConfigError>("decoder.depth_planes must be world_z or optical_axis, got ", name);
 }
 
+Conditioning parse_conditioning(const DecoderConfig& config) {
+    if (config.render != "blocks" && config.render != "none")
+        fail<ConfigError>("decoder.render must be blocks or none, got ", config.render);
+    if (config.conditioning == "concatenation") {
+        if (config.render == "none" && config.mask_detach)
+            fail<ConfigError>("decoder.mask_detach needs render blocks; with decoder.render = none the field itself is the mask");
+        return Conditioning::concatenation;
+    }
+    if (config.conditioning != "modulation")
+        fail<ConfigError>("decoder.conditioning must be modulation or concatenation, got ", config.conditioning);
+    if (config.render == "none")
+        fail<ConfigError>(
+            "decoder.render = none needs decoder.conditioning = concatenation: only render blocks bring texture and "
+            "light to a modulated field");
+    return Conditioning::modulation;
+}
+
+FieldConfig field_config(const DecoderConfig& config) {
+    const bool colors = config.render == "none";
+    return {.conditioning = parse_conditioning(config),
+            .frequencies = config.frequencies,
+            .width = config.field_width,
+            .layers = config.field_layers,
+            .channels = colors ? 3 : config.feature_channels,
+            .geometry_size = geometry_size,
+            .appearance_size = appearance_size,
+            .colors = colors};
+}
+
+std::unique_ptr<DoublingBlock> make_block(const DecoderConfig& config, ParameterStore& store, const std::string& name,
+                                          std::size_t index, Rng& rng) {
+    const bool first = index == 0;
+    const std::int64_t in = first ? config.feature_channels : config.block_channels[index - 1];
+    const std::int64_t out = config.block_channels[index];
+    if (config.conditioning == "concatenation") return std::make_unique<PlainRenderBlock>(store, name, in, out, first, rng);
+    return std::make_unique<RenderBlock>(store, name, in, out, appearance_size, rng);
+}
+
+/// Logit of the opacity, (B, S * S, 1) -> (B, S, S, 1), bounded where a ray is clear or opaque.
+Variable opacity_logit(const Variable& transmittance, std::int64_t side) {
+    constexpr double lift = 1e-6;
+    const Variable logit = log(affine(transmittance, -1.0, 1.0) + lift) - log(transmittance + lift);
+    return reshape(logit, {transmittance.shape(0), side, side, 1});
+}
+
 Variable geometry_style(const Codes& w) {
     return concat({w.identity(), w.expression()}, 1);
 }
 Variable appearance_style(const Codes& w) {
     return concat({w.texture(), w.light()}, 1);
+}
+FieldStyle field_style(const Codes& w) {
+    return {geometry_style(w), appearance_style(w)};
 }
 
 }  // namespace
@@ -61,9 +110,16 @@ void describe(ConfigSchema& schema, DecoderConfig& config) {
     schema.integer(key("resolution"), config.resolution, 16, 1024,
                    "side of the largest image (paper: 512; 64, 128 or 256 leave blocks out)");
     schema.integer(key("rays_per_side"), config.rays.rays_per_side, 4, 128, "rays along one side of the feature map (paper: 32)");
+    schema.choice(key("conditioning"), config.conditioning, {"modulation", "concatenation"},
+                  "codes modulate sine layers and render blocks (paper), or join the point and the features of plain ones "
+                  "(HeadNeRF)");
+    schema.choice(
+        key("render"), config.render, {"blocks", "none"},
+        "render blocks on a feature map of few rays (paper), or one ray for each pixel without any (needs concatenation)");
     schema.integer(key("field_width"), config.field_width, 1, 4096,
-                   "channels of the sine layers (paper: silent; 256 equals its feature channels)");
-    schema.integer(key("field_layers"), config.field_layers, 1, 32, "sine layers before the density (paper: silent; NeRF has 8)");
+                   "channels of the field's layers (paper: silent; 256 equals its feature channels)");
+    schema.integer(key("field_layers"), config.field_layers, 1, 32,
+                   "the field's layers before the density (paper: silent; NeRF has 8)");
     schema.integer(key("feature_channels"), config.feature_channels, 1, 4096,
                    "channels of the rendered feature map (paper: 256)");
     schema.integer(key("frequencies"), config.frequencies, 0, 16,
@@ -73,8 +129,8 @@ void describe(ConfigSchema& schema, DecoderConfig& config) {
     schema.integer(key("mask_channels"), config.mask_channels, 1, 4096, "channels of the mask branch (paper: silent)");
     schema.boolean(key("mask_detach"), config.mask_detach,
                    "the mask loss trains the mask branch alone (paper: false, it is minimised over all of the decoder)");
-    schema.integer(key("mapping_layers"), config.mapping_layers, 1, 16,
-                   "layers of each mapping network (paper: silent; StyleGAN2 has 8)");
+    schema.integer(key("mapping_layers"), config.mapping_layers, 0, 16,
+                   "layers of each mapping network (paper: silent; StyleGAN2 has 8); 0: codes enter as they are");
     schema.number(key("mapping_learning_rate_multiplier"), config.mapping_learning_rate_multiplier, 1e-4, 1.0,
                   "of the mapping networks (paper: silent; 0.01 in StyleGAN2, which freezes them at stage 1's rate)");
     schema.choice(key("depth_planes"), config.depth_planes, {"world_z", "optical_axis"},
@@ -88,60 +144,71 @@ void describe(ConfigSchema& schema, DecoderConfig& config) {
 struct Decoder::Layers {
     DecoderConfig config;
     std::vector<Mapping> mappings;
-    RadianceField field;
-    std::vector<std::int64_t> sides;
-    std::vector<RenderBlock> blocks;
+    std::unique_ptr<Field> field;
+    std::vector<std::int64_t> sides;                     ///< of the images
+    std::vector<std::unique_ptr<DoublingBlock>> blocks;  ///< one for each image, or none
     std::optional<MaskBranch> mask;
 
     Layers(const DecoderConfig& decoder_config, ParameterStore& store, const std::string& prefix, Rng& rng);
-    [[nodiscard]] RaySamples samples_of(const Codes& w, const std::vector<Camera>& cameras, std::int64_t samples_per_ray,
+    /// Number of images up to this resolution, 0: all.
+    [[nodiscard]] std::size_t images_up_to(std::int64_t resolution) const;
+    [[nodiscard]] RaySampling sampling_of(std::int64_t samples_per_ray, std::int64_t resolution) const;
+    [[nodiscard]] RaySamples samples_of(const Codes& w, const std::vector<Camera>& cameras, const RaySampling& sampling,
                                         Rng* jitter) const;
-    /// Number of blocks up to a picture of this side; 0: all.
-    [[nodiscard]] std::size_t blocks_for(std::int64_t resolution) const;
+    /// The images of a field without render blocks.
+    [[nodiscard]] std::vector<Variable> shrunk_images(const Variable& image) const;
 };
 
 Decoder::Layers::Layers(const DecoderConfig& decoder_config, ParameterStore& store, const std::string& prefix, Rng& rng)
-    : config(decoder_config),
-      field({.frequencies = config.frequencies,
-             .width = config.field_width,
-             .layers = config.field_layers,
-             .feature_channels = config.feature_channels,
-             .style_size = geometry_size},
-            store, prefix + ".field", rng) {
+    : config(decoder_config), field(make_field(field_config(config), store, prefix + ".field", rng)) {
     const std::size_t count = checked_block_count(config);
     config.rays.planes = parse_planes(config.depth_planes);
-    for (std::size_t i = 0; i < code_names.size(); ++i) {
+    for (std::size_t i = 0; config.mapping_layers > 0 && i < code_names.size(); ++i) {
         mappings.emplace_back(store, prefix + ".mapping." + code_names[i], code_sizes[i], config.mapping_layers,
                               config.mapping_learning_rate_multiplier, rng);
     }
     std::vector<std::string> names;
-    std::int64_t in = config.feature_channels;
     for (std::size_t i = 0; i < count; ++i) {
         sides.push_back(config.rays.rays_per_side << (i + 1));
         names.push_back(std::to_string(sides.back()));
-        blocks.emplace_back(store, prefix + ".block" + names.back(), in, config.block_channels[i], appearance_size, rng);
-        in = config.block_channels[i];
+        if (config.render == "blocks") blocks.push_back(make_block(config, store, prefix + ".block" + names.back(), i, rng));
     }
+    if (blocks.empty()) return;
     mask.emplace(store, prefix + ".mask", std::span(config.block_channels).first(count), names, config.mask_channels, rng);
 }
 
-RaySamples Decoder::Layers::samples_of(const Codes& w, const std::vector<Camera>& cameras, std::int64_t samples_per_ray,
+RaySampling Decoder::Layers::sampling_of(std::int64_t samples_per_ray, std::int64_t resolution) const {
+    RaySampling sampling = config.rays;
+    sampling.samples_per_ray = samples_per_ray;
+    if (blocks.empty()) sampling.rays_per_side = sides[images_up_to(resolution) - 1];
+    return sampling;
+}
+
+RaySamples Decoder::Layers::samples_of(const Codes& w, const std::vector<Camera>& cameras, const RaySampling& sampling,
                                        Rng* jitter) const {
     if (static_cast<std::int64_t>(cameras.size()) != w.batch())
         fail<ShapeError>(cameras.size(), " cameras for codes of ", w.batch(), " faces");
-    RaySampling sampling = config.rays;
-    sampling.samples_per_ray = samples_per_ray;
     return sample_rays(cameras, sampling, jitter, w.identity().dtype());
 }
 
-std::size_t Decoder::Layers::blocks_for(std::int64_t resolution) const {
-    if (resolution == 0) return blocks.size();
+std::size_t Decoder::Layers::images_up_to(std::int64_t resolution) const {
+    if (resolution == 0) return sides.size();
     for (std::size_t i = 0; i < sides.size(); ++i) {
         if (sides[i] == resolution) return i + 1;
     }
     std::string list;
     for (const std::int64_t side : sides) list += (list.empty() ? "" : ", ") + std::to_string(side);
     fail<ValueError>("this model renders pictures with a side of ", list, ", not ", resolution);
+}
+
+std::vector<Variable> Decoder::Layers::shrunk_images(const Variable& image) const {
+    std::vector<Variable> images;
+    for (const std::int64_t side : sides) {
+        if (side >= image.shape(1)) break;
+        images.push_back(resize_box(image, static_cast<int>(side), static_cast<int>(side)));
+    }
+    images.push_back(image);
+    return images;
 }
 
 Decoder::Decoder(const DecoderConfig& config, ParameterStore& store, const std::string& prefix, Rng& rng)
@@ -159,43 +226,49 @@ Codes Decoder::map(const Codes& z) const {
         if (!(z.groups[i].shape() == Shape{z.batch(), code_sizes[i]}))
             fail<ShapeError>("code ", code_names[i], " must be (", z.batch(), ", ", code_sizes[i], "), got ",
                              z.groups[i].shape());
-        w.groups[i] = layers_->mappings[i](z.groups[i]);
+        w.groups[i] = layers_->mappings.empty() ? z.groups[i] : layers_->mappings[i](z.groups[i]);
     }
     return w;
 }
 
 Decoded Decoder::operator()(const Codes& z, const std::vector<Camera>& cameras, const DecodeOptions& options) const {
     const Codes w = map(z);
-    RaySamples samples = layers_->samples_of(w, cameras, options.samples_per_ray, options.jitter);
+    const RaySampling sampling = layers_->sampling_of(options.samples_per_ray, options.resolution);
+    RaySamples samples = layers_->samples_of(w, cameras, sampling, options.jitter);
     const RayPoints points{samples.points, samples.deltas, options.kept_samples};
-    RenderedRays rays =
+    const FieldStyle style = field_style(w);
+    RenderedFeatures rays =
         options.orbits.defined()
-            ? layers_->field.render_tracked(tracked_points(options.orbits, cameras, config().rays, samples.depths), points,
-                                            geometry_style(w))
-            : layers_->field.render(points, geometry_style(w),
-                                    options.keep_field ? SineArguments::kept : SineArguments::recomputed);
-    const std::int64_t side = config().rays.rays_per_side;
-    const Variable features = layers_->field.finish(rays.composited, sum(rays.weights.weights, {2}));
+            ? layers_->field->render_tracked(tracked_points(options.orbits, cameras, sampling, samples.depths), points, style)
+            : layers_->field->render(points, style, options.keep_field);
+    const std::int64_t side = sampling.rays_per_side;
+    const Variable features = layers_->blocks.empty() ? affine(rays.features, 2.0, -1.0) : rays.features;
 
-    Decoded decoded = decode_feature_map(reshape(features, {w.batch(), side, side, config().feature_channels}), w, options);
+    Decoded decoded = decode_feature_map(reshape(features, {w.batch(), side, side, features.shape(2)}), w, options);
+    if (options.mask && layers_->blocks.empty()) decoded.mask_logit = opacity_logit(rays.weights.transmittance, side);
     decoded.weights = std::move(rays.weights);
     decoded.samples = std::move(samples);
     return decoded;
 }
 
 Decoded Decoder::decode_feature_map(const Variable& feature_map, const Codes& w, const DecodeOptions& options) const {
-    const std::int64_t side = config().rays.rays_per_side;
-    if (!(feature_map.shape() == Shape{w.batch(), side, side, config().feature_channels})) {
-        fail<ShapeError>("feature map must be (", w.batch(), ", ", side, ", ", side, ", ", config().feature_channels, "), got ",
+    const std::int64_t side = layers_->sampling_of(options.samples_per_ray, options.resolution).rays_per_side;
+    const std::int64_t channels = layers_->blocks.empty() ? 3 : config().feature_channels;
+    if (!(feature_map.shape() == Shape{w.batch(), side, side, channels})) {
+        fail<ShapeError>("feature map must be (", w.batch(), ", ", side, ", ", side, ", ", channels, "), got ",
                          feature_map.shape());
     }
-    const Variable style = appearance_style(w);
     Decoded decoded;
     decoded.feature_map = feature_map;
+    if (layers_->blocks.empty()) {
+        decoded.images = layers_->shrunk_images(feature_map);
+        return decoded;
+    }
+    const Variable style = appearance_style(w);
     std::vector<Variable> features;
     Rendered rendered{feature_map, {}};
-    for (std::size_t i = 0; i < layers_->blocks_for(options.resolution); ++i) {
-        rendered = layers_->blocks[i](rendered, style, options.recompute_blocks);
+    for (std::size_t i = 0; i < layers_->images_up_to(options.resolution); ++i) {
+        rendered = (*layers_->blocks[i])(rendered, style, options.recompute_blocks);
         decoded.images.push_back(tanh(rendered.rgb));
         if (options.mask) features.push_back(config().mask_detach ? rendered.features.detach() : rendered.features);
     }
@@ -208,24 +281,40 @@ Decoded Decoder::decode_feature_map(const Variable& feature_map, const Codes& w,
     return decoded;
 }
 
-Tensor Decoder::compositing_weights(const Codes& z, const std::vector<Camera>& cameras, std::int64_t samples_per_ray) const {
+Tensor Decoder::compositing_weights(const Codes& z, const std::vector<Camera>& cameras, std::int64_t samples_per_ray,
+                                    std::int64_t resolution) const {
     const Codes w = detached(map(z));
-    const RaySamples samples = layers_->samples_of(w, cameras, samples_per_ray, nullptr);
-    return layers_->field.render({samples.points, samples.deltas, {}}, geometry_style(w)).weights.weights.value();
+    const RaySamples samples = layers_->samples_of(w, cameras, layers_->sampling_of(samples_per_ray, resolution), nullptr);
+    return layers_->field->render({samples.points, samples.deltas, {}}, field_style(w), false).weights.weights.value();
 }
 
 Variable Decoder::density(const Variable& points, const Codes& w) const {
-    return layers_->field(points, geometry_style(w), true).density;
+    return layers_->field->density(points, field_style(w));
+}
+
+DecoderWork Decoder::work(std::int64_t resolution) const {
+    const std::int64_t side = layers_->sampling_of(2, resolution).rays_per_side;
+    DecoderWork work{.rays = side * side, .field = layers_->field->work()};
+    std::int64_t pixels = work.rays;
+    for (std::size_t i = 0; i < layers_->images_up_to(resolution) && !layers_->blocks.empty(); ++i) {
+        work.blocks += pixels * layers_->blocks[i]->multiply_adds();
+        pixels *= 4;
+    }
+    return work;
+}
+
+bool Decoder::folds() const {
+    return layers_->config.conditioning == "modulation";
 }
 
 FoldedField Decoder::folded_field(const Codes& w) const {
-    return layers_->field.folded(geometry_style(w));
+    return layers_->field->folded(field_style(w));
 }
 
 std::vector<FoldedRenderBlock> Decoder::folded_blocks(const Codes& w, std::int64_t resolution) const {
     std::vector<FoldedRenderBlock> blocks;
     const Variable style = appearance_style(w);
-    for (std::size_t i = 0; i < layers_->blocks_for(resolution); ++i) blocks.push_back(layers_->blocks[i].folded(style));
+    for (std::size_t i = 0; i < layers_->images_up_to(resolution); ++i) blocks.push_back(layers_->blocks[i]->folded(style));
     return blocks;
 }
 

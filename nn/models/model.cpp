@@ -16,6 +16,10 @@ constexpr const char* config_key = "config";
 void describe(ConfigSchema& schema, ModelConfig& config) {
     describe(schema, config.decoder);
     describe(schema, config.encoder);
+    schema.choice(
+        "codes.source", config.code_source, {"encoder", "morphable", "morphable_offset"},
+        "where the code of a photo comes from: the encoder (paper); the data's code of a morphable model, as it is or with "
+        "an offset learnt for each training photo (HeadNeRF)");
     CameraConfig& camera = config.camera;
     schema.number("camera.focal", camera.intrinsics.focal, 0.1, 100.0,
                   "focal length in units of the image side, shared by all images");
@@ -52,11 +56,17 @@ Model::Model(const ModelConfig& config, Rng& rng) : Model(config, rng, ModelPart
 
 Model::Model(const ModelConfig& config, Rng& rng, ModelParts parts)
     : config_(config),
-      encoder_(parts == ModelParts::all ? std::optional(Encoder(config.encoder, parameters_, "encoder", rng))
-                                        : std::optional<Encoder>()),
+      encoder_(parts == ModelParts::all && config.code_source == "encoder"
+                   ? std::optional<Encoder>(std::in_place, config.encoder, parameters_, "encoder", rng)
+                   : std::nullopt),
       decoder_(config.decoder, parameters_, "decoder", rng) {}
 
 const Encoder& Model::encoder() const {
+    if (!encoder_ && config_.code_source != "encoder")
+        fail<ValueError>(
+            "this model has no encoder: its codes are those of a morphable model, which a photo must bring along "
+            "(codes.source = ",
+            config_.code_source, ")");
     if (!encoder_) fail<ValueError>("of this model only the decoder was loaded");
     return *encoder_;
 }

@@ -34,11 +34,14 @@ struct ReconstructionConfig {
 struct ModelConfig {
     DecoderConfig decoder;
     EncoderConfig encoder;
+    /// Where the code of a photo comes from: "encoder"; "morphable", the data's fit of a morphable model; "morphable_offset", the
+    /// same plus an offset that training learns for each of its photos.
+    std::string code_source = "encoder";
     CameraConfig camera;
     ReconstructionConfig reconstruction;
 };
 
-/// Binds "decoder.", "encoder.", "camera.", "reconstruction." .
+/// Binds "decoder.", "encoder.", "codes.", "camera.", "reconstruction." .
 void describe(ConfigSchema& schema, ModelConfig& config);
 
 /// What is made of a model.
@@ -47,8 +50,8 @@ enum class ModelParts {
     decoder,  ///< for codes that are known already; of the encoder nothing is made
 };
 
-/// Encoder and decoder with their parameters: what is trained, saved, fitted and rendered. Parameters are named
-/// "encoder. ..." and "decoder. ...".
+/// Encoder, unless codes come from elsewhere, and decoder with their parameters: what is trained, saved, fitted and rendered.
+/// Parameters are named "encoder. ..." and "decoder. ...".
 class Model {
 public:
     /// Random weights from `rng`, but the encoder's backbone from its weights file if the configuration names one.
@@ -63,7 +66,7 @@ public:
     [[nodiscard]] const ModelConfig& config() const { return config_; }
     [[nodiscard]] ParameterStore& parameters() { return parameters_; }
     [[nodiscard]] const ParameterStore& parameters() const { return parameters_; }
-    /// Throws ValueError where only the decoder was loaded.
+    /// Throws ValueError for a model without one, and where only the decoder was loaded.
     [[nodiscard]] const Encoder& encoder() const;
     [[nodiscard]] bool has_encoder() const { return encoder_.has_value(); }
     [[nodiscard]] const Decoder& decoder() const { return decoder_; }

@@ -6,18 +6,13 @@
 #include "core/error.h"
 #include "core/ops/activation.h"
 #include "core/ops/elementwise.h"
-#include "core/ops/index.h"
 #include "core/ops/shape_ops.h"
 #include "core/work_counts.h"
+#include "nn/models/kept_samples.h"
 #include "render/encoding.h"
 
 namespace stymo {
 namespace {
-
-/// The layer whose input is joined by the encoding; layer 0 where none is, since it sees the encoding anyway.
-std::int64_t skip_layer(std::int64_t layers) {
-    return layers >= 4 ? layers / 2 + 1 : 0;
-}
 
 Variable sine_layer(const Variable& x, const ModulatedLayer& layer) {
     return linear(x, layer.weight * layer.scale * layer.demodulation, layer.bias, Activation::sine);
@@ -43,29 +38,6 @@ Variable composed_rays(const RayPoints& rays, const SineNetwork& network) {
     return concat({weights.weights, weights.transmittance, composite(weights.weights, samples.features)}, 2);
 }
 
-/// The samples of face `index` that count.
-RowIndices kept_rows(const RayPoints& rays, std::int64_t index) {
-    const std::int64_t count = rays.deltas.shape(1) * rays.deltas.shape(2);
-    RowIndices rows;
-    const std::vector<double> kept = rays.kept.defined() ? rays.kept.to_vector() : std::vector<double>();
-    for (std::int64_t i = 0; i < count; ++i)
-        if (kept.empty() || kept[static_cast<std::size_t>(index * count + i)] != 0.0) rows.push_back(i);
-    return rows;
-}
-
-/// Of one face: points (P, 3), samples (K, 1 + width) that count, density before the features.
-RenderedRays composited(const Variable& samples, const RowIndices& rows, const Tensor& deltas) {
-    const std::int64_t count = deltas.size(), per_ray = deltas.shape(2);
-    const Variable density = scatter_add_rows(slice(samples, 1, 0, 1), rows, count);
-    const CompositeWeights weights = composite_weights(reshape(density, deltas.shape()), deltas);
-    const Variable counting = gather_rows(reshape(weights.weights, {count, 1}), rows);
-    RowIndices ray_of_row;
-    for (const std::int64_t row : rows) ray_of_row.push_back(row / per_ray);
-    const Variable sums =
-        scatter_add_rows(counting * slice(samples, 1, 1, samples.shape(1)), std::move(ray_of_row), deltas.shape(1));
-    return {weights, reshape(sums, {1, deltas.shape(1), sums.shape(1)})};
-}
-
 RenderedRays taken_apart(const Variable& rays, std::int64_t samples) {
     return {{slice(rays, 2, 0, samples), slice(rays, 2, samples, samples + 1)}, slice(rays, 2, samples + 1, rays.shape(2))};
 }
@@ -74,14 +46,14 @@ RenderedRays taken_apart(const Variable& rays, std::int64_t samples) {
 
 RadianceField::RadianceField(const RadianceFieldConfig& config, ParameterStore& store, const std::string& prefix, Rng& rng)
     : frequencies_(config.frequencies),
-      skip_layer_(static_cast<std::size_t>(skip_layer(config.layers))),
+      skip_layer_(static_cast<std::size_t>(skip_layer_of(config.layers))),
       density_(store, prefix + ".density", config.width, 1, {}, rng),
       feature0_(store, prefix + ".feature0", config.width, config.width, config.style_size, Activation::sine, rng),
       feature1_(store, prefix + ".feature1", config.width, config.feature_channels, {}, rng) {
     if (config.layers < 1) fail<ValueError>("radiance field ", prefix, " needs at least one layer, got ", config.layers);
     const std::int64_t encoding = encoded_channels(config.frequencies);
     for (std::int64_t i = 0; i < config.layers; ++i) {
-        const bool joined = i > 0 && i == skip_layer(config.layers);
+        const bool joined = i > 0 && i == skip_layer_of(config.layers);
         const std::int64_t in = i == 0 ? encoding : config.width + (joined ? encoding : 0);
         layers_.emplace_back(store, prefix + ".layer" + std::to_string(i), in, config.width, config.style_size, Activation::sine,
                              rng);
@@ -137,7 +109,7 @@ RenderedRays RadianceField::render_tracked(const Variable& points, const RayPoin
         if (rows.empty()) rows.push_back(0);
         const Variable own = reshape(slice(points, 0, face, face + 1), {points.shape(1), 3});
         const Variable samples = tracked_samples(gather_rows(own, rows), slice(style, 0, face, face + 1));
-        RenderedRays rendered = composited(samples, rows, slice(Variable(rays.deltas), 0, face, face + 1).value());
+        RenderedRays rendered = composited_rows(samples, rows, slice(Variable(rays.deltas), 0, face, face + 1).value());
         weights.push_back(rendered.weights.weights);
         transmittance.push_back(rendered.weights.transmittance);
         sums.push_back(rendered.composited);
@@ -154,6 +126,12 @@ FoldedField RadianceField::folded(const Variable& style) const {
                       .feature1 = feature1_.folded()};
     for (const ModulatedLinear& layer : layers_) field.layers.push_back(layer.folded(style));
     return field;
+}
+
+FieldWork RadianceField::work() const {
+    FieldWork work{.sample = density_.multiply_adds() + feature0_.multiply_adds(), .ray = feature1_.multiply_adds()};
+    for (const ModulatedLinear& layer : layers_) work.sample += layer.multiply_adds();
+    return work;
 }
 
 Variable RadianceField::finish(const Variable& composited, const Variable& opacity) const {

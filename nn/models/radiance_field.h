@@ -39,6 +39,18 @@ struct FoldedField {
     FoldedLayer feature1;  ///< after compositing
 };
 
+/// Multiply-adds of the matrix products.
+struct FieldWork {
+    std::int64_t sample = 0;  ///< at each sample
+    std::int64_t ray = 0;     ///< after compositing
+};
+
+/// The layer of a field whose input is joined by the encoding (and code, where it is concatenated) once more; 0: none, since
+/// layer 0 sees it anyway.
+[[nodiscard]] constexpr std::int64_t skip_layer_of(std::int64_t layers) {
+    return layers >= 4 ? layers / 2 + 1 : 0;
+}
+
 /// The paper's NeRF: modulated sine layers on encoded points. With four or more of them the encoding enters again at the input of
 /// layer number layers / 2 + 1 (counted from 0). Density: a plain layer and softplus(x - 1). Features: one more modulated sine
 /// layer, and a plain one that is applied after compositing.
@@ -66,6 +78,7 @@ public:
     [[nodiscard]] Variable finish(const Variable& composited, const Variable& opacity) const;
     /// For the style of one face, (1, style_size).
     [[nodiscard]] FoldedField folded(const Variable& style) const;
+    [[nodiscard]] FieldWork work() const;
 
 private:
     [[nodiscard]] SineNetwork network(const Variable& style) const;

@@ -1,6 +1,7 @@
 #include "nn/models/view.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "core/ops/ops.h"
 #include "nn/models/picture.h"
@@ -36,7 +37,7 @@ View render_view(const Model& model, const Codes& codes, std::int64_t index, con
     View view{picture(decoded.images.back().value(), 0), {}, {}, counting_part(decoded.weights.weights.value())};
     if (options.mask) view.mask = picture_mask(sigmoid(decoded.mask_logit).value(), 0);
     if (options.depth) {
-        const std::int64_t side = model.config().decoder.rays.rays_per_side;
+        const auto side = std::llround(std::sqrt(static_cast<double>(decoded.samples.depths.shape(1))));
         view.depth = composite_depth(decoded.weights, decoded.samples.depths, largest(decoded.samples.depths))
                          .value()
                          .reshaped({side, side, 1});

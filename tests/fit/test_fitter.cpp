@@ -317,3 +317,26 @@ TEST_CASE("several photos of one person share identity and texture, and nothing 
     }
     CHECK(result.losses.back() < result.losses.front());
 }
+
+TEST_CASE("a fit starts from the target's codes if it has some, and a model without an encoder needs them", "[fitter]") {
+    ModelConfig config = tiny_model_config();
+    config.code_source = "morphable";
+    for (const std::string conditioning : {"modulation", "concatenation"}) {
+        config.decoder.conditioning = conditioning;
+        config.decoder.render = conditioning == "modulation" ? "blocks" : "none";
+        config.decoder.mapping_layers = conditioning == "modulation" ? 1 : 0;
+        Rng rng(1);
+        Model model(config, rng);
+        model.parameters().set_trainable("", false);
+        const ReconstructionLoss loss(config.reconstruction);
+        FitTarget target{.input = Tensor::zeros({1, 16, 16, 3}), .targets = {}, .cameras = {model_camera(model, 0.0, 0.0, 0.0)}};
+        target.targets = {model.decoder()(random_codes(1, 3), target.cameras, {.samples_per_ray = 4}).images.back().value()};
+        const FitOptions options{.steps = 12, .learning_rate = 0.05, .regularizer = 0.0, .examination_interval = 4};
+        CHECK(is_one_line(error_message<ValueError>([&] { static_cast<void>(fit_codes(model, loss, target, options)); })));
+        target.initial = random_codes(1, 5);
+        const FitResult result = fit_codes(model, loss, target, options);
+        for (std::size_t group = 0; group < 4; ++group)
+            CHECK(identical(result.initial.groups[group].value(), target.initial->groups[group].value()));
+        CHECK(result.losses.back() < result.losses.front());
+    }
+}

@@ -130,9 +130,9 @@ def step(optimizer, parameters, gradient_of):
     optimizer.step()
 
 
-def decoder_case(results, name, case):
+def decoder_case(results, name, case, network=Decoder):
     parameters = Parameters(case.numbers)
-    decoder = Decoder(parameters, "decoder", case.size)
+    decoder = network(parameters, "decoder", case.size)
     z = {group: value.requires_grad_() for group, value in case.codes("z").items()}
     out = decoder(z, case.rays())
     shown = {f"image{i}": channels_last(image) for i, image in enumerate(out["images"])}

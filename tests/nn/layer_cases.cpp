@@ -11,6 +11,7 @@
 #include "nn/layers/mask_branch.h"
 #include "nn/layers/minibatch_deviation.h"
 #include "nn/layers/modulated_linear.h"
+#include "nn/layers/plain_render_block.h"
 #include "nn/layers/render_block.h"
 #include "nn/layers/upsampler.h"
 #include "nn/losses.h"
@@ -103,6 +104,25 @@ std::vector<LayerCase> make_layers() {
          [](ParameterStore& store, Rng& rng) {
              return with(RenderBlock(store, "block", 5, 4, 6, rng), [](const auto& f, const Inputs& x) {
                  const Rendered rendered = f({x[0], x[1]}, x[2]);
+                 return concat({rendered.features, rendered.rgb}, 3);
+             });
+         }},
+        {"first plain render block",
+         "plain_render_block",
+         {{2, 3, 3, 5}},
+         {2, 6, 6, 3},
+         [](ParameterStore& store, Rng& rng) {
+             return with(PlainRenderBlock(store, "block", 5, 4, true, rng), [](const auto& f, const Inputs& x) {
+                 return f({x[0], {}}, {}).rgb;
+             });
+         }},
+        {"later plain render block",
+         "plain_render_block",
+         {{2, 3, 3, 5}, {2, 3, 3, 3}},
+         {2, 6, 6, 7},
+         [](ParameterStore& store, Rng& rng) {
+             return with(PlainRenderBlock(store, "block", 5, 4, false, rng), [](const auto& f, const Inputs& x) {
+                 const Rendered rendered = f({x[0], x[1]}, {});
                  return concat({rendered.features, rendered.rgb}, 3);
              });
          }},

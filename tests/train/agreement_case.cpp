@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "core/autograd/grad.h"
 #include "core/ops/ops.h"
 
 namespace stymo::test {
@@ -121,6 +122,16 @@ AgreementCase small_agreement(const std::string& name, std::uint64_t seed, const
             .perceptual = perceptual};
 }
 
+AgreementCase baseline_agreement(const std::string& name, const std::string& render) {
+    AgreementCase agreement{.name = name,
+                            .vectors = {STYMO_SOURCE_DIR "/tests/golden/baseline_vectors.safetensors", true},
+                            .seed = Rng(1),
+                            .decoder = decoder_config({16, 8, 4, 6, 2, {5, 4}, 3, 0, 4})};
+    agreement.decoder.conditioning = "concatenation";
+    agreement.decoder.render = render;
+    return agreement;
+}
+
 AgreementCase full_agreement(const std::string& name, const std::filesystem::path& folder, DType dtype) {
     const char* file = dtype == DType::float64 ? "agreement_float64.safetensors" : "agreement_float32.safetensors";
     return {.name = name,
@@ -133,6 +144,35 @@ AgreementCase full_agreement(const std::string& name, const std::filesystem::pat
             .perceptual = "vgg16",
             .report = true,
             .gradient_bound = 5e-4};
+}
+
+void decoder_agrees(const AgreementCase& agreement, DType dtype) {
+    Rng unused(1);
+    ParameterStore store;
+    const Decoder decoder(agreement.decoder, store, "decoder", unused);
+    set_golden_parameters(store, dtype, agreement.seed);
+    Codes z;
+    const std::array<Tensor, 4> codes = agreement.codes("z", dtype);
+    for (std::size_t i = 0; i < codes.size(); ++i) z.groups[i] = Variable::leaf(codes[i]);
+    const Decoded decoded = decoder(z, agreement.cameras(), {.samples_per_ray = agreement.samples, .mask = true});
+
+    std::map<std::string, Variable> outputs{{"feature_map", decoded.feature_map}, {"mask_logit", decoded.mask_logit}};
+    for (std::size_t i = 0; i < decoded.images.size(); ++i) outputs["image" + std::to_string(i)] = decoded.images[i];
+    Tensors values;
+    Variable loss = Tensor::zeros({}, dtype);
+    for (const auto& [name, output] : outputs) {
+        values[name] = output.value();
+        loss = loss + mean(square(output));
+    }
+    agreement.check("output", values);
+
+    std::vector<Variable> leaves = variables_of(store.all());
+    leaves.insert(leaves.end(), z.groups.begin(), z.groups.end());
+    const std::vector<Variable> gradients = grad(loss, leaves);
+    Tensors named = gradients_of(store.all(), gradients);
+    for (std::size_t i = 0; i < z.groups.size(); ++i)
+        named[std::string("z.") + code_names[i]] = gradients[store.all().size() + i].value();
+    agreement.check("gradient", named);
 }
 
 Tensors values_of(const std::vector<Parameter>& parameters) {

@@ -53,8 +53,13 @@ struct DecoderSize {
 /// A tiny one, whose folded vectors are in the tree.
 [[nodiscard]] AgreementCase small_agreement(const std::string& name, std::uint64_t seed, const DecoderSize& size,
                                             const std::string& perceptual = "");
+/// A tiny decoder of tests/golden/make_baseline_vectors.py, `render` as in DecoderConfig.
+[[nodiscard]] AgreementCase baseline_agreement(const std::string& name, const std::string& render);
 /// The paper's decoder cut at 64 pixels, whose vectors for runs in `dtype` are in `folder`.
 [[nodiscard]] AgreementCase full_agreement(const std::string& name, const std::filesystem::path& folder, DType dtype);
+
+/// Checks the outputs of the case's decoder, and the gradients of the sum of their mean squares.
+void decoder_agrees(const AgreementCase& agreement, DType dtype);
 
 /// As named tensors.
 [[nodiscard]] Tensors values_of(const std::vector<Parameter>& parameters);

@@ -1,7 +1,5 @@
 #include <catch2/catch.hpp>
 
-#include "core/autograd/grad.h"
-#include "core/ops/ops.h"
 #include "nn/optim/adam.h"
 #include "train/agreement_case.h"
 
@@ -10,35 +8,6 @@ using namespace stymo::test;
 
 // The numbers are PyTorch's, in float64: tests/golden/make_agreement_vectors.py.
 namespace {
-
-void decoder_agrees(const AgreementCase& agreement, DType dtype) {
-    Rng unused(1);
-    ParameterStore store;
-    const Decoder decoder(agreement.decoder, store, "decoder", unused);
-    set_golden_parameters(store, dtype, agreement.seed);
-    Codes z;
-    const std::array<Tensor, 4> codes = agreement.codes("z", dtype);
-    for (std::size_t i = 0; i < codes.size(); ++i) z.groups[i] = Variable::leaf(codes[i]);
-    const Decoded decoded = decoder(z, agreement.cameras(), {.samples_per_ray = agreement.samples, .mask = true});
-
-    std::map<std::string, Variable> outputs{{"feature_map", decoded.feature_map}, {"mask_logit", decoded.mask_logit}};
-    for (std::size_t i = 0; i < decoded.images.size(); ++i) outputs["image" + std::to_string(i)] = decoded.images[i];
-    Tensors values;
-    Variable loss = Tensor::zeros({}, dtype);
-    for (const auto& [name, output] : outputs) {
-        values[name] = output.value();
-        loss = loss + mean(square(output));
-    }
-    agreement.check("output", values);
-
-    std::vector<Variable> leaves = variables_of(store.all());
-    leaves.insert(leaves.end(), z.groups.begin(), z.groups.end());
-    const std::vector<Variable> gradients = grad(loss, leaves);
-    Tensors named = gradients_of(store.all(), gradients);
-    for (std::size_t i = 0; i < z.groups.size(); ++i)
-        named[std::string("z.") + code_names[i]] = gradients[store.all().size() + i].value();
-    agreement.check("gradient", named);
-}
 
 void first_stage_agrees(const AgreementCase& agreement, DType dtype) {
     const TrainConfig config = agreement.config();
@@ -62,6 +31,14 @@ void first_stage_agrees(const AgreementCase& agreement, DType dtype) {
 TEST_CASE("a tiny decoder with its rays, images and mask, and all its gradients agree with PyTorch", "[agreement]") {
     const AgreementCase agreement = small_agreement("decoder", 9, {16, 8, 4, 6, 2, {5, 4}, 3, 2, 4});
     for (const DType dtype : {DType::float64, DType::float32}) decoder_agrees(agreement, dtype);
+}
+
+TEST_CASE("decoders with concatenated codes, with render blocks or a ray for each pixel, agree with PyTorch", "[agreement]") {
+    for (const auto& [name, render] : {std::pair{"head_nerf", "blocks"}, std::pair{"pixel_nerf", "none"}}) {
+        INFO(name);
+        const AgreementCase agreement = baseline_agreement(name, render);
+        for (const DType dtype : {DType::float64, DType::float32}) decoder_agrees(agreement, dtype);
+    }
 }
 
 TEST_CASE("a first-stage step of a tiny model agrees with PyTorch", "[agreement]") {

@@ -23,6 +23,9 @@ void require_valid(const Model& model, const RendererOptions& options) {
     if (!(options.tolerance >= 0.0 && options.tolerance < 1.0))
         fail<ValueError>("the tolerance must be from 0 to below 1, got ", options.tolerance);
     const DecoderConfig& decoder = model.config().decoder;
+    if (options.mode != RenderMode::exact && !model.decoder().folds())
+        fail<ValueError>("a model with decoder.conditioning = ", decoder.conditioning,
+                         " is rendered in mode exact alone; skip, bf16 and baked need modulation");
     std::string sides;
     for (std::int64_t side = 2 * decoder.rays.rays_per_side; side <= decoder.resolution; side *= 2) {
         if (options.resolution == 0 || side == options.resolution) return;
@@ -31,7 +34,9 @@ void require_valid(const Model& model, const RendererOptions& options) {
     fail<ValueError>("this model renders pictures with a side of ", sides, ", not ", options.resolution);
 }
 
+/// Null for a model that is rendered as it is trained.
 std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model, const RendererOptions& options, Precision precision) {
+    if (model.decoder.conditioning != "modulation") return nullptr;
     if (options.mode == RenderMode::baked) {
         RaySampling rays = model.decoder.rays;
         rays.samples_per_ray = options.samples_per_ray;
@@ -75,6 +80,7 @@ struct FaceRenderer::State {
     Precision block_precision = Precision::float32;
     std::unique_ptr<FieldSource> field;
     std::array<std::vector<float>, code_names.size()> shown;  ///< codes in Z
+    Codes z;
     Codes w;
     RaySampling sampling;
     CameraRays rays;
@@ -110,6 +116,8 @@ struct FaceRenderer::State {
     void look(const Camera& seen_by);
     void draw();
     void count();
+    /// As the model is trained, for layers that do not fold.
+    [[nodiscard]] View render_unfolded(const Camera& seen_by);
 };
 
 bool FaceRenderer::State::take(const Codes& codes, std::int64_t index, std::size_t group) {
@@ -193,6 +201,16 @@ void FaceRenderer::State::count() {
         (counts.field_samples > 0 ? shown_layers.field : 0) + (counts.pixels_computed > 0 ? shown_layers.picture : 0);
 }
 
+View FaceRenderer::State::render_unfolded(const Camera& seen_by) {
+    const ViewOptions wanted{.samples_per_ray = options.samples_per_ray,
+                             .resolution = options.resolution,
+                             .mask = options.mask,
+                             .depth = options.depth};
+    counts.samples = model.decoder().work(options.resolution).rays * options.samples_per_ray;
+    counts.field_samples = counts.samples;
+    return render_view(model, z, 0, seen_by, wanted);
+}
+
 FaceRenderer::FaceRenderer(const Model& model, const RendererOptions& options) {
     require_valid(model, options);
     state_ = std::make_unique<State>(model, options);
@@ -206,17 +224,18 @@ void FaceRenderer::show(const Codes& codes, std::int64_t index) {
     for (std::size_t group = 0; group < changed.size(); ++group) changed[group] = state.take(codes, index, group);
     if (std::ranges::none_of(changed, [](bool group) { return group; })) return;
 
-    Codes z;
     for (std::size_t group = 0; group < changed.size(); ++group)
-        z.groups[group] = Tensor::from({1, code_sizes[group]}, state.shown[group]);
-    state.w = detached(state.model.decoder().map(z));
+        state.z.groups[group] = Tensor::from({1, code_sizes[group]}, state.shown[group]);
+    if (!state.field) return;
+    state.w = detached(state.model.decoder().map(state.z));
     if (changed[0] || changed[1]) state.fold_field();
     if (changed[2] || changed[3]) state.fold_blocks();
 }
 
 View FaceRenderer::render(const Camera& camera) {
     State& state = *state_;
-    if (!state.blocks) fail<ValueError>("there is no face to render; show one first");
+    if (state.shown.front().empty()) fail<ValueError>("there is no face to render; show one first");
+    if (!state.field) return state.render_unfolded(camera);
     state.look(camera);
     state.draw();
     state.count();

@@ -46,7 +46,8 @@ struct RenderCounts {
 /// been seen, once the view before is released.
 class FaceRenderer {
 public:
-    /// The model outlives the renderer. Throws ValueError for a resolution or a number of samples that the model cannot render.
+    /// The model outlives the renderer. Throws ValueError for a resolution or a number of samples that the model cannot render,
+    /// and for a mode other than exact unless the model's decoder folds: without, frames are those of `render_view`.
     FaceRenderer(const Model& model, const RendererOptions& options);
     ~FaceRenderer();
     FaceRenderer(FaceRenderer&&) noexcept;
