@@ -94,7 +94,8 @@ Model Model::load(const std::filesystem::path& path, ModelParts parts) {
 }
 
 void Model::save(const std::filesystem::path& path) const {
-    if (!has_encoder()) fail<ValueError>(path.string(), ": a model without its encoder is not saved");
+    if (!has_encoder() && config_.code_source == "encoder")
+        fail<ValueError>(path.string(), ": a model without its encoder is not saved");
     TensorFile file;
     file.metadata[format_key] = format_name;
     file.metadata[config_key] = to_json(config_);
