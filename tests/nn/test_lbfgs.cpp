@@ -13,14 +13,15 @@ namespace {
 
 constexpr int plenty = 1000;
 
-/// Runs until nothing lower is found; the number of evaluations.
-int minimised(Lbfgs& minimiser, const Objective& objective, int most_iterations = 500) {
+/// Runs until the value is below `wanted` or nothing lower is found; the number of evaluations.
+int minimised(Lbfgs& minimiser, const Objective& objective, double wanted = 0.0, int most_iterations = 500) {
     int evaluations = 0;
     const auto counted = [&](const std::vector<double>& x) {
         ++evaluations;
         return objective(x);
     };
     for (int i = 0; i < most_iterations && minimiser.step(counted, plenty); ++i) {
+        if (minimiser.here()->value < wanted) break;
     }
     return evaluations;
 }
@@ -54,7 +55,8 @@ TEST_CASE("L-BFGS solves a quadratic function whose axes differ by four orders o
         return at;
     };
     Lbfgs minimiser(std::vector<double>(scales.size(), 0.0));
-    CHECK(minimised(minimiser, bowl) < 150);
+    // What follows would polish the last digits of a minimum that is 0.
+    CHECK(minimised(minimiser, bowl, 1e-15) < 120);
     for (std::size_t i = 0; i < centre.size(); ++i) CHECK(minimiser.point()[i] == Approx(centre[i]).margin(1e-7));
 }
 
@@ -146,7 +148,7 @@ TEST_CASE("L-BFGS keeps to its evaluations, and stays where nothing is lower", "
 
 TEST_CASE("When the objective changes, L-BFGS goes on from where it is", "[lbfgs]") {
     Lbfgs minimiser({-1.2, 1.0});
-    minimised(minimiser, rosenbrock, 5);
+    minimised(minimiser, rosenbrock, 0.0, 5);
     minimiser.objective_changed();
     CHECK_FALSE(minimiser.here().has_value());
     const auto moved = [](const std::vector<double>& x) {
