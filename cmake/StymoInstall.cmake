@@ -1,15 +1,17 @@
-# `cmake --install` puts the library, its headers and what find_package(stymo) and pkg-config read into the prefix. They form the
-# component "development"; the tools install themselves (apps/CMakeLists.txt).
+# `cmake --install` installs the library, its headers, and the files of find_package(stymo) and
+# pkg-config as the component "development". apps/CMakeLists.txt installs the tools.
 include(CMakePackageConfigHelpers)
 
 set(stymo_cmake_folder ${CMAKE_INSTALL_LIBDIR}/cmake/stymo)
-set_target_properties(stymo PROPERTIES VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
+set_target_properties(stymo PROPERTIES VERSION ${PROJECT_VERSION}
+  SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
 
 install(TARGETS stymo EXPORT stymoTargets COMPONENT development
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
-install(EXPORT stymoTargets NAMESPACE stymo:: DESTINATION ${stymo_cmake_folder} COMPONENT development)
+install(EXPORT stymoTargets NAMESPACE stymo:: DESTINATION ${stymo_cmake_folder}
+  COMPONENT development)
 
-# Headers of the kernels stay behind: they include Highway.
+# Headers of kernels are not installed, because they include Highway.
 foreach(folder core nn render train fit)
   if(IS_DIRECTORY ${PROJECT_SOURCE_DIR}/${folder})
     install(DIRECTORY ${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/stymo COMPONENT development
@@ -17,23 +19,28 @@ foreach(folder core nn render train fit)
   endif()
 endforeach()
 if(IS_DIRECTORY ${PROJECT_SOURCE_DIR}/configs)
-  install(DIRECTORY configs DESTINATION ${CMAKE_INSTALL_DATADIR}/stymo FILES_MATCHING PATTERN "*.json")
+  install(DIRECTORY configs DESTINATION ${CMAKE_INSTALL_DATADIR}/stymo
+    FILES_MATCHING PATTERN "*.json")
 endif()
 
 configure_package_config_file(cmake/stymoConfig.cmake.in ${PROJECT_BINARY_DIR}/stymoConfig.cmake
   INSTALL_DESTINATION ${stymo_cmake_folder})
-write_basic_package_version_file(${PROJECT_BINARY_DIR}/stymoConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/stymoConfigVersion.cmake
+  COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/stymoConfig.cmake ${PROJECT_BINARY_DIR}/stymoConfigVersion.cmake
   DESTINATION ${stymo_cmake_folder} COMPONENT development)
 
 if(NOT BUILD_SHARED_LIBS)
-  list(TRANSFORM stymo_opencv_components PREPEND -lopencv_ OUTPUT_VARIABLE stymo_pkgconfig_libraries)
+  list(TRANSFORM stymo_opencv_components PREPEND -lopencv_
+    OUTPUT_VARIABLE stymo_pkgconfig_libraries)
   list(JOIN stymo_pkgconfig_libraries " " stymo_pkgconfig_libraries)
-  string(APPEND stymo_pkgconfig_libraries " -lOpenImageIO -lOpenImageIO_Util -lpng -lz -lzip -lhwy -pthread")
+  string(APPEND stymo_pkgconfig_libraries
+    " -lOpenImageIO -lOpenImageIO_Util -lpng -lz -lzip -lhwy -lgomp")
   if(STYMO_WITH_DLIB)
     string(APPEND stymo_pkgconfig_libraries " -ldlib")
   endif()
 endif()
 file(RELATIVE_PATH stymo_prefix_from_pkgconfig /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)
 configure_file(cmake/stymo.pc.in ${PROJECT_BINARY_DIR}/stymo.pc @ONLY)
-install(FILES ${PROJECT_BINARY_DIR}/stymo.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
+install(FILES ${PROJECT_BINARY_DIR}/stymo.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig
+  COMPONENT development)

@@ -1,10 +1,11 @@
 add_library(stymo_options INTERFACE)
 target_compile_options(stymo_options INTERFACE
-  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Wold-style-cast
-  -fno-math-errno -fno-trapping-math
-  -fopenmp-simd  # `omp simd` alone: threads are made by core/parallel.cpp
-  # False alarms of GCC 12: its own AVX-512 intrinsics, and std::string (GCC bug 105651).
-  -Wno-maybe-uninitialized $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor
+  -Wold-style-cast
+  -fno-math-errno -fno-trapping-math -fopenmp-simd
+  # False alarms of GCC 12: its own AVX-512 intrinsics, which Eigen uses, and std::string (GCC bug
+  # 105651).
+  -Wno-maybe-uninitialized $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict -Wno-uninitialized>
   $<$<BOOL:${STYMO_WERROR}>:-Werror>
   $<$<BOOL:${STYMO_NATIVE}>:-march=native>)
 # Full-width vectors: the compiler's default prefers 256 bits on processors that have 512.
@@ -16,6 +17,7 @@ if(STYMO_NATIVE)
   endif()
 endif()
 if(STYMO_SANITIZE)
-  target_compile_options(stymo_options INTERFACE -fsanitize=${STYMO_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+  target_compile_options(stymo_options INTERFACE
+    -fsanitize=${STYMO_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
   target_link_options(stymo_options INTERFACE -fsanitize=${STYMO_SANITIZE})
 endif()

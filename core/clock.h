@@ -4,9 +4,10 @@
 
 namespace stymo {
 
-/// Seconds on a clock that only runs forward, to take differences of.
+/// Seconds of a monotonic clock, for measuring durations.
 [[nodiscard]] inline double seconds_now() {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch())
+        .count();
 }
 
 }  // namespace stymo

@@ -19,7 +19,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Bounds of numbers as doubles and of whole numbers as such: a double does not hold the largest ones.
+/// Bounds as double for numbers and as int64 for whole numbers, because a double cannot represent
+/// the largest int64 values.
 struct Range {
     double low = 0.0;
     double high = 0.0;
@@ -27,24 +28,27 @@ struct Range {
     std::int64_t whole_high = 0;
 };
 
-using Target = std::variant<std::int64_t*, double*, bool*, std::string*, std::vector<std::int64_t>*, std::vector<double>*>;
+using Target = std::variant<std::int64_t*, double*, bool*, std::string*, std::vector<std::int64_t>*,
+                            std::vector<double>*>;
 
 struct Entry {
     std::string key;
     Target target;
     Json default_value;
     Range range;
-    std::vector<std::string> allowed;  ///< of a choice; empty otherwise
+    std::vector<std::string> allowed;  ///< values of a choice; empty otherwise
     std::string help;
 };
 
 std::string range_text(const Range& range, bool whole) {
-    // JSON writes a double in as few digits as tell it apart.
-    const auto text = [](auto low, auto high) { return "[" + Json(low).dump() + ", " + Json(high).dump() + "]"; };
+    // JSON writes a double with the fewest digits that read back to the same value.
+    const auto text = [](auto low, auto high) {
+        return "[" + Json(low).dump() + ", " + Json(high).dump() + "]";
+    };
     return whole ? text(range.whole_low, range.whole_high) : text(range.low, range.high);
 }
 
-/// One line for messages, also of what is not UTF-8.
+/// One line for messages, even if the value is not valid UTF-8.
 std::string message_text(const Json& value) {
     return value.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
@@ -58,16 +62,22 @@ std::string joined(const std::vector<std::string>& parts) {
 std::string allowed_text(const Entry& entry) {
     struct Visitor {
         const Entry& entry;
-        std::string operator()(std::int64_t*) const { return "a whole number in " + range_text(entry.range, true); }
-        std::string operator()(double*) const { return "a number in " + range_text(entry.range, false); }
+        std::string operator()(std::int64_t*) const {
+            return "an integer in " + range_text(entry.range, true);
+        }
+        std::string operator()(double*) const {
+            return "a number in " + range_text(entry.range, false);
+        }
         std::string operator()(bool*) const { return "true or false"; }
         std::string operator()(std::string*) const {
-            return entry.allowed.empty() ? "a text" : "one of " + joined(entry.allowed);
+            return entry.allowed.empty() ? "a string" : "one of " + joined(entry.allowed);
         }
         std::string operator()(std::vector<std::int64_t>*) const {
-            return "an array of whole numbers in " + range_text(entry.range, true);
+            return "an array of integers in " + range_text(entry.range, true);
         }
-        std::string operator()(std::vector<double>*) const { return "an array of numbers in " + range_text(entry.range, false); }
+        std::string operator()(std::vector<double>*) const {
+            return "an array of numbers in " + range_text(entry.range, false);
+        }
     };
     return std::visit(Visitor{entry}, entry.target);
 }
@@ -83,19 +93,21 @@ std::optional<std::int64_t> as_integer(const Json& value, const Range& range) {
     std::int64_t number = 0;
     if (value.is_number_integer()) {
         const bool too_large =
-            value.is_number_unsigned() && value.get<std::uint64_t>() > std::uint64_t{std::numeric_limits<std::int64_t>::max()};
+            value.is_number_unsigned() &&
+            value.get<std::uint64_t>() > std::uint64_t{std::numeric_limits<std::int64_t>::max()};
         if (too_large) return std::nullopt;
         number = value.get<std::int64_t>();
     } else {
-        // Beyond 2^53 a double no longer says which whole number was meant.
+        // Beyond 2^53 a double no longer represents every whole number.
         const double written = value.is_number() ? value.get<double>() : 0.5;
         if (std::abs(written) > 0x1p53 || written != std::trunc(written)) return std::nullopt;
         number = static_cast<std::int64_t>(written);
     }
-    return number >= range.whole_low && number <= range.whole_high ? std::optional(number) : std::nullopt;
+    return number >= range.whole_low && number <= range.whole_high ? std::optional(number)
+                                                                   : std::nullopt;
 }
 
-/// Whether JSON can hold the value: a bare word may be no UTF-8.
+/// Whether JSON can represent the value; a bare word may be invalid UTF-8.
 bool is_writable(const Json& value) {
     try {
         static_cast<void>(value.dump());
@@ -140,15 +152,19 @@ bool assign(const Entry& entry, const Json& value) {
         bool operator()(std::string* target) const {
             if (!value.is_string()) return false;
             const auto text = value.get<std::string>();
-            if (!entry.allowed.empty() && std::ranges::find(entry.allowed, text) == entry.allowed.end()) return false;
+            if (!entry.allowed.empty() &&
+                std::ranges::find(entry.allowed, text) == entry.allowed.end())
+                return false;
             *target = text;
             return true;
         }
         bool operator()(std::vector<std::int64_t>* target) const {
-            return assign_array(value, *target, [&](const Json& item) { return as_integer(item, entry.range); });
+            return assign_array(value, *target,
+                                [&](const Json& item) { return as_integer(item, entry.range); });
         }
         bool operator()(std::vector<double>* target) const {
-            return assign_array(value, *target, [&](const Json& item) { return as_number(item, entry.range); });
+            return assign_array(value, *target,
+                                [&](const Json& item) { return as_number(item, entry.range); });
         }
     };
     return std::visit(Visitor{entry, value}, entry.target);
@@ -178,14 +194,17 @@ std::string last_part(const std::string& key) {
     return key.substr(key.rfind('.') + 1);
 }
 
-/// Parses strictly: the same key twice in one object is an error, which the library alone would pass over.
+/// Parses strictly: the same key twice in one object is an error, which the JSON library alone
+/// would accept.
 Json parse_strictly(std::string_view text, const std::string& source) {
     std::vector<std::set<std::string>> keys;
     const auto check = [&](int, Json::parse_event_t event, Json& value) {
         if (event == Json::parse_event_t::object_start) keys.emplace_back();
         if (event == Json::parse_event_t::object_end) keys.pop_back();
-        if (event == Json::parse_event_t::key && !keys.back().insert(value.get<std::string>()).second) {
-            fail<ConfigError>(source, ": the key \"", value.get<std::string>(), "\" is given twice in one object");
+        if (event == Json::parse_event_t::key &&
+            !keys.back().insert(value.get<std::string>()).second) {
+            fail<ConfigError>(source, ": the key \"", value.get<std::string>(),
+                              "\" is given twice in one object");
         }
         return true;
     };
@@ -204,15 +223,18 @@ Json parse_strictly(std::string_view text, const std::string& source) {
 struct ConfigSchema::Implementation {
     std::vector<Entry> entries;
 
-    void bind(std::string key, Target target, Range range, std::vector<std::string> allowed, std::string help) {
-        if (std::ranges::find(entries, key, &Entry::key) != entries.end()) fail<ConfigError>("the key ", key, " is bound twice");
+    void bind(std::string key, Target target, Range range, std::vector<std::string> allowed,
+              std::string help) {
+        if (std::ranges::find(entries, key, &Entry::key) != entries.end())
+            fail<ConfigError>("the key ", key, " is bound twice");
         Entry entry{std::move(key), target, {}, range, std::move(allowed), std::move(help)};
         entry.default_value = present_value(entry);
         entries.push_back(std::move(entry));
     }
 
     [[nodiscard]] bool is_section(const std::string& path) const {
-        return std::ranges::any_of(entries, [&](const Entry& entry) { return entry.key.starts_with(path + "."); });
+        return std::ranges::any_of(
+            entries, [&](const Entry& entry) { return entry.key.starts_with(path + "."); });
     }
 
     [[nodiscard]] bool is_text(const std::string& key) const {
@@ -221,9 +243,10 @@ struct ConfigSchema::Implementation {
     }
 
     [[noreturn]] void unknown(const std::string& source, const std::string& key) const {
-        // A key without its section, or in another one, is as near as a slip of the pen.
+        // A key without its section, or in a wrong section, counts as near as a misspelt key.
         const auto distance = [&](const Entry& entry) {
-            return std::min(edit_distance(entry.key, key), edit_distance(last_part(entry.key), last_part(key)) + 1);
+            return std::min(edit_distance(entry.key, key),
+                            edit_distance(last_part(entry.key), last_part(key)) + 1);
         };
         const auto nearest = std::ranges::min_element(entries, {}, distance);
         fail<ConfigError>(source, ": ", key, ": unknown key",
@@ -234,17 +257,21 @@ struct ConfigSchema::Implementation {
         const auto entry = std::ranges::find(entries, key, &Entry::key);
         if (entry == entries.end()) unknown(source, key);
         if (!assign(*entry, value))
-            fail<ConfigError>(source, ": ", key, " = ", message_text(value), ": must be ", allowed_text(*entry));
+            fail<ConfigError>(source, ": ", key, " = ", message_text(value), ": must be ",
+                              allowed_text(*entry));
     }
 
     void read_object(const std::string& source, const std::string& path, const Json& object) const {
         for (const auto& [name, value] : object.items()) {
             if (name.starts_with("$") || (path.empty() && name == "parent")) continue;
             const std::string key = path.empty() ? name : path + "." + name;
-            // A dotted name would be a second way to give a key, and could give it twice.
-            if (name.find('.') != std::string::npos) fail<ConfigError>(source, ": ", key, ": must be written as nested objects");
+            // A dotted name would be a second way to write a key, and could set it twice.
+            if (name.find('.') != std::string::npos)
+                fail<ConfigError>(source, ": ", key, ": must be written as nested objects");
             if (is_section(key)) {
-                if (!value.is_object()) fail<ConfigError>(source, ": ", key, " = ", message_text(value), ": must be an object");
+                if (!value.is_object())
+                    fail<ConfigError>(source, ": ", key, " = ", message_text(value),
+                                      ": must be an object");
                 read_object(source, key, value);
             } else {
                 set(source, key, value);
@@ -257,7 +284,8 @@ struct ConfigSchema::Implementation {
         read_object(source, "", json);
     }
 
-    void read_file(const std::filesystem::path& path, std::vector<std::filesystem::path>& open) const {
+    void read_file(const std::filesystem::path& path,
+                   std::vector<std::filesystem::path>& open) const {
         const std::filesystem::path canonical = std::filesystem::weakly_canonical(path);
         if (std::ranges::find(open, canonical) != open.end())
             fail<ConfigError>(path.string(), ": its parents lead back to itself");
@@ -265,7 +293,8 @@ struct ConfigSchema::Implementation {
         const Json json = parse_strictly(read_text_file(path), path.string());
         if (json.is_object() && json.contains("parent")) {
             if (!json.at("parent").is_string())
-                fail<ConfigError>(path.string(), ": parent = ", message_text(json.at("parent")), ": must be a file name");
+                fail<ConfigError>(path.string(), ": parent = ", message_text(json.at("parent")),
+                                  ": must be a file name");
             read_file(path.parent_path() / json.at("parent").get<std::string>(), open);
         }
         read_json(path.string(), json);
@@ -278,11 +307,13 @@ ConfigSchema::~ConfigSchema() = default;
 ConfigSchema::ConfigSchema(ConfigSchema&&) noexcept = default;
 ConfigSchema& ConfigSchema::operator=(ConfigSchema&&) noexcept = default;
 
-void ConfigSchema::integer(std::string key, std::int64_t& target, std::int64_t low, std::int64_t high, std::string help) {
+void ConfigSchema::integer(std::string key, std::int64_t& target, std::int64_t low,
+                           std::int64_t high, std::string help) {
     implementation_->bind(std::move(key), &target, {0.0, 0.0, low, high}, {}, std::move(help));
 }
 
-void ConfigSchema::number(std::string key, double& target, double low, double high, std::string help) {
+void ConfigSchema::number(std::string key, double& target, double low, double high,
+                          std::string help) {
     implementation_->bind(std::move(key), &target, {low, high, 0, 0}, {}, std::move(help));
 }
 
@@ -294,16 +325,18 @@ void ConfigSchema::text(std::string key, std::string& target, std::string help) 
     implementation_->bind(std::move(key), &target, {}, {}, std::move(help));
 }
 
-void ConfigSchema::choice(std::string key, std::string& target, std::vector<std::string> allowed, std::string help) {
+void ConfigSchema::choice(std::string key, std::string& target, std::vector<std::string> allowed,
+                          std::string help) {
     implementation_->bind(std::move(key), &target, {}, std::move(allowed), std::move(help));
 }
 
-void ConfigSchema::integers(std::string key, std::vector<std::int64_t>& target, std::int64_t low, std::int64_t high,
-                            std::string help) {
+void ConfigSchema::integers(std::string key, std::vector<std::int64_t>& target, std::int64_t low,
+                            std::int64_t high, std::string help) {
     implementation_->bind(std::move(key), &target, {0.0, 0.0, low, high}, {}, std::move(help));
 }
 
-void ConfigSchema::numbers(std::string key, std::vector<double>& target, double low, double high, std::string help) {
+void ConfigSchema::numbers(std::string key, std::vector<double>& target, double low, double high,
+                           std::string help) {
     implementation_->bind(std::move(key), &target, {low, high, 0, 0}, {}, std::move(help));
 }
 
@@ -314,19 +347,23 @@ void ConfigSchema::read_file(const std::filesystem::path& path) {
 
 void ConfigSchema::read_text(std::string_view json, const std::string& source) {
     const Json root = parse_strictly(json, source);
-    if (root.is_object() && root.contains("parent")) fail<ConfigError>(source, ": parent: only a file can have one");
+    if (root.is_object() && root.contains("parent"))
+        fail<ConfigError>(source, ": parent: only a file can have one");
     implementation_->read_json(source, root);
 }
 
 void ConfigSchema::set(std::string_view assignment) {
     const std::size_t equals = assignment.find('=');
-    if (equals == std::string_view::npos || equals == 0) fail<ConfigError>("\"", assignment, "\": must be key=value");
+    if (equals == std::string_view::npos || equals == 0)
+        fail<ConfigError>("\"", assignment, "\": must be key=value");
     const std::string key(assignment.substr(0, equals));
     const std::string text(assignment.substr(equals + 1));
     Json value = Json::parse(text, nullptr, false);
-    // What is not JSON is a bare word, and so is whatever a text is set to without quotes: a folder may be called 2024.
+    // A value that is not JSON is a bare word. So is any unquoted value of a text key: a folder may
+    // be called 2024.
     if (value.is_discarded() || (!value.is_string() && implementation_->is_text(key))) value = text;
-    if (!is_writable(value)) fail<ConfigError>("command line: ", key, " = ", message_text(value), ": must be UTF-8");
+    if (!is_writable(value))
+        fail<ConfigError>("command line: ", key, " = ", message_text(value), ": must be UTF-8");
     implementation_->set("command line", key, value);
 }
 
@@ -344,8 +381,8 @@ std::string ConfigSchema::to_json() const {
 std::string ConfigSchema::to_markdown() const {
     std::string table = "| key | default | allowed | meaning |\n|---|---|---|---|\n";
     for (const Entry& entry : implementation_->entries) {
-        table +=
-            "| `" + entry.key + "` | `" + entry.default_value.dump() + "` | " + allowed_text(entry) + " | " + entry.help + " |\n";
+        table += "| `" + entry.key + "` | `" + entry.default_value.dump() + "` | " +
+                 allowed_text(entry) + " | " + entry.help + " |\n";
     }
     return table;
 }

@@ -9,10 +9,11 @@
 
 namespace stymo {
 
-/// Binds the keys of a JSON configuration ("optimizer.learning_rate") to the fields of a plain struct, once, and serves every
-/// use from that: reading files with parents, overrides from the command line, writing the complete configuration, the
-/// table in the docs. Strict: an unknown key, a wrong type or a value out of range throws ConfigError with the file, the
-/// key, the value, what is allowed and the nearest known key.
+/// Binds the keys of a JSON configuration ("optimizer.learning_rate") to the fields of a plain
+/// struct. One binding serves reading files with parents, overrides from the command line, writing
+/// the complete configuration, and the table in the docs. Strict: an unknown key, a wrong type or a
+/// value out of range throws ConfigError with the file, the key, the value, what is allowed and the
+/// nearest known key.
 class ConfigSchema {
 public:
     ConfigSchema();
@@ -20,24 +21,29 @@ public:
     ConfigSchema(ConfigSchema&&) noexcept;
     ConfigSchema& operator=(ConfigSchema&&) noexcept;
 
-    /// Each binds `target`, whose present value is the default. `help` is one line; it names the paper's value where it has one.
-    void integer(std::string key, std::int64_t& target, std::int64_t low, std::int64_t high, std::string help);
+    /// Each function binds `target`, whose current value is the default. `help` is one line that
+    /// names the paper's value if the paper has one.
+    void integer(std::string key, std::int64_t& target, std::int64_t low, std::int64_t high,
+                 std::string help);
     void number(std::string key, double& target, double low, double high, std::string help);
     void boolean(std::string key, bool& target, std::string help);
     void text(std::string key, std::string& target, std::string help);
-    void choice(std::string key, std::string& target, std::vector<std::string> allowed, std::string help);
-    void integers(std::string key, std::vector<std::int64_t>& target, std::int64_t low, std::int64_t high, std::string help);
-    void numbers(std::string key, std::vector<double>& target, double low, double high, std::string help);
+    void choice(std::string key, std::string& target, std::vector<std::string> allowed,
+                std::string help);
+    void integers(std::string key, std::vector<std::int64_t>& target, std::int64_t low,
+                  std::int64_t high, std::string help);
+    void numbers(std::string key, std::vector<double>& target, double low, double high,
+                 std::string help);
 
-    /// Reads a JSON file of nested objects into the bound fields. "parent": a file relative to this one, read first; a circle of
-    /// parents is refused. Keys beginning with "$" are comments.
+    /// Reads a JSON file of nested objects into the bound fields. "parent": a file relative to this
+    /// one, read first; circular parents are an error. Keys beginning with "$" are comments.
     void read_file(const std::filesystem::path& path);
-    /// The same from a text; `source` names it in errors.
+    /// Reads the JSON text itself; `source` names it in errors.
     void read_text(std::string_view json, const std::string& source);
     /// "a.b=value": the value is JSON, or a bare word for text and choices.
     void set(std::string_view assignment);
 
-    /// Every key with its present value, nested and indented.
+    /// Every key with its current value, as nested, indented JSON.
     [[nodiscard]] std::string to_json() const;
     /// A Markdown table: key, default, allowed, meaning.
     [[nodiscard]] std::string to_markdown() const;

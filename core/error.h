@@ -6,7 +6,8 @@
 
 namespace stymo {
 
-/// Root of every error the library throws. The message is one line that says what is wrong, where, and what to do.
+/// Root of every error the library throws. The message is one line that says what is wrong, where,
+/// and what to do.
 class Error : public std::runtime_error {
 public:
     using std::runtime_error::runtime_error;
@@ -30,7 +31,8 @@ public:
     using Error::Error;
 };
 
-/// A missing gradient rule, a rule that broke its contract, or a gradient asked of an untracked value.
+/// A missing gradient rule, a rule that broke its contract, or a gradient with respect to an
+/// untracked value.
 class GradientError : public Error {
 public:
     using Error::Error;

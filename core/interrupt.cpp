@@ -17,7 +17,8 @@ InterruptGuard::InterruptGuard() {
     interrupt_flag = 0;
     struct sigaction action {};
     action.sa_handler = note_interrupt;
-    // Back to the default after the first signal, so that a second one ends a process that does not get to polling.
+    // The default handler returns after the first signal, so that a second one ends a process that
+    // never polls.
     action.sa_flags = static_cast<int>(SA_RESETHAND) | SA_RESTART;
     for (std::size_t i = 0; i < signals_.size(); ++i) sigaction(signals_[i], &action, &former_[i]);
 }

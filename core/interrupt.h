@@ -5,11 +5,11 @@
 
 namespace stymo {
 
-/// While it lives, SIGINT and SIGTERM do not end the process but make `interrupted()` true, so that a long loop can save
-/// what it has and return. A second signal of the same kind ends the process at once. The former handlers come back with
-/// the destructor.
+/// During its lifetime SIGINT and SIGTERM do not end the process but make `interrupted()` true, so
+/// that a long loop can save its state and return. A second signal of the same kind ends the
+/// process at once. The destructor restores the former handlers.
 ///
-/// A signal handler can reach nothing but a global: the flag behind `interrupted()` is unavoidable.
+/// The flag behind `interrupted()` is global because a signal handler can reach nothing else.
 class InterruptGuard {
 public:
     /// Forgets an earlier interruption.
@@ -23,7 +23,7 @@ private:
     std::array<struct sigaction, signals_.size()> former_{};
 };
 
-/// Whether a signal came since the last guard was made. To be polled between steps.
+/// Whether a signal arrived since the last guard was constructed. Long loops poll it between steps.
 [[nodiscard]] bool interrupted();
 
 }  // namespace stymo

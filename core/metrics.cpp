@@ -17,11 +17,13 @@ constexpr int window_size = 11;
 
 void require_match(const char* function, const Tensor& a, const Tensor& b) {
     if (a.rank() != 3 || !(a.shape() == b.shape()) || a.size() == 0) {
-        fail<ShapeError>("[", function, "] expected two images (height, width, channels) of one shape, got ", a.shape(), " and ",
-                         b.shape());
+        fail<ShapeError>("[", function,
+                         "] expected two images (height, width, channels) of one shape, got ",
+                         a.shape(), " and ", b.shape());
     }
     if (a.dtype() != b.dtype()) {
-        fail<TypeError>("[", function, "] the images have different types, ", a.dtype(), " and ", b.dtype());
+        fail<TypeError>("[", function, "] the images have different types, ", a.dtype(), " and ",
+                        b.dtype());
     }
 }
 
@@ -76,23 +78,27 @@ double similarity(const Moments& mean) {
     const double variance_a = mean.aa - mean.a * mean.a;
     const double variance_b = mean.bb - mean.b * mean.b;
     const double covariance = mean.ab - mean.a * mean.b;
-    const double numerator = (2.0 * mean.a * mean.b + luminance_constant) * (2.0 * covariance + contrast_constant);
-    const double denominator =
-        (mean.a * mean.a + mean.b * mean.b + luminance_constant) * (variance_a + variance_b + contrast_constant);
+    const double numerator =
+        (2.0 * mean.a * mean.b + luminance_constant) * (2.0 * covariance + contrast_constant);
+    const double denominator = (mean.a * mean.a + mean.b * mean.b + luminance_constant) *
+                               (variance_a + variance_b + contrast_constant);
     return numerator / denominator;
 }
 
 /// Sum of the similarity over the windows whose top row is `row`.
 template <class T>
-double row_similarity(std::span<const T> a, std::span<const T> b, std::size_t row, std::size_t row_length, std::size_t channels,
+double row_similarity(std::span<const T> a, std::span<const T> b, std::size_t row,
+                      std::size_t row_length, std::size_t channels,
                       const std::array<double, window_size>& window) {
     std::vector<Moments> column_means(row_length);
     for (std::size_t k = 0; k < window.size(); ++k) {
         const auto a_row = a.subspan((row + k) * row_length, row_length);
         const auto b_row = b.subspan((row + k) * row_length, row_length);
         for (std::size_t i = 0; i < row_length; ++i) {
-            const auto a_value = static_cast<double>(a_row[i]), b_value = static_cast<double>(b_row[i]);
-            column_means[i].add(window[k], {a_value, b_value, a_value * a_value, b_value * b_value, a_value * b_value});
+            const auto a_value = static_cast<double>(a_row[i]),
+                       b_value = static_cast<double>(b_row[i]);
+            column_means[i].add(window[k], {a_value, b_value, a_value * a_value, b_value * b_value,
+                                            a_value * b_value});
         }
     }
     double total = 0.0;
@@ -120,15 +126,19 @@ double l1_error(const Tensor& a, const Tensor& b) {
 
 double peak_signal_to_noise_ratio(const Tensor& a, const Tensor& b) {
     require_match("peak_signal_to_noise_ratio", a, b);
-    const double squared_error = mean_distance(a, b, [](double difference) { return difference * difference; });
-    return squared_error == 0.0 ? std::numeric_limits<double>::infinity() : -10.0 * std::log10(squared_error);
+    const double squared_error =
+        mean_distance(a, b, [](double difference) { return difference * difference; });
+    return squared_error == 0.0 ? std::numeric_limits<double>::infinity()
+                                : -10.0 * std::log10(squared_error);
 }
 
 double structural_similarity(const Tensor& a, const Tensor& b) {
     require_match("structural_similarity", a, b);
-    const std::int64_t rows = a.shape(0) - window_size + 1, columns = a.shape(1) - window_size + 1, channels = a.shape(2);
+    const std::int64_t rows = a.shape(0) - window_size + 1, columns = a.shape(1) - window_size + 1,
+                       channels = a.shape(2);
     if (rows < 1 || columns < 1) {
-        fail<ShapeError>("[structural_similarity] needs at least ", window_size, " x ", window_size, " pixels, got ", a.shape());
+        fail<ShapeError>("[structural_similarity] needs at least ", window_size, " x ", window_size,
+                         " pixels, got ", a.shape());
     }
     const auto window = gaussian_window();
     std::vector<double> row_totals(static_cast<std::size_t>(rows));
@@ -137,13 +147,15 @@ double structural_similarity(const Tensor& a, const Tensor& b) {
         const auto b_values = b.values<T>();
         const auto row_length = static_cast<std::size_t>(a.shape(1) * channels);
         parallel_for(rows, 8, [&](std::int64_t begin, std::int64_t end) {
-            for (auto row = static_cast<std::size_t>(begin); row < static_cast<std::size_t>(end); ++row) {
-                row_totals[row] =
-                    row_similarity<T>(a_values, b_values, row, row_length, static_cast<std::size_t>(channels), window);
+            for (auto row = static_cast<std::size_t>(begin); row < static_cast<std::size_t>(end);
+                 ++row) {
+                row_totals[row] = row_similarity<T>(a_values, b_values, row, row_length,
+                                                    static_cast<std::size_t>(channels), window);
             }
         });
     });
-    return std::accumulate(row_totals.begin(), row_totals.end(), 0.0) / static_cast<double>(rows * columns * channels);
+    return std::accumulate(row_totals.begin(), row_totals.end(), 0.0) /
+           static_cast<double>(rows * columns * channels);
 }
 
 }  // namespace stymo

@@ -2,8 +2,9 @@
 
 #include "core/tensor.h"
 
-/// How far two images are apart. Images are (height, width, channels) of one shape and type with values in [0, 1]; every function
-/// computes in float64 and throws ShapeError or TypeError for images that do not match.
+/// Differences between two images. Both images are (height, width, channels) of the same shape and
+/// type with values in [0, 1]; every function computes in float64 and throws ShapeError or
+/// TypeError for images that do not match.
 namespace stymo {
 
 /// Mean of |a - b| over all elements.
@@ -12,10 +13,11 @@ namespace stymo {
 [[nodiscard]] double l1_error(const Tensor& a, const Tensor& b);
 /// Peak signal-to-noise ratio in decibels for a peak of 1; +infinity for identical images.
 [[nodiscard]] double peak_signal_to_noise_ratio(const Tensor& a, const Tensor& b);
-/// Structural similarity (Wang et al. 2004) in [-1, 1], mean over the channels and over the pixels whose 11x11 window lies within
-/// the image: Gaussian window with deviation 1.5, K1 = 0.01, K2 = 0.03, population covariance. Equals scikit-image's
-/// structural_similarity(gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=1, channel_axis=2).
-/// Throws ShapeError for a side shorter than 11 pixels.
+/// Structural similarity (Wang et al. 2004) in [-1, 1], mean over the channels and over the pixels
+/// whose 11x11 window lies within the image: Gaussian window with deviation 1.5, K1 = 0.01, K2 =
+/// 0.03, population covariance. Equals scikit-image's structural_similarity(gaussian_weights=True,
+/// sigma=1.5, use_sample_covariance=False, data_range=1, channel_axis=2). Throws ShapeError for a
+/// side shorter than 11 pixels.
 [[nodiscard]] double structural_similarity(const Tensor& a, const Tensor& b);
 
 }  // namespace stymo

@@ -5,7 +5,8 @@
 
 namespace stymo {
 
-/// Sets the number of threads that `parallel_for` uses in this process; 0 means one for each processor.
+/// Sets the number of threads that `parallel_for` uses in this process; 0 means one for each
+/// processor.
 void set_thread_count(int count);
 [[nodiscard]] int thread_count();
 
@@ -14,11 +15,14 @@ void set_thread_count(int count);
     return (count + grain - 1) / grain;
 }
 
-/// Calls `body(begin, end)` for each chunk of at most `grain` indices of [0, count), on several threads.
+/// Calls `body(begin, end)` for each chunk of at most `grain` indices of [0, count), on several
+/// threads.
 ///
-/// The chunks depend on `count` and `grain` alone, never on the number of threads, so a reduction that stores one
-/// partial result for each chunk and adds them in order gives the same bits on any number of threads.
-/// Called from within a body it runs on the calling thread. The first exception of a body is thrown again here.
-void parallel_for(std::int64_t count, std::int64_t grain, const std::function<void(std::int64_t, std::int64_t)>& body);
+/// The chunks depend on `count` and `grain` alone, never on the number of threads, so a reduction
+/// that stores one partial result for each chunk and adds them in order gives the same bits on any
+/// number of threads. Called from within a body it runs on the calling thread. The first exception
+/// of a body is thrown again here.
+void parallel_for(std::int64_t count, std::int64_t grain,
+                  const std::function<void(std::int64_t, std::int64_t)>& body);
 
 }  // namespace stymo

@@ -65,13 +65,13 @@ void Progress::update(std::int64_t done, std::string_view text) {
 
 void Progress::message(std::string_view line) {
     *output_.stream << (output_.terminal ? "\r\x1b[K" : "") << line << std::endl;
-    // The line has taken the bar's place; the next update draws the bar again.
+    // The line replaced the bar; the next update draws the bar again.
     if (output_.terminal) last_shown_ = -std::numeric_limits<double>::infinity();
 }
 
 void Progress::finish(std::string_view text) {
     if (!open_) return;
-    // A terminal's bar is drawn over, plain lines would stay twice.
+    // A bar on a terminal is overwritten, but a plain line would appear twice.
     const bool said = shown_done_ == done_ && (text.empty() || text == shown_text_);
     if (output_.terminal || !said) show(text);
     if (output_.terminal) *output_.stream << std::endl;
@@ -102,15 +102,18 @@ std::string Progress::line(std::string_view text) const {
     result << done_;
     if (task_.total > 0) result << "/" << task_.total;
     if (!task_.unit.empty())
-        result << " " << std::fixed << std::setprecision(rate < 100.0 ? 1 : 0) << rate << " " << task_.unit << "/s";
+        result << " " << std::fixed << std::setprecision(rate < 100.0 ? 1 : 0) << rate << " "
+               << task_.unit << "/s";
     if (std::isfinite(left)) result << " " << duration_text(left) << " left";
     if (!text.empty()) result << "  " << text;
     return result.str();
 }
 
 void Progress::show(std::string_view text) {
-    // One column stays free: a full line makes some terminals wrap, and the bar would leave copies of itself behind.
-    const std::string shown = line(text).substr(0, static_cast<std::size_t>(std::max(output_.width - 1, 0)));
+    // One column stays free, because some terminals wrap a full line and would then keep copies of
+    // the bar.
+    const std::string shown =
+        line(text).substr(0, static_cast<std::size_t>(std::max(output_.width - 1, 0)));
     *output_.stream << (output_.terminal ? "\r\x1b[K" : "") << shown;
     if (output_.terminal) {
         output_.stream->flush();

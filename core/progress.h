@@ -8,7 +8,8 @@
 
 namespace stymo {
 
-/// Where and how often progress is shown. The default is stderr: a bar if that is a terminal, else a line every few seconds.
+/// Where and how often progress is shown. The default is stderr: a bar if that is a terminal, else
+/// a line every few seconds.
 struct ProgressOutput {
     ProgressOutput();
 
@@ -22,26 +23,29 @@ struct ProgressOutput {
 /// What a Progress counts.
 struct ProgressTask {
     std::string title;
-    std::int64_t total = 0;   ///< 0: not known
-    std::int64_t first = 0;   ///< done before this run began, which tells nothing about speed
-    std::string unit = {};    ///< "images" gives "12.3 images/s"; empty: no rate
-    double time_limit = 0.0;  ///< seconds after which the work stops though `total` is not reached; 0: none
+    std::int64_t total = 0;  ///< 0: not known
+    std::int64_t first = 0;  ///< done before this run began; not part of the rate
+    std::string unit = {};   ///< "images" gives "12.3 images/s"; empty: no rate
+    double time_limit =
+        0.0;  ///< seconds after which the work stops even if `total` is not reached; 0: no limit
 };
 
-/// Shows how far a loop is, its speed and the time left. Used by one thread.
+/// Shows the progress of a loop, its rate and the remaining time. For use by one thread.
 class Progress {
 public:
     explicit Progress(ProgressTask task, ProgressOutput output = {});
-    /// Ends the bar's line where it is.
+    /// Ends the line of the bar.
     ~Progress();
     Progress(const Progress&) = delete;
     Progress& operator=(const Progress&) = delete;
 
-    /// `done` counts from 0 to the total. Cheap enough for each step: writes only if it is time to.
+    /// `done` counts from 0 to the total. Cheap enough to call at each step, because it writes only
+    /// when the interval has passed.
     void update(std::int64_t done, std::string_view text = {});
-    /// A line of its own (a warning, a file that was skipped), above the bar.
+    /// Writes a separate line above the bar (a warning, a skipped file).
     void message(std::string_view line);
-    /// Shows the last state, whatever the interval, unless the last line says it already. Further calls do nothing.
+    /// Shows the last state at once, unless the last line shows it already. Further calls do
+    /// nothing.
     void finish(std::string_view text = {});
 
 private:

@@ -12,7 +12,8 @@ namespace {
 
 using Words = std::array<std::uint32_t, 4>;
 
-// The last counter word keeps draws and splits apart: no draw ever computes the block that becomes a child's key.
+// The last counter word keeps draws and splits apart: no draw ever computes the block that becomes
+// a child's key.
 constexpr std::uint32_t draw_domain = 0;
 constexpr std::uint32_t name_domain = 1;
 constexpr std::uint32_t index_domain = 2;
@@ -28,7 +29,8 @@ constexpr std::uint64_t joined(std::uint32_t low, std::uint32_t high) {
 }
 
 Words block(std::uint64_t key, std::uint64_t counter, std::uint32_t detail, std::uint32_t domain) {
-    return philox4x32({low_word(counter), high_word(counter), detail, domain}, {low_word(key), high_word(key)});
+    return philox4x32({low_word(counter), high_word(counter), detail, domain},
+                      {low_word(key), high_word(key)});
 }
 
 double unit_interval(std::uint64_t bits) {
@@ -49,12 +51,13 @@ Tensor filled(const Shape& shape, DType dtype, Draw&& draw) {
 
 }  // namespace
 
-std::array<std::uint32_t, 4> philox4x32(std::array<std::uint32_t, 4> counter, std::array<std::uint32_t, 2> key) {
+std::array<std::uint32_t, 4> philox4x32(std::array<std::uint32_t, 4> counter,
+                                        std::array<std::uint32_t, 2> key) {
     for (int round = 0; round < 10; ++round) {
         const std::uint64_t first = std::uint64_t{0xD2511F53} * counter[0];
         const std::uint64_t second = std::uint64_t{0xCD9E8D57} * counter[2];
-        counter = {high_word(second) ^ counter[1] ^ key[0], low_word(second), high_word(first) ^ counter[3] ^ key[1],
-                   low_word(first)};
+        counter = {high_word(second) ^ counter[1] ^ key[0], low_word(second),
+                   high_word(first) ^ counter[3] ^ key[1], low_word(first)};
         key[0] += 0x9E3779B9;
         key[1] += 0xBB67AE85;
     }
@@ -63,7 +66,8 @@ std::array<std::uint32_t, 4> philox4x32(std::array<std::uint32_t, 4> counter, st
 
 Rng Rng::split(std::string_view name) const {
     std::uint64_t key = state_.key;
-    // The length is mixed in with every piece, so that names with trailing zero bytes differ; the empty name is one piece.
+    // The length is mixed in with every piece, so that names with trailing zero bytes differ; the
+    // empty name is one piece.
     const auto length = static_cast<std::uint32_t>(name.size());
     std::size_t begin = 0;
     do {
@@ -93,9 +97,11 @@ double Rng::uniform() {
 }
 
 double Rng::normal() {
-    // Box-Muller from the two halves of one block: every draw takes one counter step, whatever its kind.
+    // Box-Muller from the two halves of one block: every draw takes one counter step, whatever its
+    // kind.
     const Words words = block(state_.key, state_.counter++, 0, draw_domain);
-    const double radius = std::sqrt(-2.0 * std::log(1.0 - unit_interval(joined(words[0], words[1]))));
+    const double radius =
+        std::sqrt(-2.0 * std::log(1.0 - unit_interval(joined(words[0], words[1]))));
     return radius * std::cos(2.0 * std::numbers::pi * unit_interval(joined(words[2], words[3])));
 }
 
@@ -103,7 +109,7 @@ std::int64_t Rng::below(std::int64_t bound) {
     if (bound <= 0) {
         fail<ValueError>("[Rng::below] the bound must be positive; got ", bound);
     }
-    // Values of the last, incomplete run of `divisor` would make small results likelier.
+    // Values of the last, incomplete run of `divisor` would make small results more likely.
     const auto divisor = static_cast<std::uint64_t>(bound);
     const std::uint64_t limit = std::numeric_limits<std::uint64_t>::max() / divisor * divisor;
     std::uint64_t value = bits();
@@ -120,12 +126,15 @@ Tensor Rng::uniform(const Shape& shape, double low, double high, DType dtype) {
         // Rounding may reach `high`, which is outside the interval.
         return value < static_cast<Value>(high)
                    ? value
-                   : std::max(static_cast<Value>(low), std::nextafter(static_cast<Value>(high), static_cast<Value>(low)));
+                   : std::max(static_cast<Value>(low),
+                              std::nextafter(static_cast<Value>(high), static_cast<Value>(low)));
     });
 }
 
 Tensor Rng::normal(const Shape& shape, double mean, double deviation, DType dtype) {
-    return filled(shape, dtype, [&](auto zero) { return static_cast<decltype(zero)>(mean + deviation * normal()); });
+    return filled(shape, dtype, [&](auto zero) {
+        return static_cast<decltype(zero)>(mean + deviation * normal());
+    });
 }
 
 }  // namespace stymo

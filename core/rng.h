@@ -9,10 +9,11 @@
 namespace stymo {
 
 /// One block of Philox4x32-10 (Salmon et al. 2011), least significant word first.
-[[nodiscard]] std::array<std::uint32_t, 4> philox4x32(std::array<std::uint32_t, 4> counter, std::array<std::uint32_t, 2> key);
+[[nodiscard]] std::array<std::uint32_t, 4> philox4x32(std::array<std::uint32_t, 4> counter,
+                                                      std::array<std::uint32_t, 2> key);
 
-/// Counter-based random numbers (Philox4x32-10, Salmon et al. 2011): the n-th number is a pure function of key and n.
-/// Passed by reference to whatever draws; there is no global generator.
+/// Counter-based random numbers (Philox4x32-10, Salmon et al. 2011): the n-th number is a pure
+/// function of key and n. Generators are passed by reference; there is no global one.
 class Rng {
 public:
     struct State {
@@ -25,10 +26,10 @@ public:
     explicit Rng(const State& state) : state_(state) {}
 
     [[nodiscard]] const State& state() const { return state_; }
-    /// An independent generator for the part of the program called `name`; does not advance this one and does not depend on
-    /// how many numbers it has drawn.
+    /// An independent generator for the part of the program called `name`; does not advance this
+    /// one and does not depend on how many numbers it has drawn.
     [[nodiscard]] Rng split(std::string_view name) const;
-    /// An independent generator for item `index`, on the same terms.
+    /// An independent generator for item `index`, with the same properties.
     [[nodiscard]] Rng split(std::uint64_t index) const;
 
     [[nodiscard]] std::uint64_t bits();
@@ -39,8 +40,10 @@ public:
     /// Uniform integer in [0, bound); `bound` must be positive.
     [[nodiscard]] std::int64_t below(std::int64_t bound);
 
-    [[nodiscard]] Tensor uniform(const Shape& shape, double low, double high, DType dtype = DType::float32);
-    [[nodiscard]] Tensor normal(const Shape& shape, double mean, double deviation, DType dtype = DType::float32);
+    [[nodiscard]] Tensor uniform(const Shape& shape, double low, double high,
+                                 DType dtype = DType::float32);
+    [[nodiscard]] Tensor normal(const Shape& shape, double mean, double deviation,
+                                DType dtype = DType::float32);
 
 private:
     State state_;

@@ -7,13 +7,16 @@
 
 namespace stymo {
 
-Shape::Shape(std::initializer_list<std::int64_t> extents) : Shape(std::span(extents.begin(), extents.size())) {}
+Shape::Shape(std::initializer_list<std::int64_t> extents)
+    : Shape(std::span(extents.begin(), extents.size())) {}
 
 Shape::Shape(std::span<const std::int64_t> extents) {
-    if (extents.size() > max_rank) fail<ShapeError>("[shape] ", extents.size(), " axes; at most ", max_rank, " are supported");
+    if (extents.size() > max_rank)
+        fail<ShapeError>("[shape] ", extents.size(), " axes; at most ", max_rank, " are supported");
     rank_ = static_cast<int>(extents.size());
     std::copy(extents.begin(), extents.end(), extents_.begin());
-    if (std::any_of(extents.begin(), extents.end(), [](std::int64_t extent) { return extent < 0; })) {
+    if (std::any_of(extents.begin(), extents.end(),
+                    [](std::int64_t extent) { return extent < 0; })) {
         fail<ShapeError>("[shape] negative extent in ", *this);
     }
 }
@@ -24,7 +27,8 @@ std::int64_t Shape::size() const {
 
 int Shape::index(int axis) const {
     const int from_front = axis < 0 ? axis + rank_ : axis;
-    if (from_front < 0 || from_front >= rank_) fail<ShapeError>("[shape] no axis ", axis, " in ", *this);
+    if (from_front < 0 || from_front >= rank_)
+        fail<ShapeError>("[shape] no axis ", axis, " in ", *this);
     return from_front;
 }
 
@@ -50,8 +54,8 @@ Shape broadcast_shape(const Shape& left, const Shape& right, const char* operati
         const std::int64_t a = axis <= left.rank() ? left[-axis] : 1;
         const std::int64_t b = axis <= right.rank() ? right[-axis] : 1;
         if (a != b && a != 1 && b != 1) {
-            fail<ShapeError>("[", operation, "] shapes ", left, " and ", right, " do not broadcast: axis -", axis, " has ", a,
-                             " and ", b);
+            fail<ShapeError>("[", operation, "] shapes ", left, " and ", right,
+                             " do not broadcast: axis -", axis, " has ", a, " and ", b);
         }
         result = result.with(-axis, a == 1 ? b : a);
     }

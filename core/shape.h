@@ -8,7 +8,8 @@
 
 namespace stymo {
 
-/// Extents of a tensor, outermost axis first. Rank 0 (a scalar, one element) to 6. Negative axes count from the last one.
+/// Extents of a tensor, outermost axis first. Rank 0 (a scalar, one element) to 6. Negative axes
+/// count from the last one.
 class Shape {
 public:
     static constexpr int max_rank = 6;
@@ -21,10 +22,14 @@ public:
     [[nodiscard]] int rank() const { return rank_; }
     [[nodiscard]] std::int64_t size() const;
     /// Extent of `axis`; throws ShapeError if there is no such axis.
-    [[nodiscard]] std::int64_t operator[](int axis) const { return extents_[static_cast<std::size_t>(index(axis))]; }
+    [[nodiscard]] std::int64_t operator[](int axis) const {
+        return extents_[static_cast<std::size_t>(index(axis))];
+    }
     /// `axis` counted from the first one, in [0, rank); throws ShapeError if there is no such axis.
     [[nodiscard]] int index(int axis) const;
-    [[nodiscard]] std::span<const std::int64_t> extents() const { return {extents_.data(), static_cast<std::size_t>(rank_)}; }
+    [[nodiscard]] std::span<const std::int64_t> extents() const {
+        return {extents_.data(), static_cast<std::size_t>(rank_)};
+    }
 
     /// The same shape with one extent changed.
     [[nodiscard]] Shape with(int axis, std::int64_t extent) const;
@@ -38,7 +43,8 @@ private:
     int rank_ = 0;
 };
 
-/// Shape that both operands broadcast to (extents equal or 1, aligned at the last axis); throws ShapeError naming `operation`.
+/// Shape that both operands broadcast to (extents equal or 1, aligned at the last axis); throws
+/// ShapeError naming `operation`.
 [[nodiscard]] Shape broadcast_shape(const Shape& left, const Shape& right, const char* operation);
 
 /// Writes "(2, 3, 4)".

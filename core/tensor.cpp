@@ -17,8 +17,8 @@ namespace {
 
 constexpr std::size_t alignment = 64;  // a cache line and the widest vector register
 
-/// Aligned by hand: glibc before 2.38 cannot give a freed aligned_alloc block to a request of the same size, so the heap would
-/// grow and every op would pay for fresh pages.
+/// Aligned by hand, because glibc before 2.38 does not reuse a freed aligned_alloc block for a
+/// request of the same size: the heap would grow and every op would pay for fresh pages.
 std::shared_ptr<std::byte[]> allocate(std::size_t bytes) {
     void* const block = std::malloc(bytes + alignment);
     if (block == nullptr) throw std::bad_alloc();
@@ -46,11 +46,15 @@ Tensor from_values(const Shape& shape, std::span<const T> values) {
 }  // namespace
 
 Tensor::Tensor(Shape shape, DType dtype)
-    : buffer_(allocate(static_cast<std::size_t>(shape.size()) * size_in_bytes(dtype))), shape_(shape), dtype_(dtype) {}
+    : buffer_(allocate(static_cast<std::size_t>(shape.size()) * size_in_bytes(dtype))),
+      shape_(shape),
+      dtype_(dtype) {}
 
 Tensor Tensor::full(const Shape& shape, double value, DType dtype) {
     Tensor result(shape, dtype);
-    dispatch(dtype, [&]<class T>(T) { std::ranges::fill(result.mutable_values<T>(), static_cast<T>(value)); });
+    dispatch(dtype, [&]<class T>(T) {
+        std::ranges::fill(result.mutable_values<T>(), static_cast<T>(value));
+    });
     return result;
 }
 
@@ -63,7 +67,8 @@ Tensor Tensor::from(const Shape& shape, std::span<const double> values) {
 
 void Tensor::require(DType dtype) const {
     if (!defined()) fail<ValueError>("[tensor] an undefined tensor has no values");
-    if (dtype != dtype_) fail<TypeError>("[tensor] expected ", dtype, ", got ", dtype_, "; convert with to()");
+    if (dtype != dtype_)
+        fail<TypeError>("[tensor] expected ", dtype, ", got ", dtype_, "; convert with to()");
 }
 
 template <class T>
@@ -91,7 +96,8 @@ template std::span<double> Tensor::mutable_values<double>();
 
 Tensor Tensor::reshaped(const Shape& shape) const {
     if (shape.size() != shape_.size())
-        fail<ShapeError>("[reshape] ", shape_, " has ", shape_.size(), " elements, ", shape, " has ", shape.size());
+        fail<ShapeError>("[reshape] ", shape_, " has ", shape_.size(), " elements, ", shape,
+                         " has ", shape.size());
     Tensor result = *this;
     result.shape_ = shape;
     return result;
@@ -129,7 +135,8 @@ bool Tensor::all_finite() const {
             const std::size_t end = std::min(elements.size(), begin + block);
             int outside = 0;  // not a bool, whose reduction is not vectorised
 #pragma omp simd reduction(| : outside)
-            for (std::size_t i = begin; i < end; ++i) outside |= std::abs(elements[i]) <= std::numeric_limits<T>::max() ? 0 : 1;
+            for (std::size_t i = begin; i < end; ++i)
+                outside |= std::abs(elements[i]) <= std::numeric_limits<T>::max() ? 0 : 1;
             if (outside != 0) return false;
         }
         return true;

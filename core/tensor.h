@@ -11,20 +11,27 @@
 
 namespace stymo {
 
-/// A contiguous row-major array of float32 or float64; images are NHWC, points are (rows, channels).
+/// A contiguous row-major array of float32 or float64; images are NHWC, points are (rows,
+/// channels).
 ///
-/// A plain value: copying is cheap because the buffer is shared, and writing first detaches it from every other copy,
-/// so what one copy holds never changes behind its back. Knows nothing of gradients.
+/// A plain value: copying is cheap because the buffer is shared, and writing first detaches it from
+/// every other copy, so the elements of one copy never change through another. A Tensor has no
+/// gradients; see Variable.
 class Tensor {
 public:
-    /// No elements and no buffer; `defined()` is false.
+    /// An undefined tensor without elements and buffer; `defined()` is false.
     Tensor() = default;
     /// Uninitialised elements.
     explicit Tensor(Shape shape, DType dtype = DType::float32);
 
-    [[nodiscard]] static Tensor full(const Shape& shape, double value, DType dtype = DType::float32);
-    [[nodiscard]] static Tensor zeros(const Shape& shape, DType dtype = DType::float32) { return full(shape, 0.0, dtype); }
-    [[nodiscard]] static Tensor scalar(double value, DType dtype = DType::float32) { return full({}, value, dtype); }
+    [[nodiscard]] static Tensor full(const Shape& shape, double value,
+                                     DType dtype = DType::float32);
+    [[nodiscard]] static Tensor zeros(const Shape& shape, DType dtype = DType::float32) {
+        return full(shape, 0.0, dtype);
+    }
+    [[nodiscard]] static Tensor scalar(double value, DType dtype = DType::float32) {
+        return full({}, value, dtype);
+    }
     /// Throws ShapeError if the number of values is not the shape's size.
     [[nodiscard]] static Tensor from(const Shape& shape, std::span<const float> values);
     [[nodiscard]] static Tensor from(const Shape& shape, std::span<const double> values);
@@ -43,7 +50,8 @@ public:
     template <class T>
     [[nodiscard]] std::span<T> mutable_values();
 
-    /// The same elements seen with another shape; the buffer stays shared. Throws ShapeError if the sizes differ.
+    /// The same elements seen with another shape; the buffer stays shared. Throws ShapeError if the
+    /// sizes differ.
     [[nodiscard]] Tensor reshaped(const Shape& shape) const;
     [[nodiscard]] Tensor to(DType dtype) const;
     /// The only element of a tensor of size 1; throws ShapeError otherwise.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <mutex>
 
 namespace stymo {
 
@@ -9,7 +10,7 @@ namespace {
 
 using Count = std::atomic<std::int64_t>;
 
-/// Of the process, since it began.
+/// Counts of the process since it began.
 struct Counters {
     Count operations{0};
     Count gradient_rules{0};
@@ -22,13 +23,23 @@ struct Counters {
     Count peak_bytes{0};
 };
 
-/// Without a destructor, because tensors may outlive all else.
+/// Has no destructor, because tensors may outlive every other static object.
 Counters& counters() {
     static constinit Counters instance;
     return instance;
 }
 
-// Counts order nothing.
+/// Numbers in weights, by network.
+struct Networks {
+    std::mutex mutex;
+    std::map<std::string, std::int64_t> numbers;
+};
+Networks& networks() {
+    static Networks instance;
+    return instance;
+}
+
+// The counts synchronise nothing, so relaxed order suffices.
 void add(Count& count, std::int64_t amount) {
     count.fetch_add(amount, std::memory_order_relaxed);
 }
@@ -37,12 +48,14 @@ std::int64_t value(const Count& count) {
 }
 
 void raise(Count& count, std::int64_t least) {
-    for (std::int64_t present = value(count); present < least && !count.compare_exchange_weak(present, least);) {
+    for (std::int64_t present = value(count);
+         present < least && !count.compare_exchange_weak(present, least);) {
     }
 }
 
 WorkCounts so_far() {
     const Counters& all = counters();
+    const std::lock_guard lock(networks().mutex);
     return {.operations = value(all.operations),
             .gradient_rules = value(all.gradient_rules),
             .gradients = value(all.gradients),
@@ -50,12 +63,15 @@ WorkCounts so_far() {
             .parameters = value(all.parameters),
             .buffers = value(all.buffers),
             .buffer_bytes = value(all.buffer_bytes),
-            .peak_bytes = value(all.peak_bytes)};
+            .peak_bytes = value(all.peak_bytes),
+            .networks = networks().numbers};
 }
 
 }  // namespace
 
-WorkMeter::WorkMeter() : begin_(so_far()), peak_before_(counters().peak_bytes.exchange(value(counters().live_bytes))) {}
+WorkMeter::WorkMeter()
+    : begin_(so_far()),
+      peak_before_(counters().peak_bytes.exchange(value(counters().live_bytes))) {}
 
 WorkMeter::~WorkMeter() {
     raise(counters().peak_bytes, peak_before_);
@@ -70,6 +86,8 @@ WorkCounts WorkMeter::counts() const {
     counts.parameters -= begin_.parameters;
     counts.buffers -= begin_.buffers;
     counts.buffer_bytes -= begin_.buffer_bytes;
+    for (const auto& [name, numbers] : begin_.networks) counts.networks[name] -= numbers;
+    std::erase_if(counts.networks, [](const auto& network) { return network.second == 0; });
     return counts;
 }
 
@@ -87,8 +105,10 @@ void count_gradients(std::int64_t tensors) {
 void count_field_points(std::int64_t points) {
     add(counters().field_points, points);
 }
-void count_parameter() {
+void count_parameter(std::string_view name, std::int64_t numbers) {
     add(counters().parameters, 1);
+    const std::lock_guard lock(networks().mutex);
+    networks().numbers[std::string(name.substr(0, name.find('.')))] += numbers;
 }
 void count_buffer(std::int64_t bytes) {
     Counters& all = counters();

@@ -1,25 +1,35 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
 
-/// What a program has done, counted where it is done. Counts only ever grow, and nothing that computes reads them, so no result
-/// depends on them; that is why they may be the process's own and need not be handed through every op.
+/// Counts of the work that a program has done. The counts only grow, and no computation reads them,
+/// so no result depends on them. They are therefore global to the process instead of a parameter of
+/// every op.
 namespace stymo {
 
 struct WorkCounts {
-    std::int64_t operations = 0;      ///< ops evaluated, those of gradients included; a fused op counts once
-    std::int64_t gradient_rules = 0;  ///< of ops, each for one of their inputs
-    std::int64_t gradients = 0;       ///< tensors that `grad` has found one for, in gradients within gradients too; not zeros
-                                      ///< for what is not reached
-    std::int64_t field_points = 0;    ///< points through a network of sine layers, once more where it is computed once more
-    std::int64_t parameters = 0;      ///< tensors that networks have made as their weights
-    std::int64_t buffers = 0;         ///< of tensors, allocated
-    std::int64_t buffer_bytes = 0;    ///< in all of these
-    std::int64_t peak_bytes = 0;      ///< of tensor buffers at one time, those included that were there at the beginning
+    std::int64_t operations =
+        0;  ///< ops evaluated, including those of gradients; a fused op counts once
+    std::int64_t gradient_rules = 0;  ///< gradient rules evaluated, each for one input of an op
+    std::int64_t gradients = 0;  ///< tensors that `grad` has found one for, in gradients within
+                                 ///< gradients too; not zeros for what is not reached
+    std::int64_t field_points =
+        0;  ///< points evaluated by a network of sine layers, including recomputed ones
+    std::int64_t parameters = 0;    ///< weight tensors that networks have created
+    std::int64_t buffers = 0;       ///< tensor buffers allocated
+    std::int64_t buffer_bytes = 0;  ///< bytes of all these buffers
+    std::int64_t peak_bytes =
+        0;  ///< of tensor buffers at one time, those included that were there at the beginning
+    /// Numbers in the weights that each network was made with, by the first part of their names:
+    /// "encoder", "decoder", "lpips", "discriminator", ... A network that was not made is missing.
+    std::map<std::string, std::int64_t> networks{};
 };
 
-/// Counts from its making on, on all threads. Meters may be nested; of two that overlap otherwise, the peaks are not to be relied
-/// upon.
+/// Counts from its construction on, on all threads. Meters may be nested. The peaks of meters that
+/// overlap otherwise are unreliable.
 class WorkMeter {
 public:
     WorkMeter();
@@ -34,14 +44,15 @@ private:
     std::int64_t peak_before_;
 };
 
-/// For whoever does the work; any thread may call them.
+/// Called by the code that does the work, from any thread.
 namespace work {
 
 void count_operation();
 void count_gradient_rule();
 void count_gradients(std::int64_t tensors);
 void count_field_points(std::int64_t points);
-void count_parameter();
+/// `name`: "decoder.field.layer0.weight", say.
+void count_parameter(std::string_view name, std::int64_t numbers);
 void count_buffer(std::int64_t bytes);
 void count_release(std::int64_t bytes);
 

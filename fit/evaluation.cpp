@@ -5,7 +5,7 @@
 #include "core/median.h"
 #include "core/metrics.h"
 #include "core/ops/elementwise.h"
-#include "nn/models/picture.h"
+#include "nn/models/display_image.h"
 
 namespace stymo {
 
@@ -16,7 +16,8 @@ template <class Average>
 ImageMetrics averaged(const std::vector<ImageMetrics>& metrics, const Average& average) {
     ImageMetrics result;
     if (metrics.empty()) return result;
-    for (double ImageMetrics::*member : {&ImageMetrics::l1, &ImageMetrics::l1_mean, &ImageMetrics::ssim, &ImageMetrics::psnr}) {
+    for (double ImageMetrics::*member :
+         {&ImageMetrics::l1, &ImageMetrics::l1_mean, &ImageMetrics::ssim, &ImageMetrics::psnr}) {
         std::vector<double> values;
         for (const ImageMetrics& one : metrics) values.push_back(one.*member);
         result.*member = average(values);
@@ -31,26 +32,29 @@ ImageMetrics averaged(const std::vector<ImageMetrics>& metrics, const Average& a
 }  // namespace
 
 MetricTarget::MetricTarget(const Tensor& target, const Tensor& mask, const Lpips* lpips)
-    : masked_target_(masked_picture(target, mask)), mask_(mask), lpips_(lpips) {
+    : masked_target_(masked_image(target, mask)), mask_(mask), lpips_(lpips) {
     if (lpips_ != nullptr) features_ = lpips_->features(lpips_input(masked_target_));
 }
 
-ImageMetrics MetricTarget::measure(const Tensor& picture) const {
+ImageMetrics MetricTarget::measure(const Tensor& image) const {
     const Tensor& b = masked_target_;
-    const Tensor a = masked_picture(picture, mask_);
+    const Tensor a = masked_image(image, mask_);
     ImageMetrics metrics{l1_error(a, b), mean_absolute_error(a, b), structural_similarity(a, b),
                          peak_signal_to_noise_ratio(a, b)};
-    if (lpips_ != nullptr) metrics.lpips = lpips_->distance(lpips_->features(lpips_input(a)), features_).value().item();
+    if (lpips_ != nullptr)
+        metrics.lpips =
+            lpips_->distance(lpips_->features(lpips_input(a)), features_).value().item();
     return metrics;
 }
 
-Tensor lpips_input(const Tensor& picture) {
-    return affine(picture.reshaped({1, picture.shape(0), picture.shape(1), 3}), 2.0, -1.0).value();
+Tensor lpips_input(const Tensor& image) {
+    return affine(image.reshaped({1, image.shape(0), image.shape(1), 3}), 2.0, -1.0).value();
 }
 
 ImageMetrics mean(const std::vector<ImageMetrics>& metrics) {
     return averaged(metrics, [](const std::vector<double>& values) {
-        return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+        return std::accumulate(values.begin(), values.end(), 0.0) /
+               static_cast<double>(values.size());
     });
 }
 
@@ -59,8 +63,10 @@ ImageMetrics median(const std::vector<ImageMetrics>& metrics) {
 }
 
 JsonValue to_json(const ImageMetrics& metrics) {
-    JsonValue json =
-        JsonValue::object({{"l1", metrics.l1}, {"l1_mean", metrics.l1_mean}, {"ssim", metrics.ssim}, {"psnr", metrics.psnr}});
+    JsonValue json = JsonValue::object({{"l1", metrics.l1},
+                                        {"l1_mean", metrics.l1_mean},
+                                        {"ssim", metrics.ssim},
+                                        {"psnr", metrics.psnr}});
     if (metrics.lpips) json.add("lpips", *metrics.lpips);
     return json;
 }

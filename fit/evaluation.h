@@ -9,23 +9,25 @@
 
 namespace stymo {
 
-/// The paper's metrics of one picture against its target, both masked (black outside the head) and averaged over the full frame.
+/// The paper's metrics of one image against its target, both masked (black outside the head) and
+/// averaged over the full frame.
 struct ImageMetrics {
     double l1 = 0.0;       ///< summed over RGB, as in the paper's tables
     double l1_mean = 0.0;  ///< averaged over RGB
     double ssim = 0.0;
-    double psnr = 0.0;              ///< decibels; infinite for identical pictures
+    double psnr = 0.0;              ///< decibels; infinite for identical images
     std::optional<double> lpips{};  ///< empty: not measured
 };
 
-/// A target with what is computed of it only once.
+/// A target image with the results that are computed only once for it.
 class MetricTarget {
 public:
-    /// target (S, S, 3) and mask (S, S, 1), all in [0, 1]. `lpips` must outlive this object; null: LPIPS is not measured.
+    /// target (S, S, 3) and mask (S, S, 1), all in [0, 1]. `lpips` must outlive this object; null:
+    /// LPIPS is not measured.
     MetricTarget(const Tensor& target, const Tensor& mask, const Lpips* lpips = nullptr);
 
-    /// picture (S, S, 3) in [0, 1].
-    [[nodiscard]] ImageMetrics measure(const Tensor& picture) const;
+    /// image (S, S, 3) in [0, 1].
+    [[nodiscard]] ImageMetrics measure(const Tensor& image) const;
 
 private:
     Tensor masked_target_;
@@ -34,10 +36,11 @@ private:
     Lpips::Features features_;
 };
 
-/// A picture (S, S, 3) in [0, 1] as what LPIPS takes, (1, S, S, 3) in [-1, 1].
-[[nodiscard]] Tensor lpips_input(const Tensor& picture);
+/// An image (S, S, 3) in [0, 1] as what LPIPS takes, (1, S, S, 3) in [-1, 1].
+[[nodiscard]] Tensor lpips_input(const Tensor& image);
 
-/// Of each metric by itself, LPIPS over those where it was measured; zeros for none.
+/// The mean or median of each metric by itself, of LPIPS over the faces where it was measured;
+/// zeros for an empty list.
 [[nodiscard]] ImageMetrics mean(const std::vector<ImageMetrics>& metrics);
 [[nodiscard]] ImageMetrics median(const std::vector<ImageMetrics>& metrics);
 /// {"l1", "l1_mean", "ssim", "psnr"} and, where it was measured, "lpips".

@@ -40,33 +40,38 @@ double mean_of(const Tensor& values) {
     return mean(Variable(values)).value().item();
 }
 
-void require_sound(const FitTarget& target, const FitOptions& options) {
-    if (target.targets.empty()) fail<ShapeError>("fitting: no targets");
+void require_sound(const FaceBatch& faces, const FitOptions& options) {
+    if (faces.targets.empty()) fail<ShapeError>("fitting: no targets");
     if (options.examination_interval < 1)
-        fail<ValueError>("fitting: samples are examined every ", options.examination_interval, " steps; give at least 1");
+        fail<ValueError>("fitting: samples are examined every ", options.examination_interval,
+                         " steps; give at least 1");
 }
 
-Codes initial_codes(const Model& model, const FitTarget& target, const FitOptions& options) {
-    require_sound(target, options);
-    Codes codes = detached(target.initial ? *target.initial : model.encoder()(Variable(target.input)));
+Codes initial_codes(const Model& model, const FaceBatch& faces, const FitOptions& options) {
+    require_sound(faces, options);
+    Codes codes = detached(options.initial ? *options.initial : face_codes(model, faces));
     return options.one_person ? of_one_person(std::move(codes)) : codes;
 }
 
 }  // namespace
 
-FitProblem::FitProblem(const Model& model, const ReconstructionLoss& loss, const FitTarget& target, const FitOptions& options)
+FitProblem::FitProblem(const Model& model, const ReconstructionLoss& loss, const FaceBatch& faces,
+                       const FitOptions& options)
     : model_(model),
       loss_(loss),
-      target_(target),
+      faces_(faces),
       options_(options),
-      regularizer_(options.regularizer < 0.0 ? model.config().reconstruction.fit_regularizer : options.regularizer),
-      initial_(initial_codes(model, target, options)) {
+      regularizer_(options.regularizer < 0.0 ? model.config().reconstruction.fit_regularizer
+                                             : options.regularizer),
+      initial_(initial_codes(model, faces, options)) {
     for (std::size_t group = 0; group < code_names.size(); ++group) {
         const Variable& values = initial_.groups[group];
         const std::int64_t rows = options.one_person && is_of_person(group) ? 1 : initial_.batch();
-        offsets_.create(std::string("offset.") + code_names[group], Tensor::zeros({rows, values.shape(1)}, values.dtype()));
+        offsets_.create(std::string("offset.") + code_names[group],
+                        Tensor::zeros({rows, values.shape(1)}, values.dtype()));
     }
-    if (options.refine_pose) orbits_.create("orbits", orbits_of(target.cameras, initial_.identity().dtype()));
+    if (options.refine_pose)
+        orbits_.create("orbits", orbits_of(faces.cameras, initial_.identity().dtype()));
     const std::int64_t own = model.config().reconstruction.fit_samples_per_ray;
     decode_.samples_per_ray = options.samples_per_ray > 0 ? options.samples_per_ray : own;
     decode_.keep_field = options.keep_field;
@@ -74,39 +79,43 @@ FitProblem::FitProblem(const Model& model, const ReconstructionLoss& loss, const
 
 Codes FitProblem::code_offsets() const {
     Codes result;
-    for (std::size_t group = 0; group < code_names.size(); ++group) result.groups[group] = offsets()[group].variable();
+    for (std::size_t group = 0; group < code_names.size(); ++group)
+        result.groups[group] = offsets()[group].variable();
     return result;
 }
 
 std::vector<Camera> FitProblem::cameras() const {
-    std::vector<Camera> cameras = target_.cameras;
+    std::vector<Camera> cameras = faces_.cameras;
     if (orbits().empty()) return cameras;
     const Tensor& parameters = orbits().front().variable().value();
     for (std::size_t i = 0; i < cameras.size(); ++i)
-        cameras[i] = camera_from_pose(pose_from_orbit(parameters, static_cast<std::int64_t>(i)), cameras[i].intrinsics);
+        cameras[i] = camera_from_pose(pose_from_orbit(parameters, static_cast<std::int64_t>(i)),
+                                      cameras[i].intrinsics);
     return cameras;
 }
 
 void FitProblem::examine_samples() {
     if (options_.tolerance <= 0.0) return;
     decode_.kept_samples =
-        significant_samples(model_.decoder().compositing_weights(codes(), cameras(), decode_.samples_per_ray, decode_.resolution),
+        significant_samples(model_.decoder().compositing_weights(
+                                codes(), cameras(), decode_.samples_per_ray, decode_.resolution),
                             options_.tolerance);
     decode_.keep_field = options_.keep_field || mean_of(decode_.kept_samples) <= few_samples;
 }
 
-bool FitProblem::choose_pictures(std::int64_t step) {
-    const std::size_t all = target_.targets.size();
+bool FitProblem::choose_images(std::int64_t step) {
+    const std::size_t all = faces_.targets.size();
     std::size_t count = all;
     if (step < options_.coarse_steps)
-        count = 1 + static_cast<std::size_t>(step) * (all - 1) / static_cast<std::size_t>(options_.coarse_steps);
+        count = 1 + static_cast<std::size_t>(step) * (all - 1) /
+                        static_cast<std::size_t>(options_.coarse_steps);
     count = std::min(count, all);
-    if (count == picture_count_) return false;
-    picture_count_ = count;
-    photos_ = loss_.kept_target(std::span(target_.targets).first(count));
-    // Whichever picture is the largest weighs as much as the largest of all.
+    if (count == image_count_) return false;
+    image_count_ = count;
+    photos_ = loss_.kept_target(std::span(faces_.targets).first(count));
+    // Whichever image is the largest weighs as much as the largest of all.
     if (photos_.weights.size() >= all) photos_.weights[count - 1] = photos_.weights[all - 1];
-    decode_.resolution = target_.targets[count - 1].shape(1);
+    decode_.resolution = faces_.targets[count - 1].shape(1);
     return true;
 }
 
@@ -114,8 +123,10 @@ FitProblem::Evaluation FitProblem::evaluate() {
     const auto batch = static_cast<double>(initial_.batch());
     if (!orbits().empty()) decode_.orbits = orbits().front().variable();
     const Decoded decoded = model_.decoder()(codes(), cameras(), decode_);
-    // A mean over the batch times its size: the faces' gradients do not depend on how many are fitted together.
-    const Variable loss = loss_(decoded.images, photos_).total * batch + squared_length(code_offsets()) * regularizer_;
+    // A mean over the batch times its size: the faces' gradients do not depend on how many are
+    // fitted together.
+    const Variable loss = loss_(decoded.images, photos_).total * batch +
+                          squared_length(code_offsets()) * regularizer_;
     Evaluation result{loss.value().item() / batch, {}};
     std::vector<Variable> learnt = variables_of(offsets());
     if (!orbits().empty()) learnt.push_back(orbits().front().variable());

@@ -6,16 +6,19 @@
 
 namespace stymo {
 
-/// What fitting minimises: the loss as a function of code offsets and, if they learn, of the poses. Optimisers set the values of
-/// its parameters, each in its own way.
+/// The function that fitting minimises: the loss of code offsets and, optionally, of the poses.
+/// Optimisers set the values of its parameters.
 class FitProblem {
 public:
-    /// All of it outlives the problem. Throws what `fit_codes` throws for targets and options that do not fit.
-    FitProblem(const Model& model, const ReconstructionLoss& loss, const FitTarget& target, const FitOptions& options);
+    /// All arguments must outlive the problem. Throws what `fit_codes` throws for unsuitable
+    /// targets and options.
+    FitProblem(const Model& model, const ReconstructionLoss& loss, const FaceBatch& faces,
+               const FitOptions& options);
 
     struct Evaluation {
-        double loss = 0.0;                ///< mean over the faces
-        std::vector<Variable> gradients;  ///< of the sum over the faces: one for each of `offsets`, then of `orbits`
+        double loss = 0.0;  ///< mean over the faces
+        std::vector<Variable>
+            gradients;  ///< of the sum over the faces: one for each of `offsets`, then of `orbits`
     };
     /// With the parameters as they are. Throws what the decoder and the loss throw.
     [[nodiscard]] Evaluation evaluate();
@@ -25,11 +28,12 @@ public:
     /// The poses as orbit parameters (render/tracked_rays.h), or nothing.
     [[nodiscard]] const std::vector<Parameter>& orbits() const { return orbits_.all(); }
 
-    /// From now on only samples that count with the codes as they are, if samples may be left out at all.
+    /// Examines all samples with the present codes, and from now on leaves out those below the
+    /// tolerance.
     void examine_samples();
-    /// From now on the pictures of this step, coarser ones at first (FitOptions::coarse_steps). Whether they are others than
-    /// before.
-    bool choose_pictures(std::int64_t step);
+    /// Chooses the images that this step compares, the coarser ones at first
+    /// (FitOptions::coarse_steps). Returns whether they have changed.
+    bool choose_images(std::int64_t step);
 
     [[nodiscard]] const Codes& initial() const { return initial_; }
     [[nodiscard]] Codes codes() const { return add(initial_, code_offsets()); }
@@ -40,14 +44,14 @@ private:
 
     const Model& model_;
     const ReconstructionLoss& loss_;
-    const FitTarget& target_;
+    const FaceBatch& faces_;
     const FitOptions& options_;
     double regularizer_;
     Codes initial_;
     ParameterStore offsets_;
     ParameterStore orbits_;
     DecodeOptions decode_;
-    std::size_t picture_count_ = 0;
+    std::size_t image_count_ = 0;
     ReconstructionLoss::Target photos_;
 };
 

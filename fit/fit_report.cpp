@@ -2,7 +2,7 @@
 
 #include "core/io/image.h"
 #include "core/ops/shape_ops.h"
-#include "nn/models/picture.h"
+#include "nn/models/display_image.h"
 #include "nn/models/view.h"
 
 namespace stymo {
@@ -10,14 +10,16 @@ namespace stymo {
 namespace {
 
 /// Whether row `index` has kept its codes and camera, as after a fit of no steps.
-bool is_unchanged(const FitTarget& target, const FitResult& result, std::int64_t index) {
+bool is_unchanged(const FaceBatch& target, const FitResult& result, std::int64_t index) {
     if (!result.losses.empty()) return false;
     const auto face = static_cast<std::size_t>(index);
     if (result.cameras[face].center != target.cameras[face].center ||
         result.cameras[face].world_from_camera != target.cameras[face].world_from_camera)
         return false;
     for (std::size_t group = 0; group < code_names.size(); ++group) {
-        const auto row = [&](const Codes& codes) { return slice(codes.groups[group], 0, index, index + 1).value().to_vector(); };
+        const auto row = [&](const Codes& codes) {
+            return slice(codes.groups[group], 0, index, index + 1).value().to_vector();
+        };
         if (row(result.initial) != row(result.fitted)) return false;
     }
     return true;
@@ -25,21 +27,24 @@ bool is_unchanged(const FitTarget& target, const FitResult& result, std::int64_t
 
 }  // namespace
 
-FitReport report_fit(const Model& model, const FitTarget& target, const Tensor& mask, const FitResult& result, std::int64_t index,
-                     const Lpips* lpips, bool with_head_mask) {
+FitReport report_fit(const Model& model, const FaceBatch& target, const Tensor& mask,
+                     const FitResult& result, std::int64_t index, const Lpips* lpips,
+                     bool with_head_mask) {
     const auto face = static_cast<std::size_t>(index);
     ViewOptions options{.samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
                         .resolution = target.targets.back().shape(1)};
     FitReport report;
-    report.target = picture(target.targets.back(), index);
+    report.target = display_image(target.targets.back(), index);
     const bool unchanged = is_unchanged(target, result, index);
-    if (!unchanged) report.initial = render_view(model, result.initial, index, target.cameras[face], options).picture;
+    if (!unchanged)
+        report.initial =
+            render_view(model, result.initial, index, target.cameras[face], options).image;
     options.mask = with_head_mask && options.resolution == model.config().decoder.resolution;
     const View fitted = render_view(model, result.fitted, index, result.cameras[face], options);
-    report.fitted = fitted.picture;
+    report.fitted = fitted.image;
     report.mask = fitted.mask;
-    report.counting_samples = fitted.counting_samples;
-    const MetricTarget measured(report.target, picture_mask(mask, index), lpips);
+    report.counting_samples = fitted.significant_samples;
+    const MetricTarget measured(report.target, display_mask(mask, index), lpips);
     report.fitted_metrics = measured.measure(report.fitted);
     if (unchanged) {
         report.initial = report.fitted;
@@ -52,8 +57,8 @@ FitReport report_fit(const Model& model, const FitTarget& target, const Tensor& 
 }
 
 JsonValue to_json(const FitReport& report, const FitResult& result, double seconds) {
-    JsonValue json =
-        JsonValue::object({{"initial", to_json(report.initial_metrics)}, {"fitted", to_json(report.fitted_metrics)}});
+    JsonValue json = JsonValue::object(
+        {{"initial", to_json(report.initial_metrics)}, {"fitted", to_json(report.fitted_metrics)}});
     if (!report.lpips_network.empty()) json.add("lpips_network", report.lpips_network);
     json.add("steps", result.losses.size());
     json.add("seconds", seconds);
@@ -63,7 +68,8 @@ JsonValue to_json(const FitReport& report, const FitResult& result, double secon
 
 Tensor comparison_sheet(const FitReport& report) {
     std::vector<Tensor> tiles{report.target, report.initial, report.fitted};
-    if (report.mask.defined()) tiles.push_back(broadcast_to(Variable(report.mask), report.fitted.shape()).value());
+    if (report.mask.defined())
+        tiles.push_back(broadcast_to(Variable(report.mask), report.fitted.shape()).value());
     return tile_images(tiles, static_cast<int>(tiles.size()));
 }
 

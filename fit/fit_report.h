@@ -9,24 +9,27 @@
 
 namespace stymo {
 
-/// What a fit looks like and how good it is.
+/// Images and metrics of a fit.
 struct FitReport {
     Tensor target;   ///< (S, S, 3) in [0, 1], masked
     Tensor initial;  ///< rendered from the encoder's codes
     Tensor fitted;   ///< rendered from the fitted codes
-    Tensor mask;     ///< (S, S, 1): the model's own head mask for the fitted codes; undefined below the model's resolution
-                     ///< and unless asked for
+    Tensor mask;     ///< (S, S, 1): the model's own head mask for the fitted codes; undefined below
+                     ///< the model's resolution and unless asked for
     ImageMetrics initial_metrics;
     ImageMetrics fitted_metrics;
-    double counting_samples = 1.0;  ///< View::counting_samples of the fitted face
+    double counting_samples = 1.0;  ///< View::significant_samples of the fitted face
     std::string lpips_network;      ///< Lpips::label(); empty: LPIPS was not measured
 };
 
-/// Renders row `index` before and after and measures both within `mask` (B, S, S, 1), with LPIPS unless `lpips` is null. Of a fit
-/// that changed nothing there is one picture. `with_head_mask`: also the model's own mask.
-[[nodiscard]] FitReport report_fit(const Model& model, const FitTarget& target, const Tensor& mask, const FitResult& result,
-                                   std::int64_t index, const Lpips* lpips = nullptr, bool with_head_mask = false);
-/// {"initial": {...}, "fitted": {...}, "lpips_network" if it was measured, "steps", "seconds", "loss": [...]}
+/// Renders row `index` before and after and measures both within `mask` (B, S, S, 1), with LPIPS
+/// unless `lpips` is null. Of a fit that changed nothing there is one image. `with_head_mask`: also
+/// the model's own mask.
+[[nodiscard]] FitReport report_fit(const Model& model, const FaceBatch& target, const Tensor& mask,
+                                   const FitResult& result, std::int64_t index,
+                                   const Lpips* lpips = nullptr, bool with_head_mask = false);
+/// {"initial": {...}, "fitted": {...}, "lpips_network" if it was measured, "steps", "seconds",
+/// "loss": [...]}
 [[nodiscard]] JsonValue to_json(const FitReport& report, const FitResult& result, double seconds);
 /// target | initial | fitted | mask if there is one
 [[nodiscard]] Tensor comparison_sheet(const FitReport& report);

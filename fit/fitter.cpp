@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "core/interrupt.h"
+#include "core/tensor_eigen.h"
 #include "fit/fit_problem.h"
 #include "nn/optim/adam.h"
 #include "nn/optim/lbfgs.h"
@@ -16,60 +17,69 @@ namespace stymo {
 namespace {
 
 void report_step(const FitProblem& problem, const FitOptions& options, const FitResult& result) {
-    if (options.on_step) options.on_step({std::ssize(result.losses), result.losses.back(), detached(problem.codes())});
+    if (options.on_step)
+        options.on_step(
+            {std::ssize(result.losses), result.losses.back(), detached(problem.codes())});
 }
 
 void fit_by_adam(FitProblem& problem, const FitOptions& options, FitResult& result) {
     Adam adam;
     double learning_rate = options.learning_rate;
     for (std::int64_t step = 0; step < options.steps && !interrupted(); ++step) {
-        static_cast<void>(problem.choose_pictures(step));
+        static_cast<void>(problem.choose_images(step));
         if (step % options.examination_interval == 0) problem.examine_samples();
         const FitProblem::Evaluation evaluation = problem.evaluate();
         if (!std::isfinite(evaluation.loss))
-            fail<NumericError>("fitting step ", step, ": the loss is not finite; lower the learning rate");
+            fail<NumericError>("fitting step ", step,
+                               ": the loss is not finite; lower the learning rate");
         result.losses.push_back(evaluation.loss);
         const std::span gradients(evaluation.gradients);
         adam.step(problem.offsets(), gradients.first(code_names.size()), learning_rate);
-        adam.step(problem.orbits(), gradients.subspan(code_names.size()), learning_rate * options.pose_learning_rate_factor);
+        adam.step(problem.orbits(), gradients.subspan(code_names.size()),
+                  learning_rate * options.pose_learning_rate_factor);
         learning_rate *= options.decay;
         report_step(problem, options, result);
     }
 }
 
-/// The parameters of a problem as one list of numbers, the poses in units in which they move as much less as Adam moves them.
+/// The parameters of a problem as one vector. The poses are in units that make L-BFGS move them as
+/// little as their smaller learning rate makes Adam.
 class NumbersOf {
 public:
-    NumbersOf(const FitProblem& problem, double pose_unit) : problem_(problem), pose_unit_(pose_unit) {}
+    NumbersOf(const FitProblem& problem, double pose_unit)
+        : problem_(problem), pose_unit_(pose_unit) {}
 
-    [[nodiscard]] std::vector<double> values() const {
-        return joined(variables_of(problem_.offsets()), variables_of(problem_.orbits()), 1.0 / pose_unit_);
+    [[nodiscard]] Eigen::VectorXd values() const {
+        return joined(variables_of(problem_.offsets()), variables_of(problem_.orbits()),
+                      1.0 / pose_unit_);
     }
-    [[nodiscard]] std::vector<double> gradient(const std::vector<Variable>& gradients) const {
+    [[nodiscard]] Eigen::VectorXd gradient(const std::vector<Variable>& gradients) const {
         const auto first_orbit = gradients.begin() + std::ssize(problem_.offsets());
         return joined({gradients.begin(), first_orbit}, {first_orbit, gradients.end()}, pose_unit_);
     }
-    void set(std::span<const double> numbers) const {
-        std::size_t begin = 0;
+    void set(const Eigen::VectorXd& numbers) const {
+        Eigen::Index begin = 0;
         for (const Parameter& offset : problem_.offsets()) set(offset, numbers, begin, 1.0);
         for (const Parameter& orbit : problem_.orbits()) set(orbit, numbers, begin, pose_unit_);
     }
 
 private:
-    static std::vector<double> joined(const std::vector<Variable>& offsets, const std::vector<Variable>& orbits, double factor) {
+    static Eigen::VectorXd joined(const std::vector<Variable>& offsets,
+                                  const std::vector<Variable>& orbits, double factor) {
         std::vector<double> numbers;
-        for (const Variable& offset : offsets) std::ranges::copy(offset.value().to_vector(), std::back_inserter(numbers));
+        for (const Variable& offset : offsets)
+            std::ranges::copy(offset.value().to_vector(), std::back_inserter(numbers));
         for (const Variable& orbit : orbits)
-            for (const double number : orbit.value().to_vector()) numbers.push_back(factor * number);
-        return numbers;
+            for (const double number : orbit.value().to_vector())
+                numbers.push_back(factor * number);
+        return Eigen::Map<const Eigen::VectorXd>(numbers.data(), std::ssize(numbers));
     }
-    static void set(const Parameter& parameter, std::span<const double> numbers, std::size_t& begin, double factor) {
+    static void set(const Parameter& parameter, const Eigen::VectorXd& numbers, Eigen::Index& begin,
+                    double factor) {
         const Tensor& value = parameter.variable().value();
-        const auto size = static_cast<std::size_t>(value.size());
-        std::vector<double> own;
-        for (const double number : numbers.subspan(begin, size)) own.push_back(factor * number);
-        parameter.set_value(Tensor::from(value.shape(), own).to(value.dtype()));
-        begin += size;
+        const Tensor own = tensor_from(factor * numbers.segment(begin, value.size()));
+        parameter.set_value(own.reshaped(value.shape()).to(value.dtype()));
+        begin += value.size();
     }
 
     const FitProblem& problem_;
@@ -79,22 +89,22 @@ private:
 void fit_by_lbfgs(FitProblem& problem, const FitOptions& options, FitResult& result) {
     const NumbersOf numbers(problem, options.pose_learning_rate_factor);
     const auto batch = static_cast<double>(problem.initial().batch());
-    std::vector<double> start = numbers.values();
+    Eigen::VectorXd start = numbers.values();
     // As far as Adam's first step.
     const double first_step = options.learning_rate * std::sqrt(static_cast<double>(start.size()));
     Lbfgs minimiser(std::move(start), {.first_step = first_step});
     std::int64_t steps = 0;
-    const auto objective = [&](const std::vector<double>& point) {
+    const auto objective = [&](const Eigen::VectorXd& point) {
         numbers.set(point);
         const FitProblem::Evaluation evaluation = problem.evaluate();
         if (++steps == 1) result.losses.push_back(evaluation.loss);
         return ValueAndGradient{evaluation.loss * batch, numbers.gradient(evaluation.gradients)};
     };
-    std::int64_t place = 0;  // in the order of pictures
+    std::int64_t place = 0;  // in the order of images
     for (std::int64_t iteration = 0; steps < options.steps && !interrupted(); ++iteration) {
         place = std::max(place, steps);
-        const bool other_pictures = problem.choose_pictures(place);
-        if (other_pictures || iteration % options.examination_interval == 0) {
+        const bool other_images = problem.choose_images(place);
+        if (other_images || iteration % options.examination_interval == 0) {
             problem.examine_samples();
             minimiser.objective_changed();
         }
@@ -114,14 +124,16 @@ void fit_by_lbfgs(FitProblem& problem, const FitOptions& options, FitResult& res
 Tensor significant_samples(const Tensor& weights, double tolerance) {
     Tensor result(weights.shape(), weights.dtype());
     dispatch(weights.dtype(), [&]<class T>(T) {
-        std::ranges::transform(weights.values<T>(), result.mutable_values<T>().begin(),
-                               [=](T weight) { return weight >= static_cast<T>(tolerance) ? T(1) : T(0); });
+        std::ranges::transform(
+            weights.values<T>(), result.mutable_values<T>().begin(),
+            [=](T weight) { return weight >= static_cast<T>(tolerance) ? T(1) : T(0); });
     });
     return result;
 }
 
-FitResult fit_codes(const Model& model, const ReconstructionLoss& loss, const FitTarget& target, const FitOptions& options) {
-    FitProblem problem(model, loss, target, options);
+FitResult fit_codes(const Model& model, const ReconstructionLoss& loss, const FaceBatch& faces,
+                    const FitOptions& options) {
+    FitProblem problem(model, loss, faces, options);
     FitResult result;
     result.initial = problem.initial();
     switch (options.optimizer) {

@@ -20,18 +20,23 @@ Variable fake_loss(const Variable& fake_logits) {
     return mean(softplus(fake_logits));
 }
 
-Variable r1_penalty(const std::function<Variable(const Variable&)>& discriminator, const Tensor& real_images) {
+Variable r1_penalty(const std::function<Variable(const Variable&)>& discriminator,
+                    const Tensor& real_images) {
     const Variable images = Variable::leaf(real_images);
-    // The logits' sum has each image's own gradient: those of other images come in through the minibatch deviation alone.
-    const Variable gradient = grad(sum(discriminator(images)), images, {.create_graph = true, .dL_dy = {}});
+    // The logits' sum has each image's own gradient: those of other images come in through the
+    // minibatch deviation alone.
+    const Variable gradient =
+        grad(sum(discriminator(images)), images, {.create_graph = true, .dL_dy = {}});
     return sum(square(gradient)) * (0.5 / static_cast<double>(real_images.shape(0)));
 }
 
 Variable faded_image(const Variable& images, double fade) {
-    if (!(fade >= 0.0 && fade <= 1.0)) fail<ValueError>("an image's fade must be in [0, 1], got ", fade);
+    if (!(fade >= 0.0 && fade <= 1.0))
+        fail<ValueError>("an image's fade must be in [0, 1], got ", fade);
     if (fade == 1.0) return images;
     if (images.rank() != 4)
-        fail<ShapeError>("faded_image: expected images (batch, height, width, channels), got ", images.shape());
+        fail<ShapeError>("faded_image: expected images (batch, height, width, channels), got ",
+                         images.shape());
     const auto half = [&](int axis) { return static_cast<int>(images.shape(axis) / 2); };
     constexpr std::array<double, 2> repeat{1.0, 1.0};
     const Variable coarse = upfirdn2d(resize_box(images, half(1), half(2)), repeat, 2, 1, 1, 0);

@@ -7,15 +7,18 @@ namespace stymo {
 namespace {
 
 void require_same_shape(const char* loss, const Shape& prediction, const Shape& target) {
-    if (!(prediction == target)) fail<ShapeError>(loss, ": prediction ", prediction, " and target ", target, " differ in shape");
+    if (!(prediction == target))
+        fail<ShapeError>(loss, ": prediction ", prediction, " and target ", target,
+                         " differ in shape");
 }
 
 }  // namespace
 
-Variable photometric_loss(std::span<const Variable> images, std::span<const Tensor> targets, std::span<const double> weights) {
+Variable photometric_loss(std::span<const Variable> images, std::span<const Tensor> targets,
+                          std::span<const double> weights) {
     if (images.empty() || images.size() != targets.size() || images.size() > weights.size()) {
-        fail<ShapeError>("photometric_loss: ", images.size(), " images, ", targets.size(), " targets and ", weights.size(),
-                         " weights");
+        fail<ShapeError>("photometric_loss: ", images.size(), " images, ", targets.size(),
+                         " targets and ", weights.size(), " weights");
     }
     Variable total;
     for (std::size_t i = 0; i < images.size(); ++i) {
@@ -26,18 +29,19 @@ Variable photometric_loss(std::span<const Variable> images, std::span<const Tens
     return total;
 }
 
-Variable code_loss(const Codes& z, const std::array<Tensor, 4>& targets, std::span<const double, 4> weights,
-                   const Tensor& present) {
+Variable code_loss(const Codes& z, const std::array<Tensor, 4>& targets,
+                   std::span<const double, 4> weights, const Tensor& present) {
     const std::int64_t batch = z.batch();
     require_same_shape("code_loss, present faces", {batch}, present.shape());
     const Variable factor = present.reshaped({batch, 1});
     Variable total;
     for (std::size_t i = 0; i < targets.size(); ++i) {
         require_same_shape("code_loss", z.groups[i].shape(), targets[i].shape());
-        // A missing target may hold anything, even what is not a number, so it is left out rather than multiplied by 0.
+        // A missing target may hold anything, even what is not a number, so it is left out rather
+        // than multiplied by 0.
         const Tensor there = broadcast_to(factor, targets[i].shape()).value();
-        const Variable difference =
-            where(there, z.groups[i] - Variable(targets[i]), Tensor::zeros(targets[i].shape(), z.groups[i].dtype()));
+        const Variable difference = where(there, z.groups[i] - Variable(targets[i]),
+                                          Tensor::zeros(targets[i].shape(), z.groups[i].dtype()));
         const Variable term = sum(square(difference)) * (weights[i] / static_cast<double>(batch));
         total = i == 0 ? term : total + term;
     }
@@ -51,7 +55,8 @@ Variable mask_loss(const Variable& logit, const Tensor& mask) {
 
 Variable opacity_loss(const Variable& transmittance, const Tensor& mask) {
     if (transmittance.value().size() != mask.size())
-        fail<ShapeError>("opacity_loss: transmittance ", transmittance.shape(), " and mask ", mask.shape(), " differ in size");
+        fail<ShapeError>("opacity_loss: transmittance ", transmittance.shape(), " and mask ",
+                         mask.shape(), " differ in size");
     constexpr double lift = 1e-3;
     const Variable inside = mask.reshaped(transmittance.shape());
     const Variable log_opaque = log(affine(transmittance, -1.0, 1.0) + lift);
@@ -60,7 +65,8 @@ Variable opacity_loss(const Variable& transmittance, const Tensor& mask) {
 }
 
 Variable masked_mean(const Variable& images, const Tensor& mask) {
-    if (images.rank() != 4) fail<ShapeError>("masked_mean: expected images (B, H, W, C), got ", images.shape());
+    if (images.rank() != 4)
+        fail<ShapeError>("masked_mean: expected images (B, H, W, C), got ", images.shape());
     require_same_shape("masked_mean", images.shape().with(3, 1), mask.shape());
     const Variable area = sum(Variable(mask), {1, 2});
     const Variable divisor = where(area.value(), area, Tensor::scalar(1.0, mask.dtype()));

@@ -11,9 +11,11 @@ namespace stymo {
 void Parameter::set_value(Tensor value) const {
     const Tensor& present = slot_->variable.value();
     if (!(value.shape() == present.shape()))
-        fail<ShapeError>("parameter ", name(), " has shape ", present.shape(), ", the new value ", value.shape());
+        fail<ShapeError>("parameter ", name(), " has shape ", present.shape(), ", the new value ",
+                         value.shape());
     if (value.dtype() != present.dtype())
-        fail<TypeError>("parameter ", name(), " is ", present.dtype(), ", the new value ", value.dtype());
+        fail<TypeError>("parameter ", name(), " is ", present.dtype(), ", the new value ",
+                        value.dtype());
     slot_->variable = trainable() ? Variable::leaf(std::move(value)) : Variable(std::move(value));
 }
 
@@ -31,10 +33,12 @@ Parameter ParameterStore::create(std::string name, Tensor value) {
 }
 
 Parameter ParameterStore::create_constant(std::string name, Tensor value) {
-    if (std::ranges::any_of(parameters_, [&](const Parameter& other) { return other.name() == name; }))
+    if (std::ranges::any_of(parameters_,
+                            [&](const Parameter& other) { return other.name() == name; }))
         fail<ValueError>("there is already a parameter ", name);
-    work::count_parameter();
-    parameters_.push_back(Parameter(std::make_shared<Parameter::Slot>(Parameter::Slot{std::move(name), std::move(value)})));
+    work::count_parameter(name, value.size());
+    parameters_.push_back(Parameter(
+        std::make_shared<Parameter::Slot>(Parameter::Slot{std::move(name), std::move(value)})));
     constant_.push_back(true);
     return parameters_.back();
 }
@@ -56,7 +60,9 @@ std::int64_t ParameterStore::element_count(std::string_view prefix) const {
 void ParameterStore::set_trainable(std::string_view prefix, bool trainable) {
     for (std::size_t i = 0; i < parameters_.size(); ++i) {
         const Parameter& parameter = parameters_[i];
-        if (constant_[i] || parameter.trainable() == trainable || !parameter.name().starts_with(prefix)) continue;
+        if (constant_[i] || parameter.trainable() == trainable ||
+            !parameter.name().starts_with(prefix))
+            continue;
         const Tensor& value = parameter.variable().value();
         parameter.slot_->variable = trainable ? Variable::leaf(value) : Variable(value);
     }
@@ -65,20 +71,25 @@ void ParameterStore::set_trainable(std::string_view prefix, bool trainable) {
 void ParameterStore::convert(DType dtype) {
     for (const Parameter& parameter : parameters_) {
         Tensor value = parameter.variable().value().to(dtype);
-        parameter.slot_->variable = parameter.trainable() ? Variable::leaf(std::move(value)) : Variable(std::move(value));
+        parameter.slot_->variable =
+            parameter.trainable() ? Variable::leaf(std::move(value)) : Variable(std::move(value));
     }
 }
 
-void ParameterStore::load(const TensorFile& file, const std::string& source, std::string_view prefix) {
+void ParameterStore::load(const TensorFile& file, const std::string& source,
+                          std::string_view prefix) {
     std::vector<std::pair<Parameter, Tensor>> found;
     for (const Parameter& parameter : parameters_) {
         if (!parameter.name().starts_with(prefix)) continue;
         const auto entry = file.tensors.find(parameter.name());
-        if (entry == file.tensors.end()) fail<FileError>(source, ": has no tensor ", parameter.name());
+        if (entry == file.tensors.end())
+            fail<FileError>(source, ": has no tensor ", parameter.name());
         const Shape& wanted = parameter.variable().shape();
         if (!(entry->second.shape() == wanted))
-            fail<FileError>(source, ": ", parameter.name(), " has shape ", entry->second.shape(), ", the model needs ", wanted);
-        if (!entry->second.all_finite()) fail<FileError>(source, ": ", parameter.name(), " holds values that are not finite");
+            fail<FileError>(source, ": ", parameter.name(), " has shape ", entry->second.shape(),
+                            ", the model needs ", wanted);
+        if (!entry->second.all_finite())
+            fail<FileError>(source, ": ", parameter.name(), " holds values that are not finite");
         found.emplace_back(parameter, entry->second.to(parameter.variable().dtype()));
     }
     // Only once all of them are known to fit, so that a bad file leaves the model as it was.
@@ -87,7 +98,8 @@ void ParameterStore::load(const TensorFile& file, const std::string& source, std
 
 void ParameterStore::save(TensorFile& file, std::string_view prefix) const {
     for (const Parameter& parameter : parameters_) {
-        if (parameter.name().starts_with(prefix)) file.tensors.insert_or_assign(parameter.name(), parameter.variable().value());
+        if (parameter.name().starts_with(prefix))
+            file.tensors.insert_or_assign(parameter.name(), parameter.variable().value());
     }
 }
 

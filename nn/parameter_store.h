@@ -10,7 +10,8 @@
 
 namespace stymo {
 
-/// A handle to one named value of a ParameterStore. Layers hold handles; the store's owner changes the values.
+/// A handle to one named value of a ParameterStore. Layers hold handles; the store's owner changes
+/// the values.
 class Parameter {
 public:
     Parameter() = default;
@@ -20,7 +21,8 @@ public:
     [[nodiscard]] const Variable& variable() const { return slot_->variable; }
     [[nodiscard]] bool trainable() const { return slot_->variable.tracked(); }
     [[nodiscard]] bool defined() const { return slot_ != nullptr; }
-    /// Replaces the value, keeping shape, type and trainability. Throws ShapeError or TypeError naming the parameter.
+    /// Replaces the value, keeping shape, type and trainability. Throws ShapeError or TypeError
+    /// naming the parameter.
     void set_value(Tensor value) const;
 
 private:
@@ -36,7 +38,8 @@ private:
 /// The present values of parameters, which a loss has gradients with respect to.
 [[nodiscard]] std::vector<Variable> variables_of(const std::vector<Parameter>& parameters);
 
-/// Owns every weight of a model, in order of creation, under dotted names ("decoder.field.layer3.weight").
+/// Owns every weight of a model, in order of creation, under dotted names
+/// ("decoder.field.layer3.weight").
 class ParameterStore {
 public:
     /// A trainable parameter. Throws ValueError if the name is taken.
@@ -49,13 +52,15 @@ public:
     /// Number of elements of all parameters whose name begins with `prefix`.
     [[nodiscard]] std::int64_t element_count(std::string_view prefix = "") const;
 
-    /// Freezes or thaws the parameters whose name begins with `prefix`; constants stay constants.
+    /// Freezes or unfreezes the parameters whose name begins with `prefix`; constants stay
+    /// constants.
     void set_trainable(std::string_view prefix, bool trainable);
     /// Converts every value; used to run the very same model in float64.
     void convert(DType dtype);
 
-    /// Sets each parameter whose name begins with `prefix` from the tensor of that name. Throws FileError naming `source` and the
-    /// first tensor that is missing, of another shape (with both shapes) or not finite.
+    /// Sets each parameter whose name begins with `prefix` from the tensor of that name. Throws
+    /// FileError naming `source` and the first tensor that is missing, of another shape (with both
+    /// shapes) or not finite.
     void load(const TensorFile& file, const std::string& source, std::string_view prefix = "");
     /// Adds every parameter whose name begins with `prefix`.
     void save(TensorFile& file, std::string_view prefix = "") const;

@@ -1,54 +1,55 @@
 #pragma once
 
-#include <array>
-
-#include "core/tensor.h"
+#include <Eigen/Core>
 
 namespace stymo {
 
-using Matrix3 = std::array<std::array<double, 3>, 3>;
-using Vector3 = std::array<double, 3>;
-
-/// Intrinsics in units of the image side, shared by all images of a data set (docs/paper-notes.md: focal 2.03, centre 0.5).
+/// Intrinsics in units of the image side, shared by all images of a data set (docs/paper-notes.md:
+/// focal 2.03, centre 0.5).
 struct Intrinsics {
     double focal = 2.03;
     double center_x = 0.5;
     double center_y = 0.5;
 };
 
-/// The paper's p in R^6. World axes: x to the image's right, y up, z out of the face towards the camera; one unit is about a
-/// decimetre. Angles in radians. R = Rz(roll) Ry(yaw) Rx(pitch) turns the camera around the head;
-/// `translation` is the camera's centre in world coordinates.
+/// The paper's p in R^6. World axes: x to the image's right, y up, z out of the face towards the
+/// camera; one unit is about a decimetre. Angles in radians. R = Rz(roll) Ry(yaw) Rx(pitch) turns
+/// the camera around the head; `translation` is the camera's centre in world coordinates.
 struct Pose {
     double yaw = 0.0;
     double pitch = 0.0;
     double roll = 0.0;
-    Vector3 translation{0.0, 0.0, 5.3};
+    Eigen::Vector3d translation{0.0, 0.0, 5.3};
 };
 
 /// A camera looking at the head along its own z axis: OpenCV axes, x right, y down, z forward.
 struct Camera {
     Intrinsics intrinsics;
-    Matrix3 world_from_camera{};  ///< rotation: columns are the camera's right, down and forward in world axes
-    Vector3 center{};             ///< the camera's centre in world coordinates
+    /// A rotation: columns are the camera's right, down and forward in world axes.
+    Eigen::Matrix3d world_from_camera = Eigen::Matrix3d::Identity();
+    Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< in world coordinates
 };
 
-[[nodiscard]] Matrix3 rotation_from_angles(double yaw, double pitch, double roll);
+[[nodiscard]] Eigen::Matrix3d rotation_from_angles(double yaw, double pitch, double roll);
 /// Inverse of rotation_from_angles as (yaw, pitch, roll); at gimbal lock roll is 0.
-[[nodiscard]] Vector3 angles_from_rotation(const Matrix3& rotation);
+[[nodiscard]] Eigen::Vector3d angles_from_rotation(const Eigen::Matrix3d& rotation);
 
 /// world_from_camera = R diag(1, -1, -1), centre = translation.
 [[nodiscard]] Camera camera_from_pose(const Pose& pose, const Intrinsics& intrinsics);
-/// The pose that camera_from_pose makes this camera of.
+/// Inverse of camera_from_pose.
 [[nodiscard]] Pose pose_from_camera(const Camera& camera);
-/// The pose that sees the head turned by these angles from `distance`: translation = R (0, 0, distance).
+/// The pose that sees the head turned by these angles from `distance`: translation = R (0, 0,
+/// distance).
 [[nodiscard]] Pose orbit_pose(double yaw, double pitch, double roll, double distance);
-/// The pose that keeps the point (0, 0, pivot_depth) of the face in the middle of the image, as FFHQ's alignment does, and is
-/// orbit_pose for a frontal view: translation = (0, 0, pivot_depth) + R (0, 0, distance - pivot_depth).
-[[nodiscard]] Pose pivot_pose(double yaw, double pitch, double roll, double distance, double pivot_depth);
+/// The pose that keeps the point (0, 0, pivot_depth) of the face in the middle of the image, as
+/// FFHQ's alignment does, and is orbit_pose for a frontal view: translation = (0, 0, pivot_depth) +
+/// R (0, 0, distance - pivot_depth).
+[[nodiscard]] Pose pivot_pose(double yaw, double pitch, double roll, double distance,
+                              double pivot_depth);
 /// Mirror image of a pose: yaw, roll and the x of the translation change sign.
 [[nodiscard]] Pose mirrored(const Pose& pose);
-/// World point -> image coordinates in units of the image side (x right, y down) and depth along the optical axis.
-[[nodiscard]] Vector3 project(const Camera& camera, const Vector3& world_point);
+/// World point -> image coordinates in units of the image side (x right, y down) and depth along
+/// the optical axis.
+[[nodiscard]] Eigen::Vector3d project(const Camera& camera, const Eigen::Vector3d& world_point);
 
 }  // namespace stymo

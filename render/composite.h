@@ -6,18 +6,26 @@ namespace stymo {
 
 struct CompositeWeights {
     Variable weights;        ///< (B, R, N): alpha_i t_i, equation (3)
-    Variable transmittance;  ///< (B, R, 1): what is left behind the last sample; weights and it sum to 1
+    Variable transmittance;  ///< (B, R, 1): transmittance behind the last sample; it and the
+                             ///< weights sum to 1
 };
 
-/// Equations (4) and (5): t_i = exp(-sum_{j<i} sigma_j delta_j), alpha_i = 1 - exp(-sigma_i delta_i).
-/// density, deltas (B, R, N), both >= 0; finite for any density up to infinity. Throws ValueError for a negative interval.
+/// Throws ValueError naming `function` and the first interval that is negative (samples in reverse
+/// order) or not a number; deltas (B, R, N).
+void require_ordered_samples(const char* function, const Tensor& deltas);
+
+/// Equations (4) and (5): t_i = exp(-sum_{j<i} sigma_j delta_j), alpha_i = 1 - exp(-sigma_i
+/// delta_i). density, deltas (B, R, N), both >= 0; finite for any density up to infinity. Throws
+/// ValueError for a negative interval.
 [[nodiscard]] CompositeWeights composite_weights(const Variable& density, const Tensor& deltas);
 /// Equation (3), sum_i weights_i features_i: (B, R, N) and (B, R * N, K) -> (B, R, K).
 [[nodiscard]] Variable composite(const Variable& weights, const Variable& features);
-/// Expected depth: sum_i weights_i depth_i, plus the transmittance times `background_depth`: (B, R, 1).
-[[nodiscard]] Variable composite_depth(const CompositeWeights& weights, const Tensor& depths, double background_depth);
-/// Variance of the depth along each ray under its normalised weights, averaged: small when the density is a thin surface. A
-/// scalar.
+/// Expected depth: sum_i weights_i depth_i, plus the transmittance times `background_depth`: (B, R,
+/// 1).
+[[nodiscard]] Variable composite_depth(const CompositeWeights& weights, const Tensor& depths,
+                                       double background_depth);
+/// Variance of the depth along each ray under its normalised weights, averaged: small when the
+/// density is a thin surface. A scalar.
 [[nodiscard]] Variable depth_variance(const Variable& weights, const Tensor& depths);
 
 }  // namespace stymo

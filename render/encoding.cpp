@@ -12,7 +12,9 @@ Variable positional_encoding(const Variable& points, std::int64_t frequencies) {
         fail<ShapeError>("[positional_encoding] points must be (..., 3), got ", points.shape());
     }
     if (frequencies < 0) {
-        fail<ValueError>("[positional_encoding] the number of frequencies must not be negative, got ", frequencies);
+        fail<ValueError>(
+            "[positional_encoding] the number of frequencies must not be negative, got ",
+            frequencies);
     }
     std::vector<Variable> parts{points};
     double frequency = 1.0;

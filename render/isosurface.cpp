@@ -10,13 +10,14 @@ namespace stymo {
 
 namespace {
 
-/// Corners of a cube and of a tetrahedron are sets of axes: bit a is set where the corner is the farther one along axis a.
+/// Corners of a cube and of a tetrahedron are sets of axes: bit a is set where the corner is the
+/// farther one along axis a.
 using Corner = std::uint32_t;
 constexpr Corner all_axes = 7;
 constexpr std::int64_t directions = 7;
 
-/// One of the six tetrahedra around the cube's diagonal: a path from corner 0 to corner 7, axis by axis. Cubes that share a face
-/// cut it the same way.
+/// One of the six tetrahedra around the cube's diagonal: a path from corner 0 to corner 7, axis by
+/// axis. Cubes that share a face cut it the same way.
 struct Tetrahedron {
     std::array<Corner, 4> corners;
     bool mirrored;
@@ -24,17 +25,21 @@ struct Tetrahedron {
 constexpr Tetrahedron along(Corner first, Corner second, bool mirrored) {
     return {{0, first, first | second, all_axes}, mirrored};
 }
-constexpr std::array<Tetrahedron, 6> tetrahedra{along(1, 2, false), along(2, 4, false), along(4, 1, false),
-                                                along(2, 1, true),  along(4, 2, true),  along(1, 4, true)};
+constexpr std::array<Tetrahedron, 6> tetrahedra{along(1, 2, false), along(2, 4, false),
+                                                along(4, 1, false), along(2, 1, true),
+                                                along(4, 2, true),  along(1, 4, true)};
 
-/// Even permutations of a tetrahedron's corners: by the corner that comes first, and by the two that do.
+/// Even permutations of a tetrahedron's corners: by the corner that comes first, and by the two
+/// that do.
 using Order = std::array<std::uint8_t, 4>;
-constexpr std::array<Order, 4> corner_first{{{0, 1, 2, 3}, {1, 0, 3, 2}, {2, 0, 1, 3}, {3, 0, 2, 1}}};
-constexpr std::array<Order, 6> pair_first{{{0, 1, 2, 3}, {0, 2, 3, 1}, {0, 3, 1, 2}, {1, 2, 0, 3}, {1, 3, 2, 0}, {2, 3, 0, 1}}};
+constexpr std::array<Order, 4> corner_first{
+    {{0, 1, 2, 3}, {1, 0, 3, 2}, {2, 0, 1, 3}, {3, 0, 2, 1}}};
+constexpr std::array<Order, 6> pair_first{
+    {{0, 1, 2, 3}, {0, 2, 3, 1}, {0, 3, 1, 2}, {1, 2, 0, 3}, {1, 3, 2, 0}, {2, 3, 0, 1}}};
 
 class Surface {
 public:
-    Surface(const Tensor& values, const Vector3& origin, double spacing, double level)
+    Surface(const Tensor& values, const Eigen::Vector3d& origin, double spacing, double level)
         : values_(values.values<float>()),
           size_{values.shape(2) + 2, values.shape(1) + 2, values.shape(0) + 2},
           origin_(origin),
@@ -53,7 +58,8 @@ public:
             std::swap(edges_[0], edges_[1]);
             std::ranges::fill(edges_[1], -1);
         }
-        TriangleMesh mesh{Tensor({static_cast<std::int64_t>(vertices_.size() / 3), 3}), std::move(triangles_)};
+        TriangleMesh mesh{Tensor({static_cast<std::int64_t>(vertices_.size() / 3), 3}),
+                          std::move(triangles_)};
         std::ranges::copy(vertices_, mesh.vertices.mutable_values<float>().begin());
         return mesh;
     }
@@ -61,12 +67,13 @@ public:
 private:
     using Place = std::array<std::int64_t, 3>;
 
-    /// The value at a vertex of the lattice with a margin of one vertex around it.
+    /// The value at a vertex of the grid, which is extended by a margin of one vertex.
     [[nodiscard]] double value(const Place& place) const {
         for (std::size_t axis = 0; axis < 3; ++axis) {
             if (place[axis] == 0 || place[axis] + 1 == size_[axis]) return outside_;
         }
-        const std::int64_t index = ((place[2] - 1) * (size_[1] - 2) + place[1] - 1) * (size_[0] - 2) + place[0] - 1;
+        const std::int64_t index =
+            ((place[2] - 1) * (size_[1] - 2) + place[1] - 1) * (size_[0] - 2) + place[0] - 1;
         return static_cast<double>(values_[static_cast<std::size_t>(index)]);
     }
 
@@ -81,12 +88,15 @@ private:
             if (corner_values_[corner] >= level_) inside |= 1U << corner;
         }
         if (inside == 0 || inside == 0xFFU) return;
-        for (const Tetrahedron& tetrahedron : tetrahedra) add_tetrahedron(cube, tetrahedron, inside);
+        for (const Tetrahedron& tetrahedron : tetrahedra)
+            add_tetrahedron(cube, tetrahedron, inside);
     }
 
-    void add_tetrahedron(const Place& cube, const Tetrahedron& tetrahedron, unsigned inside_corners) {
+    void add_tetrahedron(const Place& cube, const Tetrahedron& tetrahedron,
+                         unsigned inside_corners) {
         unsigned inside = 0;
-        for (unsigned i = 0; i < 4; ++i) inside |= (inside_corners >> tetrahedron.corners[i] & 1U) << i;
+        for (unsigned i = 0; i < 4; ++i)
+            inside |= (inside_corners >> tetrahedron.corners[i] & 1U) << i;
         const auto cut = [&](std::uint8_t a, std::uint8_t b) {
             const auto [lower, upper] = std::minmax(tetrahedron.corners[a], tetrahedron.corners[b]);
             return vertex_on(cube, lower, upper);
@@ -94,11 +104,13 @@ private:
         const int count = std::popcount(inside);
         if (count == 1 || count == 3) {
             const unsigned alone = count == 1 ? inside : ~inside & 0xFU;
-            const auto [i, j, k, l] = corner_first[static_cast<std::size_t>(std::countr_zero(alone))];
+            const auto [i, j, k, l] =
+                corner_first[static_cast<std::size_t>(std::countr_zero(alone))];
             add_triangle({cut(i, j), cut(i, k), cut(i, l)}, tetrahedron.mirrored != (count == 3));
         } else if (count == 2) {
-            const auto order =
-                std::ranges::find_if(pair_first, [&](const Order& o) { return inside == ((1U << o[0]) | (1U << o[1])); });
+            const auto order = std::ranges::find_if(pair_first, [&](const Order& o) {
+                return inside == ((1U << o[0]) | (1U << o[1]));
+            });
             const auto [i, j, k, l] = *order;
             const std::array<std::int32_t, 4> quad{cut(i, k), cut(i, l), cut(j, l), cut(j, k)};
             add_triangle({quad[0], quad[1], quad[2]}, tetrahedron.mirrored);
@@ -111,32 +123,36 @@ private:
         triangles_.push_back(triangle);
     }
 
-    /// Lower corners of a path are subsets of upper ones, so an edge is named by its lower end and the axes that it goes along.
+    /// Lower corners of a path are subsets of upper ones, so an edge is identified by its lower end
+    /// and the set of its axes.
     std::int32_t vertex_on(const Place& cube, Corner lower, Corner upper) {
         const Place begin = corner_of(cube, lower);
         std::vector<std::int32_t>& slice = edges_[lower >> 2];
-        std::int32_t& vertex =
-            slice[static_cast<std::size_t>((begin[1] * size_[0] + begin[0]) * directions + (upper ^ lower) - 1)];
+        std::int32_t& vertex = slice[static_cast<std::size_t>(
+            (begin[1] * size_[0] + begin[0]) * directions + (upper ^ lower) - 1)];
         if (vertex >= 0) return vertex;
-        if (triangles_.size() > 2'000'000'000) fail<ValueError>("the surface has too many triangles; choose a coarser lattice");
+        if (triangles_.size() > 2'000'000'000)
+            fail<ValueError>("the surface has too many triangles; choose a coarser grid");
         vertex = static_cast<std::int32_t>(vertices_.size() / 3);
-        const double part = (level_ - corner_values_[lower]) / (corner_values_[upper] - corner_values_[lower]);
+        const double part =
+            (level_ - corner_values_[lower]) / (corner_values_[upper] - corner_values_[lower]);
         for (std::size_t axis = 0; axis < 3; ++axis) {
             const double along_edge = ((upper ^ lower) >> axis & 1U) != 0 ? part : 0.0;
-            vertices_.push_back(
-                static_cast<float>(origin_[axis] + spacing_ * (static_cast<double>(begin[axis] - 1) + along_edge)));
+            vertices_.push_back(static_cast<float>(
+                origin_[axis] + spacing_ * (static_cast<double>(begin[axis] - 1) + along_edge)));
         }
         return vertex;
     }
 
     std::span<const float> values_;
     Place size_;
-    Vector3 origin_;
+    Eigen::Vector3d origin_;
     double spacing_;
     double level_;
     double outside_;
     std::array<double, 8> corner_values_{};
-    /// Vertices on the edges that begin in the present slice of the lattice and in the next one, -1 where there is none yet.
+    /// Vertices on the edges that begin in the current slice of the grid and in the next one, -1
+    /// where there is none yet.
     std::array<std::vector<std::int32_t>, 2> edges_;
     std::vector<float> vertices_;
     std::vector<std::array<std::int32_t, 3>> triangles_;
@@ -144,9 +160,12 @@ private:
 
 }  // namespace
 
-TriangleMesh isosurface(const Tensor& values, const Vector3& origin, double spacing, double level) {
-    if (values.rank() != 3 || std::ranges::any_of(values.shape().extents(), [](std::int64_t extent) { return extent < 2; }))
-        fail<ShapeError>("a surface needs values (z, y, x), two or more along each axis; got ", values.shape());
+TriangleMesh isosurface(const Tensor& values, const Eigen::Vector3d& origin, double spacing,
+                        double level) {
+    if (values.rank() != 3 || std::ranges::any_of(values.shape().extents(),
+                                                  [](std::int64_t extent) { return extent < 2; }))
+        fail<ShapeError>("a surface needs values (z, y, x), two or more along each axis; got ",
+                         values.shape());
     if (!values.all_finite()) fail<ValueError>("a surface needs values that are finite");
     return Surface(values, origin, spacing, level).extracted();
 }

@@ -18,17 +18,19 @@ constexpr std::array<const char*, 4> keys{"yaw_deg", "pitch_deg", "roll_deg", "t
 double number(const Json& value, const char* key) {
     if (!value.is_number()) fail<FileError>("\"", key, "\" is not a number");
     const auto result = value.get<double>();
-    if (!std::isfinite(static_cast<float>(result))) fail<FileError>("\"", key, "\" holds ", result, ", which is too large");
+    if (!std::isfinite(static_cast<float>(result)))
+        fail<FileError>("\"", key, "\" holds ", result, ", which is too large");
     return result;
 }
 
 }  // namespace
 
 JsonValue to_json(const Pose& pose) {
-    return JsonValue::object({{"yaw_deg", degrees_from_radians(pose.yaw)},
-                              {"pitch_deg", degrees_from_radians(pose.pitch)},
-                              {"roll_deg", degrees_from_radians(pose.roll)},
-                              {"t", std::vector<double>(pose.translation.begin(), pose.translation.end())}});
+    return JsonValue::object(
+        {{"yaw_deg", degrees_from_radians(pose.yaw)},
+         {"pitch_deg", degrees_from_radians(pose.pitch)},
+         {"roll_deg", degrees_from_radians(pose.roll)},
+         {"t", std::vector<double>(pose.translation.begin(), pose.translation.end())}});
 }
 
 Pose parse_pose(std::string_view json) {
@@ -39,10 +41,15 @@ Pose parse_pose(std::string_view json) {
     for (const auto& member : pose.items())
         if (std::ranges::find(keys, member.key()) == keys.end())
             fail<FileError>("unknown key \"", member.key(), "\" in \"pose\"");
-    const auto angle = [&](const char* key) { return radians_from_degrees(number(pose[key], key)); };
+    const auto angle = [&](const char* key) {
+        return radians_from_degrees(number(pose[key], key));
+    };
     const Json& t = pose["t"];
     if (!t.is_array() || t.size() != 3) fail<FileError>("\"t\" is not an array of 3 numbers");
-    return {angle("yaw_deg"), angle("pitch_deg"), angle("roll_deg"), {number(t[0], "t"), number(t[1], "t"), number(t[2], "t")}};
+    return {angle("yaw_deg"),
+            angle("pitch_deg"),
+            angle("roll_deg"),
+            {number(t[0], "t"), number(t[1], "t"), number(t[2], "t")}};
 }
 
 }  // namespace stymo

@@ -26,25 +26,29 @@ struct SampleRows {
     std::vector<std::int32_t> triangle;
 };
 
-[[nodiscard]] double edge(const Vector3& a, const Vector3& b, double x, double y) {
+[[nodiscard]] double edge(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double x, double y) {
     return (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]);
 }
 
-void draw(std::int32_t index, const std::array<Vector3, 3>& corners, const std::array<const float*, 3>& colors,
-          SampleRows& target) {
+void draw(std::int32_t index, const std::array<Eigen::Vector3d, 3>& corners,
+          const std::array<const float*, 3>& colors, SampleRows& target) {
     const auto [low_x, high_x] = std::minmax({corners[0][0], corners[1][0], corners[2][0]});
     const auto [low_y, high_y] = std::minmax({corners[0][1], corners[1][1], corners[2][1]});
     const double bottom = static_cast<double>(target.first_row + target.rows);
-    if (high_x < 0.0 || low_x > static_cast<double>(target.columns) || high_y < static_cast<double>(target.first_row) ||
-        low_y > bottom)
+    if (high_x < 0.0 || low_x > static_cast<double>(target.columns) ||
+        high_y < static_cast<double>(target.first_row) || low_y > bottom)
         return;
     const double area = edge(corners[0], corners[1], corners[2][0], corners[2][1]);
     if (area == 0.0 || !std::isfinite(area)) return;
     // Samples stand at integers plus a half.
-    const auto first_row = std::max(target.first_row, static_cast<std::int64_t>(std::ceil(low_y - 0.5)));
-    const auto last_row = std::min(target.first_row + target.rows - 1, static_cast<std::int64_t>(std::floor(high_y - 0.5)));
-    const auto first_column = std::max(std::int64_t{0}, static_cast<std::int64_t>(std::ceil(low_x - 0.5)));
-    const auto last_column = std::min(target.columns - 1, static_cast<std::int64_t>(std::floor(high_x - 0.5)));
+    const auto first_row =
+        std::max(target.first_row, static_cast<std::int64_t>(std::ceil(low_y - 0.5)));
+    const auto last_row = std::min(target.first_row + target.rows - 1,
+                                   static_cast<std::int64_t>(std::floor(high_y - 0.5)));
+    const auto first_column =
+        std::max(std::int64_t{0}, static_cast<std::int64_t>(std::ceil(low_x - 0.5)));
+    const auto last_column =
+        std::min(target.columns - 1, static_cast<std::int64_t>(std::floor(high_x - 0.5)));
     for (std::int64_t row = first_row; row <= last_row; ++row) {
         for (std::int64_t column = first_column; column <= last_column; ++column) {
             const double x = static_cast<double>(column) + 0.5;
@@ -57,13 +61,15 @@ void draw(std::int32_t index, const std::array<Vector3, 3>& corners, const std::
             std::array<double, 3> weight{};
             for (std::size_t k = 0; k < 3; ++k) weight[k] = barycentric[k] / corners[k][2];
             const double depth = 1.0 / (weight[0] + weight[1] + weight[2]);
-            const auto sample = static_cast<std::size_t>((row - target.first_row) * target.columns + column);
+            const auto sample =
+                static_cast<std::size_t>((row - target.first_row) * target.columns + column);
             if (static_cast<float>(depth) >= target.depth[sample]) continue;
             target.depth[sample] = static_cast<float>(depth);
             target.triangle[sample] = index;
             for (std::size_t channel = 0; channel < 3; ++channel) {
                 double value = 0.0;
-                for (std::size_t k = 0; k < 3; ++k) value += weight[k] * static_cast<double>(colors[k][channel]);
+                for (std::size_t k = 0; k < 3; ++k)
+                    value += weight[k] * static_cast<double>(colors[k][channel]);
                 target.color[3 * sample + channel] = static_cast<float>(value * depth);
             }
         }
@@ -71,29 +77,33 @@ void draw(std::int32_t index, const std::array<Vector3, 3>& corners, const std::
 }
 
 /// Corners of all vertices in samples (x, y) and depth.
-[[nodiscard]] std::vector<Vector3> projected(const Tensor& vertices, const Camera& camera, double samples_per_unit) {
+[[nodiscard]] std::vector<Eigen::Vector3d> projected(const Tensor& vertices, const Camera& camera,
+                                                     double samples_per_unit) {
     const auto values = vertices.values<float>();
-    std::vector<Vector3> result(values.size() / 3);
+    std::vector<Eigen::Vector3d> result(values.size() / 3);
     for (std::size_t vertex = 0; vertex < result.size(); ++vertex) {
-        const auto* p = &values[3 * vertex];
-        const Vector3 point = project(camera, {static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2])});
-        result[vertex] = {point[0] * samples_per_unit, point[1] * samples_per_unit, point[2]};
+        const Eigen::Map<const Eigen::Vector3f> point(&values[3 * vertex]);
+        result[vertex] = project(camera, point.cast<double>());
+        result[vertex].head<2>() *= samples_per_unit;
     }
     return result;
 }
 
-void check(const Tensor& vertices, const Tensor& colors, std::span<const Triangle> triangles, const RasterSettings& settings) {
+void check(const Tensor& vertices, const Tensor& colors, std::span<const Triangle> triangles,
+           const RasterSettings& settings) {
     if (vertices.rank() != 2 || vertices.shape(1) != 3 || !(colors.shape() == vertices.shape())) {
-        fail<ShapeError>("[rasterize] needs vertices and colors (V, 3); got ", vertices.shape(), " and ", colors.shape());
+        fail<ShapeError>("[rasterize] needs vertices and colors (V, 3); got ", vertices.shape(),
+                         " and ", colors.shape());
     }
     if (settings.width < 1 || settings.height < 1 || settings.samples_per_side < 1) {
-        fail<ValueError>("[rasterize] width, height and samples per side must be at least 1; got ", settings.width, ", ",
-                         settings.height, ", ", settings.samples_per_side);
+        fail<ValueError>("[rasterize] width, height and samples per side must be at least 1; got ",
+                         settings.width, ", ", settings.height, ", ", settings.samples_per_side);
     }
     for (const Triangle& triangle : triangles) {
         for (const std::int32_t vertex : triangle) {
             if (vertex < 0 || vertex >= vertices.shape(0)) {
-                fail<ValueError>("[rasterize] a triangle names vertex ", vertex, " of ", vertices.shape(0));
+                fail<ValueError>("[rasterize] a triangle names vertex ", vertex, " of ",
+                                 vertices.shape(0));
             }
         }
     }
@@ -101,11 +111,13 @@ void check(const Tensor& vertices, const Tensor& colors, std::span<const Triangl
 
 }  // namespace
 
-RasterImage rasterize(const Tensor& vertices, const Tensor& colors, std::span<const Triangle> triangles, const Camera& camera,
+RasterImage rasterize(const Tensor& vertices, const Tensor& colors,
+                      std::span<const Triangle> triangles, const Camera& camera,
                       const RasterSettings& settings) {
     check(vertices, colors, triangles, settings);
     const std::int64_t samples = settings.samples_per_side;
-    const std::vector<Vector3> corners = projected(vertices, camera, static_cast<double>(settings.width * samples));
+    const std::vector<Eigen::Vector3d> corners =
+        projected(vertices, camera, static_cast<double>(settings.width * samples));
     const auto color_values = colors.values<float>();
 
     const std::int64_t pixels = settings.width * settings.height;
@@ -116,7 +128,8 @@ RasterImage rasterize(const Tensor& vertices, const Tensor& colors, std::span<co
 
     constexpr std::int64_t pixel_rows_at_once = 16;
     parallel_for(settings.height, pixel_rows_at_once, [&](std::int64_t begin, std::int64_t end) {
-        const auto count = static_cast<std::size_t>((end - begin) * samples * settings.width * samples);
+        const auto count =
+            static_cast<std::size_t>((end - begin) * samples * settings.width * samples);
         SampleRows target{begin * samples,
                           (end - begin) * samples,
                           settings.width * samples,
@@ -124,7 +137,7 @@ RasterImage rasterize(const Tensor& vertices, const Tensor& colors, std::span<co
                           std::vector<float>(3 * count, 0.0F),
                           std::vector<std::int32_t>(count, -1)};
         for (std::size_t index = 0; index < triangles.size(); ++index) {
-            std::array<Vector3, 3> points{};
+            std::array<Eigen::Vector3d, 3> points;
             std::array<const float*, 3> point_colors{};
             for (std::size_t k = 0; k < 3; ++k) {
                 const auto vertex = static_cast<std::size_t>(triangles[index][k]);

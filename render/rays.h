@@ -10,8 +10,10 @@ namespace stymo {
 
 /// Which planes bound the samples.
 enum class DepthPlanes {
-    world_z,       ///< world planes z = near_z and z = far_z, HeadNeRF's; throws for a ray that (nearly) runs along them
-    optical_axis,  ///< depth along the optical axis from |centre| - near_z to |centre| - far_z, for any yaw
+    world_z,  ///< world planes z = near_z and z = far_z, HeadNeRF's; throws for a ray that (nearly)
+              ///< runs along them
+    optical_axis,  ///< depth along the optical axis from |centre| - near_z to |centre| - far_z, for
+                   ///< any yaw
 };
 
 struct RaySampling {
@@ -20,41 +22,50 @@ struct RaySampling {
     double near_z = 2.5;
     double far_z = -3.5;
     DepthPlanes planes = DepthPlanes::world_z;
-    /// Ray through the middle of its pixel, (i + 0.5) / side; false: through its corner, as HeadNeRF.
+    /// Ray through the middle of its pixel, (i + 0.5) / side; false: through its corner, as
+    /// HeadNeRF.
     bool pixel_centers = true;
 };
 
 /// A ray of a camera and the stretch of it that is sampled, as distances from the camera's centre.
 struct Ray {
-    Vector3 origin{};
-    Vector3 direction{};  ///< of length 1
+    Eigen::Vector3d origin = Eigen::Vector3d::Zero();
+    Eigen::Vector3d direction = Eigen::Vector3d::Zero();  ///< of length 1
     double near_distance = 0.0;
     double far_distance = 0.0;
 };
 
-/// Unit vector through one pixel of the feature map, along the camera's own axes: x right, y down, z forward.
-[[nodiscard]] Vector3 camera_direction(const Intrinsics& intrinsics, const RaySampling& sampling, std::int64_t row,
-                                       std::int64_t column);
+/// Unit vector through one pixel of the feature map, along the camera's own axes: x right, y down,
+/// z forward.
+[[nodiscard]] Eigen::Vector3d camera_direction(const Intrinsics& intrinsics,
+                                               const RaySampling& sampling, std::int64_t row,
+                                               std::int64_t column);
 /// The ray through one pixel of the feature map. Throws as `sample_rays`.
-[[nodiscard]] Ray camera_ray(const Camera& camera, const RaySampling& sampling, std::int64_t row, std::int64_t column);
+[[nodiscard]] Ray camera_ray(const Camera& camera, const RaySampling& sampling, std::int64_t row,
+                             std::int64_t column);
 /// Distance of sample k of N without jitter; k = N is the far plane.
-[[nodiscard]] constexpr double sample_distance(const Ray& ray, std::int64_t k, std::int64_t samples_per_ray) {
-    return ray.near_distance +
-           (ray.far_distance - ray.near_distance) * (static_cast<double>(k) / static_cast<double>(samples_per_ray));
+[[nodiscard]] inline double sample_distance(const Ray& ray, std::int64_t k,
+                                            std::int64_t samples_per_ray) {
+    return ray.near_distance + (ray.far_distance - ray.near_distance) *
+                                   (static_cast<double>(k) / static_cast<double>(samples_per_ray));
 }
 
-/// Samples of B cameras with R = rays_per_side^2 rays (row-major over the image) and N samples each.
+/// Samples of B cameras with R = rays_per_side^2 rays (row-major over the image) and N samples
+/// each.
 struct RaySamples {
     Tensor points;  ///< (B, R * N, 3), world coordinates
-    Tensor deltas;  ///< (B, R, N), Euclidean distance to the next sample; the last one reaches the far plane
+    Tensor deltas;  ///< (B, R, N), Euclidean distance to the next sample; the last one reaches the
+                    ///< far plane
     Tensor depths;  ///< (B, R, N), Euclidean distance from the camera's centre
 };
 
-/// N + 1 uniform depths between the planes bound N intervals; the sample stands at the start of its interval.
-/// With `jitter` each of the N + 1 moves uniformly within its stratum (training), so the last interval may end short of the far
-/// plane. A near plane behind the camera is moved to the camera. Throws ValueError for less than two samples, for planes in the
-/// wrong order, for a camera behind the far plane and for a ray within 3 degrees of the planes.
-[[nodiscard]] RaySamples sample_rays(const std::vector<Camera>& cameras, const RaySampling& sampling, Rng* jitter,
+/// N + 1 uniform depths between the planes bound N intervals; the sample stands at the start of its
+/// interval. With `jitter` each of the N + 1 moves uniformly within its stratum (training), so the
+/// last interval may end short of the far plane. A near plane behind the camera is moved to the
+/// camera. Throws ValueError for less than two samples, for planes in the wrong order, for a camera
+/// behind the far plane and for a ray within 3 degrees of the planes.
+[[nodiscard]] RaySamples sample_rays(const std::vector<Camera>& cameras,
+                                     const RaySampling& sampling, Rng* jitter,
                                      DType dtype = DType::float32);
 
 }  // namespace stymo

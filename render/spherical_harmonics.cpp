@@ -7,10 +7,11 @@
 
 namespace stymo {
 
-std::array<double, 9> spherical_harmonics(const Vector3& normal) {
+std::array<double, 9> spherical_harmonics(const Eigen::Vector3d& normal) {
     using std::numbers::pi;
-    const auto [x, y, z] = normal;
-    // The kernel's weights pi, 2 pi / sqrt(3), 2 pi / sqrt(8) times the normalisation of the harmonics of bands 0, 1, 2.
+    const double x = normal.x(), y = normal.y(), z = normal.z();
+    // The kernel's weights pi, 2 pi / sqrt(3), 2 pi / sqrt(8) times the normalisation of the
+    // harmonics of bands 0, 1, 2.
     const double band0 = pi / std::sqrt(4.0 * pi);
     const double band1 = 2.0 * pi / std::sqrt(3.0) * std::sqrt(3.0 / (4.0 * pi));
     const double band2 = 2.0 * pi / std::sqrt(8.0) * 3.0 * std::sqrt(5.0 / (12.0 * pi));
@@ -25,15 +26,13 @@ std::array<double, 9> spherical_harmonics(const Vector3& normal) {
             0.5 * band2 * (x * x - y * y)};
 }
 
-Vector3 irradiance(std::span<const float> light, const Vector3& normal) {
-    if (light.size() != 27) fail<ShapeError>("[irradiance] needs 27 coefficients; got ", light.size());
+Eigen::Vector3d irradiance(std::span<const float> light, const Eigen::Vector3d& normal) {
+    if (light.size() != 27)
+        fail<ShapeError>("[irradiance] needs 27 coefficients; got ", light.size());
     const std::array<double, 9> harmonics = spherical_harmonics(normal);
-    Vector3 result{};
-    for (std::size_t k = 0; k < harmonics.size(); ++k) {
-        for (std::size_t channel = 0; channel < 3; ++channel)
-            result[channel] += static_cast<double>(light[3 * k + channel]) * harmonics[k];
-    }
-    return result;
+    const Eigen::Map<const Eigen::Matrix<float, 3, 9>> coefficients(light.data());
+    return coefficients.cast<double>() *
+           Eigen::Map<const Eigen::Vector<double, 9>>(harmonics.data());
 }
 
 std::array<float, 27> neutral_light() {

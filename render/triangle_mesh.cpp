@@ -1,5 +1,6 @@
 #include "render/triangle_mesh.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <numeric>
 #include <span>
@@ -8,17 +9,16 @@ namespace stymo {
 
 namespace {
 
-/// Six times the space between a triangle and the origin, with a sign.
+/// Six times the signed volume between a triangle and the origin.
 double signed_volume(std::span<const float> vertices, const std::array<std::int32_t, 3>& triangle) {
-    const auto corner = [&](std::size_t i, std::size_t axis) {
-        return static_cast<double>(vertices[3 * static_cast<std::size_t>(triangle[i]) + axis]);
+    const auto corner = [&](std::size_t i) -> Eigen::Vector3d {
+        const auto first = 3 * static_cast<std::size_t>(triangle[i]);
+        return Eigen::Map<const Eigen::Vector3f>(&vertices[first]).cast<double>();
     };
-    return corner(0, 0) * (corner(1, 1) * corner(2, 2) - corner(1, 2) * corner(2, 1)) +
-           corner(0, 1) * (corner(1, 2) * corner(2, 0) - corner(1, 0) * corner(2, 2)) +
-           corner(0, 2) * (corner(1, 0) * corner(2, 1) - corner(1, 1) * corner(2, 0));
+    return corner(0).dot(corner(1).cross(corner(2)));
 }
 
-/// A vertex of the piece that each vertex belongs to, the same for the whole piece.
+/// For each vertex a representative of its piece, the same for the whole piece.
 std::vector<std::int32_t> pieces_of(const TriangleMesh& mesh) {
     std::vector<std::int32_t> parent(static_cast<std::size_t>(mesh.vertices.shape(0)));
     std::iota(parent.begin(), parent.end(), 0);
@@ -34,7 +34,8 @@ std::vector<std::int32_t> pieces_of(const TriangleMesh& mesh) {
         for (const std::int32_t other : {triangle[1], triangle[2]})
             parent[static_cast<std::size_t>(root(other))] = root(triangle[0]);
     }
-    for (std::size_t vertex = 0; vertex < parent.size(); ++vertex) parent[vertex] = root(static_cast<std::int32_t>(vertex));
+    for (std::size_t vertex = 0; vertex < parent.size(); ++vertex)
+        parent[vertex] = root(static_cast<std::int32_t>(vertex));
     return parent;
 }
 
@@ -53,8 +54,10 @@ TriangleMesh largest_piece(const TriangleMesh& mesh) {
     const std::vector<std::int32_t> piece = pieces_of(mesh);
     std::vector<double> volumes(piece.size());
     for (const std::array<std::int32_t, 3>& triangle : mesh.triangles)
-        volumes[static_cast<std::size_t>(piece[static_cast<std::size_t>(triangle[0])])] += signed_volume(vertices, triangle);
-    const auto largest = static_cast<std::int32_t>(std::ranges::max_element(volumes) - volumes.begin());
+        volumes[static_cast<std::size_t>(piece[static_cast<std::size_t>(triangle[0])])] +=
+            signed_volume(vertices, triangle);
+    const auto largest =
+        static_cast<std::int32_t>(std::ranges::max_element(volumes) - volumes.begin());
 
     std::vector<std::int32_t> new_index(piece.size(), -1);
     std::vector<float> kept;
@@ -64,7 +67,9 @@ TriangleMesh largest_piece(const TriangleMesh& mesh) {
         kept.insert(kept.end(), vertices.begin() + static_cast<std::ptrdiff_t>(3 * vertex),
                     vertices.begin() + static_cast<std::ptrdiff_t>(3 * vertex + 3));
     }
-    TriangleMesh result{Tensor::from({static_cast<std::int64_t>(kept.size() / 3), 3}, std::span<const float>(kept)), {}};
+    TriangleMesh result{
+        Tensor::from({static_cast<std::int64_t>(kept.size() / 3), 3}, std::span<const float>(kept)),
+        {}};
     for (std::array<std::int32_t, 3> triangle : mesh.triangles) {
         if (piece[static_cast<std::size_t>(triangle[0])] != largest) continue;
         for (std::int32_t& vertex : triangle) vertex = new_index[static_cast<std::size_t>(vertex)];

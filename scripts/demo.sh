@@ -1,14 +1,15 @@
 #!/usr/bin/env bash
-# From nothing to a fitted face in at most ten minutes on two cores: installs packages, builds, makes heads with known codes,
-# trains a small model on them, fits it to a head it has not seen and renders that head from all sides.
+# Shows the whole pipeline in at most ten minutes on two cores: installs packages, builds, renders
+# synthetic heads, trains a small model on them, fits it to a head that is held out, and renders an
+# orbit of that head.
 set -euo pipefail
 
-usage="usage: scripts/demo.sh [--out DIR]   (default runs/demo)"
+usage="usage: scripts/demo.sh [--out DIR]   (DIR must not exist; default: runs/demo)"
 out=""
 while (($#)); do
     case "$1" in
     --out)
-        (($# >= 2)) || { echo "demo.sh: --out needs a folder; $usage" >&2; exit 2; }
+        (($# >= 2)) || { echo "demo.sh: --out needs a folder; $usage" >&2 && exit 2; }
         out="$(realpath --canonicalize-missing "$2")"
         shift 2
         ;;
@@ -20,12 +21,12 @@ done
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 out="${out:-$PWD/runs/demo}"
 if [[ -e "$out" ]]; then
-    echo "demo.sh: $out exists already; remove it or give another --out" >&2
+    echo "demo.sh: $out exists already; remove it or choose another --out" >&2
     exit 1
 fi
 
 total_seconds=600
-reserve_seconds=75 # for fitting and rendering, at the end
+reserve_seconds=75 # for fitting and rendering
 heads=600
 
 say() { printf '\n== %s\n' "$*" >&2; }
@@ -36,34 +37,37 @@ cmake --preset release >/dev/null
 cmake --build --preset release --target stymo-synth stymo-train stymo-fit stymo-render
 bin=build/bin
 
-say "$heads heads with known codes"
+say "rendering $heads synthetic heads"
 data="$out/data"
 "$bin/stymo-synth" --out "$data" --count "$heads" --size 64 --seed 1
 
-# Training gets what packages and build have left of the ten minutes.
+# Training gets the rest of the ten minutes.
 train_seconds=$((total_seconds - reserve_seconds - SECONDS))
 if ((train_seconds < 60)); then
-    echo "demo.sh: the build took so long that training gets one minute; a second run, with the build done, gives a better face" >&2
+    echo "demo.sh: the build took so long that training is limited to one minute;" \
+        "run the script again for a better face" >&2
     train_seconds=60
 fi
 train_minutes="$((train_seconds / 60)).$((train_seconds % 60 * 10 / 60))"
 say "training for $train_minutes minutes"
-"$bin/stymo-train" --config configs/demo-64.json --data "$data" --out "$out/run" --max-minutes "$train_minutes"
+"$bin/stymo-train" --config configs/demo-64.json --data "$data" --out "$out/run" \
+    --max-minutes "$train_minutes"
 model="$out/run/model.safetensors"
 
-# The split is by order of id and the held-out heads are its end.
+# The heads with the last ids are held out.
 printf -v id '%05d' "$((heads - 1))"
-say "fitting head $id, which training has not seen"
+say "fitting head $id, which is held out"
 "$bin/stymo-fit" --model "$model" --data "$data" --id "$id" --out "$out/fit"
 
 say "rendering an orbit"
-"$bin/stymo-render" --model "$model" --codes "$out/fit/codes.json" --orbit 24 --out "$out/orbit.gif"
+"$bin/stymo-render" --model "$model" --codes "$out/fit/codes.json" --orbit 24 \
+    --out "$out/orbit.gif"
 
 cat <<END
 
 Done in $((SECONDS / 60)) min $((SECONDS % 60)) s.
   $out/fit/fit.png      photo | encoder's first guess | fitted | mask
   $out/fit/report.json  the metrics above and the loss of every step
-  $out/orbit.gif        the fitted head from all sides
-  $out/run/samples      how training went
+  $out/orbit.gif        an orbit around the fitted head
+  $out/run/samples      the progress of the training
 END

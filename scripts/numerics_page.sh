@@ -1,8 +1,12 @@
 #!/bin/sh
-# Brings docs/numerics.md up to date with a report: numerics_page.sh REPORT, the folder that `stymo-bench report --out REPORT` wrote.
-# Tables between "<!-- table NAME -->" and "<!-- end -->" become the report's, plots are copied. What the report does not have stays.
+# Updates docs/numerics.md from a report: numerics_page.sh REPORT, the folder that
+# `stymo-bench report --out REPORT` wrote. Replaces the tables between "<!-- table NAME -->" and
+# "<!-- end -->" and copies the plots that the page shows. What the report lacks stays.
 set -eu
-[ $# -eq 1 ] && [ -f "$1/report.md" ] || { echo "usage: $0 REPORT, a folder with report.md" >&2; exit 2; }
+[ $# -eq 1 ] && [ -f "$1/report.md" ] || {
+    echo "usage: $0 REPORT, a folder with report.md" >&2
+    exit 2
+}
 report=$1
 docs=$(dirname "$0")/../docs
 
@@ -12,9 +16,12 @@ done
 unfinished=$(mktemp)
 awk '
     NR == FNR {
-        # A table comes before the line that links its numbers.
+        # In the report a table stands before the line that names its CSV file.
         if (/^\|/) { if (!within) table = ""; within = 1; table = table $0 "\n" } else within = 0
-        if (/^Numbers: \[/) { name = $2; sub(/^\[/, "", name); sub(/\.csv.*/, "", name); tables[name] = table; table = "" }
+        if (match($0, /^Numbers: \[report_[a-z0-9_]*/)) {
+            tables[substr($0, 18, RLENGTH - 17)] = table
+            table = ""
+        }
         next
     }
     /^<!-- table / && tables[$3] != "" { print; printf "%s", tables[$3]; skipping = 1; next }

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Installs packages, builds into build/ and runs the tests. --slow runs the slow ones too.
+# Installs packages, builds into build/ and runs the tests. --slow adds the slow tests.
 set -euo pipefail
 
-usage="usage: scripts/test.sh [--slow]"
+usage="usage: scripts/test.sh [--slow]   (--slow: run the slow tests too)"
 selection=(--label-exclude slow)
 for argument in "$@"; do
     case "$argument" in

@@ -1,126 +1,145 @@
 #include "train/adversarial_stage.h"
 
-#include <algorithm>
+#include <cmath>
 
-#include "core/autograd/grad.h"
-#include "core/autograd/recompute.h"
-#include "core/error.h"
-#include "core/ops/ops.h"
-#include "nn/adversarial.h"
-#include "train/loss_sum.h"
-#include "train/memory_estimate.h"
+#include "train/discriminator_gradients.h"
 
 namespace stymo {
 
-void DiscriminatorTerms::accumulate(const DiscriminatorTerms& other, double part) {
-    loss += part * other.loss;
-    real_logit += part * other.real_logit;
-    fake_logit += part * other.fake_logit;
-    r1 += part * other.r1;
-}
-
 namespace {
 
-const Tensor& photos(const TrainingBatch& batch, const AdversarialPhase& phase) {
-    const auto found = std::ranges::find_if(batch.targets, [&](const Tensor& t) { return t.shape(1) == phase.resolution; });
-    if (found == batch.targets.end())
-        fail<ShapeError>("the batch has no pictures of ", phase.resolution, " pixels for this phase of the second stage");
-    return *found;
+constexpr const char* mapping_prefix = "decoder.mapping.";
+constexpr const char* discriminator_name = "discriminator";
+constexpr const char* discriminator_prefix = "discriminator.";
+constexpr const char* generator_adam_prefix = "generator_adam.";
+constexpr const char* discriminator_adam_prefix = "discriminator_adam.";
+
+/// StyleGAN2's correction of Adam's rates for lazy regularization: r steps take r + 1 updates.
+double lazy_part(const AdversarialStageConfig& config) {
+    const auto interval = static_cast<double>(config.r1_interval);
+    return interval / (interval + 1.0);
 }
 
-/// Pictures of the batch's faces as the discriminator sees them, one face at a time: none needs the memory of more.
-Tensor fakes(const Model& model, const TrainingBatch& batch, const AdversarialPhase& phase, Rng& jitter,
-             const CodeOffsets* offsets) {
-    const Codes codes = detached(face_codes(model, batch, offsets));
-    std::vector<Variable> pictures;
-    for (std::int64_t i = 0; i < codes.batch(); ++i) {
-        Codes face;
-        std::ranges::transform(codes.groups, face.groups.begin(), [i](const Variable& g) { return slice(g, 0, i, i + 1); });
-        const Decoded decoded =
-            model.decoder()(face, {batch.cameras[static_cast<std::size_t>(i)]},
-                            {.samples_per_ray = phase.samples_per_ray, .resolution = phase.resolution, .jitter = &jitter});
-        pictures.push_back(decoded.images.back().detach());
-    }
-    return faded_image(concat(pictures, 0), phase.fade).value();
-}
-
-struct Judged {
-    double loss = 0.0;
-    double logit = 0.0;  ///< mean
-    std::vector<Variable> gradients;
-};
-
-Judged judged(const Discriminator& discriminator, const Tensor& images, double fade, Variable (*loss_of)(const Variable&),
-              const std::vector<Variable>& leaves) {
-    const Variable logits = discriminator(images, fade);
-    const Variable loss = loss_of(logits);
-    return {loss.value().item(), mean(logits).value().item(), grad(loss, leaves)};
-}
-
-/// The adversarial loss of `images` with its gradient already taken, so that the discriminator's graph is gone before the
-/// perceptual network's is made.
-Variable adversarial_loss(const Discriminator& discriminator, const Variable& images, double fade) {
-    return differentiate_at_once([&](const Variable& x) { return generator_loss(discriminator(faded_image(x, fade), fade)); },
-                                 images);
+AdamOptions discriminator_adam(const AdversarialStageConfig& config) {
+    const double part = lazy_part(config);
+    return {std::pow(config.beta1, part), std::pow(config.beta2, part), config.epsilon};
 }
 
 }  // namespace
 
-DiscriminatorGradients discriminator_gradients(const Model& model, const Discriminator& discriminator, const TrainingBatch& batch,
-                                               const AdversarialPhase& phase, const std::vector<Parameter>& parameters,
-                                               Rng& jitter, const CodeOffsets* offsets) {
-    const Tensor real_images = faded_image(photos(batch, phase), phase.fade).value();
-    const Tensor fake_images = fakes(model, batch, phase, jitter, offsets);
-    const std::vector<Variable> leaves = variables_of(parameters);
-    const Judged real = judged(discriminator, real_images, phase.fade, real_loss, leaves);
-    const Judged fake = judged(discriminator, fake_images, phase.fade, fake_loss, leaves);
+AdversarialStage::TrainedDiscriminator::TrainedDiscriminator(const TrainConfig& config, Rng rng)
+    : network(config.discriminator, config.model.decoder.resolution, parameters, discriminator_name,
+              rng),
+      adam(discriminator_adam(config.stage2)) {}
 
-    DiscriminatorGradients result;
-    result.losses = {.loss = real.loss + fake.loss, .real_logit = real.logit, .fake_logit = fake.logit};
-    for (std::size_t i = 0; i < leaves.size(); ++i) result.gradients.push_back(real.gradients[i] + fake.gradients[i]);
-    return result;
+AdversarialStage::AdversarialStage(const TrainingParts& parts)
+    : parts_(parts),
+      adam_({parts.config.stage2.beta1, parts.config.stage2.beta2, parts.config.stage2.epsilon}) {
+    if (parts.config.loss.adversarial_weight > 0.0)
+        discriminator_.emplace(parts.config, parts.rng.split(discriminator_name));
 }
 
-DiscriminatorGradients r1_gradients(const Discriminator& discriminator, const TrainingBatch& batch, const AdversarialPhase& phase,
-                                    double weight, const std::vector<Parameter>& parameters) {
-    const Tensor real_images = faded_image(photos(batch, phase), phase.fade).value();
-    const Variable penalty = r1_penalty([&](const Variable& images) { return discriminator(images, phase.fade); }, real_images);
-    DiscriminatorGradients result;
-    result.losses.r1 = penalty.value().item();
-    result.gradients = grad(penalty * weight, variables_of(parameters));
-    return result;
+std::vector<Parameter> AdversarialStage::unfreeze_discriminator(const TrainingPosition& position) {
+    const std::int64_t resolution = position.phase.resolution;
+    const ResolutionLadder ladder = parts_.model.decoder().ladder().up_to(resolution);
+    std::vector<std::string> prefixes;
+    for (const std::int64_t side : ladder.sides()) {
+        for (std::string& prefix : Discriminator::prefixes_of(discriminator_name, side))
+            prefixes.push_back(std::move(prefix));
+        // The discriminator reads the images through one fromRGB layer, and while the block fades
+        // in also through that of the resolution below.
+        const bool entered = side == resolution || (2 * side == resolution && position.fade < 1.0);
+        if (!entered)
+            std::erase(prefixes, discriminator_prefix + ("from_rgb" + std::to_string(side)) + ".");
+    }
+    return unfreeze_only(discriminator_->parameters, prefixes);
 }
 
-LossAndGradients generator_gradients(const Model& model, const Discriminator* discriminator,
-                                     const ReconstructionLoss& reconstruction, const TrainingBatch& batch,
-                                     const AdversarialPhase& phase, const TrainConfig& config,
-                                     const std::vector<Parameter>& parameters, bool mask_loss, Rng& jitter,
-                                     const CodeOffsets* offsets) {
-    const LossConfig& weights = config.loss;
-    // The branch sums up the features of every block, so it is trained where all of them are there.
-    const bool with_mask = mask_loss && weights.mask_weight > 0.0 && phase.resolution == model.decoder().config().resolution;
-    const Codes codes = detached(face_codes(model, batch, offsets));
-    const Recomputation recomputation = choose_recomputation(
-        config,
-        {.stage = 2, .resolution = phase.resolution, .micro_batch = codes.batch(), .samples_per_ray = phase.samples_per_ray});
-    const Decoded decoded = model.decoder()(codes, batch.cameras,
-                                            {.samples_per_ray = phase.samples_per_ray,
-                                             .resolution = phase.resolution,
-                                             .mask = with_mask,
-                                             .keep_field = !recomputation.field,
-                                             .recompute_blocks = recomputation.blocks,
-                                             .jitter = &jitter});
+void AdversarialStage::apply(const LossAndGradients& update,
+                             const std::vector<Parameter>& parameters, StepReport& report) {
+    for (const std::string_view name : discriminator_loss_names)
+        report.losses[name] += update.losses[name];
+    report.non_finite = non_finite(update, parameters);
+    const AdversarialStageConfig& config = parts_.config.stage2;
+    if (!report.non_finite)
+        discriminator_->adam.step(parameters, update.gradients,
+                                  config.discriminator_learning_rate * lazy_part(config));
+}
 
-    LossAndGradients result;
-    LossTerms& report = result.losses;
-    Variable total = Tensor::zeros({}, decoded.images.back().dtype());
-    add_term(total, report.adversarial, weights.adversarial_weight,
-             [&] { return adversarial_loss(*discriminator, decoded.images.back(), phase.fade); });
-    add_common_terms(total, report, reconstruction(decoded.images, reconstruction.target(batch.targets, phase.resolution)),
-                     decoded, batch, with_mask, weights);
-    report.total = total.value().item();
-    result.gradients = grad(total, variables_of(parameters));
-    return result;
+void AdversarialStage::update_discriminator(const TrainingPosition& position, StepReport& report) {
+    // Frozen, so that no graph is recorded while its images are rendered.
+    parts_.model.parameters().set_trainable("", false);
+    const std::vector<Parameter> parameters = unfreeze_discriminator(position);
+    const GeneratorInputs inputs{parts_.model, parts_.reconstruction, parts_.config, parts_.offsets,
+                                 &discriminator_->network};
+    Rng jitter = step_jitter(parts_, position, "discriminator jitter");
+    apply(mean_over_micro_batches(parts_, position,
+                                  [&](const FaceBatch& batch) {
+                                      return discriminator_gradients(inputs, position, batch,
+                                                                     parameters, jitter);
+                                  }),
+          parameters, report);
+}
+
+void AdversarialStage::regularize_discriminator(const TrainingPosition& position,
+                                                StepReport& report) {
+    const std::int64_t interval = parts_.config.stage2.r1_interval;
+    const double gamma = position.phase.r1_gamma;
+    if (report.non_finite || position.step % interval != 0 || gamma == 0.0) return;
+    const std::vector<Parameter> parameters = unfreeze_discriminator(position);
+    const double weight = gamma * static_cast<double>(interval);
+    apply(mean_over_micro_batches(parts_, position,
+                                  [&](const FaceBatch& batch) {
+                                      return r1_gradients(discriminator_->network, position, batch,
+                                                          weight, parameters);
+                                  }),
+          parameters, report);
+    report.regularized = true;
+}
+
+void AdversarialStage::update_decoder(const TrainingPosition& position, StepReport& report) {
+    if (report.non_finite) return;
+    if (discriminator_) discriminator_->parameters.set_trainable("", false);
+    const AdversarialStageConfig& config = parts_.config.stage2;
+    const std::vector<Parameter> parameters =
+        unfreeze_only(parts_.model.parameters(), trained_decoder_prefixes(parts_.model, position));
+    update_generator(parts_, position, discriminator_ ? &discriminator_->network : nullptr,
+                     parameters, adam_,
+                     {config.learning_rate, mapping_prefix, config.mapping_factor}, report);
+}
+
+StepReport AdversarialStage::step(const TrainingPosition& position) {
+    StepReport report;
+    if (!discriminator_) {
+        update_decoder(position, report);
+        return report;
+    }
+    // If any update of the step is not finite, none of them counts.
+    const std::vector<Variable> values = variables_of(discriminator_->parameters.all());
+    const Adam adam = discriminator_->adam;
+    update_discriminator(position, report);
+    regularize_discriminator(position, report);
+    update_decoder(position, report);
+    if (report.non_finite) {
+        for (std::size_t i = 0; i < values.size(); ++i)
+            discriminator_->parameters.all()[i].set_value(values[i].value());
+        discriminator_->adam = adam;
+    }
+    return report;
+}
+
+void AdversarialStage::save(TensorFile& file) const {
+    adam_.save(file, generator_adam_prefix);
+    if (!discriminator_) return;
+    discriminator_->parameters.save(file);
+    discriminator_->adam.save(file, discriminator_adam_prefix);
+}
+
+void AdversarialStage::load(const TensorFile& file, const std::string& source) {
+    adam_.load(file, source, generator_adam_prefix);
+    if (!discriminator_ || !has_prefix(file, discriminator_prefix)) return;
+    discriminator_->parameters.load(file, source);
+    discriminator_->adam.load(file, source, discriminator_adam_prefix);
 }
 
 }  // namespace stymo

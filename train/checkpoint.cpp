@@ -21,7 +21,8 @@ std::string exact_text(T value) {
 template <class T>
 void read_exact(const TensorFile& file, const std::string& source, const char* key, T& value) {
     const auto found = file.metadata.find(key);
-    if (found == file.metadata.end()) fail<FileError>(source, ": not a training state (\"", key, "\" is missing)");
+    if (found == file.metadata.end())
+        fail<FileError>(source, ": not a training state (\"", key, "\" is missing)");
     const std::string& text = found->second;
     const auto end = std::from_chars(text.data(), text.data() + text.size(), value);
     if (end.ec != std::errc{} || end.ptr != text.data() + text.size())
@@ -42,12 +43,15 @@ void for_each_number(State& state, Visit visit) {
 
 }  // namespace
 
-void write_checkpoint(const std::filesystem::path& folder, const Model& model, const Checkpoint& checkpoint) {
+void write_checkpoint(const std::filesystem::path& folder, const Model& model,
+                      const Checkpoint& checkpoint) {
     TensorFile file = checkpoint.tensors;
-    for_each_number(checkpoint.state, [&](const char* key, auto value) { file.metadata[key] = exact_text(value); });
+    for_each_number(checkpoint.state,
+                    [&](const char* key, auto value) { file.metadata[key] = exact_text(value); });
     file.metadata["mask_loss"] = checkpoint.state.mask_loss ? "1" : "0";
     const auto epochs = static_cast<std::int64_t>(checkpoint.state.epoch_losses.size());
-    file.tensors[epoch_losses_name] = Tensor::from({epochs}, std::span<const double>(checkpoint.state.epoch_losses));
+    file.tensors[epoch_losses_name] =
+        Tensor::from({epochs}, std::span<const double>(checkpoint.state.epoch_losses));
     write_checkpoint_folder(folder, [&](const std::filesystem::path& unfinished) {
         model.save(unfinished / "model.safetensors");
         write_tensor_file(unfinished / "state.safetensors", file);
@@ -60,12 +64,14 @@ Checkpoint read_checkpoint(const std::filesystem::path& folder, Model& model) {
     const std::string source = (folder / "state.safetensors").string();
     Checkpoint checkpoint{{}, read_tensor_file(source)};
     TensorFile& file = checkpoint.tensors;
-    for_each_number(checkpoint.state, [&](const char* key, auto& value) { read_exact(file, source, key, value); });
+    for_each_number(checkpoint.state,
+                    [&](const char* key, auto& value) { read_exact(file, source, key, value); });
     int mask_loss = 0;
     read_exact(file, source, "mask_loss", mask_loss);
     checkpoint.state.mask_loss = mask_loss != 0;
     const auto losses = file.tensors.find(epoch_losses_name);
-    if (losses == file.tensors.end()) fail<FileError>(source, ": not a training state (\"", epoch_losses_name, "\" is missing)");
+    if (losses == file.tensors.end())
+        fail<FileError>(source, ": not a training state (\"", epoch_losses_name, "\" is missing)");
     checkpoint.state.epoch_losses = losses->second.to_vector();
     // Last, so that a state that cannot be read leaves the model as it was.
     model.parameters().load(read_tensor_file(model_file), model_file);

@@ -9,12 +9,12 @@
 
 namespace stymo {
 
-/// What decides the next step beside the weights. Everything random is a pure function of seed and step, so no generator's state
-/// is needed.
+/// What the next step depends on, apart from the weights. Everything random is a pure function of
+/// seed and step, so no generator's state is needed.
 struct TrainingState {
     std::uint64_t seed = 0;
     std::int64_t step = 0;        ///< optimiser steps done
-    bool mask_loss = false;       ///< switched on, and stays so
+    bool mask_loss = false;       ///< switched on; it stays on
     double epoch_loss_sum = 0.0;  ///< reconstruction loss of the running epoch's steps
     std::int64_t epoch_loss_count = 0;
     std::vector<double> epoch_losses;  ///< means of the epochs that are over
@@ -25,14 +25,16 @@ struct TrainingState {
 
 struct Checkpoint {
     TrainingState state;
-    TensorFile tensors;  ///< discriminator, optimisers' moments and averaged model, under prefixes
+    TensorFile
+        tensors;  ///< discriminator, optimisers' moments and EMA of the weights, under prefixes
 };
 
-/// Writes `folder`/{model,state}.safetensors; the folder appears whole or not at all, in place of an older one of its name.
-/// Throws FileError if it cannot be written.
-void write_checkpoint(const std::filesystem::path& folder, const Model& model, const Checkpoint& checkpoint);
-/// Reads the weights into `model` and returns the rest. Throws FileError naming what is missing or does not fit, and leaves the
-/// model as it was.
+/// Writes `folder`/{model,state}.safetensors; the folder appears whole or not at all, in place of
+/// an older one of its name. Throws FileError if it cannot be written.
+void write_checkpoint(const std::filesystem::path& folder, const Model& model,
+                      const Checkpoint& checkpoint);
+/// Reads the weights into `model` and returns the rest. Throws FileError naming what is missing or
+/// does not fit, and leaves the model as it was.
 [[nodiscard]] Checkpoint read_checkpoint(const std::filesystem::path& folder, Model& model);
 
 }  // namespace stymo

@@ -35,7 +35,8 @@ void remove_or_fail(const fs::path& folder) {
 
 }  // namespace
 
-void write_checkpoint_folder(const fs::path& folder, const std::function<void(const fs::path&)>& write) {
+void write_checkpoint_folder(const fs::path& folder,
+                             const std::function<void(const fs::path&)>& write) {
     repair_checkpoint_folder(folder);
     const fs::path source = with_suffix(folder, unfinished);
     remove_or_fail(source);
@@ -72,8 +73,10 @@ void repair_checkpoint_folder(const fs::path& folder) {
 }
 
 void repair_checkpoint_folders(const fs::path& folder) {
-    // Listed first: what a listing shows of entries that change meanwhile is anyone's guess.
-    const std::vector<fs::directory_entry> entries{fs::directory_iterator(folder), fs::directory_iterator()};
+    // Listed before any change, because a directory iterator may or may not show entries that are
+    // renamed meanwhile.
+    const std::vector<fs::directory_entry> entries{fs::directory_iterator(folder),
+                                                   fs::directory_iterator()};
     for (const fs::directory_entry& entry : entries) {
         fs::path path = entry.path();
         if (path.extension() == unfinished) remove_or_fail(path);

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "nn/models/reconstruction.h"
 #include "train/schedule.h"
 #include "train/train_config.h"
 
@@ -13,10 +14,10 @@ struct Recomputation {
     bool field = false;   ///< the field, tile by tile
 };
 
-/// Estimated peak of one training step, in bytes: what lasts from step to step, and what each part of the step needs beyond it
-/// for one micro-batch. The parts follow one another.
+/// Estimated peak of one training step, in bytes: what lasts from step to step, and what each part
+/// of the step needs beyond it for one micro-batch. The parts follow one another.
 struct StepMemory {
-    std::int64_t lasting = 0;        ///< weights, their gradients, the optimisers' moments, averages
+    std::int64_t lasting = 0;        ///< weights, their gradients, the optimisers' moments, EMA
     std::int64_t generator = 0;      ///< encoder, decoder and losses, forward and backward
     std::int64_t discriminator = 0;  ///< 0 in the first stage
     std::int64_t regularizer = 0;    ///< R1, a backward pass through a backward pass
@@ -24,14 +25,19 @@ struct StepMemory {
     [[nodiscard]] std::int64_t peak() const;
 };
 
-/// Of `phase` only stage, resolution, micro_batch and samples_per_ray are read. Counts what the layers save and the largest
-/// intermediate results beside it; within 25 % of the measured peak for the model sizes of configs/ (docs/decisions.md has the
-/// figures). Not counted: the decoded faces that the data set keeps (data.cache_megabytes).
-[[nodiscard]] StepMemory estimate_step_memory(const TrainConfig& config, const TrainingPhase& phase,
+/// The sum of what the layers of the model and of the loss report (LayerMemory). Of `phase` only
+/// stage, resolution, micro_batch and samples_per_ray are read. Within 25 % of the measured peak
+/// for the model sizes of configs/ (docs/decisions.md has the figures). Not counted: the decoded
+/// faces that the data set keeps (data.cache_megabytes).
+[[nodiscard]] StepMemory estimate_step_memory(const Model& model, const ReconstructionLoss& loss,
+                                              const TrainConfig& config, const TrainingPhase& phase,
                                               const Recomputation& recomputation);
 
-/// The least recomputation with which 1.25 times the estimate for this phase fits memory.budget_gibibytes: none, the render
-/// blocks, or the field too. Throws ConfigError naming the key and the smallest budget that would do.
-[[nodiscard]] Recomputation choose_recomputation(const TrainConfig& config, const TrainingPhase& phase);
+/// The least recomputation with which 1.25 times the estimate for this phase fits
+/// memory.budget_gibibytes: none, the render blocks, or the field too. Throws ConfigError naming
+/// the key and the smallest budget that would do.
+[[nodiscard]] Recomputation choose_recomputation(const Model& model, const ReconstructionLoss& loss,
+                                                 const TrainConfig& config,
+                                                 const TrainingPhase& phase);
 
 }  // namespace stymo

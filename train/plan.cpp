@@ -44,7 +44,8 @@ std::int64_t discriminator_parameters(const TrainConfig& config) {
     if (config.stage2.resolutions.empty() || config.loss.adversarial_weight == 0.0) return 0;
     ParameterStore store;
     Rng rng(0);
-    const Discriminator discriminator(config.discriminator, config.model.decoder.resolution, store, "discriminator", rng);
+    const Discriminator discriminator(config.discriminator, config.model.decoder.resolution, store,
+                                      "discriminator", rng);
     return store.element_count();
 }
 
@@ -59,7 +60,8 @@ std::string recomputation_text(const Recomputation& recomputation) {
 
 }  // namespace
 
-TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config, const Dataset& training, MeasuredPhases measured) {
+TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config, const Dataset& training,
+                          MeasuredPhases measured) {
     TrainingPlan plan{.encoder_parameters = trainer.model().parameters().element_count("encoder."),
                       .decoder_parameters = trainer.model().parameters().element_count("decoder."),
                       .discriminator_parameters = discriminator_parameters(config),
@@ -69,13 +71,18 @@ TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config, const Dat
     const std::vector<TrainingPhase>& phases = trainer.schedule().phases();
     for (const TrainingPhase& phase : phases) {
         const double images = static_cast<double>(phase.steps * phase.batch);
-        PhasePlan& part =
-            plan.phases.emplace_back(PhasePlan{.phase = phase, .epochs = images / static_cast<double>(plan.images)});
-        part.recomputation = choose_recomputation(config, phase);
+        PhasePlan& part = plan.phases.emplace_back(
+            PhasePlan{.phase = phase, .epochs = images / static_cast<double>(plan.images)});
+        part.recomputation =
+            choose_recomputation(trainer.model(), trainer.reconstruction(), config, phase);
         part.estimated_megabytes =
-            static_cast<double>(estimate_step_memory(config, phase, part.recomputation).peak()) / 1048576.0;
+            static_cast<double>(estimate_step_memory(trainer.model(), trainer.reconstruction(),
+                                                     config, phase, part.recomputation)
+                                    .peak()) /
+            1048576.0;
         const bool at_an_end = &phase == &phases.front() || &phase == &phases.back();
-        if (measured == MeasuredPhases::all || (measured == MeasuredPhases::ends && at_an_end)) measure(part, trainer, config);
+        if (measured == MeasuredPhases::all || (measured == MeasuredPhases::ends && at_an_end))
+            measure(part, trainer, config);
     }
     return plan;
 }
@@ -83,19 +90,24 @@ TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config, const Dat
 std::string plan_text(const TrainingPlan& plan) {
     std::ostringstream text;
     text << std::fixed << std::setprecision(2);
-    text << "parameters    encoder " << plan.encoder_parameters << ", decoder " << plan.decoder_parameters;
-    if (plan.discriminator_parameters > 0) text << ", discriminator " << plan.discriminator_parameters;
+    text << "parameters    encoder " << plan.encoder_parameters << ", decoder "
+         << plan.decoder_parameters;
+    if (plan.discriminator_parameters > 0)
+        text << ", discriminator " << plan.discriminator_parameters;
     if (!plan.lpips_network.empty()) text << "\nLPIPS         " << plan.lpips_network;
-    text << "\nimages        " << plan.images << " for training, " << plan.side << " pixels a side\n";
+    text << "\nimages        " << plan.images << " for training, " << plan.side
+         << " pixels a side\n";
     for (const PhasePlan& part : plan.phases) {
         const TrainingPhase& phase = part.phase;
-        text << "stage " << phase.stage << ", " << std::setw(4) << phase.resolution << ' ' << phase.steps << " steps of "
-             << phase.batch << " images (" << phase.micro_batch << " at once), " << phase.samples_per_ray << " samples per ray, "
-             << part.epochs << " epochs\n  memory      about " << std::llround(part.estimated_megabytes) << " MiB"
+        text << "stage " << phase.stage << ", " << std::setw(4) << phase.resolution << ' '
+             << phase.steps << " steps of " << phase.batch << " images (" << phase.micro_batch
+             << " at once), " << phase.samples_per_ray << " samples per ray, " << part.epochs
+             << " epochs\n  memory      about " << std::llround(part.estimated_megabytes) << " MiB"
              << recomputation_text(part.recomputation) << '\n';
         if (!part.measured) continue;
-        text << "  one step    " << part.step_seconds << " s, loss " << part.step_loss << ", peak memory " << part.peak_megabytes
-             << " MiB\n  all steps   " << duration_text(part.step_seconds * static_cast<double>(phase.steps)) << '\n';
+        text << "  one step    " << part.step_seconds << " s, loss " << part.step_loss
+             << ", peak memory " << part.peak_megabytes << " MiB\n  all steps   "
+             << duration_text(part.step_seconds * static_cast<double>(phase.steps)) << '\n';
     }
     return text.str();
 }
@@ -121,12 +133,13 @@ JsonValue to_json(const TrainingPlan& plan) {
         }
         phases.push_back(phase);
     }
-    JsonValue object = JsonValue::object({{"encoder_parameters", plan.encoder_parameters},
-                                          {"decoder_parameters", plan.decoder_parameters},
-                                          {"discriminator_parameters", plan.discriminator_parameters},
-                                          {"images", plan.images},
-                                          {"side", plan.side},
-                                          {"phases", phases}});
+    JsonValue object =
+        JsonValue::object({{"encoder_parameters", plan.encoder_parameters},
+                           {"decoder_parameters", plan.decoder_parameters},
+                           {"discriminator_parameters", plan.discriminator_parameters},
+                           {"images", plan.images},
+                           {"side", plan.side},
+                           {"phases", phases}});
     if (!plan.lpips_network.empty()) object.add("lpips_network", plan.lpips_network);
     return object;
 }
@@ -134,9 +147,10 @@ JsonValue to_json(const TrainingPlan& plan) {
 std::string outcome_text(const TrainingOutcome& outcome, const RunFolder& folder) {
     std::ostringstream text;
     text << std::fixed << std::setprecision(4) << "steps " << outcome.steps
-         << (outcome.finished ? "" : " (stopped early; --resume latest goes on)") << ", loss " << outcome.last_tick.total
-         << ", reconstruction " << outcome.last_tick.reconstruction << std::setprecision(1) << ", " << outcome.images_per_second
-         << " images/s, " << duration_text(outcome.seconds) << ", " << folder.model_file().string() << '\n';
+         << (outcome.finished ? "" : " (stopped early; --resume latest goes on)") << ", loss "
+         << outcome.last_tick.total << ", reconstruction " << outcome.last_tick["reconstruction"]
+         << std::setprecision(1) << ", " << outcome.images_per_second << " images/s, "
+         << duration_text(outcome.seconds) << ", " << folder.model_file().string() << '\n';
     return text.str();
 }
 
@@ -146,7 +160,7 @@ JsonValue to_json(const TrainingOutcome& outcome, const RunFolder& folder) {
                               {"seconds", outcome.seconds},
                               {"images_per_second", outcome.images_per_second},
                               {"loss", outcome.last_tick.total},
-                              {"reconstruction", outcome.last_tick.reconstruction},
+                              {"reconstruction", outcome.last_tick["reconstruction"]},
                               {"model", folder.model_file().string()}});
 }
 

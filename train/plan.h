@@ -16,29 +16,31 @@ struct PhasePlan {
     Recomputation recomputation{};
     double estimated_megabytes = 0.0;  ///< peak memory of a step
     bool measured = false;
-    double step_seconds = 0.0;  ///< of a step, with its share of R1; 0 unless measured, as what follows
-    double step_loss = 0.0;     ///< of the first step
+    double step_seconds =
+        0.0;  ///< of a step, with its share of R1; 0 unless measured, as what follows
+    double step_loss = 0.0;  ///< of the first step
     double peak_megabytes = 0.0;
 };
 
-/// What a run would do.
+/// The phases of a run with their cost.
 struct TrainingPlan {
     std::int64_t encoder_parameters = 0;
     std::int64_t decoder_parameters = 0;
     std::int64_t discriminator_parameters = 0;  ///< 0 without one
-    std::string lpips_network{};                ///< Lpips::label(); empty without the perceptual term
+    std::string lpips_network{};  ///< Lpips::label(); empty without the perceptual term
     std::int64_t images = 0;
     std::int64_t side = 0;  ///< of the images, in pixels
     std::vector<PhasePlan> phases{};
 };
 
-/// Which phases are measured by doing optimiser steps: one of the first stage, two of a phase of the second (with R1 and
-/// without).
+/// Which phases are measured by doing optimiser steps: one of the first stage, two of a phase of
+/// the second (with R1 and without).
 enum class MeasuredPhases { none, ends, all };
 
-/// The plan of a run that has not begun; its trainer is spoilt by the steps that are measured.
-[[nodiscard]] TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config, const Dataset& training,
-                                        MeasuredPhases measured);
+/// The plan of a run that has not begun. Measuring does optimiser steps, so the trainer must not be
+/// used for the run afterwards.
+[[nodiscard]] TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config,
+                                        const Dataset& training, MeasuredPhases measured);
 [[nodiscard]] std::string plan_text(const TrainingPlan& plan);
 [[nodiscard]] JsonValue to_json(const TrainingPlan& plan);
 /// One line on how a run ended.

@@ -46,11 +46,12 @@ std::string time_text() {
 std::int64_t step_of(std::string_view line) {
     constexpr std::string_view start = "{\"step\":";
     std::int64_t step = -1;
-    if (line.starts_with(start)) std::from_chars(line.data() + start.size(), line.data() + line.size(), step);
+    if (line.starts_with(start))
+        std::from_chars(line.data() + start.size(), line.data() + line.size(), step);
     return step;
 }
 
-/// The step that a checkpoint's folder is named by, or nothing for another name.
+/// The step in the name of a checkpoint's folder, or nothing for another name.
 std::optional<std::int64_t> checkpoint_step(const std::filesystem::path& folder) {
     const std::string name = folder.filename().string();
     std::int64_t step = 0;
@@ -60,7 +61,8 @@ std::optional<std::int64_t> checkpoint_step(const std::filesystem::path& folder)
 }
 
 /// Numbers of a JSON object as scalars; null stands for what is not finite.
-void write_scalars(EventFile& events, std::int64_t step, const std::string& prefix, const nlohmann::ordered_json& object) {
+void write_scalars(EventFile& events, std::int64_t step, const std::string& prefix,
+                   const nlohmann::ordered_json& object) {
     for (const auto& [key, value] : object.items()) {
         if (value.is_object()) write_scalars(events, step, prefix + key + "/", value);
         if (value.is_number()) events.scalar(step, prefix + key, value.get<double>());
@@ -74,14 +76,16 @@ std::filesystem::path latest_checkpoint(const std::filesystem::path& run) {
     if (!std::filesystem::exists(pointer))
         fail<FileError>(run.string(), ": no checkpoint to resume from; start without --resume");
     std::string name = read_text_file(pointer);
-    while (!name.empty() && (name.back() == '\n' || name.back() == '\r' || name.back() == ' ')) name.pop_back();
+    while (!name.empty() && (name.back() == '\n' || name.back() == '\r' || name.back() == ' '))
+        name.pop_back();
     return run / "checkpoints" / name;
 }
 
 RunFolder::RunFolder(std::filesystem::path path, bool resume) : path_(std::move(path)) {
     if (!resume && std::filesystem::exists(path_ / "latest")) {
         fail<FileError>(path_.string(),
-                        ": holds a training run already; continue it with --resume latest or choose another --out");
+                        ": holds a training run already; continue it with --resume latest or "
+                        "choose another --out");
     }
     require_writable_folder(path_);
     require_writable_folder(path_ / "samples");
@@ -125,7 +129,7 @@ void RunFolder::forget_statistics_after(std::int64_t step) const {
     std::istringstream lines(read_text_file(file));
     std::string kept;
     for (std::string line; std::getline(lines, line);) {
-        // A crash may have cut the last line off.
+        // A crash may have truncated the last line.
         if (line.ends_with('}') && step_of(line) <= step) kept += line + '\n';
     }
     write_text_file(file, kept);
@@ -149,7 +153,8 @@ void RunFolder::finish_checkpoint(std::int64_t step, std::int64_t keep) const {
     }
     std::ranges::sort(older);
     const auto surplus = static_cast<std::int64_t>(older.size()) + 1 - keep;
-    for (std::int64_t i = 0; i < surplus; ++i) remove_checkpoint_folder(older[static_cast<std::size_t>(i)].second);
+    for (std::int64_t i = 0; i < surplus; ++i)
+        remove_checkpoint_folder(older[static_cast<std::size_t>(i)].second);
 }
 
 }  // namespace stymo

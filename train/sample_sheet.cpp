@@ -4,9 +4,9 @@
 
 #include "core/angle.h"
 #include "core/io/image.h"
-#include "nn/models/picture.h"
+#include "nn/models/display_image.h"
 #include "nn/models/view.h"
-#include "train/batch.h"
+#include "train/data/batch.h"
 
 namespace stymo {
 
@@ -16,19 +16,21 @@ constexpr std::int64_t faces_shown = 6;
 
 }  // namespace
 
-Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t resolution, std::int64_t samples_per_ray,
-                    const CodeOffsets* offsets) {
+Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t resolution,
+                    std::int64_t samples_per_ray, const CodeOffsets* offsets) {
     std::vector<Tensor> tiles;
     for (std::int64_t index = 0; index < std::min(faces_shown, faces.size()); ++index) {
-        const TrainingBatch batch = make_batch(std::vector{faces.load(index)});
+        const FaceBatch batch =
+            make_batch(std::vector{faces.load(index)}, model.decoder().ladder().smallest());
         const Codes codes = face_codes(model, batch, offsets);
         const auto show = [&](const Camera& camera) {
-            const Decoded decoded =
-                model.decoder()(codes, {camera}, {.samples_per_ray = samples_per_ray, .resolution = resolution});
-            tiles.push_back(picture(decoded.images.back().value(), 0));
+            const Decoded decoded = model.decoder()(
+                codes, {camera}, {.samples_per_ray = samples_per_ray, .resolution = resolution});
+            tiles.push_back(display_image(decoded.images.back().value(), 0));
         };
-        const auto target = std::ranges::find(batch.targets, resolution, [](const Tensor& images) { return images.shape(1); });
-        tiles.push_back(picture(*target, 0));
+        const auto target = std::ranges::find(batch.targets, resolution,
+                                              [](const Tensor& images) { return images.shape(1); });
+        tiles.push_back(display_image(*target, 0));
         show(batch.cameras.front());
         for (const double yaw_degrees : {-30.0, 0.0, 30.0}) {
             show(model_camera(model, radians_from_degrees(yaw_degrees), 0.0, 0.0));

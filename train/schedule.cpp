@@ -6,9 +6,10 @@
 
 namespace stymo {
 
-std::vector<std::int64_t> TrainingPlace::micro_batches() const {
+std::vector<std::int64_t> TrainingPosition::micro_batches() const {
     std::vector<std::int64_t> first_images;
-    for (std::int64_t done = 0; done < phase.batch; done += phase.micro_batch) first_images.push_back(first_image + done);
+    for (std::int64_t done = 0; done < phase.batch; done += phase.micro_batch)
+        first_images.push_back(first_image + done);
     return first_images;
 }
 
@@ -42,13 +43,14 @@ std::int64_t TrainingSchedule::steps() const {
     return phases_.back().first_step + phases_.back().steps;
 }
 
-TrainingPlace TrainingSchedule::place(std::int64_t step) const {
+TrainingPosition TrainingSchedule::position(std::int64_t step) const {
     if (step < 0) fail<ValueError>("no training run has a step ", step);
     const auto after = std::ranges::upper_bound(phases_, step, {}, &TrainingPhase::first_step);
     const TrainingPhase& phase = *std::prev(after);
     const std::int64_t within = step - phase.first_step;
-    // As far as this step takes it: a new block has some weight from its first step on.
-    const double faded = static_cast<double>((within + 1) * phase.batch) / std::max(1.0, static_cast<double>(phase.fade_images));
+    // After this step, so that a new block has some weight from its first step on.
+    const double faded = static_cast<double>((within + 1) * phase.batch) /
+                         std::max(1.0, static_cast<double>(phase.fade_images));
     return {phase, within, std::min(1.0, faded), phase.first_image + within * phase.batch};
 }
 

@@ -13,70 +13,48 @@ void Tick::add(const StepReport& report) {
     regularized_steps_ += report.regularized ? 1 : 0;
     learning_rate_ = report.learning_rate;
     losses_.accumulate(report.losses, 1.0);
-    discriminator_.accumulate(report.discriminator, 1.0);
 }
 
-LossTerms Tick::losses() const {
-    LossTerms mean;
-    mean.accumulate(losses_, 1.0 / static_cast<double>(std::max<std::int64_t>(1, steps_)));
-    return mean;
-}
-
-DiscriminatorTerms Tick::discriminator() const {
-    DiscriminatorTerms mean;
-    mean.accumulate(discriminator_, 1.0 / static_cast<double>(std::max<std::int64_t>(1, steps_)));
-    mean.r1 = discriminator_.r1 / static_cast<double>(std::max<std::int64_t>(1, regularized_steps_));
+LossValues Tick::losses() const {
+    const auto mean_over = [](double sum, std::int64_t steps) {
+        return sum / static_cast<double>(std::max<std::int64_t>(1, steps));
+    };
+    LossValues mean;
+    mean.accumulate(losses_, mean_over(1.0, steps_));
+    mean["r1"] = mean_over(losses_["r1"], regularized_steps_);
     return mean;
 }
 
 std::string Tick::text() const {
-    const LossTerms loss = losses();
-    const DiscriminatorTerms judge = discriminator();
+    const LossValues mean = losses();
     std::ostringstream text;
-    text << std::fixed << std::setprecision(4) << "loss " << loss.total;
-    for (const auto& [name, value] : {std::pair<std::string_view, double>{"reconstruction", loss.reconstruction},
-                                      {"photometric", loss.photometric},
-                                      {"perceptual", loss.perceptual},
-                                      {"adversarial", loss.adversarial},
-                                      {"code", loss.code},
-                                      {"mask", loss.mask},
-                                      {"opacity", loss.opacity},
-                                      {"depth variance", loss.depth_variance},
-                                      {"code norm", loss.code_norm},
-                                      {"discriminator", judge.loss},
-                                      {"real", judge.real_logit},
-                                      {"fake", judge.fake_logit},
-                                      {"R1", judge.r1}}) {
-        if (value != 0.0) text << ", " << name << ' ' << value;
+    text << std::fixed << std::setprecision(4) << "loss " << mean.total;
+    std::vector<std::string_view> names = loss_names(2);
+    std::ranges::copy(discriminator_loss_names, std::back_inserter(names));
+    for (const std::string_view name : names) {
+        std::string words(name);
+        std::ranges::replace(words, '_', ' ');
+        if (mean[name] != 0.0) text << ", " << words << ' ' << mean[name];
     }
     return text.str();
 }
 
-JsonValue Tick::json(std::int64_t step, const TrainingPlace& place, double epoch, double images_per_second) const {
-    const LossTerms loss = losses();
+JsonValue Tick::json(std::int64_t step, const TrainingPosition& position, double epoch,
+                     double images_per_second) const {
+    const LossValues mean = losses();
     JsonValue object = JsonValue::object({{"step", step},
-                                          {"stage", place.phase.stage},
-                                          {"resolution", place.phase.resolution},
+                                          {"stage", position.phase.stage},
+                                          {"resolution", position.phase.resolution},
                                           {"epoch", epoch},
                                           {"learning_rate", learning_rate_},
                                           {"images_per_second", images_per_second},
-                                          {"loss", loss.total},
-                                          {"reconstruction", loss.reconstruction},
-                                          {"photometric", loss.photometric},
-                                          {"perceptual", loss.perceptual},
-                                          {"code", loss.code},
-                                          {"mask", loss.mask},
-                                          {"opacity", loss.opacity},
-                                          {"depth_variance", loss.depth_variance},
-                                          {"code_norm", loss.code_norm}});
-    if (place.phase.stage == 1) return object;
-    const DiscriminatorTerms judge = discriminator();
-    object.add("fade", place.fade);
-    object.add("adversarial", loss.adversarial);
-    object.add("discriminator", judge.loss);
-    object.add("real_logit", judge.real_logit);
-    object.add("fake_logit", judge.fake_logit);
-    object.add("r1", judge.r1);
+                                          {"loss", mean.total}});
+    for (const std::string_view name : loss_names(position.phase.stage))
+        object.add(std::string(name), mean[name]);
+    if (position.phase.stage == 1) return object;
+    object.add("fade", position.fade);
+    for (const std::string_view name : discriminator_loss_names)
+        object.add(std::string(name), mean[name]);
     return object;
 }
 

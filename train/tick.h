@@ -3,7 +3,8 @@
 #include <string>
 
 #include "core/io/json_writer.h"
-#include "train/updater.h"
+#include "train/discriminator_gradients.h"
+#include "train/stage.h"
 
 namespace stymo {
 
@@ -13,21 +14,20 @@ public:
     void add(const StepReport& report);
 
     [[nodiscard]] std::int64_t steps() const { return steps_; }
-    [[nodiscard]] LossTerms losses() const;
-    /// R1 as the mean over the steps that computed it.
-    [[nodiscard]] DiscriminatorTerms discriminator() const;
+    /// R1 is the mean over the steps that computed it.
+    [[nodiscard]] LossValues losses() const;
 
     /// "loss 0.1234, reconstruction 0.1200, ...": the terms that are not 0.
     [[nodiscard]] std::string text() const;
-    /// Every term; those of the discriminator only if `place` is in the second stage.
-    [[nodiscard]] JsonValue json(std::int64_t step, const TrainingPlace& place, double epoch, double images_per_second) const;
+    /// Every term; those of the discriminator only in the second stage.
+    [[nodiscard]] JsonValue json(std::int64_t step, const TrainingPosition& position, double epoch,
+                                 double images_per_second) const;
 
 private:
     std::int64_t steps_ = 0;
     std::int64_t regularized_steps_ = 0;
     double learning_rate_ = 0.0;  ///< of the last step
-    LossTerms losses_;
-    DiscriminatorTerms discriminator_;
+    LossValues losses_;           ///< sums
 };
 
 }  // namespace stymo

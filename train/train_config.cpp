@@ -3,35 +3,42 @@
 #include <algorithm>
 
 #include "core/error.h"
-#include "train/memory_estimate.h"
 
 namespace stymo {
 
 namespace {
 
 void describe_loss(ConfigSchema& schema, LossConfig& config) {
-    schema.numbers("loss.code_weights", config.code_weights, 0.0, 1e6,
-                   "lambda of the code loss for id, expr, tex, light (paper: 0.001, 0.1, 0.001, 0.01)");
-    schema.number("loss.mask_weight", config.mask_weight, 0.0, 1e6, "lambda of the mask loss (paper: 0.01)");
-    schema.integer("loss.mask_start_epoch", config.mask_start_epoch, 0, 1'000'000,
-                   "the mask loss is on from this epoch at the latest (paper: once training is stable)");
-    schema.number(
-        "loss.mask_start_improvement", config.mask_start_improvement, 0.0, 1.0,
-        "or from the first epoch whose reconstruction loss improved on the two before by less than this part; 0: never early");
-    schema.number("loss.opacity_weight", config.opacity_weight, 0.0, 1e6, "accumulated opacity against the mask (paper: none)");
+    schema.numbers(
+        "loss.code_weights", config.code_weights, 0.0, 1e6,
+        "lambda of the code loss for id, expr, tex, light (paper: 0.001, 0.1, 0.001, 0.01)");
+    schema.number("loss.mask_weight", config.mask_weight, 0.0, 1e6,
+                  "lambda of the mask loss (paper: 0.01)");
+    schema.integer(
+        "loss.mask_start_epoch", config.mask_start_epoch, 0, 1'000'000,
+        "the mask loss is on from this epoch at the latest (paper: once training is stable)");
+    schema.number("loss.mask_start_improvement", config.mask_start_improvement, 0.0, 1.0,
+                  "or from the first epoch whose reconstruction loss improved on the two before by "
+                  "less than this part; 0: never early");
+    schema.number("loss.opacity_weight", config.opacity_weight, 0.0, 1e6,
+                  "accumulated opacity against the mask (paper: none)");
     schema.number("loss.depth_variance_weight", config.depth_variance_weight, 0.0, 1e6,
                   "variance of the depth along each ray (paper: none)");
-    schema.number("loss.adversarial_weight", config.adversarial_weight, 0.0, 1e6,
-                  "lambda of the adversarial loss in stage 2 (paper: 0.1); 0: no discriminator is trained");
+    schema.number(
+        "loss.adversarial_weight", config.adversarial_weight, 0.0, 1e6,
+        "lambda of the adversarial loss in stage 2 (paper: 0.1); 0: no discriminator is trained");
     schema.number("loss.code_norm_weight", config.code_norm_weight, 0.0, 1e6,
                   "mean squared number of the encoder's codes (paper: none)");
 }
 
 void describe_optimizer(ConfigSchema& schema, OptimizerConfig& config) {
-    schema.number("optimizer.learning_rate", config.learning_rate, 0.0, 1.0, "Adam's learning rate in stage 1 (paper: 1e-4)");
-    schema.choice("optimizer.schedule", config.schedule, {"epoch", "cosine"},
-                  "epoch: times the decay after each (paper); cosine: to zero over the steps of stage 1");
-    schema.number("optimizer.decay", config.decay, 0.0, 1.0, "factor on the learning rate after each epoch (paper: 0.98)");
+    schema.number("optimizer.learning_rate", config.learning_rate, 0.0, 1.0,
+                  "Adam's learning rate in stage 1 (paper: 1e-4)");
+    schema.choice(
+        "optimizer.schedule", config.schedule, {"epoch", "cosine"},
+        "epoch: times the decay after each (paper); cosine: to zero over the steps of stage 1");
+    schema.number("optimizer.decay", config.decay, 0.0, 1.0,
+                  "factor on the learning rate after each epoch (paper: 0.98)");
     schema.number("optimizer.beta1", config.beta1, 0.0, 0.999999, "Adam's decay of the mean");
     schema.number("optimizer.beta2", config.beta2, 0.0, 0.999999, "Adam's decay of the square");
     schema.number("optimizer.epsilon", config.epsilon, 1e-30, 1.0, "Adam's epsilon");
@@ -40,95 +47,114 @@ void describe_optimizer(ConfigSchema& schema, OptimizerConfig& config) {
     schema.integer("optimizer.backbone_frozen_epochs", config.backbone_frozen_epochs, 0, 1'000'000,
                    "epochs in which the encoder's backbone stays as it is (paper: 1)");
     schema.integer("optimizer.failures_allowed", config.failures_allowed, 0, 1'000'000,
-                   "steps in a row, of either stage, that may be skipped for a loss or gradient that is not finite");
+                   "steps in a row, of either stage, that may be skipped for a loss or gradient "
+                   "that is not finite");
 }
 
 void describe_stage1(ConfigSchema& schema, StageConfig& config) {
     schema.integer("stage1.steps", config.steps, 0, 100'000'000, "optimiser steps");
-    schema.integer("stage1.batch", config.batch, 1, 65536, "images in one optimiser step (paper: 32)");
+    schema.integer("stage1.batch", config.batch, 1, 65536,
+                   "images in one optimiser step (paper: 32)");
     schema.integer("stage1.micro_batch", config.micro_batch, 1, 65536,
                    "images computed at once; gradients add up to the batch (paper: 8)");
     schema.integer("stage1.samples_per_ray", config.samples_per_ray, 2, 4096, "N (paper: 32)");
     schema.integer("stage1.resolution", config.resolution, 0, 1024,
-                   "of the largest image rendered: 64, 128, ... trains the blocks up to it; 0: decoder.resolution (paper)");
+                   "of the largest image rendered: 64, 128, ... trains the blocks up to it; 0: "
+                   "decoder.resolution (paper)");
     schema.number("stage1.average_half_life", config.average_half_life, 0.0, 1e12,
-                  "images over which the averaged model forgets half; 0: none is kept");
+                  "half life of the EMA of the weights, in images; 0: no EMA is kept");
 }
 
 void describe_stage2(ConfigSchema& schema, AdversarialStageConfig& config) {
-    schema.integers("stage2.resolutions", config.resolutions, 64, 1024,
-                    "one phase each: 64, 128, ... up to decoder.resolution (paper); []: no second stage");
-    schema.integers("stage2.images", config.images, 1, 1'000'000'000, "images of each phase (paper: silent)");
+    schema.integers(
+        "stage2.resolutions", config.resolutions, 64, 1024,
+        "one phase each: 64, 128, ... up to decoder.resolution (paper); []: no second stage");
+    schema.integers("stage2.images", config.images, 1, 1'000'000'000,
+                    "images of each phase (paper: silent)");
     schema.integers("stage2.fade_images", config.fade_images, 0, 1'000'000'000,
                     "of them, while the discriminator's new block fades in (paper: silent)");
-    schema.integers("stage2.batch", config.batch, 1, 65536, "images in one optimiser step (paper: 32, 32, 16, 12)");
-    schema.integers("stage2.micro_batch", config.micro_batch, 1, 65536, "images computed at once; gradients add up to the batch");
-    schema.numbers("stage2.r1_gamma", config.r1_gamma, 0.0, 1e6, "weight of R1 (paper: silent; StyleGAN2 has 10 at 1024)");
-    schema.integer("stage2.r1_interval", config.r1_interval, 1, 1'000'000,
-                   "discriminator steps from one R1 step to the next (paper: silent; StyleGAN2 has 16)");
+    schema.integers("stage2.batch", config.batch, 1, 65536,
+                    "images in one optimiser step (paper: 32, 32, 16, 12)");
+    schema.integers("stage2.micro_batch", config.micro_batch, 1, 65536,
+                    "images computed at once; gradients add up to the batch");
+    schema.numbers("stage2.r1_gamma", config.r1_gamma, 0.0, 1e6,
+                   "weight of R1 (paper: silent; StyleGAN2 has 10 at 1024)");
+    schema.integer(
+        "stage2.r1_interval", config.r1_interval, 1, 1'000'000,
+        "discriminator steps from one R1 step to the next (paper: silent; StyleGAN2 has 16)");
     schema.integer("stage2.samples_per_ray", config.samples_per_ray, 2, 4096, "N (paper: 64)");
-    schema.number("stage2.learning_rate", config.learning_rate, 0.0, 1.0, "Adam's learning rate of the decoder (paper: 2e-3)");
-    schema.number("stage2.discriminator_learning_rate", config.discriminator_learning_rate, 0.0, 1.0,
-                  "of the discriminator (paper: 1e-4)");
-    schema.number("stage2.mapping_factor", config.mapping_factor, 0.0, 100.0,
-                  "factor on the learning rate of the mapping networks (paper: silent; StyleGAN2 has 0.01)");
-    schema.number("stage2.beta1", config.beta1, 0.0, 0.999999, "Adam's decay of the mean (paper: silent; StyleGAN2 has 0)");
-    schema.number("stage2.beta2", config.beta2, 0.0, 0.999999, "Adam's decay of the square (paper: silent; StyleGAN2 has 0.99)");
+    schema.number("stage2.learning_rate", config.learning_rate, 0.0, 1.0,
+                  "Adam's learning rate of the decoder (paper: 2e-3)");
+    schema.number("stage2.discriminator_learning_rate", config.discriminator_learning_rate, 0.0,
+                  1.0, "of the discriminator (paper: 1e-4)");
+    schema.number(
+        "stage2.mapping_factor", config.mapping_factor, 0.0, 100.0,
+        "factor on the learning rate of the mapping networks (paper: silent; StyleGAN2 has 0.01)");
+    schema.number("stage2.beta1", config.beta1, 0.0, 0.999999,
+                  "Adam's decay of the mean (paper: silent; StyleGAN2 has 0)");
+    schema.number("stage2.beta2", config.beta2, 0.0, 0.999999,
+                  "Adam's decay of the square (paper: silent; StyleGAN2 has 0.99)");
     schema.number("stage2.epsilon", config.epsilon, 1e-30, 1.0, "Adam's epsilon");
-    schema.number("stage2.average_half_life", config.average_half_life, 0.0, 1e12,
-                  "images over which the averaged model forgets half (paper: silent; StyleGAN2 has 10000); 0: none is kept");
+    schema.number(
+        "stage2.average_half_life", config.average_half_life, 0.0, 1e12,
+        "half life of the EMA of the weights, in images (paper: silent; StyleGAN2 has 10000); "
+        "0: no EMA is kept");
 }
 
 void describe_output(ConfigSchema& schema, OutputConfig& config) {
-    schema.integer("output.tick_steps", config.tick_steps, 1, 1'000'000, "steps between two lines of statistics");
-    schema.integer("output.sample_steps", config.sample_steps, 0, 100'000'000, "steps between two sample sheets; 0: none");
-    schema.number("output.checkpoint_minutes", config.checkpoint_minutes, 0.0, 1e6,
-                  "minutes between two checkpoints; 0: only by steps, and at the end of each phase");
+    schema.integer("output.tick_steps", config.tick_steps, 1, 1'000'000,
+                   "steps between two lines of statistics");
+    schema.integer("output.sample_steps", config.sample_steps, 0, 100'000'000,
+                   "steps between two sample sheets; 0: none");
+    schema.number(
+        "output.checkpoint_minutes", config.checkpoint_minutes, 0.0, 1e6,
+        "minutes between two checkpoints; 0: only by steps, and at the end of each phase");
     schema.integer("output.checkpoint_steps", config.checkpoint_steps, 0, 100'000'000,
                    "steps between two checkpoints, beside those by minutes; 0: only by time");
     schema.integer("output.keep_last", config.keep_last, 1, 1'000'000, "checkpoints kept");
     schema.integer("output.validation_images", config.validation_images, 0, 1'000'000,
                    "held-out images that the best model is chosen by; 0: none is chosen");
-    schema.integer(
-        "output.statistics_images", config.statistics_images, 0, 100'000'000,
-        "training images whose codes' mean and covariance the end of a run adds to its model, for drawing new faces; 0: none");
+    schema.integer("output.statistics_images", config.statistics_images, 0, 100'000'000,
+                   "training images whose codes' mean and covariance the end of a run adds to its "
+                   "model, for drawing new faces; 0: none");
 }
-
-constexpr std::int64_t training_rays_per_side = 32;
 
 std::string list_text(const std::vector<std::int64_t>& numbers) {
     std::string text;
-    for (const std::int64_t number : numbers) text += (text.empty() ? "" : ", ") + std::to_string(number);
+    for (const std::int64_t number : numbers)
+        text += (text.empty() ? "" : ", ") + std::to_string(number);
     return "[" + text + "]";
-}
-
-/// 64, 128, ... up to the resolution.
-std::vector<std::int64_t> sides_up_to(std::int64_t resolution) {
-    std::vector<std::int64_t> sides;
-    for (std::int64_t side = 64; side <= resolution; side *= 2) sides.push_back(side);
-    return sides;
 }
 
 void check_group(const TrainConfig& config, std::size_t phase, const std::string& source) {
     const std::int64_t micro_batch = config.stage2.micro_batch[phase];
     const std::int64_t group = std::min(config.discriminator.group_size, micro_batch);
     if (config.loss.adversarial_weight > 0.0 && micro_batch % group != 0) {
-        fail<ConfigError>(source, ": discriminator.group_size = ", group, " does not divide ", micro_batch,
+        fail<ConfigError>(source, ": discriminator.group_size = ", group, " does not divide ",
+                          micro_batch,
                           " of stage2.micro_batch = ", list_text(config.stage2.micro_batch));
     }
 }
 
-void check_stage2(const TrainConfig& config, const std::string& source) {
+void check_stage2(const TrainConfig& config, const ResolutionLadder& ladder,
+                  const std::string& source) {
     const AdversarialStageConfig& stage = config.stage2;
     if (stage.resolutions.empty()) return;
-    const std::vector<std::int64_t> sides = sides_up_to(config.model.decoder.resolution);
+    constexpr std::int64_t first_side = 64;  // of the discriminator
+    if (ladder.smallest() != first_side)
+        fail<ConfigError>(source, ": decoder.rays_per_side = ", ladder.smallest() / 2,
+                          ": the second stage begins with images of ", first_side,
+                          " pixels, for which it must be ", first_side / 2);
+    const std::vector<std::int64_t>& sides = ladder.sides();
     if (stage.resolutions != sides) {
-        fail<ConfigError>(source, ": stage2.resolutions = ", list_text(stage.resolutions), ": a model of ",
-                          config.model.decoder.resolution, " pixels needs ", list_text(sides), ", or [] for no second stage");
+        fail<ConfigError>(source, ": stage2.resolutions = ", list_text(stage.resolutions),
+                          ": a model of ", config.model.decoder.resolution, " pixels needs ",
+                          list_text(sides), ", or [] for no second stage");
     }
     const auto check_length = [&](const char* key, std::size_t length) {
         if (length != sides.size())
-            fail<ConfigError>(source, ": stage2.", key, " has ", length, " numbers, stage2.resolutions ", sides.size());
+            fail<ConfigError>(source, ": stage2.", key, " has ", length,
+                              " numbers, stage2.resolutions ", sides.size());
     };
     check_length("images", stage.images.size());
     check_length("fade_images", stage.fade_images.size());
@@ -152,12 +178,22 @@ void check_stage2(const TrainConfig& config, const std::string& source) {
     }
 }
 
-void check_stage1(const TrainConfig& config, const std::string& source) {
-    const std::vector<std::int64_t> sides = sides_up_to(config.model.decoder.resolution);
+ResolutionLadder checked_ladder(const TrainConfig& config, const std::string& source) {
+    try {
+        return resolution_ladder(config.model.decoder);
+    } catch (const ConfigError& error) {
+        fail<ConfigError>(source, ": ", error.what());
+    }
+}
+
+void check_stage1(const TrainConfig& config, const ResolutionLadder& ladder,
+                  const std::string& source) {
+    const std::vector<std::int64_t>& sides = ladder.sides();
     const std::int64_t resolution = config.stage1.resolution;
     if (resolution != 0 && std::ranges::find(sides, resolution) == sides.end()) {
-        fail<ConfigError>(source, ": stage1.resolution = ", resolution, ": a model of ", config.model.decoder.resolution,
-                          " pixels renders ", list_text(sides), "; 0 stands for the largest");
+        fail<ConfigError>(source, ": stage1.resolution = ", resolution, ": a model of ",
+                          config.model.decoder.resolution, " pixels renders ",
+                          list_text(ladder.sides()), "; 0 stands for the largest");
     }
     if (config.stage1.batch % config.stage1.micro_batch != 0) {
         fail<ConfigError>(source, ": stage1.micro_batch = ", config.stage1.micro_batch,
@@ -165,40 +201,28 @@ void check_stage1(const TrainConfig& config, const std::string& source) {
     }
 }
 
-void check_memory(const TrainConfig& config, const std::string& source) {
-    try {
-        const TrainingSchedule schedule(config);
-        for (const TrainingPhase& phase : schedule.phases()) static_cast<void>(choose_recomputation(config, phase));
-    } catch (const ConfigError& error) {
-        fail<ConfigError>(source, ": ", error.what());
-    }
-}
-
 void check(const TrainConfig& config, const std::string& source) {
-    check_stage1(config, source);
+    const ResolutionLadder ladder = checked_ladder(config, source);
+    check_stage1(config, ladder, source);
     if (config.model.code_source != "encoder" && config.data.mirror)
         fail<ConfigError>(source, ": codes.source = ", config.model.code_source,
                           " needs data.mirror = false: the code of a mirrored face is not known");
-    if (config.model.decoder.rays.rays_per_side != training_rays_per_side) {
-        fail<ConfigError>(source, ": decoder.rays_per_side = ", config.model.decoder.rays.rays_per_side, "; training needs ",
-                          training_rays_per_side, ", half the side of the smallest target");
-    }
     if (config.model.decoder.rays.near_z <= config.model.decoder.rays.far_z) {
         fail<ConfigError>(source, ": decoder.near_z = ", config.model.decoder.rays.near_z,
                           ": must be above decoder.far_z = ", config.model.decoder.rays.far_z);
     }
-    const std::size_t resolutions = sides_up_to(config.model.decoder.resolution).size();
+    const std::size_t resolutions = ladder.count();
     if (config.model.reconstruction.resolution_weights.size() < resolutions) {
         fail<ConfigError>(source, ": reconstruction.resolution_weights has ",
-                          config.model.reconstruction.resolution_weights.size(), " numbers; a model of ",
-                          config.model.decoder.resolution, " pixels needs ", resolutions);
+                          config.model.reconstruction.resolution_weights.size(),
+                          " numbers; a model of ", config.model.decoder.resolution,
+                          " pixels needs ", resolutions);
     }
     if (config.loss.code_weights.size() != code_names.size()) {
         fail<ConfigError>(source, ": loss.code_weights has ", config.loss.code_weights.size(),
                           " numbers; id, expr, tex and light need one each");
     }
-    check_stage2(config, source);
-    check_memory(config, source);
+    check_stage2(config, ladder, source);
 }
 
 }  // namespace
@@ -212,15 +236,18 @@ void describe(ConfigSchema& schema, TrainConfig& config) {
     describe_stage2(schema, config.stage2);
     describe(schema, config.discriminator);
     schema.number("memory.budget_gibibytes", config.memory.budget_gibibytes, 0.0, 1e6,
-                  "what a training step may use; beyond it, parts are computed again in the backward pass; 0: no limit");
+                  "what a training step may use; beyond it, parts are computed again in the "
+                  "backward pass; 0: no limit");
     describe_output(schema, config.output);
 }
 
 std::int64_t stage1_resolution(const TrainConfig& config) {
-    return config.stage1.resolution > 0 ? config.stage1.resolution : config.model.decoder.resolution;
+    return config.stage1.resolution > 0 ? config.stage1.resolution
+                                        : config.model.decoder.resolution;
 }
 
-TrainConfig load_train_config(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
+TrainConfig load_train_config(const std::filesystem::path& path,
+                              const std::vector<std::string>& overrides) {
     TrainConfig config;
     ConfigSchema schema;
     describe(schema, config);

@@ -6,24 +6,28 @@
 #include <sstream>
 
 #include "core/error.h"
+#include "nn/models/view.h"
 #include "nn/optim/schedule.h"
-#include "train/adversarial_updater.h"
-#include "train/reconstruction_updater.h"
+#include "train/adversarial_stage.h"
+#include "train/memory_estimate.h"
+#include "train/reconstruction_stage.h"
 #include "train/validation.h"
 
 namespace stymo {
 
 namespace {
 
-constexpr const char* average_prefix = "average.";
+constexpr const char* ema_prefix = "average.";
 
 void require_codes(const TrainConfig& config, const Dataset& faces) {
     if (config.model.code_source == "encoder") return;
     const DatasetSummary summary = faces.summary();
     if (summary.without_code == 0) return;
-    fail<ConfigError>("codes.source = ", config.model.code_source, " needs a morphable model's code of every face, and ",
-                      summary.without_code, " of ", summary.faces,
-                      " have none; prepare the folder with stymo-prep --morphable, or set codes.source to encoder");
+    fail<ConfigError>("codes.source = ", config.model.code_source,
+                      " needs a morphable model's code of every face, and ", summary.without_code,
+                      " of ", summary.faces,
+                      " have none; prepare the folder with stymo-prep --morphable, or set "
+                      "codes.source to encoder");
 }
 
 Model initial_model(const ModelConfig& config, const Rng& rng) {
@@ -33,18 +37,33 @@ Model initial_model(const ModelConfig& config, const Rng& rng) {
 
 }  // namespace
 
-Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Dataset* validation, std::uint64_t seed)
+Dataset faces_for_training(const std::filesystem::path& folder, const TrainConfig& config,
+                           Split split) {
+    return {folder,
+            config.model.decoder.resolution,
+            config.data,
+            split,
+            frontal_pose(config.model.camera),
+            camera_check(config.model.decoder, config.data.mirror)};
+}
+
+Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Dataset* validation,
+                 std::uint64_t seed)
     : config_(config),
       training_(training),
       validation_(validation),
       rng_(seed),
       schedule_(config),
-      images_(training, config.data.mirror, rng_),
+      images_(training, config.data.mirror, rng_,
+              resolution_ladder(config.model.decoder).smallest()),
       model_(initial_model(config.model, rng_)),
       reconstruction_(config.model.reconstruction) {
+    if (config.model.code_source == "encoder") require_backbone_weights(config.model.encoder);
     require_codes(config, training);
     if (validation != nullptr) require_codes(config, *validation);
     if (config.model.code_source == "morphable_offset") offsets_.emplace(training.ids());
+    for (const TrainingPhase& phase : schedule_.phases())
+        static_cast<void>(choose_recomputation(model_, reconstruction_, config, phase));
     state_.seed = seed;
     state_.mask_loss = config.loss.mask_start_epoch == 0;
 }
@@ -52,61 +71,65 @@ Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Datas
 Trainer::~Trainer() = default;
 
 Trainer::EvaluationScope::EvaluationScope(Trainer& trainer) : trainer_(trainer) {
-    if (trainer_.average_) trainer_.average_->swap();
+    if (trainer_.ema_) trainer_.ema_->swap();
     trainer_.model_.parameters().set_trainable("", false);
 }
 
 Trainer::EvaluationScope::~EvaluationScope() {
-    if (trainer_.average_) trainer_.average_->swap();
+    if (trainer_.ema_) trainer_.ema_->swap();
 }
 
 TrainingPhase Trainer::phase_done() const {
-    return schedule_.place(std::max<std::int64_t>(0, state_.step - 1)).phase;
+    return schedule_.position(std::max<std::int64_t>(0, state_.step - 1)).phase;
 }
 
-double Trainer::average_half_life(const TrainingPlace& place) const {
-    if (place.phase.stage == 2) return config_.stage2.average_half_life;
-    // While the run is young the average follows closely, else it would remember the random start.
-    return std::min(config_.stage1.average_half_life, 0.1 * static_cast<double>(place.first_image + place.phase.batch));
+double Trainer::average_half_life(const TrainingPosition& position) const {
+    if (position.phase.stage == 2) return config_.stage2.average_half_life;
+    // The half life is short at first, else the EMA would keep the random start.
+    return std::min(config_.stage1.average_half_life,
+                    0.1 * static_cast<double>(position.first_image + position.phase.batch));
 }
 
 void Trainer::enter_stage(int stage) {
-    if (stage == stage_) return;
-    stage_ = stage;
-    const TrainingParts parts{config_, images_, reconstruction_, rng_, model_, offsets_ ? &*offsets_ : nullptr};
+    if (stage == stage_number_) return;
+    stage_number_ = stage;
+    const TrainingParts parts{config_, images_, reconstruction_,
+                              rng_,    model_,  offsets_ ? &*offsets_ : nullptr};
     if (stage == 1) {
-        updater_ = std::make_unique<ReconstructionUpdater>(parts);
+        stage_ = std::make_unique<ReconstructionStage>(parts);
     } else {
-        updater_ = std::make_unique<AdversarialUpdater>(parts);
+        stage_ = std::make_unique<AdversarialStage>(parts);
     }
-    const double half_life = stage == 1 ? config_.stage1.average_half_life : config_.stage2.average_half_life;
-    if (half_life == 0.0) average_.reset();
-    if (half_life > 0.0 && !average_) average_.emplace(model_.parameters().all());
+    const double half_life =
+        stage == 1 ? config_.stage1.average_half_life : config_.stage2.average_half_life;
+    if (half_life == 0.0) ema_.reset();
+    if (half_life > 0.0 && !ema_) ema_.emplace(model_.parameters().all());
 }
 
 StepReport Trainer::step() {
-    const TrainingPlace place = schedule_.place(state_.step);
-    enter_stage(place.phase.stage);
-    // Only at the last resolution all features are there that the branch takes.
-    const bool mask_loss = config_.loss.mask_weight > 0.0 && place.phase.resolution == config_.model.decoder.resolution &&
-                           (place.phase.stage == 2 || state_.mask_loss);
-    StepReport report = updater_->step(place, mask_loss);
+    TrainingPosition position = schedule_.position(state_.step);
+    enter_stage(position.phase.stage);
+    // The mask branch needs the features of all resolutions.
+    position.mask_loss = config_.loss.mask_weight > 0.0 &&
+                         position.phase.resolution == config_.model.decoder.resolution &&
+                         (position.phase.stage == 2 || state_.mask_loss);
+    StepReport report = stage_->step(position);
     if (report.non_finite) {
         count_failure(*report.non_finite);
     } else {
         state_.failures = 0;
-        if (average_) average_->update(ema_decay(place.phase.batch, average_half_life(place)));
+        if (ema_) ema_->update(ema_decay(position.phase.batch, average_half_life(position)));
     }
     ++state_.step;
-    if (place.phase.stage == 1) count_epoch(report.losses.reconstruction);
+    if (position.phase.stage == 1) count_epoch(report.losses["reconstruction"]);
     return report;
 }
 
 void Trainer::count_failure(const std::string& what) {
     ++state_.failures;
     if (state_.failures > config_.optimizer.failures_allowed) {
-        fail<NumericError>("step ", state_.step + 1, ": ", what, " is not finite, ", state_.failures, " steps in a row; lower ",
-                           updater_->learning_rate_key());
+        fail<NumericError>("step ", state_.step + 1, ": ", what, " is not finite, ",
+                           state_.failures, " steps in a row; lower ", stage_->learning_rate_key());
     }
 }
 
@@ -117,36 +140,40 @@ void Trainer::count_epoch(double reconstruction_loss) {
     }
     const double epochs = std::floor(epochs_at(state_.step));
     if (epochs > std::floor(epochs_at(state_.step - 1)) && state_.epoch_loss_count > 0) {
-        state_.epoch_losses.push_back(state_.epoch_loss_sum / static_cast<double>(state_.epoch_loss_count));
+        state_.epoch_losses.push_back(state_.epoch_loss_sum /
+                                      static_cast<double>(state_.epoch_loss_count));
         state_.epoch_loss_sum = 0.0;
         state_.epoch_loss_count = 0;
         const std::vector<double>& history = state_.epoch_losses;
         const std::size_t count = history.size();
-        const bool stable = count >= 3 && history[count - 1] > (1.0 - config_.loss.mask_start_improvement) *
-                                                                   std::min(history[count - 2], history[count - 3]);
-        state_.mask_loss = state_.mask_loss || (stable && config_.loss.mask_start_improvement > 0.0);
+        const bool stable =
+            count >= 3 && history[count - 1] > (1.0 - config_.loss.mask_start_improvement) *
+                                                   std::min(history[count - 2], history[count - 3]);
+        state_.mask_loss =
+            state_.mask_loss || (stable && config_.loss.mask_start_improvement > 0.0);
     }
-    state_.mask_loss = state_.mask_loss || epochs >= static_cast<double>(config_.loss.mask_start_epoch);
+    state_.mask_loss =
+        state_.mask_loss || epochs >= static_cast<double>(config_.loss.mask_start_epoch);
 }
 
 void Trainer::resume(const std::filesystem::path& folder) {
     const Checkpoint checkpoint = read_checkpoint(folder, model_);
     if (checkpoint.state.seed != state_.seed) {
-        fail<FileError>(folder.string(), ": was trained with --seed ", checkpoint.state.seed, ", not ", state_.seed,
-                        "; give the same seed");
+        fail<FileError>(folder.string(), ": was trained with --seed ", checkpoint.state.seed,
+                        ", not ", state_.seed, "; give the same seed");
     }
     const std::string source = (folder / "state.safetensors").string();
     state_ = checkpoint.state;
-    stage_ = 0;
-    average_.reset();
-    // Before the stage is entered: an average that goes on is not begun anew.
-    if (has_prefix(checkpoint.tensors, average_prefix)) {
-        average_.emplace(model_.parameters().all());
-        average_->load(checkpoint.tensors, source, average_prefix);
+    stage_number_ = 0;
+    ema_.reset();
+    // Before the stage is entered, which would begin a new EMA.
+    if (has_prefix(checkpoint.tensors, ema_prefix)) {
+        ema_.emplace(model_.parameters().all());
+        ema_->load(checkpoint.tensors, source, ema_prefix);
     }
     if (offsets_) offsets_->parameters().load(checkpoint.tensors, source);
-    enter_stage(schedule_.place(state_.step).phase.stage);
-    updater_->load(checkpoint.tensors, source);
+    enter_stage(schedule_.position(state_.step).phase.stage);
+    stage_->load(checkpoint.tensors, source);
 }
 
 void Trainer::save_checkpoint(const RunFolder& folder) {
@@ -156,14 +183,20 @@ void Trainer::save_checkpoint(const RunFolder& folder) {
     {
         const EvaluationScope evaluation(*this);
         model_.save(folder.model_file());
-        const std::int64_t count = validation_ == nullptr ? 0 : std::min(config_.output.validation_images, validation_->size());
+        const std::int64_t count =
+            validation_ == nullptr
+                ? 0
+                : std::min(config_.output.validation_images, validation_->size());
         if (count > 0) {
             const ValidationScore score =
-                validation_score(model_, reconstruction_, *validation_, count, phase.resolution, phase.samples_per_ray);
-            line << std::fixed << ", validation at " << phase.resolution << " pixels: reconstruction " << std::setprecision(4)
-                 << score.reconstruction << ", PSNR " << std::setprecision(2) << score.psnr << " dB";
-            // A run that goes on in another folder has no best model there yet.
-            if (phase.resolution != state_.best_resolution || score.reconstruction < state_.best_validation ||
+                validation_score(model_, reconstruction_, *validation_, count, phase.resolution,
+                                 phase.samples_per_ray);
+            line << std::fixed << ", validation at " << phase.resolution
+                 << " pixels: reconstruction " << std::setprecision(4) << score.reconstruction
+                 << ", PSNR " << std::setprecision(2) << score.psnr << " dB";
+            // A run that is resumed in another folder has no best model there yet.
+            if (phase.resolution != state_.best_resolution ||
+                score.reconstruction < state_.best_validation ||
                 !std::filesystem::exists(folder.best_file())) {
                 state_.best_resolution = phase.resolution;
                 state_.best_validation = score.reconstruction;
@@ -172,9 +205,9 @@ void Trainer::save_checkpoint(const RunFolder& folder) {
         }
     }
     Checkpoint checkpoint{state_, {}};
-    if (updater_) updater_->save(checkpoint.tensors);
+    if (stage_) stage_->save(checkpoint.tensors);
     if (offsets_) offsets_->parameters().save(checkpoint.tensors);
-    if (average_) average_->save(checkpoint.tensors, average_prefix);
+    if (ema_) ema_->save(checkpoint.tensors, ema_prefix);
     write_checkpoint(folder.checkpoint(state_.step), model_, checkpoint);
     folder.finish_checkpoint(state_.step, config_.output.keep_last);
     folder.log(line.str());

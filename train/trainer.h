@@ -8,14 +8,19 @@
 
 #include "nn/optim/ema.h"
 #include "train/checkpoint.h"
-#include "train/dataset.h"
+#include "train/data/dataset.h"
 #include "train/run_folder.h"
 #include "train/schedule.h"
+#include "train/stage.h"
 #include "train/tick.h"
 #include "train/train_config.h"
-#include "train/updater.h"
 
 namespace stymo {
+
+/// A split of a folder of faces at the model's resolution, without those that the model cannot
+/// render. Throws what Dataset throws.
+[[nodiscard]] Dataset faces_for_training(const std::filesystem::path& folder,
+                                         const TrainConfig& config, Split split);
 
 struct TrainingLimits {
     double minutes = 0.0;  ///< stop after so long; 0: no limit
@@ -26,28 +31,34 @@ struct TrainingOutcome {
     std::int64_t steps = 0;
     double seconds = 0.0;  ///< of this call
     double images_per_second = 0.0;
-    LossTerms last_tick;
+    LossValues last_tick;
     bool finished = false;  ///< all steps of the configuration are done
 };
 
-/// Trains a model on a data set, through the first stage and then the second, and keeps the run folder.
+/// Trains a model on a data set through both stages and writes the run folder.
 ///
-/// The n-th step is a pure function of the state before it and the seed: stopping at any step and resuming gives the same bits
-/// as never having stopped, at any thread count that is the same for both, within a stage or across its end.
+/// The n-th step is a pure function of the state before it and the seed: stopping at any step and
+/// resuming gives the same bits as never having stopped, at any thread count that is the same for
+/// both, within a stage or across its end.
 class Trainer {
 public:
-    /// `validation` may be null: then no best model is chosen, and the sample sheets show training images. Both outlive this.
-    /// Throws what Model and ReconstructionLoss throw, and ConfigError if codes are to come from the data and faces have none.
-    Trainer(const TrainConfig& config, const Dataset& training, const Dataset* validation, std::uint64_t seed);
+    /// `validation` may be null: then no best model is chosen, and the sample sheets show training
+    /// images. Both must outlive the trainer. Throws what Model and ReconstructionLoss throw, and
+    /// ConfigError if codes are to come from the data and faces have none, if the weights of the
+    /// backbone are missing, or if no recomputation makes a step fit the memory budget.
+    Trainer(const TrainConfig& config, const Dataset& training, const Dataset* validation,
+            std::uint64_t seed);
     ~Trainer();
     Trainer(const Trainer&) = delete;
     Trainer& operator=(const Trainer&) = delete;
 
-    /// Continues from a checkpoint of a model of the same shape. What the checkpoint lacks because its run did without it (an
-    /// averaged model, a discriminator, the second stage's optimisers) begins here.
+    /// Continues from a checkpoint of a model of the same shape. Parts that the checkpoint lacks
+    /// because its run had no use for them (an EMA of the weights, a discriminator, the second
+    /// stage's optimisers) begin here.
     void resume(const std::filesystem::path& checkpoint);
-    /// Trains until the configured steps are done, the time is up or the process is asked to stop; writes checkpoints on the way,
-    /// at the end of each phase and at the end. Throws NumericError after too many steps in a row without a finite gradient.
+    /// Trains until the configured steps are done, the time is up or the process is asked to stop;
+    /// writes checkpoints on the way, at the end of each phase and at the end. Throws NumericError
+    /// after too many steps in a row without a finite gradient.
     TrainingOutcome run(const RunFolder& folder, const TrainingLimits& limits);
     /// One optimiser step that counts; without any output. For plans and tests.
     StepReport step();
@@ -60,8 +71,8 @@ public:
     [[nodiscard]] const ReconstructionLoss& reconstruction() const { return reconstruction_; }
 
 private:
-    /// While it lives the model is frozen and holds the averaged weights, if there are any: what is shown, measured and saved
-    /// for use.
+    /// While it lives the model is frozen and holds the EMA of its weights, if there is one: what
+    /// is shown, measured and saved for use.
     class EvaluationScope {
     public:
         explicit EvaluationScope(Trainer& trainer);
@@ -73,13 +84,19 @@ private:
         Trainer& trainer_;
     };
 
-    [[nodiscard]] const Dataset& shown_faces() const { return validation_ != nullptr ? *validation_ : training_; }
+    [[nodiscard]] const Dataset& shown_faces() const {
+        return validation_ != nullptr ? *validation_ : training_;
+    }
     /// Of the codes of `shown_faces`.
-    [[nodiscard]] const CodeOffsets* shown_offsets() const { return validation_ == nullptr && offsets_ ? &*offsets_ : nullptr; }
+    [[nodiscard]] const CodeOffsets* shown_offsets() const {
+        return validation_ == nullptr && offsets_ ? &*offsets_ : nullptr;
+    }
     /// The phase that the model has come out of, which is what it is good for.
     [[nodiscard]] TrainingPhase phase_done() const;
-    [[nodiscard]] double epochs_at(std::int64_t step) const { return images_.epochs(schedule_.images_before(step)); }
-    [[nodiscard]] double average_half_life(const TrainingPlace& place) const;
+    [[nodiscard]] double epochs_at(std::int64_t step) const {
+        return images_.epochs(schedule_.images_before(step));
+    }
+    [[nodiscard]] double average_half_life(const TrainingPosition& position) const;
     /// Makes what the stage of the next step needs and drops what no step will need again.
     void enter_stage(int stage);
     void count_failure(const std::string& what);
@@ -96,9 +113,9 @@ private:
     Model model_;
     ReconstructionLoss reconstruction_;
     std::optional<CodeOffsets> offsets_;
-    int stage_ = 0;  ///< that `updater_` is of; 0 before the first step
-    std::unique_ptr<Updater> updater_;
-    std::optional<Ema> average_;
+    int stage_number_ = 0;  ///< 0 before the first step
+    std::unique_ptr<TrainingStage> stage_;
+    std::optional<Ema> ema_;
     TrainingState state_;
 };
 

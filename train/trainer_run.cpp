@@ -13,9 +13,10 @@ namespace stymo {
 
 namespace {
 
-std::string step_text(const LossTerms& losses) {
+std::string step_text(const LossValues& losses) {
     std::ostringstream text;
-    text << std::fixed << std::setprecision(4) << "loss " << losses.total << ", reconstruction " << losses.reconstruction;
+    text << std::fixed << std::setprecision(4) << "loss " << losses.total << ", reconstruction "
+         << losses["reconstruction"];
     return text.str();
 }
 
@@ -47,18 +48,22 @@ TrainingOutcome Trainer::run(const RunFolder& folder, const TrainingLimits& limi
     }
     TrainingOutcome outcome;
     Tick tick;
-    const auto time_is_up = [&] { return limits.minutes > 0.0 && seconds_now() - start >= limits.minutes * 60.0; };
+    const auto time_is_up = [&] {
+        return limits.minutes > 0.0 && seconds_now() - start >= limits.minutes * 60.0;
+    };
     while (state_.step < schedule_.steps() && !interrupted() && !time_is_up()) {
-        const TrainingPlace place = schedule_.place(state_.step);
+        const TrainingPosition position = schedule_.position(state_.step);
         const StepReport report = step();
         const std::int64_t images = schedule_.images_before(state_.step);
         if (report.non_finite) {
-            progress.message("step " + std::to_string(state_.step) + " skipped: " + *report.non_finite + " is not finite");
+            progress.message("step " + std::to_string(state_.step) +
+                             " skipped: " + *report.non_finite + " is not finite");
         }
         tick.add(report);
         if (is_due(state_.step, output.tick_steps)) {
-            const double rate = static_cast<double>(images - tick_first_image) / (seconds_now() - tick_start);
-            folder.statistics(tick.json(state_.step, place, images_.epochs(images), rate));
+            const double rate =
+                static_cast<double>(images - tick_first_image) / (seconds_now() - tick_start);
+            folder.statistics(tick.json(state_.step, position, images_.epochs(images), rate));
             folder.log("step " + std::to_string(state_.step) + ": " + tick.text());
             outcome.last_tick = tick.losses();
             tick = {};
@@ -68,12 +73,14 @@ TrainingOutcome Trainer::run(const RunFolder& folder, const TrainingLimits& limi
         progress.update(images, step_text(report.losses));
         if (is_due(state_.step, output.sample_steps)) {
             const EvaluationScope evaluation(*this);
-            folder.sample(state_.step, sample_sheet(model_, shown_faces(), place.phase.resolution, place.phase.samples_per_ray,
-                                                    shown_offsets()));
+            folder.sample(state_.step,
+                          sample_sheet(model_, shown_faces(), position.phase.resolution,
+                                       position.phase.samples_per_ray, shown_offsets()));
         }
         const bool time_to_save =
-            output.checkpoint_minutes > 0.0 && seconds_now() - last_checkpoint >= output.checkpoint_minutes * 60.0;
-        const bool phase_is_over = place.step + 1 == place.phase.steps;
+            output.checkpoint_minutes > 0.0 &&
+            seconds_now() - last_checkpoint >= output.checkpoint_minutes * 60.0;
+        const bool phase_is_over = position.step + 1 == position.phase.steps;
         if (time_to_save || phase_is_over || is_due(state_.step, output.checkpoint_steps)) {
             save_checkpoint(folder);
             saved_step = state_.step;
@@ -83,11 +90,13 @@ TrainingOutcome Trainer::run(const RunFolder& folder, const TrainingLimits& limi
     outcome.steps = state_.step;
     outcome.seconds = seconds_now() - start;
     outcome.images_per_second =
-        static_cast<double>(schedule_.images_before(state_.step) - first_image) / std::max(1e-9, outcome.seconds);
+        static_cast<double>(schedule_.images_before(state_.step) - first_image) /
+        std::max(1e-9, outcome.seconds);
     outcome.finished = state_.step >= schedule_.steps();
     if (tick.steps() > 0 && outcome.last_tick.total == 0.0) outcome.last_tick = tick.losses();
     if (saved_step != state_.step) save_checkpoint(folder);
-    // Once, at the end, for they take as long as many steps; and behind the checkpoint, should the process be ended meanwhile.
+    // Only at the end, because the statistics take as long as many steps; and after the checkpoint,
+    // in case the process is killed meanwhile.
     for (const std::filesystem::path& model : {folder.model_file(), folder.best_file()})
         add_code_statistics(model, training_, output.statistics_images);
     progress.finish(step_text(outcome.last_tick));

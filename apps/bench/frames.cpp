@@ -14,42 +14,45 @@ double largest_difference(const Tensor& a, const Tensor& b) {
     double largest = 0.0;
     const std::span<const float> left = a.values<float>(), right = b.values<float>();
     for (std::size_t i = 0; i < left.size(); ++i)
-        largest = std::max(largest, std::abs(static_cast<double>(left[i]) - static_cast<double>(right[i])));
+        largest = std::max(largest,
+                           std::abs(static_cast<double>(left[i]) - static_cast<double>(right[i])));
     return largest;
 }
 
 }  // namespace
 
 Timing time_frames(const BenchSubject& subject, FaceRenderer& renderer, int repeats) {
-    constexpr double seconds_of_a_face = 0.2;
+    const double seconds_of_a_face = 0.04 * repeats;
     Timing timing;
     std::size_t view = 0;
     for (std::int64_t face = 0; face < subject.codes.batch(); ++face) {
         renderer.show(subject.codes, face);
-        const auto next = [&] { static_cast<void>(renderer.render(subject.views[view++ % subject.views.size()])); };
+        const auto next = [&] {
+            static_cast<void>(renderer.render(subject.views[view++ % subject.views.size()]));
+        };
         timing.add(time_repeated(repeats, seconds_of_a_face, next));
     }
     return timing;
 }
 
-Pictures all_pictures(const BenchSubject& subject, const RendererOptions& options) {
+Images all_images(const BenchSubject& subject, const RendererOptions& options) {
     FaceRenderer renderer(subject.model, options);
-    Pictures pictures;
+    Images images;
     for (std::int64_t face = 0; face < subject.codes.batch(); ++face) {
         renderer.show(subject.codes, face);
-        for (const Camera& view : subject.views) pictures.push_back(renderer.render(view).picture);
+        for (const Camera& view : subject.views) images.push_back(renderer.render(view).image);
     }
-    return pictures;
+    return images;
 }
 
-PictureError error_of(const Pictures& pictures, const Pictures& exact) {
-    PictureError error;
+ImageError error_of(const Images& images, const Images& exact) {
+    ImageError error;
     double squares = 0.0;
     for (std::size_t i = 0; i < exact.size(); ++i) {
-        const double psnr = peak_signal_to_noise_ratio(pictures.at(i), exact[i]);
+        const double psnr = peak_signal_to_noise_ratio(images.at(i), exact[i]);
         error.psnr_mean += psnr / static_cast<double>(exact.size());
         error.psnr_worst = std::min(error.psnr_worst, psnr);
-        error.worst_pixel = std::max(error.worst_pixel, largest_difference(pictures[i], exact[i]));
+        error.worst_pixel = std::max(error.worst_pixel, largest_difference(images[i], exact[i]));
         squares += std::pow(10.0, -psnr / 10.0) / static_cast<double>(exact.size());
     }
     error.root_mean_square = std::sqrt(squares);

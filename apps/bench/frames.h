@@ -13,17 +13,17 @@ namespace stymo {
 /// Times frames of each face in turn, every one from another side than the one before.
 [[nodiscard]] Timing time_frames(const BenchSubject& subject, FaceRenderer& renderer, int repeats);
 
-/// The pictures of every face from every side that others are held against.
-using Pictures = std::vector<Tensor>;
-[[nodiscard]] Pictures all_pictures(const BenchSubject& subject, const RendererOptions& options);
+/// The images of every face from every side that others are held against.
+using Images = std::vector<Tensor>;
+[[nodiscard]] Images all_images(const BenchSubject& subject, const RendererOptions& options);
 
-/// How far pictures are from those that they stand for; peak 1.
-struct PictureError {
-    double psnr_mean = 0.0;                                       ///< dB, mean over the pictures
+/// How far images are from those that they stand for; peak 1.
+struct ImageError {
+    double psnr_mean = 0.0;                                       ///< dB, mean over the images
     double psnr_worst = std::numeric_limits<double>::infinity();  ///< infinite where all are equal
-    double root_mean_square = 0.0;                                ///< over all numbers of all pictures
-    double worst_pixel = 0.0;                                     ///< largest difference of any number of any picture
+    double root_mean_square = 0.0;  ///< over all numbers of all images
+    double worst_pixel = 0.0;       ///< largest difference of any number of any image
 };
-[[nodiscard]] PictureError error_of(const Pictures& pictures, const Pictures& exact);
+[[nodiscard]] ImageError error_of(const Images& images, const Images& exact);
 
 }  // namespace stymo

@@ -1,150 +1,104 @@
-#include "apps/bench/growth.h"
-
 #include <algorithm>
+#include <map>
+#include <memory>
 
 #include "apps/bench/frames.h"
+#include "apps/bench/study.h"
 #include "apps/bench/work.h"
-#include "core/error.h"
-#include "core/interrupt.h"
 #include "core/parallel.h"
-#include "core/progress.h"
 
 namespace stymo {
 
 namespace {
 
-/// Sets the number of threads for a scope.
-class ThreadScope {
-public:
-    explicit ThreadScope(int threads) : before_(thread_count()) { set_thread_count(threads); }
-    ~ThreadScope() { set_thread_count(before_); }
-    ThreadScope(const ThreadScope&) = delete;
-    ThreadScope& operator=(const ThreadScope&) = delete;
-
-private:
-    int before_;
-};
-
+/// Rows with one quantity varied each; time and work are relative to the quantity's first value.
 class Growth {
 public:
-    Growth(const BenchSubject& subject, const BenchOptions& options, std::uint64_t seed)
-        : subject_(subject), options_(options), seed_(seed), progress_({.title = "growth"}) {}
-
-    std::vector<GrowthPoint> measure();
+    explicit Growth(const StudyInputs& inputs)
+        : inputs_(inputs), subject_(make_subject(inputs.bench, inputs.seed)) {
+        for (const std::int64_t samples : {16, 32, 64, 128, 256})
+            add("samples per ray", samples, {.samples_per_ray = samples});
+        const DecoderConfig& decoder = subject_.model.config().decoder;
+        for (std::int64_t side = 64; side <= decoder.resolution; side *= 2)
+            add("side of the image", side,
+                {.samples_per_ray = inputs.bench.samples, .resolution = side});
+        const std::int64_t half = std::max<std::int64_t>(decoder.field_width / 2, 1);
+        for (const std::int64_t width : {half, 2 * half, 3 * half})
+            rows_.push_back({{"width of the field", width}, [=, this] {
+                                 const BenchSubject wide = with_width(width);
+                                 return measured("width", wide, exact(), 1);
+                             }});
+        for (int threads = 1; threads <= thread_count(); threads *= 2)
+            rows_.push_back(
+                {{"threads", static_cast<std::int64_t>(threads)}, [=, this, all = thread_count()] {
+                     set_thread_count(threads);
+                     Row row = measured("threads", subject_, exact(), threads);
+                     set_thread_count(all);
+                     return row;
+                 }});
+    }
+    [[nodiscard]] const std::vector<StudyRow>& rows() const { return rows_; }
 
 private:
-    void samples();
-    void sizes();
-    void widths();
-    void threads();
-    /// `parts` of the work are done at the same time.
-    void add(const std::string& varied, std::int64_t value, const BenchSubject& subject, const RendererOptions& frame,
-             int parts = 1);
-    [[nodiscard]] RendererOptions exact() const;
+    [[nodiscard]] RendererOptions exact() const {
+        return {.mode = RenderMode::exact, .samples_per_ray = inputs_.bench.samples};
+    }
+    void add(const std::string& varied, std::int64_t value, RendererOptions frame) {
+        frame.mode = RenderMode::exact;
+        rows_.push_back(
+            {{varied, value}, [=, this] { return measured(varied, subject_, frame, 1); }});
+    }
+    /// Random weights; the encoder takes no part.
+    [[nodiscard]] BenchSubject with_width(std::int64_t width) const {
+        ModelConfig config = subject_.model.config();
+        config.encoder.backbone = "small_conv";
+        config.encoder.backbone_weights.clear();
+        config.decoder.field_width = width;
+        BenchOptions random = inputs_.bench;
+        random.data.clear();
+        return random_subject(config, random, inputs_.seed);
+    }
+    /// `threads` parts of the work are done at the same time.
+    Row measured(const std::string& varied, const BenchSubject& subject,
+                 const RendererOptions& frame, int threads) {
+        FaceRenderer renderer(subject.model, frame);
+        const double seconds = time_frames(subject, renderer, inputs_.bench.repeats).median();
+        const double work =
+            frame_work(subject.model, frame.resolution).of_frame(frame.samples_per_ray) / threads;
+        const auto [first, is_first] = first_.try_emplace(varied, seconds, work);
+        const double times_time = seconds / first->second.first,
+                     times_work = work / first->second.second;
+        return {seconds, work, times_time, times_work, times_time / times_work};
+    }
 
-    const BenchSubject& subject_;
-    const BenchOptions& options_;
-    std::uint64_t seed_;
-    Progress progress_;
-    std::vector<GrowthPoint> points_;
+    const StudyInputs& inputs_;
+    BenchSubject subject_;
+    std::vector<StudyRow> rows_;
+    std::map<std::string, std::pair<double, double>> first_;  ///< seconds and work by quantity
 };
 
-RendererOptions Growth::exact() const {
-    RendererOptions frame;
-    frame.mode = RenderMode::exact;
-    frame.samples_per_ray = options_.samples;
-    return frame;
+std::string billions(const Value& value) {
+    return decimal(std::get<double>(value) / 1e9, 3);
 }
 
-void Growth::add(const std::string& varied, std::int64_t value, const BenchSubject& subject, const RendererOptions& frame,
-                 int parts) {
-    if (interrupted()) fail<Error>("interrupted; nothing was written");
-    FaceRenderer renderer(subject.model, frame);
-    GrowthPoint point{.varied = varied, .value = value};
-    point.seconds = time_frames(subject, renderer, options_.repeats).median();
-    point.multiply_adds = frame_work(subject.model, frame.resolution).of_frame(frame.samples_per_ray) / parts;
-    const auto first = std::ranges::find(points_, varied, &GrowthPoint::varied);
-    if (first != points_.end()) {
-        point.times_time = point.seconds / first->seconds;
-        point.times_work = point.multiply_adds / first->multiply_adds;
-    }
-    points_.push_back(point);
-    progress_.update(std::ssize(points_));
-}
-
-void Growth::samples() {
-    for (const std::int64_t samples : {16, 32, 64, 128, 256}) {
-        RendererOptions frame = exact();
-        frame.samples_per_ray = samples;
-        add("samples per ray", samples, subject_, frame);
-    }
-}
-
-void Growth::sizes() {
-    for (std::int64_t side = 64; side <= subject_.model.config().decoder.resolution; side *= 2) {
-        RendererOptions frame = exact();
-        frame.resolution = side;
-        add("side of the picture", side, subject_, frame);
-    }
-}
-
-void Growth::widths() {
-    ModelConfig config = subject_.model.config();
-    // Only the decoder is of interest.
-    config.encoder.backbone = "small_conv";
-    config.encoder.backbone_weights.clear();
-    const std::int64_t half = std::max<std::int64_t>(config.decoder.field_width / 2, 1);
-    BenchOptions random = options_;
-    random.data.clear();
-    for (const std::int64_t width : {half, 2 * half, 3 * half}) {
-        config.decoder.field_width = width;
-        add("width of the field", width, random_subject(config, random, seed_), exact());
-    }
-}
-
-void Growth::threads() {
-    const int most = thread_count();
-    for (int threads = 1; threads <= most; threads *= 2) {
-        const ThreadScope scope(threads);
-        add("threads", threads, subject_, exact(), threads);
-    }
-}
-
-std::vector<GrowthPoint> Growth::measure() {
-    const InterruptGuard guard;
-    samples();
-    sizes();
-    widths();
-    threads();
-    progress_.finish();
-    return points_;
+void write_growth(Page& page, const StudyInputs& inputs) {
+    Growth growth(inputs);
+    page.add(run_study({.name = "growth",
+                        .columns = {{"varied", "varied"},
+                                    {"value", "value"},
+                                    {"median_seconds", "ms", milliseconds},
+                                    {"multiply_adds", "GMAC", billions},
+                                    {"times_time", "time", fixed<2>},
+                                    {"times_work", "work", fixed<2>},
+                                    {"time_per_work", "time / work", fixed<2>}}},
+                       growth.rows()));
 }
 
 }  // namespace
 
-std::vector<GrowthPoint> measure_growth(const BenchSubject& subject, const BenchOptions& options, std::uint64_t seed) {
-    return Growth(subject, options, seed).measure();
-}
-
-Cells growth_cells(const std::vector<GrowthPoint>& points) {
-    Cells cells{{"varied", "value", "ms", "GMAC", "time", "work", "time / work"}};
-    for (const GrowthPoint& point : points)
-        cells.push_back({point.varied, std::to_string(point.value), decimal(point.seconds * 1e3, 2),
-                         decimal(point.multiply_adds / 1e9, 3), decimal(point.times_time, 2), decimal(point.times_work, 2),
-                         decimal(point.times_time / point.times_work, 2)});
-    return cells;
-}
-
-JsonValue to_json(const std::vector<GrowthPoint>& points) {
-    std::vector<JsonValue> values;
-    for (const GrowthPoint& point : points)
-        values.push_back(JsonValue::object({{"varied", point.varied},
-                                            {"value", point.value},
-                                            {"median_seconds", point.seconds},
-                                            {"multiply_adds", point.multiply_adds},
-                                            {"times_time", point.times_time},
-                                            {"times_work", point.times_work}}));
-    return values;
+Study growth_study() {
+    return {
+        .name = "growth", .title = "Growth of a frame's time with its work", .write = write_growth};
 }
 
 }  // namespace stymo

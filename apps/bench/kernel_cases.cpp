@@ -4,7 +4,6 @@
 #include "apps/bench/case.h"
 #include "core/kernels/float16_product.h"
 #include "core/kernels/gemm.h"
-#include "core/kernels/peak.h"
 #include "core/parallel.h"
 
 namespace stymo {
@@ -36,24 +35,20 @@ Measurement layer(const BenchRun& run, Activation activation, Limit limit) {
     const kernels::Epilogue<float> epilogue{.bias = bias.data(), .activation = activation};
     const auto all_tiles = [&] {
         parallel_for(points, tile, [&](std::int64_t begin, std::int64_t end) {
-            kernels::multiply_packed(y.data() + begin * width, width, {x.data() + begin * width, width}, end - begin, packed,
+            kernels::multiply_packed(y.data() + begin * width, width,
+                                     {x.data() + begin * width, width}, end - begin, packed,
                                      epilogue);
         });
     };
-    return {.timing = time_repeated(run.options.repeats, 0.5, all_tiles),
+    return {.timing = time_repeated(run.options.repeats, 0.1 * run.options.repeats, all_tiles),
             .work = layer_work,
             .limit = limit,
             .peak_memory = peak_memory_mebibytes()};
 }
 
-Measurement product(const BenchRun& run) {
-    return layer<float>(run, Activation::none, Limit::float32);
-}
-Measurement sine_layer(const BenchRun& run) {
-    return layer<float>(run, Activation::sine, Limit::float32);
-}
-Measurement sine_layer_bf16(const BenchRun& run) {
-    if (kernels::multiplies_float16()) return layer<kernels::Float16>(run, Activation::sine, Limit::sixteen_bits);
+Measurement half_layer(const BenchRun& run) {
+    if (kernels::multiplies_float16())
+        return layer<kernels::Float16>(run, Activation::sine, Limit::sixteen_bits);
     return layer<kernels::BFloat16>(run, Activation::sine, Limit::sixteen_bits);
 }
 
@@ -61,12 +56,11 @@ Measurement sine_layer_bf16(const BenchRun& run) {
 
 std::vector<BenchCase> kernel_cases() {
     return {
-        {.name = "product", .command = "kernels", .what = "65536 x 256 times 256 x 256, float32", .measure = product},
-        {.name = "sine-layer", .command = "kernels", .what = "the same with bias and sine", .measure = sine_layer},
-        {.name = "sine-layer-bf16",
-         .command = "kernels",
-         .what = "the same in the faster type of 16 bits",
-         .measure = sine_layer_bf16},
+        {"product", "kernels", "65536 x 256 times 256 x 256, float32",
+         [](const BenchRun& run) { return layer<float>(run, Activation::none, Limit::float32); }},
+        {"sine-layer", "kernels", "the same with bias and sine",
+         [](const BenchRun& run) { return layer<float>(run, Activation::sine, Limit::float32); }},
+        {"sine-layer-bf16", "kernels", "the same in the faster type of 16 bits", half_layer},
     };
 }
 

@@ -2,34 +2,45 @@
 #include <utility>
 #include <vector>
 
-#include "apps/bench/report/write_report.h"
+#include "apps/bench/report.h"
 #include "apps/bench/session.h"
 #include "apps/common/command_line.h"
+#include "apps/common/tools.h"
 
 namespace {
 
 void declare(stymo::Command& command, stymo::BenchOptions& options) {
-    command.option("--model", options.model, "model.safetensors of a training run; without one paper-512 with random weights");
-    command.option("--data", options.data, "folder of photos in FFHQ format whose codes are shown; without one random ones");
-    command.option("--repeats", options.repeats, "measurements of each time, of which the median counts").range(1, 1000);
+    command.option(
+        "--model", options.model,
+        "model.safetensors of a training run; without one paper-512 with random weights");
+    command.option(
+        "--data", options.data,
+        "folder of photos in FFHQ format whose codes are shown; without one random ones");
+    command
+        .option("--repeats", options.repeats,
+                "measurements of each time, of which the median counts")
+        .range(1, 1000);
     command.option("--faces", options.faces, "number of faces").range(1, 1000);
     command
         .option("--views", options.views,
-                "views of each face that errors are measured on; every timed frame is another one than the frame before")
+                "views of each face that errors are measured on; every timed frame is another one "
+                "than the frame before")
         .range(2, 1000);
     command.option("--samples", options.samples, "samples per ray").range(2, 4096);
 }
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int stymo_bench(int argc, char** argv) {
     stymo::SessionOptions options;
     std::string row;
     stymo::ReportOptions page;
     stymo::CommandLine line("stymo-bench",
-                            "Measures speed, with its ratio to the machine's peak and to PyTorch, and what it costs in error.");
+                            "Measures speed, with its ratio to the machine's peak and to PyTorch, "
+                            "and what it costs in error.");
     const std::vector<std::pair<std::string, std::string>> sessions{
-        {"render", "Frames: exact, without what does not count, in 16 bits; with --out also the curve."},
+        {"render",
+         "Frames: exact, with empty samples skipped, in 16 bits; with --out also the curve."},
         {"edit", "Texture and light of a shown view."},
         {"bake", "Views of a head whose field is sampled once."},
         {"fit", "Steps of fitting."},
@@ -39,35 +50,43 @@ int main(int argc, char** argv) {
         {"curve", "Error against frame time over samples, tolerance, precision, baked resolution."},
         {"growth", "How the time of a frame grows with samples, size, width and threads."},
         {"all", "All of these."},
-        {"bias", "What leaving out samples does to a fit's gradient and outcome; takes its time."}};
+        {"bias", "What leaving out samples does to a fit's gradient and outcome; takes minutes."}};
     for (const auto& [name, description] : sessions) {
         const auto body = [&options, name = name](const stymo::CommonOptions& common) {
             return stymo::bench_session(name, options, common);
         };
         stymo::Command command = line.command(name, description, body);
         declare(command, options.bench);
-        if (name == "bias") command.option("--steps", options.bench.steps, "of each fit").range(1, 10000);
-        command.option("--peer", options.peer, "scripts/torch_peer.py: the same in PyTorch, run beside each row");
-        command.option("--out", options.out, "folder for the tables as JSON, CSV and Markdown, and for the curve as SVG");
+        if (name == "bias")
+            command.option("--steps", options.bench.steps, "of each fit").range(1, 10000);
+        command.option("--peer", options.peer,
+                       "scripts/torch_peer.py: the same in PyTorch, run beside each row");
+        command.option("--out", options.out,
+                       "folder for the tables as JSON, CSV and Markdown, and for the curve as SVG");
     }
-    stymo::Command one =
-        line.command("row", "One row in this process, without the peer.",
-                     [&](const stymo::CommonOptions& common) { return stymo::bench_row(row, options.bench, common); });
+    stymo::Command one = line.command("row", "One row in this process, without the peer.",
+                                      [&](const stymo::CommonOptions& common) {
+                                          return stymo::bench_row(row, options.bench, common);
+                                      });
     one.option("NAME", row, "the row").required();
     declare(one, options.bench);
-    stymo::Command report = line.command("report", "Error against run time and numerical stability, as a page with plots.",
-                                         [&](const stymo::CommonOptions& common) {
-                                             page.bench = options.bench;
-                                             return stymo::write_report(page, common);
-                                         });
+    stymo::Command report = line.command(
+        "report", "Error against run time and numerical stability, as a page with plots.",
+        [&](const stymo::CommonOptions& common) {
+            page.bench = options.bench;
+            return stymo::write_report(page, common);
+        });
     report.option("--out", page.out, "folder for report.md with its plots and tables").required();
     report.option("--parts", page.parts,
-                  "some of " + stymo::report_section_names() + "; without it all that the inputs are there for");
-    report.option("--fit-model", page.fit_model,
-                  "model of the part on fitting, which takes hundreds of steps; --model unless given");
+                  "some of " + stymo::report_study_names() +
+                      "; without it all that the inputs are there for");
+    report.option(
+        "--fit-model", page.fit_model,
+        "model of the part on fitting, which takes hundreds of steps; --model unless given");
     report.option("--fit-data", page.fit_data, "its photos; --data unless given");
     stymo::declare_lpips_files(report, page.lpips);
     declare(report, options.bench);
-    line.command("rows", "Lists all rows.", [](const stymo::CommonOptions&) { return stymo::bench_row_names(); });
+    line.command("rows", "Lists all rows.",
+                 [](const stymo::CommonOptions&) { return stymo::bench_row_names(); });
     return line.run(argc, argv);
 }

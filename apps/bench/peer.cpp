@@ -1,8 +1,7 @@
 #include "apps/bench/peer.h"
 
 #include <algorithm>
-#include <cstdlib>
-#include <string_view>
+#include <regex>
 #include <vector>
 
 #include "apps/common/child_process.h"
@@ -19,14 +18,9 @@ const std::vector<std::string> peer_environment{"OPENBLAS_CORETYPE=SkylakeX"};
 
 /// Milliseconds in the line "render: 1100.0 ms (...)".
 std::optional<double> milliseconds_in(const std::string& text, const std::string& what) {
-    const std::string key = what + ": ";
-    const std::size_t place = text.find(key);
-    if (place == std::string::npos) return std::nullopt;
-    const char* begin = text.c_str() + place + key.size();
-    char* end = nullptr;
-    const double value = std::strtod(begin, &end);
-    if (!std::string_view(end).starts_with(" ms") || !(value > 0.0)) return std::nullopt;
-    return value;
+    std::smatch found;
+    if (!std::regex_search(text, found, std::regex(what + R"(: ([0-9.]+) ms)"))) return {};
+    return std::stod(found[1]);
 }
 
 std::string last_line(std::string text) {
@@ -41,9 +35,11 @@ Peer::Peer(const std::filesystem::path& script, const DecoderConfig& decoder, st
     if (script.empty()) {
         missing_ = "no --peer is named";
     } else if (!std::filesystem::is_regular_file(script)) {
-        fail<FileError>(script.string(), ": no such file; --peer names scripts/torch_peer.py of the project");
+        fail<FileError>(script.string(),
+                        ": no such file; --peer names scripts/torch_peer.py of the project");
     } else if (run_child({python, "-c", "import torch, torchvision"}).exit_code != 0) {
-        missing_ = std::string(python) + " has no PyTorch (Debian: python3-torch python3-torchvision libopenblas0)";
+        missing_ = std::string(python) +
+                   " has no PyTorch (Debian: python3-torch python3-torchvision libopenblas0)";
     }
 }
 
@@ -51,15 +47,18 @@ std::optional<PeerTime> Peer::measure(const std::string& what, int threads, int 
     if (!missing_.empty() || what.empty()) return std::nullopt;
     constexpr std::int64_t discriminator_side = 256;
     const bool discriminator = what == "disc" || what == "r1";
-    const std::int64_t side = discriminator ? std::min(discriminator_side, decoder_.resolution) : decoder_.resolution;
+    const std::int64_t side =
+        discriminator ? std::min(discriminator_side, decoder_.resolution) : decoder_.resolution;
     const ChildOutcome outcome = run_child(
-        {python, script_.string(), "--threads", std::to_string(threads), "--width", std::to_string(decoder_.field_width),
-         "--layers", std::to_string(decoder_.field_layers), "--samples", std::to_string(samples_), "--res", std::to_string(side),
-         "--batch", discriminator ? "4" : "1", "-n", std::to_string(repeats), what},
+        {python, script_.string(), "--threads", std::to_string(threads), "--width",
+         std::to_string(decoder_.field_width), "--layers", std::to_string(decoder_.field_layers),
+         "--samples", std::to_string(samples_), "--res", std::to_string(side), "--batch",
+         discriminator ? "4" : "1", "-n", std::to_string(repeats), what},
         peer_environment);
     const std::optional<double> milliseconds = milliseconds_in(outcome.out, what);
     if (outcome.exit_code != 0 || !milliseconds)
-        fail<Error>(script_.string(), ": ", what, " was not measured: ", last_line(outcome.err), "; leave out --peer");
+        fail<Error>(script_.string(), ": ", what, " was not measured: ", last_line(outcome.err),
+                    "; leave out --peer");
     return PeerTime{*milliseconds / 1e3, outcome.peak_memory};
 }
 

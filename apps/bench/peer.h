@@ -16,12 +16,15 @@ struct PeerTime {
 /// The same work in PyTorch, by scripts/torch_peer.py and the system's Python.
 class Peer {
 public:
-    /// `script` empty, or PyTorch not installed: there is no peer, and `missing` says why. `decoder` is what it is to imitate.
+    /// `script` empty, or PyTorch not installed: there is no peer, and `missing` says why.
+    /// `decoder` is what it is to imitate.
     Peer(const std::filesystem::path& script, const DecoderConfig& decoder, std::int64_t samples);
 
     [[nodiscard]] const std::string& missing() const { return missing_; }
-    /// Runs one of the script's measurements; nothing without a peer. Throws Error if the script fails.
-    [[nodiscard]] std::optional<PeerTime> measure(const std::string& what, int threads, int repeats) const;
+    /// Runs one of the script's measurements; nothing without a peer. Throws Error if the script
+    /// fails.
+    [[nodiscard]] std::optional<PeerTime> measure(const std::string& what, int threads,
+                                                  int repeats) const;
 
 private:
     std::filesystem::path script_;

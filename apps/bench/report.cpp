@@ -1,191 +1,114 @@
 #include "apps/bench/report.h"
 
 #include <algorithm>
-#include <cmath>
-#include <iomanip>
-#include <nlohmann/json.hpp>
+#include <optional>
 #include <sstream>
 
+#include "apps/bench/small_model.h"
+#include "apps/bench/study.h"
+#include "core/clock.h"
 #include "core/error.h"
+#include "core/interrupt.h"
+#include "core/io/folder_in_progress.h"
 #include "core/parallel.h"
 
 namespace stymo {
 
 namespace {
 
-JsonValue json_of(const std::optional<double>& value) {
-    return value ? JsonValue(*value) : JsonValue();
+std::vector<std::string> names_in(const std::string& list) {
+    std::vector<std::string> names;
+    std::istringstream stream(list);
+    for (std::string name; std::getline(stream, name, ',');) names.push_back(name);
+    return names;
 }
 
-std::string full(double value) {
-    return JsonValue(value).text();
-}
-std::string full(const std::optional<double>& value) {
-    return value ? full(*value) : "";
-}
-
-/// Infinite where the pictures are equal.
-std::string decibels(const std::optional<double>& value) {
-    if (!value) return "";
-    return std::isfinite(*value) ? decimal(*value, 1) : "equal";
-}
-
-std::optional<double> number_or_none(const nlohmann::json& object, const char* key) {
-    const nlohmann::json& value = object.at(key);
-    return value.is_null() ? std::nullopt : std::optional(value.get<double>());
-}
-
-std::string milliseconds(double seconds) {
-    const double value = seconds * 1e3;
-    return decimal(value, value < 100.0 ? 2 : value < 1000.0 ? 1 : 0);
-}
-
-std::optional<double> share_of_peak(const Measurement& measurement) {
-    if (measurement.limit == Limit::none || measurement.work <= 0.0) return std::nullopt;
-    double flops = measurement.timing.median_multiply_adds();
-    if (measurement.limit == Limit::sixteen_bits) {
-        const kernels::MachinePeak peak = kernels::measure_machine_peak();
-        flops *= std::max(peak.bfloat16_multiply_adds, peak.float16_multiply_adds) / peak.multiply_adds;
+/// In the order of the report, whatever the order of `parts`.
+std::vector<Study> chosen_studies(const ReportOptions& options) {
+    const auto has_inputs = [&](const Study& study) {
+        return !study.needs_model || options.bench.model.empty() == options.bench.data.empty();
+    };
+    std::vector<Study> studies = report_studies();
+    if (options.parts.empty()) {
+        std::erase_if(studies, std::not_fn(has_inputs));
+        return studies;
     }
-    if (flops <= 0.0) return std::nullopt;
-    return 2.0 * measurement.work / measurement.timing.median() / flops;
+    const std::vector<std::string> names = names_in(options.parts);
+    for (const std::string& name : names) {
+        const auto found = std::ranges::find(studies, name, &Study::name);
+        if (found == studies.end())
+            fail<UsageError>("--parts: the report has no part \"", name, "\"; it has ",
+                             report_study_names());
+        if (!has_inputs(*found))
+            fail<UsageError>("--parts: ", name, " needs --data with --model, or neither");
+    }
+    std::erase_if(studies, [&](const Study& study) {
+        return std::ranges::find(names, study.name) == names.end();
+    });
+    return studies;
+}
+
+/// A model for the studies that need one where none is given, trained on synthetic heads.
+BenchOptions small_subject(const std::filesystem::path& folder, BenchOptions bench,
+                           std::uint64_t seed) {
+    constexpr double seconds = 45.0;
+    bench.data = folder / "heads";
+    bench.model = folder / "model.safetensors";
+    std::filesystem::create_directory(bench.data);
+    write_small_heads(bench.data, seed);
+    write_small_model(bench.data, bench.model, seed, seconds);
+    return bench;
 }
 
 }  // namespace
 
-std::string decimal(double value, int digits) {
-    std::ostringstream text;
-    text << std::fixed << std::setprecision(digits) << value;
-    return text.str();
+std::string report_study_names() {
+    std::string names;
+    for (const Study& study : report_studies()) names += (names.empty() ? "" : ",") + study.name;
+    return names;
 }
 
-JsonValue to_json(const BenchRow& row) {
-    JsonValue json = JsonValue::object({{"name", row.name},
-                                        {"what", row.what},
-                                        {"threads", row.threads},
-                                        {"median_seconds", row.median_seconds},
-                                        {"minimum_seconds", row.minimum_seconds},
-                                        {"share_of_peak", json_of(row.share_of_peak)},
-                                        // null: no errors were measured, or there are none
-                                        {"psnr_mean_db", json_of(row.psnr_mean)},
-                                        {"psnr_worst_db", json_of(row.psnr_worst)},
-                                        {"equal_pictures", row.psnr_worst && std::isinf(*row.psnr_worst)},
-                                        {"peak_memory_mebibytes", row.peak_memory},
-                                        {"remark", row.remark}});
-    if (row.peer) {
-        json.add("peer_median_seconds", row.peer->seconds);
-        json.add("peer_peak_memory_mebibytes", row.peer->peak_memory);
-        json.add("times_peer", row.peer->seconds / row.median_seconds);
+AppResult write_report(const ReportOptions& options, const CommonOptions& common) {
+    const std::vector<Study> studies = chosen_studies(options);
+    for (const std::filesystem::path& model : {options.bench.model, options.fit_model})
+        if (!model.empty() && !std::filesystem::exists(model))
+            fail<FileError>(model.string(), ": no such file");
+    FolderInProgress folder(options.out);
+    Page page("report", folder.path());
+    page.title(1, "Error against run time, and numerical stability");
+    page.text("Threads: " + std::to_string(thread_count()) +
+              "; seed: " + std::to_string(common.seed) + "; model: " +
+              (options.bench.model.empty() ? "a small one, trained for this report"
+                                           : options.bench.model.filename().string()) +
+              ".");
+    const InterruptGuard guard;
+    StudyInputs inputs{
+        .bench = options.bench, .fitting = {}, .lpips = options.lpips, .seed = common.seed};
+    std::optional<FolderInProgress> small;
+    if (options.bench.model.empty() && std::ranges::any_of(studies, &Study::needs_model)) {
+        small.emplace(std::filesystem::temp_directory_path() / "stymo-report-model");
+        inputs.bench = small_subject(small->path(), options.bench, common.seed);
     }
-    return json;
-}
-
-BenchRow row_from_json(const std::string& text) {
-    try {
-        const nlohmann::json json = nlohmann::json::parse(text);
-        BenchRow row{.name = json.at("name").get<std::string>(), .what = json.at("what").get<std::string>()};
-        row.threads = json.at("threads").get<int>();
-        row.median_seconds = json.at("median_seconds").get<double>();
-        row.minimum_seconds = json.at("minimum_seconds").get<double>();
-        row.share_of_peak = number_or_none(json, "share_of_peak");
-        row.psnr_mean = number_or_none(json, "psnr_mean_db");
-        row.psnr_worst = number_or_none(json, "psnr_worst_db");
-        if (json.at("equal_pictures").get<bool>()) row.psnr_mean = row.psnr_worst = INFINITY;
-        row.peak_memory = json.at("peak_memory_mebibytes").get<double>();
-        row.remark = json.at("remark").get<std::string>();
-        return row;
-    } catch (const nlohmann::json::exception& error) {
-        fail<Error>("a row's result cannot be read: ", error.what());
+    inputs.fitting = inputs.bench;
+    if (!options.fit_model.empty()) inputs.fitting.model = options.fit_model;
+    if (!options.fit_data.empty()) inputs.fitting.data = options.fit_data;
+    Table times{.name = "parts",
+                .columns = {{"name", "part"},
+                            {"seconds", "seconds", fixed<1>},
+                            {"seconds_allowed", "seconds allowed"}}};
+    for (const Study& study : studies) {
+        page.title(2, study.title);
+        inputs.seconds = study.seconds;
+        const double begin = seconds_now();
+        study.write(page, inputs);
+        times.rows.push_back({study.name, seconds_now() - begin, study.seconds});
     }
-}
-
-BenchRow measure_row(const BenchCase& bench_case, const BenchRun& run) {
-    const Measurement measurement = bench_case.measure(run);
-    return {.name = bench_case.name,
-            .what = bench_case.what,
-            .threads = thread_count(),
-            .median_seconds = measurement.timing.median(),
-            .minimum_seconds = measurement.timing.minimum(),
-            .share_of_peak = share_of_peak(measurement),
-            .psnr_mean = measurement.psnr_mean,
-            .psnr_worst = measurement.psnr_worst,
-            .peak_memory = measurement.peak_memory,
-            .remark = measurement.remark};
-}
-
-Cells cells(const std::vector<BenchRow>& rows) {
-    Cells result{{"row", "what", "ms", "a second", "of the peak", "peer ms", "times peer", "PSNR dB", "worst", "MiB", "remark"}};
-    for (const BenchRow& row : rows) {
-        result.push_back({"`" + row.name + "`", row.what, milliseconds(row.median_seconds),
-                          decimal(1.0 / row.median_seconds, row.median_seconds < 0.1 ? 1 : 2),
-                          row.share_of_peak ? decimal(100.0 * *row.share_of_peak, 0) + " %" : "",
-                          row.peer ? milliseconds(row.peer->seconds) : "",
-                          row.peer ? decimal(row.peer->seconds / row.median_seconds, 1) : "", decibels(row.psnr_mean),
-                          decibels(row.psnr_worst), decimal(row.peak_memory, 0), row.remark});
-    }
-    return result;
-}
-
-Cells full_cells(const std::vector<BenchRow>& rows) {
-    Cells result{{"name", "threads", "median_seconds", "minimum_seconds", "share_of_peak", "peer_median_seconds", "psnr_mean_db",
-                  "psnr_worst_db", "peak_memory_mebibytes", "peer_peak_memory_mebibytes"}};
-    for (const BenchRow& row : rows) {
-        result.push_back({row.name, std::to_string(row.threads), full(row.median_seconds), full(row.minimum_seconds),
-                          full(row.share_of_peak), row.peer ? full(row.peer->seconds) : "", full(row.psnr_mean),
-                          full(row.psnr_worst), full(row.peak_memory), row.peer ? full(row.peer->peak_memory) : ""});
-    }
-    return result;
-}
-
-std::string markdown(const Cells& cells) {
-    // In characters: each byte of UTF-8 counts but those that continue one.
-    const auto width = [](const std::string& cell) {
-        return static_cast<std::size_t>(std::ranges::count_if(cell, [](char c) { return (c & 0xC0) != 0x80; }));
-    };
-    std::vector<std::size_t> widths(cells.front().size(), 3);
-    for (const auto& row : cells)
-        for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], width(row[i]));
-    std::string table;
-    const auto write = [&](const std::vector<std::string>& row) {
-        table += "|";
-        for (std::size_t i = 0; i < row.size(); ++i) table += " " + row[i] + std::string(widths[i] - width(row[i]), ' ') + " |";
-        table += "\n";
-    };
-    write(cells.front());
-    table += "|";
-    for (const std::size_t one : widths) table += std::string(one + 2, '-') + "|";
-    table += "\n";
-    for (std::size_t i = 1; i < cells.size(); ++i) write(cells[i]);
-    return table;
-}
-
-std::string csv(const Cells& cells) {
-    const auto quoted = [](const std::string& cell) {
-        if (cell.find_first_of(",\"\n") == std::string::npos) return cell;
-        std::string text = "\"";
-        for (const char c : cell) text += c == '"' ? "\"\"" : std::string(1, c);
-        return text + "\"";
-    };
-    std::string result;
-    for (const auto& row : cells) {
-        for (std::size_t i = 0; i < row.size(); ++i) result += (i > 0 ? "," : "") + quoted(row[i]);
-        result += "\n";
-    }
-    return result;
-}
-
-JsonValue to_json(const kernels::MachinePeak& peak) {
-    return JsonValue::object({{"float32_flops", peak.multiply_adds},
-                              {"bfloat16_flops", peak.bfloat16_multiply_adds},
-                              {"float16_flops", peak.float16_multiply_adds},
-                              {"triad_bytes_per_second", peak.triad_bytes}});
-}
-
-std::string text(const kernels::MachinePeak& peak) {
-    return "peak: " + decimal(peak.multiply_adds / 1e9, 0) + " GFLOP/s float32, " +
-           (peak.bfloat16_multiply_adds > 0.0 ? decimal(peak.bfloat16_multiply_adds / 1e9, 0) + " GFLOP/s bfloat16, " : "") +
-           (peak.float16_multiply_adds > 0.0 ? decimal(peak.float16_multiply_adds / 1e9, 0) + " GFLOP/s float16, " : "") +
-           decimal(peak.triad_bytes / 1e9, 1) + " GB/s\n";
+    page.title(2, "Time that this report took");
+    page.add(times);
+    static_cast<void>(page.finish());
+    folder.finish();
+    return {markdown(times) + (options.out / "report.md").string() + "\n",
+            JsonValue::object({{times.name, to_json(times)}})};
 }
 
 }  // namespace stymo

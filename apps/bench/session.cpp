@@ -2,19 +2,16 @@
 
 #include <algorithm>
 #include <iostream>
+#include <limits>
 
 #include "apps/bench/case.h"
-#include "apps/bench/curve.h"
-#include "apps/bench/fit_bias.h"
-#include "apps/bench/growth.h"
+#include "apps/bench/peak.h"
 #include "apps/bench/peer.h"
-#include "apps/bench/report.h"
+#include "apps/bench/study.h"
 #include "apps/common/child_process.h"
 #include "core/error.h"
-#include "core/interrupt.h"
 #include "core/io/file.h"
 #include "core/parallel.h"
-#include "core/progress.h"
 
 namespace stymo {
 
@@ -22,31 +19,13 @@ namespace {
 
 constexpr const char* everything = "all";
 
-/// The line that this program, run as a child, says why it failed in.
+/// The line in which this program, run as a child, says why it failed.
 std::string reason_in(const std::string& err) {
     const std::string prefix = "stymo-bench: ";
     const std::size_t place = err.rfind(prefix);
-    if (place == std::string::npos) return "it ended without a word";
+    if (place == std::string::npos) return "it ended without a message";
     const std::string line = err.substr(place + prefix.size());
     return line.substr(0, line.find('\n'));
-}
-
-BenchRow measured_apart(const BenchCase& bench_case, const BenchOptions& options, const CommonOptions& common) {
-    std::vector<std::string> words{own_program(), "row", bench_case.name, "--json", "--seed", std::to_string(common.seed)};
-    const auto add = [&](const char* option, const std::string& value) {
-        words.emplace_back(option);
-        words.push_back(value);
-    };
-    add("--threads", std::to_string(bench_case.threads > 0 ? bench_case.threads : thread_count()));
-    add("--repeats", std::to_string(options.repeats));
-    add("--faces", std::to_string(options.faces));
-    add("--views", std::to_string(options.views));
-    add("--samples", std::to_string(options.samples));
-    if (!options.model.empty()) add("--model", options.model.string());
-    if (!options.data.empty()) add("--data", options.data.string());
-    const ChildOutcome outcome = run_child(words);
-    if (outcome.exit_code != 0) fail<Error>(bench_case.name, ": ", reason_in(outcome.err));
-    return row_from_json(outcome.out);
 }
 
 /// The slow ones once less often.
@@ -55,113 +34,127 @@ int peer_repeats(const std::string& what, int repeats) {
     return what == "r1" ? 1 : std::min(repeats, most);
 }
 
-std::vector<BenchRow> measure_rows(const std::vector<BenchCase>& cases, const Peer& peer, const BenchOptions& options,
-                                   const CommonOptions& common) {
-    const InterruptGuard guard;
-    Progress progress({.title = "bench", .total = std::ssize(cases), .unit = {}});
-    std::vector<BenchRow> rows;
-    for (const BenchCase& bench_case : cases) {
-        if (interrupted()) fail<Error>("interrupted; nothing was written");
-        progress.update(std::ssize(rows), bench_case.name);
-        BenchRow row = measured_apart(bench_case, options, common);
-        row.peer = peer.measure(bench_case.peer, row.threads, peer_repeats(bench_case.peer, options.repeats));
-        rows.push_back(row);
+/// In a process of its own, so that its peak memory is its own, with the peer right after it.
+Row measured_apart(const BenchCase& bench_case, const Peer& peer, const BenchOptions& options,
+                   std::uint64_t seed) {
+    const int threads = bench_case.threads > 0 ? bench_case.threads : thread_count();
+    std::vector<std::string> words{own_program(), "row", bench_case.name, "--json"};
+    const auto add = [&](const char* option, const std::string& value) {
+        if (!value.empty()) words.insert(words.end(), {option, value});
+    };
+    add("--seed", std::to_string(seed));
+    add("--threads", std::to_string(threads));
+    add("--repeats", std::to_string(options.repeats));
+    add("--faces", std::to_string(options.faces));
+    add("--views", std::to_string(options.views));
+    add("--samples", std::to_string(options.samples));
+    add("--model", options.model.string());
+    add("--data", options.data.string());
+    const ChildOutcome outcome = run_child(words);
+    if (outcome.exit_code != 0) fail<Error>(bench_case.name, ": ", reason_in(outcome.err));
+    Table table{.name = {}, .columns = case_columns(), .rows = {}};
+    Row row = row_from_json(table.columns, outcome.out);
+    const auto cell = [&](const char* key) -> Value& {
+        const auto found = std::ranges::find(table.columns, key, &Column::key);
+        return row[static_cast<std::size_t>(found - table.columns.begin())];
+    };
+    // JSON has no infinity.
+    if (cell("equal_images") == Value(true))
+        cell("psnr_mean_db") = cell("psnr_worst_db") = std::numeric_limits<double>::infinity();
+    if (const auto peers = peer.measure(bench_case.peer, threads,
+                                        peer_repeats(bench_case.peer, options.repeats))) {
+        cell("peer_median_seconds") = peers->seconds;
+        cell("times_peer") = peers->seconds / table.number(row, "median_seconds");
+        cell("peer_peak_memory_mebibytes") = peers->peak_memory;
     }
-    progress.update(std::ssize(rows));
-    progress.finish();
-    return rows;
+    row.erase(row.begin(), row.begin() + 2);
+    return row;
 }
 
-/// Result and files of a command, part by part.
-class Report {
-public:
-    Report(const std::string& command, const std::filesystem::path& out) : command_(command), out_(out) {}
+std::string text_of(const kernels::MachinePeak& peak) {
+    const auto rate = [](double flops, const char* type) {
+        return flops > 0.0 ? decimal(flops / 1e9, 0) + " GFLOP/s " + type + ", " : std::string();
+    };
+    return "threads: " + std::to_string(thread_count()) +
+           "; peak: " + rate(peak.multiply_adds, "float32") +
+           rate(peak.bfloat16_multiply_adds, "bfloat16") +
+           rate(peak.float16_multiply_adds, "float16") + decimal(peak.triad_bytes / 1e9, 1) +
+           " GB/s";
+}
 
-    void add(const std::string& part, const Cells& cells, const Cells& numbers, const JsonValue& json) {
-        const std::string table = markdown(cells);
-        result_.text += (result_.text.empty() ? "" : "\n") + table;
-        result_.json.add(part, json);
-        files_.emplace_back(command_ + (part == "rows" ? "" : "_" + part) + ".csv", csv(numbers));
-    }
-    void add_note(const std::string& text) { result_.text += "\n" + text; }
-    void add_value(const std::string& key, const JsonValue& value) { result_.json.add(key, value); }
-    void add_file(const std::string& name, const std::string& contents) { files_.emplace_back(name, contents); }
+JsonValue to_json(const kernels::MachinePeak& peak) {
+    return JsonValue::object({{"float32_flops", peak.multiply_adds},
+                              {"bfloat16_flops", peak.bfloat16_multiply_adds},
+                              {"float16_flops", peak.float16_multiply_adds},
+                              {"triad_bytes_per_second", peak.triad_bytes}});
+}
 
-    /// Writes the files, if there is a folder for them.
-    [[nodiscard]] AppResult finish() {
-        if (!out_.empty()) {
-            for (const auto& [name, contents] : files_) write_text_file(out_ / name, contents);
-            write_text_file(out_ / (command_ + ".md"), result_.text);
-            write_text_file(out_ / (command_ + ".json"), result_.json.text() + "\n");
-        }
-        return result_;
-    }
-
-private:
-    std::string command_;
-    std::filesystem::path out_;
-    AppResult result_;
-    std::vector<std::pair<std::string, std::string>> files_;
-};
-
-void add_curve(Report& report, const BenchSubject& subject, const BenchOptions& options) {
-    const std::vector<CurvePoint> points = measure_curve(subject, options);
-    report.add("curve", curve_cells(points), curve_cells(points), to_json(points));
-    const Plot plot = error_plot(points);
-    if (!plot.series.empty()) report.add_file("error_against_time.svg", to_svg(plot));
+/// The studies that belong to a command.
+std::vector<Study> studies_of(const std::string& command, bool writes_files) {
+    const bool all = command == everything;
+    std::vector<Study> studies;
+    if (all || command == "curve" || (command == "render" && writes_files))
+        studies.push_back(rendering_study());
+    if (all || command == "growth") studies.push_back(growth_study());
+    if (command == "bias") studies.push_back(bias_study());
+    return studies;
 }
 
 }  // namespace
 
-AppResult bench_session(const std::string& command, const SessionOptions& options, const CommonOptions& common) {
+AppResult bench_session(const std::string& command, const SessionOptions& options,
+                        const CommonOptions& common) {
     std::vector<BenchCase> cases = bench_cases();
-    std::erase_if(cases, [&](const BenchCase& one) { return command != everything && one.command != command; });
-    // The plot belongs to what --out adds.
-    const bool curve = command == "curve" || command == everything || (command == "render" && !options.out.empty());
-    const bool growth = command == "growth" || command == everything;
-    const BenchSubject subject = make_subject(options.bench, common.seed);
-    const Peer peer(options.peer, subject.model.config().decoder, options.bench.samples);
+    std::erase_if(cases, [&](const BenchCase& one) {
+        return command != everything && one.command != command;
+    });
+    // A model or a peer that is not there is reported before anything is measured.
+    const Peer peer(options.peer, make_subject(options.bench, common.seed).model.config().decoder,
+                    options.bench.samples);
     if (!options.out.empty()) require_writable_folder(options.out);
-    const bool compared = std::ranges::any_of(cases, [](const BenchCase& one) { return !one.peer.empty(); });
-    if (compared && !peer.missing().empty()) std::cerr << "no peer: " << peer.missing() << std::endl;
+    const bool compared =
+        std::ranges::any_of(cases, [](const BenchCase& one) { return !one.peer.empty(); });
+    if (compared && !peer.missing().empty())
+        std::cerr << "no peer: " << peer.missing() << std::endl;
 
-    Report report(command, options.out);
+    Page page(command, options.out);
     const kernels::MachinePeak peak = kernels::measure_machine_peak();
-    report.add_value("threads", thread_count());
-    report.add_value("peak", to_json(peak));
-    report.add_value("model", options.bench.model.empty() ? "random weights, paper-512" : options.bench.model.string());
-    if (!cases.empty()) {
-        const std::vector<BenchRow> rows = measure_rows(cases, peer, options.bench, common);
-        std::vector<JsonValue> json;
-        for (const BenchRow& row : rows) json.push_back(to_json(row));
-        report.add("rows", cells(rows), full_cells(rows), json);
-    }
-    if (curve) add_curve(report, subject, options.bench);
-    if (growth) {
-        const std::vector<GrowthPoint> points = measure_growth(subject, options.bench, common.seed);
-        report.add("growth", growth_cells(points), growth_cells(points), to_json(points));
-    }
-    if (command == "bias") {
-        const std::vector<FitBias> rows = measure_fit_bias(subject, options.bench);
-        report.add("bias", fit_bias_cells(rows), fit_bias_cells(rows), to_json(rows));
-    }
-    report.add_note("threads: " + std::to_string(thread_count()) + "; " + text(peak));
-    return report.finish();
+    page.fact("threads", thread_count());
+    page.fact("peak", to_json(peak));
+    page.fact("model", options.bench.model.empty() ? "random weights, paper-512"
+                                                   : options.bench.model.string());
+    std::vector<StudyRow> rows;
+    for (const BenchCase& one : cases)
+        rows.push_back({{one.name, one.what}, [&, one] {
+                            return measured_apart(one, peer, options.bench, common.seed);
+                        }});
+    if (!rows.empty())
+        page.add(run_study({.name = "rows", .columns = case_columns(), .rows = {}}, rows));
+    for (const Study& study : studies_of(command, !options.out.empty()))
+        study.write(page, {.bench = options.bench,
+                           .fitting = options.bench,
+                           .seed = common.seed,
+                           .seconds = std::numeric_limits<double>::infinity()});
+    page.text(text_of(peak));
+    return page.finish();
 }
 
-AppResult bench_row(const std::string& name, const BenchOptions& options, const CommonOptions& common) {
-    const BenchRow row = measure_row(case_named(name), {options, common.seed});
-    return {markdown(cells({row})), to_json(row)};
+AppResult bench_row(const std::string& name, const BenchOptions& options,
+                    const CommonOptions& common) {
+    const BenchCase one = case_named(name);
+    Row row = measure_case(one, {options, common.seed});
+    row.insert(row.begin(), {one.name, one.what});
+    const Table table{.name = "rows", .columns = case_columns(), .rows = {row}};
+    return {markdown(table), to_json(table.columns, row)};
 }
 
 AppResult bench_row_names() {
-    Cells table{{"row", "command", "what"}};
-    std::vector<JsonValue> json;
-    for (const BenchCase& one : bench_cases()) {
-        table.push_back({one.name, one.command, one.what});
-        json.push_back(JsonValue::object({{"name", one.name}, {"command", one.command}, {"what", one.what}}));
-    }
-    return {markdown(table), JsonValue::object({{"rows", json}})};
+    Table table{.name = "rows",
+                .columns = {{"name", "row"}, {"command", "command"}, {"what", "what"}},
+                .rows = {}};
+    for (const BenchCase& one : bench_cases())
+        table.rows.push_back({one.name, one.command, one.what});
+    return {markdown(table), JsonValue::object({{table.name, to_json(table)}})};
 }
 
 }  // namespace stymo

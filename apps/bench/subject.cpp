@@ -7,8 +7,7 @@
 
 #include "core/angle.h"
 #include "nn/models/view.h"
-#include "train/dataset.h"
-#include "train/face_codes.h"
+#include "train/data/dataset.h"
 
 namespace stymo {
 
@@ -21,8 +20,8 @@ std::vector<Camera> orbit(const Model& model, int count) {
     std::vector<Camera> views;
     for (int i = 0; i < count; ++i) {
         const double turn = 2.0 * std::numbers::pi * i / count;
-        views.push_back(
-            model_camera(model, radians_from_degrees(30.0) * std::sin(turn), radians_from_degrees(8.0) * std::cos(turn), 0.0));
+        views.push_back(model_camera(model, radians_from_degrees(30.0) * std::sin(turn),
+                                     radians_from_degrees(8.0) * std::cos(turn), 0.0));
     }
     return views;
 }
@@ -54,8 +53,8 @@ BenchSubject subject_of(Model model, const BenchOptions& options, std::uint64_t 
         for (int i = 0; i < options.faces; ++i) subject.photos.push_back(random_face(config, rng));
         subject.codes = random_codes(options.faces, rng);
     } else {
-        const Dataset data(options.data, config.decoder.resolution, {.cache_megabytes = 0}, Split::all,
-                           frontal_pose(config.camera));
+        const Dataset data(options.data, config.decoder.resolution, {.cache_megabytes = 0},
+                           Split::all, frontal_pose(config.camera));
         const std::int64_t faces = std::min<std::int64_t>(options.faces, data.size());
         for (std::int64_t i = 0; i < faces; ++i) subject.photos.push_back(data.load(i));
         subject.codes = detached(face_codes(subject.model, make_batch(subject.photos)));
@@ -73,7 +72,8 @@ BenchSubject make_subject(const BenchOptions& options, std::uint64_t seed) {
     return subject;
 }
 
-BenchSubject random_subject(const ModelConfig& config, const BenchOptions& options, std::uint64_t seed) {
+BenchSubject random_subject(const ModelConfig& config, const BenchOptions& options,
+                            std::uint64_t seed) {
     Rng rng = Rng(seed).split("model");
     return subject_of(Model(config, rng), options, seed);
 }

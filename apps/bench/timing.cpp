@@ -5,8 +5,8 @@
 #include <fstream>
 #include <string>
 
+#include "apps/bench/peak.h"
 #include "core/clock.h"
-#include "core/kernels/peak.h"
 #include "core/median.h"
 
 namespace stymo {
@@ -18,7 +18,8 @@ void Timing::add(double run_seconds) {
 
 void Timing::add(const Timing& other) {
     seconds.insert(seconds.end(), other.seconds.begin(), other.seconds.end());
-    multiply_adds.insert(multiply_adds.end(), other.multiply_adds.begin(), other.multiply_adds.end());
+    multiply_adds.insert(multiply_adds.end(), other.multiply_adds.begin(),
+                         other.multiply_adds.end());
 }
 
 double Timing::median() const {

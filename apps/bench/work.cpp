@@ -41,19 +41,24 @@ double trunk_work(const std::string& network, std::int64_t side) {
     return work;
 }
 
-double discriminator_work(const ParameterStore& discriminator, const std::string& prefix, std::int64_t side) {
+double discriminator_work(const ParameterStore& discriminator, const std::string& prefix,
+                          std::int64_t side) {
     const auto weights = [&](const std::string& layer) {
         const std::string name = prefix + "." + layer + ".weight";
         const auto found = std::ranges::find(discriminator.all(), name, &Parameter::name);
-        return found == discriminator.all().end() ? 0.0 : static_cast<double>(found->variable().value().size());
+        return found == discriminator.all().end()
+                   ? 0.0
+                   : static_cast<double>(found->variable().value().size());
     };
     double work = area(side) * weights("from_rgb" + std::to_string(side));
     constexpr std::int64_t final_side = 4;
     for (std::int64_t s = side; s > final_side; s /= 2) {
         const std::string block = "block" + std::to_string(s);
-        work += area(s) * weights(block + ".conv0") + area(s / 2) * (weights(block + ".conv1") + weights(block + ".skip"));
+        work += area(s) * weights(block + ".conv0") +
+                area(s / 2) * (weights(block + ".conv1") + weights(block + ".skip"));
     }
-    return work + area(final_side) * weights("epilogue.conv") + weights("epilogue.hidden") + weights("epilogue.logit");
+    return work + area(final_side) * weights("epilogue.conv") + weights("epilogue.hidden") +
+           weights("epilogue.logit");
 }
 
 }  // namespace stymo

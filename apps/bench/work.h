@@ -17,14 +17,18 @@ struct FrameWork {
 
     /// With every sample.
     [[nodiscard]] double of_field(std::int64_t samples_per_ray) const;
-    [[nodiscard]] double of_frame(std::int64_t samples_per_ray) const { return of_field(samples_per_ray) + blocks; }
+    [[nodiscard]] double of_frame(std::int64_t samples_per_ray) const {
+        return of_field(samples_per_ray) + blocks;
+    }
 };
 
 /// `resolution` 0: the model's own.
 [[nodiscard]] FrameWork frame_work(const Model& model, std::int64_t resolution = 0);
-/// One forward pass of LPIPS' trunk on one square image; 0 for a network that is not a plain stack of convolutions.
+/// One forward pass of LPIPS' trunk on one square image; 0 for a network that is not a plain stack
+/// of convolutions.
 [[nodiscard]] double trunk_work(const std::string& network, std::int64_t side);
 /// One forward pass of a discriminator of images of this side.
-[[nodiscard]] double discriminator_work(const ParameterStore& discriminator, const std::string& prefix, std::int64_t side);
+[[nodiscard]] double discriminator_work(const ParameterStore& discriminator,
+                                        const std::string& prefix, std::int64_t side);
 
 }  // namespace stymo

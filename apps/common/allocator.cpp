@@ -1,6 +1,6 @@
 #include "apps/common/allocator.h"
 
-// Any standard header tells whether this is the GNU library.
+// Any standard header defines __GLIBC__ if this is the GNU library.
 #include <cstdlib>
 
 #ifdef __GLIBC__
@@ -11,8 +11,9 @@ namespace stymo {
 
 void tune_allocator() {
 #ifdef __GLIBC__
-    // By default a buffer above 32 MB is mapped when it is asked for and unmapped when it is freed, so that every op pays a
-    // page fault and a cleared page for each 4 KiB of its result. Kept in the heap, the same pages go from op to op.
+    // By default a buffer above 32 MB is mapped when it is allocated and unmapped when it is freed,
+    // so that every op pays for a page fault and a cleared page per 4 KiB of its result. With these
+    // settings the pages stay in the heap and are reused.
     mallopt(M_MMAP_MAX, 0);
     mallopt(M_TRIM_THRESHOLD, -1);  // never hand the top of the heap back
     mallopt(M_TOP_PAD, 64 << 20);

@@ -2,7 +2,8 @@
 
 namespace stymo {
 
-/// Sets the C library's allocator up for a process that frees and asks again for the same large buffers all the time.
+/// Configures the C library's allocator for a process that frees and allocates the same large
+/// buffers all the time.
 void tune_allocator();
 
 }  // namespace stymo

@@ -1,23 +1,49 @@
 #include "apps/common/begun_settings.h"
 
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
 
 namespace stymo {
 
-void require_same_settings(const std::filesystem::path& folder, const std::string& begun, const std::string& wanted) {
+void require_same_settings(const std::filesystem::path& folder, const std::string& begun,
+                           const std::string& wanted) {
     if (begun == wanted) return;
     using Json = nlohmann::json;
     const Json before = Json::parse(begun, nullptr, false);
     const Json now = Json::parse(wanted);
-    if (!before.is_object()) fail<FileError>(folder.string(), ": its settings are not JSON; remove the folder and begin anew");
+    if (!before.is_object())
+        fail<FileError>(folder.string(),
+                        ": its settings are not JSON; remove the folder and start again");
     for (const auto& [key, value] : now.items())
         if (!before.contains(key) || before[key] != value)
             fail<FileError>(folder.string(), ": was begun with other settings (", key, " was ",
                             before.value(key, Json("unknown")).dump(), ", now ", value.dump(),
                             "); give the same ones or another --out");
-    fail<FileError>(folder.string(), ": was begun by another version of the program; give another --out");
+    fail<FileError>(folder.string(),
+                    ": was begun by another version of the program; give another --out");
+}
+
+void visit_whole_lines(
+    const std::filesystem::path& file,
+    const std::function<void(const std::string& line, int number, std::int64_t offset)>& visit) {
+    std::ifstream stream(file, std::ios::binary);
+    if (!stream) return;
+    std::string line;
+    std::streamoff whole = 0;
+    // The last line is complete only if a line break ends it.
+    for (int number = 1; std::getline(stream, line) && !stream.eof(); ++number) {
+        try {
+            visit(line, number, whole);
+        } catch (const Error& error) {
+            fail<FileError>(file.string(), ", line ", number, ": ", error.what(),
+                            "; remove the folder and start again");
+        }
+        whole = stream.tellg();
+    }
+    stream.close();
+    std::filesystem::resize_file(file, static_cast<std::uintmax_t>(whole));
 }
 
 }  // namespace stymo

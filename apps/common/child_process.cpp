@@ -19,7 +19,7 @@ namespace stymo {
 
 namespace {
 
-/// A file without a name, so that however much a program prints nobody has to read meanwhile.
+/// An unnamed file for the output, so that no thread has to read a pipe meanwhile.
 class Capture {
 public:
     Capture() : file_(std::tmpfile(), &std::fclose) {
@@ -30,7 +30,9 @@ public:
         std::rewind(file_.get());
         std::string text;
         char buffer[4096];
-        for (std::size_t count = 0; (count = std::fread(buffer, 1, sizeof buffer, file_.get())) > 0;) text.append(buffer, count);
+        for (std::size_t count = 0;
+             (count = std::fread(buffer, 1, sizeof buffer, file_.get())) > 0;)
+            text.append(buffer, count);
         return text;
     }
 
@@ -47,7 +49,7 @@ std::vector<char*> pointers(std::vector<std::string>& words) {
 }
 
 std::vector<std::string> environment_with(const std::vector<std::string>& variables) {
-    // What stands first counts where a name comes twice.
+    // If a name occurs twice, its first value counts.
     std::vector<std::string> all = variables;
     for (char** entry = environ; *entry != nullptr; ++entry) all.emplace_back(*entry);
     return all;
@@ -55,16 +57,19 @@ std::vector<std::string> environment_with(const std::vector<std::string>& variab
 
 }  // namespace
 
-ChildOutcome run_child(const std::vector<std::string>& words, const std::vector<std::string>& variables) {
+ChildOutcome run_child(const std::vector<std::string>& words,
+                       const std::vector<std::string>& variables) {
     constexpr int no_such_program = 127;
     std::vector<std::string> arguments = words, environment = environment_with(variables);
-    const std::vector<char*> argument_pointers = pointers(arguments), environment_pointers = pointers(environment);
+    const std::vector<char*> argument_pointers = pointers(arguments),
+                             environment_pointers = pointers(environment);
     const Capture out, err;
     const pid_t parent = ::getpid();
     const pid_t child = ::fork();
-    if (child < 0) fail<Error>("no process can be made for ", words.front(), ": ", std::strerror(errno));
+    if (child < 0)
+        fail<Error>("no process can be made for ", words.front(), ": ", std::strerror(errno));
     if (child == 0) {
-        // Only what is allowed after a fork of a program with threads.
+        // Only functions that are allowed after a fork of a program with threads.
         ::prctl(PR_SET_PDEATHSIG, SIGKILL);
         if (::getppid() != parent) ::_exit(no_such_program);
         ::dup2(out.descriptor(), STDOUT_FILENO);

@@ -13,11 +13,13 @@ struct ChildOutcome {
     double peak_memory = 0.0;  ///< MiB
 };
 
-/// Runs a program (looked for in PATH) to its end, with `variables` ("NAME=value") added to the environment. It ends with this
-/// process. Throws Error if no process can be made.
-[[nodiscard]] ChildOutcome run_child(const std::vector<std::string>& words, const std::vector<std::string>& variables = {});
+/// Runs a program (searched in PATH) to its end, with `variables` ("NAME=value") added to the
+/// environment. The program is killed if this process ends. Throws Error if no process can be
+/// created.
+[[nodiscard]] ChildOutcome run_child(const std::vector<std::string>& words,
+                                     const std::vector<std::string>& variables = {});
 
-/// The file of the program that runs.
+/// Path of the running program.
 [[nodiscard]] std::string own_program();
 
 }  // namespace stymo

@@ -13,7 +13,8 @@ CodeGroups parse_code_groups(const std::string& list) {
     for (std::string name; std::getline(stream, name, ',');) {
         const auto found = std::ranges::find(code_names, name);
         if (found == code_names.end())
-            fail<UsageError>("--take ", list, ": \"", name, "\" is no group of codes; there are id, expr, tex and light");
+            fail<UsageError>("--take ", list, ": \"", name,
+                             "\" is no group of codes; there are id, expr, tex and light");
         taken[static_cast<std::size_t>(found - code_names.begin())] = true;
     }
     return taken;

@@ -6,7 +6,7 @@
 
 namespace stymo {
 
-/// "expr,tex" of --take. Throws UsageError for a name that no group of codes has.
+/// Parses a list such as "expr,tex" of --take. Throws UsageError for an unknown name.
 [[nodiscard]] CodeGroups parse_code_groups(const std::string& list);
 
 }  // namespace stymo

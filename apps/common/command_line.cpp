@@ -34,7 +34,7 @@ std::string one_line(std::string text) {
     return text;
 }
 
-/// The number `text` says, or nothing if it is not one from its first to its last character.
+/// The number that the whole of `text` represents, or nothing.
 std::optional<double> number_in(const std::string& text) {
     char* end = nullptr;
     const double number = std::strtod(text.c_str(), &end);
@@ -47,7 +47,8 @@ CLI::Validator in_range(double low, double high) {
     range << "in [" << std::setprecision(12) << low << ", " << high << "]";
     const auto problem = [low, high, range = range.str()](const std::string& text) -> std::string {
         const std::optional<double> number = number_in(text);
-        return number && *number >= low && *number <= high ? "" : text + " is not a number " + range;
+        return number && *number >= low && *number <= high ? ""
+                                                           : text + " is not a number " + range;
     };
     return {problem, range.str()};
 }
@@ -69,8 +70,8 @@ const char* vector_instructions() {
 std::string version_text(const std::string& program) {
     std::ostringstream text;
     text << program << " " << STYMO_VERSION << "\nthreads: " << thread_count()
-         << "\nvector instructions: " << vector_instructions()
-         << "\nfaces in photos: " << (FaceDetector::available() ? "dlib" : "off (built without dlib)");
+         << "\nvector instructions: " << vector_instructions() << "\nfaces in photos: "
+         << (FaceDetector::available() ? "dlib" : "off (built without dlib)");
     return text.str();
 }
 
@@ -103,12 +104,16 @@ OptionRules& OptionRules::excludes(const std::string& name) {
 
 template <class T>
 OptionRules Command::option(const std::string& name, T& target, const std::string& help) {
-    if constexpr (std::is_same_v<T, std::filesystem::path> || std::is_same_v<T, std::optional<std::filesystem::path>>) {
-        // CLI11 takes a path for a list of paths.
+    if constexpr (std::is_same_v<T, std::filesystem::path> ||
+                  std::is_same_v<T, std::optional<std::filesystem::path>>) {
+        // CLI11 treats a path as a list of paths.
         auto* option = app_->add_option_function<std::string>(
-            name, [&target](const std::string& text) { target = std::filesystem::path(text); }, help);
+            name, [&target](const std::string& text) { target = std::filesystem::path(text); },
+            help);
         if constexpr (!is_optional<T>) option->default_str(target.string());
-        const auto problem = [](const std::string& text) -> std::string { return text.empty() ? "the path is empty" : ""; };
+        const auto problem = [](const std::string& text) -> std::string {
+            return text.empty() ? "the path is empty" : "";
+        };
         option->check(CLI::Validator(problem, ""));
         return OptionRules(option->type_name("PATH"));
     } else {
@@ -118,8 +123,9 @@ OptionRules Command::option(const std::string& name, T& target, const std::strin
         } else if constexpr (!is_optional<T>) {
             option->capture_default_str();
         }
-        if constexpr (std::is_same_v<T, std::uint64_t> || std::is_same_v<T, std::optional<std::uint64_t>>) {
-            // The conversion takes "-1" for the largest number there is.
+        if constexpr (std::is_same_v<T, std::uint64_t> ||
+                      std::is_same_v<T, std::optional<std::uint64_t>>) {
+            // The conversion reads "-1" as the largest unsigned number.
             const auto problem = [](const std::string& text) -> std::string {
                 return text.starts_with('-') ? text + " is negative" : "";
             };
@@ -134,21 +140,29 @@ template OptionRules Command::option(const std::string&, std::int64_t&, const st
 template OptionRules Command::option(const std::string&, std::uint64_t&, const std::string&);
 template OptionRules Command::option(const std::string&, double&, const std::string&);
 template OptionRules Command::option(const std::string&, std::string&, const std::string&);
-template OptionRules Command::option(const std::string&, std::filesystem::path&, const std::string&);
-template OptionRules Command::option(const std::string&, std::vector<std::string>&, const std::string&);
+template OptionRules Command::option(const std::string&, std::filesystem::path&,
+                                     const std::string&);
+template OptionRules Command::option(const std::string&, std::vector<std::string>&,
+                                     const std::string&);
 template OptionRules Command::option(const std::string&, std::optional<int>&, const std::string&);
-template OptionRules Command::option(const std::string&, std::optional<std::int64_t>&, const std::string&);
-template OptionRules Command::option(const std::string&, std::optional<std::uint64_t>&, const std::string&);
-template OptionRules Command::option(const std::string&, std::optional<double>&, const std::string&);
-template OptionRules Command::option(const std::string&, std::optional<std::string>&, const std::string&);
-template OptionRules Command::option(const std::string&, std::optional<std::filesystem::path>&, const std::string&);
+template OptionRules Command::option(const std::string&, std::optional<std::int64_t>&,
+                                     const std::string&);
+template OptionRules Command::option(const std::string&, std::optional<std::uint64_t>&,
+                                     const std::string&);
+template OptionRules Command::option(const std::string&, std::optional<double>&,
+                                     const std::string&);
+template OptionRules Command::option(const std::string&, std::optional<std::string>&,
+                                     const std::string&);
+template OptionRules Command::option(const std::string&, std::optional<std::filesystem::path>&,
+                                     const std::string&);
 
 OptionRules Command::flag(const std::string& name, bool& target, const std::string& help) {
     return OptionRules(app_->add_flag(name, target, help));
 }
 
 struct CommandLine::Implementation {
-    Implementation(const std::string& program, const std::string& description) : app(description, program) {}
+    Implementation(const std::string& program, const std::string& description)
+        : app(description, program) {}
 
     CLI::App app;
     CommonOptions common;
@@ -161,18 +175,20 @@ CommandLine::CommandLine(const std::string& program, const std::string& descript
 CommandLine::CommandLine(std::unique_ptr<Implementation> implementation)
     : Command(&implementation->app), implementation_(std::move(implementation)) {
     auto& [app, common, bodies] = *implementation_;
-    app.set_help_flag("-h,--help", "Print this help");
+    app.set_help_flag("-h,--help", "print this help");
     app.set_version_flag(
-        "--version", [name = app.get_name()] { return version_text(name); }, "Print version and build");
-    option("--threads", common.threads, "Number of threads, 0 for one on each processor").range(0, 1024);
-    option("--seed", common.seed, "Seed of all random numbers");
-    flag("--json", common.json, "Print the result as one JSON object");
+        "--version", [name = app.get_name()] { return version_text(name); },
+        "print version and build");
+    option("--threads", common.threads, "number of threads, 0: one per processor").range(0, 1024);
+    option("--seed", common.seed, "seed of all random numbers");
+    flag("--json", common.json, "print the result as one JSON object");
     app.fallthrough();  // common options may stand behind a command's name
 }
 
 CommandLine::~CommandLine() = default;
 
-Command CommandLine::command(const std::string& name, const std::string& description, AppBody body) {
+Command CommandLine::command(const std::string& name, const std::string& description,
+                             AppBody body) {
     CLI::App* command = implementation_->app.add_subcommand(name, description);
     implementation_->bodies[command] = std::move(body);
     return Command(command);
@@ -182,7 +198,8 @@ int CommandLine::run(int argc, const char* const* argv, const AppBody& body) {
     return run(argc, argv, body, std::cout, std::cerr);
 }
 
-int CommandLine::run(int argc, const char* const* argv, const AppBody& body, std::ostream& out, std::ostream& err) {
+int CommandLine::run(int argc, const char* const* argv, const AppBody& body, std::ostream& out,
+                     std::ostream& err) {
     auto& [app, common, bodies] = *implementation_;
     const auto report = [&err, &name = app.get_name()](const std::string& message) {
         err << name << ": " << one_line(message) << "\n";
@@ -201,14 +218,17 @@ int CommandLine::run(int argc, const char* const* argv, const AppBody& body, std
     try {
         set_thread_count(common.threads);
         const auto commands = app.get_subcommands();
-        const AppResult result = commands.empty() ? body(common) : bodies.at(commands.front())(common);
+        const AppResult result =
+            commands.empty() ? body(common) : bodies.at(commands.front())(common);
         if (common.json) {
             out << result.json.text() << "\n";
         } else if (!result.text.empty()) {
             out << result.text << (result.text.back() == '\n' ? "" : "\n");
         }
         out.flush();
-        if (!out) fail<FileError>("the result could not be written to the standard output; is the disk full?");
+        if (!out)
+            fail<FileError>(
+                "the result could not be written to the standard output; is the disk full?");
         if (result.incomplete.empty()) return exit_done;
         report(result.incomplete);
     } catch (const UsageError& error) {

@@ -19,7 +19,8 @@ class Option;
 
 namespace stymo {
 
-/// Options that do not fit together or cannot be understood, found by a tool's body; ends the tool with exit code 2.
+/// Wrong usage that a tool's body finds, such as options that exclude each other; ends the tool
+/// with exit code 2.
 class UsageError : public Error {
 public:
     using Error::Error;
@@ -27,17 +28,18 @@ public:
 
 /// Options that every tool has.
 struct CommonOptions {
-    int threads = 0;  ///< 0: one for each processor
+    int threads = 0;  ///< 0: one per processor
     std::uint64_t seed = 0;
     bool json = false;  ///< the result goes to stdout as one JSON object
 };
 
-/// What a tool found out: `text` for people, `json` for programs. Printed once, at the end, and not if the tool failed.
+/// The result of a tool: `text` for people, `json` for programs. It is printed once at the end,
+/// unless the tool fails.
 struct AppResult {
     std::string text;
     JsonValue json = JsonValue::object();
-    /// Why this is only a part of what was asked for ("interrupted after 3 of 8 faces"); empty: it is all of it. Said on stderr
-    /// behind the result, and the tool ends with exit code 1.
+    /// Why the result is incomplete ("interrupted after 3 of 8 faces"); empty if it is complete.
+    /// Printed on stderr after the result, and the tool ends with exit code 1.
     std::string incomplete{};
 };
 
@@ -52,7 +54,7 @@ public:
     /// Numbers in [low, high]; nan is none.
     OptionRules& range(double low, double high);
     OptionRules& one_of(const std::vector<std::string>& allowed);
-    /// Only together with / never together with the option called `name`, which must have been declared already.
+    /// The option requires, or excludes, the option `name`, which must have been declared already.
     OptionRules& needs(const std::string& name);
     OptionRules& excludes(const std::string& name);
 
@@ -65,9 +67,10 @@ class Command {
 public:
     explicit Command(CLI::App* app) : app_(app) {}
 
-    /// "--name" or "-n,--name" for an option, "name" for a positional argument. The present value of `target` is the default.
-    /// T: int, std::int64_t, std::uint64_t, double, std::string, std::filesystem::path, std::optional of one of these
-    /// (empty unless given), std::vector<std::string> (the option may be repeated). A path that is given is never empty.
+    /// "--name" or "-n,--name" for an option, "name" for a positional argument. The current value
+    /// of `target` is the default. T: int, std::int64_t, std::uint64_t, double, std::string,
+    /// std::filesystem::path, std::optional of one of these (empty unless given),
+    /// std::vector<std::string> (the option may be repeated). A path that is given is never empty.
     template <class T>
     OptionRules option(const std::string& name, T& target, const std::string& help);
     OptionRules flag(const std::string& name, bool& target, const std::string& help);
@@ -76,9 +79,9 @@ private:
     CLI::App* app_;
 };
 
-/// Turns argc and argv of a tool into a call of its body, and what the body does into output and an exit code:
-/// 0 done; 1 failed or incomplete, with one line "stymo-fit: what, which file or key, what to do" on stderr; 2 wrong usage,
-/// likewise (the parser's errors and UsageError).
+/// Parses argc and argv of a tool, calls its body, and turns the result into output and an exit
+/// code: 0 done; 1 failed or incomplete, with one line "stymo-fit: what, which file or key, what to
+/// do" on stderr; 2 wrong usage, with such a line (errors of the parser and UsageError).
 class CommandLine : public Command {
 public:
     CommandLine(const std::string& program, const std::string& description);
@@ -86,14 +89,16 @@ public:
     CommandLine(const CommandLine&) = delete;
     CommandLine& operator=(const CommandLine&) = delete;
 
-    /// Adds a command ("mix" of `stymo-edit mix`); what it needs is declared on the result. Lives as long as this object.
+    /// Adds a command ("mix" of `stymo-edit mix`). Its options are declared on the result, which is
+    /// valid as long as this object.
     Command command(const std::string& name, const std::string& description, AppBody body);
 
-    /// Parses, sets the number of threads and the allocator, and calls the body of the command that was given, or `body` if
-    /// none was. An empty `body` makes a command obligatory.
+    /// Parses, sets the number of threads and the allocator, and calls the body of the given
+    /// command, or `body` without a command. With an empty `body` a command is required.
     [[nodiscard]] int run(int argc, const char* const* argv, const AppBody& body = {});
-    /// The same with other streams in place of stdout and stderr.
-    [[nodiscard]] int run(int argc, const char* const* argv, const AppBody& body, std::ostream& out, std::ostream& err);
+    /// Writes to the given streams instead of stdout and stderr.
+    [[nodiscard]] int run(int argc, const char* const* argv, const AppBody& body, std::ostream& out,
+                          std::ostream& err);
 
 private:
     struct Implementation;

@@ -3,84 +3,59 @@
 #include <algorithm>
 #include <iomanip>
 #include <iostream>
-#include <sstream>
 
 namespace stymo {
 
 namespace {
 
-using NamedCounts = std::vector<std::pair<std::string, std::int64_t>>;
-
-std::string parts_text(const std::vector<PlannedPart>& parts, const char* used, const char* unused) {
-    std::ostringstream text;
-    for (const PlannedPart& part : parts) {
-        text << "  " << std::left << std::setw(12) << (part.used ? used : unused) << part.name;
-        if (!part.remark.empty()) text << ": " << part.remark;
-        text << '\n';
-    }
-    return text.str();
-}
-
-JsonValue parts_json(const std::vector<PlannedPart>& parts, const char* used) {
-    std::vector<JsonValue> objects;
-    for (const PlannedPart& part : parts)
-        objects.push_back(JsonValue::object({{"name", part.name}, {used, part.used}, {"remark", part.remark}}));
-    return objects;
-}
-
-/// "gradient_rules" as "gradient rules".
-std::string in_words(std::string name) {
-    std::ranges::replace(name, '_', ' ');
-    return name;
-}
-
-std::string counts_text(const NamedCounts& counts) {
-    std::ostringstream text;
-    for (const auto& [name, number] : counts)
-        text << "  " << std::left << std::setw(20) << in_words(name) << std::right << std::setw(16) << number << '\n';
-    return text.str();
-}
-
-JsonValue counts_json(const NamedCounts& counts) {
+/// Prints and returns a list of names with numbers.
+template <class Numbers>
+JsonValue shown(const std::string& title, const Numbers& numbers) {
+    std::cerr << title << '\n';
     JsonValue object = JsonValue::object();
-    for (const auto& [name, number] : counts) object.add(name, number);
+    for (const auto& [name, number] : numbers) {
+        std::string words = name;
+        std::ranges::replace(words, '_', ' ');
+        std::cerr << "  " << std::left << std::setw(30) << words << std::right << std::setw(16)
+                  << number << '\n';
+        object.add(name, number);
+    }
     return object;
 }
 
 }  // namespace
 
-std::vector<std::pair<std::string, std::int64_t>> named(const WorkCounts& counts) {
-    return {{"operations", counts.operations},     {"gradient_rules", counts.gradient_rules}, {"gradients", counts.gradients},
-            {"field_points", counts.field_points}, {"parameters_made", counts.parameters},    {"buffers", counts.buffers},
-            {"buffer_bytes", counts.buffer_bytes}, {"peak_bytes", counts.peak_bytes}};
-}
-
-std::string to_text(const WorkPlan& plan) {
-    return "plan\n" + parts_text(plan.modules, "made", "not made") + parts_text(plan.computed, "computed", "left out");
-}
-
-JsonValue to_json(const WorkPlan& plan) {
-    return JsonValue::object(
-        {{"modules", parts_json(plan.modules, "made")}, {"computed", parts_json(plan.computed, "computed")}});
-}
-
-void Explainer::show(WorkPlan plan) {
-    plan_ = std::move(plan);
-    if (wanted_) std::cerr << to_text(plan_) << std::flush;
+void Explainer::count(const RenderCounts& counts) {
+    count("samples_of_the_last_frame", counts.samples);
+    count("through_the_field", counts.field_samples);
+    count("tiles", counts.tiles);
+    count("pixels", counts.pixels);
+    count("pixels_computed", counts.pixels_computed);
+    count("layers", counts.layers);
+    count("layers_computed", counts.layers_computed);
+    count("foldings_of_weights", counts.folds);
 }
 
 void Explainer::finish(AppResult& result) {
     if (!wanted_) return;
-    std::ranges::copy(named(meter_.counts()), std::back_inserter(counts_));
-    std::cerr << "counts\n" << counts_text(counts_) << std::flush;
-    JsonValue object = to_json(plan_);
-    object.add("counts", counts_json(counts_));
-    result.json.add("explain", object);
+    const WorkCounts work = meter_.counts();
+    count("operations", work.operations);
+    count("gradient_rules", work.gradient_rules);
+    count("gradients", work.gradients);
+    count("field_points", work.field_points);
+    count("parameters_made", work.parameters);
+    count("buffers", work.buffers);
+    count("buffer_bytes", work.buffer_bytes);
+    count("peak_bytes", work.peak_bytes);
+    const JsonValue networks = shown("networks made, with their number of weights", work.networks);
+    result.json.add("explain", JsonValue::object(
+                                   {{"networks", networks}, {"counts", shown("counts", counts_)}}));
 }
 
 void declare_explain(Command& command, bool& wanted) {
     command.flag("--explain", wanted,
-                 "say on stderr what is made, computed and left out, and behind the work how much was done; also in --json");
+                 "print on stderr which networks were made, and counts of the work done; also in "
+                 "--json");
 }
 
 }  // namespace stymo

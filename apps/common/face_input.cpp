@@ -15,21 +15,26 @@ namespace stymo {
 namespace {
 
 Face face_of_folder(const FaceSource& source, const ModelConfig& config) {
-    const Dataset data(source.data, config.decoder.resolution, {.cache_megabytes = 0}, Split::all, frontal_pose(config.camera));
+    const Dataset data(source.data, config.decoder.resolution, {.cache_megabytes = 0}, Split::all,
+                       frontal_pose(config.camera));
     const auto found = std::ranges::find(data.ids(), source.id);
     if (found == data.ids().end())
-        fail<FileError>(source.data.string(), ": no face with the id ", source.id, "; give one of its ", data.size(),
-                        " ids with --id");
+        fail<FileError>(source.data.string(), ": no face with the id ", source.id,
+                        "; give one of its ", data.size(), " ids with --id");
     return data.load_exactly(found - data.ids().begin());
 }
 
 }  // namespace
 
 void require_photo(const FaceSource& source) {
-    if (source.images.empty() && source.data.empty()) fail<UsageError>("--image is required, or --data and --id");
+    if (source.images.empty() && source.data.empty())
+        fail<UsageError>("--image is required, or --data and --id");
     if (source.images.size() > 1 && !source.as_it_comes())
-        fail<UsageError>("several photos are prepared by the tool itself: leave out --mask, --pose, --data and --as-is");
-    if (source.data.empty() != source.id.empty()) fail<UsageError>("--data and --id need each other");
+        fail<UsageError>(
+            "several photos are prepared by the tool itself: leave out --mask, --pose, --data and "
+            "--as-is");
+    if (source.data.empty() != source.id.empty())
+        fail<UsageError>("--data and --id need each other");
 }
 
 Tensor at_model_side(const Tensor& image, std::int64_t side) {
@@ -39,7 +44,8 @@ Tensor at_model_side(const Tensor& image, std::int64_t side) {
 
 void write_broken_files(std::ostream& stream, const DatasetSummary& summary, std::size_t known) {
     for (std::size_t i = known; i < summary.broken.size(); ++i)
-        stream << "skipped " << summary.broken[i].file << ": " << summary.broken[i].reason << std::endl;
+        stream << "skipped " << summary.broken[i].file << ": " << summary.broken[i].reason
+               << std::endl;
 }
 
 Face read_face(const FaceSource& source, const ModelConfig& config) {

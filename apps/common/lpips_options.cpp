@@ -19,28 +19,33 @@ LpipsConfig with_files(LpipsConfig config, const LpipsOptions& options) {
 }  // namespace
 
 void declare_lpips_metric(Command& command, LpipsOptions& options) {
-    command.option("--lpips", options.metric, "also measure LPIPS, with this network").one_of({"squeeze", "vgg16", "alex"});
+    command.option("--lpips", options.metric, "also measure LPIPS, with this network")
+        .one_of({"squeeze", "vgg16", "alex"});
 }
 
 void declare_lpips_files(Command& command, LpipsOptions& options) {
     command.option("--lpips-trunk", options.trunk,
-                   "weights of LPIPS' network, made by stymo-weights import; random: untrained ones");
-    command.option("--lpips-heads", options.heads, "linear heads of LPIPS, made by stymo-weights import; random: all ones");
+                   "weights of the network of LPIPS, written by stymo-weights import; random: "
+                   "untrained weights");
+    command.option("--lpips-heads", options.heads,
+                   "linear heads of LPIPS, written by stymo-weights import; random: all ones");
 }
 
 void declare_perceptual_weight(Command& command, LpipsOptions& options) {
     command
         .option("--perceptual-weight", options.perceptual_weight,
-                "weight of LPIPS while fitting, 0 for none; the model's own unless given")
+                "weight of LPIPS while fitting, 0: no LPIPS (default: the model's setting)")
         .range(0, 1e6);
     command
         .option("--perceptual-resolution", options.perceptual_resolution,
-                "side of the pictures that LPIPS compares at most while fitting, 0 for no limit; the model's own unless given")
+                "largest side of the images that LPIPS compares while fitting, 0: no limit "
+                "(default: the model's setting)")
         .range(0, 4096);
 }
 
 LpipsConfig metric_config(const LpipsOptions& options, const LpipsConfig& model) {
-    const std::string network = options.metric.empty() ? model.network : network_called(options.metric);
+    const std::string network =
+        options.metric.empty() ? model.network : network_called(options.metric);
     return with_files(network == model.network ? model : LpipsConfig{.network = network}, options);
 }
 

@@ -8,10 +8,10 @@
 
 namespace stymo {
 
-/// What a command line says about LPIPS; what it leaves out is the model's own.
+/// The options on LPIPS. Options that are not given keep the model's settings.
 struct LpipsOptions {
-    std::string metric;                       ///< network of the metric, "squeeze", "vgg16" or "alex"; empty: none was asked for
-    std::optional<double> perceptual_weight;  ///< of the term while fitting
+    std::string metric;  ///< network of the metric, "squeeze", "vgg16" or "alex"; empty: no metric
+    std::optional<double> perceptual_weight;            ///< of the term while fitting
     std::optional<std::int64_t> perceptual_resolution;  ///< of the same
     std::string trunk;
     std::string heads;
@@ -24,10 +24,12 @@ void declare_lpips_files(Command& command, LpipsOptions& options);
 /// --perceptual-weight and --perceptual-resolution
 void declare_perceptual_weight(Command& command, LpipsOptions& options);
 
-/// The metric's network with its files: those of the command line, or the model's if they belong to the same network.
+/// The network of the metric with its files: those of the command line, or those of the model if it
+/// uses the same network.
 [[nodiscard]] LpipsConfig metric_config(const LpipsOptions& options, const LpipsConfig& model);
-/// The model's reconstruction loss with weight and resolution of the command line, and with its files unless they belong to the
-/// metric alone.
-[[nodiscard]] ReconstructionConfig fitting_config(const LpipsOptions& options, ReconstructionConfig model);
+/// The model's reconstruction loss with the weight and resolution of the command line, and with its
+/// files if they belong to the same network.
+[[nodiscard]] ReconstructionConfig fitting_config(const LpipsOptions& options,
+                                                  ReconstructionConfig model);
 
 }  // namespace stymo

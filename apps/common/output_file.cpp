@@ -10,17 +10,21 @@
 
 namespace stymo {
 
-void require_extension(const std::filesystem::path& path, std::initializer_list<const char*> extensions) {
+void require_extension(const std::filesystem::path& path,
+                       std::initializer_list<const char*> extensions) {
     if (std::ranges::find(extensions, path.extension().string()) != extensions.end()) return;
     std::string list;
-    for (const char* extension : extensions) list += (list.empty() ? "" : " or ") + std::string(extension);
+    for (const char* extension : extensions)
+        list += (list.empty() ? "" : " or ") + std::string(extension);
     fail<UsageError>(path.string(), ": the name must end in ", list);
 }
 
 void require_folder_of(const std::filesystem::path& path) {
     std::error_code ignored;
-    if (std::filesystem::is_directory(path, ignored)) fail<FileError>(path.string(), ": is a folder; give the name of a file");
-    require_writable_folder(path.parent_path().empty() ? std::filesystem::path(".") : path.parent_path());
+    if (std::filesystem::is_directory(path, ignored))
+        fail<FileError>(path.string(), ": is a folder; give the name of a file");
+    require_writable_folder(path.parent_path().empty() ? std::filesystem::path(".")
+                                                       : path.parent_path());
 }
 
 }  // namespace stymo

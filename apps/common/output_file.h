@@ -5,9 +5,11 @@
 
 namespace stymo {
 
-/// Throws UsageError unless the file's name ends in one of `extensions` (".png"). To be asked before the work, not after it.
-void require_extension(const std::filesystem::path& path, std::initializer_list<const char*> extensions);
-/// Makes the folder that `path` is to stand in; throws FileError if that fails, or if a folder has the file's name.
+/// Throws UsageError unless the file's name ends in one of `extensions` (".png"). Tools call it
+/// before the work.
+void require_extension(const std::filesystem::path& path,
+                       std::initializer_list<const char*> extensions);
+/// Creates the parent folder of `path`. Throws FileError if that fails, or if `path` is a folder.
 void require_folder_of(const std::filesystem::path& path);
 
 }  // namespace stymo

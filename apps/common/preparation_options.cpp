@@ -3,14 +3,17 @@
 namespace stymo {
 
 void declare_preparation_files(Command& command, PhotoPreparationSettings& settings) {
-    command.option("--parser", settings.parser, "face parser in an ONNX file, for head masks (default: GrabCut)");
+    command.option("--parser", settings.parser,
+                   "face parser in an ONNX file, for head masks (default: GrabCut)");
+    command.option("--morphable", settings.morphable,
+                   "head model that is fitted for pose and codes: a .safetensors file or a folder "
+                   "of ICT-FaceKit (default: the built-in head)");
     command.option(
-        "--morphable", settings.morphable,
-        "head that is fitted for pose and codes: a .safetensors file or an ICT-FaceKit folder (default: the built-in one)");
-    command.option("--landmarks", settings.landmark_model,
-                   "dlib's shape_predictor of 68 landmarks (default: the one of Debian's libdlib-data)");
+        "--landmarks", settings.landmark_model,
+        "dlib's shape_predictor of 68 landmarks (default: the one of Debian's libdlib-data)");
     command.option("--pose-net", settings.pose_network,
-                   "head pose network in an ONNX file, 3DDFA_V2 or 6DRepNet, whose pose is taken instead of the fitted head's");
+                   "pose network in an ONNX file, 3DDFA_V2 or 6DRepNet; its pose replaces that of "
+                   "the fitted head");
 }
 
 }  // namespace stymo

@@ -5,7 +5,8 @@
 
 namespace stymo {
 
-/// --parser, --morphable, --landmarks, --pose-net: the files that the preparation of photos works with.
+/// Declares --parser, --morphable, --landmarks and --pose-net, the files for the preparation of
+/// photos.
 void declare_preparation_files(Command& command, PhotoPreparationSettings& settings);
 
 }  // namespace stymo

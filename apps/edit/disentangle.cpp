@@ -1,10 +1,12 @@
-#include "apps/edit/disentangle.h"
-
 #include <array>
+#include <filesystem>
 #include <iomanip>
+#include <memory>
+#include <optional>
 #include <sstream>
 #include <vector>
 
+#include "apps/edit/commands.h"
 #include "core/interrupt.h"
 #include "core/ops/ops.h"
 #include "core/progress.h"
@@ -12,13 +14,19 @@
 #include "fit/edit/style_mix.h"
 #include "nn/models/model.h"
 #include "render/morphable/head_source.h"
-#include "train/synthetic_faces.h"
+#include "train/data/synthetic_faces.h"
 
 namespace stymo {
 
 namespace {
 
-constexpr std::size_t groups = code_names.size();
+struct DisentangleOptions {
+    std::filesystem::path model;
+    std::optional<std::filesystem::path> morphable;
+    std::int64_t pairs = 64;
+};
+
+constexpr std::size_t group_count = code_names.size();
 
 CodeGroups only(std::size_t group) {
     CodeGroups taken{};
@@ -35,14 +43,14 @@ SyntheticFace with_group(SyntheticFace face, const SyntheticFace& other, std::si
     return face;
 }
 
-/// What the encoder reads of a face, of another one, and of the face with each group of the other.
+/// The encoder's codes of a face, of another face, and of the face with each group of the other.
 struct Read {
     Codes base;
     Codes other;
-    std::array<Codes, groups> changed;
+    std::array<Codes, group_count> changed;
 };
 
-/// Reads pictures one after the other; keeps the codes of each kind.
+/// Encodes images one after the other and keeps the codes of each kind.
 class Reader {
 public:
     Reader(const Model& model, const MorphableHead& head) : model_(model), head_(head) {}
@@ -50,15 +58,16 @@ public:
     [[nodiscard]] Read drawn(const SyntheticFace& face, SyntheticFace other) const {
         other.pose = face.pose;
         Read read{of_head(face), of_head(other), {}};
-        for (std::size_t group = 0; group < groups; ++group) read.changed[group] = of_head(with_group(face, other, group));
+        for (std::size_t group = 0; group < group_count; ++group)
+            read.changed[group] = of_head(with_group(face, other, group));
         return read;
     }
 
-    /// The model's own pictures of the codes that it read of two drawn heads.
+    /// The decoder's images of the encoder's codes of two synthetic heads.
     [[nodiscard]] Read decoded(const Read& drawn, const Pose& pose) const {
         const Camera camera = camera_from_pose(pose, model_.config().camera.intrinsics);
         Read read{of_codes(drawn.base, camera), of_codes(drawn.other, camera), {}};
-        for (std::size_t group = 0; group < groups; ++group)
+        for (std::size_t group = 0; group < group_count; ++group)
             read.changed[group] = of_codes(mix_codes(drawn.base, drawn.other, only(group)), camera);
         return read;
     }
@@ -66,11 +75,13 @@ public:
 private:
     [[nodiscard]] Codes of_head(const SyntheticFace& face) const {
         const std::int64_t side = model_.config().decoder.resolution;
-        const Tensor picture = render_synthetic_face(head_, face, model_.config().camera.intrinsics, side).color;
-        return detached(model_.encoder()(Variable(picture.reshaped({1, side, side, 3})) * 2.0 - 1.0));
+        const Tensor image =
+            render_synthetic_face(head_, face, model_.config().camera.intrinsics, side).color;
+        return detached(model_.encoder()(Variable(image.reshaped({1, side, side, 3})) * 2.0 - 1.0));
     }
     [[nodiscard]] Codes of_codes(const Codes& codes, const Camera& camera) const {
-        const DecodeOptions options{.samples_per_ray = model_.config().reconstruction.fit_samples_per_ray};
+        const DecodeOptions options{.samples_per_ray =
+                                        model_.config().reconstruction.fit_samples_per_ray};
         return detached(model_.encoder()(model_.decoder()(codes, {camera}, options).images.back()));
     }
 
@@ -78,9 +89,10 @@ private:
     const MorphableHead& head_;
 };
 
-Codes stacked(const std::vector<Read>& reads, const std::function<const Codes&(const Read&)>& kind) {
+Codes stacked(const std::vector<Read>& reads,
+              const std::function<const Codes&(const Read&)>& kind) {
     Codes result;
-    for (std::size_t group = 0; group < groups; ++group) {
+    for (std::size_t group = 0; group < group_count; ++group) {
         std::vector<Variable> rows;
         for (const Read& read : reads) rows.push_back(kind(read).groups[group]);
         result.groups[group] = concat(rows, 0);
@@ -89,19 +101,22 @@ Codes stacked(const std::vector<Read>& reads, const std::function<const Codes&(c
 }
 
 GroupMatrix movements_of(const std::vector<Read>& reads) {
-    std::array<Codes, groups> changed;
-    for (std::size_t group = 0; group < groups; ++group)
-        changed[group] = stacked(reads, [group](const Read& read) -> const Codes& { return read.changed[group]; });
-    return group_movements(stacked(reads, [](const Read& read) -> const Codes& { return read.base; }),
-                           stacked(reads, [](const Read& read) -> const Codes& { return read.other; }), changed);
+    std::array<Codes, group_count> changed;
+    for (std::size_t group = 0; group < group_count; ++group)
+        changed[group] = stacked(
+            reads, [group](const Read& read) -> const Codes& { return read.changed[group]; });
+    return group_movements(
+        stacked(reads, [](const Read& read) -> const Codes& { return read.base; }),
+        stacked(reads, [](const Read& read) -> const Codes& { return read.other; }), changed);
 }
 
 JsonValue to_json(const GroupMatrix& movements) {
-    const std::array<double, groups> leaks = largest_leaks(movements);
+    const std::array<double, group_count> leaks = largest_leaks(movements);
     JsonValue json = JsonValue::object();
-    for (std::size_t row = 0; row < groups; ++row) {
+    for (std::size_t row = 0; row < group_count; ++row) {
         JsonValue read = JsonValue::object();
-        for (std::size_t column = 0; column < groups; ++column) read.add(code_names[column], movements[row][column]);
+        for (std::size_t column = 0; column < group_count; ++column)
+            read.add(code_names[column], movements[row][column]);
         read.add("largest_leak", leaks[row]);
         json.add(code_names[row], read);
     }
@@ -109,12 +124,12 @@ JsonValue to_json(const GroupMatrix& movements) {
 }
 
 std::string table(const char* title, const GroupMatrix& movements) {
-    const std::array<double, groups> leaks = largest_leaks(movements);
+    const std::array<double, group_count> leaks = largest_leaks(movements);
     std::ostringstream text;
     text << title << "\nreplaced  read:";
     for (const char* name : code_names) text << std::setw(8) << name;
     text << "  largest leak\n" << std::fixed << std::setprecision(3);
-    for (std::size_t row = 0; row < groups; ++row) {
+    for (std::size_t row = 0; row < group_count; ++row) {
         text << std::left << std::setw(15) << code_names[row] << std::right;
         for (const double value : movements[row]) text << std::setw(8) << value;
         text << std::setw(14) << leaks[row] << '\n';
@@ -143,21 +158,27 @@ AppResult disentangle(const DisentangleOptions& options, std::uint64_t seed) {
     const GroupMatrix of_decoded = movements_of(decoded);
     const GroupMatrix of_drawn = movements_of(drawn);
     return {table("decoded faces", of_decoded) + table("drawn heads", of_drawn),
-            JsonValue::object({{"pairs", options.pairs}, {"decoded", to_json(of_decoded)}, {"drawn", to_json(of_drawn)}})};
+            JsonValue::object({{"pairs", options.pairs},
+                               {"decoded", to_json(of_decoded)},
+                               {"drawn", to_json(of_drawn)}})};
 }
 
 }  // namespace
 
-void declare_disentangle(CommandLine& line, DisentangleOptions& options) {
+void declare_disentangle(CommandLine& line) {
+    const auto options = std::make_shared<DisentangleOptions>();
     Command command = line.command(
         "disentangle",
-        "Measures on pairs of drawn heads how far each group of the codes that the encoder reads moves when one group alone is "
-        "replaced, in units of the movement when all are: of the decoder's pictures, and of the drawn heads.",
-        [&options](const CommonOptions& common) { return disentangle(options, common.seed); });
-    command.option("--model", options.model, "model.safetensors of a training run").required();
-    command.option("--pairs", options.pairs, "pairs of heads, drawn from --seed").range(1, 1e6);
-    command.option("--morphable", options.morphable,
-                   "head model: a .safetensors file or a folder of ICT-FaceKit (default: the built-in head)");
+        "Measures on pairs of synthetic heads how far each group of the encoder's codes moves when "
+        "one group is replaced, relative to the movement when all groups are: in images of "
+        "the "
+        "decoder and in renderings of the heads.",
+        [options](const CommonOptions& common) { return disentangle(*options, common.seed); });
+    command.option("--model", options->model, "model.safetensors of a training run").required();
+    command.option("--pairs", options->pairs, "pairs of random heads").range(1, 1e6);
+    command.option(
+        "--morphable", options->morphable,
+        "head model: a .safetensors file or a folder of ICT-FaceKit (default: the built-in head)");
 }
 
 }  // namespace stymo

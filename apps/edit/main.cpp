@@ -1,14 +1,12 @@
-#include "apps/edit/color.h"
-#include "apps/edit/disentangle.h"
-#include "apps/edit/mix.h"
+#include "apps/common/tools.h"
+#include "apps/edit/commands.h"
 
-int main(int argc, char** argv) {
-    stymo::MixOptions mix;
-    stymo::ColorOptions color;
-    stymo::DisentangleOptions disentangle;
-    stymo::CommandLine line("stymo-edit", "Mixes fitted faces, gives their parts other colours, measures how well the two work.");
-    stymo::declare_mix(line, mix);
-    stymo::declare_color(line, color);
-    stymo::declare_disentangle(line, disentangle);
+int stymo_edit(int argc, char** argv) {
+    stymo::CommandLine line("stymo-edit",
+                            "Mixes fitted faces, recolours parts of them, and measures how "
+                            "disentangled the codes are.");
+    stymo::declare_mix(line);
+    stymo::declare_color(line);
+    stymo::declare_disentangle(line);
     return line.run(argc, argv);
 }

@@ -1,8 +1,12 @@
-#include "apps/edit/mix.h"
-
 #include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "apps/common/code_groups.h"
+#include "apps/edit/commands.h"
 #include "core/clock.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
@@ -14,6 +18,17 @@
 namespace stymo {
 
 namespace {
+
+struct MixOptions {
+    std::filesystem::path model;
+    std::vector<std::string> sources;
+    std::vector<std::string> targets;
+    std::string take;
+    std::int64_t sampled = 0;  ///< sources drawn from the training codes
+    double truncation = 0.7;
+    std::optional<std::int64_t> samples;
+    std::filesystem::path out;
+};
 
 /// Each group by itself.
 std::vector<CodeGroups> blocks_of(const CodeGroups& groups) {
@@ -39,34 +54,41 @@ std::vector<CodeFile> faces_of(const std::vector<std::string>& files) {
     return faces;
 }
 
-/// Adds faces drawn from the distribution of the training codes to the sources, with names for the report.
-void add_sampled(const Model& model, MixOptions& options, std::vector<CodeFile>& sources, std::uint64_t seed) {
+/// Adds faces sampled from the distribution of the training codes to the sources, with names for
+/// the report.
+void add_sampled(const Model& model, MixOptions& options, std::vector<CodeFile>& sources,
+                 std::uint64_t seed) {
     if (options.sampled > 0 && !model.code_statistics())
         fail<FileError>(options.model.string(),
-                        ": holds no statistics of its training codes to draw faces from; train it anew, or name a --source");
+                        ": holds no statistics of its training codes to draw faces from; train it "
+                        "anew, or name a --source");
     Rng rng = Rng(seed).split("mix");
     for (std::int64_t i = 0; i < options.sampled; ++i) {
-        sources.push_back({model.code_statistics()->sample(rng, options.truncation), frontal_pose(model.config().camera)});
+        sources.push_back({model.code_statistics()->sample(rng, options.truncation),
+                           frontal_pose(model.config().camera)});
         options.sources.push_back("sample " + std::to_string(i));
     }
 }
 
-/// What a tool found out, as files in its folder have it too.
-AppResult written(const std::filesystem::path& out, const char* picture, const JsonValue& report) {
+/// The result of the tool, whose JSON is also written to its folder.
+AppResult written(const std::filesystem::path& out, const char* image, const JsonValue& report) {
     write_text_file(out / "report.json", report.text() + "\n");
-    return {(out / picture).string() + "\n", report};
+    return {(out / image).string() + "\n", report};
 }
 
-AppResult mix_two(const Model& model, const MixOptions& options, const CodeFile& source, const CodeFile& target,
-                  const ViewOptions& view) {
+AppResult mix_two(const Model& model, const MixOptions& options, const CodeFile& source,
+                  const CodeFile& target, const ViewOptions& view) {
     const CodeGroups taken = parse_code_groups(options.take);
     const double start = seconds_now();
     const Codes mixed = mix_codes(target.codes, source.codes, taken);
     const Camera camera = camera_from_pose(target.pose, model.config().camera.intrinsics);
-    const auto shown = [&](const Codes& codes) { return render_view(model, codes, 0, camera, view).picture; };
+    const auto shown = [&](const Codes& codes) {
+        return render_view(model, codes, 0, camera, view).image;
+    };
     const Tensor before = shown(target.codes);
     const Tensor after = shown(mixed);
-    const double change = mean_difference(before, after, Tensor::full({before.shape(0), before.shape(1), 1}, 1.0));
+    const double change =
+        mean_difference(before, after, Tensor::full({before.shape(0), before.shape(1), 1}, 1.0));
     write_image(options.out / "mix.png", tile_images({shown(source.codes), before, after}, 3));
     write_image(options.out / "render.png", after);
     write_code_file(options.out / "codes.json", mixed, 0, target.pose);
@@ -78,11 +100,13 @@ AppResult mix_two(const Model& model, const MixOptions& options, const CodeFile&
                                       {"seconds", seconds_now() - start}}));
 }
 
-AppResult mix_sheet(const Model& model, const MixOptions& options, const std::vector<CodeFile>& sources,
-                    const std::vector<CodeFile>& targets, const ViewOptions& view) {
+AppResult mix_sheet(const Model& model, const MixOptions& options,
+                    const std::vector<CodeFile>& sources, const std::vector<CodeFile>& targets,
+                    const ViewOptions& view) {
     const CodeGroups taken = parse_code_groups(options.take);
     const double start = seconds_now();
-    write_image(options.out / "sheet.png", mixing_sheet(model, sources, targets, blocks_of(taken), view.samples_per_ray));
+    write_image(options.out / "sheet.png",
+                mixing_sheet(model, sources, targets, blocks_of(taken), view.samples_per_ray));
     return written(options.out, "sheet.png",
                    JsonValue::object({{"sources", options.sources},
                                       {"targets", options.targets},
@@ -91,15 +115,18 @@ AppResult mix_sheet(const Model& model, const MixOptions& options, const std::ve
 }
 
 AppResult mix(MixOptions options, std::uint64_t seed) {
-    const bool sheet = std::ssize(options.sources) + options.sampled > 1 || options.targets.size() > 1;
-    if (options.sources.empty() && options.sampled == 0) fail<UsageError>("--source is required, or --sample");
+    const bool sheet =
+        std::ssize(options.sources) + options.sampled > 1 || options.targets.size() > 1;
+    if (options.sources.empty() && options.sampled == 0)
+        fail<UsageError>("--source is required, or --sample");
     if (options.targets.empty()) fail<UsageError>("--target is required");
     if (options.take.empty() && !sheet)
         fail<UsageError>("--take is required: id, expr, tex, light, or several joined with commas");
     if (options.take.empty()) options.take = "expr,tex,light";
     static_cast<void>(parse_code_groups(options.take));
     const Model model = Model::load(options.model);
-    const ViewOptions view{.samples_per_ray = options.samples.value_or(model.config().reconstruction.fit_samples_per_ray)};
+    const ViewOptions view{.samples_per_ray = options.samples.value_or(
+                               model.config().reconstruction.fit_samples_per_ray)};
     std::vector<CodeFile> sources = faces_of(options.sources);
     add_sampled(model, options, sources, seed);
     const std::vector<CodeFile> targets = faces_of(options.targets);
@@ -110,29 +137,38 @@ AppResult mix(MixOptions options, std::uint64_t seed) {
 
 }  // namespace
 
-void declare_mix(CommandLine& line, MixOptions& options) {
+void declare_mix(CommandLine& line) {
+    const auto options = std::make_shared<MixOptions>();
     Command command = line.command(
         "mix",
-        "Shows the target's face with some groups of codes of the source, in the target's pose. With several sources "
-        "or targets a sheet: sources down, targets across, one block for each group.",
-        [&options](const CommonOptions& common) { return mix(options, common.seed); });
-    command.option("--model", options.model, "model.safetensors of a training run").required();
-    command.option("--source", options.sources, "codes.json of the face that the groups are taken from; may be repeated");
-    command.option("--target", options.targets,
-                   "codes.json of the face that keeps all other groups, and its pose; may be repeated");
+        "Gives the target's face some groups of codes of the source, in the target's pose. Several "
+        "sources or targets make a sheet: sources down, targets across, one block per group.",
+        [options](const CommonOptions& common) { return mix(*options, common.seed); });
+    command.option("--model", options->model, "model.safetensors of a training run").required();
+    command.option("--source", options->sources,
+                   "codes.json of the face that provides the groups of --take; may be repeated");
     command.option(
-        "--take", options.take,
-        "groups to take from the source: id, expr, tex, light, joined with commas; in a sheet each is a block of its own "
-        "(expr,tex,light unless given)");
-    command.option("--sample", options.sampled, "number of further sources, drawn from the model's training codes with --seed")
-        .range(0, 1000);
-    command.option("--truncation", options.truncation, "of drawn faces: 1 as varied as the training's, 0 the mean face")
-        .range(0, 2);
-    command.option("--samples", options.samples, "samples per ray; the model's own unless given").range(2, 4096);
+        "--target", options->targets,
+        "codes.json of the face that keeps the other groups and its pose; may be repeated");
+    command.option("--take", options->take,
+                   "groups to take from the source: id, expr, tex, light, joined by commas; a "
+                   "sheet has one block per group (default: expr,tex,light)");
     command
-        .option("--out", options.out,
-                "folder for codes.json, render.png, mix.png (source | target | mixed) and report.json, or for sheet.png and "
-                "report.json")
+        .option("--sample", options->sampled,
+                "number of further sources, sampled from the distribution of the training codes "
+                "with --seed")
+        .range(0, 1000);
+    command
+        .option("--truncation", options->truncation,
+                "scale of the variation of sampled faces: 1 is that of the training faces, 0 gives "
+                "their mean")
+        .range(0, 2);
+    command.option("--samples", options->samples, "samples per ray (default: the model's setting)")
+        .range(2, 4096);
+    command
+        .option("--out", options->out,
+                "output folder: codes.json, render.png, mix.png (source | target | mixed) and "
+                "report.json, or sheet.png and report.json")
         .required();
 }
 

@@ -14,8 +14,7 @@
 #include "core/ops/resample.h"
 #include "core/parallel.h"
 #include "core/progress.h"
-#include "nn/models/picture.h"
-#include "train/face_codes.h"
+#include "nn/models/display_image.h"
 
 namespace stymo {
 
@@ -24,35 +23,41 @@ namespace {
 std::int64_t parse_index(std::string_view text, const std::string& whole) {
     std::int64_t value = 0;
     const auto end = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (text.empty() || end.ec != std::errc{} || end.ptr != text.data() + text.size() || value < 0) {
-        fail<UsageError>("--ids ", whole, ": must be a range of places in the order of ids, such as 700-799");
+    if (text.empty() || end.ec != std::errc{} || end.ptr != text.data() + text.size() ||
+        value < 0) {
+        fail<UsageError>("--ids ", whole,
+                         ": must be a range of places in the order of ids, such as 700-799");
     }
     return value;
 }
 
-FaceScore score_of(const std::string& id, const FitReport& report, const ComparedFace& face, const EvaluationOptions& options) {
+FaceScore score_of(const std::string& id, const FitReport& report, const ComparedFace& face,
+                   const EvaluationOptions& options) {
     FaceScore score{id, {}, report.counting_samples};
     for (std::size_t k = 0; k < options.regions.size(); ++k) {
-        RegionScore& region = score.regions.emplace_back(RegionScore{options.regions[k], report.initial_metrics});
+        RegionScore& region =
+            score.regions.emplace_back(RegionScore{options.regions[k], report.initial_metrics});
         if (options.fit) region.fitted = report.fitted_metrics;
         if (k == 0) continue;
-        const MetricTarget measured(report.target, picture_mask(face.masks[k], 0), options.lpips);
+        const MetricTarget measured(report.target, display_mask(face.masks[k], 0), options.lpips);
         region.initial = measured.measure(report.initial);
         if (options.fit) region.fitted = measured.measure(report.fitted);
     }
     return score;
 }
 
-/// The places that were asked for.
+/// The selected positions.
 std::vector<std::int64_t> places_of(const Dataset& faces, const FaceRange& range) {
-    const std::int64_t last = range.last < 0 ? faces.size() - 1 : std::min(range.last, faces.size() - 1);
-    if (range.first > last) fail<ConfigError>("--ids: the folder has only ", faces.size(), " faces, counted from 0");
+    const std::int64_t last =
+        range.last < 0 ? faces.size() - 1 : std::min(range.last, faces.size() - 1);
+    if (range.first > last)
+        fail<ConfigError>("--ids: the folder has only ", faces.size(), " faces, counted from 0");
     std::vector<std::int64_t> places;
     for (std::int64_t i = range.first; i <= last; ++i) places.push_back(i);
     return places;
 }
 
-/// What several threads find out, by place in the order of ids.
+/// The results of several threads, by position in the order of ids.
 class Findings {
 public:
     Findings(const Dataset& faces, const std::vector<std::int64_t>& places, ScoreFolder* folder)
@@ -61,7 +66,8 @@ public:
         std::map<std::string, FaceScore> known;
         for (const FaceScore& score : folder->known()) known.insert_or_assign(score.id, score);
         for (const std::int64_t place : places)
-            if (const auto found = known.find(id_of(place)); found != known.end()) scores_.emplace(place, found->second);
+            if (const auto found = known.find(id_of(place)); found != known.end())
+                scores_.emplace(place, found->second);
     }
 
     [[nodiscard]] bool contains(std::int64_t place) const { return scores_.contains(place); }
@@ -85,14 +91,16 @@ public:
         if (done() < asked_) {
             std::ostringstream text;
             text << "interrupted after " << done() << " of " << asked_ << " faces";
-            if (folder_ != nullptr) text << "; the same command goes on from there";
+            if (folder_ != nullptr) text << "; the same command continues from there";
             evaluation.incomplete = text.str();
         }
         return evaluation;
     }
 
 private:
-    [[nodiscard]] const std::string& id_of(std::int64_t place) const { return faces_.ids()[static_cast<std::size_t>(place)]; }
+    [[nodiscard]] const std::string& id_of(std::int64_t place) const {
+        return faces_.ids()[static_cast<std::size_t>(place)];
+    }
     [[nodiscard]] std::int64_t done() const { return std::ssize(scores_) + std::ssize(failed_); }
     [[nodiscard]] std::string text() const {
         double initial = 0.0;
@@ -102,7 +110,8 @@ private:
             last += score.regions.front().last().psnr / static_cast<double>(scores_.size());
         }
         std::ostringstream text;
-        text << std::fixed << std::setprecision(2) << "PSNR " << initial << " initial, " << last << " fitted";
+        text << std::fixed << std::setprecision(2) << "PSNR " << initial << " initial, " << last
+             << " fitted";
         return text.str();
     }
 
@@ -130,25 +139,33 @@ FaceRange parse_range(const std::string& text) {
 void require_comparable(const Dataset& faces, const EvaluationOptions& options) {
     const std::vector<std::int64_t> places = places_of(faces, options.range);
     if (std::ranges::find(options.regions, Region::face) == options.regions.end()) return;
-    if (options.face_region == nullptr) fail<ValueError>("the region of the face needs a FaceRegion");
-    if (std::ranges::any_of(places, [&](std::int64_t i) { return options.face_region->tells(faces.files(i)); })) return;
-    fail<FileError>("--region: the folder has neither parsing/ID.png nor CelebAMask-HQ's parts to tell faces from hair; give ",
-                    "--parser with an ONNX file, or --region head");
+    if (options.face_region == nullptr)
+        fail<ValueError>("the region of the face needs a FaceRegion");
+    if (std::ranges::any_of(
+            places, [&](std::int64_t i) { return options.face_region->tells(faces.files(i)); }))
+        return;
+    fail<FileError>(
+        "--region: the folder has neither parsing/ID.png nor CelebAMask-HQ's parts to tell faces "
+        "from hair; give ",
+        "--parser with an ONNX file, or --region head");
 }
 
-ComparedFace compared_face(const Model& model, const Dataset& faces, std::int64_t index, const EvaluationOptions& options) {
+ComparedFace compared_face(const Model& model, const Dataset& faces, std::int64_t index,
+                           const EvaluationOptions& options) {
     const Face face = faces.load_exactly(index);
-    const TrainingBatch batch = make_batch({&face, 1});
-    ComparedFace result{index, {batch.input, batch.targets, batch.cameras, face_codes(model, batch)}, {}};
-    std::vector<Tensor>& targets = result.target.targets;
-    while (options.resolution > 0 && targets.size() > 1 && targets.back().shape(1) > options.resolution) targets.pop_back();
+    ComparedFace result{index, make_batch({&face, 1}, model.decoder().ladder().smallest()), {}};
+    std::vector<Tensor>& targets = result.batch.targets;
+    while (options.resolution > 0 && targets.size() > 1 &&
+           targets.back().shape(1) > options.resolution)
+        targets.pop_back();
     const std::int64_t side = model.config().decoder.resolution;
     const int compared = static_cast<int>(targets.back().shape(1));
     for (const Region region : options.regions) {
-        Tensor mask = batch.mask;
+        Tensor mask = result.batch.mask;
         if (region == Region::face) {
             // Outside the head the target is black whatever the photo shows.
-            const Tensor within = options.face_region->mask(faces.files(index), side).reshaped(mask.shape());
+            const Tensor within =
+                options.face_region->mask(faces.files(index), side).reshaped(mask.shape());
             mask = (Variable(mask) * within).value();
         }
         result.masks.push_back(resize_box(mask, compared, compared).value());
@@ -156,7 +173,8 @@ ComparedFace compared_face(const Model& model, const Dataset& faces, std::int64_
     return result;
 }
 
-Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Dataset& faces, const EvaluationOptions& options) {
+Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Dataset& faces,
+                    const EvaluationOptions& options) {
     require_comparable(faces, options);
     std::vector<std::int64_t> places = places_of(faces, options.range);
     FitOptions fitting = options.fitting;
@@ -166,16 +184,18 @@ Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Da
     std::erase_if(places, [&](std::int64_t place) { return findings.contains(place); });
 
     const InterruptGuard guard;
-    Progress progress({.title = "evaluate", .total = asked, .first = findings.count(), .unit = "faces"});
+    Progress progress(
+        {.title = "evaluate", .total = asked, .first = findings.count(), .unit = "faces"});
     std::atomic<bool> stopped = false;
     const auto do_face = [&](std::int64_t place) {
         FitResult fit;
         FaceScore score;
         try {
             const ComparedFace face = compared_face(model, faces, place, options);
-            fit = fit_codes(model, loss, face.target, fitting);
+            fit = fit_codes(model, loss, face.batch, fitting);
             if (std::ssize(fit.losses) < fitting.steps) return;
-            const FitReport report = report_fit(model, face.target, face.masks.front(), fit, 0, options.lpips);
+            const FitReport report =
+                report_fit(model, face.batch, face.masks.front(), fit, 0, options.lpips);
             score = score_of(faces.ids()[static_cast<std::size_t>(place)], report, face, options);
         } catch (const Error& error) {
             findings.add_failure(place, error.what());
@@ -188,7 +208,7 @@ Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Da
             try {
                 do_face(places[static_cast<std::size_t>(k)]);
             } catch (...) {
-                // The other threads would go on for as long as there are faces.
+                // Otherwise the other threads would continue as long as there are faces.
                 stopped = true;
                 throw;
             }

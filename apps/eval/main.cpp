@@ -5,6 +5,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/lpips_options.h"
+#include "apps/common/tools.h"
 #include "apps/eval/evaluate.h"
 #include "apps/eval/pair.h"
 #include "apps/eval/report_page.h"
@@ -32,9 +33,12 @@ struct Options {
     stymo::EvaluationOptions evaluation;
 };
 
-/// The network that was asked for: the loss's if it is the same, else one of its own, which `own` keeps. Null if none was.
-const stymo::Lpips* metric_network(const stymo::LpipsOptions& options, const stymo::LpipsConfig& model,
-                                   const stymo::ReconstructionLoss& loss, std::optional<stymo::Lpips>& own) {
+/// The network of the metric: that of the loss if it is the same, else a separate one that `own`
+/// holds. Null without a metric.
+const stymo::Lpips* metric_network(const stymo::LpipsOptions& options,
+                                   const stymo::LpipsConfig& model,
+                                   const stymo::ReconstructionLoss& loss,
+                                   std::optional<stymo::Lpips>& own) {
     if (options.metric.empty()) return nullptr;
     const stymo::LpipsConfig config = stymo::metric_config(options, model);
     if (loss.lpips() != nullptr && loss.lpips()->config() == config) return loss.lpips();
@@ -42,11 +46,15 @@ const stymo::Lpips* metric_network(const stymo::LpipsOptions& options, const sty
 }
 
 stymo::Settings settings_of(const Options& options) {
-    const auto absolute = [](const fs::path& path) { return path.empty() ? std::string() : fs::absolute(path).string(); };
+    const auto absolute = [](const fs::path& path) {
+        return path.empty() ? std::string() : fs::absolute(path).string();
+    };
     std::ostringstream checksum;
     checksum << std::hex << stymo::crc32c(stymo::read_text_file(options.model));
     const stymo::FitOptions& fitting = options.evaluation.fitting;
-    const auto or_own = [](const auto& value) { return value ? stymo::JsonValue(*value) : stymo::JsonValue("the model's own"); };
+    const auto or_own = [](const auto& value) {
+        return value ? stymo::JsonValue(*value) : stymo::JsonValue("the model's own");
+    };
     return {{"--model", absolute(options.model) + ", CRC-32C " + checksum.str()},
             {"--data", absolute(options.data)},
             {"--split", options.split},
@@ -77,12 +85,14 @@ stymo::Dataset faces_of(const Options& options, const stymo::ModelConfig& model)
 stymo::JsonValue sheet_json(const std::vector<stymo::SheetRow>& rows) {
     std::vector<stymo::JsonValue> values;
     for (const stymo::SheetRow& row : rows)
-        values.push_back(stymo::JsonValue::object({{"id", row.id}, {"kind", row.kind}, {"psnr", row.psnr}}));
+        values.push_back(
+            stymo::JsonValue::object({{"id", row.id}, {"kind", row.kind}, {"psnr", row.psnr}}));
     return values;
 }
 
 stymo::AppResult result_of(const stymo::Evaluation& evaluation, const std::string& network) {
-    stymo::AppResult result{stymo::table(evaluation.scores), stymo::summary_json(evaluation.scores, evaluation.failed),
+    stymo::AppResult result{stymo::table(evaluation.scores),
+                            stymo::summary_json(evaluation.scores, evaluation.failed),
                             evaluation.incomplete};
     if (network.empty()) return result;
     result.text += "LPIPS: " + network + "\n";
@@ -101,11 +111,13 @@ stymo::AppResult evaluate(Options options) {
     const stymo::Dataset faces = faces_of(options, model.config());
     stymo::FaceRegion face_region(options.parser);
     evaluated.face_region = &face_region;
-    stymo::ReconstructionConfig config = stymo::fitting_config(options.lpips, model.config().reconstruction);
+    stymo::ReconstructionConfig config =
+        stymo::fitting_config(options.lpips, model.config().reconstruction);
     if (!evaluated.fit) config.perceptual_weight = 0.0;
     const stymo::ReconstructionLoss loss(config, "--perceptual-weight 0");
     std::optional<stymo::Lpips> own;
-    evaluated.lpips = metric_network(options.lpips, model.config().reconstruction.perceptual, loss, own);
+    evaluated.lpips =
+        metric_network(options.lpips, model.config().reconstruction.perceptual, loss, own);
     const std::string network = evaluated.lpips != nullptr ? evaluated.lpips->label() : "";
     stymo::require_comparable(faces, evaluated);
 
@@ -115,16 +127,19 @@ stymo::AppResult evaluate(Options options) {
     std::optional<stymo::ScoreFolder> folder;
     if (!options.out.empty()) evaluated.folder = &folder.emplace(options.out, settings_json);
     const stymo::Evaluation evaluation = stymo::evaluate(model, loss, faces, evaluated);
-    for (const stymo::FailedFace& face : evaluation.failed) std::cerr << "skipped " << face.reason << std::endl;
+    for (const stymo::FailedFace& face : evaluation.failed)
+        std::cerr << "skipped " << face.reason << std::endl;
 
     stymo::AppResult result = result_of(evaluation, network);
     if (folder && evaluation.incomplete.empty()) {
         const std::vector<stymo::SheetRow> rows = stymo::sheet_rows(evaluation.scores);
-        stymo::write_image(options.out / "sheet.png", stymo::score_sheet(model, loss, faces, evaluated, rows));
+        stymo::write_image(options.out / "sheet.png",
+                           stymo::score_sheet(model, loss, faces, evaluated, rows));
         stymo::JsonValue json = result.json;
         json.add("sheet", sheet_json(rows)).add("settings", settings_json);
         stymo::write_text_file(options.out / "report.json", json.text() + "\n");
-        stymo::write_text_file(options.out / "report.md", stymo::report_page(evaluation, {settings, network, rows}));
+        stymo::write_text_file(options.out / "report.md",
+                               stymo::report_page(evaluation, {settings, network, rows}));
     }
     stymo::JsonValue scores = stymo::JsonValue::object();
     for (const stymo::FaceScore& score : evaluation.scores) scores.add(score.id, to_json(score));
@@ -134,44 +149,56 @@ stymo::AppResult evaluate(Options options) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int stymo_eval(int argc, char** argv) {
     Options options;
-    stymo::CommandLine line(
-        "stymo-eval", "Scores a model on a folder of faces: L1, LPIPS, SSIM and PSNR of the head on black, over the full frame.");
+    stymo::CommandLine line("stymo-eval",
+                            "Measures L1, LPIPS, SSIM and PSNR of a model on a folder of faces, of "
+                            "the head on black over the full frame.");
     line.option("--model", options.model, "model.safetensors of a training run (required)");
-    line.option("--data", options.data, "folder of faces in FFHQ format or in CelebAMask-HQ's layout (required)");
-    line.option("--split", options.split, "only this part, as the model's training run (config.json) split its data")
+    line.option("--data", options.data,
+                "folder of faces in the FFHQ format or in CelebAMask-HQ's layout (required)");
+    line.option("--split", options.split,
+                "only this part of the split of the model's training run (config.json)")
         .one_of({"train", "val", "test"});
-    line.option("--ids", options.ids, "places in the order of ids (of the split), such as 700-799; without it all");
+    line.option("--ids", options.ids,
+                "positions in the order of ids, such as 700-799, within the split if one is given "
+                "(default: all)");
     line.option("--out", options.out,
-                "folder for scores.jsonl, report.json, report.md, sheet.png and the fitted codes; goes on where it was stopped");
-    line.option("--region", options.region, "what is compared: the head, the face without hair and ears, or both in turn")
+                "output folder: scores.jsonl, report.json, report.md, sheet.png and the fitted "
+                "codes. The same command continues an interrupted run");
+    line.option("--region", options.region,
+                "compared region: the head, the face without hair and ears, or both")
         .one_of({"head", "face", "both"});
-    line.option("--parser", options.parser, "face parser in an ONNX file, for faces whose folder has no parsing")
+    line.option("--parser", options.parser,
+                "face parser in an ONNX file, for faces without a parsing map in the folder")
         .needs("--region");
-    line.flag("--fit", options.evaluation.fit, "also fit each face and score the fitted codes");
+    line.flag("--fit", options.evaluation.fit, "also fit each face and measure the fitted codes");
     line.option("--steps", options.evaluation.fitting.steps, "fitting steps").range(0, 1e6);
     line.option("--regularizer", options.evaluation.fitting.regularizer,
-                "weight of the squared code offsets; negative: the model's own")
+                "weight of the squared code offsets; negative: the model's setting")
         .range(-1, 1e6);
     line.flag("--refine-pose", options.evaluation.fitting.refine_pose,
-              "the poses learn too while fitting, with a tenth of the learning rate; slower")
+              "also optimise the poses while fitting, with a tenth of the learning rate; slower")
         .needs("--fit");
     line.option("--resolution", options.evaluation.resolution,
-                "side of the pictures that are compared: 64, 128, ...; the model's own unless given")
+                "side of the compared images: 64, 128, ... (default: the model's resolution)")
         .range(64, 4096);
-    line.option("--samples", options.samples, "samples per ray while fitting; the model's own unless given").range(2, 4096);
+    line.option("--samples", options.samples,
+                "samples per ray while fitting (default: the model's setting)")
+        .range(2, 4096);
     line.flag("--one-by-one", options.evaluation.one_by_one,
-              "each face on all threads, one after another; without it each thread has a face of its own");
+              "give all threads to one face after the other; by default each thread works on a "
+              "face of its own");
     stymo::declare_lpips_metric(line, options.lpips);
     stymo::declare_lpips_files(line, options.lpips);
     stymo::declare_perceptual_weight(line, options.lpips);
 
     stymo::PairOptions pair;
-    stymo::Command command = line.command("pair", "Compares two pictures of one size as they are.",
-                                          [&](const stymo::CommonOptions&) { return stymo::compare_pair(pair); });
-    command.option("A", pair.a, "the one picture").required();
-    command.option("B", pair.b, "the other picture").required();
+    stymo::Command command =
+        line.command("pair", "Compares two images of the same size, without a mask.",
+                     [&](const stymo::CommonOptions&) { return stymo::compare_pair(pair); });
+    command.option("A", pair.a, "first image").required();
+    command.option("B", pair.b, "second image").required();
     stymo::declare_lpips_metric(command, pair.lpips);
     stymo::declare_lpips_files(command, pair.lpips);
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return evaluate(options); });

@@ -11,7 +11,8 @@ namespace stymo {
 
 namespace {
 
-std::string text_of(const ImageMetrics& metrics, const std::vector<double>& terms, const std::string& network) {
+std::string text_of(const ImageMetrics& metrics, const std::vector<double>& terms,
+                    const std::string& network) {
     std::ostringstream text;
     text << std::fixed << std::setprecision(6);
     const auto line = [&text](const char* name, double value) {
@@ -23,7 +24,8 @@ std::string text_of(const ImageMetrics& metrics, const std::vector<double>& term
     line("PSNR dB", metrics.psnr);
     if (metrics.lpips) {
         line("LPIPS", *metrics.lpips);
-        for (std::size_t k = 0; k < terms.size(); ++k) line(("  term " + std::to_string(k)).c_str(), terms[k]);
+        for (std::size_t k = 0; k < terms.size(); ++k)
+            line(("  term " + std::to_string(k)).c_str(), terms[k]);
         text << "network: " << network << '\n';
     }
     return text.str();
@@ -33,18 +35,21 @@ std::string text_of(const ImageMetrics& metrics, const std::vector<double>& term
 
 AppResult compare_pair(const PairOptions& options) {
     std::optional<Lpips> lpips;
-    if (!options.lpips.metric.empty()) lpips.emplace(metric_config(options.lpips, {}), "leave out --lpips");
+    if (!options.lpips.metric.empty())
+        lpips.emplace(metric_config(options.lpips, {}), "leave out --lpips");
     const Tensor a = read_image(options.a);
     const Tensor b = read_image(options.b);
     if (!(a.shape() == b.shape()))
-        fail<ShapeError>(options.b.string(), ": ", b.shape(1), " x ", b.shape(0), " pixels, but ", options.a.string(), " has ",
-                         a.shape(1), " x ", a.shape(0));
-    ImageMetrics metrics = MetricTarget(b, Tensor::full({b.shape(0), b.shape(1), 1}, 1.0)).measure(a);
+        fail<ShapeError>(options.b.string(), ": ", b.shape(1), " x ", b.shape(0), " pixels, but ",
+                         options.a.string(), " has ", a.shape(1), " x ", a.shape(0));
+    ImageMetrics metrics =
+        MetricTarget(b, Tensor::full({b.shape(0), b.shape(1), 1}, 1.0)).measure(a);
     JsonValue json = to_json(metrics);
     std::vector<double> terms;
     if (lpips) {
         double total = 0.0;
-        for (const Variable& term : lpips->terms(lpips->features(lpips_input(a)), lpips->features(lpips_input(b)))) {
+        for (const Variable& term :
+             lpips->terms(lpips->features(lpips_input(a)), lpips->features(lpips_input(b)))) {
             terms.push_back(term.value().item());
             total += terms.back();
         }

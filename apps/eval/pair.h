@@ -12,7 +12,8 @@ struct PairOptions {
     LpipsOptions lpips;
 };
 
-/// Two pictures of one size, measured as they are: L1, SSIM, PSNR, and with a network LPIPS and its terms.
+/// Measures two images of the same size without a mask: L1, SSIM, PSNR, and with a network LPIPS
+/// and its terms.
 [[nodiscard]] AppResult compare_pair(const PairOptions& options);
 
 }  // namespace stymo

@@ -9,17 +9,18 @@
 
 namespace stymo {
 
-/// What the scores depend on, by the names of the options.
+/// The settings on which the scores depend, by the names of the options.
 using Settings = std::vector<std::pair<std::string, JsonValue>>;
 
-/// What an evaluation's report.md says beside its scores.
+/// The contents of report.md besides the scores.
 struct ReportContext {
     Settings settings;
     std::string lpips_network;   ///< empty: LPIPS was not measured
     std::vector<SheetRow> rows;  ///< of sheet.png
 };
 
-/// A page in Markdown: the table of means and medians, what failed, the settings, and the sheet with what its rows are.
+/// A Markdown page: the table of means and medians, the failures, the settings, and the sheet with
+/// a legend of its rows.
 [[nodiscard]] std::string report_page(const Evaluation& evaluation, const ReportContext& context);
 
 }  // namespace stymo

@@ -17,9 +17,12 @@ Split split_called(const std::string& name) {
 DataConfig split_of_run(const std::filesystem::path& model) {
     const std::filesystem::path folder = std::filesystem::absolute(model).parent_path();
     for (const std::filesystem::path& run : {folder, folder.parent_path().parent_path()})
-        if (std::filesystem::exists(run / "config.json")) return load_train_config(run / "config.json", {}).data;
-    fail<FileError>(model.string(), ": no config.json of its training run beside it to say how the data was split; give --ids ",
-                    "in place of --split");
+        if (std::filesystem::exists(run / "config.json"))
+            return load_train_config(run / "config.json", {}).data;
+    fail<FileError>(
+        model.string(),
+        ": no config.json of its training run beside it to say how the data was split; give --ids ",
+        "in place of --split");
 }
 
 }  // namespace stymo

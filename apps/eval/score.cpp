@@ -20,13 +20,14 @@ double number_or_infinity(const Json& value) {
 }
 
 ImageMetrics parse_metrics(const Json& value) {
-    ImageMetrics metrics{value.at("l1").get<double>(), value.at("l1_mean").get<double>(), value.at("ssim").get<double>(),
-                         number_or_infinity(value.at("psnr"))};
+    ImageMetrics metrics{value.at("l1").get<double>(), value.at("l1_mean").get<double>(),
+                         value.at("ssim").get<double>(), number_or_infinity(value.at("psnr"))};
     if (value.contains("lpips")) metrics.lpips = value["lpips"].get<double>();
     return metrics;
 }
 
-/// {"head": {"initial": ..., "fitted": ...}, ...} of the rows that are means or of those that are medians.
+/// {"head": {"initial": ..., "fitted": ...}, ...} of the rows that are means or of those that are
+/// medians.
 JsonValue rows_json(const std::vector<SummaryRow>& rows, bool median) {
     JsonValue regions = JsonValue::object();
     for (const Region region : {Region::head, Region::face}) {
@@ -68,11 +69,13 @@ JsonValue to_json(const FaceScore& score) {
 FaceScore parse_face_score(std::string_view line) {
     try {
         const Json value = Json::parse(line);
-        FaceScore score{value.at("id").get<std::string>(), {}, value.at("counting_samples").get<double>()};
+        FaceScore score{
+            value.at("id").get<std::string>(), {}, value.at("counting_samples").get<double>()};
         for (const Region region : {Region::head, Region::face}) {
             if (!value.contains(name_of(region))) continue;
             const Json& stages = value[name_of(region)];
-            RegionScore& added = score.regions.emplace_back(RegionScore{region, parse_metrics(stages.at("initial"))});
+            RegionScore& added = score.regions.emplace_back(
+                RegionScore{region, parse_metrics(stages.at("initial"))});
             if (stages.contains("fitted")) added.fitted = parse_metrics(stages["fitted"]);
         }
         if (score.regions.empty()) fail<FileError>("no region");
@@ -110,27 +113,34 @@ double mean_counting_samples(const std::vector<FaceScore>& scores) {
 
 std::string table(const std::vector<FaceScore>& scores) {
     const std::vector<SummaryRow> rows = summary(scores);
-    const bool lpips = std::ranges::any_of(rows, [](const SummaryRow& row) { return row.metrics.lpips.has_value(); });
+    const bool lpips = std::ranges::any_of(
+        rows, [](const SummaryRow& row) { return row.metrics.lpips.has_value(); });
     std::ostringstream text;
-    text << std::left << std::setw(22) << std::to_string(scores.size()) + (scores.size() == 1 ? " face" : " faces")
+    text << std::left << std::setw(22)
+         << std::to_string(scores.size()) + (scores.size() == 1 ? " face" : " faces")
          << "       L1  L1 (mean)" << (lpips ? "    LPIPS" : "") << "     SSIM  PSNR dB\n"
          << std::fixed;
     for (const SummaryRow& row : rows) {
-        text << std::left << std::setw(6) << name_of(row.region) << std::setw(9) << (row.fitted ? "fitted" : "initial")
-             << std::setw(7) << (row.median ? "median" : "mean") << std::right << std::setprecision(4) << std::setw(9)
-             << row.metrics.l1 << std::setw(11) << row.metrics.l1_mean;
+        text << std::left << std::setw(6) << name_of(row.region) << std::setw(9)
+             << (row.fitted ? "fitted" : "initial") << std::setw(7)
+             << (row.median ? "median" : "mean") << std::right << std::setprecision(4)
+             << std::setw(9) << row.metrics.l1 << std::setw(11) << row.metrics.l1_mean;
         if (lpips) text << std::setw(9) << row.metrics.lpips.value_or(0.0);
-        text << std::setw(9) << row.metrics.ssim << std::setprecision(2) << std::setw(9) << row.metrics.psnr << '\n';
+        text << std::setw(9) << row.metrics.ssim << std::setprecision(2) << std::setw(9)
+             << row.metrics.psnr << '\n';
     }
-    text << std::setprecision(1) << 100.0 * mean_counting_samples(scores) << " % of the samples count (weight above "
-         << std::defaultfloat << counting_weight << ")\n";
+    text << std::setprecision(1) << 100.0 * mean_counting_samples(scores)
+         << " % of the samples are significant (weight above " << std::defaultfloat
+         << significant_weight << ")\n";
     return text.str();
 }
 
-JsonValue summary_json(const std::vector<FaceScore>& scores, const std::vector<FailedFace>& failed) {
+JsonValue summary_json(const std::vector<FaceScore>& scores,
+                       const std::vector<FailedFace>& failed) {
     const std::vector<SummaryRow> rows = summary(scores);
     std::vector<JsonValue> failures;
-    for (const FailedFace& face : failed) failures.push_back(JsonValue::object({{"id", face.id}, {"reason", face.reason}}));
+    for (const FailedFace& face : failed)
+        failures.push_back(JsonValue::object({{"id", face.id}, {"reason", face.reason}}));
     return JsonValue::object({{"count", scores.size()},
                               {"mean", rows_json(rows, false)},
                               {"median", rows_json(rows, true)},

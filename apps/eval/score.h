@@ -10,7 +10,7 @@
 
 namespace stymo {
 
-/// The part of the picture that is compared; what is outside is black in both pictures.
+/// The compared part of the image; everything outside is black in both images.
 enum class Region {
     head,  ///< with hair and ears: the mask that the model was trained with
     face   ///< of it, what is neither hair nor ear (is_face_class)
@@ -25,14 +25,14 @@ struct RegionScore {
     ImageMetrics initial;                  ///< of the encoder's codes
     std::optional<ImageMetrics> fitted{};  ///< empty without fitting
 
-    /// What a face is judged by: the fitted codes if there are any.
+    /// The metrics that rank a face: those of the fitted codes if there are any.
     [[nodiscard]] const ImageMetrics& last() const { return fitted ? *fitted : initial; }
 };
 
 struct FaceScore {
     std::string id;
     std::vector<RegionScore> regions;  ///< at least one; the same for all faces of an evaluation
-    double counting_samples = 1.0;     ///< View::counting_samples of the fitted face
+    double counting_samples = 1.0;     ///< View::significant_samples of the fitted face
 };
 
 /// A face that has no score, and why.
@@ -41,13 +41,14 @@ struct FailedFace {
     std::string reason;
 };
 
-/// One line: {"id", "head": {"initial": {...}, "fitted": {...}}, "face": ..., "counting_samples"}. Numbers are read back as they
-/// were, infinite ones as null.
+/// One line: {"id", "head": {"initial": {...}, "fitted": {...}}, "face": ..., "counting_samples"}.
+/// Numbers read back to the same value; infinite ones become null.
 [[nodiscard]] JsonValue to_json(const FaceScore& score);
 /// Throws FileError for text that to_json did not write.
 [[nodiscard]] FaceScore parse_face_score(std::string_view line);
 
-/// A row of the tables: all faces' scores of one region and one stage in one number for each metric.
+/// A row of the tables: the mean or median of each metric over all faces, for one region and one
+/// stage.
 struct SummaryRow {
     Region region = Region::head;
     bool fitted = false;
@@ -59,10 +60,11 @@ struct SummaryRow {
 [[nodiscard]] std::vector<SummaryRow> summary(const std::vector<FaceScore>& scores);
 [[nodiscard]] double mean_counting_samples(const std::vector<FaceScore>& scores);
 
-/// The rows for people.
+/// The rows as text.
 [[nodiscard]] std::string table(const std::vector<FaceScore>& scores);
-/// {"count", "mean": {"head": {"initial": {...}, "fitted": {...}}, ...}, "median": the same, "counting_samples",
-/// "failed": [{"id", "reason"}]}
-[[nodiscard]] JsonValue summary_json(const std::vector<FaceScore>& scores, const std::vector<FailedFace>& failed);
+/// {"count", "mean": {"head": {"initial": {...}, "fitted": {...}}, ...}, "median": the same,
+/// "counting_samples", "failed": [{"id", "reason"}]}
+[[nodiscard]] JsonValue summary_json(const std::vector<FaceScore>& scores,
+                                     const std::vector<FailedFace>& failed);
 
 }  // namespace stymo

@@ -16,31 +16,16 @@ ScoreFolder::ScoreFolder(std::filesystem::path path, const JsonValue& settings)
         std::string begun = read_text_file(settings_file);
         if (begun.ends_with('\n')) begun.pop_back();
         require_same_settings(path_, begun, settings.text());
-        read_known();
+        visit_whole_lines(scores_, [&](const std::string& line, int, std::int64_t) {
+            known_.push_back(parse_face_score(line));
+        });
         return;
     }
     if (std::filesystem::exists(scores_))
-        fail<FileError>(path_.string(), ": holds scores.jsonl but no settings.json; give another --out");
+        fail<FileError>(path_.string(),
+                        ": holds scores.jsonl but no settings.json; give another --out");
     require_writable_folder(path_);
     write_text_file(settings_file, settings.text() + "\n");
-}
-
-void ScoreFolder::read_known() {
-    std::ifstream stream(scores_, std::ios::binary);
-    if (!stream) return;
-    std::string line;
-    std::streamoff whole = 0;
-    // The last line is whole only if a line break ends it.
-    for (int number = 1; std::getline(stream, line) && !stream.eof(); ++number) {
-        try {
-            known_.push_back(parse_face_score(line));
-        } catch (const Error& error) {
-            fail<FileError>(scores_.string(), ", line ", number, ": ", error.what(), "; remove the folder and begin anew");
-        }
-        whole = stream.tellg();
-    }
-    stream.close();
-    std::filesystem::resize_file(scores_, static_cast<std::uintmax_t>(whole));
 }
 
 void ScoreFolder::add(const FaceScore& score, const FitResult& fit) {
@@ -48,7 +33,7 @@ void ScoreFolder::add(const FaceScore& score, const FitResult& fit) {
         require_writable_folder(path_ / "codes");
         write_code_file(codes_of(score.id), fit.fitted, 0, pose_from_camera(fit.cameras.front()));
     }
-    // Behind the codes, so that a line always has its codes.
+    // Written after the codes, so that the codes of every line exist.
     std::ofstream stream(scores_, std::ios::app | std::ios::binary);
     stream << to_json(score).text() << '\n' << std::flush;
     if (!stream) fail<FileError>(scores_.string(), ": cannot be written; is the disk full?");

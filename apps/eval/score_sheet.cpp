@@ -8,7 +8,7 @@
 #include "core/io/image.h"
 #include "core/ops/ops.h"
 #include "nn/models/code_file.h"
-#include "nn/models/picture.h"
+#include "nn/models/display_image.h"
 #include "nn/models/view.h"
 
 namespace stymo {
@@ -18,19 +18,20 @@ namespace {
 constexpr double error_gain = 4.0;
 
 Tensor error_map(const FitReport& report, const Tensor& mask) {
-    const Variable difference = abs(Variable(masked_picture(report.fitted, mask)) - masked_picture(report.target, mask));
+    const Variable difference =
+        abs(Variable(masked_image(report.fitted, mask)) - masked_image(report.target, mask));
     const Variable grey = clamp(mean(difference, {2}) * error_gain, 0.0, 1.0);
     return broadcast_to(grey, report.fitted.shape()).value();
 }
 
-/// The codes before and after, as the evaluation had them.
-FitResult result_of(const Model& model, const ReconstructionLoss& loss, const ComparedFace& face, const std::string& id,
-                    const EvaluationOptions& options) {
-    FitResult result = fit_codes(model, loss, face.target, {.steps = 0});
+/// The initial and the fitted codes of the evaluation.
+FitResult result_of(const Model& model, const ReconstructionLoss& loss, const ComparedFace& face,
+                    const std::string& id, const EvaluationOptions& options) {
+    FitResult result = fit_codes(model, loss, face.batch, {.steps = 0});
     if (!options.fit) return result;
     const CodeFile file = read_code_file(options.folder->codes_of(id));
     result.fitted = file.codes;
-    result.cameras = {camera_from_pose(file.pose, face.target.cameras.front().intrinsics)};
+    result.cameras = {camera_from_pose(file.pose, face.batch.cameras.front().intrinsics)};
     return result;
 }
 
@@ -61,22 +62,23 @@ std::vector<SheetRow> sheet_rows(const std::vector<FaceScore>& scores) {
     return rows;
 }
 
-Tensor score_sheet(const Model& model, const ReconstructionLoss& loss, const Dataset& faces, const EvaluationOptions& options,
-                   const std::vector<SheetRow>& rows) {
+Tensor score_sheet(const Model& model, const ReconstructionLoss& loss, const Dataset& faces,
+                   const EvaluationOptions& options, const std::vector<SheetRow>& rows) {
     constexpr int columns = 6;
     std::vector<Tensor> tiles;
     for (const SheetRow& row : rows) {
         const ComparedFace face = compared_face(model, faces, place_of(faces, row.id), options);
         const FitResult result = result_of(model, loss, face, row.id, options);
-        const FitReport report = report_fit(model, face.target, face.masks.front(), result, 0);
+        const FitReport report = report_fit(model, face.batch, face.masks.front(), result, 0);
         tiles.insert(tiles.end(), {report.target, report.initial, report.fitted});
         for (const double yaw_degrees : {-30.0, 30.0}) {
             const Camera camera = model_camera(model, radians_from_degrees(yaw_degrees), 0.0, 0.0);
-            const ViewOptions view{.samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
-                                   .resolution = report.target.shape(0)};
-            tiles.push_back(render_view(model, result.fitted, 0, camera, view).picture);
+            const ViewOptions view{
+                .samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
+                .resolution = report.target.shape(0)};
+            tiles.push_back(render_view(model, result.fitted, 0, camera, view).image);
         }
-        tiles.push_back(error_map(report, picture_mask(face.masks.front(), 0)));
+        tiles.push_back(error_map(report, display_mask(face.masks.front(), 0)));
     }
     return tile_images(tiles, columns);
 }

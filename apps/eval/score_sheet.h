@@ -14,13 +14,15 @@ struct SheetRow {
     double psnr = 0.0;  ///< of the first region, of the fitted codes if there are any
 };
 
-/// Three rows of each kind by that PSNR, best first, one of each if there are fewer than nine faces; all faces if fewer than
-/// three.
+/// Three rows of each kind by that PSNR, best first, one of each if there are fewer than nine
+/// faces; all faces if fewer than three.
 [[nodiscard]] std::vector<SheetRow> sheet_rows(const std::vector<FaceScore>& scores);
 
-/// A row for each: target | initial | fitted | yaw -30 | yaw 30 degrees | error: |fitted - target| within the first region, mean
-/// over RGB, times 4. Fitted codes come from the folder; without fitting the encoder's stand in for them.
-[[nodiscard]] Tensor score_sheet(const Model& model, const ReconstructionLoss& loss, const Dataset& faces,
-                                 const EvaluationOptions& options, const std::vector<SheetRow>& rows);
+/// A row for each: target | initial | fitted | yaw -30 | yaw 30 degrees | error: |fitted - target|
+/// within the first region, mean over RGB, times 4. Fitted codes come from the folder; without
+/// fitting the encoder's stand in for them.
+[[nodiscard]] Tensor score_sheet(const Model& model, const ReconstructionLoss& loss,
+                                 const Dataset& faces, const EvaluationOptions& options,
+                                 const std::vector<SheetRow>& rows);
 
 }  // namespace stymo

@@ -7,10 +7,11 @@
 #include <vector>
 
 #include "apps/common/command_line.h"
+#include "apps/common/explain.h"
 #include "apps/common/face_input.h"
 #include "apps/common/lpips_options.h"
 #include "apps/common/preparation_options.h"
-#include "apps/common/work_plans.h"
+#include "apps/common/tools.h"
 #include "apps/fit/prepared_photos.h"
 #include "core/clock.h"
 #include "core/interrupt.h"
@@ -19,7 +20,6 @@
 #include "core/progress.h"
 #include "fit/fit_report.h"
 #include "nn/models/code_file.h"
-#include "train/face_codes.h"
 
 namespace {
 
@@ -36,14 +36,17 @@ struct Options {
 };
 
 void write_metrics(std::ostream& stream, const char* name, const stymo::ImageMetrics& metrics) {
-    stream << std::left << std::setw(9) << name << std::right << std::fixed << std::setprecision(4) << std::setw(9) << metrics.l1;
+    stream << std::left << std::setw(9) << name << std::right << std::fixed << std::setprecision(4)
+           << std::setw(9) << metrics.l1;
     if (metrics.lpips) stream << std::setw(9) << *metrics.lpips;
-    stream << std::setw(9) << metrics.ssim << std::setprecision(2) << std::setw(9) << metrics.psnr << '\n';
+    stream << std::setw(9) << metrics.ssim << std::setprecision(2) << std::setw(9) << metrics.psnr
+           << '\n';
 }
 
 std::string summary(const stymo::FitReport& report, double seconds) {
     std::ostringstream text;
-    text << "                L1" << (report.lpips_network.empty() ? "" : "    LPIPS") << "     SSIM  PSNR dB\n";
+    text << "                L1" << (report.lpips_network.empty() ? "" : "    LPIPS")
+         << "     SSIM  PSNR dB\n";
     write_metrics(text, "initial", report.initial_metrics);
     write_metrics(text, "fitted", report.fitted_metrics);
     text << std::setprecision(1) << seconds << " s\n";
@@ -51,21 +54,24 @@ std::string summary(const stymo::FitReport& report, double seconds) {
     return text.str();
 }
 
-/// The photos to be fitted together, with where their files go.
+/// The photos to be fitted together, with their output folders.
 struct Photo {
     stymo::Face face;
     std::filesystem::path out;
     std::optional<std::vector<std::string>> warnings;  ///< of a photo that was prepared
 };
 
-/// Prepares the photos as they come and shows what was found before the long work begins.
+/// Prepares the photos and shows the results before the fit, which takes longer.
 std::vector<Photo> prepared(const Options& options, const stymo::ModelConfig& model) {
-    std::vector<stymo::PreparedPhoto> ready = stymo::prepare_photos(options.face.images, model, options.preparation);
+    std::vector<stymo::PreparedPhoto> ready =
+        stymo::prepare_photos(options.face.images, model, options.preparation);
     std::vector<Photo> photos;
     for (stymo::PreparedPhoto& photo : ready) {
-        const std::filesystem::path out = ready.size() == 1 ? options.out : options.out / photo.face.id;
+        const std::filesystem::path out =
+            ready.size() == 1 ? options.out : options.out / photo.face.id;
         if (std::ranges::any_of(photos, [&](const Photo& other) { return other.out == out; }))
-            stymo::fail<stymo::UsageError>("two photos are called ", photo.face.id, "; give them different names");
+            stymo::fail<stymo::UsageError>("two photos are called ", photo.face.id,
+                                           "; give them different names");
         stymo::require_writable_folder(out);
         stymo::write_image(out / "aligned.png", photo.aligned);
         stymo::write_image(out / "overlay.png", photo.overlay);
@@ -83,14 +89,15 @@ std::vector<Photo> photos_of(const Options& options, const stymo::ModelConfig& m
     return {std::move(photo)};
 }
 
-stymo::JsonValue write_fit(const Photo& photo, const stymo::FitReport& report, const stymo::FitResult& result, std::int64_t index,
-                           double seconds) {
+stymo::JsonValue write_fit(const Photo& photo, const stymo::FitReport& report,
+                           const stymo::FitResult& result, std::int64_t index, double seconds) {
     stymo::JsonValue json = to_json(report, result, seconds);
     if (photo.warnings) json.add("warnings", *photo.warnings);
     stymo::write_image(photo.out / "fit.png", stymo::comparison_sheet(report));
     stymo::write_image(photo.out / "render.png", report.fitted);
-    stymo::write_code_file(photo.out / "codes.json", result.fitted, index,
-                           stymo::pose_from_camera(result.cameras[static_cast<std::size_t>(index)]));
+    stymo::write_code_file(
+        photo.out / "codes.json", result.fitted, index,
+        stymo::pose_from_camera(result.cameras[static_cast<std::size_t>(index)]));
     stymo::write_text_file(photo.out / "report.json", json.text() + "\n");
     return json;
 }
@@ -101,90 +108,106 @@ stymo::AppResult fit(Options options) {
     if (options.optimizer == "lbfgs") options.fit.optimizer = stymo::FitOptimizer::lbfgs;
     stymo::Explainer explainer(options.explain);
     const stymo::Model model = stymo::Model::load(options.model);
-    const stymo::ReconstructionConfig config = stymo::fitting_config(options.lpips, model.config().reconstruction);
+    const stymo::ReconstructionConfig config =
+        stymo::fitting_config(options.lpips, model.config().reconstruction);
     const stymo::ReconstructionLoss reconstruction(config, "--perceptual-weight 0");
-    // Files that are named are read, even where fitting does without the term.
+    // Files on the command line are read even if the fit does not use the term.
     std::optional<stymo::Lpips> metric;
     if (reconstruction.lpips() == nullptr && !options.lpips.trunk.empty())
         metric.emplace(config.perceptual, "leave out --lpips-trunk");
-    stymo::WorkPlan plan = stymo::fit_plan(model, config, reconstruction, metric ? &*metric : nullptr, options.fit);
-    const bool found = options.face.as_it_comes();
-    plan.modules.push_back({"detector and masks of photos", found, found ? "" : "the photo is aligned already"});
-    explainer.show(std::move(plan));
     const std::vector<Photo> photos = photos_of(options, model.config());
     std::vector<stymo::Face> faces;
     for (const Photo& photo : photos) faces.push_back(photo.face);
-    const stymo::TrainingBatch batch = stymo::make_batch(faces);
-    const stymo::FitTarget target{batch.input, batch.targets, batch.cameras, stymo::face_codes(model, batch)};
+    const stymo::FaceBatch batch = stymo::make_batch(faces, model.decoder().ladder().smallest());
     options.fit.one_person = photos.size() > 1;
 
     const stymo::InterruptGuard guard;
     stymo::Progress progress({.title = "fit", .total = options.fit.steps, .unit = "steps"});
-    options.fit.on_step = [&](const stymo::FitStep& step) { progress.update(step.steps, "loss " + std::to_string(step.loss)); };
+    options.fit.on_step = [&](const stymo::FitStep& step) {
+        progress.update(step.steps, "loss " + std::to_string(step.loss));
+    };
     const double start = stymo::seconds_now();
-    const stymo::FitResult result = stymo::fit_codes(model, reconstruction, target, options.fit);
+    const stymo::FitResult result = stymo::fit_codes(model, reconstruction, batch, options.fit);
     const double seconds = stymo::seconds_now() - start;
     progress.finish();
 
     const stymo::Lpips* lpips = metric ? &*metric : reconstruction.lpips();
     if (lpips == nullptr)
-        std::cerr << "LPIPS is not measured; name its weights with --lpips-trunk and --lpips-heads" << std::endl;
+        std::cerr << "LPIPS is not measured; name its weights with --lpips-trunk and --lpips-heads"
+                  << std::endl;
     stymo::AppResult done;
     std::vector<stymo::JsonValue> reports;
     for (std::size_t i = 0; i < photos.size(); ++i) {
         const auto index = static_cast<std::int64_t>(i);
-        const stymo::FitReport report = stymo::report_fit(model, target, batch.mask, result, index, lpips, true);
+        const stymo::FitReport report =
+            stymo::report_fit(model, batch, batch.mask, result, index, lpips, true);
         reports.push_back(write_fit(photos[i], report, result, index, seconds));
         if (photos.size() > 1) done.text += photos[i].face.id + "\n";
         done.text += summary(report, seconds);
     }
-    done.json = photos.size() == 1 ? reports.front() : stymo::JsonValue::object({{"photos", reports}});
+    done.json =
+        photos.size() == 1 ? reports.front() : stymo::JsonValue::object({{"photos", reports}});
     const std::int64_t steps = std::ssize(result.losses);
     explainer.count("photos", std::ssize(photos));
     explainer.count("steps", steps);
     explainer.finish(done);
     if (steps < options.fit.steps && !result.converged)
-        done.incomplete = "interrupted after " + std::to_string(steps) + " of " + std::to_string(options.fit.steps) + " steps";
+        done.incomplete = "interrupted after " + std::to_string(steps) + " of " +
+                          std::to_string(options.fit.steps) + " steps";
     return done;
 }
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int stymo_fit(int argc, char** argv) {
     Options options;
     stymo::CommandLine line("stymo-fit",
-                            "Fits a model to a photo as it comes, or to several of one person: codes that reproduce it, for "
-                            "rendering from any side.");
+                            "Fits the codes of a model to a photo, or to several photos of one "
+                            "person, for rendering the face from any side.");
     line.option("--model", options.model, "model.safetensors of a training run").required();
     line.option("--image", options.face.images,
-                "a photo, whose face is found, aligned and masked; repeated: photos of one person, fitted together");
+                "photo; its face is found, aligned and masked. Repeat the option to fit photos of "
+                "one person together");
     line.option("--mask", options.face.mask,
-                "head mask of a photo that is aligned as FFHQ; without --pose it is taken as frontal");
-    line.option("--pose", options.face.pose, "JSON file with an aligned photo's pose; without --mask the whole frame is fitted");
-    line.flag("--as-is", options.face.as_is, "the photo is aligned as FFHQ, its face frontal; the whole frame is fitted");
-    line.option("--data", options.face.data, "folder of faces in FFHQ format that has the photo's mask and pose");
-    line.option("--id", options.face.id, "the photo's id in --data").needs("--data");
+                "head mask of a photo that is aligned like FFHQ; without --pose the face is "
+                "assumed to be frontal");
+    line.option(
+        "--pose", options.face.pose,
+        "JSON file with the pose of an aligned photo; without --mask the whole frame is fitted");
+    line.flag("--as-is", options.face.as_is,
+              "the photo is aligned like FFHQ and the face is frontal; the whole frame is fitted");
+    line.option("--data", options.face.data,
+                "folder of faces in the FFHQ format with the photo, its mask and its pose");
+    line.option("--id", options.face.id, "id of the photo in --data").needs("--data");
     line.option("--out", options.out,
-                "folder for fit.png, render.png, codes.json, report.json; of a photo as it comes also aligned.png, overlay.png")
+                "output folder: fit.png, render.png, codes.json, report.json; also aligned.png and "
+                "overlay.png if the photo is prepared")
         .required();
     stymo::declare_preparation_files(line, options.preparation);
     line.option("--steps", options.fit.steps, "optimiser steps").range(0, 1e6);
     line.option("--optimizer", options.optimizer,
-                "adam, as in the paper, or lbfgs: fewer steps to the same loss; each is one evaluation of loss and gradient")
+                "adam (the paper's) or lbfgs, which reaches the same loss in fewer steps; a step "
+                "is one evaluation of loss and gradient")
         .one_of({"adam", "lbfgs"});
-    line.option("--learning-rate", options.fit.learning_rate, "of the first step").range(0, 10);
-    line.option("--decay", options.fit.decay, "Adam's factor on the learning rate after each step").range(0, 1);
-    line.option(
-            "--coarse-steps", options.fit.coarse_steps,
-            "so many steps at the beginning compare pictures of 64 pixels, then 128 and so on, up to half of the model's: faster")
-        .range(0, 1e6);
-    line.option("--regularizer", options.fit.regularizer, "weight of the squared code offsets; negative: the model's own")
-        .range(-1, 1e6);
-    line.option("--samples", options.samples, "samples per ray; the model's own unless given").range(2, 4096);
-    line.option("--tolerance", options.fit.tolerance,
-                "leaves out samples with less compositing weight, examined every 8 steps; 0: none")
+    line.option("--learning-rate", options.fit.learning_rate, "learning rate of the first step")
+        .range(0, 10);
+    line.option("--decay", options.fit.decay, "Adam's factor on the learning rate after each step")
         .range(0, 1);
-    line.flag("--refine-pose", options.fit.refine_pose, "the pose learns too, with a tenth of the learning rate; slower");
+    line.option("--coarse-steps", options.fit.coarse_steps,
+                "number of initial steps that compare images of 64 pixels, then 128, up to half of "
+                "the model's resolution; faster")
+        .range(0, 1e6);
+    line.option("--regularizer", options.fit.regularizer,
+                "weight of the squared code offsets; negative: the model's setting")
+        .range(-1, 1e6);
+    line.option("--samples", options.samples, "samples per ray (default: the model's setting)")
+        .range(2, 4096);
+    line.option("--tolerance", options.fit.tolerance,
+                "samples with a smaller compositing weight are left out and examined again every 8 "
+                "steps; 0: no sample is left out")
+        .range(0, 1);
+    line.flag("--refine-pose", options.fit.refine_pose,
+              "also optimise the pose, with a tenth of the learning rate; slower");
     stymo::declare_perceptual_weight(line, options.lpips);
     stymo::declare_lpips_files(line, options.lpips);
     stymo::declare_explain(line, options.explain);

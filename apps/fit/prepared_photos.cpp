@@ -18,24 +18,27 @@ FaceCrop largest_face(const PhotoPreparation& preparation, const std::string& im
     try {
         return preparation.crops(photo, {}).front();
     } catch (const ValueError& error) {
-        fail<FileError>(image, ": ", error.what(), "; if it is an aligned crop already, give --mask and --pose, or --as-is");
+        fail<FileError>(image, ": ", error.what(),
+                        "; if it is an aligned crop already, give --mask and --pose, or --as-is");
     }
 }
 
 std::vector<float> code_of(const MorphableFit& fit) {
     std::vector<float> code;
-    for (const std::vector<float>* group : {&fit.identity, &fit.expression, &fit.texture, &fit.light})
+    for (const std::vector<float>* group :
+         {&fit.identity, &fit.expression, &fit.texture, &fit.light})
         code.insert(code.end(), group->begin(), group->end());
     return code;
 }
 
-PreparedPhoto photo_of(const std::string& image, PreparedFace prepared, const PhotoPreparation& preparation,
-                       const ModelConfig& model) {
+PreparedPhoto photo_of(const std::string& image, PreparedFace prepared,
+                       const PhotoPreparation& preparation, const ModelConfig& model) {
     if (!prepared.failure.empty()) fail<FileError>(image, ": ", prepared.failure);
     const PhotoPreparationSettings& settings = preparation.settings();
     if (prepared.network_rotation) {
-        const auto [yaw, pitch, roll] = angles_from_rotation(*prepared.network_rotation);
-        prepared.fit.pose = pivot_pose(yaw, pitch, roll, settings.pivot.distance, settings.pivot.pivot_depth);
+        const Eigen::Vector3d angles = angles_from_rotation(*prepared.network_rotation);
+        prepared.fit.pose = pivot_pose(angles[0], angles[1], angles[2], settings.pivot.distance,
+                                       settings.pivot.pivot_depth);
     }
     const std::int64_t side = model.decoder.resolution;
     const FaceCrop& crop = prepared.crop;
@@ -50,15 +53,16 @@ PreparedPhoto photo_of(const std::string& image, PreparedFace prepared, const Ph
                   .has_pose = true,
                   .has_code = true};
     photo.aligned = crop.image;
-    photo.overlay = preparation_overlay({crop.image, crop.mask, crop.landmarks, prepared.fit}, preparation.head(),
-                                        settings.intrinsics, settings.side);
+    photo.overlay = preparation_overlay({crop.image, crop.mask, crop.landmarks, prepared.fit},
+                                        preparation.head(), settings.intrinsics, settings.side);
     photo.warnings = std::move(prepared.warnings);
     return photo;
 }
 
 }  // namespace
 
-std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images, const ModelConfig& model,
+std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
+                                          const ModelConfig& model,
                                           PhotoPreparationSettings settings) {
     settings.side = std::max(model.decoder.resolution, least_aligned_side);
     settings.wanted_side = model.decoder.resolution;
@@ -69,7 +73,8 @@ std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images, c
     for (const std::string& image : images) crops.push_back(largest_face(preparation, image));
     std::vector<PreparedFace> faces = preparation.finish(std::move(crops));
     std::vector<PreparedPhoto> photos;
-    for (std::size_t i = 0; i < faces.size(); ++i) photos.push_back(photo_of(images[i], std::move(faces[i]), preparation, model));
+    for (std::size_t i = 0; i < faces.size(); ++i)
+        photos.push_back(photo_of(images[i], std::move(faces[i]), preparation, model));
     return photos;
 }
 

@@ -6,11 +6,11 @@
 
 #include "fit/photo/photo_preparation.h"
 #include "nn/models/model.h"
-#include "train/batch.h"
+#include "train/data/batch.h"
 
 namespace stymo {
 
-/// A photo ready to be fitted, and what was found on it.
+/// A photo that is ready to be fitted, and the results of its preparation.
 struct PreparedPhoto {
     Face face;       ///< at the model's resolution
     Tensor aligned;  ///< the crop, 512 pixels a side or the model's if that is more
@@ -18,9 +18,11 @@ struct PreparedPhoto {
     std::vector<std::string> warnings;
 };
 
-/// Finds, aligns and masks the largest face of each photo, with its pose for the model's camera. `settings`: the files to work
-/// with. Throws FileError naming the photo that cannot be read or used.
-[[nodiscard]] std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images, const ModelConfig& model,
+/// Finds, aligns and masks the largest face of each photo, with its pose for the model's camera.
+/// `settings`: the files to work with. Throws FileError naming the photo that cannot be read or
+/// used.
+[[nodiscard]] std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
+                                                        const ModelConfig& model,
                                                         PhotoPreparationSettings settings);
 
 }  // namespace stymo

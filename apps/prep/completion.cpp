@@ -11,7 +11,7 @@
 #include "core/median.h"
 #include "core/parallel.h"
 #include "fit/photo/preparation_overlay.h"
-#include "train/folder_records.h"
+#include "train/data/folder_records.h"
 
 namespace stymo {
 namespace {
@@ -22,23 +22,24 @@ constexpr std::size_t faces_in_a_sheet = 64;
 constexpr int columns = 8;
 constexpr std::int64_t thumbnail_side = 192;
 
-/// What must be known of all faces at once; the rest stays in the notes.
+/// The values that are needed of all faces at once; the rest stays in the records.
 struct Summary {
     PrepareReport report;
     std::vector<double> landmark_errors;
     std::vector<double> mask_agreements;
-    std::vector<Matrix3> rotations;  ///< empty without a network
-    std::vector<Pose> poses;         ///< of the morphable fit, then the network's if there is one
+    std::vector<Eigen::Matrix3d> rotations;  ///< empty without a network
+    std::vector<Pose> poses;  ///< of the morphable fit, then the network's if there is one
 };
 
-Summary summary_of(const FolderPreparation& folders, const PivotCamera& pivot, std::span<const std::string> files,
-                   const ProgressFile& notes) {
+Summary summary_of(const FolderPreparation& folders, const PivotCamera& pivot,
+                   std::span<const std::string> files, const ProgressFile& notes) {
     Summary summary;
     PrepareReport& report = summary.report;
     report.found = std::ssize(files);
     for (const std::string& file : files) {
         const PhotoOutcome photo = notes.read(file);
-        if (!photo.failure.empty()) report.failed.push_back({(folders.photos / file).string(), photo.failure});
+        if (!photo.failure.empty())
+            report.failed.push_back({(folders.photos / file).string(), photo.failure});
         if (!photo.faces.empty()) ++report.ok;
         for (const FaceOutcome& face : photo.faces) {
             ++report.faces;
@@ -46,7 +47,8 @@ Summary summary_of(const FolderPreparation& folders, const PivotCamera& pivot, s
             report.made_masks += face.made_mask ? 1 : 0;
             summary.landmark_errors.push_back(face.fit.landmark_error);
             if (face.mask_agreement) summary.mask_agreements.push_back(*face.mask_agreement);
-            for (const std::string& warning : face.warnings) report.warnings.push_back({face.id, warning});
+            for (const std::string& warning : face.warnings)
+                report.warnings.push_back({face.id, warning});
             summary.poses.push_back(face.fit.pose);
             if (face.network_rotation) summary.rotations.push_back(*face.network_rotation);
         }
@@ -67,8 +69,8 @@ Summary summary_of(const FolderPreparation& folders, const PivotCamera& pivot, s
 }
 
 /// Calls `visit` with each face and its final pose, in order.
-void for_each_face(std::span<const std::string> files, const ProgressFile& notes, const std::vector<Pose>& poses,
-                   const std::function<void(FaceOutcome)>& visit) {
+void for_each_face(std::span<const std::string> files, const ProgressFile& notes,
+                   const std::vector<Pose>& poses, const std::function<void(FaceOutcome)>& visit) {
     std::size_t index = 0;
     for (const std::string& file : files) {
         for (FaceOutcome& face : notes.read(file).faces) {
@@ -86,18 +88,21 @@ void write_sheet(const fs::path& out, std::size_t number, const PhotoPreparation
         for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
             const std::string name = faces[i].id + ".png";
             thumbnails[i] = preparation_overlay(
-                {read_image(out / "images" / name), read_mask(out / "masks" / name), faces[i].landmarks, faces[i].fit},
+                {read_image(out / "images" / name), read_mask(out / "masks" / name),
+                 faces[i].landmarks, faces[i].fit},
                 preparation.head(), intrinsics, thumbnail_side);
         }
     });
     const std::string digits = std::to_string(number);
     const std::string padding(digits.size() < 3 ? 3 - digits.size() : 0, '0');
-    write_image(out / "overlays" / ("sheet_" + padding + digits + ".png"), tile_images(thumbnails, columns));
+    write_image(out / "overlays" / ("sheet_" + padding + digits + ".png"),
+                tile_images(thumbnails, columns));
 }
 
 /// Returns false if a signal came.
-bool write_sheets(const fs::path& out, const PhotoPreparation& preparation, std::span<const std::string> files,
-                  const ProgressFile& notes, const std::vector<Pose>& poses) {
+bool write_sheets(const fs::path& out, const PhotoPreparation& preparation,
+                  std::span<const std::string> files, const ProgressFile& notes,
+                  const std::vector<Pose>& poses) {
     require_writable_folder(out / "overlays");
     std::vector<FaceOutcome> sheet;
     std::size_t number = 0;
@@ -122,25 +127,36 @@ void remove_all_of(const fs::path& out) {
 
 }  // namespace
 
-std::optional<PrepareReport> complete_folder(const FolderPreparation& folders, const PhotoPreparation& preparation,
-                                             std::span<const std::string> files, const ProgressFile& notes) {
+std::optional<PrepareReport> write_data_set(const FolderPreparation& folders,
+                                            const PhotoPreparation& preparation,
+                                            std::span<const std::string> files,
+                                            const std::vector<std::string>& photo_ids,
+                                            const ProgressFile& notes, bool complete) {
     Summary summary = summary_of(folders, preparation.settings().pivot, files, notes);
-    const PrepareReport& report = summary.report;
+    PrepareReport& report = summary.report;
+    report.photos = photo_ids;
+    if (report.ok == 0 && !complete) return std::nullopt;
     if (report.ok == 0) {
         remove_all_of(folders.out);
         fail<FileError>(folders.photos.string(), ": none of its ", report.found,
-                        " photos can be used; the first: ", report.failed.front().file, ": ", report.failed.front().reason);
+                        " photos can be used; the first: ", report.failed.front().file, ": ",
+                        report.failed.front().reason);
     }
-    if (folders.overlays && !write_sheets(folders.out, preparation, files, notes, summary.poses)) return std::nullopt;
     write_whole(folders.out / "faces.jsonl", [&](const fs::path& temporary) {
         std::ofstream stream(temporary, std::ios::binary);
-        for_each_face(files, notes, summary.poses,
-                      [&](const FaceOutcome& face) { stream << face_record(face, face.fit.pose).text() << '\n'; });
+        for_each_face(files, notes, summary.poses, [&](const FaceOutcome& face) {
+            stream << face_record(face, face.fit.pose).text() << '\n';
+        });
         stream.flush();
-        if (!stream) fail<FileError>((folders.out / "faces.jsonl").string(), ": cannot be written; is the disk full?");
+        if (!stream)
+            fail<FileError>((folders.out / "faces.jsonl").string(),
+                            ": cannot be written; is the disk full?");
     });
     write_intrinsics(folders.out / "camera.json", preparation.settings().intrinsics);
     write_text_file(folders.out / "report.json", to_json(report).text() + "\n");
+    if (!complete) return std::move(summary.report);
+    if (folders.overlays && !write_sheets(folders.out, preparation, files, notes, summary.poses))
+        return std::nullopt;
     fs::remove(ProgressFile::path_in(folders.out));
     return std::move(summary.report);
 }
@@ -152,16 +168,18 @@ JsonValue to_json(const PrepareReport& report) {
     std::vector<JsonValue> warnings;
     for (const FaceWarning& item : report.warnings)
         warnings.push_back(JsonValue::object({{"id", item.id}, {"warning", item.warning}}));
-    return JsonValue::object({{"found", report.found},
-                              {"ok", report.ok},
-                              {"faces", report.faces},
-                              {"aligned_already", report.aligned_already},
-                              {"made_masks", report.made_masks},
-                              {"landmark_error", report.landmark_error},
-                              {"mask_iou", report.mask_agreement ? JsonValue(*report.mask_agreement) : JsonValue()},
-                              {"failed", failed},
-                              {"warnings", warnings},
-                              {"poses", to_json(report.poses)}});
+    return JsonValue::object(
+        {{"found", report.found},
+         {"ok", report.ok},
+         {"faces", report.faces},
+         {"aligned_already", report.aligned_already},
+         {"made_masks", report.made_masks},
+         {"landmark_error", report.landmark_error},
+         {"mask_iou", report.mask_agreement ? JsonValue(*report.mask_agreement) : JsonValue()},
+         {"failed", failed},
+         {"warnings", warnings},
+         {"poses", to_json(report.poses)},
+         {"photos", report.photos}});
 }
 
 }  // namespace stymo

@@ -9,10 +9,16 @@
 
 namespace stymo {
 
-/// Makes a data set of a folder all of whose photos, `files` in the order wanted, are noted: poses of a network are set
-/// upright over all of them, then faces.jsonl, camera.json, the contact sheets and report.json are written, and the notes
-/// removed. Throws FileError, and removes what was written, if no photo can be used. Nothing if a signal came first.
-[[nodiscard]] std::optional<PrepareReport> complete_folder(const FolderPreparation& folders, const PhotoPreparation& preparation,
-                                                           std::span<const std::string> files, const ProgressFile& notes);
+/// Makes a data set of the photos that have a record (`files` in output order): corrects the poses
+/// of a network by their medians, writes faces.jsonl, camera.json and report.json. If these are all
+/// photos, which makes the folder `complete`, also writes the contact sheets and removes the
+/// records; else the preparation can continue. `photo_ids`: of all photos, for report.json. Throws
+/// FileError and removes its output if no photo at all can be used. Returns nothing if there is no
+/// face yet, or if a signal arrives before the sheets are written.
+[[nodiscard]] std::optional<PrepareReport> write_data_set(const FolderPreparation& folders,
+                                                          const PhotoPreparation& preparation,
+                                                          std::span<const std::string> files,
+                                                          const std::vector<std::string>& photo_ids,
+                                                          const ProgressFile& notes, bool complete);
 
 }  // namespace stymo

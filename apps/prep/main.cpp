@@ -5,6 +5,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/preparation_options.h"
+#include "apps/common/tools.h"
 #include "apps/prep/pipeline.h"
 #include "apps/prep/pose_command.h"
 #include "core/clock.h"
@@ -22,27 +23,31 @@ struct Options {
 
 void print_angle(std::ostream& text, const char* name, const stymo::AngleStatistics& angle) {
     text << '\n'
-         << name << " " << angle.mean << " +- " << angle.deviation << " degrees, " << angle.lowest << " to " << angle.highest;
+         << name << " " << angle.mean << " +- " << angle.deviation << " degrees, " << angle.lowest
+         << " to " << angle.highest;
 }
 
 std::string text_of(const stymo::PrepareReport& report, const Options& options) {
     std::ostringstream text;
-    text << std::fixed << std::setprecision(1) << report.ok << " of " << report.found << " photos prepared in "
-         << options.folders.out.string() << ": " << report.faces << " faces, " << report.aligned_already
-         << " of them aligned already, " << report.made_masks << " with a mask that was made";
+    text << std::fixed << std::setprecision(1) << report.ok << " of " << report.found
+         << " photos prepared in " << options.folders.out.string() << ": " << report.faces
+         << " faces, " << report.aligned_already << " of them aligned already, "
+         << report.made_masks << " with a new mask";
     if (report.mask_agreement)
-        text << "; it has " << std::setprecision(3) << *report.mask_agreement << " in common with the one given (mean of IoU)"
-             << std::setprecision(1);
-    for (const stymo::BrokenFile& item : report.failed) text << "\nskipped " << item.file << ": " << item.reason;
-    for (const stymo::FaceWarning& item : report.warnings) text << "\n" << item.id << ": " << item.warning;
-    text << "\nlandmarks are missed by " << std::setprecision(2) << 100.0 * report.landmark_error
-         << " percent of the picture's side (median)" << std::setprecision(1);
+        text << "; mean IoU of the new and the given masks: " << std::setprecision(3)
+             << *report.mask_agreement << std::setprecision(1);
+    for (const stymo::BrokenFile& item : report.failed)
+        text << "\nskipped " << item.file << ": " << item.reason;
+    for (const stymo::FaceWarning& item : report.warnings)
+        text << "\n" << item.id << ": " << item.warning;
+    text << "\nmedian landmark error: " << std::setprecision(2) << 100.0 * report.landmark_error
+         << " percent of the image's side" << std::setprecision(1);
     print_angle(text, "yaw", report.poses.yaw);
     print_angle(text, "pitch", report.poses.pitch);
     print_angle(text, "roll", report.poses.roll);
     if (!options.settings.pose_network.empty())
-        text << "\nsubtracted medians: pitch " << report.poses.pitch_offset << ", roll " << report.poses.roll_offset
-             << " degrees";
+        text << "\nsubtracted medians: pitch " << report.poses.pitch_offset << ", roll "
+             << report.poses.roll_offset << " degrees";
     return text.str();
 }
 
@@ -54,46 +59,59 @@ stymo::AppResult prepare(Options options) {
     const stymo::InterruptGuard guard;
     std::optional<stymo::Progress> progress;
     const double start = stymo::seconds_now();
-    const stymo::PrepareOutcome outcome =
-        stymo::prepare_folder(options.folders, preparation, [&](std::int64_t done, std::int64_t total) {
+    const stymo::PrepareOutcome outcome = stymo::prepare_folder(
+        options.folders, preparation, [&](std::int64_t done, std::int64_t total) {
             if (!progress) progress.emplace(stymo::ProgressTask{"Photos", total, done, "photos"});
             progress->update(done);
         });
     progress.reset();
     if (!outcome.report)
-        stymo::fail("interrupted after ", outcome.done, " of ", outcome.found, " photos; the same command goes on from there");
+        stymo::fail("interrupted after ", outcome.done, " of ", outcome.found,
+                    " photos; the same command continues from there, and the photos so far can "
+                    "already be used as a data set");
     std::ostringstream text;
     text << text_of(*outcome.report, options);
     if (outcome.done_now > 0)
         text << '\n'
-             << std::fixed << std::setprecision(2) << (stymo::seconds_now() - start) / static_cast<double>(outcome.done_now)
+             << std::fixed << std::setprecision(2)
+             << (stymo::seconds_now() - start) / static_cast<double>(outcome.done_now)
              << " s a photo";
     return {text.str(), stymo::to_json(*outcome.report)};
 }
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int stymo_prep(int argc, char** argv) {
     Options options;
     stymo::PhotoPreparationSettings& settings = options.settings;
-    stymo::CommandLine line("stymo-prep",
-                            "Makes a training set of photos: finds the faces, aligns them as FFHQ, masks the heads, "
-                            "fits a head model for pose and codes. A call that was stopped goes on with the next one.");
-    line.option("--photos", options.folders.photos, "folder of photos; masks/, parsing/ and landmarks of faces.jsonl are used");
-    line.option("--out", options.folders.out, "folder to write: images, masks, faces.jsonl, camera.json, report.json, overlays");
+    stymo::CommandLine line(
+        "stymo-prep",
+        "Makes a training set of photos: finds the faces, aligns them like FFHQ, masks the heads, "
+        "and fits a head model for pose and codes. The same command continues an interrupted run.");
+    line.option(
+        "--photos", options.folders.photos,
+        "folder of photos; masks/, parsing/ and the landmarks of faces.jsonl are used if present");
+    line.option("--out", options.folders.out,
+                "output folder: images, masks, faces.jsonl, camera.json, report.json, overlays");
     line.option("--size", settings.side, "side of the images in pixels").range(8, 4096);
     stymo::declare_preparation_files(line, settings);
-    line.flag("--all-faces", settings.all_faces, "every face of a photo, not the largest alone");
-    line.flag("--new-masks", settings.new_masks, "make masks even where the folder has them, and say how much they agree");
-    line.option("--distance", settings.pivot.distance, "with --pose-net: of the frontal camera from the head's origin")
+    line.flag("--all-faces", settings.all_faces,
+              "prepare every face of a photo instead of the largest one");
+    line.flag("--new-masks", settings.new_masks,
+              "make masks even where the folder has them, and report how well both agree");
+    line.option("--distance", settings.pivot.distance,
+                "with --pose-net: distance of the frontal camera from the head's origin")
         .range(1, 100);
     line.option("--pivot-depth", settings.pivot.pivot_depth,
-                "with --pose-net: how far in front of the origin the middle of the photos lies")
+                "with --pose-net: distance from the origin to the point of the face in the middle "
+                "of the photos")
         .range(-1, 0.99);
-    line.flag("--no-overlay", options.no_overlay, "leave out the contact sheets overlays/sheet_000.png, ...");
+    line.flag("--no-overlay", options.no_overlay,
+              "do not write the contact sheets overlays/sheet_000.png, ...");
     stymo::PoseCommand pose;
-    stymo::Command pose_command = line.command("pose", "Converts a pose between programs, and draws the head's axes.",
-                                               [&](const stymo::CommonOptions&) { return stymo::convert_pose(pose); });
+    stymo::Command pose_command =
+        line.command("pose", "Converts a pose between programs, and draws the head's axes.",
+                     [&](const stymo::CommonOptions&) { return stymo::convert_pose(pose); });
     stymo::declare_pose_command(pose_command, pose);
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return prepare(options); });
 }

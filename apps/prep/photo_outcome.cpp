@@ -1,5 +1,6 @@
 #include "apps/prep/photo_outcome.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
@@ -12,12 +13,13 @@ namespace {
 using Json = nlohmann::json;
 
 /// The members of the codes in the order of `code_names`.
-constexpr std::array<std::vector<float> MorphableFit::*, 4> code_members{&MorphableFit::identity, &MorphableFit::expression,
-                                                                         &MorphableFit::texture, &MorphableFit::light};
+constexpr std::array<std::vector<float> MorphableFit::*, 4> code_members{
+    &MorphableFit::identity, &MorphableFit::expression, &MorphableFit::texture,
+    &MorphableFit::light};
 
 JsonValue landmarks_json(const Landmarks& landmarks) {
     std::vector<std::vector<double>> points;
-    for (const PicturePoint& point : landmarks) points.push_back({point[0], point[1]});
+    for (const Eigen::Vector2d& point : landmarks) points.push_back({point[0], point[1]});
     return {points};
 }
 
@@ -29,9 +31,8 @@ JsonValue to_json(const FaceOutcome& face) {
                                          {"warnings", face.warnings}});
     if (face.mask_agreement) value.add("mask_agreement", *face.mask_agreement);
     if (face.network_rotation) {
-        std::vector<double> numbers;
-        for (const Vector3& row : *face.network_rotation) numbers.insert(numbers.end(), row.begin(), row.end());
-        value.add("network_rotation", numbers);
+        const auto numbers = face.network_rotation->reshaped<Eigen::RowMajor>();
+        value.add("network_rotation", std::vector<double>(numbers.begin(), numbers.end()));
     }
     return value;
 }
@@ -42,17 +43,20 @@ FaceOutcome parse_face(const Json& value) {
     face.id = record.at("id").get<std::string>();
     face.fit.pose = parse_pose(record.at("pose").dump());
     for (std::size_t group = 0; group < code_members.size(); ++group)
-        face.fit.*code_members[group] = record.at("code").at(code_names[group]).get<std::vector<float>>();
-    face.landmarks = record.at("landmarks").get<Landmarks>();
+        face.fit.*code_members[group] =
+            record.at("code").at(code_names[group]).get<std::vector<float>>();
+    const auto points = record.at("landmarks").get<std::array<std::array<double, 2>, 68>>();
+    std::ranges::transform(points, face.landmarks.begin(),
+                           [](const auto& point) { return Eigen::Vector2d(point[0], point[1]); });
     face.fit.landmark_error = value.at("landmark_error").get<double>();
     face.was_aligned = value.at("was_aligned").get<bool>();
     face.made_mask = value.at("made_mask").get<bool>();
     face.warnings = value.at("warnings").get<std::vector<std::string>>();
-    if (value.contains("mask_agreement")) face.mask_agreement = value["mask_agreement"].get<double>();
+    if (value.contains("mask_agreement"))
+        face.mask_agreement = value["mask_agreement"].get<double>();
     if (value.contains("network_rotation")) {
         const auto numbers = value["network_rotation"].get<std::array<double, 9>>();
-        Matrix3& rotation = face.network_rotation.emplace();
-        for (std::size_t i = 0; i < numbers.size(); ++i) rotation[i / 3][i % 3] = numbers[i];
+        face.network_rotation = Eigen::Matrix3d(numbers.data()).transpose();
     }
     return face;
 }
@@ -60,27 +64,33 @@ FaceOutcome parse_face(const Json& value) {
 }  // namespace
 
 FaceOutcome outcome_of(std::string id, PreparedFace face) {
-    return {std::move(id),         std::move(face.fit), face.crop.landmarks,     face.network_rotation, face.crop.mask_agreement,
-            face.crop.was_aligned, face.crop.made_mask, std::move(face.warnings)};
+    return {std::move(id),         std::move(face.fit),      face.crop.landmarks,
+            face.network_rotation, face.crop.mask_agreement, face.crop.was_aligned,
+            face.crop.made_mask,   std::move(face.warnings)};
 }
 
 JsonValue face_record(const FaceOutcome& face, const Pose& pose) {
     JsonValue code = JsonValue::object();
-    for (std::size_t group = 0; group < code_members.size(); ++group) code.add(code_names[group], face.fit.*code_members[group]);
-    return JsonValue::object(
-        {{"id", face.id}, {"pose", to_json(pose)}, {"code", code}, {"landmarks", landmarks_json(face.landmarks)}});
+    for (std::size_t group = 0; group < code_members.size(); ++group)
+        code.add(code_names[group], face.fit.*code_members[group]);
+    return JsonValue::object({{"id", face.id},
+                              {"pose", to_json(pose)},
+                              {"code", code},
+                              {"landmarks", landmarks_json(face.landmarks)}});
 }
 
 JsonValue to_json(const PhotoOutcome& outcome) {
     std::vector<JsonValue> faces;
     for (const FaceOutcome& face : outcome.faces) faces.push_back(to_json(face));
-    return JsonValue::object({{"file", outcome.file}, {"failure", outcome.failure}, {"faces", faces}});
+    return JsonValue::object(
+        {{"file", outcome.file}, {"failure", outcome.failure}, {"faces", faces}});
 }
 
 PhotoOutcome parse_photo_outcome(std::string_view line) {
     try {
         const Json value = Json::parse(line);
-        PhotoOutcome outcome{value.at("file").get<std::string>(), value.at("failure").get<std::string>(), {}};
+        PhotoOutcome outcome{
+            value.at("file").get<std::string>(), value.at("failure").get<std::string>(), {}};
         for (const Json& face : value.at("faces")) outcome.faces.push_back(parse_face(face));
         return outcome;
     } catch (const Json::exception&) {

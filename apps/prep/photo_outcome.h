@@ -10,19 +10,19 @@
 
 namespace stymo {
 
-/// What is kept of a prepared face beside its picture and its mask.
+/// The record of a prepared face besides its image and its mask.
 struct FaceOutcome {
     std::string id;
     MorphableFit fit;
-    Landmarks landmarks{};
-    std::optional<Matrix3> network_rotation;
+    Landmarks landmarks;
+    std::optional<Eigen::Matrix3d> network_rotation;
     std::optional<double> mask_agreement;
     bool was_aligned = false;
     bool made_mask = false;
     std::vector<std::string> warnings;
 };
 
-/// What became of one photo: `failure` says why it cannot be used, or is empty.
+/// The outcome of one photo: `failure` says why it cannot be used, or is empty.
 struct PhotoOutcome {
     std::string file;  ///< relative to the folder of photos
     std::string failure;
@@ -31,7 +31,7 @@ struct PhotoOutcome {
 
 [[nodiscard]] FaceOutcome outcome_of(std::string id, PreparedFace face);
 
-/// One line. Numbers are read back as they were.
+/// One line. Numbers read back to the same value.
 [[nodiscard]] JsonValue to_json(const PhotoOutcome& outcome);
 /// Throws FileError for text that to_json did not write.
 [[nodiscard]] PhotoOutcome parse_photo_outcome(std::string_view line);

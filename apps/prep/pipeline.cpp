@@ -11,23 +11,27 @@
 #include "core/io/file.h"
 #include "core/io/image.h"
 #include "core/parallel.h"
-#include "train/folder_scan.h"
+#include "train/data/folder_scan.h"
 
 namespace stymo {
 namespace {
 
 namespace fs = std::filesystem;
 
-/// Photos that are fitted at once: enough for all threads, few enough to wait for after Ctrl-C.
+/// Photos that are fitted at once: enough for all threads, and few enough that Ctrl-C takes effect
+/// soon.
 constexpr std::size_t photos_in_a_batch = 8;
 
 void require_own_folder(const fs::path& folder) {
-    if (fs::exists(folder) && !fs::exists(ProgressFile::path_in(folder)) && (!fs::is_directory(folder) || !fs::is_empty(folder)))
+    if (fs::exists(folder) && !fs::exists(ProgressFile::path_in(folder)) &&
+        (!fs::is_directory(folder) || !fs::is_empty(folder)))
         fail<FileError>(folder.string(), ": exists already; choose another folder or remove it");
 }
 
 JsonValue settings_json(const fs::path& photos, const PhotoPreparationSettings& settings) {
-    const auto absolute = [](const fs::path& path) { return path.empty() ? std::string() : fs::absolute(path).string(); };
+    const auto absolute = [](const fs::path& path) {
+        return path.empty() ? std::string() : fs::absolute(path).string();
+    };
     return JsonValue::object({{"--photos", absolute(photos)},
                               {"--size", settings.side},
                               {"--all-faces", settings.all_faces},
@@ -48,23 +52,26 @@ KnownOfPhoto known_of(const std::string& id, const FolderScan& scan, Tensor mask
     return known;
 }
 
-/// A photo on its way: its crops until they are fitted.
+/// A photo in preparation, with its crops until they are fitted.
 struct PhotoInWork {
     const FaceFiles* files = nullptr;
     std::vector<FaceCrop> crops;
     std::string failure;
 };
 
-PhotoInWork cropped(const FaceFiles& files, const FolderScan& scan, const PhotoPreparation& preparation) {
+PhotoInWork cropped(const FaceFiles& files, const FolderScan& scan,
+                    const PhotoPreparation& preparation) {
     PhotoInWork work{&files, {}, {}};
-    FacePicture picture = read_face_picture(files);
-    if (picture.broken) {
-        const bool of_photo = picture.broken->file == files.image.string();
-        work.failure = of_photo ? picture.broken->reason : picture.broken->file + ": " + picture.broken->reason;
+    FaceImage image = read_face_image(files);
+    if (image.broken) {
+        const bool of_photo = image.broken->file == files.image.string();
+        work.failure =
+            of_photo ? image.broken->reason : image.broken->file + ": " + image.broken->reason;
         return work;
     }
     try {
-        work.crops = preparation.crops(picture.image, known_of(files.id, scan, std::move(picture.mask)));
+        work.crops =
+            preparation.crops(image.image, known_of(files.id, scan, std::move(image.mask)));
     } catch (const Error& error) {
         work.failure = error.what();
     }
@@ -76,10 +83,11 @@ std::string face_id(const std::string& photo, std::size_t index) {
     return index == 0 ? photo : photo + "_" + std::to_string(index + 1);
 }
 
-/// Writes what can be used of a photo, pictures first, so that a photo that is noted is there.
-PhotoOutcome written(const fs::path& photos, const fs::path& out, PhotoInWork work, std::span<PreparedFace> faces,
-                     const std::set<std::string>& photo_ids) {
-    PhotoOutcome outcome{work.files->image.lexically_relative(photos).string(), std::move(work.failure), {}};
+/// Writes the results of a photo, images first, so that the images of every recorded photo exist.
+PhotoOutcome written(const fs::path& photos, const fs::path& out, PhotoInWork work,
+                     std::span<PreparedFace> faces, const std::set<std::string>& photo_ids) {
+    PhotoOutcome outcome{
+        work.files->image.lexically_relative(photos).string(), std::move(work.failure), {}};
     for (std::size_t i = 0; i < faces.size(); ++i) {
         std::string id = face_id(work.files->id, i);
         if (i > 0 && photo_ids.contains(id))
@@ -97,7 +105,8 @@ PhotoOutcome written(const fs::path& photos, const fs::path& out, PhotoInWork wo
 
 class FolderWork {
 public:
-    FolderWork(const FolderPreparation& folders, const PhotoPreparation& preparation, const FolderScan& scan)
+    FolderWork(const FolderPreparation& folders, const PhotoPreparation& preparation,
+               const FolderScan& scan)
         : folders_(folders),
           preparation_(preparation),
           scan_(scan),
@@ -111,14 +120,17 @@ public:
     [[nodiscard]] std::int64_t waiting() const { return std::ssize(waiting_); }
     [[nodiscard]] const ProgressFile& notes() const { return notes_; }
 
-    /// Prepares up to a batch of the photos that wait; returns false, with none of them noted, if a signal came.
+    /// Prepares up to a batch of the remaining photos. Returns false, and records none of them, if
+    /// a signal arrived.
     [[nodiscard]] bool next_batch() {
         const std::size_t count = std::min(photos_in_a_batch, waiting_.size());
         std::vector<PhotoInWork> batch(count);
-        parallel_for(static_cast<std::int64_t>(count), 1, [&](std::int64_t begin, std::int64_t end) {
-            for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end) && !interrupted(); ++i)
-                batch[i] = cropped(*waiting_[i], scan_, preparation_);
-        });
+        parallel_for(static_cast<std::int64_t>(count), 1,
+                     [&](std::int64_t begin, std::int64_t end) {
+                         for (auto i = static_cast<std::size_t>(begin);
+                              i < static_cast<std::size_t>(end) && !interrupted(); ++i)
+                             batch[i] = cropped(*waiting_[i], scan_, preparation_);
+                     });
         if (interrupted()) return false;
         std::vector<FaceCrop> crops;
         std::vector<std::size_t> first_face;
@@ -129,20 +141,33 @@ public:
         first_face.push_back(crops.size());
         std::vector<PreparedFace> faces = preparation_.finish(std::move(crops));
         std::vector<PhotoOutcome> outcomes(count);
-        parallel_for(static_cast<std::int64_t>(count), 1, [&](std::int64_t begin, std::int64_t end) {
-            for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
-                outcomes[i] = written(folders_.photos, folders_.out, std::move(batch[i]),
-                                      std::span(faces).subspan(first_face[i], first_face[i + 1] - first_face[i]), photo_ids_);
-        });
+        parallel_for(
+            static_cast<std::int64_t>(count), 1, [&](std::int64_t begin, std::int64_t end) {
+                for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end);
+                     ++i)
+                    outcomes[i] = written(
+                        folders_.photos, folders_.out, std::move(batch[i]),
+                        std::span(faces).subspan(first_face[i], first_face[i + 1] - first_face[i]),
+                        photo_ids_);
+            });
         for (const PhotoOutcome& outcome : outcomes) notes_.append(outcome);
         waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(count));
         return true;
     }
 
-    [[nodiscard]] std::vector<std::string> names() const {
+    /// Files of the photos that are noted.
+    [[nodiscard]] std::vector<std::string> done() const {
         std::vector<std::string> names;
-        for (const FaceFiles& files : scan_.faces) names.push_back(name_of(files));
+        for (const FaceFiles& files : scan_.faces)
+            if (notes_.contains(name_of(files))) names.push_back(name_of(files));
         return names;
+    }
+    /// Ids of all photos, and of those that were there before this folder was made of them.
+    [[nodiscard]] std::vector<std::string> photo_ids() const {
+        if (!scan_.photo_ids.empty()) return scan_.photo_ids;
+        std::vector<std::string> ids;
+        for (const FaceFiles& files : scan_.faces) ids.push_back(files.id);
+        return ids;
     }
 
 private:
@@ -170,7 +195,8 @@ PrepareOutcome prepare_folder(const FolderPreparation& folders, const PhotoPrepa
     const FolderScan scan = scan_folder(folders.photos);
     require_own_folder(folders.out);
     // Before anything is written.
-    if (!std::ranges::all_of(scan.faces, [&](const FaceFiles& files) { return has_landmarks(scan, files); }))
+    if (!std::ranges::all_of(scan.faces,
+                             [&](const FaceFiles& files) { return has_landmarks(scan, files); }))
         preparation.require_detector();
     require_writable_folder(folders.out / "images");
     require_writable_folder(folders.out / "masks");
@@ -186,7 +212,10 @@ PrepareOutcome prepare_folder(const FolderPreparation& folders, const PhotoPrepa
         going_on = work.waiting() > 0 && work.next_batch();
     } while (going_on);
     outcome.done_now = outcome.done - before;
-    if (work.waiting() == 0) outcome.report = complete_folder(folders, preparation, work.names(), work.notes());
+    const bool complete = work.waiting() == 0;
+    std::optional<PrepareReport> report =
+        write_data_set(folders, preparation, work.done(), work.photo_ids(), work.notes(), complete);
+    if (complete) outcome.report = std::move(report);
     return outcome;
 }
 

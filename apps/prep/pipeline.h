@@ -9,7 +9,7 @@
 
 #include "core/io/json_writer.h"
 #include "fit/photo/photo_preparation.h"
-#include "train/face_picture.h"
+#include "train/data/face_image.h"
 
 namespace stymo {
 
@@ -25,23 +25,26 @@ struct FaceWarning {
 };
 
 struct PrepareReport {
-    std::int64_t found = 0;  ///< photos
-    std::int64_t ok = 0;     ///< photos with a face that was prepared
+    std::vector<std::string> photos;  ///< ids of all photos, by which a data set is split
+    std::int64_t found = 0;           ///< photos
+    std::int64_t ok = 0;              ///< photos with a face that was prepared
     std::int64_t faces = 0;
     std::int64_t aligned_already = 0;      ///< faces whose photo was left as it is
     std::int64_t made_masks = 0;           ///< faces without a known mask, or all with `new_masks`
-    double landmark_error = 0.0;           ///< median over the faces, in units of the picture's side
+    double landmark_error = 0.0;           ///< median over the faces, in units of the image's side
     std::optional<double> mask_agreement;  ///< mean intersection over union of masks made and known
     std::vector<BrokenFile> failed;
     std::vector<FaceWarning> warnings;
     PoseStatistics poses;
 };
 
-/// {"found", "ok", "faces", "aligned_already", "made_masks", "landmark_error", "mask_iou": number or null, "failed": [{"file",
-/// "reason"}], "warnings": [{"id", "warning"}], "poses"}
+/// {"found", "ok", "faces", "aligned_already", "made_masks", "landmark_error", "mask_iou": number
+/// or null, "failed": [{"file", "reason"}], "warnings": [{"id", "warning"}], "poses", "photos":
+/// [id]}
 [[nodiscard]] JsonValue to_json(const PrepareReport& report);
 
-/// How far a call came. Without a report it was interrupted, and the next call with the same settings goes on.
+/// The result of a call. Without a report it was interrupted: the photos so far are a data set
+/// already, and the next call with the same settings continues.
 struct PrepareOutcome {
     std::int64_t done = 0;  ///< photos, those of former calls included
     std::int64_t found = 0;
@@ -49,14 +52,17 @@ struct PrepareOutcome {
     std::optional<PrepareReport> report;
 };
 
-/// Makes a training set of a folder of photos: images/ID.png, masks/ID.png, faces.jsonl (pose, code and landmarks of each
-/// face), camera.json, report.json, overlays/sheet_NNN.png with 64 faces each. Photos are read, prepared and written a few at a
-/// time, and noted in progress.jsonl, which is there until the folder is complete. A mask of the photo's folder is used as it is,
-/// and so are landmarks of its faces.jsonl.
+/// Makes a training set of a folder of photos: images/ID.png, masks/ID.png, faces.jsonl (pose, code
+/// and landmarks of each face), camera.json, report.json, overlays/sheet_NNN.png with 64 faces
+/// each. Photos are read, prepared and written a few at a time, and recorded in progress.jsonl,
+/// which exists until the folder is complete. An interruption leaves a data set of the photos so
+/// far. Masks of the photo's folder and landmarks of its faces.jsonl are used unchanged.
 ///
-/// Throws FileError if `out` exists and is not a folder in preparation with the same settings, if no photo can be used, or
-/// if something cannot be written. `progress` is called with the number of photos done and of all.
-[[nodiscard]] PrepareOutcome prepare_folder(const FolderPreparation& folders, const PhotoPreparation& preparation,
-                                            const std::function<void(std::int64_t, std::int64_t)>& progress = {});
+/// Throws FileError if `out` exists and is not a folder in preparation with the same settings, if
+/// no photo can be used, or if a file cannot be written. `progress` is called with the number of
+/// finished photos and of all photos.
+[[nodiscard]] PrepareOutcome prepare_folder(
+    const FolderPreparation& folders, const PhotoPreparation& preparation,
+    const std::function<void(std::int64_t, std::int64_t)>& progress = {});
 
 }  // namespace stymo

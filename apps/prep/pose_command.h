@@ -8,7 +8,8 @@
 
 namespace stymo {
 
-/// What `stymo-prep pose` is asked for. A pose comes from a file, or from angles and the place of the model's camera.
+/// The options of `stymo-prep pose`. The pose comes from a file, or from angles and the position of
+/// the model's camera.
 struct PoseCommand {
     std::optional<std::filesystem::path> input;
     std::string id;  ///< of the pose in a file with several
@@ -25,9 +26,10 @@ struct PoseCommand {
 
 void declare_pose_command(Command& command, PoseCommand& options);
 
-/// The pose in every form: {"pose", "camera": {"focal", "cx", "cy"}, "world_from_camera" (4x4), "camera_from_world" (3x4), "eg3d"
-/// (25 numbers)}. Writes it to `out`, and the head's axes, over `photo` or the built-in head, to `draw`. Throws FileError for
-/// what cannot be read as a pose.
+/// The pose in every form: {"pose", "camera": {"focal", "cx", "cy"}, "world_from_camera" (4x4),
+/// "camera_from_world" (3x4), "eg3d" (25 numbers)}. Writes it to `out`, and the head's axes, over
+/// `photo` or the built-in head, to `draw`. Throws FileError for input that cannot be read as a
+/// pose.
 [[nodiscard]] AppResult convert_pose(const PoseCommand& options);
 
 }  // namespace stymo

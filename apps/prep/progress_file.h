@@ -10,26 +10,23 @@
 
 namespace stymo {
 
-/// What a folder in preparation knows of the photos that are done: `progress.jsonl`, the settings in its first line, then one
-/// photo a line. It goes away when the folder is complete.
+/// The records of the finished photos of a folder in preparation: `progress.jsonl` with the
+/// settings in its first line and one photo per line. It is removed when the folder is complete.
 class ProgressFile {
 public:
-    /// Goes on with the file in `folder`, or begins one. A line that a crash cut off is dropped. Throws FileError if the file was
-    /// begun with other settings (an object of texts, numbers and truth values, named as the command line does), is malformed or
-    /// cannot be written.
+    /// Continues the file in `folder`, or begins one. A line that a crash cut off is dropped.
+    /// Throws FileError if the file was begun with other settings (an object of strings, numbers
+    /// and booleans with the names of command-line options), is malformed or cannot be written.
     ProgressFile(const std::filesystem::path& folder, const JsonValue& settings);
 
     [[nodiscard]] static std::filesystem::path path_in(const std::filesystem::path& folder);
 
     [[nodiscard]] bool contains(const std::string& file) const { return lines_.contains(file); }
     [[nodiscard]] PhotoOutcome read(const std::string& file) const;
-    /// On the disk when it returns.
+    /// Adds a record, which is on the disk when it returns.
     void append(const PhotoOutcome& outcome);
 
 private:
-    void begin(const JsonValue& settings);
-    void go_on(const std::string& settings);
-
     std::filesystem::path path_;
     std::map<std::string, std::streamoff> lines_;
     std::ofstream stream_;

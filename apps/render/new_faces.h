@@ -8,10 +8,13 @@
 
 namespace stymo {
 
-/// Writes a folder with `faces.png`, a sheet of faces drawn from the distribution of the training codes, and NNNN.json with the
-/// codes of each. The n-th face depends on the seed alone, not on how many there are. Returns the files. Throws FileError for a
-/// model without statistics if no folder of faces is named.
-[[nodiscard]] std::vector<std::filesystem::path> write_new_faces(const RenderOptions& options, const Model& model,
-                                                                 std::uint64_t seed, Explainer& explainer);
+/// Writes a folder with `faces.png`, a sheet of faces sampled from the distribution of the training
+/// codes, and NNNN.json with the codes of each. The n-th face depends on the seed alone, not on the
+/// number of faces. Returns the files. Throws FileError for a model without statistics if no folder
+/// of faces is named.
+[[nodiscard]] std::vector<std::filesystem::path> write_new_faces(const RenderOptions& options,
+                                                                 const Model& model,
+                                                                 std::uint64_t seed,
+                                                                 Explainer& explainer);
 
 }  // namespace stymo

@@ -10,7 +10,8 @@
 
 namespace stymo {
 
-/// The options of stymo-render. `orbit`, `to`, the grids and `sample` exclude each other; without any of them it is one view.
+/// The options of stymo-render. `orbit`, `to`, the grids and `sample` exclude each other; without
+/// any of them it is one view.
 struct RenderOptions {
     std::filesystem::path model;
     std::filesystem::path codes;

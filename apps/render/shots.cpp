@@ -24,12 +24,15 @@ std::vector<double> parse_angles(const std::string& option, const std::string& t
     char first = 0, second = 0, rest = 0;
     stream >> from >> first >> to >> second >> count;
     const bool read = !stream.fail() && first == ':' && second == ':' && !(stream >> rest);
-    if (!read || count < 1 || count > most_tiles_along || std::abs(from) > 180.0 || std::abs(to) > 180.0) {
-        fail<UsageError>(option, " ", text, ": give FROM:TO:COUNT in degrees, such as -30:30:5, of 1 to ", most_tiles_along,
-                         " angles");
+    if (!read || count < 1 || count > most_tiles_along || std::abs(from) > 180.0 ||
+        std::abs(to) > 180.0) {
+        fail<UsageError>(option, " ", text,
+                         ": give FROM:TO:COUNT in degrees, such as -30:30:5, of 1 to ",
+                         most_tiles_along, " angles");
     }
     std::vector<double> angles;
-    for (int i = 0; i < count; ++i) angles.push_back(count == 1 ? from : from + (to - from) * i / (count - 1));
+    for (int i = 0; i < count; ++i)
+        angles.push_back(count == 1 ? from : from + (to - from) * i / (count - 1));
     return angles;
 }
 
@@ -41,29 +44,31 @@ CodeGroups groups_of(const std::string& list) {
 }
 
 Pose pose_of_degrees(const Model& model, double yaw, double pitch, double roll) {
-    return pose_from_camera(
-        model_camera(model, radians_from_degrees(yaw), radians_from_degrees(pitch), radians_from_degrees(roll)));
+    return pose_from_camera(model_camera(model, radians_from_degrees(yaw),
+                                         radians_from_degrees(pitch), radians_from_degrees(roll)));
 }
 
 ShotList orbit(const RenderOptions& options, const Model& model, const Codes& codes) {
     ShotList list;
     for (int frame = 0; frame < options.orbit; ++frame) {
         const double turn = 2.0 * std::numbers::pi * frame / options.orbit;
-        list.shots.push_back(
-            {codes, pose_of_degrees(model, options.orbit_yaw * std::sin(turn), options.orbit_pitch * std::cos(turn), 0.0)});
+        list.shots.push_back({codes, pose_of_degrees(model, options.orbit_yaw * std::sin(turn),
+                                                     options.orbit_pitch * std::cos(turn), 0.0)});
     }
     return list;
 }
 
 ShotList grid(const RenderOptions& options, const Model& model, const Codes& codes) {
-    const auto angles = [](const char* name, const std::string& text, const std::optional<double>& single) {
+    const auto angles = [](const char* name, const std::string& text,
+                           const std::optional<double>& single) {
         return text.empty() ? std::vector{single.value_or(0.0)} : parse_angles(name, text);
     };
     const std::vector<double> yaws = angles("--grid-yaw", options.grid_yaw, options.yaw);
     ShotList list{.shots = {}, .columns = static_cast<int>(yaws.size())};
     for (const double pitch : angles("--grid-pitch", options.grid_pitch, options.pitch)) {
         for (const double yaw : yaws)
-            list.shots.push_back({codes, pose_of_degrees(model, yaw, pitch, options.roll.value_or(0.0))});
+            list.shots.push_back(
+                {codes, pose_of_degrees(model, yaw, pitch, options.roll.value_or(0.0))});
     }
     return list;
 }
@@ -83,21 +88,24 @@ ShotList interpolation(const RenderOptions& options, const Pose& pose, const Cod
 void require_understood(const RenderOptions& options) {
     static_cast<void>(groups_of(options.take));
     if (!options.grid_yaw.empty()) static_cast<void>(parse_angles("--grid-yaw", options.grid_yaw));
-    if (!options.grid_pitch.empty()) static_cast<void>(parse_angles("--grid-pitch", options.grid_pitch));
+    if (!options.grid_pitch.empty())
+        static_cast<void>(parse_angles("--grid-pitch", options.grid_pitch));
 }
 
 Codes interpolated(const Codes& from, const Codes& to, double part, const std::string& take) {
     const CodeGroups taken = groups_of(take);
     Codes result = from;
     for (std::size_t group = 0; group < taken.size(); ++group) {
-        if (taken[group]) result.groups[group] = from.groups[group] * (1.0 - part) + to.groups[group] * part;
+        if (taken[group])
+            result.groups[group] = from.groups[group] * (1.0 - part) + to.groups[group] * part;
     }
     return result;
 }
 
 Pose chosen_pose(const RenderOptions& options, const Model& model, const Pose& face) {
     if (!options.yaw && !options.pitch && !options.roll) return face;
-    return pose_of_degrees(model, options.yaw.value_or(0.0), options.pitch.value_or(0.0), options.roll.value_or(0.0));
+    return pose_of_degrees(model, options.yaw.value_or(0.0), options.pitch.value_or(0.0),
+                           options.roll.value_or(0.0));
 }
 
 ShotList shots_of_face(const RenderOptions& options, const Model& model, const CodeFile& face) {

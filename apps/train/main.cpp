@@ -3,10 +3,10 @@
 #include <optional>
 
 #include "apps/common/command_line.h"
+#include "apps/common/explain.h"
 #include "apps/common/face_input.h"
-#include "apps/common/work_plans.h"
+#include "apps/common/tools.h"
 #include "core/error.h"
-#include "nn/models/view.h"
 #include "train/plan.h"
 #include "train/trainer.h"
 
@@ -25,12 +25,6 @@ struct Options {
     bool explain = false;
 };
 
-std::optional<stymo::Dataset> validation_faces(const Options& options, const stymo::TrainConfig& config) {
-    if (config.data.validation == 0) return std::nullopt;
-    return stymo::Dataset(options.data, config.model.decoder.resolution, config.data, stymo::Split::validation,
-                          stymo::frontal_pose(config.model.camera));
-}
-
 stymo::MeasuredPhases measured_phases(const std::string& name) {
     if (name == "none") return stymo::MeasuredPhases::none;
     return name == "all" ? stymo::MeasuredPhases::all : stymo::MeasuredPhases::ends;
@@ -38,33 +32,42 @@ stymo::MeasuredPhases measured_phases(const std::string& name) {
 
 stymo::AppResult train(const Options& options, const stymo::CommonOptions& common) {
     if (options.print_keys)
-        return {stymo::configuration_table(), stymo::JsonValue::object({{"table", stymo::configuration_table()}})};
+        return {stymo::configuration_table(),
+                stymo::JsonValue::object({{"table", stymo::configuration_table()}})};
     for (const auto& [name, path] :
-         {std::pair{"--config", options.config}, std::pair{"--data", options.data}, std::pair{"--out", options.out}}) {
+         {std::pair{"--config", options.config}, std::pair{"--data", options.data},
+          std::pair{"--out", options.out}}) {
         if (path.empty()) stymo::fail<stymo::UsageError>(name, " is required");
     }
     stymo::TrainConfig config = stymo::load_train_config(options.config, options.set);
-    const stymo::Dataset training(options.data, config.model.decoder.resolution, config.data, stymo::Split::training,
-                                  stymo::frontal_pose(config.model.camera));
+    const stymo::Dataset training =
+        stymo::faces_for_training(options.data, config, stymo::Split::training);
     config.model.camera.intrinsics = training.load(0).intrinsics;
-    const std::optional<stymo::Dataset> validation = validation_faces(options, config);
+    // A run that began before the weights had to be named began with random ones, and its
+    // checkpoint holds what became of them.
+    if (!options.resume.empty() && stymo::lacks_backbone_weights(config.model.encoder))
+        config.model.encoder.backbone_weights = stymo::random_backbone;
+    std::optional<stymo::Dataset> validation;
+    if (config.data.validation > 0)
+        validation = stymo::faces_for_training(options.data, config, stymo::Split::validation);
     std::cerr << "training: " << training.summary().text() << '\n';
     stymo::Explainer explainer(options.explain);
     stymo::Trainer trainer(config, training, validation ? &*validation : nullptr, common.seed);
-    explainer.show(stymo::train_plan(config, trainer));
     if (options.dry_run) {
-        const stymo::TrainingPlan plan = stymo::measure_plan(trainer, config, training, measured_phases(options.measure));
+        const stymo::TrainingPlan plan =
+            stymo::measure_plan(trainer, config, training, measured_phases(options.measure));
         stymo::AppResult result{stymo::plan_text(plan), stymo::to_json(plan)};
         explainer.finish(result);
         return result;
     }
-    // Before the run folder is made: a wrong --resume leaves nothing behind.
+    // Called before the run folder is created, so that a wrong --resume leaves no folder behind.
     if (!options.resume.empty())
         trainer.resume(options.resume == "latest" ? stymo::latest_checkpoint(options.out)
                                                   : std::filesystem::path(options.resume));
     const stymo::RunFolder folder(options.out, !options.resume.empty());
     if (folder.replace_config(stymo::to_json(config)))
-        std::cerr << "the configuration differs from that of the run so far; the run goes on with the new one\n";
+        std::cerr << "the configuration differs from that of the run so far; the run goes on with "
+                     "the new one\n";
     const std::size_t known = training.summary().broken.size();
     const stymo::TrainingOutcome outcome = trainer.run(folder, {.minutes = options.max_minutes});
     stymo::write_broken_files(std::cerr, training.summary(), known);
@@ -76,20 +79,27 @@ stymo::AppResult train(const Options& options, const stymo::CommonOptions& commo
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int stymo_train(int argc, char** argv) {
     Options options;
     stymo::CommandLine line("stymo-train", "Trains a model on a folder of faces.");
     line.option("--config", options.config, "JSON configuration (docs/configuration.md)");
     line.option("--data", options.data, "folder of faces in FFHQ format (docs/data.md)");
     line.option("--out", options.out, "run folder");
-    line.option("--set", options.set, "a.b=value: override one key of the configuration; may be repeated");
+    line.option("--set", options.set,
+                "a.b=value: override one key of the configuration; may be repeated");
     line.option("--resume", options.resume, "'latest' or the folder of a checkpoint");
-    line.option("--max-minutes", options.max_minutes, "stop after so many minutes; 0: when all steps are done").range(0.0, 1e6);
-    line.flag("--dry-run", options.dry_run, "print the plan with measured time and memory of a step, and write nothing");
-    line.option("--measure", options.measure, "phases whose steps the dry run measures: the first and the last, all, or none")
+    line.option("--max-minutes", options.max_minutes,
+                "stop after so many minutes; 0: when all steps are done")
+        .range(0.0, 1e6);
+    line.flag("--dry-run", options.dry_run,
+              "print the plan with measured time and memory of a step, and write nothing");
+    line.option("--measure", options.measure,
+                "phases whose steps the dry run measures: the first and the last, all, or none")
         .one_of({"ends", "all", "none"})
         .needs("--dry-run");
-    line.flag("--print-keys", options.print_keys, "print the table of all configuration keys and stop");
+    line.flag("--print-keys", options.print_keys,
+              "print the table of all configuration keys and stop");
     stymo::declare_explain(line, options.explain);
-    return line.run(argc, argv, [&](const stymo::CommonOptions& common) { return train(options, common); });
+    return line.run(argc, argv,
+                    [&](const stymo::CommonOptions& common) { return train(options, common); });
 }

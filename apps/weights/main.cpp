@@ -6,6 +6,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/output_file.h"
+#include "apps/common/tools.h"
 #include "nn/models/weights_import.h"
 
 namespace {
@@ -26,8 +27,9 @@ stymo::AppResult import(const fs::path& in, const fs::path& out) {
     const std::int64_t values = value_count(weights.file);
     std::ostringstream text;
     text << out.string() << ": "
-         << (weights.recognised.empty() ? "no network known here, names as they were" : weights.recognised) << ", "
-         << weights.file.tensors.size() << " tensors, " << values << " values\n";
+         << (weights.recognised.empty() ? "no network known here, names as they were"
+                                        : weights.recognised)
+         << ", " << weights.file.tensors.size() << " tensors, " << values << " values\n";
     return {text.str(), stymo::JsonValue::object({{"written", out.string()},
                                                   {"recognised", weights.recognised},
                                                   {"tensors", weights.file.tensors.size()},
@@ -52,12 +54,14 @@ stymo::AppResult show(const fs::path& path) {
     for (const auto& [name, tensor] : file.tensors) {
         std::ostringstream shape;
         shape << tensor.shape();
-        text << std::left << std::setw(static_cast<int>(width)) << name << "  " << tensor.dtype() << "  " << std::setw(20)
-             << shape.str() << "  norm " << norm(tensor) << "\n";
+        text << std::left << std::setw(static_cast<int>(width)) << name << "  " << tensor.dtype()
+             << "  " << std::setw(20) << shape.str() << "  norm " << norm(tensor) << "\n";
         std::ostringstream type;
         type << tensor.dtype();
-        rows.push_back(stymo::JsonValue::object(
-            {{"name", name}, {"shape", tensor.shape().extents()}, {"type", type.str()}, {"norm", norm(tensor)}}));
+        rows.push_back(stymo::JsonValue::object({{"name", name},
+                                                 {"shape", tensor.shape().extents()},
+                                                 {"type", type.str()},
+                                                 {"norm", norm(tensor)}}));
     }
     const std::int64_t values = value_count(file);
     text << file.tensors.size() << " tensors, " << values << " values\n";
@@ -66,19 +70,21 @@ stymo::AppResult show(const fs::path& path) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int stymo_weights(int argc, char** argv) {
     fs::path in;
     fs::path out;
     fs::path shown;
-    stymo::CommandLine line("stymo-weights", "Reads weights of other programs: .safetensors, .onnx, PyTorch's .pth.");
-    stymo::Command import_command =
-        line.command("import", "Writes the weights of a published network in the form that the tools read.",
-                     [&](const stymo::CommonOptions&) { return import(in, out); });
-    import_command.option("in", in, "Weights, in any of the three formats").required();
-    import_command.option("out", out, "File to write, .safetensors").required();
-    stymo::Command show_command =
-        line.command("show", "Lists names, types, shapes and norms; integers and halves are read as float32.",
-                     [&](const stymo::CommonOptions&) { return show(shown); });
-    show_command.option("file", shown, "Weights, in any of the three formats").required();
+    stymo::CommandLine line(
+        "stymo-weights", "Imports weights of other programs: .safetensors, .onnx, PyTorch's .pth.");
+    stymo::Command import_command = line.command(
+        "import", "Converts the weights of a published network to the form that the tools read.",
+        [&](const stymo::CommonOptions&) { return import(in, out); });
+    import_command.option("in", in, "weights in any of the three formats").required();
+    import_command.option("out", out, "output file, .safetensors").required();
+    stymo::Command show_command = line.command(
+        "show",
+        "Lists names, types, shapes and norms; integers and 16-bit floats are read as float32.",
+        [&](const stymo::CommonOptions&) { return show(shown); });
+    show_command.option("file", shown, "weights in any of the three formats").required();
     return line.run(argc, argv);
 }

@@ -12,15 +12,18 @@ struct GradOptions {
     bool create_graph = false;
     /// Hold the other xs fixed: a path from y ends at the first x it meets.
     bool partial = false;
-    /// dL/dy where y is not a scalar; ones of y's shape for a scalar.
+    /// dL/dy; required if y is not a scalar, 1 by default if it is.
     Variable dL_dy;
 };
 
-/// dL/dx for each x of `xs`, zeros for those that y does not depend on. Runs only the rules on a path from y to an x.
+/// dL/dx for each x of `xs`, zeros for those that y does not depend on. Runs only the rules on a
+/// path from y to an x.
 ///
-/// Throws GradientError if y is not a scalar and `dL_dy` is not given, if an x is untracked, or if a rule on the way is
-/// missing; ShapeError if a rule returns a gradient of another shape than its input.
-[[nodiscard]] std::vector<Variable> grad(const Variable& y, std::span<const Variable> xs, const GradOptions& options = {});
+/// Throws GradientError if y is not a scalar and `dL_dy` is not given, if an x is untracked, or if
+/// a rule on the path is missing; ShapeError if a rule returns a gradient of another shape than its
+/// input.
+[[nodiscard]] std::vector<Variable> grad(const Variable& y, std::span<const Variable> xs,
+                                         const GradOptions& options = {});
 [[nodiscard]] Variable grad(const Variable& y, const Variable& x, const GradOptions& options = {});
 
 }  // namespace stymo

@@ -15,18 +15,26 @@ std::atomic<std::int64_t>& live_nodes() {
 
 }  // namespace
 
-Node::Node(const char* name, std::vector<Input> inputs, std::vector<VjpRule> rules, Tensor saved_output, Save save)
-    : name_(name), inputs_(std::move(inputs)), rules_(std::move(rules)), saved_output_(std::move(saved_output)), save_(save) {
+Node::Node(const char* name, std::vector<Input> inputs, std::vector<VjpRule> rules,
+           Tensor saved_output, Save save)
+    : name_(name),
+      inputs_(std::move(inputs)),
+      rules_(std::move(rules)),
+      saved_output_(std::move(saved_output)),
+      save_(save) {
     ++live_nodes();
 }
 
 Node::Node(const char* name, std::vector<Input> inputs, JointVjpRule joint_rule)
-    : name_(name), inputs_(std::move(inputs)), joint_rule_(std::move(joint_rule)), save_(Save::all_inputs()) {
+    : name_(name),
+      inputs_(std::move(inputs)),
+      joint_rule_(std::move(joint_rule)),
+      save_(Save::all_inputs()) {
     ++live_nodes();
 }
 
-/// Releases the graph behind this node in a loop: the default, one destructor inside the other, overflows the stack
-/// on a chain of some ten thousand ops.
+/// Releases the graph behind this node in a loop: the default, one destructor inside the other,
+/// overflows the stack on a chain of some ten thousand ops.
 Node::~Node() {
     --live_nodes();
     std::vector<std::shared_ptr<Node>> pending;
@@ -34,7 +42,8 @@ Node::~Node() {
         for (Input& input : node.inputs_) {
             if (input.node) pending.push_back(std::move(input.node));
         }
-        // Rules may hold inputs too; let go while `pending` still owns those, they are released one by one.
+        // Rules may hold inputs too. Releasing the rules while `pending` still owns these inputs
+        // releases the inputs one by one.
         node.rules_.clear();
         node.joint_rule_ = nullptr;
     };
@@ -52,7 +61,9 @@ std::int64_t Node::live_count() {
 
 Variable Vjp::input(std::size_t i) const {
     const Node::Input& input = node_->inputs().at(i);
-    if (!input.value.defined()) fail<GradientError>("[", node_->name(), "] the rule reads input ", i, ", which was not saved");
+    if (!input.value.defined())
+        fail<GradientError>("[", node_->name(), "] the rule reads input ", i,
+                            ", which was not saved");
     return create_graph_ ? Variable(input.value, input.node) : Variable(input.value);
 }
 

@@ -11,15 +11,19 @@ namespace stymo {
 
 class Vjp;
 
-/// Vector-Jacobian product of an op with respect to one of its inputs: from the gradient of the output to the gradient of
-/// that input. Written in ops, so that it can itself be differentiated. An empty function means "has no gradient".
+/// Vector-Jacobian product of an op with respect to one of its inputs: maps the gradient of the
+/// output to the gradient of that input. It is written in ops, so that it can itself be
+/// differentiated. An empty function means that the input has no gradient.
 using VjpRule = std::function<Variable(const Vjp&)>;
 
-/// The gradients of all inputs at once, for an op whose rules would share their work. Called once in a backward pass, it returns
-/// one gradient for each input, in their order, and may leave those undefined that are not `needed`.
-using JointVjpRule = std::function<std::vector<Variable>(const Vjp&, const std::vector<bool>& needed)>;
+/// Computes the gradients of all inputs at once, for an op whose rules would share their work. It
+/// is called once in a backward pass and returns one gradient per input, in order. Gradients that
+/// are not `needed` may be undefined.
+using JointVjpRule =
+    std::function<std::vector<Variable>(const Vjp&, const std::vector<bool>& needed)>;
 
-/// What a rule may read besides shapes; all else is let go as soon as the forward pass is done with it.
+/// What a rule may read besides shapes. Everything else is released as soon as the forward pass no
+/// longer needs it.
 struct Save {
     bool output = false;
     std::uint32_t inputs = 0;  ///< bit i: input i
@@ -28,12 +32,16 @@ struct Save {
     static constexpr Save the_output() { return {true, 0}; }
     static constexpr Save all_inputs() { return {false, ~0U}; }
     static constexpr Save input(int i) { return {false, 1U << i}; }
-    constexpr Save operator|(Save other) const { return {output || other.output, inputs | other.inputs}; }
-    [[nodiscard]] constexpr bool has_input(std::size_t i) const { return ((inputs >> i) & 1U) != 0; }
+    constexpr Save operator|(Save other) const {
+        return {output || other.output, inputs | other.inputs};
+    }
+    [[nodiscard]] constexpr bool has_input(std::size_t i) const {
+        return ((inputs >> i) & 1U) != 0;
+    }
 };
 
-/// One recorded operation. Holds its inputs' nodes and the values declared in Save, never its own output's node,
-/// which would be a cycle of owners that is never released.
+/// One recorded operation. Holds its inputs' nodes and the values declared in Save, never the node
+/// of its own output, because that ownership cycle would never be released.
 class Node {
 public:
     struct Input {
@@ -42,7 +50,8 @@ public:
         Shape shape;
     };
 
-    Node(const char* name, std::vector<Input> inputs, std::vector<VjpRule> rules, Tensor saved_output, Save save);
+    Node(const char* name, std::vector<Input> inputs, std::vector<VjpRule> rules,
+         Tensor saved_output, Save save);
     /// All inputs whose value is defined count as saved.
     Node(const char* name, std::vector<Input> inputs, JointVjpRule joint_rule);
     ~Node();
@@ -51,13 +60,13 @@ public:
 
     [[nodiscard]] const char* name() const { return name_; }
     [[nodiscard]] const std::vector<Input>& inputs() const { return inputs_; }
-    /// One for each input; empty if there is a joint rule.
+    /// One rule per input; empty if there is a joint rule.
     [[nodiscard]] const std::vector<VjpRule>& rules() const { return rules_; }
     [[nodiscard]] const JointVjpRule& joint_rule() const { return joint_rule_; }
     [[nodiscard]] const Tensor& saved_output() const { return saved_output_; }
     [[nodiscard]] Save save() const { return save_; }
 
-    /// Number of nodes alive in the process, for tests that look for leaks.
+    /// Number of nodes alive in the process. Tests use it to find leaks.
     [[nodiscard]] static std::int64_t live_count();
 
 private:
@@ -69,19 +78,23 @@ private:
     Save save_;
 };
 
-/// What a rule sees of its node. Values come with their place in the graph if the gradient itself is to be
-/// differentiated (create_graph), as constants otherwise; the rule is the same in both cases.
+/// The view of a node that its rule receives. If the gradient itself is to be differentiated
+/// (create_graph), values are part of the graph, otherwise they are constants. The rule is the same
+/// in both cases.
 class Vjp {
 public:
     Vjp(std::shared_ptr<Node> node, Variable output_gradient, bool create_graph)
-        : node_(std::move(node)), output_gradient_(std::move(output_gradient)), create_graph_(create_graph) {}
+        : node_(std::move(node)),
+          output_gradient_(std::move(output_gradient)),
+          create_graph_(create_graph) {}
 
     [[nodiscard]] const Variable& grad() const { return output_gradient_; }
     /// Throws GradientError if the op did not declare this save.
     [[nodiscard]] Variable input(std::size_t i) const;
     [[nodiscard]] Variable output() const;
     [[nodiscard]] const Shape& shape(std::size_t i) const { return node_->inputs().at(i).shape; }
-    /// Whether anything downstream may differentiate what the rule returns; a fused rule takes its slow twin then.
+    /// Whether the result of the rule may be differentiated; a fused rule then uses its reference
+    /// implementation.
     [[nodiscard]] bool create_graph() const { return create_graph_; }
 
 private:

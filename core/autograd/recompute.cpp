@@ -12,9 +12,10 @@ namespace stymo {
 
 namespace {
 
-/// A node between the segment and what it is given, so that everything behind belongs to the outside.
+/// A node between the segment and one of its inputs. Everything behind it belongs to the outside.
 Variable entrance(const Variable& x) {
-    return record("recompute_input", x.value(), {x}, Save::none(), {[](const Vjp& v) { return v.grad(); }});
+    return record("recompute_input", x.value(), {x}, Save::none(),
+                  {[](const Vjp& v) { return v.grad(); }});
 }
 
 using Nodes = std::unordered_set<const Node*>;
@@ -25,7 +26,7 @@ Nodes nodes_of(const std::vector<Variable>& variables) {
     return nodes;
 }
 
-/// The graph between a segment's result and its entrances.
+/// The graph between the result of a segment and its entrances.
 struct SegmentGraph {
     std::vector<Node::Input> leaves;              ///< each once
     std::vector<std::weak_ptr<Node>> operations;  ///< entrances included
@@ -47,13 +48,15 @@ SegmentGraph explore(const Variable& result, const std::vector<Variable>& entran
         graph.operations.push_back(next.node);
         if (ends.contains(&node)) continue;
         for (const Node::Input& input : node.inputs()) {
-            if (input.node && seen.insert(input.node.get()).second) pending.push_back({input.node, {}, input.shape});
+            if (input.node && seen.insert(input.node.get()).second)
+                pending.push_back({input.node, {}, input.shape});
         }
     }
     return graph;
 }
 
-/// Whatever outlives the segment's own variables is held by someone else: the segment took it from outside, or let it out.
+/// A node that outlives the segment's own variables has another owner: the segment took it from
+/// outside, or let it escape.
 void require_closed(const SegmentGraph& graph) {
     for (const std::weak_ptr<Node>& operation : graph.operations) {
         const std::shared_ptr<Node> alive = operation.lock();
@@ -64,9 +67,10 @@ void require_closed(const SegmentGraph& graph) {
     }
 }
 
-/// Gradients of the inputs and leaves that are needed, in the order inputs, leaves.
-std::vector<Variable> gradients(const Segment& segment, std::size_t input_count, const std::vector<Variable>& leaves,
-                                const Vjp& v, const std::vector<bool>& needed) {
+/// Gradients of the needed inputs and leaves, inputs first.
+std::vector<Variable> gradients(const Segment& segment, std::size_t input_count,
+                                const std::vector<Variable>& leaves, const Vjp& v,
+                                const std::vector<bool>& needed) {
     std::vector<Variable> arguments;
     std::vector<Variable> xs;
     for (std::size_t i = 0; i < input_count; ++i) {
@@ -82,13 +86,16 @@ std::vector<Variable> gradients(const Segment& segment, std::size_t input_count,
     const Variable result = segment(arguments);
     Nodes reached;
     if (result.tracked()) {
-        for (const Node::Input& leaf : explore(result, arguments).leaves) reached.insert(leaf.node.get());
+        for (const Node::Input& leaf : explore(result, arguments).leaves)
+            reached.insert(leaf.node.get());
     }
     for (const Variable& x : xs) {
         if (x.node()->inputs().empty() && !reached.contains(x.node().get()))
-            fail<GradientError>("[recompute] the segment does not reach a leaf any more that it reached before");
+            fail<GradientError>(
+                "[recompute] the segment does not reach a leaf any more that it reached before");
     }
-    const std::vector<Variable> found = grad(result, xs, {.create_graph = v.create_graph(), .partial = true, .dL_dy = v.grad()});
+    const std::vector<Variable> found =
+        grad(result, xs, {.create_graph = v.create_graph(), .partial = true, .dL_dy = v.grad()});
     std::vector<Variable> all(needed.size());
     std::size_t next = 0;
     for (std::size_t i = 0; i < needed.size(); ++i) {
@@ -120,22 +127,25 @@ Variable recompute(const Segment& segment, std::vector<Variable> inputs) {
         leaves.emplace_back(Tensor{}, leaf.node);
         edges.push_back(std::move(leaf));
     }
-    return record(
-        "recompute", std::move(value), std::move(edges),
-        [segment, input_count = inputs.size(), leaves = std::move(leaves)](const Vjp& v, const std::vector<bool>& needed) {
-            return gradients(segment, input_count, leaves, v, needed);
-        });
+    return record("recompute", std::move(value), std::move(edges),
+                  [segment, input_count = inputs.size(), leaves = std::move(leaves)](
+                      const Vjp& v, const std::vector<bool>& needed) {
+                      return gradients(segment, input_count, leaves, v, needed);
+                  });
 }
 
-Variable differentiate_at_once(const std::function<Variable(const Variable&)>& function, const Variable& x) {
+Variable differentiate_at_once(const std::function<Variable(const Variable&)>& function,
+                               const Variable& x) {
     if (!x.tracked()) return function(x).detach();
     const Variable argument = Variable::leaf(x.value());
     const Variable y = function(argument);
     const Tensor gradient = grad(y, argument).value();
-    return record("differentiate_at_once", y.value(), {x}, Save::none(), {[gradient](const Vjp& v) {
-                      if (v.create_graph()) fail<GradientError>("[differentiate_at_once] has no derivatives beyond the first");
-                      return v.grad() * Variable(gradient);
-                  }});
+    return record(
+        "differentiate_at_once", y.value(), {x}, Save::none(), {[gradient](const Vjp& v) {
+            if (v.create_graph())
+                fail<GradientError>("[differentiate_at_once] has no derivatives beyond the first");
+            return v.grad() * Variable(gradient);
+        }});
 }
 
 }  // namespace stymo

@@ -11,21 +11,24 @@ namespace stymo {
 /// A part of a computation: a pure function of its inputs and of leaves (parameters).
 using Segment = std::function<Variable(std::span<const Variable>)>;
 
-/// segment(inputs), of whose graph nothing is kept but the inputs: the backward pass computes the segment once more, takes all of
-/// the gradients that are needed at once and lets go of it again. With create_graph the recomputed graph stays, and derivatives
-/// of any order follow.
+/// Computes segment(inputs) and keeps nothing of its graph but the inputs. The backward pass
+/// computes the segment again, takes all needed gradients at once, and releases the graph. With
+/// create_graph the recomputed graph stays, and derivatives of any order follow.
 ///
-/// Values have the bits of segment(inputs). So have the gradients, except that what the segment contributes to one leaf or input
-/// is added up before it meets the contributions of others: where one is used by several segments, sums differ by rounding.
+/// Values have the same bits as segment(inputs). Gradients have them too, except that the
+/// contributions of the segment to one leaf or input are summed before those of others are added.
+/// If several segments use one leaf, the sums differ by rounding.
 ///
-/// `inputs` must hold every tracked Variable that the segment reads and that is not a leaf; leaves are found by themselves and
-/// must be the same ones in the backward pass. Throws GradientError if the segment reached the graph around it in another way,
-/// or let a Variable of its own out.
+/// `inputs` must hold every tracked Variable that the segment reads and that is not a leaf. Leaves
+/// are found automatically and must be the same in the backward pass. Throws GradientError if the
+/// segment reads another tracked Variable of the surrounding graph, or lets one of its own escape.
 [[nodiscard]] Variable recompute(const Segment& segment, std::vector<Variable> inputs);
 
-/// function(x), a scalar, whose gradient is taken right away: its graph is gone before whatever follows makes its own. Costs no
-/// more than the gradient later would. No gradient flows to anything that the function reads beside x, and there are no
-/// derivatives beyond the first: grad with create_graph throws GradientError.
-[[nodiscard]] Variable differentiate_at_once(const std::function<Variable(const Variable&)>& function, const Variable& x);
+/// Computes the scalar function(x) and its gradient at once, and releases the graph of the function
+/// before it returns. The cost is that of taking the gradient later. No gradient flows to anything
+/// else that the function reads. Only first derivatives exist: grad with create_graph throws
+/// GradientError.
+[[nodiscard]] Variable differentiate_at_once(
+    const std::function<Variable(const Variable&)>& function, const Variable& x);
 
 }  // namespace stymo

@@ -6,7 +6,8 @@ namespace stymo {
 
 Variable Variable::leaf(Tensor value) {
     return {std::move(value),
-            std::make_shared<Node>("leaf", std::vector<Node::Input>{}, std::vector<VjpRule>{}, Tensor{}, Save::none())};
+            std::make_shared<Node>("leaf", std::vector<Node::Input>{}, std::vector<VjpRule>{},
+                                   Tensor{}, Save::none())};
 }
 
 }  // namespace stymo

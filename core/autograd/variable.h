@@ -8,15 +8,18 @@ namespace stymo {
 
 class Node;
 
-/// A tensor and, if a gradient may be asked of it, its place in the graph. The only thing that ops take and return.
-/// Immutable: there is no operation that changes a Variable in place, so what a gradient rule saved never goes stale.
+/// A tensor and, if it is tracked, its place in the graph. Ops take and return Variables. A
+/// Variable is immutable: no operation changes it in place, so values saved for a gradient rule
+/// stay valid.
 class Variable {
 public:
     Variable() = default;
     /// A constant: nothing computed from constants alone is recorded.
     Variable(Tensor value)
-        : value_(std::move(value)) {}  // NOLINT(google-explicit-constructor): constants mix freely with variables
-    Variable(Tensor value, std::shared_ptr<Node> node) : value_(std::move(value)), node_(std::move(node)) {}
+        : value_(std::move(value)) {
+    }  // NOLINT(google-explicit-constructor): constants mix freely with variables
+    Variable(Tensor value, std::shared_ptr<Node> node)
+        : value_(std::move(value)), node_(std::move(node)) {}
 
     /// An input that gradients may be taken with respect to.
     [[nodiscard]] static Variable leaf(Tensor value);
@@ -27,7 +30,7 @@ public:
     [[nodiscard]] int rank() const { return value_.rank(); }
     [[nodiscard]] DType dtype() const { return value_.dtype(); }
     [[nodiscard]] bool defined() const { return value_.defined(); }
-    /// Whether the graph knows this value (a leaf, or computed from one).
+    /// Whether gradients can flow to this value: it is a leaf or was computed from one.
     [[nodiscard]] bool tracked() const { return node_ != nullptr; }
     [[nodiscard]] const std::shared_ptr<Node>& node() const { return node_; }
     /// The same value as a constant.

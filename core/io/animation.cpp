@@ -18,11 +18,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-void write_gif(const fs::path& path, const fs::path& temporary, const std::vector<Tensor>& frames, double frames_per_second) {
-    OIIO::ImageSpec spec(static_cast<int>(frames[0].shape(1)), static_cast<int>(frames[0].shape(0)), 3, OIIO::TypeUInt8);
-    // GIF counts in hundredths of a second, and most viewers slow down what is faster than two of them.
-    const std::array<int, 2> rate = {100,
-                                     std::max(2, static_cast<int>(std::lround(std::min(100.0 / frames_per_second, 60000.0))))};
+void write_gif(const fs::path& path, const fs::path& temporary, const std::vector<Tensor>& frames,
+               double frames_per_second) {
+    OIIO::ImageSpec spec(static_cast<int>(frames[0].shape(1)), static_cast<int>(frames[0].shape(0)),
+                         3, OIIO::TypeUInt8);
+    // GIF counts delays in hundredths of a second, and most viewers slow down delays below two of
+    // them.
+    const std::array<int, 2> rate = {
+        100,
+        std::max(2, static_cast<int>(std::lround(std::min(100.0 / frames_per_second, 60000.0))))};
     spec.attribute("FramesPerSecond", OIIO::TypeRational, rate.data());
     spec.attribute("oiio:Movie", 1);
     const std::vector<OIIO::ImageSpec> specs(frames.size(), spec);
@@ -35,52 +39,60 @@ void write_gif(const fs::path& path, const fs::path& temporary, const std::vecto
                   output->write_image(OIIO::TypeUInt8, image_bytes(frames[i]).data());
     }
     if (!written || !output->close()) {
-        fail<FileError>(path.string(), ": cannot be written (", output ? output->geterror() : OIIO::geterror(), ")");
+        fail<FileError>(path.string(), ": cannot be written (",
+                        output ? output->geterror() : OIIO::geterror(), ")");
     }
 }
 
-void write_mp4(const fs::path& path, const fs::path& temporary, const std::vector<Tensor>& frames, double frames_per_second) {
+void write_mp4(const fs::path& path, const fs::path& temporary, const std::vector<Tensor>& frames,
+               double frames_per_second) {
     const int height = static_cast<int>(frames[0].shape(0));
     const int width = static_cast<int>(frames[0].shape(1));
-    // H.264 halves the resolution of colour, so its pictures have even sides.
+    // H.264 halves the resolution of colour, so images must have even sides.
     const cv::Size size(width + width % 2, height + height % 2);
-    cv::VideoWriter writer(temporary.string(), cv::CAP_FFMPEG, cv::VideoWriter::fourcc('a', 'v', 'c', '1'), frames_per_second,
-                           size);
+    cv::VideoWriter writer(temporary.string(), cv::CAP_FFMPEG,
+                           cv::VideoWriter::fourcc('a', 'v', 'c', '1'), frames_per_second, size);
     if (!writer.isOpened()) {
-        fail<FileError>(path.string(), ": cannot be written (no H.264 encoder for this size and rate)");
+        fail<FileError>(path.string(),
+                        ": cannot be written (no H.264 encoder for this size and rate)");
     }
     for (const Tensor& frame : frames) {
         std::vector<std::uint8_t> bytes = image_bytes(frame);
-        cv::Mat picture;
-        cv::cvtColor(cv::Mat(height, width, CV_8UC3, bytes.data()), picture, cv::COLOR_RGB2BGR);
-        cv::copyMakeBorder(picture, picture, 0, size.height - height, 0, size.width - width, cv::BORDER_REPLICATE);
-        writer.write(picture);
+        cv::Mat image;
+        cv::cvtColor(cv::Mat(height, width, CV_8UC3, bytes.data()), image, cv::COLOR_RGB2BGR);
+        cv::copyMakeBorder(image, image, 0, size.height - height, 0, size.width - width,
+                           cv::BORDER_REPLICATE);
+        writer.write(image);
     }
     writer.release();
-    if (std::error_code error; !fs::exists(temporary, error) || fs::file_size(temporary, error) == 0) {
+    if (std::error_code error;
+        !fs::exists(temporary, error) || fs::file_size(temporary, error) == 0) {
         fail<FileError>(path.string(), ": cannot be written (the video encoder gave nothing)");
     }
 }
 
 }  // namespace
 
-void write_animation(const fs::path& path, const std::vector<Tensor>& frames, double frames_per_second) {
+void write_animation(const fs::path& path, const std::vector<Tensor>& frames,
+                     double frames_per_second) {
     if (frames.empty() || !(frames_per_second > 0.0) || !std::isfinite(frames_per_second)) {
-        fail<ValueError>("[write_animation] needs frames and a positive rate; got ", frames.size(), " and ", frames_per_second);
+        fail<ValueError>("[write_animation] needs frames and a positive rate; got ", frames.size(),
+                         " and ", frames_per_second);
     }
     for (const Tensor& frame : frames) {
         require_image(frame, "write_animation");
         if (frame.shape(2) != 3 || !(frame.shape() == frames[0].shape())) {
-            fail<ShapeError>("[write_animation] frames are (height, width, 3) of one size; got ", frames[0].shape(), " and ",
-                             frame.shape());
+            fail<ShapeError>("[write_animation] frames are (height, width, 3) of one size; got ",
+                             frames[0].shape(), " and ", frame.shape());
         }
     }
     const bool gif = path.extension() == ".gif";
     if (!gif && path.extension() != ".mp4") {
         fail<FileError>(path.string(), ": cannot be written (animations end in .gif or .mp4)");
     }
-    write_whole(path,
-                [&](const fs::path& temporary) { (gif ? write_gif : write_mp4)(path, temporary, frames, frames_per_second); });
+    write_whole(path, [&](const fs::path& temporary) {
+        (gif ? write_gif : write_mp4)(path, temporary, frames, frames_per_second);
+    });
 }
 
 }  // namespace stymo

@@ -7,7 +7,8 @@
 namespace stymo {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "weight files are little-endian and read in place");
+static_assert(std::endian::native == std::endian::little,
+              "weight files are little-endian and read in place");
 
 template <class Source>
 float widened(Source value) {

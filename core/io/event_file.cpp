@@ -19,7 +19,8 @@ namespace fs = std::filesystem;
 template <class Unsigned>
 std::string little_endian(Unsigned value) {
     std::string bytes;
-    for (std::size_t i = 0; i < sizeof value; ++i) bytes += static_cast<char>((value >> (8 * i)) & 0xFFU);
+    for (std::size_t i = 0; i < sizeof value; ++i)
+        bytes += static_cast<char>((value >> (8 * i)) & 0xFFU);
     return bytes;
 }
 
@@ -51,7 +52,7 @@ std::string bytes_field(std::uint32_t field, std::string_view bytes) {
 
 /// Field `what` of an Event is one of file_version, summary and session_log.
 std::string event(double seconds, std::int64_t step, const std::string& what) {
-    // Protocol buffers leave out what has its default value.
+    // Protocol buffers omit fields with their default value.
     return double_field(1, seconds) + (step == 0 ? "" : integer_field(2, step)) + what;
 }
 std::string file_version_field() {
@@ -65,18 +66,20 @@ std::string session_start_field() {
     return bytes_field(7, integer_field(1, start));
 }
 
-/// Masked so that a checksum of data which holds checksums keeps its worth.
+/// The format masks checksums, so that checksums of data that itself holds checksums stay reliable.
 std::uint32_t masked_checksum(std::string_view bytes) {
     return std::rotr(crc32c(bytes), 15) + 0xA282EAD8U;
 }
 
 std::string record(const std::string& message) {
     const std::string length = little_endian(std::uint64_t{message.size()});
-    return length + little_endian(masked_checksum(length)) + message + little_endian(masked_checksum(message));
+    return length + little_endian(masked_checksum(length)) + message +
+           little_endian(masked_checksum(message));
 }
 
 double system_seconds() {
-    return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
+    return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch())
+        .count();
 }
 
 fs::path new_file(const fs::path& folder, double seconds) {
@@ -95,17 +98,21 @@ struct EventFile::Implementation {
     std::ofstream stream;
 
     Implementation(const fs::path& folder, Clock event_clock)
-        : clock(std::move(event_clock)), path(new_file(folder, clock())), stream(path, std::ios::binary) {}
+        : clock(std::move(event_clock)),
+          path(new_file(folder, clock())),
+          stream(path, std::ios::binary) {}
 
     void append(std::int64_t step, const std::string& what) {
         const std::string bytes = record(event(clock(), step, what));
         stream.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-        if (!stream.flush()) fail<FileError>(path.string(), ": cannot be written; check space and rights");
+        if (!stream.flush())
+            fail<FileError>(path.string(), ": cannot be written; check space and rights");
     }
 };
 
 EventFile::EventFile(const fs::path& folder, Clock clock)
-    : implementation_(std::make_unique<Implementation>(folder, clock ? std::move(clock) : Clock(system_seconds))) {
+    : implementation_(std::make_unique<Implementation>(
+          folder, clock ? std::move(clock) : Clock(system_seconds))) {
     implementation_->append(0, file_version_field());
 }
 EventFile::~EventFile() = default;
@@ -116,10 +123,10 @@ void EventFile::scalar(std::int64_t step, std::string_view tag, double value) {
     implementation_->append(step, summary_field(tag, float_field(2, static_cast<float>(value))));
 }
 
-void EventFile::image(std::int64_t step, std::string_view tag, const Tensor& picture) {
-    const std::string png = png_bytes(picture);
-    const std::string value = integer_field(1, picture.shape(0)) + integer_field(2, picture.shape(1)) +
-                              integer_field(3, picture.shape(2)) + bytes_field(4, png);
+void EventFile::image(std::int64_t step, std::string_view tag, const Tensor& image) {
+    const std::string png = png_bytes(image);
+    const std::string value = integer_field(1, image.shape(0)) + integer_field(2, image.shape(1)) +
+                              integer_field(3, image.shape(2)) + bytes_field(4, png);
     implementation_->append(step, summary_field(tag, bytes_field(4, value)));
 }
 

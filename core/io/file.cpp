@@ -16,7 +16,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Removes a file at the end of the scope; after a successful rename there is nothing left to remove.
+/// Removes a file at the end of the scope; after a successful rename there is nothing left to
+/// remove.
 class TemporaryFile {
 public:
     explicit TemporaryFile(fs::path path) : path_(std::move(path)) {}
@@ -33,7 +34,8 @@ private:
 };
 
 fs::path temporary_beside(const fs::path& path) {
-    const std::string name = "." + path.stem().string() + "." + std::to_string(::getpid()) + ".part" + path.extension().string();
+    const std::string name = "." + path.stem().string() + "." + std::to_string(::getpid()) +
+                             ".part" + path.extension().string();
     return path.parent_path() / name;
 }
 
@@ -41,7 +43,7 @@ const char* reason_of(int error_number) {
     return std::strerror(error_number);
 }
 
-std::ifstream opened(const fs::path& path) {
+std::ifstream open_for_reading(const fs::path& path) {
     std::error_code error;
     if (fs::is_directory(path, error)) {
         fail<FileError>(path.string(), ": cannot be read (is a folder)");
@@ -57,7 +59,7 @@ std::ifstream opened(const fs::path& path) {
 }  // namespace
 
 std::string read_text_file(const fs::path& path) {
-    std::ifstream stream = opened(path);
+    std::ifstream stream = open_for_reading(path);
     std::string text{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
     if (stream.bad()) {
         fail<FileError>(path.string(), ": cannot be read (", reason_of(errno), ")");
@@ -66,7 +68,7 @@ std::string read_text_file(const fs::path& path) {
 }
 
 std::string read_beginning(const fs::path& path, std::size_t count) {
-    std::ifstream stream = opened(path);
+    std::ifstream stream = open_for_reading(path);
     std::string text(count, '\0');
     stream.read(text.data(), static_cast<std::streamsize>(count));
     if (stream.bad()) {
@@ -81,7 +83,7 @@ void write_whole(const fs::path& path, const std::function<void(const fs::path&)
     if (fs::is_directory(path, error)) {
         fail<FileError>(path.string(), ": cannot be written (is a folder)");
     }
-    // Several encoders report a missing or read-only folder only in their own words or not at all.
+    // Several encoders report a missing or read-only folder unclearly or not at all.
     const fs::path folder = path.parent_path().empty() ? fs::path(".") : path.parent_path();
     if (::access(folder.c_str(), W_OK | X_OK) != 0) {
         fail<FileError>(path.string(), ": cannot be written (", reason_of(errno), ")");
@@ -115,17 +117,20 @@ void flush_to_disk(const fs::path& path) {
     const bool flushed = descriptor >= 0 && ::fsync(descriptor) == 0;
     const int error = errno;
     if (descriptor >= 0) ::close(descriptor);
-    if (!flushed) fail<FileError>(path.string(), ": cannot be written to the disk (", reason_of(error), ")");
+    if (!flushed)
+        fail<FileError>(path.string(), ": cannot be written to the disk (", reason_of(error), ")");
 }
 
 void require_writable_folder(const fs::path& path) {
     std::error_code error;
     fs::create_directories(path, error);
     if (!fs::is_directory(path)) {
-        fail<FileError>(path.string(), ": the folder cannot be made (", error ? error.message() : "a file has this name", ")");
+        fail<FileError>(path.string(), ": the folder cannot be made (",
+                        error ? error.message() : "a file has this name", ")");
     }
     if (::access(path.c_str(), W_OK | X_OK) != 0) {
-        fail<FileError>(path.string(), ": the folder cannot be written to (", reason_of(errno), ")");
+        fail<FileError>(path.string(), ": the folder cannot be written to (", reason_of(errno),
+                        ")");
     }
 }
 

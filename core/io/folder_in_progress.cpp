@@ -28,7 +28,8 @@ FolderInProgress::FolderInProgress(const fs::path& target) : target_((target / "
     if (fs::exists(target_, ignored)) require_writable_folder(target_);
     const fs::path parent = target_.parent_path().empty() ? fs::path(".") : target_.parent_path();
     require_writable_folder(parent);
-    path_ = parent / ("." + target_.filename().string() + "." + std::to_string(::getpid()) + ".part");
+    path_ =
+        parent / ("." + target_.filename().string() + "." + std::to_string(::getpid()) + ".part");
     require_writable_folder(path_);
 }
 
@@ -48,7 +49,8 @@ void FolderInProgress::finish() {
             files.push_back(place);
         }
     }
-    for (const fs::path& file : files) rename_or_fail(path_ / file.lexically_relative(target_), file);
+    for (const fs::path& file : files)
+        rename_or_fail(path_ / file.lexically_relative(target_), file);
 }
 
 }  // namespace stymo

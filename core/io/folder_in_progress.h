@@ -4,20 +4,21 @@
 
 namespace stymo {
 
-/// A folder beside the one to be written. It takes that one's place once it is complete and goes away otherwise, so that who
-/// breaks off leaves nothing half-written.
+/// A temporary folder beside the target. It replaces the target once it is complete and is removed
+/// otherwise, so that an interruption leaves nothing half-written.
 class FolderInProgress {
 public:
-    /// Makes the folder and the parents of `target`. Throws FileError if that fails, or if `target` is a file.
+    /// Creates the temporary folder and the parents of `target`. Throws FileError if that fails, or
+    /// if `target` is a file.
     explicit FolderInProgress(const std::filesystem::path& target);
     ~FolderInProgress();
     FolderInProgress(const FolderInProgress&) = delete;
     FolderInProgress& operator=(const FolderInProgress&) = delete;
 
-    /// Where to write until then.
+    /// The temporary folder.
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-    /// Renames the folder to `target`. If that exists, the files move into it one by one, over those of the same name.
-    /// Throws FileError if a name cannot be changed.
+    /// Renames the folder to `target`. If `target` exists, the files move into it one by one and
+    /// replace those of the same name. Throws FileError if renaming fails.
     void finish();
 
 private:

@@ -23,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view png_signature = "\x89PNG\r\n\x1a\n";
-/// Refuses headers that would fill the memory before their lack of pixels shows.
+/// Refuses headers whose size would exhaust the memory before the missing pixels are noticed.
 constexpr std::int64_t maximum_pixels = std::int64_t{1} << 28;
 
 [[noreturn]] void refuse(const fs::path& path, std::string_view reason) {
@@ -31,10 +31,13 @@ constexpr std::int64_t maximum_pixels = std::int64_t{1} << 28;
     fail<FileError>(path.string(), ": cannot be read (", reason.substr(0, reason.find('\n')), ")");
 }
 
-/// What is wrong with the chunks of a PNG file. OpenImageIO lets libpng print to stderr when it meets such a file.
+/// What is wrong with the chunks of a PNG file. OpenImageIO lets libpng print to stderr when it
+/// meets such a file.
 std::optional<std::string> png_damage(std::string_view bytes) {
     const auto number = [&](std::size_t at) {
-        const auto byte = [&](std::size_t i) { return static_cast<std::uint32_t>(static_cast<unsigned char>(bytes[at + i])); };
+        const auto byte = [&](std::size_t i) {
+            return static_cast<std::uint32_t>(static_cast<unsigned char>(bytes[at + i]));
+        };
         return (byte(0) << 24) | (byte(1) << 16) | (byte(2) << 8) | byte(3);
     };
     std::size_t at = png_signature.size();
@@ -57,7 +60,7 @@ std::optional<std::string> png_damage(std::string_view bytes) {
     return "truncated image";
 }
 
-/// Bytes of a file that looks like an image.
+/// Bytes of a file whose header is that of an image.
 std::string read_image_bytes(const fs::path& path) {
     std::string bytes = read_text_file(path);
     if (bytes.empty()) {
@@ -83,7 +86,8 @@ struct Pixels {
 void turn_upright(Pixels& pixels, int orientation) {
     OIIO::ImageSpec spec(pixels.width, pixels.height, pixels.channels, OIIO::TypeFloat);
     spec.attribute("Orientation", orientation);
-    const OIIO::ImageBuf turned = OIIO::ImageBufAlgo::reorient(OIIO::ImageBuf(spec, pixels.values.data()), 1);
+    const OIIO::ImageBuf turned =
+        OIIO::ImageBufAlgo::reorient(OIIO::ImageBuf(spec, pixels.values.data()), 1);
     std::vector<float> values(pixels.values.size());
     turned.get_pixels(turned.roi(), OIIO::TypeFloat, values.data());
     pixels.height = turned.spec().height;
@@ -94,7 +98,7 @@ void turn_upright(Pixels& pixels, int orientation) {
 Pixels read_pixels(const fs::path& path) {
     static_cast<void>(read_image_bytes(path));
     OIIO::ImageSpec hints;
-    // Multiplying here instead keeps the file's gamma tag out of it.
+    // Multiplying here ignores the file's gamma tag.
     hints.attribute("oiio:UnassociatedAlpha", 1);
     const auto input = OIIO::ImageInput::open(path.string(), &hints);
     if (!input) {
@@ -108,13 +112,16 @@ Pixels read_pixels(const fs::path& path) {
     if (std::int64_t{spec.width} * spec.height > maximum_pixels) {
         refuse(path, "image too large");
     }
-    Pixels pixels{spec.height, spec.width, std::min(spec.nchannels, 4), spec.alpha_channel, false, {}};
+    Pixels pixels{spec.height,        spec.width, std::min(spec.nchannels, 4),
+                  spec.alpha_channel, false,      {}};
     pixels.alpha_multiplied = spec.get_int_attribute("oiio:UnassociatedAlpha", 0) == 0;
     const int orientation = spec.get_int_attribute("Orientation", 1);
-    pixels.values.resize(static_cast<std::size_t>(pixels.height) * static_cast<std::size_t>(pixels.width) *
+    pixels.values.resize(static_cast<std::size_t>(pixels.height) *
+                         static_cast<std::size_t>(pixels.width) *
                          static_cast<std::size_t>(pixels.channels));
-    const bool complete = input->read_image(0, 0, 0, pixels.channels, OIIO::TypeFloat, pixels.values.data());
-    // A truncated JPEG counts as read, with a warning left behind.
+    const bool complete =
+        input->read_image(0, 0, 0, pixels.channels, OIIO::TypeFloat, pixels.values.data());
+    // OpenImageIO reads a truncated JPEG successfully and only leaves a warning.
     const std::string message = input->geterror();
     if (!complete || !message.empty()) {
         refuse(path, message.empty() ? "damaged image" : message);
@@ -132,11 +139,12 @@ Tensor rgb_of(const Pixels& pixels) {
     const bool colour = pixels.channels >= 3;
     for (std::size_t i = 0; i < target.size() / 3; ++i) {
         const float* source = pixels.values.data() + i * channels;
-        const bool multiply = pixels.alpha_channel >= 0 && pixels.alpha_channel < pixels.channels && !pixels.alpha_multiplied;
+        const bool multiply = pixels.alpha_channel >= 0 && pixels.alpha_channel < pixels.channels &&
+                              !pixels.alpha_multiplied;
         const float alpha = multiply ? source[pixels.alpha_channel] : 1.0F;
         for (std::size_t channel = 0; channel < 3; ++channel) {
             const float value = source[colour ? channel : 0] * alpha;
-            // Written so that a comparison with what is not a number ends in 0.
+            // The order of the comparisons makes NaN end in 0.
             target[3 * i + channel] = value > 0.0F ? std::min(value, 1.0F) : 0.0F;
         }
     }
@@ -144,8 +152,8 @@ Tensor rgb_of(const Pixels& pixels) {
 }
 
 OIIO::ImageSpec byte_spec(const Tensor& image) {
-    OIIO::ImageSpec spec(static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)), static_cast<int>(image.shape(2)),
-                         OIIO::TypeUInt8);
+    OIIO::ImageSpec spec(static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)),
+                         static_cast<int>(image.shape(2)), OIIO::TypeUInt8);
     spec.attribute("oiio:ColorSpace", "sRGB");
     spec.attribute("CompressionQuality", 95);
     spec.attribute("jpeg:subsampling", "4:4:4");
@@ -155,8 +163,10 @@ OIIO::ImageSpec byte_spec(const Tensor& image) {
 void write_file(const fs::path& path, const OIIO::ImageSpec& spec, const void* pixels) {
     write_whole(path, [&](const fs::path& temporary) {
         const auto output = OIIO::ImageOutput::create(temporary.string());
-        if (!output || !output->open(temporary.string(), spec) || !output->write_image(spec.format, pixels) || !output->close()) {
-            fail<FileError>(path.string(), ": cannot be written (", output ? output->geterror() : OIIO::geterror(), ")");
+        if (!output || !output->open(temporary.string(), spec) ||
+            !output->write_image(spec.format, pixels) || !output->close()) {
+            fail<FileError>(path.string(), ": cannot be written (",
+                            output ? output->geterror() : OIIO::geterror(), ")");
         }
     });
 }
@@ -174,13 +184,15 @@ Tensor read_mask(const fs::path& path) {
     const auto target = result.mutable_values<float>();
     for (std::size_t i = 0; i < target.size(); ++i) {
         // ITU-R BT.601 weights, in double so that grey comes back exactly.
-        target[i] = static_cast<float>(0.299 * source[3 * i] + 0.587 * source[3 * i + 1] + 0.114 * source[3 * i + 2]);
+        target[i] = static_cast<float>(0.299 * source[3 * i] + 0.587 * source[3 * i + 1] +
+                                       0.114 * source[3 * i + 2]);
     }
     return result;
 }
 
 Tensor read_class_map(const fs::path& path) {
-    // OpenImageIO and OpenCV replace palette indices by their colours; libpng's own interface can leave them.
+    // OpenImageIO and OpenCV replace palette indices by their colours; libpng's own interface can
+    // leave them.
     const std::string bytes = read_image_bytes(path);
     png_image image;
     std::memset(&image, 0, sizeof image);
@@ -189,15 +201,17 @@ Tensor read_class_map(const fs::path& path) {
         fail<FileError>(path.string(), ": not a PNG image");
     }
     const bool palette = (image.format & PNG_FORMAT_FLAG_COLORMAP) != 0;
-    const png_uint_32 more_than_indices = PNG_FORMAT_FLAG_COLOR | PNG_FORMAT_FLAG_LINEAR | PNG_FORMAT_FLAG_ALPHA;
-    if ((!palette && (image.format & more_than_indices) != 0) || std::int64_t{image.width} * image.height > maximum_pixels) {
+    const png_uint_32 more_than_indices =
+        PNG_FORMAT_FLAG_COLOR | PNG_FORMAT_FLAG_LINEAR | PNG_FORMAT_FLAG_ALPHA;
+    if ((!palette && (image.format & more_than_indices) != 0) ||
+        std::int64_t{image.width} * image.height > maximum_pixels) {
         png_image_free(&image);
         fail<FileError>(path.string(), ": not a class map (needs an 8-bit palette or grey PNG)");
     }
     image.format = PNG_FORMAT_RGBA_COLORMAP;
     std::vector<png_byte> indices(PNG_IMAGE_SIZE(image));
     std::vector<png_byte> colours(PNG_IMAGE_COLORMAP_SIZE(image));
-    // Frees what the image holds, also when it fails.
+    // Frees the image, also on failure.
     if (png_image_finish_read(&image, nullptr, indices.data(), 0, colours.data()) == 0) {
         refuse(path, image.message);
     }
@@ -221,7 +235,8 @@ std::string png_bytes(const Tensor& image) {
     const auto output = OIIO::ImageOutput::create("memory.png", &memory);
     if (!output || !output->open("memory.png", byte_spec(image)) ||
         !output->write_image(OIIO::TypeUInt8, image_bytes(image).data()) || !output->close()) {
-        fail<FileError>("a picture cannot be encoded as PNG (", output ? output->geterror() : OIIO::geterror(), ")");
+        fail<FileError>("an image cannot be encoded as PNG (",
+                        output ? output->geterror() : OIIO::geterror(), ")");
     }
     return {memory.buffer().begin(), memory.buffer().end()};
 }
@@ -231,9 +246,10 @@ void write_exr(const fs::path& path, const Tensor& image) {
     if (path.extension() != ".exr") {
         fail<FileError>(path.string(), ": cannot be written (float images end in .exr)");
     }
-    OIIO::ImageSpec spec(static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)), static_cast<int>(image.shape(2)),
-                         OIIO::TypeFloat);
-    spec.channelnames = image.shape(2) == 1 ? std::vector<std::string>{"Z"} : std::vector<std::string>{"R", "G", "B"};
+    OIIO::ImageSpec spec(static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)),
+                         static_cast<int>(image.shape(2)), OIIO::TypeFloat);
+    spec.channelnames = image.shape(2) == 1 ? std::vector<std::string>{"Z"}
+                                            : std::vector<std::string>{"R", "G", "B"};
     spec.attribute("compression", "zip");
     write_file(path, spec, image.to(DType::float32).values<float>().data());
 }

@@ -9,35 +9,41 @@
 
 namespace stymo {
 
-/// Reads any image as float32 (height, width, 3), RGB in [0, 1], turned upright by its EXIF orientation. Grey is repeated,
-/// alpha is composited over black, integers are scaled, floats clipped. Throws FileError for what is not a readable image,
-/// saying why in a few words ("not an image (zero bytes)").
+/// Reads any image as float32 (height, width, 3), RGB in [0, 1], turned upright by its EXIF
+/// orientation. Grey is repeated, alpha is composited over black, integers are scaled, floats
+/// clipped. Throws FileError with a short reason ("not an image (zero bytes)") if the file is no
+/// readable image.
 [[nodiscard]] Tensor read_image(const std::filesystem::path& path);
-/// Reads one channel as float32 (height, width, 1) in [0, 1]: a mask. A colour image becomes its luminance.
+/// Reads one channel as float32 (height, width, 1) in [0, 1]: a mask. A colour image becomes its
+/// luminance.
 [[nodiscard]] Tensor read_mask(const std::filesystem::path& path);
-/// Reads the raw indices (palette or grey, at most 8 bits) of a class map, a PNG file, as float32 (height, width, 1), values
-/// 0..255.
+/// Reads the raw indices (palette or grey, at most 8 bits) of a class map, a PNG file, as float32
+/// (height, width, 1), values 0..255.
 [[nodiscard]] Tensor read_class_map(const std::filesystem::path& path);
 
-/// Writes (height, width, 1 or 3), values in [0, 1] clipped and rounded to 8 bits, as the extension says (png, jpg).
-/// Whole or not at all.
+/// Writes (height, width, 1 or 3), values in [0, 1] clipped and rounded to 8 bits. The extension
+/// selects the format (png, jpg). The file appears whole or not at all.
 void write_image(const std::filesystem::path& path, const Tensor& image);
 /// What write_image would write to a .png file.
 [[nodiscard]] std::string png_bytes(const Tensor& image);
-/// Writes 32-bit float channels without clipping to EXR; one channel is named "Z" (depth), three "R,G,B".
+/// Writes 32-bit float channels without clipping to EXR; one channel is named "Z" (depth), three
+/// "R,G,B".
 void write_exr(const std::filesystem::path& path, const Tensor& image);
-/// Writes an endless animation: .gif (palette) or .mp4. Frames are (height, width, 3) in [0, 1] of one size.
-void write_animation(const std::filesystem::path& path, const std::vector<Tensor>& frames, double frames_per_second);
+/// Writes an endless animation: .gif (palette) or .mp4. Frames are (height, width, 3) in [0, 1] of
+/// one size.
+void write_animation(const std::filesystem::path& path, const std::vector<Tensor>& frames,
+                     double frames_per_second);
 
-/// Antialiased resampling of (height, width, channels) to another size; values may overshoot slightly.
+/// Antialiased resampling of (height, width, channels) to another size; values may overshoot
+/// slightly.
 [[nodiscard]] Tensor resize_image(const Tensor& image, int height, int width);
-/// The rows top..top+height-1 and columns left..left+width-1 of (height, width, channels). Throws ShapeError if they are not in
-/// it.
-[[nodiscard]] Tensor image_part(const Tensor& image, std::int64_t top, std::int64_t left, std::int64_t height,
-                                std::int64_t width);
+/// The rows top..top+height-1 and columns left..left+width-1 of (height, width, channels). Throws
+/// ShapeError if they are outside the image.
+[[nodiscard]] Tensor image_part(const Tensor& image, std::int64_t top, std::int64_t left,
+                                std::int64_t height, std::int64_t width);
 /// The largest square in the middle of (height, width, channels).
 [[nodiscard]] Tensor central_square(const Tensor& image);
-/// Pictures of one size side by side, `columns` in a row, black where the last row is not full.
+/// Images of one size side by side, `columns` in a row, black where the last row is not full.
 [[nodiscard]] Tensor tile_images(const std::vector<Tensor>& images, int columns);
 /// Mirrors left and right.
 [[nodiscard]] Tensor mirror_image(const Tensor& image);

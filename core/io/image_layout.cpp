@@ -9,7 +9,8 @@ namespace stymo {
 
 void require_image(const Tensor& image, const char* operation) {
     if (image.rank() != 3 || image.size() == 0 || (image.shape(2) != 1 && image.shape(2) != 3)) {
-        fail<ShapeError>("[", operation, "] an image is (height, width, 1 or 3); got ", image.shape());
+        fail<ShapeError>("[", operation, "] an image is (height, width, 1 or 3); got ",
+                         image.shape());
     }
 }
 
@@ -18,7 +19,7 @@ std::vector<std::uint8_t> image_bytes(const Tensor& image) {
     std::vector<std::uint8_t> bytes;
     bytes.reserve(static_cast<std::size_t>(narrow.size()));
     for (const float value : narrow.values<float>()) {
-        // Written so that a comparison with what is not a number ends in 0.
+        // The order of the comparisons makes NaN end in 0.
         const float clipped = value > 0.0F ? std::min(value, 1.0F) : 0.0F;
         bytes.push_back(static_cast<std::uint8_t>(clipped * 255.0F + 0.5F));
     }
@@ -27,7 +28,8 @@ std::vector<std::uint8_t> image_bytes(const Tensor& image) {
 
 Tensor resize_image(const Tensor& image, int height, int width) {
     if (image.rank() != 3 || image.size() == 0 || height <= 0 || width <= 0) {
-        fail<ShapeError>("[resize_image] cannot make ", height, " x ", width, " of ", image.shape());
+        fail<ShapeError>("[resize_image] cannot make ", height, " x ", width, " of ",
+                         image.shape());
     }
     if (image.shape(0) == height && image.shape(1) == width) {
         return image;
@@ -36,10 +38,12 @@ Tensor resize_image(const Tensor& image, int height, int width) {
     return resize_bicubic(batch, height, width).value().reshaped({height, width, image.shape(2)});
 }
 
-Tensor image_part(const Tensor& image, std::int64_t top, std::int64_t left, std::int64_t height, std::int64_t width) {
-    if (image.rank() != 3 || top < 0 || left < 0 || height <= 0 || width <= 0 || top + height > image.shape(0) ||
-        left + width > image.shape(1)) {
-        fail<ShapeError>("[image_part] no ", height, " x ", width, " pixels from (", top, ", ", left, ") in ", image.shape());
+Tensor image_part(const Tensor& image, std::int64_t top, std::int64_t left, std::int64_t height,
+                  std::int64_t width) {
+    if (image.rank() != 3 || top < 0 || left < 0 || height <= 0 || width <= 0 ||
+        top + height > image.shape(0) || left + width > image.shape(1)) {
+        fail<ShapeError>("[image_part] no ", height, " x ", width, " pixels from (", top, ", ",
+                         left, ") in ", image.shape());
     }
     if (height == image.shape(0) && width == image.shape(1)) return image;
     const std::int64_t channels = image.shape(2);
@@ -60,7 +64,8 @@ Tensor central_square(const Tensor& image) {
 
 Tensor tile_images(const std::vector<Tensor>& images, int columns) {
     if (images.empty() || columns <= 0) {
-        fail<ValueError>("[tile_images] needs at least one image and one column; got ", images.size(), " and ", columns);
+        fail<ValueError>("[tile_images] needs at least one image and one column; got ",
+                         images.size(), " and ", columns);
     }
     const Shape shape = images.front().shape();
     require_image(images.front(), "tile_images");
@@ -73,11 +78,13 @@ Tensor tile_images(const std::vector<Tensor>& images, int columns) {
     for (std::int64_t i = 0; i < count; ++i) {
         const Tensor& image = images[static_cast<std::size_t>(i)];
         if (!(image.shape() == shape)) {
-            fail<ShapeError>("[tile_images] images differ in size: ", shape, " and ", image.shape());
+            fail<ShapeError>("[tile_images] images differ in size: ", shape, " and ",
+                             image.shape());
         }
         const auto source = image.values<float>();
         for (std::int64_t row = 0; row < shape[0]; ++row) {
-            const std::int64_t begin = (((i / across) * shape[0] + row) * across + i % across) * row_length;
+            const std::int64_t begin =
+                (((i / across) * shape[0] + row) * across + i % across) * row_length;
             std::copy_n(source.begin() + row * row_length, row_length, target.begin() + begin);
         }
     }
@@ -86,7 +93,8 @@ Tensor tile_images(const std::vector<Tensor>& images, int columns) {
 
 Tensor mirror_image(const Tensor& image) {
     if (image.rank() != 3) {
-        fail<ShapeError>("[mirror_image] an image is (height, width, channels); got ", image.shape());
+        fail<ShapeError>("[mirror_image] an image is (height, width, channels); got ",
+                         image.shape());
     }
     const std::int64_t width = image.shape(1);
     const std::int64_t channels = image.shape(2);
@@ -96,7 +104,8 @@ Tensor mirror_image(const Tensor& image) {
     for (std::int64_t row = 0; row < image.shape(0); ++row) {
         for (std::int64_t column = 0; column < width; ++column) {
             const auto from = source.begin() + (row * width + column) * channels;
-            std::copy_n(from, channels, target.begin() + (row * width + width - 1 - column) * channels);
+            std::copy_n(from, channels,
+                        target.begin() + (row * width + width - 1 - column) * channels);
         }
     }
     return result;

@@ -19,7 +19,8 @@ std::string number_text(T value) {
 }
 
 std::string string_text(std::string_view value) {
-    return nlohmann::json(std::string(value)).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+    return nlohmann::json(std::string(value))
+        .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
 void insert_before_end(std::string& text, const std::string& item) {
@@ -42,7 +43,8 @@ JsonValue JsonValue::object(std::initializer_list<std::pair<std::string_view, Js
 
 JsonValue& JsonValue::add(std::string_view key, const JsonValue& value) {
     if (text_ == "null") text_ = "{}";
-    if (text_.front() != '{') fail<ValueError>("cannot add \"", key, "\" to a JSON value that is not an object: ", text_);
+    if (text_.front() != '{')
+        fail<ValueError>("cannot add \"", key, "\" to a JSON value that is not an object: ", text_);
     insert_before_end(text_, string_text(key) + ":" + value.text_);
     return *this;
 }

@@ -11,16 +11,19 @@
 
 namespace stymo {
 
-/// A JSON value that is only ever written, kept as its text: results of the tools, lines of `stats.jsonl`.
+/// A JSON value for output, stored as its text: results of the tools, lines of `stats.jsonl`.
 ///
-/// Numbers are written with the fewest digits that read back to the same value, infinities and NaN as null, strings with
-/// everything escaped that JSON asks for (bytes that are not UTF-8 become U+FFFD). Configuration files are read elsewhere.
+/// Numbers are written with the fewest digits that read back to the same value, infinities and NaN
+/// as null, strings with the escapes that JSON requires (bytes that are not UTF-8 become U+FFFD).
+/// core/config.h reads configuration files.
 class JsonValue {
 public:
     JsonValue() = default;  ///< null
-    // NOLINTBEGIN(google-explicit-constructor): whatever has a JSON form is taken as it is.
+    // NOLINTBEGIN(google-explicit-constructor): implicit conversion from every type with a JSON
+    // form.
     JsonValue(std::same_as<bool> auto value) : text_(value ? "true" : "false") {}
-    JsonValue(std::integral auto value) requires(!std::same_as<decltype(value), bool>) : text_(std::to_string(value)) {}
+    JsonValue(std::integral auto value) requires(!std::same_as<decltype(value), bool>)
+        : text_(std::to_string(value)) {}
     JsonValue(double value);
     JsonValue(float value);
     JsonValue(std::string_view value);
@@ -32,12 +35,14 @@ public:
     JsonValue(std::span<const T> values);
     // NOLINTEND(google-explicit-constructor)
 
-    /// Members in the order given; the caller sees to it that no key comes twice.
-    [[nodiscard]] static JsonValue object(std::initializer_list<std::pair<std::string_view, JsonValue>> members = {});
-    /// Appends a member to an object (or to null, which becomes one); throws ValueError on any other value.
+    /// Members in the given order; keys must be distinct.
+    [[nodiscard]] static JsonValue object(
+        std::initializer_list<std::pair<std::string_view, JsonValue>> members = {});
+    /// Appends a member to an object (or to null, which becomes one); throws ValueError on any
+    /// other value.
     JsonValue& add(std::string_view key, const JsonValue& value);
 
-    /// One line, without a newline at its end.
+    /// One line, without a final newline.
     [[nodiscard]] const std::string& text() const { return text_; }
 
 private:

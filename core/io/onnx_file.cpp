@@ -16,8 +16,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// One field of an encoded protocol-buffer message: its number in the schema, and a number (floats as their bits) or bytes
-/// (texts, messages, packed lists).
+/// One field of an encoded protocol-buffer message: its number in the schema, and a number (floats
+/// as their bits) or bytes (texts, messages, packed lists).
 struct Field {
     std::uint64_t tag = 0;
     std::uint64_t number = 0;
@@ -25,7 +25,8 @@ struct Field {
     bool has_bytes = false;
 };
 
-/// Walks through an ONNX model (onnx.proto of onnx/onnx, ONNX 1.x), of which it reads what the graph's weights need.
+/// Walks through an ONNX model (onnx.proto of onnx/onnx, ONNX 1.x) and reads the parts that the
+/// weights need.
 class OnnxReader {
 public:
     explicit OnnxReader(const fs::path& path) : path_(path) {}
@@ -104,7 +105,7 @@ private:
         }
     }
 
-    /// Appends a repeated integer, which comes one by one or packed.
+    /// Appends the values of a repeated integer field, packed or not.
     void append_integers(const Field& field, std::vector<std::int64_t>& integers) const {
         if (!field.has_bytes) {
             integers.push_back(static_cast<std::int64_t>(field.number));
@@ -114,7 +115,7 @@ private:
             integers.push_back(static_cast<std::int64_t>(take_varint(rest)));
     }
 
-    /// Appends repeated numbers of fixed size likewise.
+    /// Appends the values of a repeated field of fixed size, packed or not.
     static void append_fixed(const Field& field, std::size_t size, std::string& bytes) {
         if (field.has_bytes) {
             bytes += field.bytes;
@@ -139,7 +140,8 @@ private:
 
     void add_tensor(const std::string& name, const Tensor& tensor) {
         if (name.empty()) refuse("a tensor has no name");
-        if (!graph_.tensors.emplace(name, tensor).second) refuse("two tensors are called \"", name, "\"");
+        if (!graph_.tensors.emplace(name, tensor).second)
+            refuse("two tensors are called \"", name, "\"");
     }
 
     void read_node(std::string_view message) {
@@ -154,7 +156,8 @@ private:
             if (field.tag == 5) {
                 Attribute attribute = read_attribute(field.bytes);
                 if (attribute.number) node.numbers[attribute.name] = *attribute.number;
-                if (!attribute.integers.empty()) node.integers[attribute.name] = std::move(attribute.integers);
+                if (!attribute.integers.empty())
+                    node.integers[attribute.name] = std::move(attribute.integers);
                 if (attribute.tensor && attribute.name == "value") constant = attribute.tensor;
             }
         });
@@ -179,24 +182,28 @@ private:
         return attribute;
     }
 
-    /// A tensor before its extents and bytes were compared.
+    /// A tensor whose extents and bytes have not been compared yet.
     struct StoredTensor {
         std::string name{};
         std::vector<std::int64_t> extents{};
         std::uint64_t type = 0;
         std::string_view raw{};
-        std::string fixed{};                   ///< float_data and double_data
-        std::vector<std::int64_t> integers{};  ///< int32_data (also halves), int64_data, uint64_data
+        std::string fixed{};  ///< float_data and double_data
+        std::vector<std::int64_t>
+            integers{};  ///< int32_data (also halves), int64_data, uint64_data
         std::string location{};
         bool is_external = false;
     };
 
     /// TensorProto.DataType
     [[nodiscard]] const ElementType& element_type(const StoredTensor& tensor) const {
-        constexpr std::array<std::string_view, 17> names{"",     "F32", "U8",  "I8",  "U16", "I16", "I32", "I64", "",
-                                                         "BOOL", "F16", "F64", "U32", "U64", "",    "",    "BF16"};
-        const ElementType* type = tensor.type < names.size() ? find_element_type(names[tensor.type]) : nullptr;
-        if (type == nullptr) refuse("tensor \"", tensor.name, "\" has the unsupported element type ", tensor.type);
+        constexpr std::array<std::string_view, 17> names{"",    "F32", "U8", "I8",   "U16", "I16",
+                                                         "I32", "I64", "",   "BOOL", "F16", "F64",
+                                                         "U32", "U64", "",   "",     "BF16"};
+        const ElementType* type =
+            tensor.type < names.size() ? find_element_type(names[tensor.type]) : nullptr;
+        if (type == nullptr)
+            refuse("tensor \"", tensor.name, "\" has the unsupported element type ", tensor.type);
         return *type;
     }
 
@@ -253,7 +260,8 @@ private:
     [[nodiscard]] std::pair<std::string, Tensor> read_tensor(std::string_view message) const {
         const StoredTensor stored = stored_tensor(message);
         if (stored.is_external || !stored.location.empty())
-            fail<FileError>(path_.string(), ": tensor \"", stored.name, "\" is kept in another file, \"", stored.location,
+            fail<FileError>(path_.string(), ": tensor \"", stored.name,
+                            "\" is kept in another file, \"", stored.location,
                             "\"; save the model with its weights inside");
         const ElementType& type = element_type(stored);
         if (stored.extents.size() > Shape::max_rank)
@@ -261,11 +269,13 @@ private:
         const auto count = checked_element_count(stored.extents);
         if (!count) refuse("tensor \"", stored.name, "\" has no proper extents");
         std::string bytes = stored.fixed;
-        for (const std::int64_t value : stored.integers) bytes.append(reinterpret_cast<const char*>(&value), type.bytes);
+        for (const std::int64_t value : stored.integers)
+            bytes.append(reinterpret_cast<const char*>(&value), type.bytes);
         const std::string_view data = stored.raw.empty() ? std::string_view(bytes) : stored.raw;
         const std::uint64_t needed = static_cast<std::uint64_t>(*count) * type.bytes;
         if (data.size() != needed)
-            refuse("tensor \"", stored.name, "\" needs ", needed, " bytes by its extents but has ", data.size());
+            refuse("tensor \"", stored.name, "\" needs ", needed, " bytes by its extents but has ",
+                   data.size());
         return {stored.name, type.read(Shape(stored.extents), data.data())};
     }
 

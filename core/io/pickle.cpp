@@ -15,7 +15,7 @@ namespace {
 using Kind = PickleNode::Kind;
 using Text = std::shared_ptr<const std::string>;
 
-/// Codes of Lib/pickle.py, those that its protocols 2 to 5 write.
+/// Opcodes of Lib/pickle.py that protocols 2 to 5 write.
 enum class Opcode : unsigned char {
     mark = '(',
     stop = '.',
@@ -76,15 +76,16 @@ enum class Opcode : unsigned char {
 /// The stack machine of the pickle protocol.
 class Pickle::Reader {
 public:
-    Reader(std::string_view bytes, const std::string& source, const std::function<bool(const std::string&)>& allowed,
-           std::deque<PickleNode>& nodes)
+    Reader(std::string_view bytes, const std::string& source,
+           const std::function<bool(const std::string&)>& allowed, std::deque<PickleNode>& nodes)
         : bytes_(bytes), source_(source), allowed_(allowed), nodes_(nodes) {}
 
     PickleValue read() {
         while (true) {
             const auto opcode = static_cast<Opcode>(number<std::uint8_t>());
             if (opcode == Opcode::stop) return pop();
-            if (!read_constant(opcode) && !read_memo(opcode) && !read_container(opcode) && !read_object(opcode))
+            if (!read_constant(opcode) && !read_memo(opcode) && !read_container(opcode) &&
+                !read_object(opcode))
                 refuse("code ", static_cast<int>(opcode), " at byte ", position_ - 1);
         }
     }
@@ -126,7 +127,7 @@ private:
         push(&nodes_.back());
     }
 
-    /// Elements below the last mark belong to what is still being built.
+    /// Elements below the last mark belong to an object that is still under construction.
     [[nodiscard]] std::size_t bottom() const { return marks_.empty() ? 0 : marks_.back(); }
     void require_items(std::size_t count) const {
         if (stack_.size() < bottom() + count) refuse("takes more than it has put");
@@ -142,7 +143,8 @@ private:
     std::vector<PickleValue> pop_last(std::size_t count) {
         require_items(count);
         const auto first = stack_.end() - static_cast<std::ptrdiff_t>(count);
-        std::vector<PickleValue> items(std::make_move_iterator(first), std::make_move_iterator(stack_.end()));
+        std::vector<PickleValue> items(std::make_move_iterator(first),
+                                       std::make_move_iterator(stack_.end()));
         stack_.erase(first, stack_.end());
         return items;
     }
@@ -166,13 +168,17 @@ private:
         PickleNode& node = top_node();
         const bool fits = std::ranges::find(kinds, node.kind) != kinds.end();
         const bool pairs = node.kind == Kind::dictionary || node.kind == Kind::call;
-        if (!fits || (pairs && items.size() % 2 != 0)) refuse("fills a container that does not fit");
-        node.items.insert(node.items.end(), std::make_move_iterator(items.begin()), std::make_move_iterator(items.end()));
+        if (!fits || (pairs && items.size() % 2 != 0))
+            refuse("fills a container that does not fit");
+        node.items.insert(node.items.end(), std::make_move_iterator(items.begin()),
+                          std::make_move_iterator(items.end()));
     }
 
-    [[nodiscard]] std::string allowed_name(std::string_view module, std::string_view function) const {
+    [[nodiscard]] std::string allowed_name(std::string_view module,
+                                           std::string_view function) const {
         std::string name = std::string(module) + "." + std::string(function);
-        if (!allowed_(name)) fail<FileError>(source_, ": refuses to load \"", name, "\": not a tensor or container");
+        if (!allowed_(name))
+            fail<FileError>(source_, ": refuses to load \"", name, "\": not a tensor or container");
         return name;
     }
 
@@ -180,7 +186,8 @@ private:
     static PickleValue integer(std::string_view digits) {
         double value = 0.0;
         std::uint64_t bits = 0;
-        const bool negative = !digits.empty() && (static_cast<unsigned char>(digits.back()) & 0x80U) != 0;
+        const bool negative =
+            !digits.empty() && (static_cast<unsigned char>(digits.back()) & 0x80U) != 0;
         for (std::size_t i = digits.size(); i-- > 0;) {
             const unsigned digit = static_cast<unsigned char>(digits[i]);
             value = value * 256.0 + (negative ? 255.0 - digit : digit);
@@ -188,13 +195,15 @@ private:
         }
         if (digits.size() > sizeof bits) return negative ? -value - 1.0 : value;
         const std::size_t unused = 8 * (sizeof bits - digits.size());
-        return digits.empty() ? std::int64_t{0} : static_cast<std::int64_t>(bits << unused) >> unused;
+        return digits.empty() ? std::int64_t{0}
+                              : static_cast<std::int64_t>(bits << unused) >> unused;
     }
 
     bool read_constant(Opcode opcode) {
         switch (opcode) {
             case Opcode::protocol:
-                if (const int version = number<std::uint8_t>(); version > 5) refuse("protocol ", version);
+                if (const int version = number<std::uint8_t>(); version > 5)
+                    refuse("protocol ", version);
                 return true;
             case Opcode::frame:
                 static_cast<void>(number<std::uint64_t>());
@@ -374,7 +383,8 @@ private:
                 return true;
             }
             case Opcode::build:
-                // Attributes of an object ("_metadata" of a state dict) say nothing about its tensors.
+                // Attributes of an object ("_metadata" of a state dict) say nothing about its
+                // tensors.
                 static_cast<void>(pop_last(1));
                 if (top_node().kind != Kind::call) refuse("gives attributes to what is no object");
                 return true;
@@ -389,7 +399,8 @@ private:
     void call(const std::vector<PickleValue>& function_and_arguments) {
         const auto* function = std::get_if<const PickleNode*>(&function_and_arguments[0]);
         const auto* arguments = std::get_if<const PickleNode*>(&function_and_arguments[1]);
-        if (function == nullptr || (*function)->kind != Kind::name || arguments == nullptr || (*arguments)->kind != Kind::tuple)
+        if (function == nullptr || (*function)->kind != Kind::name || arguments == nullptr ||
+            (*arguments)->kind != Kind::tuple)
             refuse("calls what has no name");
         push_node({.kind = Kind::call, .name = (*function)->name, .arguments = *arguments});
     }
@@ -404,7 +415,8 @@ private:
     std::map<std::uint64_t, PickleValue> memo_;
 };
 
-Pickle::Pickle(std::string_view bytes, const std::string& source, const std::function<bool(const std::string&)>& allowed) {
+Pickle::Pickle(std::string_view bytes, const std::string& source,
+               const std::function<bool(const std::string&)>& allowed) {
     Reader reader(bytes, source, allowed, nodes_);
     root_ = reader.read();
     length_ = reader.position();

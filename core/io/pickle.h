@@ -14,11 +14,12 @@ namespace stymo {
 
 struct PickleNode;
 
-/// None, a truth value, an integer, a float (also integers beyond 64 bits), a text or bytes, or one of the nodes.
-using PickleValue =
-    std::variant<std::monostate, bool, std::int64_t, double, std::shared_ptr<const std::string>, const PickleNode*>;
+/// None, a truth value, an integer, a float (also integers beyond 64 bits), a text or bytes, or one
+/// of the nodes.
+using PickleValue = std::variant<std::monostate, bool, std::int64_t, double,
+                                 std::shared_ptr<const std::string>, const PickleNode*>;
 
-/// What a pickle describes beyond numbers and texts. Calls stay descriptions: nobody makes them.
+/// A value of a pickle that is no number or text. Calls are only described and never made.
 struct PickleNode {
     enum class Kind {
         list,
@@ -27,22 +28,27 @@ struct PickleNode {
         dictionary,
         name,      ///< a class or function
         call,      ///< an object that calling a name with arguments would make
-        reference  ///< to something outside of the pickle, told by its only item
+        reference  ///< a reference to something outside the pickle, identified by its only item
     };
     Kind kind = Kind::list;
-    std::string name{};                     ///< of a name or of what is called: "collections.OrderedDict"
-    const PickleNode* arguments = nullptr;  ///< of a call: a tuple
-    /// Elements; of a dictionary, and of a call what was put into the object: key, value, key, value...
+    std::string name{};  ///< full name of a class or function, or of the called one:
+                         ///< "collections.OrderedDict"
+    const PickleNode* arguments = nullptr;  ///< arguments of a call: a tuple
+    /// Elements. Those of a dictionary, and the items put into the object of a call, are key,
+    /// value, key, value...
     std::vector<PickleValue> items{};
 };
 
-/// The contents of a pickle as plain data. Nodes may occur in several places and may hold themselves.
+/// The contents of a pickle as plain data. Nodes may occur in several places and may contain
+/// themselves.
 class Pickle {
 public:
-    /// Reads the pickle at the beginning of `bytes`, protocols 2 to 5. Nothing is executed: a class or function stands for its
-    /// name, and only the full names that `allowed` accepts may occur. Throws FileError, one line that begins with `source`, for
-    /// any other name and for what is truncated or malformed.
-    Pickle(std::string_view bytes, const std::string& source, const std::function<bool(const std::string& name)>& allowed);
+    /// Reads the pickle at the beginning of `bytes`, protocols 2 to 5. Nothing is executed: a class
+    /// or function is represented by its name, and only the full names that `allowed` accepts may
+    /// occur. Throws FileError, one line that begins with `source`, for any other name and for
+    /// truncated or malformed input.
+    Pickle(std::string_view bytes, const std::string& source,
+           const std::function<bool(const std::string& name)>& allowed);
     Pickle(const Pickle&) = delete;  // its nodes point at each other
     Pickle& operator=(const Pickle&) = delete;
     Pickle(Pickle&&) noexcept = default;

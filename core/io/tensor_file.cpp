@@ -29,19 +29,20 @@ template <class... Parts>
     fail<FileError>(path.string(), ": not a readable safetensors file (", parts..., ")");
 }
 
-/// The header as JSON, where nlohmann alone would keep the last of two equal names.
+/// Parses the header as JSON. nlohmann alone would silently keep the last of two equal names.
 json parse_header(const fs::path& path, std::string_view text) {
     std::vector<std::set<std::string>> open_objects;
     const auto check = [&](int, json::parse_event_t event, json& parsed) {
         if (event == json::parse_event_t::object_start) {
-            // Deeper nesting than entries and their fields has no meaning here.
+            // Nesting deeper than the fields of an entry is invalid.
             if (open_objects.size() == 2) {
                 refuse(path, "the header is nested too deeply");
             }
             open_objects.emplace_back();
         } else if (event == json::parse_event_t::object_end) {
             open_objects.pop_back();
-        } else if (event == json::parse_event_t::key && !open_objects.back().insert(parsed.get<std::string>()).second) {
+        } else if (event == json::parse_event_t::key &&
+                   !open_objects.back().insert(parsed.get<std::string>()).second) {
             refuse(path, "the header names \"", parsed.get<std::string>(), "\" twice");
         }
         return true;
@@ -73,7 +74,7 @@ std::uint64_t natural_number(const fs::path& path, const std::string& name, cons
     return value.get<std::uint64_t>();
 }
 
-/// Extents of `entry` and the bytes they need; refuses what overflows.
+/// Extents of `entry` and the bytes they need; throws if these overflow.
 Shape checked_shape(const fs::path& path, const Entry& entry, const json& extents) {
     if (extents.size() > Shape::max_rank) {
         refuse(path, "tensor \"", entry.name, "\" has more than ", Shape::max_rank, " axes");
@@ -83,23 +84,27 @@ Shape checked_shape(const fs::path& path, const Entry& entry, const json& extent
     for (const json& extent : extents) {
         const std::uint64_t length = natural_number(path, entry.name, extent);
         std::uint64_t product = 0;
-        if (length > static_cast<std::uint64_t>(INT64_MAX) || __builtin_mul_overflow(bytes, length, &product)) {
+        if (length > static_cast<std::uint64_t>(INT64_MAX) ||
+            __builtin_mul_overflow(bytes, length, &product)) {
             refuse(path, "tensor \"", entry.name, "\" has extents that overflow");
         }
         bytes = product;
         result.push_back(static_cast<std::int64_t>(length));
     }
     if (bytes != entry.end - entry.begin) {
-        refuse(path, "tensor \"", entry.name, "\" needs ", bytes, " bytes by its extents but has ", entry.end - entry.begin);
+        refuse(path, "tensor \"", entry.name, "\" needs ", bytes, " bytes by its extents but has ",
+               entry.end - entry.begin);
     }
     return Shape(result);
 }
 
-Entry parse_entry(const fs::path& path, const std::string& name, const json& fields, std::uint64_t data_length) {
+Entry parse_entry(const fs::path& path, const std::string& name, const json& fields,
+                  std::uint64_t data_length) {
     Entry entry{name, nullptr, {}, 0, 0};
-    if (!fields.is_object() || fields.size() != 3 || !fields.contains("dtype") || !fields["dtype"].is_string() ||
-        !fields.contains("shape") || !fields["shape"].is_array() || !fields.contains("data_offsets") ||
-        !fields["data_offsets"].is_array() || fields["data_offsets"].size() != 2) {
+    if (!fields.is_object() || fields.size() != 3 || !fields.contains("dtype") ||
+        !fields["dtype"].is_string() || !fields.contains("shape") || !fields["shape"].is_array() ||
+        !fields.contains("data_offsets") || !fields["data_offsets"].is_array() ||
+        fields["data_offsets"].size() != 2) {
         refuse(path, "tensor \"", name, "\" needs exactly dtype, shape and data_offsets");
     }
     const auto& type_name = fields["dtype"].get_ref<const std::string&>();
@@ -117,7 +122,8 @@ Entry parse_entry(const fs::path& path, const std::string& name, const json& fie
 }
 
 std::map<std::string, std::string> parse_metadata(const fs::path& path, const json& fields) {
-    if (!fields.is_object() || !std::ranges::all_of(fields, [](const json& value) { return value.is_string(); })) {
+    if (!fields.is_object() ||
+        !std::ranges::all_of(fields, [](const json& value) { return value.is_string(); })) {
         refuse(path, "__metadata__ is not a map of texts");
     }
     return fields.get<std::map<std::string, std::string>>();
@@ -125,7 +131,8 @@ std::map<std::string, std::string> parse_metadata(const fs::path& path, const js
 
 /// Refuses tensors that share bytes and bytes that belong to no tensor.
 void require_tiling(const fs::path& path, std::vector<Entry>& entries, std::uint64_t data_length) {
-    std::ranges::sort(entries, {}, [](const Entry& entry) { return std::pair(entry.begin, entry.end); });
+    std::ranges::sort(entries, {},
+                      [](const Entry& entry) { return std::pair(entry.begin, entry.end); });
     std::uint64_t covered = 0;
     for (const Entry& entry : entries) {
         if (entry.begin < covered) {
@@ -145,8 +152,10 @@ std::string_view type_name_of(DType dtype) {
     return dtype == DType::float32 ? "F32" : "F64";
 }
 
-/// The header with its length before it and spaces behind it, so that the tensors begin at a multiple of 8 bytes.
-std::string encoded_header(const TensorFile& contents, const std::vector<const std::pair<const std::string, Tensor>*>& order) {
+/// The header with its length before it and spaces behind it, so that the tensors begin at a
+/// multiple of 8 bytes.
+std::string encoded_header(const TensorFile& contents,
+                           const std::vector<const std::pair<const std::string, Tensor>*>& order) {
     json header = json::object();
     if (!contents.metadata.empty()) {
         header["__metadata__"] = contents.metadata;
@@ -154,8 +163,11 @@ std::string encoded_header(const TensorFile& contents, const std::vector<const s
     std::uint64_t begin = 0;
     for (const auto* item : order) {
         const auto& [name, tensor] = *item;
-        const std::uint64_t end = begin + static_cast<std::uint64_t>(tensor.size()) * size_in_bytes(tensor.dtype());
-        header[name] = {{"dtype", type_name_of(tensor.dtype())}, {"shape", json::array()}, {"data_offsets", {begin, end}}};
+        const std::uint64_t end =
+            begin + static_cast<std::uint64_t>(tensor.size()) * size_in_bytes(tensor.dtype());
+        header[name] = {{"dtype", type_name_of(tensor.dtype())},
+                        {"shape", json::array()},
+                        {"data_offsets", {begin, end}}};
         for (const std::int64_t extent : tensor.shape().extents()) {
             header[name]["shape"].push_back(extent);
         }
@@ -194,7 +206,8 @@ TensorFile read_tensor_file(const fs::path& path) {
     if (header_length > bytes.size() - length_bytes) {
         refuse(path, "truncated within the header");
     }
-    const json header = parse_header(path, std::string_view(bytes).substr(length_bytes, header_length));
+    const json header =
+        parse_header(path, std::string_view(bytes).substr(length_bytes, header_length));
     const char* data = bytes.data() + length_bytes + header_length;
     const std::uint64_t data_length = bytes.size() - length_bytes - header_length;
 
@@ -219,11 +232,13 @@ void write_tensor_file(const fs::path& path, const TensorFile& contents) {
     std::vector<const std::pair<const std::string, Tensor>*> order;
     for (const auto& item : contents.tensors) {
         if (!item.second.defined() || item.first == "__metadata__") {
-            fail<ValueError>("[write_tensor_file] tensor \"", item.first, "\" is undefined or has a reserved name");
+            fail<ValueError>("[write_tensor_file] tensor \"", item.first,
+                             "\" is undefined or has a reserved name");
         }
         order.push_back(&item);
     }
-    std::ranges::stable_sort(order, std::ranges::greater(), [](const auto* item) { return size_in_bytes(item->second.dtype()); });
+    std::ranges::stable_sort(order, std::ranges::greater(),
+                             [](const auto* item) { return size_in_bytes(item->second.dtype()); });
 
     write_whole(path, [&](const fs::path& temporary) {
         errno = 0;
@@ -233,7 +248,8 @@ void write_tensor_file(const fs::path& path, const TensorFile& contents) {
         for (const auto* item : order) {
             dispatch(item->second.dtype(), [&](auto zero) {
                 const auto bytes = std::as_bytes(item->second.values<decltype(zero)>());
-                stream.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+                stream.write(reinterpret_cast<const char*>(bytes.data()),
+                             static_cast<std::streamsize>(bytes.size()));
             });
         }
         stream.close();

@@ -15,14 +15,16 @@ struct TensorFile {
     std::map<std::string, std::string> metadata;
 };
 
-/// Whether the name of any tensor begins so.
+/// Whether the name of any tensor begins with the prefix.
 [[nodiscard]] bool has_prefix(const TensorFile& file, std::string_view prefix);
 
 /// Reads .safetensors. F16, BF16 and integer tensors are widened to float32 (F64 stays float64).
-/// Throws FileError naming the file for a header that is truncated, too long, not JSON or repeats a name, and for tensors
-/// whose extents do not match their bytes, overlap, leave holes, or reach beyond the file.
+/// Throws FileError naming the file for a header that is truncated, too long, not JSON or repeats a
+/// name, and for tensors whose extents do not match their bytes, overlap, leave holes, or reach
+/// beyond the file.
 [[nodiscard]] TensorFile read_tensor_file(const std::filesystem::path& path);
-/// Writes whole or not at all (temporary file, then rename). Throws FileError if the folder cannot be written.
+/// Writes whole or not at all (temporary file, then rename). Throws FileError if the folder cannot
+/// be written.
 void write_tensor_file(const std::filesystem::path& path, const TensorFile& contents);
 
 }  // namespace stymo

@@ -12,24 +12,26 @@
 
 namespace stymo {
 
-/// The parts of a PyTorch checkpoint, whichever of its two formats it has.
+/// The parts of a PyTorch checkpoint, in either of its two formats.
 struct TorchContainer {
     Pickle pickle;                                  ///< what was saved; tensors refer to storages
     std::map<std::string, std::string> storages{};  ///< bytes of each storage by its key
 };
 
-/// Tells if a pickle may name a class or function.
+/// Whether a pickle may name a class or function.
 using NameFilter = std::function<bool(const std::string& name)>;
-/// Bytes of one element of a storage, told by the reference to it. Throws FileError.
+/// Bytes of one element of a storage, from the reference to it. Throws FileError.
 using ElementBytes = std::function<std::uint64_t(const PickleNode& reference)>;
 
-/// The zip archive that torch.save has written since 1.6. Throws FileError.
-[[nodiscard]] TorchContainer read_torch_zip(const std::filesystem::path& path, const NameFilter& allowed);
+/// Reads the zip archive that torch.save has written since 1.6. Throws FileError.
+[[nodiscard]] TorchContainer read_torch_zip(const std::filesystem::path& path,
+                                            const NameFilter& allowed);
 
-/// True if a file begins as the format before 1.6 does.
+/// Whether a file begins like the format before 1.6.
 [[nodiscard]] bool is_legacy_torch_file(std::string_view beginning);
-/// That format: five pickles and the storages one after the other. Throws FileError.
-[[nodiscard]] TorchContainer read_legacy_torch_file(const std::filesystem::path& path, const NameFilter& allowed,
+/// Reads that format: five pickles, followed by the storages. Throws FileError.
+[[nodiscard]] TorchContainer read_legacy_torch_file(const std::filesystem::path& path,
+                                                    const NameFilter& allowed,
                                                     const ElementBytes& element_bytes);
 
 /// Throws FileError "path: not a readable PyTorch file (parts)".

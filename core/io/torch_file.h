@@ -8,15 +8,16 @@
 
 namespace stymo {
 
-/// Reads the tensors of a PyTorch checkpoint (.pth, .pt), both the zip format and the older ("legacy") one. Nothing in the file
-/// is ever executed: its pickle is interpreted by a reader that knows tensors, storages, containers, numbers and strings, and
-/// refuses every other class or function by name. Nested dictionaries give dotted names. Throws FileError for a file that is
+/// Reads the tensors of a PyTorch checkpoint (.pth, .pt), both the zip format and the older
+/// ("legacy") one. Nothing in the file is ever executed: its pickle is interpreted by a reader that
+/// knows tensors, storages, containers, numbers and strings, and refuses every other class or
+/// function by name. Nested dictionaries give dotted names. Throws FileError for a file that is
 /// truncated, malformed, not a checkpoint, or that names anything beyond the list.
 [[nodiscard]] TensorFile read_torch_file(const std::filesystem::path& path);
 
-/// Number of bytes at the beginning of a file that tell if it is one.
+/// Number of leading bytes that identify the format.
 inline constexpr std::size_t torch_file_beginning = 64;
-/// True if a file that begins so has one of the two formats.
+/// Whether a file with these leading bytes has one of the two formats.
 [[nodiscard]] bool is_torch_file(std::string_view beginning);
 
 }  // namespace stymo

@@ -18,13 +18,15 @@ T inner_product(const T* a, const T* b, std::int64_t channels) {
     return total;
 }
 
-/// |x|, in float64 where the square leaves T's range of full precision; 1 for a vector of zeros, which has no direction.
+/// |x|, in float64 where the square leaves T's range of full precision; 1 for a vector of zeros,
+/// which has no direction.
 template <class T>
 T norm_or_one(const T* x, std::int64_t channels) {
     const T squared_norm = inner_product(x, x, channels);
     if (squared_norm >= T(1e-30) && squared_norm <= T(1e30)) return std::sqrt(squared_norm);
     double total = 0.0;
-    for (std::int64_t c = 0; c < channels; ++c) total += static_cast<double>(x[c]) * static_cast<double>(x[c]);
+    for (std::int64_t c = 0; c < channels; ++c)
+        total += static_cast<double>(x[c]) * static_cast<double>(x[c]);
     return total == 0.0 ? T(1) : static_cast<T>(std::sqrt(total));
 }
 
@@ -83,14 +85,16 @@ Tensor mean_squared_difference(const Tensor& a, const Tensor& b) {
         const T* left = a.values<T>().data();
         const T* right = b.values<T>().data();
         // Runs of pixels, each with its own sums: their number depends on the shape alone.
-        const std::int64_t run = std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, channels));
+        const std::int64_t run =
+            std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, channels));
         const std::int64_t runs = chunk_count(pixels, run);
         std::vector<T> sums(static_cast<std::size_t>(a.shape(0) * runs * channels), T(0));
         parallel_for(a.shape(0) * runs, 1, [&](std::int64_t index, std::int64_t) {
             const std::int64_t first = index % runs * run;
             const std::int64_t last = std::min(pixels, first + run);
             T* const sum = sums.data() + index * channels;
-            for (std::int64_t pixel = index / runs * pixels + first; pixel < index / runs * pixels + last; ++pixel) {
+            for (std::int64_t pixel = index / runs * pixels + first;
+                 pixel < index / runs * pixels + last; ++pixel) {
                 const T* p = left + pixel * channels;
                 const T* q = right + pixel * channels;
 #pragma omp simd
@@ -101,8 +105,8 @@ Tensor mean_squared_difference(const Tensor& a, const Tensor& b) {
         for (std::int64_t i = 0; i < a.shape(0) * channels; ++i) {
             double total = 0.0;
             for (std::int64_t part = 0; part < runs; ++part)
-                total +=
-                    static_cast<double>(sums[static_cast<std::size_t>((i / channels * runs + part) * channels + i % channels)]);
+                total += static_cast<double>(sums[static_cast<std::size_t>(
+                    (i / channels * runs + part) * channels + i % channels)]);
             out[static_cast<std::size_t>(i)] = static_cast<T>(total / static_cast<double>(pixels));
         }
     });

@@ -2,7 +2,8 @@
 
 #include <cstdint>
 
-#include "core/ops/conv.h"
+#include "core/op_options.h"
+#include "core/shape.h"
 
 namespace stymo::kernels {
 
@@ -31,10 +32,16 @@ struct ConvGeometry {
     [[nodiscard]] std::int64_t group_in() const { return in_channels / groups; }
     [[nodiscard]] std::int64_t group_out() const { return out_channels / groups; }
     [[nodiscard]] std::int64_t input_image() const { return in_height * in_width * in_channels; }
-    [[nodiscard]] std::int64_t output_image() const { return out_height * out_width * out_channels; }
+    [[nodiscard]] std::int64_t output_image() const {
+        return out_height * out_width * out_channels;
+    }
     /// Length of one filter: the inner length of the products.
-    [[nodiscard]] std::int64_t filter_size() const { return kernel_height * kernel_width * group_in(); }
-    [[nodiscard]] bool depthwise() const { return groups > 1 && group_in() == 1 && group_out() == 1; }
+    [[nodiscard]] std::int64_t filter_size() const {
+        return kernel_height * kernel_width * group_in();
+    }
+    [[nodiscard]] bool depthwise() const {
+        return groups > 1 && group_in() == 1 && group_out() == 1;
+    }
 };
 
 /// What becomes of a convolution's result while it is in cache: leaky_relu(result + bias, slope).
@@ -53,7 +60,8 @@ struct ConvFinish {
             }
             if (factor != T(1)) {
 #pragma omp simd
-                for (std::int64_t c = 0; c < channels; ++c) pixels[c] *= pixels[c] > T(0) ? T(1) : factor;
+                for (std::int64_t c = 0; c < channels; ++c)
+                    pixels[c] *= pixels[c] > T(0) ? T(1) : factor;
             }
         }
     }

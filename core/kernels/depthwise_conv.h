@@ -2,11 +2,13 @@
 
 #include "core/kernels/conv_geometry.h"
 
-/// Convolutions with one channel in and out for each group: the loop over channels is innermost and contiguous. T: float, double.
+/// Convolutions with one channel in and out for each group: the loop over channels is innermost and
+/// contiguous. T: float, double.
 namespace stymo::kernels {
 
 template <class T>
-void depthwise_conv2d(const T* x, const T* weight, const ConvFinish<T>& finish, T* y, const ConvGeometry& g);
+void depthwise_conv2d(const T* x, const T* weight, const ConvFinish<T>& finish, T* y,
+                      const ConvGeometry& g);
 template <class T>
 void depthwise_conv2d_transpose(const T* dL_dy, const T* weight, T* dL_dx, const ConvGeometry& g);
 template <class T>

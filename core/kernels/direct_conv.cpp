@@ -15,11 +15,12 @@ namespace {
 constexpr std::int64_t unfolded_size = 1 << 18;
 /// Pixels that pay for reading the filters again.
 constexpr std::int64_t enough_pixels = 256;
-/// Channels up to which a transposed convolution scatters what it multiplies, rather than gathering what it needs.
+/// Channels up to which a transposed convolution scatters what it multiplies, rather than gathering
+/// what it needs.
 constexpr std::int64_t most_scattered_channels = 8;
 
-/// One axis of a convolution: the target's pixel n = start + step * i takes taps t of the source's pixels
-/// source_step * i + first + t.
+/// One axis of a convolution: the target's pixel n = start + step * i takes taps t of the source's
+/// pixels source_step * i + first + t.
 struct Axis {
     std::int64_t source, target;  ///< lengths
     std::int64_t start, step, count;
@@ -30,8 +31,10 @@ Axis forward_axis(std::int64_t in, std::int64_t out, std::int64_t kernel, const 
     return {in, out, 0, 1, out, g.stride, -g.padding, kernel};
 }
 
-/// The input's pixels `start`, start + stride, ..., which take every stride-th tap of the kernel, the last of them first.
-Axis transposed_axis(std::int64_t in, std::int64_t out, std::int64_t kernel, std::int64_t start, const ConvGeometry& g) {
+/// The input's pixels `start`, start + stride, ..., which take every stride-th tap of the kernel,
+/// the last of them first.
+Axis transposed_axis(std::int64_t in, std::int64_t out, std::int64_t kernel, std::int64_t start,
+                     const ConvGeometry& g) {
     const std::int64_t lowest = (start + g.padding) % g.stride;
     const std::int64_t taps = lowest < kernel ? chunk_count(kernel - lowest, g.stride) : 0;
     const std::int64_t count = start < in ? chunk_count(in - start, g.stride) : 0;
@@ -51,12 +54,18 @@ struct Gather {
     Axis rows, columns;
     Channels channels;
 
-    [[nodiscard]] std::int64_t source_image() const { return rows.source * columns.source * channels.source; }
-    [[nodiscard]] std::int64_t target_image() const { return rows.target * columns.target * channels.target; }
+    [[nodiscard]] std::int64_t source_image() const {
+        return rows.source * columns.source * channels.source;
+    }
+    [[nodiscard]] std::int64_t target_image() const {
+        return rows.target * columns.target * channels.target;
+    }
     [[nodiscard]] std::int64_t row_size() const { return columns.taps * channels.group_source(); }
-    /// Rows of taps that are unfolded together: all if enough pixels fit that way, else fewer, whose products are added up.
+    /// Rows of taps that are unfolded together: all if enough pixels fit that way, else fewer,
+    /// whose products are added up.
     [[nodiscard]] std::int64_t slice() const {
-        const std::int64_t most = unfolded_size / (enough_pixels * std::max<std::int64_t>(1, row_size()));
+        const std::int64_t most =
+            unfolded_size / (enough_pixels * std::max<std::int64_t>(1, row_size()));
         return std::clamp<std::int64_t>(most, 1, std::max<std::int64_t>(1, rows.taps));
     }
     [[nodiscard]] std::int64_t slices() const { return chunk_count(rows.taps, slice()); }
@@ -66,7 +75,8 @@ struct Gather {
     /// Rows of target pixels that are handled at once.
     [[nodiscard]] std::int64_t band() const {
         const std::int64_t pixels = unfolded_size / std::max<std::int64_t>(1, slice() * row_size());
-        return std::max<std::int64_t>(1, std::min<std::int64_t>(pixels, 1024) / std::max<std::int64_t>(1, columns.count));
+        return std::max<std::int64_t>(
+            1, std::min<std::int64_t>(pixels, 1024) / std::max<std::int64_t>(1, columns.count));
     }
     [[nodiscard]] std::int64_t bands() const { return chunk_count(rows.count, band()); }
 };
@@ -75,34 +85,41 @@ struct Gather {
 template <class T>
 void unfold_pixel(const T* line, T* to, const Gather& g, std::int64_t group, std::int64_t column) {
     const std::int64_t begin = std::clamp<std::int64_t>(-column, 0, g.columns.taps);
-    const std::int64_t end = std::clamp<std::int64_t>(g.columns.source - column, begin, g.columns.taps);
+    const std::int64_t end =
+        std::clamp<std::int64_t>(g.columns.source - column, begin, g.columns.taps);
     const std::int64_t channels = g.channels.group_source();
     if (begin > 0) std::fill_n(to, begin * channels, T(0));
     if (g.channels.groups == 1) {
-        std::copy_n(line + (column + begin) * channels, (end - begin) * channels, to + begin * channels);
+        std::copy_n(line + (column + begin) * channels, (end - begin) * channels,
+                    to + begin * channels);
     } else {
         for (std::int64_t tap = begin; tap < end; ++tap)
-            std::copy_n(line + (column + tap) * g.channels.source + group * channels, channels, to + tap * channels);
+            std::copy_n(line + (column + tap) * g.channels.source + group * channels, channels,
+                        to + tap * channels);
     }
-    if (end < g.columns.taps) std::fill_n(to + end * channels, (g.columns.taps - end) * channels, T(0));
+    if (end < g.columns.taps)
+        std::fill_n(to + end * channels, (g.columns.taps - end) * channels, T(0));
 }
 
-/// Unfolds what one slice of taps sees from the target rows [first, last) of one image: one matrix row for each target pixel.
+/// Unfolds what one slice of taps sees from the target rows [first, last) of one image: one matrix
+/// row for each target pixel.
 template <class T>
-void unfold(const T* image, T* columns, const Gather& g, std::int64_t group, std::int64_t slice, std::int64_t first,
-            std::int64_t last) {
+void unfold(const T* image, T* columns, const Gather& g, std::int64_t group, std::int64_t slice,
+            std::int64_t first, std::int64_t last) {
     const std::int64_t row_size = g.row_size();
     const std::int64_t slice_size = g.slice_size(slice);
     const std::int64_t taps = slice_size / std::max<std::int64_t>(1, row_size);
     for (std::int64_t i = first; i < last; ++i) {
         T* to = columns + (i - first) * g.columns.count * slice_size;
         for (std::int64_t tap = 0; tap < taps; ++tap, to += row_size) {
-            const std::int64_t row = i * g.rows.source_step + g.rows.first + slice * g.slice() + tap;
+            const std::int64_t row =
+                i * g.rows.source_step + g.rows.first + slice * g.slice() + tap;
             const bool inside = row >= 0 && row < g.rows.source;
             const T* line = image + row * g.columns.source * g.channels.source;
             for (std::int64_t j = 0; j < g.columns.count; ++j) {
                 if (inside) {
-                    unfold_pixel(line, to + j * slice_size, g, group, j * g.columns.source_step + g.columns.first);
+                    unfold_pixel(line, to + j * slice_size, g, group,
+                                 j * g.columns.source_step + g.columns.first);
                 } else {
                     std::fill_n(to + j * slice_size, row_size, T(0));
                 }
@@ -123,7 +140,8 @@ template <class T>
 void fill_zeros(T* target, const Gather& g, std::int64_t first, std::int64_t last) {
     for (std::int64_t i = first; i < last; ++i) {
         for (std::int64_t j = 0; j < g.columns.count; ++j) {
-            const std::int64_t pixel = (g.rows.start + i * g.rows.step) * g.columns.target + g.columns.start + j * g.columns.step;
+            const std::int64_t pixel = (g.rows.start + i * g.rows.step) * g.columns.target +
+                                       g.columns.start + j * g.columns.step;
             std::fill_n(target + pixel * g.channels.target, g.channels.target, T(0));
         }
     }
@@ -131,8 +149,8 @@ void fill_zeros(T* target, const Gather& g, std::int64_t first, std::int64_t las
 
 /// Writes the target rows [first, last) of one image. Filters: one for each group and slice.
 template <class T>
-void convolve_band(const T* source, const std::vector<PackedMatrix<T>>& filters, T* columns, T* target, const Gather& g,
-                   std::int64_t first, std::int64_t last) {
+void convolve_band(const T* source, const std::vector<PackedMatrix<T>>& filters, T* columns,
+                   T* target, const Gather& g, std::int64_t first, std::int64_t last) {
     if (g.rows.taps * g.columns.taps == 0) {
         fill_zeros(target, g, first, last);
         return;
@@ -144,34 +162,39 @@ void convolve_band(const T* source, const std::vector<PackedMatrix<T>>& filters,
         for (std::int64_t slice = 0; slice < g.slices(); ++slice) {
             unfold(source, columns, g, group, slice, first, last);
             const std::int64_t slice_size = g.slice_size(slice);
-            const PackedMatrix<T>& right = filters[static_cast<std::size_t>(group * g.slices() + slice)];
+            const PackedMatrix<T>& right =
+                filters[static_cast<std::size_t>(group * g.slices() + slice)];
             const std::int64_t pixels = (joined ? last - first : 1) * g.columns.count;
             for (std::int64_t i = first; i < last; i += joined ? last - first : 1) {
-                const std::int64_t pixel = (g.rows.start + i * g.rows.step) * g.columns.target + g.columns.start;
-                multiply_packed<T>(target + pixel * g.channels.target + group * g.channels.group_target(), pixel_stride,
-                                   {columns + (i - first) * g.columns.count * slice_size, slice_size, 1}, pixels, right,
-                                   {.present_values = slice > 0});
+                const std::int64_t pixel =
+                    (g.rows.start + i * g.rows.step) * g.columns.target + g.columns.start;
+                multiply_packed<T>(
+                    target + pixel * g.channels.target + group * g.channels.group_target(),
+                    pixel_stride,
+                    {columns + (i - first) * g.columns.count * slice_size, slice_size, 1}, pixels,
+                    right, {.present_values = slice > 0});
             }
         }
     }
 }
 
 template <class T>
-void convolve(const T* source, const std::vector<PackedMatrix<T>>& filters, const ConvFinish<T>& finish, T* target,
-              std::int64_t batch, const Gather& g) {
+void convolve(const T* source, const std::vector<PackedMatrix<T>>& filters,
+              const ConvFinish<T>& finish, T* target, std::int64_t batch, const Gather& g) {
     const std::int64_t bands = g.bands();
     // Bands that share a buffer; enough chunks for any number of threads.
     const std::int64_t run = chunk_count(batch * bands, 64);
     parallel_for(batch * bands, run, [&](std::int64_t begin, std::int64_t end) {
-        const Buffer<T> columns =
-            uninitialised<T>(g.band() * g.columns.count * std::max<std::int64_t>(1, g.slice() * g.row_size()));
+        const Buffer<T> columns = uninitialised<T>(
+            g.band() * g.columns.count * std::max<std::int64_t>(1, g.slice() * g.row_size()));
         for (std::int64_t index = begin; index < end; ++index) {
             const std::int64_t first = index % bands * g.band();
             const std::int64_t last = std::min(g.rows.count, first + g.band());
             T* const image = target + index / bands * g.target_image();
-            convolve_band(source + index / bands * g.source_image(), filters, columns.get(), image, g, first, last);
-            finish.apply(image + first * g.columns.target * g.channels.target, (last - first) * g.columns.target,
-                         g.channels.target);
+            convolve_band(source + index / bands * g.source_image(), filters, columns.get(), image,
+                          g, first, last);
+            finish.apply(image + first * g.columns.target * g.channels.target,
+                         (last - first) * g.columns.target, g.channels.target);
         }
     });
 }
@@ -182,22 +205,27 @@ Gather forward(const ConvGeometry& g) {
             {g.in_channels, g.out_channels, g.groups}};
 }
 
-/// The filters as right operands, (taps and input channels, output channels), for each group and slice.
+/// The filters as right operands, (taps and input channels, output channels), for each group and
+/// slice.
 template <class T>
-std::vector<PackedMatrix<T>> pack_forward(const T* weight, const Gather& forward, const ConvGeometry& g) {
+std::vector<PackedMatrix<T>> pack_forward(const T* weight, const Gather& forward,
+                                          const ConvGeometry& g) {
     std::vector<PackedMatrix<T>> filters(static_cast<std::size_t>(g.groups * forward.slices()));
     for (std::int64_t index = 0; index < g.groups * forward.slices(); ++index) {
         const std::int64_t slice = index % forward.slices();
         const T* first = weight + index / forward.slices() * g.group_out() * g.filter_size();
-        filters[static_cast<std::size_t>(index)] = PackedMatrix<T>(first + slice * forward.slice() * forward.row_size(),
-                                                                   forward.slice_size(slice), g.group_out(), 1, g.filter_size());
+        filters[static_cast<std::size_t>(index)] =
+            PackedMatrix<T>(first + slice * forward.slice() * forward.row_size(),
+                            forward.slice_size(slice), g.group_out(), 1, g.filter_size());
     }
     return filters;
 }
 
-/// The same from output to input channels, with those taps that one phase of the input's pixels takes.
+/// The same from output to input channels, with those taps that one phase of the input's pixels
+/// takes.
 template <class T>
-std::vector<PackedMatrix<T>> pack_transposed(const T* weight, const Gather& phase, const ConvGeometry& g) {
+std::vector<PackedMatrix<T>> pack_transposed(const T* weight, const Gather& phase,
+                                             const ConvGeometry& g) {
     // Taps of the kernel that the gather's taps are, in its order.
     const auto tap_of = [&](const Axis& axis, std::int64_t tap) {
         return (axis.start + g.padding) % g.stride + (axis.taps - 1 - tap) * g.stride;
@@ -210,27 +238,35 @@ std::vector<PackedMatrix<T>> pack_transposed(const T* weight, const Gather& phas
         T* to = matrix.get();
         const T* first = weight + index / phase.slices() * g.group_out() * g.filter_size();
         for (std::int64_t i = 0; i < size / g.group_out(); ++i) {
-            const std::int64_t row = tap_of(phase.rows, slice * phase.slice() + i / phase.columns.taps);
+            const std::int64_t row =
+                tap_of(phase.rows, slice * phase.slice() + i / phase.columns.taps);
             const std::int64_t column = tap_of(phase.columns, i % phase.columns.taps);
             for (std::int64_t out = 0; out < g.group_out(); ++out, to += g.group_in())
-                std::copy_n(first + out * g.filter_size() + (row * g.kernel_width + column) * g.group_in(), g.group_in(), to);
+                std::copy_n(
+                    first + out * g.filter_size() + (row * g.kernel_width + column) * g.group_in(),
+                    g.group_in(), to);
         }
-        filters[static_cast<std::size_t>(index)] = PackedMatrix<T>(matrix.get(), size, g.group_in(), g.group_in(), 1);
+        filters[static_cast<std::size_t>(index)] =
+            PackedMatrix<T>(matrix.get(), size, g.group_in(), g.group_in(), 1);
     });
     return filters;
 }
 
-/// Adds what the output row `out_row`, unfolded, gives to the input rows [first, last) of one image.
+/// Adds what the output row `out_row`, unfolded, gives to the input rows [first, last) of one
+/// image.
 template <class T>
-void fold_row(const T* columns, T* image, const ConvGeometry& g, std::int64_t out_row, std::int64_t first, std::int64_t last) {
+void fold_row(const T* columns, T* image, const ConvGeometry& g, std::int64_t out_row,
+              std::int64_t first, std::int64_t last) {
     const std::int64_t row_size = g.kernel_width * g.in_channels;
     for (std::int64_t tap = 0; tap < g.kernel_height; ++tap) {
         const std::int64_t row = out_row * g.stride + tap - g.padding;
         if (row < first || row >= last) continue;
         for (std::int64_t out_column = 0; out_column < g.out_width; ++out_column) {
             const std::int64_t column = out_column * g.stride - g.padding;
-            const std::int64_t begin = std::clamp<std::int64_t>(-column, 0, g.kernel_width) * g.in_channels;
-            const std::int64_t end = std::clamp<std::int64_t>(g.in_width - column, 0, g.kernel_width) * g.in_channels;
+            const std::int64_t begin =
+                std::clamp<std::int64_t>(-column, 0, g.kernel_width) * g.in_channels;
+            const std::int64_t end =
+                std::clamp<std::int64_t>(g.in_width - column, 0, g.kernel_width) * g.in_channels;
             const T* from = columns + out_column * g.filter_size() + tap * row_size;
             T* to = image + (row * g.in_width + column) * g.in_channels;
             for (std::int64_t i = begin; i < end; ++i) to[i] += from[i];
@@ -238,28 +274,34 @@ void fold_row(const T* columns, T* image, const ConvGeometry& g, std::int64_t ou
     }
 }
 
-/// The transposed convolution to few channels: all taps of an output pixel are the columns of one product, where the filters of a
-/// gather would leave most of a panel's columns empty.
+/// The transposed convolution to few channels: all taps of an output pixel are the columns of one
+/// product, where the filters of a gather would leave most of a panel's columns empty.
 template <class T>
 void scatter(const T* dL_dy, const T* weight, T* dL_dx, const ConvGeometry& g) {
     const PackedMatrix<T> filters(weight, g.out_channels, g.filter_size(), g.filter_size(), 1);
-    // Bands of input rows: each is written by one thread only; output rows at a seam are multiplied twice.
+    // Bands of input rows: each is written by one thread only; output rows at a seam are multiplied
+    // twice.
     const std::int64_t rows = std::max<std::int64_t>(
-        g.stride * g.kernel_height, g.stride * (unfolded_size / std::max<std::int64_t>(1, g.out_width * g.filter_size())));
+        g.stride * g.kernel_height,
+        g.stride * (unfolded_size / std::max<std::int64_t>(1, g.out_width * g.filter_size())));
     const std::int64_t bands = chunk_count(g.in_height, rows);
     parallel_for(g.batch * bands, 1, [&](std::int64_t index, std::int64_t) {
         const std::int64_t first = index % bands * rows;
         const std::int64_t last = std::min(g.in_height, first + rows);
         T* const image = dL_dx + index / bands * g.input_image();
-        std::fill_n(image + first * g.in_width * g.in_channels, (last - first) * g.in_width * g.in_channels, T(0));
-        const std::int64_t lowest = std::max<std::int64_t>(0, first + g.padding - g.kernel_height + 1);
+        std::fill_n(image + first * g.in_width * g.in_channels,
+                    (last - first) * g.in_width * g.in_channels, T(0));
+        const std::int64_t lowest =
+            std::max<std::int64_t>(0, first + g.padding - g.kernel_height + 1);
         const std::int64_t begin = chunk_count(lowest, g.stride);
         const std::int64_t end = std::min(g.out_height, (last - 1 + g.padding) / g.stride + 1);
         if (begin >= end) return;
         const std::int64_t line = g.out_width * g.filter_size();
         const Buffer<T> columns = uninitialised<T>((end - begin) * line);
-        const T* from = dL_dy + index / bands * g.output_image() + begin * g.out_width * g.out_channels;
-        multiply_packed<T>(columns.get(), g.filter_size(), {from, g.out_channels, 1}, (end - begin) * g.out_width, filters);
+        const T* from =
+            dL_dy + index / bands * g.output_image() + begin * g.out_width * g.out_channels;
+        multiply_packed<T>(columns.get(), g.filter_size(), {from, g.out_channels, 1},
+                           (end - begin) * g.out_width, filters);
         for (std::int64_t row = begin; row < end; ++row)
             fold_row(columns.get() + (row - begin) * line, image, g, row, first, last);
     });
@@ -268,19 +310,23 @@ void scatter(const T* dL_dy, const T* weight, T* dL_dx, const ConvGeometry& g) {
 }  // namespace
 
 template <class T>
-void direct_conv2d(const T* x, const T* weight, const ConvFinish<T>& finish, T* y, const ConvGeometry& g) {
+void direct_conv2d(const T* x, const T* weight, const ConvFinish<T>& finish, T* y,
+                   const ConvGeometry& g) {
     const Gather gather = forward(g);
     convolve(x, pack_forward(weight, gather, g), finish, y, g.batch, gather);
 }
 
 template <class T>
 void direct_conv2d_transpose(const T* dL_dy, const T* weight, T* dL_dx, const ConvGeometry& g) {
-    if (g.groups == 1 && g.in_channels <= most_scattered_channels) return scatter(dL_dy, weight, dL_dx, g);
+    if (g.groups == 1 && g.in_channels <= most_scattered_channels)
+        return scatter(dL_dy, weight, dL_dx, g);
     for (std::int64_t phase = 0; phase < g.stride * g.stride; ++phase) {
-        const Gather gather{transposed_axis(g.in_height, g.out_height, g.kernel_height, phase / g.stride, g),
-                            transposed_axis(g.in_width, g.out_width, g.kernel_width, phase % g.stride, g),
-                            {g.out_channels, g.in_channels, g.groups}};
-        convolve(dL_dy, pack_transposed(weight, gather, g), ConvFinish<T>{}, dL_dx, g.batch, gather);
+        const Gather gather{
+            transposed_axis(g.in_height, g.out_height, g.kernel_height, phase / g.stride, g),
+            transposed_axis(g.in_width, g.out_width, g.kernel_width, phase % g.stride, g),
+            {g.out_channels, g.in_channels, g.groups}};
+        convolve(dL_dy, pack_transposed(weight, gather, g), ConvFinish<T>{}, dL_dx, g.batch,
+                 gather);
     }
 }
 
@@ -301,10 +347,12 @@ WeightPiece weight_piece(std::int64_t index, const Gather& gather) {
             std::min(piece_channels, gather.channels.group_target() - first)};
 }
 
-/// Adds the bands [begin, end) of all images to one piece of the weight's gradient, beginning anew at `begin`.
+/// Adds the bands [begin, end) of all images to one piece of the weight's gradient, beginning anew
+/// at `begin`.
 template <class T>
-void sum_bands(const T* dL_dy, const T* x, T* dL_dweight, const Gather& gather, const ConvGeometry& g, const WeightPiece& piece,
-               std::int64_t begin, std::int64_t end) {
+void sum_bands(const T* dL_dy, const T* x, T* dL_dweight, const Gather& gather,
+               const ConvGeometry& g, const WeightPiece& piece, std::int64_t begin,
+               std::int64_t end) {
     const std::int64_t size = gather.slice_size(piece.slice);
     const Buffer<T> columns = uninitialised<T>(gather.band() * g.out_width * size);
     T* to = dL_dweight + (piece.group * g.group_out() + piece.first_out) * g.filter_size() +
@@ -312,10 +360,12 @@ void sum_bands(const T* dL_dy, const T* x, T* dL_dweight, const Gather& gather, 
     for (std::int64_t index = begin; index < end; ++index) {
         const std::int64_t first = index % gather.bands() * gather.band();
         const std::int64_t last = std::min(g.out_height, first + gather.band());
-        unfold(x + index / gather.bands() * g.input_image(), columns.get(), gather, piece.group, piece.slice, first, last);
+        unfold(x + index / gather.bands() * g.input_image(), columns.get(), gather, piece.group,
+               piece.slice, first, last);
         const PackedMatrix<T> right(columns.get(), (last - first) * g.out_width, size, size, 1);
-        const T* gradient = dL_dy + index / gather.bands() * g.output_image() + first * g.out_width * g.out_channels +
-                            piece.group * g.group_out() + piece.first_out;
+        const T* gradient = dL_dy + index / gather.bands() * g.output_image() +
+                            first * g.out_width * g.out_channels + piece.group * g.group_out() +
+                            piece.first_out;
         multiply_packed<T>(to, g.filter_size(), {gradient, 1, g.out_channels}, piece.outs, right,
                            {.present_values = index > begin});
     }
@@ -326,7 +376,8 @@ void sum_bands(const T* dL_dy, const T* x, T* dL_dweight, const Gather& gather, 
 template <class T>
 void direct_conv2d_weight_grad(const T* dL_dy, const T* x, T* dL_dweight, const ConvGeometry& g) {
     const Gather gather = forward(g);
-    const std::int64_t pieces = g.groups * gather.slices() * chunk_count(g.group_out(), piece_channels);
+    const std::int64_t pieces =
+        g.groups * gather.slices() * chunk_count(g.group_out(), piece_channels);
     const std::int64_t bands = g.batch * gather.bands();
     // Few pieces: each of them in a few fixed runs of bands, which are added in order.
     const std::int64_t run = std::max<std::int64_t>(1, chunk_count(bands, pieces < 6 ? 8 : 1));
@@ -336,15 +387,19 @@ void direct_conv2d_weight_grad(const T* dL_dy, const T* x, T* dL_dweight, const 
     parallel_for(pieces * runs, 1, [&](std::int64_t index, std::int64_t) {
         const std::int64_t part = index / pieces;
         sum_bands(dL_dy, x, part == 0 ? dL_dweight : partial.get() + (part - 1) * size, gather, g,
-                  weight_piece(index % pieces, gather), part * run, std::min(bands, (part + 1) * run));
+                  weight_piece(index % pieces, gather), part * run,
+                  std::min(bands, (part + 1) * run));
     });
     for (std::int64_t part = 1; part < runs; ++part) {
-        for (std::int64_t i = 0; i < size; ++i) dL_dweight[i] += partial[static_cast<std::size_t>((part - 1) * size + i)];
+        for (std::int64_t i = 0; i < size; ++i)
+            dL_dweight[i] += partial[static_cast<std::size_t>((part - 1) * size + i)];
     }
 }
 
-template void direct_conv2d(const float*, const float*, const ConvFinish<float>&, float*, const ConvGeometry&);
-template void direct_conv2d(const double*, const double*, const ConvFinish<double>&, double*, const ConvGeometry&);
+template void direct_conv2d(const float*, const float*, const ConvFinish<float>&, float*,
+                            const ConvGeometry&);
+template void direct_conv2d(const double*, const double*, const ConvFinish<double>&, double*,
+                            const ConvGeometry&);
 template void direct_conv2d_transpose(const float*, const float*, float*, const ConvGeometry&);
 template void direct_conv2d_transpose(const double*, const double*, double*, const ConvGeometry&);
 template void direct_conv2d_weight_grad(const float*, const float*, float*, const ConvGeometry&);

@@ -7,7 +7,8 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
-// Included once for each instruction set, so what does not depend on it stands below, within HWY_ONCE.
+// Included once for each instruction set, so what does not depend on it stands below, within
+// HWY_ONCE.
 HWY_BEFORE_NAMESPACE();
 namespace stymo::kernels::HWY_NAMESPACE {
 
@@ -37,7 +38,8 @@ HWY_INLINE void multiply_dots_block(const Dots<T>& dots) {
     for (int i = 0; i < rows; ++i) {
         for (int j = 0; j < others; ++j) {
             T sum = simd::GetLane(simd::SumOfLanes(tag, sums[i][j]));
-            for (std::int64_t p = whole; p < dots.k; ++p) sum += dots.x[i * dots.k + p] * dots.y[j * dots.k + p];
+            for (std::int64_t p = whole; p < dots.k; ++p)
+                sum += dots.x[i * dots.k + p] * dots.y[j * dots.k + p];
             dots.c[i * dots.stride_x + j * dots.stride_y] = sum;
         }
     }

@@ -4,8 +4,9 @@
 
 namespace stymo::kernels {
 
-/// Inner products of each of `count_x` vectors with each of a few others: products that read their larger operand once, for which
-/// packing it would take longer. Both sides contiguous, one vector of length k after the other.
+/// Inner products of each of `count_x` vectors with each of a few others: products that read their
+/// larger operand once, for which packing it would take longer. Both sides contiguous, one vector
+/// of length k after the other.
 template <class T>
 struct Dots {
     const T* x;

@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "core/kernels/fast_math.h"
 #include "core/kernels/map.h"
+#include "core/kernels/sine.h"
 
 namespace stymo::kernels {
 
@@ -18,10 +18,12 @@ BroadcastPlan plan_broadcast(const Shape& a, const Shape& b, const char* operati
         const std::int64_t extent_a = axis <= a.rank() ? a[-axis] : 1;
         const std::int64_t extent_b = axis <= b.rank() ? b[-axis] : 1;
         if (extent == 1) continue;
-        const BroadcastPlan::Axis next{extent, extent_a == 1 ? 0 : size_a, extent_b == 1 ? 0 : size_b};
+        const BroadcastPlan::Axis next{extent, extent_a == 1 ? 0 : size_a,
+                                       extent_b == 1 ? 0 : size_b};
         size_a *= extent_a;
         size_b *= extent_b;
-        const bool continues = !axes.empty() && (next.stride_a == 0) == (axes.back().stride_a == 0) &&
+        const bool continues = !axes.empty() &&
+                               (next.stride_a == 0) == (axes.back().stride_a == 0) &&
                                (next.stride_b == 0) == (axes.back().stride_b == 0);
         if (continues) {
             axes.back().extent *= extent;
@@ -57,7 +59,8 @@ Tensor minimum(const Tensor& a, const Tensor& b) {
     return zip(a, b, "minimum", [](auto x, auto y) { return x <= y ? x : y; });
 }
 Tensor greater_equal(const Tensor& a, const Tensor& b) {
-    return zip(a, b, "greater_equal", [](auto x, auto y) { return x >= y ? decltype(x)(1) : decltype(x)(0); });
+    return zip(a, b, "greater_equal",
+               [](auto x, auto y) { return x >= y ? decltype(x)(1) : decltype(x)(0); });
 }
 
 Tensor affine(const Tensor& x, double factor, double offset) {
@@ -75,16 +78,15 @@ Tensor log(const Tensor& x) {
 
 namespace {
 
-template <bool take_sine>
-Tensor sine_or_cosine(const Tensor& x) {
+/// Calls body(x, y, count) with pointers for parts of all elements, on several threads.
+template <class Body>
+Tensor map_parts(const Tensor& x, const Body& body) {
     Tensor y(x.shape(), x.dtype());
     dispatch(x.dtype(), [&]<class T>(T) {
         const T* in = x.values<T>().data();
         T* out = y.mutable_values<T>().data();
         parallel_for(x.size(), elementwise_grain, [=](std::int64_t begin, std::int64_t end) {
-            T* const block = out + begin;
-            for_each_sine_cosine(in + begin, end - begin,
-                                 [=](std::int64_t i, T sine, T cosine) { block[i] = take_sine ? sine : cosine; });
+            body(in + begin, out + begin, end - begin);
         });
     });
     return y;
@@ -93,10 +95,14 @@ Tensor sine_or_cosine(const Tensor& x) {
 }  // namespace
 
 Tensor sin(const Tensor& x) {
-    return sine_or_cosine<true>(x);
+    return map_parts(x, []<class T>(const T* in, T* out, std::int64_t count) {
+        sine_cosine(in, out, static_cast<T*>(nullptr), count);
+    });
 }
 Tensor cos(const Tensor& x) {
-    return sine_or_cosine<false>(x);
+    return map_parts(x, []<class T>(const T* in, T* out, std::int64_t count) {
+        sine_cosine(in, static_cast<T*>(nullptr), out, count);
+    });
 }
 
 Tensor sqrt(const Tensor& x) {
@@ -141,7 +147,8 @@ Tensor nonzero(const Tensor& x) {
 Tensor sigmoid(const Tensor& x) {
     return map(x, [](auto value) {
         using T = decltype(value);
-        // The exponential of a negative argument only: never overflows, and keeps full precision in both tails.
+        // The exponential of a negative argument only: never overflows, and keeps full precision in
+        // both tails.
         const T e = std::exp(-std::abs(value));
         return (value >= T(0) ? T(1) : e) / (T(1) + e);
     });
@@ -158,7 +165,8 @@ Tensor softplus(const Tensor& x) {
 
 namespace {
 
-/// A choice between constants, which the compiler turns into a vector's blend: between results it would branch.
+/// A choice between constants, which the compiler turns into a vector's blend: between results it
+/// would branch.
 template <class T>
 T leaky_factor(T value, double slope) {
     return value > T(0) ? T(1) : static_cast<T>(slope);
@@ -170,11 +178,14 @@ Tensor leaky_relu(const Tensor& x, double slope) {
     return map(x, [=](auto value) { return value * leaky_factor(value, slope); });
 }
 Tensor leaky_gate(const Tensor& x, const Tensor& sign, double slope, double gain) {
-    return zip(x, sign, "leaky_gate",
-               [=](auto value, auto of) { return value * static_cast<decltype(of)>(gain) * leaky_factor(of, slope); });
+    return zip(x, sign, "leaky_gate", [=](auto value, auto of) {
+        return value * static_cast<decltype(of)>(gain) * leaky_factor(of, slope);
+    });
 }
 Tensor prelu(const Tensor& x, const Tensor& slope) {
-    return zip(x, slope, "prelu", [](auto value, auto factor) { return value > decltype(value)(0) ? value : factor * value; });
+    return zip(x, slope, "prelu", [](auto value, auto factor) {
+        return value > decltype(value)(0) ? value : factor * value;
+    });
 }
 Tensor leaky_slope(const Tensor& x, double slope) {
     return map(x, [=](auto value) { return leaky_factor(value, slope); });
@@ -189,7 +200,8 @@ Tensor broadcast_to(const Tensor& x, const Shape& shape) {
         const T* in = x.values<T>().data();
         T* out = target.mutable_values<T>().data();
         const std::int64_t length = plan.inner.extent;
-        const std::int64_t grain = std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, length));
+        const std::int64_t grain =
+            std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, length));
         parallel_for(plan.outer_size, grain, [&](std::int64_t begin, std::int64_t end) {
             for (std::int64_t row = begin; row < end; ++row) {
                 const T* from = in + plan.offsets(row).a;

@@ -36,20 +36,24 @@ HWY_INLINE void store_result(simd::ScalableTag<T> tag, simd::Vec<simd::ScalableT
     simd::StoreU(x, tag, to);
 }
 
-HWY_INLINE void store_result(simd::ScalableTag<float> tag, simd::Vec<simd::ScalableTag<float>> x, BFloat16* to) {
+HWY_INLINE void store_result(simd::ScalableTag<float> tag, simd::Vec<simd::ScalableTag<float>> x,
+                             BFloat16* to) {
     const simd::RebindToUnsigned<decltype(tag)> words;
     const simd::RebindToSigned<decltype(tag)> integers;
     const simd::Rebind<std::uint16_t, decltype(tag)> halves;
     const auto bits = simd::BitCast(words, x);
     const auto odd = simd::And(simd::ShiftRight<16>(bits), simd::Set(words, 1));
-    const auto rounded = simd::ShiftRight<16>(simd::Add(bits, simd::Add(odd, simd::Set(words, 0x7FFF))));
+    const auto rounded =
+        simd::ShiftRight<16>(simd::Add(bits, simd::Add(odd, simd::Set(words, 0x7FFF))));
     const auto quiet = simd::ShiftRight<16>(simd::Or(bits, simd::Set(words, 0x400000)));
     const auto upper = simd::IfThenElse(simd::RebindMask(words, simd::IsNaN(x)), quiet, rounded);
     // Not through the type's member, which would be an access to one of them only.
-    simd::StoreU(simd::DemoteTo(halves, simd::BitCast(integers, upper)), halves, reinterpret_cast<std::uint16_t*>(to));
+    simd::StoreU(simd::DemoteTo(halves, simd::BitCast(integers, upper)), halves,
+                 reinterpret_cast<std::uint16_t*>(to));
 }
 
-HWY_INLINE void store_result(simd::ScalableTag<float> tag, simd::Vec<simd::ScalableTag<float>> x, Float16* to) {
+HWY_INLINE void store_result(simd::ScalableTag<float> tag, simd::Vec<simd::ScalableTag<float>> x,
+                             Float16* to) {
     const simd::Rebind<hwy::float16_t, decltype(tag)> halves;
     simd::StoreU(simd::DemoteTo(halves, x), halves, reinterpret_cast<hwy::float16_t*>(to));
 }
@@ -63,13 +67,15 @@ HWY_INLINE void for_each_vector(const Activated<T, Out>& block, auto body) {
     }
 }
 
-/// The library's sine where the vector sine is not accurate: float32 beyond its limit and NaN, all of float64.
+/// The library's sine where the vector sine is not accurate: float32 beyond its limit and NaN, all
+/// of float64.
 template <class T, class Out>
 HWY_NOINLINE void apply_library_sine(const Activated<T, Out>& block) {
     for (std::int64_t row = 0; row < block.rows; ++row) {
         for (std::int64_t column = 0; column < block.columns; ++column) {
             const T x = block.sums[row * block.sums_stride + column];
-            if (sizeof(T) == sizeof(float) && std::abs(x) <= static_cast<T>(vector_sine_limit)) continue;
+            if (sizeof(T) == sizeof(float) && std::abs(x) <= static_cast<T>(vector_sine_limit))
+                continue;
             const std::int64_t index = row * block.stride + column;
             if constexpr (std::is_same_v<Out, BFloat16>) {
                 block.c[index] = rounded_to_bfloat16(std::sin(x));
@@ -86,7 +92,8 @@ HWY_NOINLINE void apply_library_sine(const Activated<T, Out>& block) {
 template <class Out>
 HWY_INLINE void apply_sine(const Activated<float, Out>& block) {
     const simd::ScalableTag<float> tag;
-    // One instruction for each vector tells whether any number is too large: their squares add up to more.
+    // One instruction for each vector tells whether any number is too large: their squares add up
+    // to more.
     auto squares = simd::Zero(tag);
     const auto add = [&](const float* sums, std::int64_t index, bool with_slope) {
         const auto x = simd::LoadU(tag, sums);
@@ -96,11 +103,15 @@ HWY_INLINE void apply_sine(const Activated<float, Out>& block) {
         if (with_slope) simd::StoreU(vector_cosine(turns), tag, block.slope + index);
     };
     if (block.slope == nullptr) {
-        for_each_vector(block, [&](const float* sums, std::int64_t index) { add(sums, index, false); });
+        for_each_vector(block,
+                        [&](const float* sums, std::int64_t index) { add(sums, index, false); });
     } else {
-        for_each_vector(block, [&](const float* sums, std::int64_t index) { add(sums, index, true); });
+        for_each_vector(block,
+                        [&](const float* sums, std::int64_t index) { add(sums, index, true); });
     }
-    if (!simd::AllTrue(tag, simd::Le(squares, simd::Set(tag, vector_sine_limit * vector_sine_limit)))) apply_library_sine(block);
+    if (!simd::AllTrue(tag,
+                       simd::Le(squares, simd::Set(tag, vector_sine_limit * vector_sine_limit))))
+        apply_library_sine(block);
 }
 
 HWY_INLINE void apply_sine(const Activated<double, double>& block) {

@@ -14,7 +14,8 @@ namespace stymo::kernels {
 float widened(Float16 x) {
     const std::uint32_t sign = static_cast<std::uint32_t>(x.bits & 0x8000) << 16;
     const std::uint32_t rest = static_cast<std::uint32_t>(x.bits & 0x7FFF) << 13;
-    // Subnormal numbers become right by the multiplication, infinity and NaN by the largest exponent.
+    // Subnormal numbers become right by the multiplication, infinity and NaN by the largest
+    // exponent.
     const float shifted = std::bit_cast<float>(rest) * 0x1p112F;
     const std::uint32_t special = rest >= 0x0F800000 ? 0x7F800000 : 0;
     return std::bit_cast<float>(std::bit_cast<std::uint32_t>(shifted) | sign | special);
@@ -43,12 +44,14 @@ Float16 rounded_to_float16(float x) {
 
 namespace {
 
-/// Both sums of a lane's pair, for the even columns (a) and the odd ones (b): in the order of the columns.
+/// Both sums of a lane's pair, for the even columns (a) and the odd ones (b): in the order of the
+/// columns.
 __attribute__((target("avx512fp16,avx512vl"))) inline __m512h sums_of_pairs(__m512h a, __m512h b) {
     constexpr __mmask32 odd = 0xAAAAAAAA;
-    const __m512i first = _mm512_mask_blend_epi16(odd, _mm512_castph_si512(a), _mm512_castph_si512(b));
-    const __m512i second =
-        _mm512_maskz_rol_epi32(0xFFFF, _mm512_mask_blend_epi16(odd, _mm512_castph_si512(b), _mm512_castph_si512(a)), 16);
+    const __m512i first =
+        _mm512_mask_blend_epi16(odd, _mm512_castph_si512(a), _mm512_castph_si512(b));
+    const __m512i second = _mm512_maskz_rol_epi32(
+        0xFFFF, _mm512_mask_blend_epi16(odd, _mm512_castph_si512(b), _mm512_castph_si512(a)), 16);
     return _mm512_add_ph(_mm512_castsi512_ph(first), _mm512_castsi512_ph(second));
 }
 
@@ -57,12 +60,12 @@ using PairSums = __m512h[rows][2];
 
 /// Sums of `count` pairs from pair `begin` on, in half precision.
 template <int rows>
-__attribute__((target("avx512fp16,avx512vl"), always_inline)) inline void sum_pairs(PairSums<rows>& sums,
-                                                                                    const Float16Operands& operands,
-                                                                                    std::int64_t begin, std::int64_t count) {
+__attribute__((target("avx512fp16,avx512vl"), always_inline)) inline void sum_pairs(
+    PairSums<rows>& sums, const Float16Operands& operands, std::int64_t begin, std::int64_t count) {
 #pragma GCC unroll 12
     for (int row = 0; row < rows; ++row) sums[row][0] = sums[row][1] = _mm512_setzero_ph();
-    // A pointer for three rows each, not derived from one another: else there are not registers enough for distances.
+    // A pointer for three rows each, not derived from one another: else there are not registers
+    // enough for distances.
     const Float16* left0 = operands.left + 2 * begin;
     const Float16* left3 = left0 + 3 * operands.row_stride;
     const Float16* left6 = left0 + 6 * operands.row_stride;
@@ -92,15 +95,19 @@ template <int rows>
 __attribute__((target("avx512fp16,avx512vl"))) void multiply_rows(const Float16Block& block) {
     const float* start = block.start;
     std::int64_t start_stride = block.start_stride;
-    for (std::int64_t begin = 0; begin == 0 || begin < block.operands.pairs; begin += float16_pairs_at_once) {
+    for (std::int64_t begin = 0; begin == 0 || begin < block.operands.pairs;
+         begin += float16_pairs_at_once) {
         PairSums<rows> sums;
-        sum_pairs<rows>(sums, block.operands, begin, std::min(float16_pairs_at_once, block.operands.pairs - begin));
+        sum_pairs<rows>(sums, block.operands, begin,
+                        std::min(float16_pairs_at_once, block.operands.pairs - begin));
 #pragma GCC unroll 12
         for (int row = 0; row < rows; ++row) {
             // Masks of all lanes: the plain forms have operands that gcc takes for uninitialised.
             const __m512i both = _mm512_castph_si512(sums_of_pairs(sums[row][0], sums[row][1]));
-            const __m512 lower = _mm512_cvtxph_ps(_mm256_castsi256_ph(_mm512_maskz_extracti64x4_epi64(0xF, both, 0)));
-            const __m512 upper = _mm512_cvtxph_ps(_mm256_castsi256_ph(_mm512_maskz_extracti64x4_epi64(0xF, both, 1)));
+            const __m512 lower = _mm512_cvtxph_ps(
+                _mm256_castsi256_ph(_mm512_maskz_extracti64x4_epi64(0xF, both, 0)));
+            const __m512 upper = _mm512_cvtxph_ps(
+                _mm256_castsi256_ph(_mm512_maskz_extracti64x4_epi64(0xF, both, 1)));
             const float* const from = start + row * start_stride;
             float* const to = block.sums + row * block.sums_stride;
             _mm512_storeu_ps(to, _mm512_add_ps(_mm512_loadu_ps(from), lower));
@@ -111,18 +118,22 @@ __attribute__((target("avx512fp16,avx512vl"))) void multiply_rows(const Float16B
     }
 }
 
-/// A factor as a half and what that lacks: rounded, the gain would be off by the same in every layer.
+/// A factor as a half and what that lacks: rounded, the gain would be off by the same in every
+/// layer.
 struct ExactFactor {
     __m512h nearest;
     __m512h rest;
 };
 
-__attribute__((target("avx512fp16,avx512vl"), always_inline)) inline ExactFactor exact_factor(float factor) {
+__attribute__((target("avx512fp16,avx512vl"), always_inline)) inline ExactFactor exact_factor(
+    float factor) {
     const float nearest = widened(rounded_to_float16(factor));
-    return {_mm512_set1_ph(static_cast<_Float16>(nearest)), _mm512_set1_ph(static_cast<_Float16>(factor - nearest))};
+    return {_mm512_set1_ph(static_cast<_Float16>(nearest)),
+            _mm512_set1_ph(static_cast<_Float16>(factor - nearest))};
 }
 
-__attribute__((target("avx512fp16,avx512vl"), always_inline)) inline __m512h times(__m512h x, const ExactFactor& factor) {
+__attribute__((target("avx512fp16,avx512vl"), always_inline)) inline __m512h times(
+    __m512h x, const ExactFactor& factor) {
     return _mm512_fmadd_ph(x, factor.nearest, _mm512_mul_ph(x, factor.rest));
 }
 
@@ -132,9 +143,10 @@ __attribute__((target("avx512fp16,avx512vl"))) void multiply_rows(const Float16L
     sum_pairs<rows>(sums, layer.operands, 0, layer.operands.pairs);
     const __m256h lower = _mm512_cvtxps_ph(_mm512_loadu_ps(layer.bias)),
                   upper = _mm512_cvtxps_ph(_mm512_loadu_ps(layer.bias + 16));
-    const __m512h bias = _mm512_castsi512_ph(
-        _mm512_maskz_inserti64x4(0xFF, _mm512_castsi256_si512(_mm256_castph_si256(lower)), _mm256_castph_si256(upper), 1));
-    const ExactFactor gain = exact_factor(std::numbers::sqrt2_v<float>), leak = exact_factor(std::numbers::sqrt2_v<float> * 0.2F);
+    const __m512h bias = _mm512_castsi512_ph(_mm512_maskz_inserti64x4(
+        0xFF, _mm512_castsi256_si512(_mm256_castph_si256(lower)), _mm256_castph_si256(upper), 1));
+    const ExactFactor gain = exact_factor(std::numbers::sqrt2_v<float>),
+                      leak = exact_factor(std::numbers::sqrt2_v<float> * 0.2F);
 #pragma GCC unroll 12
     for (int row = 0; row < rows; ++row) {
         __m512h x = _mm512_add_ph(sums_of_pairs(sums[row][0], sums[row][1]), bias);

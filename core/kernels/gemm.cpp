@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <array>
-#include <memory>
+#include <vector>
 
 #include "core/kernels/targets.h"
 #include "core/parallel.h"
@@ -15,21 +15,24 @@
 #include "core/kernels/epilogue-inl.h"
 #include "core/kernels/product-inl.h"
 
-// Included once for each instruction set, so what does not depend on it stands below, within HWY_ONCE.
+// Included once for each instruction set, so what does not depend on it stands below, within
+// HWY_ONCE.
 HWY_BEFORE_NAMESPACE();
 namespace stymo::kernels::HWY_NAMESPACE {
 
-/// Words of the inner index handled at once: a panel of the right operand (32 KiB with 512-bit vectors) stays in the first-level
-/// cache.
+/// Words of the inner index handled at once: a panel of the right operand (32 KiB with 512-bit
+/// vectors) stays in the first-level cache.
 constexpr std::int64_t inner_block = 256;
 /// Columns up to which a transposed left operand is read as it stands.
 constexpr std::int64_t most_unpacked = 64;
-/// Bytes of the left operand's and the result's rows that are handled at once: they stay in the second-level cache.
+/// Bytes of the left operand's and the result's rows that are handled at once: they stay in the
+/// second-level cache.
 constexpr std::int64_t row_block_bytes = 1 << 19;
 
 template <class Sum>
 std::int64_t row_block(std::int64_t k, std::int64_t n) {
-    const std::int64_t bytes = (std::min(k, inner_block) + n) * static_cast<std::int64_t>(sizeof(Sum));
+    const std::int64_t bytes =
+        (std::min(k, inner_block) + n) * static_cast<std::int64_t>(sizeof(Sum));
     const std::int64_t in_cache = row_block_bytes / std::max<std::int64_t>(1, bytes) / block_rows;
     return std::clamp<std::int64_t>(in_cache, 1, 20) * block_rows;
 }
@@ -40,7 +43,8 @@ std::int64_t panel_width() {
 }
 
 template <class Operands>
-constexpr std::int64_t most_columns = 2 * HWY_MAX_BYTES / static_cast<std::int64_t>(sizeof(typename Operands::Sum));
+constexpr std::int64_t most_columns = 2 * HWY_MAX_BYTES /
+                                      static_cast<std::int64_t>(sizeof(typename Operands::Sum));
 
 /// What a block of sums starts from where there is nothing.
 template <class T>
@@ -57,8 +61,8 @@ inline float converted(Float16 x) {
     return widened(x);
 }
 
-/// A piece of the inner index for some rows of the left operand. Copies may have blocks of `block_rows` rows one after the other,
-/// and in them the words of all rows.
+/// A piece of the inner index for some rows of the left operand. Copies may have blocks of
+/// `block_rows` rows one after the other, and in them the words of all rows.
 template <class Operands>
 struct LeftPiece {
     using Left = typename Operands::Left;
@@ -75,13 +79,15 @@ struct LeftPiece {
 
 /// A copy of a left operand whose inner index is not contiguous; `buffer` is large enough.
 template <class T>
-LeftPiece<Numbers<T>> copy_left(T* buffer, const LeftMatrix<T>& left, std::int64_t rows, std::int64_t words) {
+LeftPiece<Numbers<T>> copy_left(T* buffer, const LeftMatrix<T>& left, std::int64_t rows,
+                                std::int64_t words) {
     // Where the rows of the transpose are contiguous, they are read once from one end to the other.
     const std::int64_t whole = left.row_stride == 1 ? rows / block_rows * block_rows : 0;
     for (std::int64_t i = 0; whole > 0 && i < words; ++i) {
         const T* const from = left.data + i * left.inner_stride;
         for (std::int64_t first = 0; first < whole; first += block_rows) {
-            for (std::int64_t row = 0; row < block_rows; ++row) buffer[first * words + i * block_rows + row] = from[first + row];
+            for (std::int64_t row = 0; row < block_rows; ++row)
+                buffer[first * words + i * block_rows + row] = from[first + row];
         }
     }
     for (std::int64_t first = whole; first < rows; first += block_rows) {
@@ -89,7 +95,8 @@ LeftPiece<Numbers<T>> copy_left(T* buffer, const LeftMatrix<T>& left, std::int64
         const T* const from = left.data + first * left.row_stride;
         for (std::int64_t i = 0; i < words; ++i) {
             for (std::int64_t row = 0; row < count; ++row)
-                buffer[first * words + i * block_rows + row] = from[row * left.row_stride + i * left.inner_stride];
+                buffer[first * words + i * block_rows + row] =
+                    from[row * left.row_stride + i * left.inner_stride];
         }
     }
     return {buffer, 1, block_rows, words * block_rows, words};
@@ -97,8 +104,9 @@ LeftPiece<Numbers<T>> copy_left(T* buffer, const LeftMatrix<T>& left, std::int64
 
 /// Row by row, the last word with a zero if need be.
 template <class Operands>
-LeftPiece<Operands> copy_rows(typename Operands::Left* buffer, const LeftMatrix<typename Operands::Element>& left,
-                              std::int64_t rows, std::int64_t elements) {
+LeftPiece<Operands> copy_rows(typename Operands::Left* buffer,
+                              const LeftMatrix<typename Operands::Element>& left, std::int64_t rows,
+                              std::int64_t elements) {
     using Left = typename Operands::Left;
     const std::int64_t words = chunk_count(elements, Operands::word_length);
     const std::int64_t row_stride = words * Operands::word_length;
@@ -122,8 +130,9 @@ public:
     using Sum = typename Operands::Sum;
     using Element = typename Operands::Element;
 
-    PanelProduct(Out* c, std::int64_t stride, const Element* panel, const Element* next_panel, std::int64_t panel_stride,
-                 std::int64_t columns, const Epilogue<Sum>& epilogue, bool first_piece, bool last_piece)
+    PanelProduct(Out* c, std::int64_t stride, const Element* panel, const Element* next_panel,
+                 std::int64_t panel_stride, std::int64_t columns, const Epilogue<Sum>& epilogue,
+                 bool first_piece, bool last_piece)
         : c_(c),
           stride_(stride),
           panel_(panel),
@@ -159,12 +168,14 @@ public:
     }
 
 private:
-    [[nodiscard]] bool activates() const { return finishes_ && (activation_ != Activation::none || slope_ != nullptr); }
+    [[nodiscard]] bool activates() const {
+        return finishes_ && (activation_ != Activation::none || slope_ != nullptr);
+    }
 
     /// Whether no sum is longer than half precision carries, and nothing after it needs more.
     [[nodiscard]] bool stays_half(std::int64_t words) const {
-        return words <= float16_pairs_at_once && columns_ == float16_columns && !adds_ && finishes_ && slope_ == nullptr &&
-               activation_ != Activation::sine;
+        return words <= float16_pairs_at_once && columns_ == float16_columns && !adds_ &&
+               finishes_ && slope_ == nullptr && activation_ != Activation::sine;
     }
 
     template <int vectors>
@@ -172,11 +183,12 @@ private:
         Out* const c = c_ + row * stride_;
         if constexpr (std::is_same_v<Operands, HalfPairs> && std::is_same_v<Out, Element>) {
             if (stays_half(left.words)) {
-                multiply_float16_layer(height, {{left.row(row), left.row_stride, panel_, panel_stride_, left.words},
-                                                bias_,
-                                                activation_ == Activation::leaky_relu,
-                                                c,
-                                                stride_});
+                multiply_float16_layer(
+                    height, {{left.row(row), left.row_stride, panel_, panel_stride_, left.words},
+                             bias_,
+                             activation_ == Activation::leaky_relu,
+                             c,
+                             stride_});
                 return;
             }
         }
@@ -204,9 +216,11 @@ private:
         if (block.sums == sums_.data()) finish<vectors>(c, row, height);
     }
 
-    /// What the block at this row is to prefetch, so that all blocks together fetch the whole panel.
+    /// What the block at this row is to prefetch, so that all blocks together fetch the whole
+    /// panel.
     [[nodiscard]] const char* part_of_next_panel(std::int64_t row, std::int64_t words) const {
-        const std::int64_t size = words * panel_stride_ * static_cast<std::int64_t>(sizeof(Element));
+        const std::int64_t size =
+            words * panel_stride_ * static_cast<std::int64_t>(sizeof(Element));
         const std::int64_t share = words / words_of_prefetch * bytes_of_prefetch;
         const std::int64_t begin = row / block_rows * share;
         return reinterpret_cast<const char*>(next_panel_) + (begin + share <= size ? begin : 0);
@@ -226,17 +240,20 @@ private:
         const Activation activation = finishes_ ? activation_ : Activation::none;
         const std::int64_t columns = vectors * panel_width<Sum>() / 2;
         if (columns_ == columns) {
-            activate(Activated<Sum, Out>{sums_.data(), width, c, slope, stride_, height, columns}, activation);
+            activate(Activated<Sum, Out>{sums_.data(), width, c, slope, stride_, height, columns},
+                     activation);
             return;
         }
         std::array<Out, static_cast<std::size_t>(block_rows * width)> results;
         std::array<Sum, static_cast<std::size_t>(block_rows * width)> slopes;
-        activate(Activated<Sum, Out>{sums_.data(), width, results.data(), slope == nullptr ? nullptr : slopes.data(), width,
-                                     height, columns},
-                 activation);
+        activate(
+            Activated<Sum, Out>{sums_.data(), width, results.data(),
+                                slope == nullptr ? nullptr : slopes.data(), width, height, columns},
+            activation);
         for (int i = 0; i < height; ++i) {
             std::copy_n(results.data() + i * width, columns_, c + i * stride_);
-            if (slope != nullptr) std::copy_n(slopes.data() + i * width, columns_, slope + i * stride_);
+            if (slope != nullptr)
+                std::copy_n(slopes.data() + i * width, columns_, slope + i * stride_);
         }
     }
 
@@ -258,22 +275,32 @@ private:
     alignas(HWY_MAX_BYTES) std::array<Sum, static_cast<std::size_t>(block_rows* width)> sums_{};
 };
 
+/// Uninitialised room for the copy of a left operand, which small products would else allocate.
+template <class Element>
+Element* scratch_of_thread(std::size_t count) {
+    thread_local std::vector<Element> room;
+    if (room.size() < count) room.resize(count);
+    return room.data();
+}
+
 template <class Operands, class Out, class Element, class Sum>
-void multiply(Out* c, std::int64_t stride, const LeftMatrix<Element>& left, std::int64_t m, const PackedMatrix<Element>& right,
-              const Epilogue<Sum>& epilogue) {
+void multiply(Out* c, std::int64_t stride, const LeftMatrix<Element>& left, std::int64_t m,
+              const PackedMatrix<Element>& right, const Epilogue<Sum>& epilogue) {
     constexpr std::int64_t length = Operands::word_length;
     const std::int64_t k = right.inner_length();
     // Results that cannot hold a partial sum need all of it at once.
-    const std::int64_t piece = std::is_same_v<Out, Sum> ? inner_block * length : std::max<std::int64_t>(k, 1);
+    const std::int64_t piece =
+        std::is_same_v<Out, Sum> ? inner_block * length : std::max<std::int64_t>(k, 1);
     const std::int64_t most_rows = row_block<Sum>(k, right.columns());
     constexpr bool widens = !std::is_same_v<typename Operands::Left, Element>;
     // Copying pays if several panels read the copy.
     const bool copies =
-        widens || k % length != 0 || (left.inner_stride != 1 && (left.row_stride != 1 || right.columns() > most_unpacked));
-    std::unique_ptr<typename Operands::Left[]> copy;
+        widens || k % length != 0 ||
+        (left.inner_stride != 1 && (left.row_stride != 1 || right.columns() > most_unpacked));
+    typename Operands::Left* copy = nullptr;
     if (copies) {
         const std::int64_t rows = chunk_count(std::min(m, most_rows), block_rows) * block_rows;
-        copy = std::make_unique_for_overwrite<typename Operands::Left[]>(
+        copy = scratch_of_thread<typename Operands::Left>(
             static_cast<std::size_t>(rows * chunk_count(std::min(piece, k), length) * length));
     }
     for (std::int64_t row = 0; row < m; row += most_rows) {
@@ -282,30 +309,34 @@ void multiply(Out* c, std::int64_t stride, const LeftMatrix<Element>& left, std:
         std::int64_t inner = 0;
         do {
             const std::int64_t elements = std::min(piece, k - inner);
-            const LeftMatrix<Element> part{left.data + row * left.row_stride + inner * left.inner_stride, left.row_stride,
-                                           left.inner_stride};
+            const LeftMatrix<Element> part{
+                left.data + row * left.row_stride + inner * left.inner_stride, left.row_stride,
+                left.inner_stride};
             const LeftPiece<Operands> words = [&] {
                 if constexpr (!widens) {
                     if (!copies)
-                        return LeftPiece<Operands>{part.data, part.row_stride, part.inner_stride * length,
+                        return LeftPiece<Operands>{part.data, part.row_stride,
+                                                   part.inner_stride * length,
                                                    block_rows * part.row_stride, elements / length};
                 }
                 if constexpr (has_sixteen_bits<Element>) {
-                    return copy_rows<Operands>(copy.get(), part, rows, elements);
+                    return copy_rows<Operands>(copy, part, rows, elements);
                 } else {
-                    return copy_left(copy.get(), part, rows, elements);
+                    return copy_left(copy, part, rows, elements);
                 }
             }();
             for (std::int64_t column = 0; column < right.columns(); column += right.panel_width()) {
                 Epilogue<Sum> of_columns = epilogue;
                 if (epilogue.bias != nullptr) of_columns.bias += column;
                 if (epilogue.slope != nullptr) of_columns.slope += row * stride + column;
-                const std::int64_t index = column / right.panel_width(), first = inner * right.inner_stride();
+                const std::int64_t index = column / right.panel_width(),
+                                   first = inner * right.inner_stride();
                 const bool last = column + right.panel_width() >= right.columns();
-                PanelProduct<Operands, Out>(c + row * stride + column, stride, right.panel(index) + first,
-                                            right.panel(last ? index : index + 1) + first, right.inner_stride() * length,
-                                            std::min(right.panel_width(), right.columns() - column), of_columns, inner == 0,
-                                            inner + elements == k)
+                PanelProduct<Operands, Out>(
+                    c + row * stride + column, stride, right.panel(index) + first,
+                    right.panel(last ? index : index + 1) + first, right.inner_stride() * length,
+                    std::min(right.panel_width(), right.columns() - column), of_columns, inner == 0,
+                    inner + elements == k)
                     .multiply(words, rows);
             }
             inner += elements;
@@ -329,13 +360,15 @@ void multiply_pairs(Out* c, std::int64_t stride, const LeftMatrix<BFloat16>& lef
     multiply<Pairs>(c, stride, left, m, right, epilogue);
 }
 
-void multiply_pairs_to_float(float* c, std::int64_t stride, const LeftMatrix<BFloat16>& left, std::int64_t m,
-                             const PackedMatrix<BFloat16>& right, const Epilogue<float>& epilogue) {
+void multiply_pairs_to_float(float* c, std::int64_t stride, const LeftMatrix<BFloat16>& left,
+                             std::int64_t m, const PackedMatrix<BFloat16>& right,
+                             const Epilogue<float>& epilogue) {
     multiply_pairs(c, stride, left, m, right, epilogue);
 }
 
-void multiply_pairs_to_bfloat16(BFloat16* c, std::int64_t stride, const LeftMatrix<BFloat16>& left, std::int64_t m,
-                                const PackedMatrix<BFloat16>& right, const Epilogue<float>& epilogue) {
+void multiply_pairs_to_bfloat16(BFloat16* c, std::int64_t stride, const LeftMatrix<BFloat16>& left,
+                                std::int64_t m, const PackedMatrix<BFloat16>& right,
+                                const Epilogue<float>& epilogue) {
     multiply_pairs(c, stride, left, m, right, epilogue);
 }
 
@@ -351,13 +384,15 @@ void multiply_halves(Out* c, std::int64_t stride, const LeftMatrix<Float16>& lef
     multiply<Halves>(c, stride, left, m, right, epilogue);
 }
 
-void multiply_halves_to_float(float* c, std::int64_t stride, const LeftMatrix<Float16>& left, std::int64_t m,
-                              const PackedMatrix<Float16>& right, const Epilogue<float>& epilogue) {
+void multiply_halves_to_float(float* c, std::int64_t stride, const LeftMatrix<Float16>& left,
+                              std::int64_t m, const PackedMatrix<Float16>& right,
+                              const Epilogue<float>& epilogue) {
     multiply_halves(c, stride, left, m, right, epilogue);
 }
 
-void multiply_halves_to_float16(Float16* c, std::int64_t stride, const LeftMatrix<Float16>& left, std::int64_t m,
-                                const PackedMatrix<Float16>& right, const Epilogue<float>& epilogue) {
+void multiply_halves_to_float16(Float16* c, std::int64_t stride, const LeftMatrix<Float16>& left,
+                                std::int64_t m, const PackedMatrix<Float16>& right,
+                                const Epilogue<float>& epilogue) {
     multiply_halves(c, stride, left, m, right, epilogue);
 }
 
@@ -397,7 +432,8 @@ struct Panels {
 
 /// Columns that lie side by side: the rows are read once from one end to the other.
 template <class T>
-void pack_rows(const Panels<T>& panels, const T* from, std::int64_t columns, std::int64_t inner_stride) {
+void pack_rows(const Panels<T>& panels, const T* from, std::int64_t columns,
+               std::int64_t inner_stride) {
     for (std::int64_t i = 0; i < panels.k; ++i, from += inner_stride) {
         T* to = panels.to + i * panels.width;
         std::int64_t first = 0;
@@ -410,34 +446,39 @@ void pack_rows(const Panels<T>& panels, const T* from, std::int64_t columns, std
 }
 
 template <class T>
-void pack_panel(T* to, const T* from, std::int64_t k, std::int64_t columns, std::int64_t width, std::int64_t inner_stride,
-                std::int64_t column_stride) {
-    // A cache line of each column at a time: columns a power of two apart would push one another out.
+void pack_panel(T* to, const T* from, std::int64_t k, std::int64_t columns, std::int64_t width,
+                std::int64_t inner_stride, std::int64_t column_stride) {
+    // A cache line of each column at a time: columns a power of two apart would push one another
+    // out.
     constexpr std::int64_t line = alignment / sizeof(T);
     for (std::int64_t first = 0; first < k; first += line) {
         const std::int64_t last = std::min(k, first + line);
         if (column_stride == 1) {
-            for (std::int64_t i = first; i < last; ++i) std::copy_n(from + i * inner_stride, columns, to + i * width);
+            for (std::int64_t i = first; i < last; ++i)
+                std::copy_n(from + i * inner_stride, columns, to + i * width);
         } else {
             for (std::int64_t j = 0; j < columns; ++j) {
-                for (std::int64_t i = first; i < last; ++i) to[i * width + j] = from[i * inner_stride + j * column_stride];
+                for (std::int64_t i = first; i < last; ++i)
+                    to[i * width + j] = from[i * inner_stride + j * column_stride];
             }
         }
-        for (std::int64_t i = first; i < last; ++i) std::fill(to + i * width + columns, to + (i + 1) * width, T(0));
+        for (std::int64_t i = first; i < last; ++i)
+            std::fill(to + i * width + columns, to + (i + 1) * width, T(0));
     }
 }
 
-void pack_panel(BFloat16* to, const float* from, std::int64_t k, std::int64_t columns, std::int64_t width,
-                std::int64_t inner_stride, std::int64_t column_stride) {
+void pack_panel(BFloat16* to, const float* from, std::int64_t k, std::int64_t columns,
+                std::int64_t width, std::int64_t inner_stride, std::int64_t column_stride) {
     std::fill_n(to, chunk_count(k, 2) * 2 * width, BFloat16());
     for (std::int64_t i = 0; i < k; ++i) {
         for (std::int64_t j = 0; j < columns; ++j)
-            to[i / 2 * 2 * width + 2 * j + i % 2] = rounded_to_bfloat16(from[i * inner_stride + j * column_stride]);
+            to[i / 2 * 2 * width + 2 * j + i % 2] =
+                rounded_to_bfloat16(from[i * inner_stride + j * column_stride]);
     }
 }
 
-void pack_panel(Float16* to, const float* from, std::int64_t k, std::int64_t columns, std::int64_t width,
-                std::int64_t inner_stride, std::int64_t column_stride) {
+void pack_panel(Float16* to, const float* from, std::int64_t k, std::int64_t columns,
+                std::int64_t width, std::int64_t inner_stride, std::int64_t column_stride) {
     std::fill_n(to, chunk_count(k, 2) * 2 * width, Float16());
     const bool in_pairs = width == float16_columns && multiplies_float16();
     for (std::int64_t i = 0; i < k; ++i) {
@@ -455,29 +496,32 @@ std::int64_t panel_width_of() {
 }  // namespace
 
 template <class T>
-PackedMatrix<T>::PackedMatrix(const Source* b, std::int64_t k, std::int64_t n, std::int64_t inner_stride,
-                              std::int64_t column_stride)
+PackedMatrix<T>::PackedMatrix(const Source* b, std::int64_t k, std::int64_t n,
+                              std::int64_t inner_stride, std::int64_t column_stride)
     : k_(k), n_(n), panel_width_(panel_width_of<Source>()), inner_stride_(panel_width_) {
     constexpr std::int64_t word_length = has_sixteen_bits<T> ? 2 : 1;
     panel_size_ = chunk_count(k, word_length) * word_length * panel_width_;
     const std::int64_t count = chunk_count(n, panel_width_);
-    const std::shared_ptr<T[]> storage =
-        std::make_shared_for_overwrite<T[]>(static_cast<std::size_t>(count * panel_size_) + alignment / sizeof(T));
+    const std::shared_ptr<T[]> storage = std::make_shared_for_overwrite<T[]>(
+        static_cast<std::size_t>(count * panel_size_) + alignment / sizeof(T));
     const auto address = reinterpret_cast<std::uintptr_t>(storage.get());
     T* const panels = storage.get() + (alignment - address % alignment) % alignment / sizeof(T);
-    const std::int64_t grain = std::max<std::int64_t>(1, packing_grain / std::max<std::int64_t>(1, panel_size_));
+    const std::int64_t grain =
+        std::max<std::int64_t>(1, packing_grain / std::max<std::int64_t>(1, panel_size_));
     parallel_for(count, grain, [&](std::int64_t begin, std::int64_t end) {
         if constexpr (std::is_same_v<T, Source>) {
             if (column_stride == 1) {
-                pack_rows(Panels<T>{panels + begin * panel_size_, k, panel_width_, panel_size_}, b + begin * panel_width_,
+                pack_rows(Panels<T>{panels + begin * panel_size_, k, panel_width_, panel_size_},
+                          b + begin * panel_width_,
                           std::min(n, end * panel_width_) - begin * panel_width_, inner_stride);
                 return;
             }
         }
         for (std::int64_t index = begin; index < end; ++index) {
             const std::int64_t first = index * panel_width_;
-            pack_panel(panels + index * panel_size_, b + first * column_stride, k, std::min(panel_width_, n - first),
-                       panel_width_, inner_stride, column_stride);
+            pack_panel(panels + index * panel_size_, b + first * column_stride, k,
+                       std::min(panel_width_, n - first), panel_width_, inner_stride,
+                       column_stride);
         }
     });
     panels_ = panels;
@@ -485,7 +529,8 @@ PackedMatrix<T>::PackedMatrix(const Source* b, std::int64_t k, std::int64_t n, s
 }
 
 template <class T>
-PackedMatrix<T> PackedMatrix<T>::in_place(const T* b, std::int64_t k, std::int64_t n, std::int64_t inner_stride) {
+PackedMatrix<T> PackedMatrix<T>::in_place(const T* b, std::int64_t k, std::int64_t n,
+                                          std::int64_t inner_stride) {
     PackedMatrix view;
     view.k_ = k;
     view.n_ = n;
@@ -513,34 +558,40 @@ template class PackedMatrix<BFloat16>;
 template class PackedMatrix<Float16>;
 
 template <>
-void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<float>& left, std::int64_t m,
-                     const PackedMatrix<float>& right, const Epilogue<float>& epilogue) {
+void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<float>& left,
+                     std::int64_t m, const PackedMatrix<float>& right,
+                     const Epilogue<float>& epilogue) {
     HWY_DYNAMIC_DISPATCH(multiply_float)(c, row_stride, left, m, right, epilogue);
 }
 
 template <>
-void multiply_packed(double* c, std::int64_t row_stride, const LeftMatrix<double>& left, std::int64_t m,
-                     const PackedMatrix<double>& right, const Epilogue<double>& epilogue) {
+void multiply_packed(double* c, std::int64_t row_stride, const LeftMatrix<double>& left,
+                     std::int64_t m, const PackedMatrix<double>& right,
+                     const Epilogue<double>& epilogue) {
     HWY_DYNAMIC_DISPATCH(multiply_double)(c, row_stride, left, m, right, epilogue);
 }
 
-void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<BFloat16>& left, std::int64_t m,
-                     const PackedMatrix<BFloat16>& right, const Epilogue<float>& epilogue) {
+void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<BFloat16>& left,
+                     std::int64_t m, const PackedMatrix<BFloat16>& right,
+                     const Epilogue<float>& epilogue) {
     HWY_DYNAMIC_DISPATCH(multiply_pairs_to_float)(c, row_stride, left, m, right, epilogue);
 }
 
-void multiply_packed(BFloat16* c, std::int64_t row_stride, const LeftMatrix<BFloat16>& left, std::int64_t m,
-                     const PackedMatrix<BFloat16>& right, const Epilogue<float>& epilogue) {
+void multiply_packed(BFloat16* c, std::int64_t row_stride, const LeftMatrix<BFloat16>& left,
+                     std::int64_t m, const PackedMatrix<BFloat16>& right,
+                     const Epilogue<float>& epilogue) {
     HWY_DYNAMIC_DISPATCH(multiply_pairs_to_bfloat16)(c, row_stride, left, m, right, epilogue);
 }
 
-void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<Float16>& left, std::int64_t m,
-                     const PackedMatrix<Float16>& right, const Epilogue<float>& epilogue) {
+void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<Float16>& left,
+                     std::int64_t m, const PackedMatrix<Float16>& right,
+                     const Epilogue<float>& epilogue) {
     HWY_DYNAMIC_DISPATCH(multiply_halves_to_float)(c, row_stride, left, m, right, epilogue);
 }
 
-void multiply_packed(Float16* c, std::int64_t row_stride, const LeftMatrix<Float16>& left, std::int64_t m,
-                     const PackedMatrix<Float16>& right, const Epilogue<float>& epilogue) {
+void multiply_packed(Float16* c, std::int64_t row_stride, const LeftMatrix<Float16>& left,
+                     std::int64_t m, const PackedMatrix<Float16>& right,
+                     const Epilogue<float>& epilogue) {
     HWY_DYNAMIC_DISPATCH(multiply_halves_to_float16)(c, row_stride, left, m, right, epilogue);
 }
 

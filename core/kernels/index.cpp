@@ -12,11 +12,14 @@ Tensor gather_rows(const Tensor& x, const RowIndices& rows) {
     dispatch(x.dtype(), [&]<class T>(T) {
         const T* in = x.values<T>().data();
         T* out = y.mutable_values<T>().data();
-        const std::int64_t grain = std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, width));
-        parallel_for(static_cast<std::int64_t>(rows.size()), grain, [&](std::int64_t begin, std::int64_t end) {
-            for (std::int64_t i = begin; i < end; ++i)
-                std::copy_n(in + rows[static_cast<std::size_t>(i)] * width, width, out + i * width);
-        });
+        const std::int64_t grain =
+            std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, width));
+        parallel_for(static_cast<std::int64_t>(rows.size()), grain,
+                     [&](std::int64_t begin, std::int64_t end) {
+                         for (std::int64_t i = begin; i < end; ++i)
+                             std::copy_n(in + rows[static_cast<std::size_t>(i)] * width, width,
+                                         out + i * width);
+                     });
     });
     return y;
 }

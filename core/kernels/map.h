@@ -12,7 +12,8 @@
 /// Loops over one or two tensors, for the kernels' own use.
 namespace stymo::kernels {
 
-/// Elements in one chunk of an elementwise loop: large enough to hide the cost of a thread, small enough to balance.
+/// Elements in one chunk of an elementwise loop: large enough to hide the cost of a thread, small
+/// enough to balance.
 inline constexpr std::int64_t elementwise_grain = 16384;
 
 template <class Function>
@@ -29,7 +30,8 @@ Tensor map(const Tensor& x, Function function) {
     return y;
 }
 
-/// How two broadcast operands are walked: merged axes, innermost last, with each operand's stride (0 where it repeats).
+/// How two broadcast operands are walked: merged axes, innermost last, with each operand's stride
+/// (0 where it repeats).
 struct BroadcastPlan {
     struct Axis {
         std::int64_t extent = 1;
@@ -60,8 +62,8 @@ struct BroadcastPlan {
 [[nodiscard]] BroadcastPlan plan_broadcast(const Shape& a, const Shape& b, const char* operation);
 
 template <class T, class Function>
-void zip_row(const T* a, const T* b, T* out, const BroadcastPlan::Axis& axis, std::int64_t begin, std::int64_t end,
-             Function function) {
+void zip_row(const T* a, const T* b, T* out, const BroadcastPlan::Axis& axis, std::int64_t begin,
+             std::int64_t end, Function function) {
     if (axis.stride_a == 0) {
 #pragma omp simd
         for (std::int64_t i = begin; i < end; ++i) out[i] = function(a[0], b[i]);
@@ -76,7 +78,8 @@ void zip_row(const T* a, const T* b, T* out, const BroadcastPlan::Axis& axis, st
 
 template <class Function>
 Tensor zip(const Tensor& a, const Tensor& b, const char* operation, Function function) {
-    if (a.dtype() != b.dtype()) fail<TypeError>("[", operation, "] operands are ", a.dtype(), " and ", b.dtype());
+    if (a.dtype() != b.dtype())
+        fail<TypeError>("[", operation, "] operands are ", a.dtype(), " and ", b.dtype());
     const BroadcastPlan plan = plan_broadcast(a.shape(), b.shape(), operation);
     Tensor result(plan.shape, a.dtype());
     dispatch(a.dtype(), [&]<class T>(T) {
@@ -90,11 +93,13 @@ Tensor zip(const Tensor& a, const Tensor& b, const char* operation, Function fun
             });
             return;
         }
-        const std::int64_t grain = std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, length));
+        const std::int64_t grain =
+            std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, length));
         parallel_for(plan.outer_size, grain, [&](std::int64_t begin, std::int64_t end) {
             for (std::int64_t row = begin; row < end; ++row) {
                 const auto offset = plan.offsets(row);
-                zip_row(in_a + offset.a, in_b + offset.b, out + row * length, plan.inner, 0, length, function);
+                zip_row(in_a + offset.a, in_b + offset.b, out + row * length, plan.inner, 0, length,
+                        function);
             }
         });
     });

@@ -9,10 +9,12 @@ namespace stymo::kernels {
 
 namespace {
 
-/// Calls body(output row, over all images) for every row of an image of this shape, on several threads.
+/// Calls body(output row, over all images) for every row of an image of this shape, on several
+/// threads.
 template <class Body>
 void for_each_row(const Shape& shape, Body body) {
-    const std::int64_t grain = std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, shape.product(2, 4)));
+    const std::int64_t grain = std::max<std::int64_t>(
+        1, elementwise_grain / std::max<std::int64_t>(1, shape.product(2, 4)));
     parallel_for(shape[0] * shape[1], grain, [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t row = begin; row < end; ++row) body(row);
     });
@@ -25,8 +27,8 @@ std::int64_t clipped(std::int64_t start, std::int64_t length, int kernel) {
 
 /// One output pixel: `window` points at its first input pixel.
 template <class T>
-void choose_largest(const T* window, std::int64_t rows, std::int64_t columns, int kernel, std::int64_t line,
-                    std::int64_t channels, T* largest, std::uint8_t* places) {
+void choose_largest(const T* window, std::int64_t rows, std::int64_t columns, int kernel,
+                    std::int64_t line, std::int64_t channels, T* largest, std::uint8_t* places) {
     std::copy_n(window, channels, largest);
     std::fill_n(places, channels, std::uint8_t{0});
     for (std::int64_t row = 0; row < rows; ++row) {
@@ -42,11 +44,11 @@ void choose_largest(const T* window, std::int64_t rows, std::int64_t columns, in
     }
 }
 
-/// Adds those channels of one output pixel whose place lies in the window's row that begins at place `first`; `row` points at the
-/// first of the `columns` input pixels of that row.
+/// Adds those channels of one output pixel whose place lies in the window's row that begins at
+/// place `first`; `row` points at the first of the `columns` input pixels of that row.
 template <class T>
-void add_to_row(const T* pixel, const std::uint8_t* places, std::int64_t channels, std::int64_t first, std::int64_t columns,
-                T* row) {
+void add_to_row(const T* pixel, const std::uint8_t* places, std::int64_t channels,
+                std::int64_t first, std::int64_t columns, T* row) {
     for (std::int64_t column = 0; column < columns; ++column, row += channels) {
         const auto place = static_cast<std::uint8_t>(first + column);
 #pragma omp simd
@@ -62,7 +64,8 @@ MaxPooled max_pool2d(const Tensor& x, const Shape& output_shape, const MaxPoolOp
     const std::int64_t channels = x.shape(3);
     const std::int64_t out_height = output_shape[1];
     const std::int64_t out_width = output_shape[2];
-    MaxPooled result{Tensor(output_shape, x.dtype()), WindowPlaces(static_cast<std::size_t>(output_shape.size()))};
+    MaxPooled result{Tensor(output_shape, x.dtype()),
+                     WindowPlaces(static_cast<std::size_t>(output_shape.size()))};
     dispatch(x.dtype(), [&]<class T>(T) {
         const T* in = x.values<T>().data();
         T* out = result.values.mutable_values<T>().data();
@@ -71,16 +74,19 @@ MaxPooled max_pool2d(const Tensor& x, const Shape& output_shape, const MaxPoolOp
             for (std::int64_t out_column = 0; out_column < out_width; ++out_column) {
                 const std::int64_t column = out_column * options.stride;
                 const std::int64_t to = (out_row * out_width + out_column) * channels;
-                choose_largest(in + ((out_row / out_height * height + row) * width + column) * channels,
-                               clipped(row, height, options.kernel), clipped(column, width, options.kernel), options.kernel,
-                               width * channels, channels, out + to, result.places.data() + to);
+                choose_largest(
+                    in + ((out_row / out_height * height + row) * width + column) * channels,
+                    clipped(row, height, options.kernel), clipped(column, width, options.kernel),
+                    options.kernel, width * channels, channels, out + to,
+                    result.places.data() + to);
             }
         });
     });
     return result;
 }
 
-Tensor gather_windows(const Tensor& x, const WindowPlaces& places, const Shape& output_shape, const MaxPoolOptions& options) {
+Tensor gather_windows(const Tensor& x, const WindowPlaces& places, const Shape& output_shape,
+                      const MaxPoolOptions& options) {
     const std::int64_t height = x.shape(1);
     const std::int64_t width = x.shape(2);
     const std::int64_t channels = x.shape(3);
@@ -88,13 +94,16 @@ Tensor gather_windows(const Tensor& x, const WindowPlaces& places, const Shape& 
     const std::int64_t out_width = output_shape[2];
     std::array<std::int64_t, max_pool_kernel * max_pool_kernel> offsets{};
     for (std::int64_t place = 0; place < options.kernel * options.kernel; ++place)
-        offsets[static_cast<std::size_t>(place)] = (place / options.kernel * width + place % options.kernel) * channels;
+        offsets[static_cast<std::size_t>(place)] =
+            (place / options.kernel * width + place % options.kernel) * channels;
     Tensor y(output_shape, x.dtype());
     dispatch(x.dtype(), [&]<class T>(T) {
         const T* in = x.values<T>().data();
         T* out = y.mutable_values<T>().data();
         for_each_row(output_shape, [&](std::int64_t out_row) {
-            const T* line = in + (out_row / out_height * height + out_row % out_height * options.stride) * width * channels;
+            const T* line =
+                in + (out_row / out_height * height + out_row % out_height * options.stride) *
+                         width * channels;
             for (std::int64_t out_column = 0; out_column < out_width; ++out_column) {
                 const T* window = line + out_column * options.stride * channels;
                 const std::int64_t to = (out_row * out_width + out_column) * channels;
@@ -106,7 +115,8 @@ Tensor gather_windows(const Tensor& x, const WindowPlaces& places, const Shape& 
     return y;
 }
 
-Tensor scatter_windows(const Tensor& y, const WindowPlaces& places, const Shape& input_shape, const MaxPoolOptions& options) {
+Tensor scatter_windows(const Tensor& y, const WindowPlaces& places, const Shape& input_shape,
+                       const MaxPoolOptions& options) {
     const std::int64_t height = input_shape[1];
     const std::int64_t width = input_shape[2];
     const std::int64_t channels = input_shape[3];
@@ -116,18 +126,23 @@ Tensor scatter_windows(const Tensor& y, const WindowPlaces& places, const Shape&
     dispatch(y.dtype(), [&]<class T>(T) {
         const T* from = y.values<T>().data();
         T* to = x.mutable_values<T>().data();
-        // Each input row takes from all windows that reach it, so that rows are independent even where windows overlap.
+        // Each input row takes from all windows that reach it, so that rows are independent even
+        // where windows overlap.
         for_each_row(input_shape, [&](std::int64_t in_row) {
             std::fill_n(to + in_row * width * channels, width * channels, T(0));
             const std::int64_t row = in_row % height;
-            const std::int64_t first = std::max<std::int64_t>(0, (row - options.kernel + options.stride) / options.stride);
+            const std::int64_t first =
+                std::max<std::int64_t>(0, (row - options.kernel + options.stride) / options.stride);
             const std::int64_t last = std::min(out_height - 1, row / options.stride);
             for (std::int64_t out_row = first; out_row <= last; ++out_row) {
                 const std::int64_t row_in_window = row - out_row * options.stride;
-                const std::int64_t line = (in_row / height * out_height + out_row) * out_width * channels;
+                const std::int64_t line =
+                    (in_row / height * out_height + out_row) * out_width * channels;
                 for (std::int64_t out_column = 0; out_column < out_width; ++out_column) {
-                    add_to_row(from + line + out_column * channels, places.data() + line + out_column * channels, channels,
-                               row_in_window * options.kernel, clipped(out_column * options.stride, width, options.kernel),
+                    add_to_row(from + line + out_column * channels,
+                               places.data() + line + out_column * channels, channels,
+                               row_in_window * options.kernel,
+                               clipped(out_column * options.stride, width, options.kernel),
                                to + (in_row * width + out_column * options.stride) * channels);
                 }
             }

@@ -35,11 +35,14 @@ struct Numbers {
 
     static HWY_INLINE Vector left(const T* word) { return simd::Set(Tag(), *word); }
     static HWY_INLINE Vector right(const T* words) { return simd::LoadU(Tag(), words); }
-    static HWY_INLINE Vector multiply_add(Vector left, Vector right, Vector sum) { return simd::MulAdd(left, right, sum); }
+    static HWY_INLINE Vector multiply_add(Vector left, Vector right, Vector sum) {
+        return simd::MulAdd(left, right, sum);
+    }
 };
 
-/// Two numbers of BFloat16 at once, of which the left operand comes widened. The dot products of AVX-512-BF16 stay unused: where
-/// they were measured (Emerald Rapids) they take four times as long as a multiply-add and do the work of two.
+/// Two numbers of BFloat16 at once, of which the left operand comes widened. The dot products of
+/// AVX-512-BF16 stay unused: where they were measured (Emerald Rapids) they take four times as long
+/// as a multiply-add and do the work of two.
 struct Pairs {
     using Element = BFloat16;
     using Left = float;
@@ -53,7 +56,9 @@ struct Pairs {
         Vector second;
     };
 
-    static HWY_INLINE Both left(const float* word) { return {simd::Set(Tag(), word[0]), simd::Set(Tag(), word[1])}; }
+    static HWY_INLINE Both left(const float* word) {
+        return {simd::Set(Tag(), word[0]), simd::Set(Tag(), word[1])};
+    }
     static HWY_INLINE Both right(const BFloat16* words) {
         const simd::ScalableTag<std::uint32_t> bits;
         const auto both = simd::LoadU(bits, reinterpret_cast<const std::uint32_t*>(words));
@@ -77,9 +82,12 @@ struct Halves {
     static HWY_INLINE Vector left(const float* word) { return simd::Set(Tag(), *word); }
     static HWY_INLINE Vector right(const Float16* words) {
         const simd::Rebind<hwy::float16_t, Tag> halves;
-        return simd::PromoteTo(Tag(), simd::LoadU(halves, reinterpret_cast<const hwy::float16_t*>(words)));
+        return simd::PromoteTo(Tag(),
+                               simd::LoadU(halves, reinterpret_cast<const hwy::float16_t*>(words)));
     }
-    static HWY_INLINE Vector multiply_add(Vector left, Vector right, Vector sum) { return simd::MulAdd(left, right, sum); }
+    static HWY_INLINE Vector multiply_add(Vector left, Vector right, Vector sum) {
+        return simd::MulAdd(left, right, sum);
+    }
 };
 
 /// Pairs of Float16 for the processor's own products, only in blocks of whole panels.
@@ -107,11 +115,13 @@ struct Block {
     const Element* panel;
     std::int64_t panel_stride;  ///< between words
     std::int64_t inner;
-    const void* ahead;  ///< what a later block will read, `bytes_of_prefetch` of it for as many words as below
+    const void* ahead;  ///< what a later block will read, `bytes_of_prefetch` of it for as many
+                        ///< words as below
 };
 
-/// The next panel comes from beyond the second-level cache where the layers of a network take turns. It is asked for a little at
-/// a time, between products: all at once, requests would hold up the loads of the block that is being computed.
+/// The next panel comes from beyond the second-level cache where the layers of a network take
+/// turns. It is asked for a little at a time, between products: all at once, requests would hold up
+/// the loads of the block that is being computed.
 constexpr std::int64_t words_of_prefetch = 16;
 constexpr std::int64_t bytes_of_prefetch = 2 * 64;
 
@@ -133,9 +143,11 @@ HWY_INLINE void multiply_block(const Block<Operands>& block) {
     typename Operands::Vector sums[rows][vectors];
     HWY_UNROLL(12)
     for (int row = 0; row < rows; ++row) {
-        for (int v = 0; v < vectors; ++v) sums[row][v] = simd::LoadU(tag, block.start + row * block.start_stride + v * lanes);
+        for (int v = 0; v < vectors; ++v)
+            sums[row][v] = simd::LoadU(tag, block.start + row * block.start_stride + v * lanes);
     }
-    // A pointer for three rows each: one for all of them needs more registers for distances than there are.
+    // A pointer for three rows each: one for all of them needs more registers for distances than
+    // there are.
     const auto* left0 = block.left;
     const auto* left3 = left0 + 3 * block.row_stride;
     const auto* left6 = left0 + 6 * block.row_stride;
@@ -143,12 +155,14 @@ HWY_INLINE void multiply_block(const Block<Operands>& block) {
     const auto* panel = block.panel;
     const auto add_word = [&](std::int64_t left_offset, std::int64_t panel_offset) HWY_ATTR {
         decltype(Operands::right(panel)) right[vectors];
-        for (int v = 0; v < vectors; ++v) right[v] = Operands::right(panel + panel_offset + v * lanes * Operands::word_length);
+        for (int v = 0; v < vectors; ++v)
+            right[v] = Operands::right(panel + panel_offset + v * lanes * Operands::word_length);
         HWY_UNROLL(12)
         for (int row = 0; row < rows; ++row) {
             const auto* const left = row < 3 ? left0 : row < 6 ? left3 : row < 9 ? left6 : left9;
             const auto factor = Operands::left(left + row % 3 * block.row_stride + left_offset);
-            for (int v = 0; v < vectors; ++v) sums[row][v] = Operands::multiply_add(factor, right[v], sums[row][v]);
+            for (int v = 0; v < vectors; ++v)
+                sums[row][v] = Operands::multiply_add(factor, right[v], sums[row][v]);
         }
     };
     const auto advance_by = [&](std::int64_t left_distance, std::int64_t panel_distance) {
@@ -182,7 +196,8 @@ HWY_INLINE void multiply_block(const Block<Operands>& block) {
     }
     HWY_UNROLL(12)
     for (int row = 0; row < rows; ++row) {
-        for (int v = 0; v < vectors; ++v) simd::StoreU(sums[row][v], tag, block.sums + row * block.sums_stride + v * lanes);
+        for (int v = 0; v < vectors; ++v)
+            simd::StoreU(sums[row][v], tag, block.sums + row * block.sums_stride + v * lanes);
     }
 }
 
@@ -220,11 +235,12 @@ HWY_INLINE void multiply_block_of_numbers(int rows, const Block<Operands>& block
 template <class Operands, int vectors>
 HWY_INLINE void multiply_block_of(int rows, const Block<Operands>& block) {
     if constexpr (std::is_same_v<Operands, HalfPairs>) {
-        multiply_float16_block(rows, {{block.left, block.row_stride, block.panel, block.panel_stride, block.inner},
-                                      block.start,
-                                      block.start_stride,
-                                      block.sums,
-                                      block.sums_stride});
+        multiply_float16_block(
+            rows, {{block.left, block.row_stride, block.panel, block.panel_stride, block.inner},
+                   block.start,
+                   block.start_stride,
+                   block.sums,
+                   block.sums_stride});
     } else {
         multiply_block_of_numbers<Operands, vectors>(rows, block);
     }

@@ -18,7 +18,8 @@ struct Blocks {
     std::int64_t inner;
 };
 
-/// Sum of a contiguous run with independent lanes, so that it vectorises without changing with the thread count.
+/// Sum of a contiguous run with independent lanes, so that it vectorises without changing with the
+/// thread count.
 template <class T>
 T sum_run(const T* x, std::int64_t count) {
     constexpr std::int64_t lanes = 32;
@@ -30,9 +31,11 @@ T sum_run(const T* x, std::int64_t count) {
         const std::int64_t end = std::min(i + block, count);
         std::array<T, lanes> partial{};
         for (; i + lanes <= end; i += lanes) {
-            for (std::int64_t lane = 0; lane < lanes; ++lane) partial[static_cast<std::size_t>(lane)] += x[i + lane];
+            for (std::int64_t lane = 0; lane < lanes; ++lane)
+                partial[static_cast<std::size_t>(lane)] += x[i + lane];
         }
-        for (std::size_t lane = 0; lane < totals.size(); ++lane) totals[lane] += static_cast<double>(partial[lane]);
+        for (std::size_t lane = 0; lane < totals.size(); ++lane)
+            totals[lane] += static_cast<double>(partial[lane]);
     }
     double total = std::accumulate(totals.begin(), totals.end(), 0.0);
     for (; i < count; ++i) total += static_cast<double>(x[i]);
@@ -44,19 +47,22 @@ void sum_contiguous(const T* x, T* y, const Blocks& blocks) {
     constexpr std::int64_t chunk = 65536;
     const std::int64_t pieces = chunk_count(blocks.middle, chunk);
     if (pieces <= 1) {
-        const std::int64_t grain = std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, blocks.middle));
+        const std::int64_t grain =
+            std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, blocks.middle));
         parallel_for(blocks.outer, grain, [=](std::int64_t begin, std::int64_t end) {
-            for (std::int64_t row = begin; row < end; ++row) y[row] = sum_run(x + row * blocks.middle, blocks.middle);
+            for (std::int64_t row = begin; row < end; ++row)
+                y[row] = sum_run(x + row * blocks.middle, blocks.middle);
         });
         return;
     }
     std::vector<T> partial(static_cast<std::size_t>(blocks.outer * pieces));
     parallel_for(blocks.outer * pieces, 1, [&](std::int64_t begin, std::int64_t) {
         const std::int64_t first = begin % pieces * chunk;
-        partial[static_cast<std::size_t>(begin)] =
-            sum_run(x + begin / pieces * blocks.middle + first, std::min(chunk, blocks.middle - first));
+        partial[static_cast<std::size_t>(begin)] = sum_run(
+            x + begin / pieces * blocks.middle + first, std::min(chunk, blocks.middle - first));
     });
-    for (std::int64_t row = 0; row < blocks.outer; ++row) y[row] = sum_run(partial.data() + row * pieces, pieces);
+    for (std::int64_t row = 0; row < blocks.outer; ++row)
+        y[row] = sum_run(partial.data() + row * pieces, pieces);
 }
 
 /// Adds rows [begin, end) of one block onto `y`.
@@ -74,21 +80,25 @@ void sum_strided(const T* x, T* y, const Blocks& blocks) {
     constexpr std::int64_t chunk = 1024;
     const std::int64_t pieces = std::max<std::int64_t>(1, chunk_count(blocks.middle, chunk));
     std::vector<T> partial(static_cast<std::size_t>(blocks.outer * pieces * blocks.inner));
-    const std::int64_t grain =
-        std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, std::min(chunk, blocks.middle) * blocks.inner));
+    const std::int64_t grain = std::max<std::int64_t>(
+        1, elementwise_grain /
+               std::max<std::int64_t>(1, std::min(chunk, blocks.middle) * blocks.inner));
     parallel_for(blocks.outer * pieces, grain, [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t piece = begin; piece < end; ++piece) {
             const std::int64_t first = piece % pieces * chunk;
-            add_rows(x + piece / pieces * blocks.middle * blocks.inner, partial.data() + piece * blocks.inner, first,
+            add_rows(x + piece / pieces * blocks.middle * blocks.inner,
+                     partial.data() + piece * blocks.inner, first,
                      std::min(blocks.middle, first + chunk), blocks.inner);
         }
     });
     for (std::int64_t row = 0; row < blocks.outer; ++row)
-        add_rows(partial.data() + row * pieces * blocks.inner, y + row * blocks.inner, 0, pieces, blocks.inner);
+        add_rows(partial.data() + row * pieces * blocks.inner, y + row * blocks.inner, 0, pieces,
+                 blocks.inner);
 }
 
 Tensor sum_axes(const Tensor& x, int first, int last) {
-    const Blocks blocks{x.shape().product(0, first), x.shape().product(first, last), x.shape().product(last, x.rank())};
+    const Blocks blocks{x.shape().product(0, first), x.shape().product(first, last),
+                        x.shape().product(last, x.rank())};
     Shape shape = x.shape();
     for (int axis = first; axis < last; ++axis) shape = shape.with(axis, 1);
     Tensor y(shape, x.dtype());
@@ -124,15 +134,18 @@ Tensor sum(const Tensor& x, std::uint32_t reduced) {
 
 Tensor maximum_along(const Tensor& x, int axis) {
     const Blocks blocks = blocks_along(x.shape(), axis);
-    if (blocks.middle == 0) fail<ShapeError>("[maximum_along] axis ", axis, " of ", x.shape(), " is empty");
+    if (blocks.middle == 0)
+        fail<ShapeError>("[maximum_along] axis ", axis, " of ", x.shape(), " is empty");
     Tensor y(x.shape().with(axis, 1), x.dtype());
     dispatch(x.dtype(), [&]<class T>(T) {
         const T* in = x.values<T>().data();
         T* out = y.mutable_values<T>().data();
         for (std::int64_t i = 0; i < blocks.outer * blocks.inner; ++i) {
-            const T* column = in + i / blocks.inner * blocks.middle * blocks.inner + i % blocks.inner;
+            const T* column =
+                in + i / blocks.inner * blocks.middle * blocks.inner + i % blocks.inner;
             T largest = column[0];
-            for (std::int64_t j = 1; j < blocks.middle; ++j) largest = std::max(largest, column[j * blocks.inner]);
+            for (std::int64_t j = 1; j < blocks.middle; ++j)
+                largest = std::max(largest, column[j * blocks.inner]);
             out[i] = largest;
         }
     });
@@ -145,10 +158,12 @@ Tensor cumsum(const Tensor& x, int axis, bool exclusive) {
     dispatch(x.dtype(), [&]<class T>(T) {
         const T* in = x.values<T>().data();
         T* out = y.mutable_values<T>().data();
-        const std::int64_t grain = std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, blocks.middle));
+        const std::int64_t grain =
+            std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, blocks.middle));
         parallel_for(blocks.outer * blocks.inner, grain, [=](std::int64_t begin, std::int64_t end) {
             for (std::int64_t i = begin; i < end; ++i) {
-                const std::int64_t start = i / blocks.inner * blocks.middle * blocks.inner + i % blocks.inner;
+                const std::int64_t start =
+                    i / blocks.inner * blocks.middle * blocks.inner + i % blocks.inner;
                 double running = 0.0;
                 for (std::int64_t j = 0; j < blocks.middle; ++j) {
                     const std::int64_t place = start + j * blocks.inner;

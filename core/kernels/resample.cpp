@@ -19,8 +19,8 @@ std::vector<T> weights_as(const ResampleMatrix& matrix) {
 
 /// y (+)= sum over so many entries from `entry` on of weight * x row, in one pass over y.
 template <int count, class T>
-void combine_some(const T* x, T* y, const ResampleMatrix& matrix, const std::vector<T>& weights, std::size_t entry, bool add,
-                  std::int64_t length) {
+void combine_some(const T* x, T* y, const ResampleMatrix& matrix, const std::vector<T>& weights,
+                  std::size_t entry, bool add, std::int64_t length) {
     std::array<const T*, count> from;
     std::array<T, count> weight;
     for (std::size_t k = 0; k < count; ++k) {
@@ -42,8 +42,8 @@ void combine_some(const T* x, T* y, const ResampleMatrix& matrix, const std::vec
 
 /// y (rows of `length`) = sum over the matrix row's entries of weight * x row.
 template <class T>
-void combine(const T* x, T* y, const ResampleMatrix& matrix, const std::vector<T>& weights, std::int64_t row,
-             std::int64_t length) {
+void combine(const T* x, T* y, const ResampleMatrix& matrix, const std::vector<T>& weights,
+             std::int64_t row, std::int64_t length) {
     const auto begin = static_cast<std::size_t>(matrix.begins()[static_cast<std::size_t>(row)]);
     const auto end = static_cast<std::size_t>(matrix.begins()[static_cast<std::size_t>(row) + 1]);
     if (begin == end) std::fill_n(y, length, T(0));
@@ -71,15 +71,18 @@ Tensor resample(const Tensor& x, const ResampleMatrix& vertical, const ResampleM
         T* out = y.mutable_values<T>().data();
         const std::vector<T> vertical_weights = weights_as<T>(vertical);
         const std::vector<T> horizontal_weights = weights_as<T>(horizontal);
-        const std::int64_t grain = std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, out_width * channels));
+        const std::int64_t grain = std::max<std::int64_t>(
+            1, elementwise_grain / std::max<std::int64_t>(1, out_width * channels));
         parallel_for(x.shape(0) * out_height, grain, [&](std::int64_t begin, std::int64_t end) {
             std::vector<T> line(static_cast<std::size_t>(in_width * channels));
             for (std::int64_t row = begin; row < end; ++row) {
                 const T* image = in + row / out_height * x.shape(1) * in_width * channels;
-                combine(image, line.data(), vertical, vertical_weights, row % out_height, in_width * channels);
+                combine(image, line.data(), vertical, vertical_weights, row % out_height,
+                        in_width * channels);
                 T* to = out + row * out_width * channels;
                 for (std::int64_t column = 0; column < out_width; ++column) {
-                    combine(line.data(), to + column * channels, horizontal, horizontal_weights, column, channels);
+                    combine(line.data(), to + column * channels, horizontal, horizontal_weights,
+                            column, channels);
                 }
             }
         });

@@ -1,10 +1,11 @@
 #pragma once
 
-#include "core/ops/resample.h"
+#include "core/resample_matrix.h"
 #include "core/tensor.h"
 
 namespace stymo::kernels {
 
-[[nodiscard]] Tensor resample(const Tensor& x, const ResampleMatrix& vertical, const ResampleMatrix& horizontal);
+[[nodiscard]] Tensor resample(const Tensor& x, const ResampleMatrix& vertical,
+                              const ResampleMatrix& horizontal);
 
 }  // namespace stymo::kernels

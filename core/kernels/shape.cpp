@@ -22,7 +22,8 @@ Tensor permute(const Tensor& x, const std::vector<int>& order) {
     std::array<std::int64_t, Shape::max_rank> stride_of_input{};
     std::array<std::int64_t, Shape::max_rank> stride{};
     Shape shape = x.shape();
-    for (int axis = 0; axis < rank; ++axis) stride_of_input[static_cast<std::size_t>(axis)] = x.shape().product(axis + 1, rank);
+    for (int axis = 0; axis < rank; ++axis)
+        stride_of_input[static_cast<std::size_t>(axis)] = x.shape().product(axis + 1, rank);
     for (int axis = 0; axis < rank; ++axis) {
         const int from = order[static_cast<std::size_t>(axis)];
         shape = shape.with(axis, x.shape(from));
@@ -35,22 +36,24 @@ Tensor permute(const Tensor& x, const std::vector<int>& order) {
         T* out = y.mutable_values<T>().data();
         const std::int64_t length = shape[rank - 1];
         const std::int64_t step = stride[static_cast<std::size_t>(rank - 1)];
-        parallel_for(shape.size() / length, rows_per_chunk(length), [&](std::int64_t begin, std::int64_t end) {
-            for (std::int64_t row = begin; row < end; ++row) {
-                const T* from = in;
-                std::int64_t rest = row;
-                for (int axis = rank - 2; axis >= 0; --axis) {
-                    from += rest % shape[axis] * stride[static_cast<std::size_t>(axis)];
-                    rest /= shape[axis];
-                }
-                T* to = out + row * length;
-                if (step == 1) {
-                    std::copy_n(from, length, to);
-                } else {
-                    for (std::int64_t i = 0; i < length; ++i) to[i] = from[i * step];
-                }
-            }
-        });
+        parallel_for(shape.size() / length, rows_per_chunk(length),
+                     [&](std::int64_t begin, std::int64_t end) {
+                         for (std::int64_t row = begin; row < end; ++row) {
+                             const T* from = in;
+                             std::int64_t rest = row;
+                             for (int axis = rank - 2; axis >= 0; --axis) {
+                                 from +=
+                                     rest % shape[axis] * stride[static_cast<std::size_t>(axis)];
+                                 rest /= shape[axis];
+                             }
+                             T* to = out + row * length;
+                             if (step == 1) {
+                                 std::copy_n(from, length, to);
+                             } else {
+                                 for (std::int64_t i = 0; i < length; ++i) to[i] = from[i * step];
+                             }
+                         }
+                     });
     });
     return y;
 }
@@ -62,12 +65,14 @@ Tensor flip(const Tensor& x, int axis) {
     dispatch(x.dtype(), [&]<class T>(T) {
         const T* in = x.values<T>().data();
         T* out = y.mutable_values<T>().data();
-        parallel_for(inner == 0 ? 0 : x.size() / inner, rows_per_chunk(inner), [=](std::int64_t begin, std::int64_t end) {
-            for (std::int64_t row = begin; row < end; ++row) {
-                const std::int64_t mirrored = row / middle * middle + (middle - 1 - row % middle);
-                std::copy_n(in + mirrored * inner, inner, out + row * inner);
-            }
-        });
+        parallel_for(inner == 0 ? 0 : x.size() / inner, rows_per_chunk(inner),
+                     [=](std::int64_t begin, std::int64_t end) {
+                         for (std::int64_t row = begin; row < end; ++row) {
+                             const std::int64_t mirrored =
+                                 row / middle * middle + (middle - 1 - row % middle);
+                             std::copy_n(in + mirrored * inner, inner, out + row * inner);
+                         }
+                     });
     });
     return y;
 }
@@ -80,9 +85,11 @@ Tensor slice(const Tensor& x, int axis, std::int64_t begin, std::int64_t end) {
     dispatch(x.dtype(), [&]<class T>(T) {
         const T* in = x.values<T>().data() + begin * inner;
         T* out = y.mutable_values<T>().data();
-        parallel_for(x.shape().product(0, axis), rows_per_chunk(length), [=](std::int64_t first, std::int64_t last) {
-            for (std::int64_t row = first; row < last; ++row) std::copy_n(in + row * from_row, length, out + row * length);
-        });
+        parallel_for(x.shape().product(0, axis), rows_per_chunk(length),
+                     [=](std::int64_t first, std::int64_t last) {
+                         for (std::int64_t row = first; row < last; ++row)
+                             std::copy_n(in + row * from_row, length, out + row * length);
+                     });
     });
     return y;
 }
@@ -91,9 +98,12 @@ Tensor concat(const std::vector<Tensor>& parts, int axis) {
     const Tensor& first = parts.front();
     std::int64_t extent = 0;
     for (const Tensor& part : parts) {
-        if (part.dtype() != first.dtype()) fail<TypeError>("[concat] parts are ", first.dtype(), " and ", part.dtype());
-        if (part.rank() != first.rank() || part.shape().with(axis, 1) != first.shape().with(axis, 1)) {
-            fail<ShapeError>("[concat] shapes ", first.shape(), " and ", part.shape(), " differ beside axis ", axis);
+        if (part.dtype() != first.dtype())
+            fail<TypeError>("[concat] parts are ", first.dtype(), " and ", part.dtype());
+        if (part.rank() != first.rank() ||
+            part.shape().with(axis, 1) != first.shape().with(axis, 1)) {
+            fail<ShapeError>("[concat] shapes ", first.shape(), " and ", part.shape(),
+                             " differ beside axis ", axis);
         }
         extent += part.shape(axis);
     }
@@ -106,10 +116,12 @@ Tensor concat(const std::vector<Tensor>& parts, int axis) {
             const T* in = part.values<T>().data();
             const std::int64_t length = part.shape(axis) * inner;
             const std::int64_t stride = extent * inner;
-            parallel_for(first.shape().product(0, axis), rows_per_chunk(length), [=](std::int64_t begin, std::int64_t end) {
-                for (std::int64_t row = begin; row < end; ++row)
-                    std::copy_n(in + row * length, length, out + offset + row * stride);
-            });
+            parallel_for(first.shape().product(0, axis), rows_per_chunk(length),
+                         [=](std::int64_t begin, std::int64_t end) {
+                             for (std::int64_t row = begin; row < end; ++row)
+                                 std::copy_n(in + row * length, length,
+                                             out + offset + row * stride);
+                         });
             offset += length;
         }
     });
@@ -118,21 +130,25 @@ Tensor concat(const std::vector<Tensor>& parts, int axis) {
 
 namespace {
 
-/// Walks every (small pixel, sub-pixel) pair: calls move(index in (h, w, 4c) order with step 4, index in (2h, 2w, c) order,
-/// channels).
+/// Walks every (small pixel, sub-pixel) pair: calls move(index in (h, w, 4c) order with step 4,
+/// index in (2h, 2w, c) order, channels).
 template <class Move>
-void for_each_subpixel(std::int64_t batch, std::int64_t height, std::int64_t width, std::int64_t channels, Move move) {
-    parallel_for(batch * height, rows_per_chunk(width * channels * 4), [=](std::int64_t begin, std::int64_t end) {
-        for (std::int64_t row = begin; row < end; ++row) {
-            for (std::int64_t column = 0; column < width; ++column) {
-                for (std::int64_t k = 0; k < 4; ++k) {
-                    const std::int64_t packed = (row * width + column) * channels * 4 + k;
-                    const std::int64_t spread = ((row * 2 + k / 2) * width * 2 + column * 2 + k % 2) * channels;
-                    move(packed, spread);
+void for_each_subpixel(std::int64_t batch, std::int64_t height, std::int64_t width,
+                       std::int64_t channels, Move move) {
+    parallel_for(
+        batch * height, rows_per_chunk(width * channels * 4),
+        [=](std::int64_t begin, std::int64_t end) {
+            for (std::int64_t row = begin; row < end; ++row) {
+                for (std::int64_t column = 0; column < width; ++column) {
+                    for (std::int64_t k = 0; k < 4; ++k) {
+                        const std::int64_t packed = (row * width + column) * channels * 4 + k;
+                        const std::int64_t spread =
+                            ((row * 2 + k / 2) * width * 2 + column * 2 + k % 2) * channels;
+                        move(packed, spread);
+                    }
                 }
             }
-        }
-    });
+        });
 }
 
 }  // namespace
@@ -144,14 +160,17 @@ Tensor pixel_shuffle(const Tensor& x, const Tensor& coarse) {
         const T* in = x.values<T>().data();
         const T* added = coarse.defined() ? coarse.values<T>().data() : nullptr;
         T* out = y.mutable_values<T>().data();
-        for_each_subpixel(x.shape(0), x.shape(1), x.shape(2), channels, [=](std::int64_t packed, std::int64_t spread) {
-            if (added == nullptr) {
-                for (std::int64_t c = 0; c < channels; ++c) out[spread + c] = in[packed + 4 * c];
-            } else {
-                const T* const from = added + packed / (4 * channels) * channels;
-                for (std::int64_t c = 0; c < channels; ++c) out[spread + c] = in[packed + 4 * c] + from[c];
-            }
-        });
+        for_each_subpixel(x.shape(0), x.shape(1), x.shape(2), channels,
+                          [=](std::int64_t packed, std::int64_t spread) {
+                              if (added == nullptr) {
+                                  for (std::int64_t c = 0; c < channels; ++c)
+                                      out[spread + c] = in[packed + 4 * c];
+                              } else {
+                                  const T* const from = added + packed / (4 * channels) * channels;
+                                  for (std::int64_t c = 0; c < channels; ++c)
+                                      out[spread + c] = in[packed + 4 * c] + from[c];
+                              }
+                          });
     });
     return y;
 }
@@ -162,9 +181,11 @@ Tensor pixel_unshuffle(const Tensor& x) {
     dispatch(x.dtype(), [&]<class T>(T) {
         const T* in = x.values<T>().data();
         T* out = y.mutable_values<T>().data();
-        for_each_subpixel(y.shape(0), y.shape(1), y.shape(2), channels, [=](std::int64_t packed, std::int64_t spread) {
-            for (std::int64_t c = 0; c < channels; ++c) out[packed + 4 * c] = in[spread + c];
-        });
+        for_each_subpixel(y.shape(0), y.shape(1), y.shape(2), channels,
+                          [=](std::int64_t packed, std::int64_t spread) {
+                              for (std::int64_t c = 0; c < channels; ++c)
+                                  out[packed + 4 * c] = in[spread + c];
+                          });
     });
     return y;
 }

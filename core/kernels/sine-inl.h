@@ -19,10 +19,12 @@ using FloatVector = simd::Vec<FloatTag>;
 using BitsTag = simd::ScalableTag<std::uint32_t>;
 using BitsVector = simd::Vec<BitsTag>;
 
-/// Largest |x| for which the reduction below keeps float32 accuracy: multiples of pi up to there times its upper part are exact.
+/// Largest |x| for which the reduction below keeps float32 accuracy: multiples of pi up to there
+/// times its upper part are exact.
 constexpr float vector_sine_limit = 8192.0F;
 
-/// x = multiple of pi + remainder, |remainder| <= pi / 2. Both functions change sign with every multiple.
+/// x = multiple of pi + remainder, |remainder| <= pi / 2. Both functions change sign with every
+/// multiple.
 struct HalfTurns {
     FloatVector remainder;
     BitsVector sign;  ///< the sign's bit
@@ -51,7 +53,8 @@ HWY_INLINE FloatVector flip_sign(BitsVector sign, FloatVector x) {
     return simd::BitCast(FloatTag(), simd::Xor(sign, simd::BitCast(BitsTag(), x)));
 }
 
-/// Absolute error below 3e-7 for |x| <= vector_sine_limit: polynomials of least error on [-pi/2, pi/2], which have 5e-9.
+/// Absolute error below 3e-7 for |x| <= vector_sine_limit: polynomials of least error on [-pi/2,
+/// pi/2], which have 5e-9.
 HWY_INLINE FloatVector vector_sine(const HalfTurns& x) {
     const FloatTag tag;
     const auto r = x.remainder;

@@ -12,11 +12,13 @@ namespace stymo::kernels {
 
 namespace {
 
-/// Products of channels from which on the transformed filters leave no room in the second-level cache of one thread.
+/// Products of channels from which on the transformed filters leave no room in the second-level
+/// cache of one thread.
 constexpr bool shares_blocks(std::int64_t channels) {
     return channels > 128 * 128;
 }
-/// Tiles that are handled at once: few enough to stay in that cache, or so many that the filters are worth reading again.
+/// Tiles that are handled at once: few enough to stay in that cache, or so many that the filters
+/// are worth reading again.
 constexpr std::int64_t tiles_of_block(std::int64_t channels) {
     if (shares_blocks(channels)) return 256;
     return channels > 64 * 64 ? 96 : 48;
@@ -28,8 +30,8 @@ std::int64_t tiles_of_sum(std::int64_t in, std::int64_t out) {
 /// Blocks that share their buffers; also a bound on the number of chunks.
 constexpr std::int64_t runs = 16;
 
-/// Pixels of a batch of images, cut into tiles of the outputs' side; `offset` is the row and column of the first pixel of the
-/// first tile's square, which may lie outside the image.
+/// Pixels of a batch of images, cut into tiles of the outputs' side; `offset` is the row and column
+/// of the first pixel of the first tile's square, which may lie outside the image.
 struct Tiling {
     std::int64_t rows, columns, count;
 
@@ -43,19 +45,21 @@ struct Image {
     std::int64_t height, width, channels;
 };
 
-/// Pointers at a tile's square of pixels, whose first one is `padding` rows and columns outside the tile; `outside` stands for
-/// what lies beyond the image.
+/// Pointers at a tile's square of pixels, whose first one is `padding` rows and columns outside the
+/// tile; `outside` stands for what lies beyond the image.
 template <class T, std::size_t places>
-void point_at_square(std::array<T*, places>& pixels, T* images, T* outside, const Image& image, const Tiling& tiling,
-                     std::int64_t tile, std::int64_t padding) {
+void point_at_square(std::array<T*, places>& pixels, T* images, T* outside, const Image& image,
+                     const Tiling& tiling, std::int64_t tile, std::int64_t padding) {
     constexpr std::int64_t side = places == 36 ? winograd_patch : winograd_tile;
     const std::int64_t tile_in_image = tile % (tiling.rows * tiling.columns);
-    T* const first = images + tile / (tiling.rows * tiling.columns) * image.height * image.width * image.channels;
+    T* const first = images + tile / (tiling.rows * tiling.columns) * image.height * image.width *
+                                  image.channels;
     const std::int64_t row = tile_in_image / tiling.columns * winograd_tile - padding;
     const std::int64_t column = tile_in_image % tiling.columns * winograd_tile - padding;
     for (std::int64_t i = 0; i < side; ++i) {
         for (std::int64_t j = 0; j < side; ++j) {
-            const bool inside = row + i >= 0 && row + i < image.height && column + j >= 0 && column + j < image.width;
+            const bool inside = row + i >= 0 && row + i < image.height && column + j >= 0 &&
+                                column + j < image.width;
             pixels[static_cast<std::size_t>(i * side + j)] =
                 inside ? first + ((row + i) * image.width + column + j) * image.channels : outside;
         }
@@ -68,7 +72,8 @@ Buffer uninitialised(std::int64_t size) {
     return std::make_unique_for_overwrite<float[]>(static_cast<std::size_t>(size));
 }
 
-/// Places of a buffer that would lie a multiple of 4 KiB apart compete for the same few lines of the caches.
+/// Places of a buffer that would lie a multiple of 4 KiB apart compete for the same few lines of
+/// the caches.
 std::int64_t place_stride(std::int64_t tiles, std::int64_t channels) {
     return tiles * channels + 16;
 }
@@ -82,7 +87,8 @@ Buffer input_first(const float* weight, std::int64_t out, std::int64_t in) {
             for (std::int64_t tap = 0; tap < 9; ++tap) {
                 for (std::int64_t i = index * line; i < (index + 1) * line; ++i) {
                     for (std::int64_t o = first_out; o < first_out + line; ++o)
-                        result[static_cast<std::size_t>((i * 9 + tap) * out + o)] = weight[(o * 9 + tap) * in + i];
+                        result[static_cast<std::size_t>((i * 9 + tap) * out + o)] =
+                            weight[(o * 9 + tap) * in + i];
                 }
             }
         }
@@ -90,10 +96,12 @@ Buffer input_first(const float* weight, std::int64_t out, std::int64_t in) {
     return result;
 }
 
-/// Filters (from, 3, 3, to) at all places, as right operands from one kind of channels to the other.
+/// Filters (from, 3, 3, to) at all places, as right operands from one kind of channels to the
+/// other.
 class TransformedFilters {
 public:
-    TransformedFilters(const float* taps, bool turned, std::int64_t from, std::int64_t to) : from_(from), to_(to) {
+    TransformedFilters(const float* taps, bool turned, std::int64_t from, std::int64_t to)
+        : from_(from), to_(to) {
         const std::int64_t width = PackedMatrix<float>::usual_panel_width();
         const std::int64_t panels = chunk_count(to, width);
         stride_ = place_stride(from, panels * width);
@@ -105,7 +113,8 @@ public:
         if (to % width != 0) std::fill_n(first_, winograd_places * stride_, 0.0F);
         parallel_for(from, 8, [&](std::int64_t begin, std::int64_t end) {
             for (std::int64_t i = begin; i < end; ++i)
-                winograd_transform_filter(taps + i * 9 * to, turned, {first_ + i * width, stride_, width, from * width}, to);
+                winograd_transform_filter(taps + i * 9 * to, turned,
+                                          {first_ + i * width, stride_, width, from * width}, to);
         });
     }
 
@@ -145,9 +154,12 @@ struct TileBuffers {
           product_stride(place_stride(tiles, out)) {}
 };
 
-/// The tiles [first, first + count), by one thread within a parallel loop and by all of them otherwise.
-void correlate_block(const Correlation& c, const TileBuffers& buffers, std::int64_t first, std::int64_t count) {
-    const std::vector<float> zeros(static_cast<std::size_t>(std::max(c.in.channels, c.out.channels)));
+/// The tiles [first, first + count), by one thread within a parallel loop and by all of them
+/// otherwise.
+void correlate_block(const Correlation& c, const TileBuffers& buffers, std::int64_t first,
+                     std::int64_t count) {
+    const std::vector<float> zeros(
+        static_cast<std::size_t>(std::max(c.in.channels, c.out.channels)));
     parallel_for(count, 16, [&](std::int64_t begin, std::int64_t end) {
         PatchPixels patch;
         for (std::int64_t i = begin; i < end; ++i) {
@@ -158,23 +170,27 @@ void correlate_block(const Correlation& c, const TileBuffers& buffers, std::int6
                 continue;
             }
             PatchPixels signs;
-            point_at_square(signs, c.gate.signs, zeros.data(), c.in, c.tiling, first + i, c.padding);
-            winograd_transform_gated_patch(patch, signs, c.gate.slope, places, buffers.patch_stride, c.in.channels);
+            point_at_square(signs, c.gate.signs, zeros.data(), c.in, c.tiling, first + i,
+                            c.padding);
+            winograd_transform_gated_patch(patch, signs, c.gate.slope, places, buffers.patch_stride,
+                                           c.in.channels);
         }
     });
     parallel_for(winograd_places, 1, [&](std::int64_t place, std::int64_t) {
-        multiply_packed<float>(buffers.products.get() + place * buffers.product_stride, c.out.channels,
-                               {buffers.patches.get() + place * buffers.patch_stride, c.in.channels, 1}, count,
-                               c.filters->at(place));
+        multiply_packed<float>(
+            buffers.products.get() + place * buffers.product_stride, c.out.channels,
+            {buffers.patches.get() + place * buffers.patch_stride, c.in.channels, 1}, count,
+            c.filters->at(place));
     });
     parallel_for(count, 16, [&](std::int64_t begin, std::int64_t end) {
         const Buffer sink = uninitialised(c.out.channels);
         TilePixels tile;
         for (std::int64_t i = begin; i < end; ++i) {
             point_at_square(tile, c.y, sink.get(), c.out, c.tiling, first + i, 0);
-            winograd_transform_products(buffers.products.get() + i * c.out.channels, buffers.product_stride,
-                                        c.finish.bias == nullptr ? zeros.data() : c.finish.bias, c.finish.slope, tile,
-                                        c.out.channels);
+            winograd_transform_products(buffers.products.get() + i * c.out.channels,
+                                        buffers.product_stride,
+                                        c.finish.bias == nullptr ? zeros.data() : c.finish.bias,
+                                        c.finish.slope, tile, c.out.channels);
         }
     });
 }
@@ -183,11 +199,13 @@ void correlate(const Correlation& c) {
     const std::int64_t channels = c.in.channels * c.out.channels;
     const std::int64_t blocks = chunk_count(c.tiling.count, tiles_of_block(channels));
     const std::int64_t block = chunk_count(c.tiling.count, blocks);
-    // Filters that no cache of one thread holds are read by all of them once for each block, which they share.
+    // Filters that no cache of one thread holds are read by all of them once for each block, which
+    // they share.
     const std::int64_t run = shares_blocks(channels) ? blocks : chunk_count(blocks, runs);
     parallel_for(blocks, run, [&](std::int64_t begin, std::int64_t end) {
         const TileBuffers buffers(std::min(block, c.tiling.count), c.in.channels, c.out.channels);
-        for (std::int64_t first = begin * block; first < std::min(end * block, c.tiling.count); first += block)
+        for (std::int64_t first = begin * block; first < std::min(end * block, c.tiling.count);
+             first += block)
             correlate_block(c, buffers, first, std::min(block, c.tiling.count - first));
     });
 }
@@ -202,29 +220,47 @@ Image output_of(const ConvGeometry& g) {
 }  // namespace
 
 bool winograd_serves(const ConvGeometry& g) {
-    return g.kernel_height == 3 && g.kernel_width == 3 && g.stride == 1 && g.groups == 1 && g.in_channels % 16 == 0 &&
-           g.out_channels % 16 == 0;
+    return g.kernel_height == 3 && g.kernel_width == 3 && g.stride == 1 && g.groups == 1 &&
+           g.in_channels % 16 == 0 && g.out_channels % 16 == 0;
 }
 
 bool winograd_pays(const ConvGeometry& g) {
     return winograd_serves(g) && g.batch * g.out_height * g.out_width >= 1024;
 }
 
-void winograd_conv2d(const float* x, const float* weight, const ConvFinish<float>& finish, float* y, const ConvGeometry& g) {
+void winograd_conv2d(const float* x, const float* weight, const ConvFinish<float>& finish, float* y,
+                     const ConvGeometry& g) {
     const Buffer taps = input_first(weight, g.out_channels, g.in_channels);
     const TransformedFilters filters(taps.get(), false, g.in_channels, g.out_channels);
-    correlate({x, {}, input_of(g), &filters, finish, y, output_of(g), g.padding, Tiling(g.batch, g.out_height, g.out_width)});
+    correlate({x,
+               {},
+               input_of(g),
+               &filters,
+               finish,
+               y,
+               output_of(g),
+               g.padding,
+               Tiling(g.batch, g.out_height, g.out_width)});
 }
 
-void winograd_conv2d_transpose(const float* dL_dy, const ConvGate<float>& gate, const float* weight, float* dL_dx,
-                               const ConvGeometry& g) {
-    // The correlation with the turned filters, whose square begins two pixels before an input pixel less the padding.
+void winograd_conv2d_transpose(const float* dL_dy, const ConvGate<float>& gate, const float* weight,
+                               float* dL_dx, const ConvGeometry& g) {
+    // The correlation with the turned filters, whose square begins two pixels before an input pixel
+    // less the padding.
     const TransformedFilters filters(weight, true, g.out_channels, g.in_channels);
-    correlate(
-        {dL_dy, gate, output_of(g), &filters, {}, dL_dx, input_of(g), 2 - g.padding, Tiling(g.batch, g.in_height, g.in_width)});
+    correlate({dL_dy,
+               gate,
+               output_of(g),
+               &filters,
+               {},
+               dL_dx,
+               input_of(g),
+               2 - g.padding,
+               Tiling(g.batch, g.in_height, g.in_width)});
 }
 
-void winograd_conv2d_weight_grad(const float* dL_dy, const float* x, float* dL_dweight, const ConvGeometry& g) {
+void winograd_conv2d_weight_grad(const float* dL_dy, const float* x, float* dL_dweight,
+                                 const ConvGeometry& g) {
     const Tiling tiling(g.batch, g.out_height, g.out_width);
     const Image in = input_of(g);
     const Image out = output_of(g);
@@ -243,21 +279,25 @@ void winograd_conv2d_weight_grad(const float* dL_dy, const float* x, float* dL_d
             ConstTilePixels tile;
             for (std::int64_t i = begin; i < end; ++i) {
                 point_at_square(patch, x, zeros.data(), in, tiling, first + i, g.padding);
-                winograd_transform_patch(patch, patches.get() + i * in.channels, stride_in, in.channels);
+                winograd_transform_patch(patch, patches.get() + i * in.channels, stride_in,
+                                         in.channels);
                 point_at_square(tile, dL_dy, zeros.data(), out, tiling, first + i, 0);
-                winograd_transform_tile(tile, gradients.get() + i * out.channels, stride_out, out.channels);
+                winograd_transform_tile(tile, gradients.get() + i * out.channels, stride_out,
+                                        out.channels);
             }
         });
         parallel_for(winograd_places, 1, [&](std::int64_t place, std::int64_t) {
-            const PackedMatrix<float> right(patches.get() + place * stride_in, count, in.channels, in.channels, 1);
+            const PackedMatrix<float> right(patches.get() + place * stride_in, count, in.channels,
+                                            in.channels, 1);
             multiply_packed<float>(sums.get() + place * stride_sum, in.channels,
-                                   {gradients.get() + place * stride_out, 1, out.channels}, out.channels, right,
-                                   {.present_values = first > 0});
+                                   {gradients.get() + place * stride_out, 1, out.channels},
+                                   out.channels, right, {.present_values = first > 0});
         });
     }
     parallel_for(out.channels, 16, [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t o = begin; o < end; ++o) {
-            winograd_transform_to_filter(sums.get() + o * in.channels, stride_sum, dL_dweight + o * 9 * in.channels, in.channels);
+            winograd_transform_to_filter(sums.get() + o * in.channels, stride_sum,
+                                         dL_dweight + o * 9 * in.channels, in.channels);
         }
     });
 }

@@ -12,7 +12,8 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
-// Included once for each instruction set, so what does not depend on it stands below, within HWY_ONCE.
+// Included once for each instruction set, so what does not depend on it stands below, within
+// HWY_ONCE.
 HWY_BEFORE_NAMESPACE();
 namespace stymo::kernels::HWY_NAMESPACE {
 
@@ -21,7 +22,8 @@ namespace simd = hwy::HWY_NAMESPACE;
 using Tag = simd::CappedTag<float, 16>;
 using Vector = simd::Vec<Tag>;
 
-/// The interpolation points are 0, a, -a, b, -b and infinity. Rounding is least where their powers stay near one.
+/// The interpolation points are 0, a, -a, b, -b and infinity. Rounding is least where their powers
+/// stay near one.
 constexpr float a = 0.625F;
 constexpr float b = 1.5F;
 constexpr float a2 = a * a;
@@ -125,7 +127,8 @@ struct FilterGradientLine {
     }
 };
 
-/// Applies a line's map to the columns and then to the rows of the square that `load(row, column, channel)` reads.
+/// Applies a line's map to the columns and then to the rows of the square that `load(row, column,
+/// channel)` reads.
 template <class Line, class Load, class Store>
 HWY_INLINE void transform(std::int64_t channels, Load load, Store store) {
     const Line line;
@@ -149,7 +152,8 @@ HWY_INLINE void transform(std::int64_t channels, Load load, Store store) {
     }
 }
 
-void transform_patch(const PatchPixels& patch, float* places, std::int64_t place_stride, std::int64_t channels) {
+void transform_patch(const PatchPixels& patch, float* places, std::int64_t place_stride,
+                     std::int64_t channels) {
     transform<PatchLine>(
         channels,
         [&](int row, int column, std::int64_t c) {
@@ -160,8 +164,8 @@ void transform_patch(const PatchPixels& patch, float* places, std::int64_t place
         });
 }
 
-void transform_gated_patch(const PatchPixels& patch, const PatchPixels& signs, float slope, float* places,
-                           std::int64_t place_stride, std::int64_t channels) {
+void transform_gated_patch(const PatchPixels& patch, const PatchPixels& signs, float slope,
+                           float* places, std::int64_t place_stride, std::int64_t channels) {
     transform<PatchLine>(
         channels,
         [&](int row, int column, std::int64_t c) {
@@ -175,19 +179,23 @@ void transform_gated_patch(const PatchPixels& patch, const PatchPixels& signs, f
         });
 }
 
-void transform_products(const float* places, std::int64_t place_stride, const float* bias, float slope, const TilePixels& tile,
-                        std::int64_t channels) {
+void transform_products(const float* places, std::int64_t place_stride, const float* bias,
+                        float slope, const TilePixels& tile, std::int64_t channels) {
     transform<ProductLine>(
         channels,
-        [&](int row, int column, std::int64_t c) { return simd::LoadU(Tag(), places + (row * 6 + column) * place_stride + c); },
+        [&](int row, int column, std::int64_t c) {
+            return simd::LoadU(Tag(), places + (row * 6 + column) * place_stride + c);
+        },
         [&](int row, int column, std::int64_t c, Vector v) {
             const Vector sum = simd::Add(v, simd::LoadU(Tag(), bias + c));
-            const Vector result = simd::IfThenElse(simd::Gt(sum, simd::Zero(Tag())), sum, times(sum, slope));
+            const Vector result =
+                simd::IfThenElse(simd::Gt(sum, simd::Zero(Tag())), sum, times(sum, slope));
             simd::StoreU(result, Tag(), tile[static_cast<std::size_t>(row * 4 + column)] + c);
         });
 }
 
-void transform_tile(const ConstTilePixels& tile, float* places, std::int64_t place_stride, std::int64_t channels) {
+void transform_tile(const ConstTilePixels& tile, float* places, std::int64_t place_stride,
+                    std::int64_t channels) {
     transform<TileLine>(
         channels,
         [&](int row, int column, std::int64_t c) {
@@ -198,7 +206,8 @@ void transform_tile(const ConstTilePixels& tile, float* places, std::int64_t pla
         });
 }
 
-void transform_filter(const float* taps, bool turned, const PanelRows& rows, std::int64_t channels) {
+void transform_filter(const float* taps, bool turned, const PanelRows& rows,
+                      std::int64_t channels) {
     transform<FilterLine>(
         channels,
         [&](int row, int column, std::int64_t c) {
@@ -207,16 +216,21 @@ void transform_filter(const float* taps, bool turned, const PanelRows& rows, std
         },
         [&](int row, int column, std::int64_t c, Vector v) {
             simd::StoreU(v, Tag(),
-                         rows.first + (row * 6 + column) * rows.place_stride + c / rows.panel_width * rows.panel_stride +
-                             c % rows.panel_width);
+                         rows.first + (row * 6 + column) * rows.place_stride +
+                             c / rows.panel_width * rows.panel_stride + c % rows.panel_width);
         });
 }
 
-void transform_to_filter(const float* places, std::int64_t place_stride, float* taps, std::int64_t channels) {
+void transform_to_filter(const float* places, std::int64_t place_stride, float* taps,
+                         std::int64_t channels) {
     transform<FilterGradientLine>(
         channels,
-        [&](int row, int column, std::int64_t c) { return simd::LoadU(Tag(), places + (row * 6 + column) * place_stride + c); },
-        [&](int row, int column, std::int64_t c, Vector v) { simd::StoreU(v, Tag(), taps + (row * 3 + column) * channels + c); });
+        [&](int row, int column, std::int64_t c) {
+            return simd::LoadU(Tag(), places + (row * 6 + column) * place_stride + c);
+        },
+        [&](int row, int column, std::int64_t c, Vector v) {
+            simd::StoreU(v, Tag(), taps + (row * 3 + column) * channels + c);
+        });
 }
 
 }  // namespace stymo::kernels::HWY_NAMESPACE
@@ -232,29 +246,35 @@ HWY_EXPORT(transform_tile);
 HWY_EXPORT(transform_filter);
 HWY_EXPORT(transform_to_filter);
 
-void winograd_transform_patch(const PatchPixels& patch, float* places, std::int64_t place_stride, std::int64_t channels) {
+void winograd_transform_patch(const PatchPixels& patch, float* places, std::int64_t place_stride,
+                              std::int64_t channels) {
     HWY_DYNAMIC_DISPATCH(transform_patch)(patch, places, place_stride, channels);
 }
 
-void winograd_transform_gated_patch(const PatchPixels& patch, const PatchPixels& signs, float slope, float* places,
-                                    std::int64_t place_stride, std::int64_t channels) {
-    HWY_DYNAMIC_DISPATCH(transform_gated_patch)(patch, signs, slope, places, place_stride, channels);
+void winograd_transform_gated_patch(const PatchPixels& patch, const PatchPixels& signs, float slope,
+                                    float* places, std::int64_t place_stride,
+                                    std::int64_t channels) {
+    HWY_DYNAMIC_DISPATCH(transform_gated_patch)
+    (patch, signs, slope, places, place_stride, channels);
 }
 
-void winograd_transform_products(const float* places, std::int64_t place_stride, const float* bias, float slope,
-                                 const TilePixels& tile, std::int64_t channels) {
+void winograd_transform_products(const float* places, std::int64_t place_stride, const float* bias,
+                                 float slope, const TilePixels& tile, std::int64_t channels) {
     HWY_DYNAMIC_DISPATCH(transform_products)(places, place_stride, bias, slope, tile, channels);
 }
 
-void winograd_transform_tile(const ConstTilePixels& tile, float* places, std::int64_t place_stride, std::int64_t channels) {
+void winograd_transform_tile(const ConstTilePixels& tile, float* places, std::int64_t place_stride,
+                             std::int64_t channels) {
     HWY_DYNAMIC_DISPATCH(transform_tile)(tile, places, place_stride, channels);
 }
 
-void winograd_transform_filter(const float* taps, bool turned, const PanelRows& rows, std::int64_t channels) {
+void winograd_transform_filter(const float* taps, bool turned, const PanelRows& rows,
+                               std::int64_t channels) {
     HWY_DYNAMIC_DISPATCH(transform_filter)(taps, turned, rows, channels);
 }
 
-void winograd_transform_to_filter(const float* places, std::int64_t place_stride, float* taps, std::int64_t channels) {
+void winograd_transform_to_filter(const float* places, std::int64_t place_stride, float* taps,
+                                  std::int64_t channels) {
     HWY_DYNAMIC_DISPATCH(transform_to_filter)(places, place_stride, taps, channels);
 }
 

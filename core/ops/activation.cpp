@@ -33,21 +33,27 @@ Variable log_sigmoid(const Variable& x) {
 }
 
 Variable leaky_relu(const Variable& x, double slope) {
-    if (!(slope >= 0.0)) fail<ValueError>("[leaky_relu] the slope must not be negative, got ", slope);
-    // The output has the sign of the input, and what follows it in a network keeps it anyway.
-    return record("leaky_relu", kernels::leaky_relu(x.value(), slope), {x}, Save::the_output(),
-                  {[slope](const Vjp& v) { return leaky_gate(v.grad(), v.output().value(), slope); }});
+    if (!(slope >= 0.0))
+        fail<ValueError>("[leaky_relu] the slope must not be negative, got ", slope);
+    // The output has the sign of the input, and the next layer keeps the output anyway.
+    return record(
+        "leaky_relu", kernels::leaky_relu(x.value(), slope), {x}, Save::the_output(),
+        {[slope](const Vjp& v) { return leaky_gate(v.grad(), v.output().value(), slope); }});
 }
 
 Variable leaky_gate(const Variable& x, const Tensor& sign, double slope, double gain) {
-    if (x.shape() != sign.shape()) fail<ShapeError>("[leaky_gate] x is ", x.shape(), ", the signs ", sign.shape());
-    return record("leaky_gate", kernels::leaky_gate(x.value(), sign, slope, gain), {x}, Save::none(),
-                  {[sign, slope, gain](const Vjp& v) { return leaky_gate(v.grad(), sign, slope, gain); }});
+    if (x.shape() != sign.shape())
+        fail<ShapeError>("[leaky_gate] x is ", x.shape(), ", the signs ", sign.shape());
+    return record(
+        "leaky_gate", kernels::leaky_gate(x.value(), sign, slope, gain), {x}, Save::none(),
+        {[sign, slope, gain](const Vjp& v) { return leaky_gate(v.grad(), sign, slope, gain); }});
 }
 
 Variable prelu(const Variable& x, const Variable& slope) {
-    // One op, not a composition: a deep network keeps one image for each of these instead of three.
-    return record("prelu", kernels::prelu(x.value(), slope.value()), {x, slope}, Save::input(0) | Save::input(1),
+    // One op instead of a composition, so that a deep network keeps one image per activation
+    // instead of three.
+    return record("prelu", kernels::prelu(x.value(), slope.value()), {x, slope},
+                  Save::input(0) | Save::input(1),
                   {[](const Vjp& v) {
                        const Tensor positive = kernels::leaky_slope(v.input(0).value(), 0.0);
                        return where(positive, v.grad(), v.grad() * v.input(1));

@@ -13,18 +13,21 @@ namespace stymo {
 [[nodiscard]] Variable log_sigmoid(const Variable& x);
 /// Subgradient `slope` at 0. Throws ValueError for a negative slope.
 [[nodiscard]] Variable leaky_relu(const Variable& x, double slope);
-/// gain * x where sign > 0, else gain * slope * x: what the gradient of leaky ReLU does to what comes back. Both have the same
-/// shape.
-[[nodiscard]] Variable leaky_gate(const Variable& x, const Tensor& sign, double slope, double gain = 1.0);
+/// gain * x where sign > 0, else gain * slope * x: the gradient of leaky ReLU applied to x. Both
+/// have the same shape.
+[[nodiscard]] Variable leaky_gate(const Variable& x, const Tensor& sign, double slope,
+                                  double gain = 1.0);
 [[nodiscard]] inline Variable relu(const Variable& x) {
     return leaky_relu(x, 0.0);
 }
 /// Leaky ReLU with one learnt slope for each channel (last axis).
 [[nodiscard]] Variable prelu(const Variable& x, const Variable& slope);
-/// log(sum(exp(x))) over `axis`, kept with extent 1; the largest element is taken out first.
+/// log(sum(exp(x))) over `axis`, kept with extent 1; the largest element is subtracted first.
 [[nodiscard]] Variable log_sum_exp(const Variable& x, int axis);
 [[nodiscard]] Variable softmax(const Variable& x, int axis);
-/// Binary cross-entropy of a logit against a target t in [0, 1]: (1 - t) softplus(x) + t softplus(-x), elementwise.
-[[nodiscard]] Variable binary_cross_entropy_with_logits(const Variable& logit, const Variable& target);
+/// Binary cross-entropy of a logit against a target t in [0, 1]: (1 - t) softplus(x) + t
+/// softplus(-x), elementwise.
+[[nodiscard]] Variable binary_cross_entropy_with_logits(const Variable& logit,
+                                                        const Variable& target);
 
 }  // namespace stymo

@@ -8,63 +8,73 @@
 namespace stymo {
 
 Variable add(const Variable& a, const Variable& b) {
-    return record(
-        "add", kernels::add(a.value(), b.value()), {a, b}, Save::none(),
-        {[](const Vjp& v) { return sum_to(v.grad(), v.shape(0)); }, [](const Vjp& v) { return sum_to(v.grad(), v.shape(1)); }});
+    return record("add", kernels::add(a.value(), b.value()), {a, b}, Save::none(),
+                  {[](const Vjp& v) { return sum_to(v.grad(), v.shape(0)); },
+                   [](const Vjp& v) { return sum_to(v.grad(), v.shape(1)); }});
 }
 
 Variable subtract(const Variable& a, const Variable& b) {
-    return record(
-        "subtract", kernels::subtract(a.value(), b.value()), {a, b}, Save::none(),
-        {[](const Vjp& v) { return sum_to(v.grad(), v.shape(0)); }, [](const Vjp& v) { return -sum_to(v.grad(), v.shape(1)); }});
+    return record("subtract", kernels::subtract(a.value(), b.value()), {a, b}, Save::none(),
+                  {[](const Vjp& v) { return sum_to(v.grad(), v.shape(0)); },
+                   [](const Vjp& v) { return -sum_to(v.grad(), v.shape(1)); }});
 }
 
 namespace {
 
 /// A factor is needed only for the gradient of the other one.
 Save save_other_factor(const Variable& a, const Variable& b) {
-    return (b.tracked() ? Save::input(0) : Save::none()) | (a.tracked() ? Save::input(1) : Save::none());
+    return (b.tracked() ? Save::input(0) : Save::none()) |
+           (a.tracked() ? Save::input(1) : Save::none());
 }
 
 }  // namespace
 
 Variable multiply(const Variable& a, const Variable& b) {
-    return record("multiply", kernels::multiply(a.value(), b.value()), {a, b}, save_other_factor(a, b),
+    return record("multiply", kernels::multiply(a.value(), b.value()), {a, b},
+                  save_other_factor(a, b),
                   {[](const Vjp& v) { return sum_to(v.grad() * v.input(1), v.shape(0)); },
                    [](const Vjp& v) { return sum_to(v.grad() * v.input(0), v.shape(1)); }});
 }
 
 Variable divide(const Variable& a, const Variable& b) {
-    return record("divide", kernels::divide(a.value(), b.value()), {a, b}, Save::input(1) | Save::the_output(),
-                  {[](const Vjp& v) { return sum_to(v.grad() / v.input(1), v.shape(0)); },
-                   [](const Vjp& v) { return -sum_to(v.grad() * v.output() / v.input(1), v.shape(1)); }});
+    return record(
+        "divide", kernels::divide(a.value(), b.value()), {a, b},
+        Save::input(1) | Save::the_output(),
+        {[](const Vjp& v) { return sum_to(v.grad() / v.input(1), v.shape(0)); },
+         [](const Vjp& v) { return -sum_to(v.grad() * v.output() / v.input(1), v.shape(1)); }});
 }
 
 namespace {
 
-/// The gradient goes to `a` where the mask is 1 and to `b` where it is 0. The mask is a constant, so it carries no edge
-/// into the second derivative.
-Variable choose(const char* name, Tensor value, const Tensor& takes_a, const Variable& a, const Variable& b) {
+/// The gradient goes to `a` where the mask is 1 and to `b` where it is 0. The mask is a constant,
+/// so it carries no edge into the second derivative.
+Variable choose(const char* name, Tensor value, const Tensor& takes_a, const Variable& a,
+                const Variable& b) {
     return record(
         name, std::move(value), {a, b}, Save::none(),
         {[takes_a](const Vjp& v) { return sum_to(v.grad() * Variable(takes_a), v.shape(0)); },
-         [takes_a](const Vjp& v) { return sum_to(v.grad() * Variable(kernels::affine(takes_a, -1.0, 1.0)), v.shape(1)); }});
+         [takes_a](const Vjp& v) {
+             return sum_to(v.grad() * Variable(kernels::affine(takes_a, -1.0, 1.0)), v.shape(1));
+         }});
 }
 
 }  // namespace
 
 Variable maximum(const Variable& a, const Variable& b) {
-    return choose("maximum", kernels::maximum(a.value(), b.value()), kernels::greater_equal(a.value(), b.value()), a, b);
+    return choose("maximum", kernels::maximum(a.value(), b.value()),
+                  kernels::greater_equal(a.value(), b.value()), a, b);
 }
 
 Variable minimum(const Variable& a, const Variable& b) {
-    return choose("minimum", kernels::minimum(a.value(), b.value()), kernels::greater_equal(b.value(), a.value()), a, b);
+    return choose("minimum", kernels::minimum(a.value(), b.value()),
+                  kernels::greater_equal(b.value(), a.value()), a, b);
 }
 
 Variable where(const Tensor& condition, const Variable& a, const Variable& b) {
     const Tensor takes_a = kernels::nonzero(condition);
-    const Shape shape = broadcast_shape(broadcast_shape(a.shape(), b.shape(), "where"), condition.shape(), "where");
-    // Selected, not multiplied: a NaN or infinity of the branch that is not taken must not show.
+    const Shape shape =
+        broadcast_shape(broadcast_shape(a.shape(), b.shape(), "where"), condition.shape(), "where");
+    // Selected instead of multiplied, so that a NaN or infinity in the other branch has no effect.
     Tensor value(shape, a.dtype());
     const Tensor mask = kernels::broadcast_to(takes_a, shape);
     const Tensor from_a = kernels::broadcast_to(a.value(), shape);
@@ -89,15 +99,18 @@ Variable affine(const Variable& x, double factor, double offset) {
 }
 
 Variable exp(const Variable& x) {
-    return record("exp", kernels::exp(x.value()), {x}, Save::the_output(), {[](const Vjp& v) { return v.grad() * v.output(); }});
+    return record("exp", kernels::exp(x.value()), {x}, Save::the_output(),
+                  {[](const Vjp& v) { return v.grad() * v.output(); }});
 }
 
 Variable log(const Variable& x) {
-    return record("log", kernels::log(x.value()), {x}, Save::input(0), {[](const Vjp& v) { return v.grad() / v.input(0); }});
+    return record("log", kernels::log(x.value()), {x}, Save::input(0),
+                  {[](const Vjp& v) { return v.grad() / v.input(0); }});
 }
 
 Variable sin(const Variable& x) {
-    return record("sin", kernels::sin(x.value()), {x}, Save::input(0), {[](const Vjp& v) { return v.grad() * cos(v.input(0)); }});
+    return record("sin", kernels::sin(x.value()), {x}, Save::input(0),
+                  {[](const Vjp& v) { return v.grad() * cos(v.input(0)); }});
 }
 
 Variable cos(const Variable& x) {
@@ -116,14 +129,17 @@ Variable square(const Variable& x) {
 }
 
 Variable abs(const Variable& x) {
-    return record("abs", kernels::abs(x.value()), {x}, Save::input(0),
-                  {[](const Vjp& v) { return v.grad() * Variable(kernels::sign(v.input(0).value())); }});
+    return record("abs", kernels::abs(x.value()), {x}, Save::input(0), {[](const Vjp& v) {
+                      return v.grad() * Variable(kernels::sign(v.input(0).value()));
+                  }});
 }
 
 Variable clamp(const Variable& x, double low, double high) {
     if (!(low <= high)) fail<ValueError>("[clamp] low ", low, " is above high ", high);
     return record("clamp", kernels::clamp(x.value(), low, high), {x}, Save::input(0),
-                  {[low, high](const Vjp& v) { return v.grad() * Variable(kernels::within(v.input(0).value(), low, high)); }});
+                  {[low, high](const Vjp& v) {
+                      return v.grad() * Variable(kernels::within(v.input(0).value(), low, high));
+                  }});
 }
 
 }  // namespace stymo

@@ -2,7 +2,8 @@
 
 #include "core/autograd/variable.h"
 
-/// Elementwise operations. Two operands broadcast as in NumPy; the gradient of a broadcast operand is summed back to its shape.
+/// Elementwise operations. Two operands broadcast as in NumPy; the gradient of a broadcast operand
+/// is summed back to its shape.
 namespace stymo {
 
 [[nodiscard]] Variable add(const Variable& a, const Variable& b);
@@ -13,7 +14,8 @@ namespace stymo {
 [[nodiscard]] Variable maximum(const Variable& a, const Variable& b);
 /// Smaller of the two; at a tie the gradient goes to `a`.
 [[nodiscard]] Variable minimum(const Variable& a, const Variable& b);
-/// `a` where `condition` is not 0, else `b`. No gradient flows to the condition, which is a constant.
+/// `a` where `condition` is not 0, else `b`. No gradient flows to the condition, which is a
+/// constant.
 [[nodiscard]] Variable where(const Tensor& condition, const Variable& a, const Variable& b);
 
 [[nodiscard]] Variable negate(const Variable& x);

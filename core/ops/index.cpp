@@ -10,7 +10,8 @@ namespace {
 
 void check_rows(const char* name, const RowIndices& rows, std::int64_t row_count) {
     for (const std::int64_t row : rows) {
-        if (row < 0 || row >= row_count) fail<ValueError>("[", name, "] row ", row, " of ", row_count);
+        if (row < 0 || row >= row_count)
+            fail<ValueError>("[", name, "] row ", row, " of ", row_count);
     }
 }
 
@@ -20,7 +21,9 @@ Variable gather_rows(const Variable& x, RowIndices rows) {
     check_rows("gather_rows", rows, x.shape(0));
     Tensor value = kernels::gather_rows(x.value(), rows);
     return record("gather_rows", std::move(value), {x}, Save::none(),
-                  {[rows = std::move(rows)](const Vjp& v) { return scatter_add_rows(v.grad(), rows, v.shape(0)[0]); }});
+                  {[rows = std::move(rows)](const Vjp& v) {
+                      return scatter_add_rows(v.grad(), rows, v.shape(0)[0]);
+                  }});
 }
 
 Variable scatter_add_rows(const Variable& x, RowIndices rows, std::int64_t row_count) {

@@ -4,7 +4,6 @@
 #include "core/ops/channels.h"
 #include "core/ops/conv.h"
 #include "core/ops/elementwise.h"
-#include "core/ops/feature_distance.h"
 #include "core/ops/index.h"
 #include "core/ops/linalg.h"
 #include "core/ops/pool.h"

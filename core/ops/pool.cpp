@@ -24,34 +24,44 @@ std::int64_t output_length(std::int64_t length, const MaxPoolOptions& options) {
 
 Shape output_shape(const Shape& x, const MaxPoolOptions& options) {
     if (options.kernel < 1 || options.kernel > kernels::max_pool_kernel || options.stride < 1) {
-        fail<ValueError>("[max_pool2d] kernel ", options.kernel, ", stride ", options.stride, "; the kernel must be at most ",
-                         kernels::max_pool_kernel);
+        fail<ValueError>("[max_pool2d] kernel ", options.kernel, ", stride ", options.stride,
+                         "; the kernel must be at most ", kernels::max_pool_kernel);
     }
     if (x.rank() != 4) fail<ShapeError>("[max_pool2d] needs an image (b, h, w, c), got ", x);
     const Shape shape{x[0], output_length(x[1], options), output_length(x[2], options), x[3]};
-    if (shape[1] < 1 || shape[2] < 1) fail<ShapeError>("[max_pool2d] no window of side ", options.kernel, " fits the image ", x);
+    if (shape[1] < 1 || shape[2] < 1)
+        fail<ShapeError>("[max_pool2d] no window of side ", options.kernel, " fits the image ", x);
     return shape;
 }
 
-Variable scatter_windows(const Variable& y, const SharedPlaces& places, const Shape& input_shape, const MaxPoolOptions& options);
+Variable scatter_windows(const Variable& y, const SharedPlaces& places, const Shape& input_shape,
+                         const MaxPoolOptions& options);
 
-Variable gather_windows(const Variable& x, const SharedPlaces& places, const Shape& shape, const MaxPoolOptions& options) {
-    return record("gather_windows", kernels::gather_windows(x.value(), *places, shape, options), {x}, Save::none(),
-                  {[=](const Vjp& v) { return scatter_windows(v.grad(), places, v.shape(0), options); }});
+Variable gather_windows(const Variable& x, const SharedPlaces& places, const Shape& shape,
+                        const MaxPoolOptions& options) {
+    return record("gather_windows", kernels::gather_windows(x.value(), *places, shape, options),
+                  {x}, Save::none(), {[=](const Vjp& v) {
+                      return scatter_windows(v.grad(), places, v.shape(0), options);
+                  }});
 }
 
-Variable scatter_windows(const Variable& y, const SharedPlaces& places, const Shape& input_shape, const MaxPoolOptions& options) {
-    return record("scatter_windows", kernels::scatter_windows(y.value(), *places, input_shape, options), {y}, Save::none(),
-                  {[=](const Vjp& v) { return gather_windows(v.grad(), places, v.shape(0), options); }});
+Variable scatter_windows(const Variable& y, const SharedPlaces& places, const Shape& input_shape,
+                         const MaxPoolOptions& options) {
+    return record(
+        "scatter_windows", kernels::scatter_windows(y.value(), *places, input_shape, options), {y},
+        Save::none(),
+        {[=](const Vjp& v) { return gather_windows(v.grad(), places, v.shape(0), options); }});
 }
 
 }  // namespace
 
 Variable max_pool2d(const Variable& x, const MaxPoolOptions& options) {
-    kernels::MaxPooled pooled = kernels::max_pool2d(x.value(), output_shape(x.shape(), options), options);
+    kernels::MaxPooled pooled =
+        kernels::max_pool2d(x.value(), output_shape(x.shape(), options), options);
     const auto places = std::make_shared<const kernels::WindowPlaces>(std::move(pooled.places));
-    return record("max_pool2d", std::move(pooled.values), {x}, Save::none(),
-                  {[=](const Vjp& v) { return scatter_windows(v.grad(), places, v.shape(0), options); }});
+    return record("max_pool2d", std::move(pooled.values), {x}, Save::none(), {[=](const Vjp& v) {
+                      return scatter_windows(v.grad(), places, v.shape(0), options);
+                  }});
 }
 
 }  // namespace stymo

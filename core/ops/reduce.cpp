@@ -38,7 +38,8 @@ Variable sum(const Variable& x, const std::vector<int>& axes) {
     Shape kept = x.shape();
     for (const int axis : axes) {
         const int index = x.shape().index(axis);
-        if (((reduced >> index) & 1U) != 0) fail<ShapeError>("[sum] axis ", axis, " of ", x.shape(), " given twice");
+        if (((reduced >> index) & 1U) != 0)
+            fail<ShapeError>("[sum] axis ", axis, " of ", x.shape(), " given twice");
         reduced |= 1U << index;
         kept = kept.with(index, 1);
     }
@@ -70,7 +71,9 @@ Variable sum_to(const Variable& x, const Shape& shape) {
 Variable cumsum(const Variable& x, int axis, bool exclusive) {
     const int index = x.shape().index(axis);
     return record("cumsum", kernels::cumsum(x.value(), index, exclusive), {x}, Save::none(),
-                  {[index, exclusive](const Vjp& v) { return flip(cumsum(flip(v.grad(), index), index, exclusive), index); }});
+                  {[index, exclusive](const Vjp& v) {
+                      return flip(cumsum(flip(v.grad(), index), index, exclusive), index);
+                  }});
 }
 
 }  // namespace stymo

@@ -11,64 +11,38 @@
 
 namespace stymo {
 
-ResampleMatrix::ResampleMatrix(int output_length, int input_length, std::vector<Entry> entries)
-    : output_length_(output_length), input_length_(input_length) {
-    std::ranges::sort(
-        entries, [](const Entry& a, const Entry& b) { return a.output != b.output ? a.output < b.output : a.input < b.input; });
-    begins_.assign(static_cast<std::size_t>(output_length) + 1, 0);
-    const Entry* previous = nullptr;
-    for (const Entry& entry : entries) {
-        if (entry.output < 0 || entry.output >= output_length || entry.input < 0 || entry.input >= input_length) {
-            fail<ValueError>("[resample] entry (", entry.output, ", ", entry.input, ") outside a ", output_length, " x ",
-                             input_length, " matrix");
-        }
-        if (previous != nullptr && previous->output == entry.output && previous->input == entry.input) {
-            weights_.back() += entry.weight;
-            continue;
-        }
-        columns_.push_back(entry.input);
-        weights_.push_back(entry.weight);
-        begins_[static_cast<std::size_t>(entry.output) + 1] = static_cast<int>(columns_.size());
-        previous = &entry;
+Variable resample(const Variable& x, const ResampleMatrix& vertical,
+                  const ResampleMatrix& horizontal) {
+    if (x.rank() != 4 || x.shape(1) != vertical.input_length() ||
+        x.shape(2) != horizontal.input_length()) {
+        fail<ShapeError>("[resample] image ", x.shape(), " for matrices that take ",
+                         vertical.input_length(), " rows and ", horizontal.input_length(),
+                         " columns");
     }
-    for (std::size_t row = 1; row < begins_.size(); ++row) begins_[row] = std::max(begins_[row], begins_[row - 1]);
+    return record("resample", kernels::resample(x.value(), vertical, horizontal), {x}, Save::none(),
+                  {[vertical, horizontal](const Vjp& v) {
+                      return resample(v.grad(), vertical.transposed(), horizontal.transposed());
+                  }});
 }
 
-ResampleMatrix ResampleMatrix::transposed() const {
-    std::vector<Entry> entries;
-    for (int row = 0; row < output_length_; ++row) {
-        for (int i = begins_[static_cast<std::size_t>(row)]; i < begins_[static_cast<std::size_t>(row) + 1]; ++i) {
-            entries.push_back({columns_[static_cast<std::size_t>(i)], row, weights_[static_cast<std::size_t>(i)]});
-        }
-    }
-    return {input_length_, output_length_, std::move(entries)};
-}
-
-Variable resample(const Variable& x, const ResampleMatrix& vertical, const ResampleMatrix& horizontal) {
-    if (x.rank() != 4 || x.shape(1) != vertical.input_length() || x.shape(2) != horizontal.input_length()) {
-        fail<ShapeError>("[resample] image ", x.shape(), " for matrices that take ", vertical.input_length(), " rows and ",
-                         horizontal.input_length(), " columns");
-    }
-    return record(
-        "resample", kernels::resample(x.value(), vertical, horizontal), {x}, Save::none(),
-        {[vertical, horizontal](const Vjp& v) { return resample(v.grad(), vertical.transposed(), horizontal.transposed()); }});
-}
-
-ResampleMatrix upfirdn_matrix(int input_length, std::span<const double> filter, int up, int down, int pad_before, int pad_after) {
+ResampleMatrix upfirdn_matrix(int input_length, std::span<const double> filter, int up, int down,
+                              int pad_before, int pad_after) {
     const int taps = static_cast<int>(filter.size());
     if (up < 1 || down < 1 || taps == 0)
-        fail<ValueError>("[upfirdn] up ", up, ", down ", down, ", ", taps, " taps; each must be at least 1");
+        fail<ValueError>("[upfirdn] up ", up, ", down ", down, ", ", taps,
+                         " taps; each must be at least 1");
     const int filtered = input_length * up + pad_before + pad_after - taps + 1;
     if (filtered < 1)
-        fail<ShapeError>("[upfirdn] ", taps, " taps do not fit ", input_length, " elements with padding ", pad_before, ", ",
-                         pad_after);
+        fail<ShapeError>("[upfirdn] ", taps, " taps do not fit ", input_length,
+                         " elements with padding ", pad_before, ", ", pad_after);
     const int output_length = (filtered + down - 1) / down;
     std::vector<ResampleMatrix::Entry> entries;
     for (int output = 0; output < output_length; ++output) {
         for (int tap = 0; tap < taps; ++tap) {
             const int upsampled = output * down + tap - pad_before;
             if (upsampled < 0 || upsampled % up != 0 || upsampled / up >= input_length) continue;
-            entries.push_back({output, upsampled / up, filter[static_cast<std::size_t>(taps - 1 - tap)]});
+            entries.push_back(
+                {output, upsampled / up, filter[static_cast<std::size_t>(taps - 1 - tap)]});
         }
     }
     return {output_length, input_length, std::move(entries)};
@@ -127,7 +101,8 @@ ResampleMatrix bicubic_matrix(int output_length, int input_length) {
             entries.push_back({i, j, weight});
             total += weight;
         }
-        for (std::size_t entry = begin; entry < entries.size(); ++entry) entries[entry].weight /= total;
+        for (std::size_t entry = begin; entry < entries.size(); ++entry)
+            entries[entry].weight /= total;
     }
     return {output_length, input_length, std::move(entries)};
 }
@@ -152,7 +127,8 @@ int width_of(const Variable& x) {
 
 }  // namespace
 
-Variable upfirdn2d(const Variable& x, std::span<const double> filter, int up, int down, int pad_before, int pad_after) {
+Variable upfirdn2d(const Variable& x, std::span<const double> filter, int up, int down,
+                   int pad_before, int pad_after) {
     return resample(x, upfirdn_matrix(height_of(x), filter, up, down, pad_before, pad_after),
                     upfirdn_matrix(width_of(x), filter, up, down, pad_before, pad_after));
 }
@@ -174,15 +150,18 @@ Variable resize_box(const Variable& x, int height, int width) {
 }
 
 Variable pixel_shuffle(const Variable& x) {
-    if (x.rank() != 4 || x.shape(3) % 4 != 0) fail<ShapeError>("[pixel_shuffle] needs (b, h, w, 4c), got ", x.shape());
+    if (x.rank() != 4 || x.shape(3) % 4 != 0)
+        fail<ShapeError>("[pixel_shuffle] needs (b, h, w, 4c), got ", x.shape());
     return record("pixel_shuffle", kernels::pixel_shuffle(x.value()), {x}, Save::none(),
                   {[](const Vjp& v) { return pixel_unshuffle(v.grad()); }});
 }
 
 Variable pixel_shuffle_onto(const Variable& coarse, const Variable& x) {
     if (coarse.rank() != 4 || x.shape() != coarse.shape().with(3, 4 * coarse.shape(3)))
-        fail<ShapeError>("[pixel_shuffle_onto] needs (b, h, w, c) and (b, h, w, 4c), got ", coarse.shape(), " and ", x.shape());
-    return record("pixel_shuffle_onto", kernels::pixel_shuffle(x.value(), coarse.value()), {coarse, x}, Save::none(),
+        fail<ShapeError>("[pixel_shuffle_onto] needs (b, h, w, c) and (b, h, w, 4c), got ",
+                         coarse.shape(), " and ", x.shape());
+    return record("pixel_shuffle_onto", kernels::pixel_shuffle(x.value(), coarse.value()),
+                  {coarse, x}, Save::none(),
                   {[](const Vjp& v) {
                        const Variable& dL_dy = v.grad();
                        return resize_box(dL_dy, height_of(dL_dy) / 2, width_of(dL_dy) / 2) * 4.0;

@@ -1,63 +1,38 @@
 #pragma once
 
-#include <memory>
 #include <span>
-#include <vector>
 
 #include "core/autograd/variable.h"
+#include "core/resample_matrix.h"
 
-/// Linear resampling of images (batch, height, width, channels). Every filter here (FIR up- and downsampling, blur, bilinear,
-/// antialiased bicubic) is one sparse matrix along the rows and one along the columns, and the adjoint of such a map is the
-/// map of the two transposed matrices: one primitive, closed under differentiation.
+/// Linear resampling of images (batch, height, width, channels). Every filter here (FIR up- and
+/// downsampling, blur, bilinear, antialiased bicubic) is one sparse matrix along the rows and one
+/// along the columns, and the adjoint of such a map is the map of the two transposed matrices: one
+/// primitive, closed under differentiation.
 namespace stymo {
 
-/// A sparse matrix (output length x input length) in compressed rows, with its transpose.
-class ResampleMatrix {
-public:
-    struct Entry {
-        int output = 0;
-        int input = 0;
-        double weight = 0.0;
-    };
-    /// Entries at the same place add up. Throws ValueError for a place outside the matrix.
-    ResampleMatrix(int output_length, int input_length, std::vector<Entry> entries);
-
-    [[nodiscard]] int output_length() const { return output_length_; }
-    [[nodiscard]] int input_length() const { return input_length_; }
-    /// Row r holds columns()[begins()[r]] .. columns()[begins()[r + 1] - 1].
-    [[nodiscard]] std::span<const int> begins() const { return begins_; }
-    [[nodiscard]] std::span<const int> columns() const { return columns_; }
-    [[nodiscard]] std::span<const double> weights() const { return weights_; }
-    [[nodiscard]] ResampleMatrix transposed() const;
-
-private:
-    int output_length_;
-    int input_length_;
-    std::vector<int> begins_;
-    std::vector<int> columns_;
-    std::vector<double> weights_;
-};
-
 /// vertical * x * horizontal^T in every channel.
-[[nodiscard]] Variable resample(const Variable& x, const ResampleMatrix& vertical, const ResampleMatrix& horizontal);
+[[nodiscard]] Variable resample(const Variable& x, const ResampleMatrix& vertical,
+                                const ResampleMatrix& horizontal);
 
-/// One axis of upfirdn: insert up-1 zeros after every element, pad with zeros, correlate with the flipped filter
-/// (a convolution, as in StyleGAN2), keep every down-th element.
-[[nodiscard]] ResampleMatrix upfirdn_matrix(int input_length, std::span<const double> filter, int up, int down, int pad_before,
-                                            int pad_after);
-/// Same length, [1,2,1]/4 with the border mirrored (the edge itself not repeated).
+/// One axis of upfirdn: insert up-1 zeros after every element, pad with zeros, correlate with the
+/// flipped filter (a convolution, as in StyleGAN2), keep every down-th element.
+[[nodiscard]] ResampleMatrix upfirdn_matrix(int input_length, std::span<const double> filter,
+                                            int up, int down, int pad_before, int pad_after);
+/// The filter [1,2,1]/4 with the same length and the border mirrored (the edge itself not
+/// repeated).
 [[nodiscard]] ResampleMatrix blur_matrix(int length);
 /// Half-pixel centres, edges clamped, no antialiasing.
 [[nodiscard]] ResampleMatrix bilinear_matrix(int output_length, int input_length);
-/// Cubic convolution with a = -0.5, stretched by the scale when shrinking, weights normalised at the borders; as PyTorch with
-/// antialias and as Pillow.
+/// Cubic convolution with a = -0.5, stretched by the scale when shrinking, weights normalised at
+/// the borders; as PyTorch with antialias and as Pillow.
 [[nodiscard]] ResampleMatrix bicubic_matrix(int output_length, int input_length);
 /// Mean of blocks; output_length must divide input_length.
 [[nodiscard]] ResampleMatrix box_matrix(int output_length, int input_length);
 
 /// FIR with a separable filter on both axes.
-[[nodiscard]] Variable upfirdn2d(const Variable& x, std::span<const double> filter, int up, int down, int pad_before,
-                                 int pad_after);
+[[nodiscard]] Variable upfirdn2d(const Variable& x, std::span<const double> filter, int up,
+                                 int down, int pad_before, int pad_after);
 [[nodiscard]] Variable blur(const Variable& x);
 [[nodiscard]] Variable resize_bilinear(const Variable& x, int height, int width);
 /// Antialiased bicubic; may overshoot the input's range.
@@ -66,7 +41,7 @@ private:
 
 /// (b, h, w, 4c) -> (b, 2h, 2w, c): channel 4c + 2i + j goes to row 2h + i, column 2w + j.
 [[nodiscard]] Variable pixel_shuffle(const Variable& x);
-/// The same plus the nearest-neighbour doubling of `coarse` (b, h, w, c), in one pass.
+/// pixel_shuffle plus the nearest-neighbour upsampling of `coarse` (b, h, w, c), in one pass.
 [[nodiscard]] Variable pixel_shuffle_onto(const Variable& coarse, const Variable& x);
 /// The inverse of pixel_shuffle.
 [[nodiscard]] Variable pixel_unshuffle(const Variable& x);

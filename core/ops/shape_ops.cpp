@@ -22,9 +22,11 @@ Variable reshape(const Variable& x, std::initializer_list<std::int64_t> extents)
     const auto unknown = std::ranges::find(filled, -1);
     if (unknown != filled.end()) {
         *unknown = 1;
-        const std::int64_t known = std::accumulate(filled.begin(), filled.end(), std::int64_t{1}, std::multiplies<>());
+        const std::int64_t known =
+            std::accumulate(filled.begin(), filled.end(), std::int64_t{1}, std::multiplies<>());
         if (known <= 0 || x.value().size() % known != 0)
-            fail<ShapeError>("[reshape] ", x.shape(), " has no whole extent for the axis left open");
+            fail<ShapeError>("[reshape] ", x.shape(),
+                             " has no whole extent for the axis left open");
         *unknown = x.value().size() / known;
     }
     return reshape(x, Shape(std::span<const std::int64_t>(filled)));
@@ -35,10 +37,13 @@ Variable permute(const Variable& x, const std::vector<int>& order) {
     std::vector<int> inverse(rank, -1);
     bool valid = order.size() == rank;
     for (std::size_t i = 0; valid && i < rank; ++i) {
-        valid = order[i] >= 0 && order[i] < x.rank() && inverse[static_cast<std::size_t>(order[i])] < 0;
+        valid =
+            order[i] >= 0 && order[i] < x.rank() && inverse[static_cast<std::size_t>(order[i])] < 0;
         if (valid) inverse[static_cast<std::size_t>(order[i])] = static_cast<int>(i);
     }
-    if (!valid) fail<ShapeError>("[permute] the order is not a permutation of the ", rank, " axes of ", x.shape());
+    if (!valid)
+        fail<ShapeError>("[permute] the order is not a permutation of the ", rank, " axes of ",
+                         x.shape());
     return record("permute", kernels::permute(x.value(), order), {x}, Save::none(),
                   {[inverse](const Vjp& v) { return permute(v.grad(), inverse); }});
 }
@@ -61,7 +66,8 @@ Variable slice(const Variable& x, int axis, std::int64_t begin, std::int64_t end
     const int index = x.shape().index(axis);
     const std::int64_t extent = x.shape(index);
     if (begin < 0 || begin > end || end > extent)
-        fail<ShapeError>("[slice] [", begin, ", ", end, ") is not within axis ", axis, " of ", x.shape());
+        fail<ShapeError>("[slice] [", begin, ", ", end, ") is not within axis ", axis, " of ",
+                         x.shape());
     if (begin == 0 && end == extent) return x;
     return record("slice", kernels::slice(x.value(), index, begin, end), {x}, Save::none(),
                   {[=](const Vjp& v) { return pad(v.grad(), index, begin, extent - end); }});
@@ -86,7 +92,8 @@ Variable concat(const std::vector<Variable>& parts, int axis) {
     std::int64_t begin = 0;
     for (const Variable& part : parts) {
         values.push_back(part.value());
-        const std::int64_t end = begin + (part.rank() == parts.front().rank() ? part.shape(index) : 0);
+        const std::int64_t end =
+            begin + (part.rank() == parts.front().rank() ? part.shape(index) : 0);
         rules.emplace_back([=](const Vjp& v) { return slice(v.grad(), index, begin, end); });
         begin = end;
     }

@@ -9,7 +9,7 @@
 
 namespace stymo {
 
-/// Same elements, other shape. One extent may be -1: it is what remains.
+/// The same elements with another shape. One extent may be -1 and is then computed from the others.
 [[nodiscard]] Variable reshape(const Variable& x, const Shape& shape);
 [[nodiscard]] Variable reshape(const Variable& x, std::initializer_list<std::int64_t> extents);
 /// Axis i of the result is axis order[i] of x.

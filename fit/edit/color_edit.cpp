@@ -8,7 +8,7 @@
 #include "core/interrupt.h"
 #include "core/ops/ops.h"
 #include "nn/losses.h"
-#include "nn/models/picture.h"
+#include "nn/models/display_image.h"
 #include "nn/optim/adam.h"
 
 namespace stymo {
@@ -17,8 +17,8 @@ namespace {
 
 constexpr std::size_t texture = 2;  ///< its place in `code_names`
 
-Tensor as_batch(const Tensor& picture) {
-    return picture.reshaped({1, picture.shape(0), picture.shape(1), picture.shape(2)});
+Tensor as_batch(const Tensor& image) {
+    return image.reshaped({1, image.shape(0), image.shape(1), image.shape(2)});
 }
 
 /// Sum over RGB of the mean under the mask of squared differences.
@@ -27,28 +27,28 @@ Variable squared_distance(const Variable& image, const Variable& other, const Te
 }
 
 /// L_color.
-Variable color_loss(const Variable& image, const Variable& wanted, const Tensor& part, ColorTerm term) {
+Variable color_loss(const Variable& image, const Variable& wanted, const Tensor& part,
+                    ColorTerm term) {
     if (term == ColorTerm::pixels) return squared_distance(image, wanted, part);
     return sum(square(masked_mean(image - wanted, part)));
 }
 
 /// An image of one colour, in the decoder's range.
-Variable plain(const Vector3& color, const Shape& shape, DType dtype) {
-    const Tensor pixel = Tensor::from({1, 1, 1, 3}, std::span<const double>(color)).to(dtype);
+Variable plain(const Eigen::Vector3d& color, const Shape& shape, DType dtype) {
+    const Tensor pixel =
+        Tensor::from({1, 1, 1, 3}, std::span<const double>(color.data(), 3)).to(dtype);
     return broadcast_to(Variable(pixel) * 2.0 - 1.0, shape);
-}
-
-double distance(const Vector3& a, const Vector3& b) {
-    return std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
 }
 
 }  // namespace
 
-ColorEdit edit_color(const Model& model, const Codes& codes, const Camera& camera, const Tensor& part, const Vector3& color,
+ColorEdit edit_color(const Model& model, const Codes& codes, const Camera& camera,
+                     const Tensor& part, const Eigen::Vector3d& color,
                      const ColorEditOptions& options) {
-    const DecodeOptions decode{.samples_per_ray = options.samples_per_ray > 0
-                                                      ? options.samples_per_ray
-                                                      : model.config().reconstruction.fit_samples_per_ray};
+    const DecodeOptions decode{.samples_per_ray =
+                                   options.samples_per_ray > 0
+                                       ? options.samples_per_ray
+                                       : model.config().reconstruction.fit_samples_per_ray};
     const Decoded face = model.decoder()(codes, {camera}, decode);
     const Variable feature_map = face.feature_map.detach();
     const Variable original = face.images.back().detach();
@@ -59,7 +59,9 @@ ColorEdit edit_color(const Model& model, const Codes& codes, const Camera& camer
         fail<ValueError>("colour editing: the part has no pixels");
     const Tensor rest = affine(Variable(mask), -1.0, 1.0).value();
     const Variable wanted = plain(color, original.shape(), dtype);
-    const double regularizer = options.regularizer < 0.0 ? model.config().reconstruction.fit_regularizer : options.regularizer;
+    const double regularizer = options.regularizer < 0.0
+                                   ? model.config().reconstruction.fit_regularizer
+                                   : options.regularizer;
 
     ParameterStore store;
     store.create("offset.tex", Tensor::zeros(codes.texture().shape(), dtype));
@@ -69,7 +71,9 @@ ColorEdit edit_color(const Model& model, const Codes& codes, const Camera& camer
         return edited;
     };
     const auto edited_image = [&] {
-        return model.decoder().decode_feature_map(feature_map, model.decoder().map(edited_codes()), decode).images.back();
+        return model.decoder()
+            .decode_feature_map(feature_map, model.decoder().map(edited_codes()), decode)
+            .images.back();
     };
     ColorEdit edit;
     Adam adam;
@@ -81,30 +85,37 @@ ColorEdit edit_color(const Model& model, const Codes& codes, const Camera& camer
                               sum(square(store.all().front().variable())) * regularizer;
         edit.losses.push_back(loss.value().item());
         if (!std::isfinite(edit.losses.back()))
-            fail<NumericError>("colour editing, step ", step, ": the loss is not finite; lower the learning rate");
+            fail<NumericError>("colour editing, step ", step,
+                               ": the loss is not finite; lower the learning rate");
         adam.step(store.all(), grad(loss, variables_of(store.all())), learning_rate);
         learning_rate *= options.decay;
         if (options.on_step) options.on_step(step + 1, edit.losses.back());
     }
     edit.codes = detached(edited_codes());
-    edit.before = picture(original.value(), 0);
-    edit.after = picture(edited_image().value(), 0);
+    edit.before = display_image(original.value(), 0);
+    edit.after = display_image(edited_image().value(), 0);
     return edit;
 }
 
-Vector3 mean_color(const Tensor& picture, const Tensor& mask) {
+Eigen::Vector3d mean_color(const Tensor& image, const Tensor& mask) {
     const std::vector<double> mean =
-        masked_mean(Variable(as_batch(picture)), as_batch(mask.to(picture.dtype()))).value().to_vector();
-    return {mean[0], mean[1], mean[2]};
+        masked_mean(Variable(as_batch(image)), as_batch(mask.to(image.dtype())))
+            .value()
+            .to_vector();
+    return Eigen::Vector3d(mean.data());
 }
 
 double mean_difference(const Tensor& a, const Tensor& b, const Tensor& mask) {
-    return mean(masked_mean(abs(Variable(as_batch(a)) - Variable(as_batch(b))), as_batch(mask.to(a.dtype())))).value().item();
+    return mean(masked_mean(abs(Variable(as_batch(a)) - Variable(as_batch(b))),
+                            as_batch(mask.to(a.dtype()))))
+        .value()
+        .item();
 }
 
-double share_of_way(const Vector3& before, const Vector3& after, const Vector3& target) {
-    const double whole = distance(before, target);
-    return whole > 0.0 ? 1.0 - distance(after, target) / whole : 1.0;
+double share_of_way(const Eigen::Vector3d& before, const Eigen::Vector3d& after,
+                    const Eigen::Vector3d& target) {
+    const double whole = (target - before).norm();
+    return whole > 0.0 ? 1.0 - (target - after).norm() / whole : 1.0;
 }
 
 }  // namespace stymo

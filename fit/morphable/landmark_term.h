@@ -10,8 +10,8 @@
 /// Not part of the public interface.
 namespace stymo::morphable {
 
-/// The part of the cost that landmarks are: their squared distances, in units of what a detector errs by, growing linearly from
-/// 2.5 of these units on.
+/// The part of the cost that landmarks are: their squared distances, in units of what a detector
+/// errs by, growing linearly from 2.5 of these units on.
 class LandmarkTerm {
 public:
     /// `landmarks` in units of the image side.
@@ -37,9 +37,10 @@ private:
     std::size_t first_ = 0;
 };
 
-/// The numbers of the pose that shows the mean head's inner landmarks (17 to 67) where they are given, in units of the image
-/// side: the best affine camera, made a rotation and a scale. Throws ValueError for landmarks that are not finite or lie all on
-/// one line.
-[[nodiscard]] std::array<double, 6> affine_pose(const Contour& contour, const Landmarks& landmarks, const Intrinsics& intrinsics);
+/// The numbers of the pose that shows the mean head's inner landmarks (17 to 67) where they are
+/// given, in units of the image side: the best affine camera, made a rotation and a scale. Throws
+/// ValueError for landmarks that are not finite or lie all on one line.
+[[nodiscard]] std::array<double, 6> affine_pose(const Contour& contour, const Landmarks& landmarks,
+                                                const Intrinsics& intrinsics);
 
 }  // namespace stymo::morphable

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cstddef>
 #include <functional>
 #include <span>
@@ -10,22 +11,25 @@ namespace stymo::morphable {
 
 /// Second-order model of a cost around a point: cost + gradient . d + d . matrix d / 2.
 struct NormalEquations {
-    explicit NormalEquations(std::size_t size) : matrix(size * size), gradient(size) {}
+    explicit NormalEquations(Eigen::Index size)
+        : matrix(Eigen::MatrixXd::Zero(size, size)), gradient(Eigen::VectorXd::Zero(size)) {}
 
     /// Adds weight / 2 (residual + row . d)^2, where row[i] belongs to unknown first + i.
     void add(std::span<const double> row, std::size_t first, double residual, double weight);
 
-    std::vector<double> matrix;  ///< size x size, row-major; only the lower triangle is read
-    std::vector<double> gradient;
+    Eigen::MatrixXd matrix;  ///< only the lower triangle is read
+    Eigen::VectorXd gradient;
     double cost = 0.0;
 };
 
-/// The d that minimises the model with `damping` times its diagonal added, d[i] = 0 where `fixed`. Throws NumericError if the
-/// matrix is not positive definite.
-[[nodiscard]] std::vector<double> damped_step(const NormalEquations& equations, double damping, const std::vector<bool>& fixed);
+/// The d that minimises the model with `damping` times its diagonal added, d[i] = 0 where `fixed`.
+/// Throws NumericError if the matrix is not positive definite.
+[[nodiscard]] Eigen::VectorXd damped_step(const NormalEquations& equations, double damping,
+                                          const std::vector<bool>& fixed);
 
 struct LeastSquaresProblem {
-    /// Brings what is held constant within a step (weights, visibility) up to date and returns the model.
+    /// Brings what is held constant within a step (weights, visibility) up to date and returns the
+    /// model.
     std::function<NormalEquations(std::span<const double>)> linearized;
     /// The cost at another point with the same constants.
     std::function<double(std::span<const double>)> cost;
@@ -33,7 +37,9 @@ struct LeastSquaresProblem {
     std::vector<bool> non_negative;  ///< unknowns that stay >= 0
 };
 
-/// Levenberg-Marquardt from `start`, with unknowns on their bound held there while the gradient pushes outwards.
-[[nodiscard]] std::vector<double> minimized(const LeastSquaresProblem& problem, std::vector<double> start, int steps);
+/// Levenberg-Marquardt from `start`, with unknowns on their bound held there while the gradient
+/// pushes outwards.
+[[nodiscard]] std::vector<double> minimized(const LeastSquaresProblem& problem,
+                                            std::vector<double> start, int steps);
 
 }  // namespace stymo::morphable

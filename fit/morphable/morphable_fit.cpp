@@ -31,13 +31,15 @@ struct FittedHead {
 
 void check(const MorphableFitTarget& target) {
     const Tensor& image = target.image;
-    if (image.rank() != 3 || image.shape(0) != image.shape(1) || image.shape(2) != 3 || image.size() == 0)
-        fail<ShapeError>("[morphable fit] needs square pictures (S, S, 3); got ", image.shape());
+    if (image.rank() != 3 || image.shape(0) != image.shape(1) || image.shape(2) != 3 ||
+        image.size() == 0)
+        fail<ShapeError>("[morphable fit] needs square images (S, S, 3); got ", image.shape());
     const Tensor& mask = target.mask;
     if (mask.defined() && !(mask.shape() == Shape{image.shape(0), image.shape(1), 1}))
-        fail<ShapeError>("[morphable fit] the mask is ", mask.shape(), ", the picture ", image.shape());
-    for (const PicturePoint& point : target.landmarks) {
-        if (!std::isfinite(point[0]) || !std::isfinite(point[1])) fail<ValueError>("[morphable fit] a landmark is not finite");
+        fail<ShapeError>("[morphable fit] the mask is ", mask.shape(), ", the image ",
+                         image.shape());
+    for (const Eigen::Vector2d& point : target.landmarks) {
+        if (!point.allFinite()) fail<ValueError>("[morphable fit] a landmark is not finite");
     }
 }
 
@@ -46,12 +48,14 @@ void add_prior(NormalEquations& equations, const State& state) {
     constexpr double light_deviation = 0.3;
     constexpr double tint_deviation = 0.05;
     const std::array<double, 1> one{1.0};
-    for (std::size_t i = morphable::identity_begin; i < morphable::light_begin; ++i) equations.add(one, i, state[i], 1.0);
+    for (std::size_t i = morphable::identity_begin; i < morphable::light_begin; ++i)
+        equations.add(one, i, state[i], 1.0);
     const std::array<float, 27> neutral = neutral_light();
     for (std::size_t band = 0; band < 9; ++band) {
         const std::size_t first = morphable::light_begin + 3 * band;
         for (std::size_t channel = 0; channel < 3; ++channel) {
-            equations.add(one, first + channel, state[first + channel] - static_cast<double>(neutral[3 * band + channel]),
+            equations.add(one, first + channel,
+                          state[first + channel] - static_cast<double>(neutral[3 * band + channel]),
                           1.0 / (light_deviation * light_deviation));
             std::array<double, 3> difference{-1.0 / 3.0, -1.0 / 3.0, -1.0 / 3.0};
             difference[channel] += 1.0;
@@ -62,9 +66,11 @@ void add_prior(NormalEquations& equations, const State& state) {
     }
 }
 
-/// Minimises the prior, the landmarks and, where there is one, the term of the pixels over the unknowns first .. last - 1.
-[[nodiscard]] State minimized(State state, std::size_t first, std::size_t last, int steps, const FittedHead& fitted,
-                              morphable::LandmarkTerm& landmarks, std::optional<morphable::PixelTerm>& pixels) {
+/// Minimises the prior, the landmarks and, where there is one, the term of the pixels over the
+/// unknowns first .. last - 1.
+[[nodiscard]] State minimized(State state, std::size_t first, std::size_t last, int steps,
+                              const FittedHead& fitted, morphable::LandmarkTerm& landmarks,
+                              std::optional<morphable::PixelTerm>& pixels) {
     morphable::LeastSquaresProblem problem;
     problem.fixed.assign(morphable::state_size, true);
     std::fill(problem.fixed.begin() + static_cast<std::ptrdiff_t>(first),
@@ -89,7 +95,8 @@ void add_prior(NormalEquations& equations, const State& state) {
     return morphable::minimized(problem, std::move(state), steps);
 }
 
-[[nodiscard]] MorphableFit fit_one(const FittedHead& fitted, const MorphableFitTarget& target, const Intrinsics& intrinsics,
+[[nodiscard]] MorphableFit fit_one(const FittedHead& fitted, const MorphableFitTarget& target,
+                                   const Intrinsics& intrinsics,
                                    const MorphableFitOptions& options) {
     const double side = static_cast<double>(target.image.shape(0));
     const Landmarks given = scaled_landmarks(target.landmarks, 1.0 / side);
@@ -102,11 +109,14 @@ void add_prior(NormalEquations& equations, const State& state) {
     landmarks.use_jaw(false);
     state = minimized(std::move(state), 0, morphable::pose_size, 5, fitted, landmarks, pixels);
     landmarks.use_jaw(true);
-    state = minimized(std::move(state), 0, morphable::texture_begin, options.landmark_steps, fitted, landmarks, pixels);
+    state = minimized(std::move(state), 0, morphable::texture_begin, options.landmark_steps, fitted,
+                      landmarks, pixels);
     if (options.pixels) {
         pixels.emplace(*fitted.head, fitted.face, target, intrinsics, options);
-        state = minimized(std::move(state), morphable::texture_begin, morphable::state_size, 2, fitted, landmarks, pixels);
-        state = minimized(std::move(state), 0, morphable::state_size, options.pixel_steps, fitted, landmarks, pixels);
+        state = minimized(std::move(state), morphable::texture_begin, morphable::state_size, 2,
+                          fitted, landmarks, pixels);
+        state = minimized(std::move(state), 0, morphable::state_size, options.pixel_steps, fitted,
+                          landmarks, pixels);
     }
     MorphableFit fit{morphable::pose_of(state),
                      morphable::code_of(state, morphable::identity_begin, 100),
@@ -117,38 +127,45 @@ void add_prior(NormalEquations& equations, const State& state) {
     landmarks.hold(state);
     const Landmarks found = landmarks.fitted(state);
     double sum = 0.0;
-    for (std::size_t k = 0; k < found.size(); ++k)
-        sum += std::pow(found[k][0] - given[k][0], 2) + std::pow(found[k][1] - given[k][1], 2);
+    for (std::size_t k = 0; k < found.size(); ++k) sum += (found[k] - given[k]).squaredNorm();
     fit.landmark_error = std::sqrt(sum / static_cast<double>(found.size()));
     return fit;
 }
 
 }  // namespace
 
-std::vector<MorphableFit> fit_morphable(const MorphableHead& head, std::span<const MorphableFitTarget> targets,
-                                        const Intrinsics& intrinsics, const MorphableFitOptions& options) {
+std::vector<MorphableFit> fit_morphable(const MorphableHead& head,
+                                        std::span<const MorphableFitTarget> targets,
+                                        const Intrinsics& intrinsics,
+                                        const MorphableFitOptions& options) {
     for (const MorphableFitTarget& target : targets) check(target);
     FittedHead fitted{&head, Contour(head),
-                      VertexTable(head, options.pixels ? morphable::face_vertices(head) : std::vector<std::int32_t>{}),
+                      VertexTable(head, options.pixels ? morphable::face_vertices(head)
+                                                       : std::vector<std::int32_t>{}),
                       std::vector<bool>(morphable::state_size, false)};
-    std::copy(head.one_sided.begin(), head.one_sided.end(), fitted.non_negative.begin() + morphable::expression_begin);
+    std::copy(head.one_sided.begin(), head.one_sided.end(),
+              fitted.non_negative.begin() + morphable::expression_begin);
     std::vector<MorphableFit> fits(targets.size());
-    parallel_for(static_cast<std::int64_t>(targets.size()), 1, [&](std::int64_t begin, std::int64_t end) {
-        for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
-            fits[i] = fit_one(fitted, targets[i], intrinsics, options);
-    });
+    parallel_for(
+        static_cast<std::int64_t>(targets.size()), 1, [&](std::int64_t begin, std::int64_t end) {
+            for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
+                fits[i] = fit_one(fitted, targets[i], intrinsics, options);
+        });
     return fits;
 }
 
-Landmarks fitted_landmarks(const MorphableHead& head, const MorphableFit& fit, const Intrinsics& intrinsics, std::int64_t side) {
+Landmarks fitted_landmarks(const MorphableHead& head, const MorphableFit& fit,
+                           const Intrinsics& intrinsics, std::int64_t side) {
     const Contour contour(head);
-    const std::vector<double> points = morphable::table_points(contour.table(), morphable::state_of(fit));
+    const std::vector<double> points =
+        morphable::table_points(contour.table(), morphable::state_of(fit));
     const Camera camera = camera_from_pose(fit.pose, intrinsics);
     const std::array<std::size_t, 68> rows = contour.rows(points, camera);
-    Landmarks result{};
+    Landmarks result;
     for (std::size_t k = 0; k < result.size(); ++k) {
-        const Vector3 seen = project(camera, {points[3 * rows[k]], points[3 * rows[k] + 1], points[3 * rows[k] + 2]});
-        result[k] = {seen[0] * static_cast<double>(side), seen[1] * static_cast<double>(side)};
+        const Eigen::Vector3d seen =
+            project(camera, Eigen::Map<const Eigen::Vector3d>(&points[3 * rows[k]]));
+        result[k] = seen.head<2>() * static_cast<double>(side);
     }
     return result;
 }

@@ -36,7 +36,9 @@ struct PixelTerm::Rows {
 
 std::vector<std::int32_t> face_vertices(const MorphableHead& head) {
     const auto points = head.mean.values<float>();
-    const auto point = [&](std::int32_t vertex) { return points.subspan(3 * static_cast<std::size_t>(vertex), 3); };
+    const auto point = [&](std::int32_t vertex) {
+        return points.subspan(3 * static_cast<std::size_t>(vertex), 3);
+    };
     const double left = static_cast<double>(point(head.landmarks[2])[0]);
     const double right = static_cast<double>(point(head.landmarks[14])[0]);
     const double chin = static_cast<double>(point(head.landmarks[8])[1]);
@@ -55,14 +57,16 @@ std::vector<std::int32_t> face_vertices(const MorphableHead& head) {
         if (static_cast<double>(p[2]) < back || x * x + y * y > 1.0) continue;
         std::array<std::int64_t, 3> cell{};
         for (std::size_t axis = 0; axis < 3; ++axis)
-            cell[axis] = static_cast<std::int64_t>(std::floor(static_cast<double>(p[axis]) / spacing));
+            cell[axis] =
+                static_cast<std::int64_t>(std::floor(static_cast<double>(p[axis]) / spacing));
         if (taken.insert(cell).second) result.push_back(static_cast<std::int32_t>(vertex));
     }
     return result;
 }
 
-PixelTerm::PixelTerm(const MorphableHead& head, const VertexTable& face, const MorphableFitTarget& target,
-                     const Intrinsics& intrinsics, const MorphableFitOptions& options)
+PixelTerm::PixelTerm(const MorphableHead& head, const VertexTable& face,
+                     const MorphableFitTarget& target, const Intrinsics& intrinsics,
+                     const MorphableFitOptions& options)
     : head_(&head),
       face_(&face),
       intrinsics_(intrinsics),
@@ -83,30 +87,31 @@ void PixelTerm::hold(std::span<const double> state) {
     constexpr double grazing = 0.2;
     constexpr double depth_tolerance = 0.03;
     const Camera camera = camera_from_pose(pose_of(state), intrinsics_);
-    const Tensor vertices = head_vertices(*head_, code_of(state, identity_begin, 100), code_of(state, expression_begin, 79));
+    const Tensor vertices = head_vertices(*head_, code_of(state, identity_begin, 100),
+                                          code_of(state, expression_begin, 79));
     const Tensor normals = vertex_normals(vertices, head_->triangles);
-    const RasterImage raster = rasterize(vertices, vertices, head_->triangles, camera, {photo_side, photo_side, 1});
-    const auto point = [](const Tensor& tensor, std::int32_t vertex) {
+    const RasterImage raster =
+        rasterize(vertices, vertices, head_->triangles, camera, {photo_side, photo_side, 1});
+    const auto point = [](const Tensor& tensor, std::int32_t vertex) -> Eigen::Vector3d {
         const auto* p = &tensor.values<float>()[3 * static_cast<std::size_t>(vertex)];
-        return Vector3{static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2])};
+        return Eigen::Map<const Eigen::Vector3f>(p).cast<double>();
     };
     visible_.clear();
     std::vector<double> harmonics;
     for (std::size_t row = 0; row < face_->size(); ++row) {
-        const Vector3 place = point(vertices, face_->vertices[row]);
-        const Vector3 seen = project(camera, place);
+        const Eigen::Vector3d place = point(vertices, face_->vertices[row]);
+        const Eigen::Vector3d seen = project(camera, place);
         if (!inside_mask(seen[0], seen[1])) continue;
-        const std::int64_t pixel = clamped(seen[1] * photo_side) * photo_side + clamped(seen[0] * photo_side);
-        if (seen[2] > static_cast<double>(raster.depth.values<float>()[static_cast<std::size_t>(pixel)]) + depth_tolerance)
+        const std::int64_t pixel =
+            clamped(seen[1] * photo_side) * photo_side + clamped(seen[0] * photo_side);
+        if (seen[2] >
+            static_cast<double>(raster.depth.values<float>()[static_cast<std::size_t>(pixel)]) +
+                depth_tolerance)
             continue;
-        const Vector3 world_normal = point(normals, face_->vertices[row]);
-        Vector3 normal{};
-        double facing = 0.0;
-        for (std::size_t axis = 0; axis < 3; ++axis) {
-            for (std::size_t k = 0; k < 3; ++k) normal[axis] += camera.world_from_camera[k][axis] * world_normal[k];
-            facing += world_normal[axis] * (camera.center[axis] - place[axis]) / seen[2];
-        }
+        const Eigen::Vector3d world_normal = point(normals, face_->vertices[row]);
+        const double facing = world_normal.dot(camera.center - place) / seen.z();
         if (facing < grazing) continue;
+        const Eigen::Vector3d normal = camera.world_from_camera.transpose() * world_normal;
         visible_.push_back(row);
         const std::array<double, 9> values = spherical_harmonics(normal);
         harmonics.insert(harmonics.end(), values.begin(), values.end());
@@ -117,7 +122,8 @@ void PixelTerm::hold(std::span<const double> state) {
     harmonics_ = Tensor::from({count, 9, 1}, std::span<const double>(harmonics));
     const Tensor differences = residuals(rows_at(state)).value();
     const auto values = differences.values<double>();
-    const double base = color_observations_ / (static_cast<double>(values.size()) * color_deviation_ * color_deviation_);
+    const double base = color_observations_ /
+                        (static_cast<double>(values.size()) * color_deviation_ * color_deviation_);
     for (std::size_t i = 0; i < values.size(); ++i) {
         const double relative = values[i] / (2.0 * color_deviation_);
         const double falling = 1.0 + relative * relative;
@@ -159,24 +165,29 @@ Variable PixelTerm::photo_at(const Variable& image_points) const {
         for (std::size_t corner = 0; corner < 4; ++corner) {
             const auto dx = static_cast<double>(corner % 2);
             const auto dy = static_cast<double>(corner / 2);
-            const auto pixel = static_cast<std::size_t>(clamped(y + dy) * photo_side + clamped(x + dx));
+            const auto pixel =
+                static_cast<std::size_t>(clamped(y + dy) * photo_side + clamped(x + dx));
             corners[corner].insert(corners[corner].end(), &photo[3 * pixel], &photo[3 * pixel] + 3);
         }
     }
     const auto rows = static_cast<std::int64_t>(count);
-    const Variable fraction = pixels - Variable(Tensor::from({rows, 2}, std::span<const double>(floors)));
+    const Variable fraction =
+        pixels - Variable(Tensor::from({rows, 2}, std::span<const double>(floors)));
     const Variable right = column(fraction, 0), down = column(fraction, 1);
     const Variable left = affine(right, -1.0, 1.0), up = affine(down, -1.0, 1.0);
     const auto colors = [&](std::size_t corner) {
         return Variable(Tensor::from({rows, 3}, std::span<const double>(corners[corner])));
     };
-    return up * (left * colors(0) + right * colors(1)) + down * (left * colors(2) + right * colors(3));
+    return up * (left * colors(0) + right * colors(1)) +
+           down * (left * colors(2) + right * colors(3));
 }
 
 Variable PixelTerm::residuals(const Rows& rows) const {
     const std::int64_t count = rows.points.shape(0);
-    const Variable irradiance = reshape(sum(reshape(rows.lights, {count, 9, 3}) * Variable(harmonics_), {1}), {count, 3});
-    return rows.albedo * irradiance - photo_at(image_points(camera_points(rows.poses, rows.points), intrinsics_));
+    const Variable irradiance =
+        reshape(sum(reshape(rows.lights, {count, 9, 3}) * Variable(harmonics_), {1}), {count, 3});
+    return rows.albedo * irradiance -
+           photo_at(image_points(camera_points(rows.poses, rows.points), intrinsics_));
 }
 
 double PixelTerm::cost(std::span<const double> state) const {
@@ -184,7 +195,8 @@ double PixelTerm::cost(std::span<const double> state) const {
     const Tensor differences = residuals(rows_at(state)).value();
     const auto values = differences.values<double>();
     double sum = 0.0;
-    for (std::size_t i = 0; i < values.size(); ++i) sum += 0.5 * weights_[i] * values[i] * values[i];
+    for (std::size_t i = 0; i < values.size(); ++i)
+        sum += 0.5 * weights_[i] * values[i] * values[i];
     return sum;
 }
 
@@ -198,7 +210,8 @@ void PixelTerm::add_to(NormalEquations& equations, std::span<const double> state
     Tensor jacobian = Tensor::zeros({count, static_cast<std::int64_t>(state_size) + 1});
     const auto target = jacobian.mutable_values<float>();
     for (std::size_t channel = 0; channel < 3; ++channel) {
-        const std::vector<Variable> gradients = grad(sum(column(differences, static_cast<std::int64_t>(channel))), leaves);
+        const std::vector<Variable> gradients =
+            grad(sum(column(differences, static_cast<std::int64_t>(channel))), leaves);
         const auto by_pose = gradients[0].value().values<double>();
         const auto by_point = gradients[1].value().values<double>();
         const auto by_albedo = gradients[2].value().values<double>();
@@ -206,29 +219,31 @@ void PixelTerm::add_to(NormalEquations& equations, std::span<const double> state
         for (std::size_t i = 0; i < visible_.size(); ++i) {
             const std::size_t vertex = visible_[i];
             const auto weight = static_cast<float>(std::sqrt(weights_[3 * i + channel]));
-            float* const row = &target[(3 * i + channel) * (state_size + 1)];
-            for (std::size_t k = 0; k < pose_size; ++k) row[k] = weight * static_cast<float>(by_pose[pose_size * i + k]);
-            for (std::size_t axis = 0; axis < 3; ++axis) {
-                const float slope = weight * static_cast<float>(by_point[3 * i + axis]);
-                const auto shape = face_->shape_row(vertex, axis);
-                for (std::size_t k = 0; k < shape_size; ++k) row[identity_begin + k] += slope * shape[k];
-            }
-            const float slope = weight * static_cast<float>(by_albedo[3 * i + channel]);
-            const auto color = face_->color_row(vertex, channel);
-            for (std::size_t k = 0; k < color.size(); ++k) row[texture_begin + k] = slope * color[k];
-            for (std::size_t k = 0; k < 27; ++k) row[light_begin + k] = weight * static_cast<float>(by_light[27 * i + k]);
+            using Row = Eigen::Map<Eigen::RowVectorXf>;
+            using Slopes = Eigen::Map<const Eigen::RowVectorXd>;
+            Row row(&target[(3 * i + channel) * (state_size + 1)], state_size + 1);
+            row.head<pose_size>() =
+                weight * Slopes(&by_pose[pose_size * i], pose_size).cast<float>();
+            const Eigen::RowVector3f by_place = weight * Slopes(&by_point[3 * i], 3).cast<float>();
+            row.segment(identity_begin, shape_size) =
+                by_place.lazyProduct(face_->shape_rows(vertex));
+            row.segment(texture_begin, light_begin - texture_begin) =
+                weight * static_cast<float>(by_albedo[3 * i + channel]) *
+                face_->color_rows(vertex).row(static_cast<Eigen::Index>(channel));
+            row.segment<27>(light_begin) = weight * Slopes(&by_light[27 * i], 27).cast<float>();
             row[state_size] = weight * static_cast<float>(values[3 * i + channel]);
         }
     }
-    // With the residuals as last column, the last row of the product is the gradient and its last element twice the cost.
-    const Tensor product = matmul(Variable(jacobian), Variable(jacobian), {.transpose_a = true}).value();
-    const auto products = product.values<float>();
-    for (std::size_t i = 0; i < state_size; ++i) {
-        for (std::size_t k = 0; k <= i; ++k)
-            equations.matrix[i * state_size + k] += static_cast<double>(products[i * (state_size + 1) + k]);
-        equations.gradient[i] += static_cast<double>(products[state_size * (state_size + 1) + i]);
-    }
-    for (std::size_t i = 0; i < values.size(); ++i) equations.cost += 0.5 * weights_[i] * values[i] * values[i];
+    // With the residuals as last column, the last row of the product is the gradient and its last
+    // element twice the cost.
+    const Tensor product =
+        matmul(Variable(jacobian), Variable(jacobian), {.transpose_a = true}).value();
+    const Eigen::Map<const Eigen::MatrixXf> products(product.values<float>().data(), state_size + 1,
+                                                     state_size + 1);
+    equations.matrix += products.topLeftCorner(state_size, state_size).cast<double>();
+    equations.gradient += products.col(state_size).head(state_size).cast<double>();
+    for (std::size_t i = 0; i < values.size(); ++i)
+        equations.cost += 0.5 * weights_[i] * values[i] * values[i];
 }
 
 }  // namespace stymo::morphable

@@ -13,18 +13,20 @@
 /// Not part of the public interface.
 namespace stymo::morphable {
 
-/// The vertices whose colours are compared with a photo's: those of the face between jaw and brows and a bit above, thinned out
-/// evenly to some thousand.
+/// The vertices whose colours are compared with a photo's: those of the face between jaw and brows
+/// and a bit above, thinned out evenly to some thousand.
 [[nodiscard]] std::vector<std::int32_t> face_vertices(const MorphableHead& head);
 
-/// The part of the cost that colours are: the squared difference of albedo times irradiance at each visible vertex and the
-/// photo there, falling to nothing for what the head cannot show (glasses, hair, highlights).
+/// The part of the cost that colours are: the squared difference of albedo times irradiance at each
+/// visible vertex and the photo there, falling to nothing for what the head cannot show (glasses,
+/// hair, highlights).
 class PixelTerm {
 public:
-    PixelTerm(const MorphableHead& head, const VertexTable& face, const MorphableFitTarget& target, const Intrinsics& intrinsics,
-              const MorphableFitOptions& options);
+    PixelTerm(const MorphableHead& head, const VertexTable& face, const MorphableFitTarget& target,
+              const Intrinsics& intrinsics, const MorphableFitOptions& options);
 
-    /// Finds the visible vertices, their shading and weights for this state, until it is called again.
+    /// Finds the visible vertices, their shading and weights for this state, until it is called
+    /// again.
     void hold(std::span<const double> state);
     void add_to(NormalEquations& equations, std::span<const double> state) const;
     [[nodiscard]] double cost(std::span<const double> state) const;

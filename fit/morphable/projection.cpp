@@ -15,7 +15,8 @@ Variable camera_directions(const Variable& poses, const Variable& directions) {
     const Variable cos_pitch = column(cos_pose, 1), sin_pitch = column(sin_pose, 1);
     const Variable cos_roll = column(cos_pose, 2), sin_roll = column(sin_pose, 2);
     const Variable x = column(directions, 0), y = column(directions, 1), z = column(directions, 2);
-    // The transpose of Rz(roll) Ry(yaw) Rx(pitch), factor by factor, then y and z flipped to the camera's.
+    // The transpose of Rz(roll) Ry(yaw) Rx(pitch), factor by factor, then y and z flipped to the
+    // camera's.
     const Variable x1 = cos_roll * x + sin_roll * y;
     const Variable y1 = cos_roll * y - sin_roll * x;
     const Variable x2 = cos_yaw * x1 - sin_yaw * z;
@@ -31,8 +32,10 @@ Variable camera_points(const Variable& poses, const Variable& points) {
 
 Variable image_points(const Variable& camera_points, const Intrinsics& intrinsics) {
     const Variable depth = column(camera_points, 2);
-    const Variable x = affine(column(camera_points, 0) / depth, intrinsics.focal, intrinsics.center_x);
-    const Variable y = affine(column(camera_points, 1) / depth, intrinsics.focal, intrinsics.center_y);
+    const Variable x =
+        affine(column(camera_points, 0) / depth, intrinsics.focal, intrinsics.center_x);
+    const Variable y =
+        affine(column(camera_points, 1) / depth, intrinsics.focal, intrinsics.center_y);
     return concat({x, y}, 1);
 }
 

@@ -5,23 +5,16 @@
 namespace stymo::morphable {
 
 Pose pose_of(std::span<const double> state) {
-    Pose pose{state[0], state[1], state[2], {}};
-    const Matrix3 world_from_camera = camera_from_pose(pose, {}).world_from_camera;
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-        double center = 0.0;
-        for (std::size_t k = 0; k < 3; ++k) center -= world_from_camera[axis][k] * state[3 + k];
-        pose.translation[axis] = center;
-    }
+    Pose pose{state[0], state[1], state[2]};
+    pose.translation = -camera_from_pose(pose, {}).world_from_camera *
+                       Eigen::Map<const Eigen::Vector3d>(&state[3]);
     return pose;
 }
 
 std::array<double, pose_size> pose_numbers(const Pose& pose) {
-    std::array<double, pose_size> numbers{pose.yaw, pose.pitch, pose.roll};
-    const Matrix3 world_from_camera = camera_from_pose(pose, {}).world_from_camera;
-    for (std::size_t k = 0; k < 3; ++k) {
-        for (std::size_t axis = 0; axis < 3; ++axis) numbers[3 + k] -= world_from_camera[axis][k] * pose.translation[axis];
-    }
-    return numbers;
+    const Eigen::Vector3d head =
+        -camera_from_pose(pose, {}).world_from_camera.transpose() * pose.translation;
+    return {pose.yaw, pose.pitch, pose.roll, head.x(), head.y(), head.z()};
 }
 
 std::vector<float> code_of(std::span<const double> state, std::size_t begin, std::size_t size) {

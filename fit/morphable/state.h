@@ -10,7 +10,8 @@
 /// The unknowns of the fit as one vector. Not part of the public interface.
 namespace stymo::morphable {
 
-/// yaw, pitch, roll and the head's origin in the camera's axes (x right, y down, z forward), then the codes.
+/// yaw, pitch, roll and the head's origin in the camera's axes (x right, y down, z forward), then
+/// the codes.
 inline constexpr std::size_t pose_size = 6;
 inline constexpr std::size_t identity_begin = pose_size;
 inline constexpr std::size_t expression_begin = identity_begin + 100;
@@ -24,7 +25,8 @@ using State = std::vector<double>;
 [[nodiscard]] Pose pose_of(std::span<const double> state);
 /// The first pose_size numbers of a state.
 [[nodiscard]] std::array<double, pose_size> pose_numbers(const Pose& pose);
-[[nodiscard]] std::vector<float> code_of(std::span<const double> state, std::size_t begin, std::size_t size);
+[[nodiscard]] std::vector<float> code_of(std::span<const double> state, std::size_t begin,
+                                         std::size_t size);
 [[nodiscard]] State state_of(const MorphableFit& fit);
 
 }  // namespace stymo::morphable

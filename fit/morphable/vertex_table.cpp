@@ -13,19 +13,24 @@ namespace {
 constexpr std::size_t color_size = 100;
 
 void gather(std::span<const float> basis, std::size_t basis_rows, std::size_t basis_columns,
-            std::span<const std::int32_t> vertices, std::size_t row_length, std::size_t first, std::span<float> target) {
-    parallel_for(static_cast<std::int64_t>(vertices.size()), 256, [&](std::int64_t begin, std::int64_t end) {
-        for (std::size_t k = 0; k < basis_rows; ++k) {
-            for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
-                const std::size_t source = k * basis_columns + 3 * static_cast<std::size_t>(vertices[i]);
-                for (std::size_t axis = 0; axis < 3; ++axis)
-                    target[(3 * i + axis) * row_length + first + k] = basis[source + axis];
+            std::span<const std::int32_t> vertices, std::size_t row_length, std::size_t first,
+            std::span<float> target) {
+    parallel_for(
+        static_cast<std::int64_t>(vertices.size()), 256, [&](std::int64_t begin, std::int64_t end) {
+            for (std::size_t k = 0; k < basis_rows; ++k) {
+                for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end);
+                     ++i) {
+                    const std::size_t source =
+                        k * basis_columns + 3 * static_cast<std::size_t>(vertices[i]);
+                    for (std::size_t axis = 0; axis < 3; ++axis)
+                        target[(3 * i + axis) * row_length + first + k] = basis[source + axis];
+                }
             }
-        }
-    });
+        });
 }
 
-[[nodiscard]] std::vector<double> linear_model(std::span<const float> mean, std::span<const float> rows,
+[[nodiscard]] std::vector<double> linear_model(std::span<const float> mean,
+                                               std::span<const float> rows,
                                                std::span<const double> code) {
     std::vector<double> result(mean.begin(), mean.end());
     for (std::size_t i = 0; i < result.size(); ++i) {
@@ -54,12 +59,12 @@ VertexTable::VertexTable(const MorphableHead& head, std::vector<std::int32_t> ch
     gather(head.albedo.values<float>(), color_size, columns, vertices, color_size, 0, color);
 }
 
-std::span<const float> VertexTable::shape_row(std::size_t vertex, std::size_t axis) const {
-    return std::span(shape).subspan((3 * vertex + axis) * shape_size, shape_size);
+Eigen::Map<const VertexTable::Rows> VertexTable::shape_rows(std::size_t vertex) const {
+    return {&shape[3 * vertex * shape_size], 3, shape_size};
 }
 
-std::span<const float> VertexTable::color_row(std::size_t vertex, std::size_t channel) const {
-    return std::span(color).subspan((3 * vertex + channel) * color_size, color_size);
+Eigen::Map<const VertexTable::Rows> VertexTable::color_rows(std::size_t vertex) const {
+    return {&color[3 * vertex * color_size], 3, color_size};
 }
 
 std::vector<double> table_points(const VertexTable& table, std::span<const double> state) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -11,12 +12,15 @@ namespace stymo::morphable {
 
 /// Some vertices of a head, each with all that moves it and its colour side by side.
 struct VertexTable {
+    using Rows = Eigen::Matrix<float, 3, Eigen::Dynamic, Eigen::RowMajor>;
+
     VertexTable(const MorphableHead& head, std::vector<std::int32_t> chosen);
 
     [[nodiscard]] std::size_t size() const { return vertices.size(); }
-    /// Row of the shape codes (identity, then expression) of one coordinate.
-    [[nodiscard]] std::span<const float> shape_row(std::size_t vertex, std::size_t axis) const;
-    [[nodiscard]] std::span<const float> color_row(std::size_t vertex, std::size_t channel) const;
+    /// How the coordinates of a vertex depend on the shape codes (identity, then expression).
+    [[nodiscard]] Eigen::Map<const Rows> shape_rows(std::size_t vertex) const;
+    /// How its albedo depends on the texture code.
+    [[nodiscard]] Eigen::Map<const Rows> color_rows(std::size_t vertex) const;
 
     std::vector<std::int32_t> vertices;
     std::vector<float> mean;         ///< (N, 3)
@@ -26,8 +30,10 @@ struct VertexTable {
 };
 
 /// World points (N, 3) of a state (state.h).
-[[nodiscard]] std::vector<double> table_points(const VertexTable& table, std::span<const double> state);
+[[nodiscard]] std::vector<double> table_points(const VertexTable& table,
+                                               std::span<const double> state);
 /// Albedo (N, 3) of a state, not clipped.
-[[nodiscard]] std::vector<double> table_albedo(const VertexTable& table, std::span<const double> state);
+[[nodiscard]] std::vector<double> table_albedo(const VertexTable& table,
+                                               std::span<const double> state);
 
 }  // namespace stymo::morphable

@@ -13,29 +13,18 @@
 namespace stymo {
 namespace {
 
-PicturePoint difference(const PicturePoint& a, const PicturePoint& b) {
-    return {a[0] - b[0], a[1] - b[1]};
-}
-
-PicturePoint middle(const PicturePoint& a, const PicturePoint& b) {
-    return {(a[0] + b[0]) / 2, (a[1] + b[1]) / 2};
-}
-
-double length(const PicturePoint& a) {
-    return std::hypot(a[0], a[1]);
-}
-
 /// Half of the side of the smallest upright square around the alignment's own.
 double half_extent(const Alignment& alignment) {
-    return std::abs(alignment.axis_x) + std::abs(alignment.axis_y);
+    return alignment.axis.lpNorm<1>();
 }
 
-/// A part of the plane in whole pixels; right and bottom are the first column and row that do not belong to it.
+/// A rectangle of whole pixels; right and bottom are the first column and row outside it.
 struct Box {
     std::int64_t left, top, right, bottom;
 };
 
-/// Where position i lies in a row of `length` pixels that is continued by its mirror image, the outermost pixel not repeated.
+/// Index of position i in a row of `length` pixels that is continued by reflection, without
+/// repeating the outermost pixel.
 std::int64_t reflected(std::int64_t i, std::int64_t length) {
     if (length == 1) return 0;
     const std::int64_t period = 2 * (length - 1);
@@ -54,8 +43,9 @@ Tensor reflected_part(const Tensor& photo, const Box& box) {
     std::int64_t at = 0;
     for (std::int64_t row = box.top; row < box.bottom; ++row)
         for (std::int64_t column = box.left; column < box.right; ++column, at += channels)
-            std::copy_n(from.begin() + (reflected(row, height) * width + reflected(column, width)) * channels, channels,
-                        to.begin() + at);
+            std::copy_n(from.begin() +
+                            (reflected(row, height) * width + reflected(column, width)) * channels,
+                        channels, to.begin() + at);
     return part;
 }
 
@@ -71,35 +61,37 @@ ResampleMatrix gaussian_matrix(int size, double deviation) {
     std::vector<ResampleMatrix::Entry> entries;
     for (int row = 0; row < size; ++row)
         for (int i = -reach; i <= reach; ++i)
-            entries.push_back(
-                {row, static_cast<int>(reflected(row + i, size)), weights[static_cast<std::size_t>(i + reach)] / sum});
+            entries.push_back({row, static_cast<int>(reflected(row + i, size)),
+                               weights[static_cast<std::size_t>(i + reach)] / sum});
     return {size, size, std::move(entries)};
 }
 
-/// A blur of this deviation in pixels, computed in a smaller copy where it is wide.
+/// A Gaussian blur of this deviation in pixels. A wide blur is computed on a smaller copy.
 Tensor gaussian_blur(const Tensor& image, double deviation) {
     const double factor = std::max(1.0, deviation / 3.0);
     const auto height = static_cast<int>(image.shape(0));
     const auto width = static_cast<int>(image.shape(1));
     const int rows = std::max(1, static_cast<int>(std::lround(height / factor)));
     const int columns = std::max(1, static_cast<int>(std::lround(width / factor)));
-    const Tensor small = resize_image(image, rows, columns).reshaped({1, rows, columns, image.shape(2)});
-    const Variable blurred =
-        resample(small, gaussian_matrix(rows, deviation * rows / height), gaussian_matrix(columns, deviation * columns / width));
+    const Tensor small =
+        resize_image(image, rows, columns).reshaped({1, rows, columns, image.shape(2)});
+    const Variable blurred = resample(small, gaussian_matrix(rows, deviation * rows / height),
+                                      gaussian_matrix(columns, deviation * columns / width));
     return resize_bilinear(blurred, height, width).value().reshaped(image.shape());
 }
 
 float median_of_channel(const Tensor& image, std::int64_t channel) {
     std::vector<float> values;
     const std::span<const float> all = image.values<float>();
-    for (auto at = static_cast<std::size_t>(channel); at < all.size(); at += static_cast<std::size_t>(image.shape(2)))
+    for (auto at = static_cast<std::size_t>(channel); at < all.size();
+         at += static_cast<std::size_t>(image.shape(2)))
         values.push_back(all[at]);
     const auto half = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
     std::nth_element(values.begin(), half, values.end());
     return *half;
 }
 
-/// Widths of the strips that were added to a picture.
+/// Widths of the strips added to an image.
 struct Padding {
     std::int64_t left, top, right, bottom;
 };
@@ -107,8 +99,10 @@ struct Padding {
 /// How far outside a pixel lies: 0 at the border of what was added, 1 at the rim, negative inside.
 double outsideness(std::int64_t at, std::int64_t size, std::int64_t before, std::int64_t after) {
     constexpr double never = -1e9;
-    const double first = before > 0 ? 1.0 - static_cast<double>(at) / static_cast<double>(before) : never;
-    const double last = after > 0 ? 1.0 - static_cast<double>(size - 1 - at) / static_cast<double>(after) : never;
+    const double first =
+        before > 0 ? 1.0 - static_cast<double>(at) / static_cast<double>(before) : never;
+    const double last =
+        after > 0 ? 1.0 - static_cast<double>(size - 1 - at) / static_cast<double>(after) : never;
     return std::max(first, last);
 }
 
@@ -122,11 +116,13 @@ void fade(Tensor& image, const Padding& padding, const Other& other, const Weigh
     for (std::int64_t row = 0; row < height; ++row) {
         const double down = outsideness(row, height, padding.top, padding.bottom);
         for (std::int64_t column = 0; column < width; ++column) {
-            const double outside = std::max(down, outsideness(column, width, padding.left, padding.right));
+            const double outside =
+                std::max(down, outsideness(column, width, padding.left, padding.right));
             const auto share = static_cast<float>(std::clamp(weight(outside), 0.0, 1.0));
             if (share == 0.0F) continue;
             for (std::int64_t channel = 0; channel < channels; ++channel) {
-                const auto at = static_cast<std::size_t>((row * width + column) * channels + channel);
+                const auto at =
+                    static_cast<std::size_t>((row * width + column) * channels + channel);
                 values[at] += (other(at, channel) - values[at]) * share;
             }
         }
@@ -140,39 +136,51 @@ void fade_out(Tensor& image, const Padding& padding, double side) {
         image, padding, [&](std::size_t at, std::int64_t) { return blur[at]; },
         [](double outside) { return 3.0 * outside + 1.0; });
     std::vector<float> medians;
-    for (std::int64_t channel = 0; channel < image.shape(2); ++channel) medians.push_back(median_of_channel(image, channel));
+    for (std::int64_t channel = 0; channel < image.shape(2); ++channel)
+        medians.push_back(median_of_channel(image, channel));
     fade(
-        image, padding, [&](std::size_t, std::int64_t channel) { return medians[static_cast<std::size_t>(channel)]; },
+        image, padding,
+        [&](std::size_t, std::int64_t channel) {
+            return medians[static_cast<std::size_t>(channel)];
+        },
         [](double outside) { return outside; });
 }
 
-/// A picture and the square in its pixels.
+/// An image and the square in its pixels.
 struct Placed {
     Tensor image;
     Alignment square;
 };
 
 Alignment moved(const Alignment& square, double left, double top) {
-    return {square.center_x - left, square.center_y - top, square.axis_x, square.axis_y};
+    return {square.center - Eigen::Vector2d(left, top), square.axis};
 }
 
 Alignment scaled(const Alignment& square, double factor) {
-    return {square.center_x * factor, square.center_y * factor, square.axis_x * factor, square.axis_y * factor};
+    return {square.center * factor, square.axis * factor};
 }
 
-/// Whole pixels around the square, which is named by the positions of pixel centres as in FFHQ's own program.
+/// Whole pixels around the square, which is named by the positions of pixel centres as in FFHQ's
+/// own program.
 Box bounds(const Alignment& square) {
     const double reach = half_extent(square);
-    const auto below = [](double value) { return static_cast<std::int64_t>(std::floor(value - 0.5)); };
-    const auto above = [](double value) { return static_cast<std::int64_t>(std::ceil(value - 0.5)); };
-    return {below(square.center_x - reach), below(square.center_y - reach), above(square.center_x + reach),
-            above(square.center_y + reach)};
+    const auto below = [](double value) {
+        return static_cast<std::int64_t>(std::floor(value - 0.5));
+    };
+    const auto above = [](double value) {
+        return static_cast<std::int64_t>(std::ceil(value - 0.5));
+    };
+    const auto [x, y] = std::pair(square.center.x(), square.center.y());
+    return {below(x - reach), below(y - reach), above(x + reach), above(y + reach)};
 }
 
-/// The photo around the square and a border, reduced by a whole factor where the square keeps twice the pixels of the output.
-Placed cut_out(const Tensor& photo, const Alignment& alignment, std::int64_t output_side, std::int64_t& border) {
+/// The photo around the square and a border, reduced by a whole factor where the square keeps twice
+/// the pixels of the output.
+Placed cut_out(const Tensor& photo, const Alignment& alignment, std::int64_t output_side,
+               std::int64_t& border) {
     const double ratio = alignment.side() / static_cast<double>(output_side);
-    const auto factor = std::max<std::int64_t>(1, static_cast<std::int64_t>(std::floor(ratio * 0.5)));
+    const auto factor =
+        std::max<std::int64_t>(1, static_cast<std::int64_t>(std::floor(ratio * 0.5)));
     const Alignment square = scaled(alignment, 1.0 / static_cast<double>(factor));
     border = std::max<std::int64_t>(std::llround(0.1 * square.side()), 3);
     const Box box = bounds(square);
@@ -180,25 +188,31 @@ Placed cut_out(const Tensor& photo, const Alignment& alignment, std::int64_t out
     const std::int64_t columns = std::max<std::int64_t>(photo.shape(1) / factor, 1);
     const std::int64_t left = std::clamp<std::int64_t>(box.left - border, 0, columns - 1);
     const std::int64_t top = std::clamp<std::int64_t>(box.top - border, 0, rows - 1);
-    const std::int64_t width = std::clamp<std::int64_t>(box.right + border, left + 1, columns) - left;
+    const std::int64_t width =
+        std::clamp<std::int64_t>(box.right + border, left + 1, columns) - left;
     const std::int64_t height = std::clamp<std::int64_t>(box.bottom + border, top + 1, rows) - top;
-    const Tensor part = image_part(photo, top * factor, left * factor, height * factor, width * factor);
+    const Tensor part =
+        image_part(photo, top * factor, left * factor, height * factor, width * factor);
     return {resize_image(part, static_cast<int>(height), static_cast<int>(width)),
             moved(square, static_cast<double>(left), static_cast<double>(top))};
 }
 
-/// Continues the picture where the square, or nearly so, leaves it.
+/// Extends the image where the square leaves it, or nearly leaves it.
 Placed padded(Placed placed, std::int64_t border) {
     const Box box = bounds(placed.square);
     const std::int64_t height = placed.image.shape(0);
     const std::int64_t width = placed.image.shape(1);
-    Padding padding{border - box.left, border - box.top, box.right - width + border, box.bottom - height + border};
-    if (std::max({padding.left, padding.top, padding.right, padding.bottom}) <= border - 4) return placed;
+    Padding padding{border - box.left, border - box.top, box.right - width + border,
+                    box.bottom - height + border};
+    if (std::max({padding.left, padding.top, padding.right, padding.bottom}) <= border - 4)
+        return placed;
     for (std::int64_t* strip : {&padding.left, &padding.top, &padding.right, &padding.bottom})
         *strip = std::max<std::int64_t>(*strip, std::llround(0.3 * placed.square.side()));
-    Tensor image = reflected_part(placed.image, {-padding.left, -padding.top, width + padding.right, height + padding.bottom});
+    Tensor image = reflected_part(placed.image, {-padding.left, -padding.top, width + padding.right,
+                                                 height + padding.bottom});
     fade_out(image, padding, placed.square.side());
-    return {std::move(image), moved(placed.square, -static_cast<double>(padding.left), -static_cast<double>(padding.top))};
+    return {std::move(image), moved(placed.square, -static_cast<double>(padding.left),
+                                    -static_cast<double>(padding.top))};
 }
 
 /// side x side samples of the square, bilinear.
@@ -213,12 +227,17 @@ Tensor sampled_square(const Placed& placed, std::int64_t side) {
     constexpr std::int64_t rows_of_a_chunk = 16;
     parallel_for(side, rows_of_a_chunk, [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t i = begin * side; i < end * side; ++i) {
-            const double u = (2.0 * static_cast<double>(i % side) + 1.0) / static_cast<double>(side) - 1.0;
-            const double v = (2.0 * static_cast<double>(i / side) + 1.0) / static_cast<double>(side) - 1.0;
-            const double x = std::clamp(square.center_x + u * square.axis_x - v * square.axis_y - 0.5, 0.0, last_column);
-            const double y = std::clamp(square.center_y + u * square.axis_y + v * square.axis_x - 0.5, 0.0, last_row);
-            const auto column = std::min(static_cast<std::int64_t>(x), std::max<std::int64_t>(image.shape(1) - 2, 0));
-            const auto row = std::min(static_cast<std::int64_t>(y), std::max<std::int64_t>(image.shape(0) - 2, 0));
+            const double u =
+                (2.0 * static_cast<double>(i % side) + 1.0) / static_cast<double>(side) - 1.0;
+            const double v =
+                (2.0 * static_cast<double>(i / side) + 1.0) / static_cast<double>(side) - 1.0;
+            const Eigen::Vector2d point = square.point(u, v);
+            const double x = std::clamp(point.x() - 0.5, 0.0, last_column);
+            const double y = std::clamp(point.y() - 0.5, 0.0, last_row);
+            const auto column = std::min(static_cast<std::int64_t>(x),
+                                         std::max<std::int64_t>(image.shape(1) - 2, 0));
+            const auto row = std::min(static_cast<std::int64_t>(y),
+                                      std::max<std::int64_t>(image.shape(0) - 2, 0));
             const auto across = static_cast<float>(x - static_cast<double>(column));
             const auto down = static_cast<float>(y - static_cast<double>(row));
             const float* const here = from + (row * image.shape(1) + column) * channels;
@@ -236,60 +255,62 @@ Tensor sampled_square(const Placed& placed, std::int64_t side) {
 
 }  // namespace
 
-double Alignment::side() const {
-    return 2.0 * std::hypot(axis_x, axis_y);
-}
-
 double Alignment::angle() const {
-    return std::atan2(axis_y, axis_x);
+    return std::atan2(axis.y(), axis.x());
 }
 
 Alignment ffhq_alignment(const Landmarks& landmarks) {
-    const PicturePoint left_eye = mean_landmark(landmarks, 36, 41);
-    const PicturePoint right_eye = mean_landmark(landmarks, 42, 47);
-    const PicturePoint eyes = middle(left_eye, right_eye);
-    const PicturePoint between_eyes = difference(right_eye, left_eye);
-    const PicturePoint eyes_to_mouth = difference(middle(landmarks[48], landmarks[54]), eyes);
-    const PicturePoint direction = {between_eyes[0] + eyes_to_mouth[1], between_eyes[1] - eyes_to_mouth[0]};
-    const double half = std::max(2.0 * length(between_eyes), 1.8 * length(eyes_to_mouth));
-    const double scale = half / length(direction);
-    if (!(half > 0.0) || !std::isfinite(scale)) fail<NumericError>("[alignment] the landmarks have no extent");
-    return {eyes[0] + 0.1 * eyes_to_mouth[0], eyes[1] + 0.1 * eyes_to_mouth[1], direction[0] * scale, direction[1] * scale};
+    const Eigen::Vector2d left_eye = mean_landmark(landmarks, 36, 41);
+    const Eigen::Vector2d right_eye = mean_landmark(landmarks, 42, 47);
+    const Eigen::Vector2d eyes = (left_eye + right_eye) / 2;
+    const Eigen::Vector2d between_eyes = right_eye - left_eye;
+    const Eigen::Vector2d eyes_to_mouth = (landmarks[48] + landmarks[54]) / 2 - eyes;
+    const Eigen::Vector2d direction =
+        between_eyes + Eigen::Vector2d(eyes_to_mouth.y(), -eyes_to_mouth.x());
+    const double half = std::max(2.0 * between_eyes.norm(), 1.8 * eyes_to_mouth.norm());
+    const double scale = half / direction.norm();
+    if (!(half > 0.0) || !std::isfinite(scale))
+        fail<NumericError>("[alignment] the landmarks have no extent");
+    return {eyes + 0.1 * eyes_to_mouth, direction * scale};
 }
 
 bool is_aligned(const Alignment& alignment, std::int64_t width, std::int64_t height) {
-    // Photos of CelebA-HQ, which five other landmarks aligned, shift by less than 0.03 (99 of 100), stretch by 0.11, turn by 4
-    // degrees; looser crops of FFHQ stretch by 0.34 to 0.42 (logarithms).
+    // Photos of CelebA-HQ, which five other landmarks aligned, shift by less than 0.03 (99 of 100),
+    // stretch by 0.11, turn by 4 degrees; looser crops of FFHQ stretch by 0.34 to 0.42
+    // (logarithms).
     constexpr double largest_shift = 0.05;
     constexpr double largest_stretch = 0.17;
     constexpr double largest_angle = 6.0 * std::numbers::pi / 180.0;
     if (width != height) return false;
     const auto side = static_cast<double>(width);
-    return std::abs(alignment.center_x / side - 0.5) <= largest_shift &&
-           std::abs(alignment.center_y / side - 0.5) <= largest_shift &&
-           std::abs(std::log(alignment.side() / side)) <= largest_stretch && std::abs(alignment.angle()) <= largest_angle;
+    const Eigen::Vector2d shift = alignment.center / side - Eigen::Vector2d(0.5, 0.5);
+    return shift.lpNorm<Eigen::Infinity>() <= largest_shift &&
+           std::abs(std::log(alignment.side() / side)) <= largest_stretch &&
+           std::abs(alignment.angle()) <= largest_angle;
 }
 
 Tensor aligned_crop(const Tensor& photo, const Alignment& alignment, std::int64_t side) {
     if (photo.rank() != 3 || photo.size() == 0 || side <= 0)
-        fail<ShapeError>("[alignment] cannot cut ", side, " x ", side, " pixels out of ", photo.shape());
+        fail<ShapeError>("[alignment] cannot cut ", side, " x ", side, " pixels out of ",
+                         photo.shape());
     constexpr std::int64_t samples_of_a_pixel = 4;
     std::int64_t border = 0;
     const Placed placed = padded(cut_out(photo, alignment, side, border), border);
-    Tensor crop = resize_image(sampled_square(placed, samples_of_a_pixel * side), static_cast<int>(side), static_cast<int>(side));
+    Tensor crop = resize_image(sampled_square(placed, samples_of_a_pixel * side),
+                               static_cast<int>(side), static_cast<int>(side));
     for (float& value : crop.mutable_values<float>()) value = std::clamp(value, 0.0F, 1.0F);
     return crop;
 }
 
-Landmarks aligned_landmarks(const Landmarks& landmarks, const Alignment& alignment, std::int64_t side) {
-    const double square = alignment.axis_x * alignment.axis_x + alignment.axis_y * alignment.axis_y;
+Landmarks aligned_landmarks(const Landmarks& landmarks, const Alignment& alignment,
+                            std::int64_t side) {
+    const double half_side = static_cast<double>(side) / 2.0;
+    const double square = alignment.axis.squaredNorm();
     Landmarks result;
     for (std::size_t i = 0; i < result.size(); ++i) {
-        const double x = landmarks[i][0] - alignment.center_x;
-        const double y = landmarks[i][1] - alignment.center_y;
-        const double u = (x * alignment.axis_x + y * alignment.axis_y) / square;
-        const double v = (y * alignment.axis_x - x * alignment.axis_y) / square;
-        result[i] = {(u + 1.0) / 2.0 * static_cast<double>(side), (v + 1.0) / 2.0 * static_cast<double>(side)};
+        const Eigen::Vector2d offset = landmarks[i] - alignment.center;
+        const Eigen::Vector2d inside(offset.dot(alignment.axis), offset.dot(alignment.down_axis()));
+        result[i] = (inside / square + Eigen::Vector2d::Ones()) * half_side;
     }
     return result;
 }
@@ -301,9 +322,10 @@ double share_outside(const Alignment& alignment, std::int64_t width, std::int64_
         for (int j = 0; j < samples; ++j) {
             const double u = (2.0 * i + 1.0) / samples - 1.0;
             const double v = (2.0 * j + 1.0) / samples - 1.0;
-            const double x = alignment.center_x + u * alignment.axis_x - v * alignment.axis_y;
-            const double y = alignment.center_y + u * alignment.axis_y + v * alignment.axis_x;
-            if (x < 0.0 || y < 0.0 || x > static_cast<double>(width) || y > static_cast<double>(height)) ++outside;
+            const Eigen::Vector2d point = alignment.point(u, v);
+            if (point.minCoeff() < 0.0 || point.x() > static_cast<double>(width) ||
+                point.y() > static_cast<double>(height))
+                ++outside;
         }
     return static_cast<double>(outside) / (samples * samples);
 }

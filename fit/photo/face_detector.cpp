@@ -4,8 +4,9 @@
 
 #ifdef STYMO_WITH_DLIB
 
-// The two headers that read dlib's configuration. Debian's asks for BLAS in every program that includes dlib, without depending
-// on the package to link it; what is used here multiplies no large matrix.
+// The two headers that read dlib's configuration. Debian's package requires BLAS in every program
+// that includes dlib, but does not depend on it. The functions used here multiply no large
+// matrices.
 #include <dlib/assert.h>
 #include <dlib/test_for_odr_violations.h>
 #undef DLIB_USE_BLAS
@@ -27,36 +28,42 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* debian_landmark_model = "/usr/share/dlib/shape_predictor_68_face_landmarks.dat";
+constexpr const char* debian_landmark_model =
+    "/usr/share/dlib/shape_predictor_68_face_landmarks.dat";
 
-/// A copy of the photo that is searched: its longer side in pixels, and the least confidence of a face.
+/// A search: the longer side of the searched copy in pixels, and the least confidence of a face.
 struct Search {
     double longer_side;
     double confidence;
 };
 
-/// Made one after the other until there is a face. The detector's window is 80 pixels wide. Large profiles and covered eyes are
-/// missed by the first, which the last finds; coming last, it does not hide small faces that are seen clearly.
+/// The searches run one after the other until one finds a face. The detector's window is 80 pixels
+/// wide. The first search misses large profiles and covered eyes; the last one finds them, and is
+/// last so that it does not hide small, clearly visible faces.
 constexpr std::array<Search, 4> searches = {{{640, 0.0}, {1280, 0.0}, {2560, 0.0}, {320, -0.2}}};
 constexpr double largest_enlargement = 4.0;
 
-/// Width of a face, in pixels, in the picture that its landmarks are predicted in. The predictor rounds to whole pixels.
+/// Width of a face, in pixels, in the image in which its landmarks are predicted. The predictor
+/// rounds to whole pixels.
 constexpr double predicted_face_width = 320.0;
 
-using Picture = dlib::array2d<dlib::rgb_pixel>;
+using Image = dlib::array2d<dlib::rgb_pixel>;
 
-Picture picture_of(const Tensor& image) {
-    Picture picture(image.shape(0), image.shape(1));
+Image image_of(const Tensor& image) {
+    Image copy(image.shape(0), image.shape(1));
     const std::span<const float> values = image.values<float>();
     std::size_t at = 0;
-    const auto byte = [&] { return static_cast<unsigned char>(std::clamp(values[at++], 0.0F, 1.0F) * 255.0F + 0.5F); };
-    for (long row = 0; row < picture.nr(); ++row)
-        for (dlib::rgb_pixel& pixel : std::span(&picture[row][0], static_cast<std::size_t>(picture.nc()))) {
+    const auto byte = [&] {
+        return static_cast<unsigned char>(std::clamp(values[at++], 0.0F, 1.0F) * 255.0F + 0.5F);
+    };
+    for (long row = 0; row < copy.nr(); ++row)
+        for (dlib::rgb_pixel& pixel :
+             std::span(&copy[row][0], static_cast<std::size_t>(copy.nc()))) {
             pixel.red = byte();
             pixel.green = byte();
             pixel.blue = byte();
         }
-    return picture;
+    return copy;
 }
 
 int scaled_length(std::int64_t length, double scale) {
@@ -64,10 +71,11 @@ int scaled_length(std::int64_t length, double scale) {
 }
 
 Tensor scaled_image(const Tensor& image, double scale) {
-    return resize_image(image, scaled_length(image.shape(0), scale), scaled_length(image.shape(1), scale));
+    return resize_image(image, scaled_length(image.shape(0), scale),
+                        scaled_length(image.shape(1), scale));
 }
 
-/// The part of a photo around a face, and where it comes from.
+/// The part of a photo around a face, and its position.
 struct Surroundings {
     Tensor image;
     double left;
@@ -78,7 +86,9 @@ struct Surroundings {
 Surroundings surroundings_of(const Tensor& photo, const DetectedFace& face) {
     // The jaw may reach beyond the detector's box by a third of it.
     const double margin = 0.5 * face.width;
-    const auto bound = [](double value, std::int64_t length) { return std::clamp<std::int64_t>(std::llround(value), 0, length); };
+    const auto bound = [](double value, std::int64_t length) {
+        return std::clamp<std::int64_t>(std::llround(value), 0, length);
+    };
     const std::int64_t height = photo.shape(0);
     const std::int64_t width = photo.shape(1);
     const std::int64_t left = bound(face.left - margin, width - 1);
@@ -96,11 +106,14 @@ struct FaceDetector::Implementation {
     dlib::frontal_face_detector detector = dlib::get_frontal_face_detector();
     dlib::shape_predictor predictor;
 
-    [[nodiscard]] std::vector<DetectedFace> boxes(const Tensor& photo, double scale, double confidence) const {
-        // A detector keeps the picture that it searches; a copy of it is small.
+    [[nodiscard]] std::vector<DetectedFace> boxes(const Tensor& photo, double scale,
+                                                  double confidence) const {
+        // A detector keeps the image that it searches, so each call searches with a copy of the
+        // detector, which is small.
         dlib::frontal_face_detector searching = detector;
         std::vector<DetectedFace> faces;
-        for (const dlib::rectangle& box : searching(picture_of(scaled_image(photo, scale)), confidence))
+        for (const dlib::rectangle& box :
+             searching(image_of(scaled_image(photo, scale)), confidence))
             faces.push_back({static_cast<double>(box.left()) / scale,
                              static_cast<double>(box.top()) / scale,
                              static_cast<double>(box.width()) / scale,
@@ -112,9 +125,10 @@ struct FaceDetector::Implementation {
     [[nodiscard]] Landmarks landmarks(const Tensor& photo, const DetectedFace& face) const {
         const auto [image, left, top, scale] = surroundings_of(photo, face);
         const auto pixel = [scale](double length) { return std::lround(length * scale); };
-        const dlib::rectangle box(pixel(face.left - left), pixel(face.top - top), pixel(face.left + face.width - left) - 1,
+        const dlib::rectangle box(pixel(face.left - left), pixel(face.top - top),
+                                  pixel(face.left + face.width - left) - 1,
                                   pixel(face.top + face.height - top) - 1);
-        const dlib::full_object_detection shape = predictor(picture_of(image), box);
+        const dlib::full_object_detection shape = predictor(image_of(image), box);
         Landmarks result;
         for (std::size_t i = 0; i < result.size(); ++i) {
             const dlib::point& point = shape.part(i);
@@ -133,14 +147,17 @@ FaceDetector::FaceDetector(const fs::path& landmark_model) {
     auto implementation = std::make_unique<Implementation>();
     const fs::path path = landmark_model.empty() ? fs::path(debian_landmark_model) : landmark_model;
     if (!fs::is_regular_file(path))
-        fail<FileError>(path.string(), ": no such file; install the package libdlib-data or give a model of 68 landmarks");
+        fail<FileError>(
+            path.string(),
+            ": no such file; install the package libdlib-data or give a model of 68 landmarks");
     try {
         dlib::deserialize(path.string()) >> implementation->predictor;
     } catch (const std::exception&) {
         fail<FileError>(path.string(), ": not a model of dlib's shape_predictor");
     }
     if (implementation->predictor.num_parts() != Landmarks().size())
-        fail<FileError>(path.string(), ": predicts ", implementation->predictor.num_parts(), " landmarks; 68 are needed");
+        fail<FileError>(path.string(), ": predicts ", implementation->predictor.num_parts(),
+                        " landmarks; 68 are needed");
     implementation_ = std::move(implementation);
 }
 
@@ -151,7 +168,8 @@ std::vector<DetectedFace> FaceDetector::find(const Tensor& photo) const {
     std::vector<DetectedFace> faces;
     double former_scale = 0.0;
     for (const auto& [side, confidence] : searches) {
-        // The first search never enlarges: faces that fill a small photo are the common case.
+        // The first search never enlarges the photo, because most small photos are filled by a
+        // face.
         const double limit = former_scale == 0.0 ? 1.0 : largest_enlargement;
         const double scale = std::min(limit, side / longer_side);
         if (scale == former_scale) continue;
@@ -160,8 +178,9 @@ std::vector<DetectedFace> FaceDetector::find(const Tensor& photo) const {
         if (!faces.empty()) break;
     }
     for (DetectedFace& face : faces) face.landmarks = implementation_->landmarks(photo, face);
-    std::stable_sort(faces.begin(), faces.end(),
-                     [](const DetectedFace& a, const DetectedFace& b) { return a.width * a.height > b.width * b.height; });
+    std::stable_sort(faces.begin(), faces.end(), [](const DetectedFace& a, const DetectedFace& b) {
+        return a.width * a.height > b.width * b.height;
+    });
     return faces;
 }
 
@@ -178,7 +197,9 @@ bool FaceDetector::available() {
 }
 
 FaceDetector::FaceDetector(const std::filesystem::path&) {
-    fail("faces cannot be found: this build is without dlib; install libdlib-dev and libdlib-data and build again");
+    fail(
+        "faces cannot be found: this build is without dlib; install libdlib-dev and libdlib-data "
+        "and build again");
 }
 
 std::vector<DetectedFace> FaceDetector::find(const Tensor&) const {

@@ -15,7 +15,7 @@ struct DetectedFace {
     double top = 0.0;
     double width = 0.0;
     double height = 0.0;
-    Landmarks landmarks{};
+    Landmarks landmarks;
 };
 
 /// dlib's frontal face detector and its predictor of 68 landmarks.
@@ -24,16 +24,17 @@ public:
     /// Whether the library was built with dlib.
     [[nodiscard]] static bool available();
 
-    /// `landmark_model`: a file of dlib's shape_predictor with 68 points; empty for the one of Debian's package libdlib-data,
-    /// whose training data exclude commercial use. Throws Error in a build without dlib, FileError for a file that is missing or
-    /// no such model.
+    /// `landmark_model`: a file of dlib's shape_predictor with 68 points; empty for the one of
+    /// Debian's package libdlib-data, whose training data exclude commercial use. Throws Error in a
+    /// build without dlib, FileError if the file is missing or not such a model.
     explicit FaceDetector(const std::filesystem::path& landmark_model = {});
     ~FaceDetector();
     FaceDetector(FaceDetector&&) noexcept;
     FaceDetector& operator=(FaceDetector&&) noexcept;
 
-    /// The faces of an upright photo (height, width, 3) in [0, 1], largest first. Photos are looked at in 640 pixels of their
-    /// longer side and, where nothing is found, in more. May be called from several threads at once.
+    /// The faces of an upright photo (height, width, 3) in [0, 1], largest first. Photos are
+    /// searched at 640 pixels of their longer side, and at more if nothing is found. May be called
+    /// from several threads at once.
     [[nodiscard]] std::vector<DetectedFace> find(const Tensor& photo) const;
 
 private:

@@ -9,34 +9,38 @@
 
 namespace stymo {
 
-/// What a face-parsing network expects and in which order it gives its 19 classes.
+/// The input of a face parser and the order of its 19 classes.
 enum class FaceParserKind {
     celebamask,            ///< input 256x256 RGB in [-1, 1]; CelebAMask-HQ's order of classes
-    face_parsing_pytorch,  ///< BiSeNet of zllrunning/face-parsing.PyTorch: 512x512, ImageNet's mean and deviation, its own order
+    face_parsing_pytorch,  ///< BiSeNet of zllrunning/face-parsing.PyTorch: 512x512, ImageNet's mean
+                           ///< and deviation, its own order
 };
 
-/// A network that tells the parts of a head, read from an ONNX file.
+/// A network that segments the parts of a head, read from an ONNX file.
 class FaceParser {
 public:
-    /// Without a kind: face_parsing_pytorch for a network that has several outputs or does not take 256 pixels, celebamask
-    /// otherwise. Throws FileError for a file that is missing, not an ONNX network, or does not give 19 classes for each pixel.
-    explicit FaceParser(const std::filesystem::path& onnx, std::optional<FaceParserKind> kind = std::nullopt);
+    /// Without a kind: face_parsing_pytorch for a network that has several outputs or does not take
+    /// 256 pixels, celebamask otherwise. Throws FileError for a file that is missing, not an ONNX
+    /// network, or does not give 19 classes for each pixel.
+    explicit FaceParser(const std::filesystem::path& onnx,
+                        std::optional<FaceParserKind> kind = std::nullopt);
     ~FaceParser();
     FaceParser(FaceParser&&) noexcept;
     FaceParser& operator=(FaceParser&&) noexcept;
 
     [[nodiscard]] FaceParserKind kind() const;
 
-    /// The classes of an aligned crop (side, side, 3) in [0, 1]: indices 0..18 of CelebAMask-HQ (render/head_parts.h), (side,
-    /// side, 1). Not to be called from several threads at once, like the next.
+    /// The classes of an aligned crop (side, side, 3) in [0, 1]: indices 0..18 of CelebAMask-HQ
+    /// (render/parsing_classes.h), (side, side, 1). Not thread-safe, like the next function.
     [[nodiscard]] Tensor parse(const Tensor& crop);
 
-    /// The same of a head alone on black: background where `mask` (side, side, 1) is below one half, elsewhere the likeliest of
-    /// the parts of a head (is_head_class). Networks take dark or blurred hair in front of black for background.
+    /// The classes of a head on black: background where `mask` (side, side, 1) is below one half,
+    /// elsewhere the most likely class of a head (is_head_class). Networks mistake dark or blurred
+    /// hair in front of black for background.
     [[nodiscard]] Tensor parse_head(const Tensor& crop, const Tensor& mask);
 
-    /// The head mask of an aligned crop as head_mask_from_parsing makes it, after GrabCut has mended what the network says by the
-    /// landmarks and by the picture's own colours.
+    /// The head mask of an aligned crop (head_mask_from_parsing), after GrabCut has corrected the
+    /// output of the network by the landmarks and the colours of the image.
     [[nodiscard]] Tensor head_mask(const Tensor& crop, const Landmarks& landmarks);
 
 private:

@@ -1,22 +1,22 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <cstddef>
 
 namespace stymo {
 
-/// x to the right and y down, in pixels of a picture whose first pixel has its centre at (0.5, 0.5).
-using PicturePoint = std::array<double, 2>;
-
-/// The 68 points of a face in dlib's order, each part from the picture's left: jaw 0-16, brows 17-21 and 22-26, nose 27-35, eyes
-/// 36-41 and 42-47, lips 48-67.
-using Landmarks = std::array<PicturePoint, 68>;
+/// The 68 points of a face in dlib's order, each part from the image's left: jaw 0-16, brows 17-21
+/// and 22-26, nose 27-35, eyes 36-41 and 42-47, lips 48-67. x to the right and y down, in pixels of
+/// an image whose first pixel has its centre at (0.5, 0.5). Not initialised.
+using Landmarks = std::array<Eigen::Vector2d, 68>;
 
 /// The mean of the points first..last, both included.
-[[nodiscard]] PicturePoint mean_landmark(const Landmarks& landmarks, std::size_t first, std::size_t last);
+[[nodiscard]] Eigen::Vector2d mean_landmark(const Landmarks& landmarks, std::size_t first,
+                                            std::size_t last);
 /// Distance between the middles of the two eyes.
 [[nodiscard]] double inter_ocular_distance(const Landmarks& landmarks);
-/// The landmarks in the same picture at another size.
+/// The landmarks in the same image at another size.
 [[nodiscard]] Landmarks scaled_landmarks(Landmarks landmarks, double factor);
 
 }  // namespace stymo

@@ -19,7 +19,8 @@ AngleStatistics statistics_of(std::span<const Pose> poses, double Pose::*angle) 
         result.highest = std::max(result.highest, pose.*angle);
     }
     double variance = 0.0;
-    for (const Pose& pose : poses) variance += (pose.*angle - result.mean) * (pose.*angle - result.mean) / count;
+    for (const Pose& pose : poses)
+        variance += (pose.*angle - result.mean) * (pose.*angle - result.mean) / count;
     result.deviation = std::sqrt(variance);
     for (double* value : {&result.mean, &result.deviation, &result.lowest, &result.highest})
         *value = degrees_from_radians(*value);
@@ -27,8 +28,10 @@ AngleStatistics statistics_of(std::span<const Pose> poses, double Pose::*angle) 
 }
 
 JsonValue to_json(const AngleStatistics& angle) {
-    return JsonValue::object(
-        {{"mean", angle.mean}, {"deviation", angle.deviation}, {"lowest", angle.lowest}, {"highest", angle.highest}});
+    return JsonValue::object({{"mean", angle.mean},
+                              {"deviation", angle.deviation},
+                              {"lowest", angle.lowest},
+                              {"highest", angle.highest}});
 }
 
 }  // namespace
@@ -48,12 +51,12 @@ JsonValue to_json(const PoseStatistics& statistics) {
                               {"roll_deg", to_json(statistics.roll)}});
 }
 
-std::vector<Pose> poses_from_rotations(std::span<const Matrix3> rotations, const PivotCamera& camera,
-                                       PoseStatistics& statistics) {
+std::vector<Pose> poses_from_rotations(std::span<const Eigen::Matrix3d> rotations,
+                                       const PivotCamera& camera, PoseStatistics& statistics) {
     if (rotations.empty()) fail<ValueError>("[poses] there are no rotations");
-    std::vector<Vector3> angles;
+    std::vector<Eigen::Vector3d> angles;
     std::vector<double> pitches, rolls;
-    for (const Matrix3& rotation : rotations) {
+    for (const Eigen::Matrix3d& rotation : rotations) {
         angles.push_back(angles_from_rotation(rotation));
         pitches.push_back(angles.back()[1]);
         rolls.push_back(angles.back()[2]);
@@ -61,8 +64,9 @@ std::vector<Pose> poses_from_rotations(std::span<const Matrix3> rotations, const
     const double pitch_offset = median(pitches);
     const double roll_offset = median(rolls);
     std::vector<Pose> poses;
-    for (const auto& [yaw, pitch, roll] : angles)
-        poses.push_back(pivot_pose(yaw, pitch - pitch_offset, roll - roll_offset, camera.distance, camera.pivot_depth));
+    for (const Eigen::Vector3d& angle : angles)
+        poses.push_back(pivot_pose(angle[0], angle[1] - pitch_offset, angle[2] - roll_offset,
+                                   camera.distance, camera.pivot_depth));
     statistics = statistics_of(poses);
     statistics.pitch_offset = degrees_from_radians(pitch_offset);
     statistics.roll_offset = degrees_from_radians(roll_offset);

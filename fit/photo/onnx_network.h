@@ -11,18 +11,20 @@
 
 namespace stymo {
 
-/// How a network wants its pixels: (x - mean) / deviation of x in [0, 1], channels red, green, blue or the other way round.
+/// The pixel values of a network's input: (x - mean) / deviation for x in [0, 1], in the order RGB
+/// or BGR.
 struct PixelScale {
     std::array<float, 3> mean;
     std::array<float, 3> deviation;
     bool blue_first = false;
 };
 
-/// A network from pictures to numbers, read from an ONNX file and run by OpenCV. Not to be called from several threads at once.
+/// A network from images to numbers, read from an ONNX file and run by OpenCV. Not thread-safe.
 class OnnxNetwork {
 public:
     struct Output {
-        std::vector<std::int64_t> extents;  ///< as the network has them, channels before rows and columns
+        std::vector<std::int64_t>
+            extents;  ///< in the network's layout, channels before rows and columns
         std::vector<float> values;
     };
 
@@ -34,8 +36,9 @@ public:
 
     [[nodiscard]] std::size_t output_count() const;
 
-    /// The first output for a picture (height, width, 3), RGB. Throws ShapeError for a size that the network does not take.
-    [[nodiscard]] Output run(const Tensor& picture, const PixelScale& scale);
+    /// The first output for an image (height, width, 3), RGB. Throws ShapeError for a size that the
+    /// network does not accept.
+    [[nodiscard]] Output run(const Tensor& image, const PixelScale& scale);
 
 private:
     struct Implementation;

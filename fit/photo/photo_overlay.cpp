@@ -9,7 +9,8 @@ namespace stymo {
 namespace {
 
 cv::Mat canvas_of(Tensor& photo) {
-    return {static_cast<int>(photo.shape(0)), static_cast<int>(photo.shape(1)), CV_32FC3, photo.mutable_values<float>().data()};
+    return {static_cast<int>(photo.shape(0)), static_cast<int>(photo.shape(1)), CV_32FC3,
+            photo.mutable_values<float>().data()};
 }
 
 }  // namespace
@@ -19,19 +20,19 @@ Tensor with_head_axes(const Tensor& photo, const Camera& camera, double pivot_de
     Tensor result = photo;
     const cv::Mat canvas = canvas_of(result);
     const auto side = static_cast<int>(photo.shape(0));
-    const auto pixel = [&](const Vector3& point) {
-        const Vector3 seen = project(camera, point);
+    const auto pixel = [&](const Eigen::Vector3d& point) {
+        const Eigen::Vector3d seen = project(camera, point);
         return cv::Point(cvFloor(seen[0] * side), cvFloor(seen[1] * side));
     };
-    const Vector3 origin{0, 0, pivot_depth};
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-        Vector3 tip = origin;
+    const Eigen::Vector3d origin{0, 0, pivot_depth};
+    for (int axis = 0; axis < 3; ++axis) {
+        Eigen::Vector3d tip = origin;
         tip[axis] += length;
         cv::Scalar color(0, 0, 0);
-        color[static_cast<int>(axis)] = 1.0;
+        color[axis] = 1.0;
         cv::line(canvas, pixel(origin), pixel(tip), color, 1 + side / 100, cv::LINE_AA);
-        cv::putText(canvas, std::string(1, "xyz"[axis]), pixel(tip), cv::FONT_HERSHEY_SIMPLEX, side / 400.0, color,
-                    1 + side / 300, cv::LINE_AA);
+        cv::putText(canvas, std::string(1, "xyz"[axis]), pixel(tip), cv::FONT_HERSHEY_SIMPLEX,
+                    side / 400.0, color, 1 + side / 300, cv::LINE_AA);
     }
     return result;
 }
@@ -39,8 +40,9 @@ Tensor with_head_axes(const Tensor& photo, const Camera& camera, double pivot_de
 Tensor with_landmarks(const Tensor& photo, const Landmarks& landmarks) {
     Tensor result = photo;
     const cv::Mat canvas = canvas_of(result);
-    for (const PicturePoint& point : landmarks)
-        cv::circle(canvas, {cvFloor(point[0]), cvFloor(point[1])}, 1 + canvas.rows / 256, {0.1, 1.0, 0.1}, cv::FILLED);
+    for (const Eigen::Vector2d& point : landmarks)
+        cv::circle(canvas, {cvFloor(point[0]), cvFloor(point[1])}, 1 + canvas.rows / 256,
+                   {0.1, 1.0, 0.1}, cv::FILLED);
     return result;
 }
 
@@ -48,8 +50,9 @@ Tensor with_mask_outline(const Tensor& photo, const Tensor& mask) {
     Tensor result = photo;
     const cv::Mat canvas = canvas_of(result);
     cv::Mat head(canvas.rows, canvas.cols, CV_8U);
-    std::ranges::transform(mask.values<float>(), head.begin<unsigned char>(),
-                           [](float value) { return static_cast<unsigned char>(value > 0.5F ? 255 : 0); });
+    std::ranges::transform(mask.values<float>(), head.begin<unsigned char>(), [](float value) {
+        return static_cast<unsigned char>(value > 0.5F ? 255 : 0);
+    });
     std::vector<std::vector<cv::Point>> outlines;
     cv::findContours(head, outlines, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_NONE);
     cv::drawContours(canvas, outlines, -1, {1.0, 0.9, 0.1}, 1 + canvas.rows / 256);

@@ -19,14 +19,16 @@
 namespace stymo {
 namespace {
 
-/// Sides of the pictures that masks and the morphable fit are made of.
+/// Sides of the images from which masks and the morphable fit are computed.
 constexpr std::int64_t mask_side = 512;
 constexpr std::int64_t fit_side = 256;
 
-/// A model that misses the landmarks by more, in units of the picture's side, was fitted to something that is no face.
+/// A larger landmark error, in units of the image's side, means that the model was fitted to
+/// something that is no face.
 constexpr double largest_landmark_error = 0.10;
 
-/// Part of the pixels wanted below which there is nothing of a face to learn from; detectors take such spots for faces.
+/// Crops with a smaller share of the wanted pixels are refused, because detectors mistake such
+/// spots for faces.
 constexpr double least_resolution = 0.25;
 
 struct Face {
@@ -36,34 +38,41 @@ struct Face {
 
 Tensor resized(const Tensor& image, std::int64_t side) {
     if (image.shape(0) == side && image.shape(1) == side) return image;
-    return clamp(resize_image(image, static_cast<int>(side), static_cast<int>(side)), 0.0, 1.0).value();
+    return clamp(resize_image(image, static_cast<int>(side), static_cast<int>(side)), 0.0, 1.0)
+        .value();
 }
 
 /// The mask at the photo's own size.
 Tensor in_frame_of(const Tensor& photo, const Tensor& mask) {
     const std::int64_t height = photo.shape(0), width = photo.shape(1);
     if (mask.shape(0) == height && mask.shape(1) == width) return mask;
-    const double stretch = static_cast<double>(mask.shape(1) * height) / static_cast<double>(mask.shape(0) * width);
+    const double stretch =
+        static_cast<double>(mask.shape(1) * height) / static_cast<double>(mask.shape(0) * width);
     constexpr double rounding = 0.02;
     if (std::abs(stretch - 1.0) > rounding) fail<ValueError>("its mask has other proportions");
-    return clamp(resize_image(mask, static_cast<int>(height), static_cast<int>(width)), 0.0, 1.0).value();
+    return clamp(resize_image(mask, static_cast<int>(height), static_cast<int>(width)), 0.0, 1.0)
+        .value();
 }
 
 std::optional<std::filesystem::path> named(const std::filesystem::path& path) {
     return path.empty() ? std::nullopt : std::optional(path);
 }
 
-/// One at a time where the batch has a face that cannot be fitted, which is none of the others' fault.
-std::vector<std::optional<MorphableFit>> fits_of(const MorphableHead& head, const std::vector<MorphableFitTarget>& targets,
+/// If one face of the batch cannot be fitted, the faces are fitted one by one, so that the others
+/// succeed.
+std::vector<std::optional<MorphableFit>> fits_of(const MorphableHead& head,
+                                                 const std::vector<MorphableFitTarget>& targets,
                                                  const Intrinsics& intrinsics) {
     std::vector<std::optional<MorphableFit>> fits;
     try {
-        for (MorphableFit& fit : fit_morphable(head, targets, intrinsics)) fits.emplace_back(std::move(fit));
+        for (MorphableFit& fit : fit_morphable(head, targets, intrinsics))
+            fits.emplace_back(std::move(fit));
         return fits;
     } catch (const Error&) {
         if (targets.size() == 1) return {std::nullopt};
     }
-    for (const MorphableFitTarget& target : targets) fits.push_back(fits_of(head, {target}, intrinsics).front());
+    for (const MorphableFitTarget& target : targets)
+        fits.push_back(fits_of(head, {target}, intrinsics).front());
     return fits;
 }
 
@@ -99,20 +108,24 @@ struct PhotoPreparation::Implementation {
         return faces;
     }
 
-    [[nodiscard]] Tensor made_mask(const Tensor& picture, const Landmarks& landmarks) {
-        if (!parser) return grab_cut_head_mask(picture, landmarks);
+    [[nodiscard]] Tensor made_mask(const Tensor& image, const Landmarks& landmarks) {
+        if (!parser) return grab_cut_head_mask(image, landmarks);
         const std::lock_guard one_at_a_time(parsing);
-        return parser->head_mask(picture, landmarks);
+        return parser->head_mask(image, landmarks);
     }
 
     [[nodiscard]] FaceCrop crop(const Tensor& photo, const Tensor& known_mask, const Face& face);
     [[nodiscard]] PreparedFace joined(FaceCrop crop, std::optional<MorphableFit> fit);
-    /// Why the face cannot be used; empty: it can.
-    [[nodiscard]] std::string failure_of(const FaceCrop& crop, const std::optional<MorphableFit>& fit) const;
-    [[nodiscard]] std::int64_t wanted_side() const { return settings.wanted_side > 0 ? settings.wanted_side : settings.side; }
+    /// Why the face cannot be used; empty if it can.
+    [[nodiscard]] std::string failure_of(const FaceCrop& crop,
+                                         const std::optional<MorphableFit>& fit) const;
+    [[nodiscard]] std::int64_t wanted_side() const {
+        return settings.wanted_side > 0 ? settings.wanted_side : settings.side;
+    }
 };
 
-FaceCrop PhotoPreparation::Implementation::crop(const Tensor& photo, const Tensor& known_mask, const Face& face) {
+FaceCrop PhotoPreparation::Implementation::crop(const Tensor& photo, const Tensor& known_mask,
+                                                const Face& face) {
     const std::int64_t height = photo.shape(0), width = photo.shape(1);
     const Alignment alignment = ffhq_alignment(face.landmarks);
     FaceCrop crop;
@@ -124,32 +137,38 @@ FaceCrop PhotoPreparation::Implementation::crop(const Tensor& photo, const Tenso
         return crop.was_aligned ? resized(from, side) : aligned_crop(from, alignment, side);
     };
     const auto landmarks_at = [&](std::int64_t side) {
-        return crop.was_aligned ? scaled_landmarks(face.landmarks, static_cast<double>(side) / static_cast<double>(width))
+        return crop.was_aligned ? scaled_landmarks(face.landmarks, static_cast<double>(side) /
+                                                                       static_cast<double>(width))
                                 : aligned_landmarks(face.landmarks, alignment, side);
     };
     const std::int64_t side = settings.side;
     const Tensor large = cut(photo, std::max(side, mask_side));
     crop.image = resized(large, side);
     crop.landmarks = landmarks_at(side);
-    const Tensor picture = resized(large, mask_side);
+    const Tensor image = resized(large, mask_side);
     const Tensor known = known_mask.defined() ? cut(known_mask, mask_side) : Tensor();
     crop.made_mask = settings.new_masks || !known.defined();
-    const Tensor mask = crop.made_mask ? made_mask(picture, landmarks_at(mask_side)) : known;
-    if (crop.made_mask && known.defined()) crop.mask_agreement = intersection_over_union(mask, known);
+    const Tensor mask = crop.made_mask ? made_mask(image, landmarks_at(mask_side)) : known;
+    if (crop.made_mask && known.defined())
+        crop.mask_agreement = intersection_over_union(mask, known);
     crop.mask = resized(mask, side);
-    crop.fit_target = {landmarks_at(fit_side), resized(picture, fit_side), resized(mask, fit_side)};
-    if (network) crop.face_box = network->face_box(picture);
+    crop.fit_target = {landmarks_at(fit_side), resized(image, fit_side), resized(mask, fit_side)};
+    if (network) crop.face_box = network->face_box(image);
     return crop;
 }
 
-std::string PhotoPreparation::Implementation::failure_of(const FaceCrop& crop, const std::optional<MorphableFit>& fit) const {
+std::string PhotoPreparation::Implementation::failure_of(
+    const FaceCrop& crop, const std::optional<MorphableFit>& fit) const {
     if (crop.side_in_photo < least_resolution * static_cast<double>(wanted_side()))
-        return "its face is too small (a crop of " + std::to_string(std::llround(crop.side_in_photo)) + " pixels a side)";
-    if (!fit || !(fit->landmark_error <= largest_landmark_error)) return "the head model does not fit what was found";
+        return "its face is too small (a crop of " +
+               std::to_string(std::llround(crop.side_in_photo)) + " pixels a side)";
+    if (!fit || !(fit->landmark_error <= largest_landmark_error))
+        return "the head model does not fit what was found";
     return {};
 }
 
-PreparedFace PhotoPreparation::Implementation::joined(FaceCrop crop, std::optional<MorphableFit> fit) {
+PreparedFace PhotoPreparation::Implementation::joined(FaceCrop crop,
+                                                      std::optional<MorphableFit> fit) {
     PreparedFace face;
     face.failure = failure_of(crop, fit);
     face.fit = std::move(fit).value_or(MorphableFit{});
@@ -193,7 +212,8 @@ void PhotoPreparation::require_detector() const {
     static_cast<void>(implementation_->read_detector());
 }
 
-std::vector<FaceCrop> PhotoPreparation::crops(const Tensor& photo, const KnownOfPhoto& known) const {
+std::vector<FaceCrop> PhotoPreparation::crops(const Tensor& photo,
+                                              const KnownOfPhoto& known) const {
     const std::vector<Face> faces = implementation_->faces_in(photo, known);
     const Tensor mask = known.mask.defined() ? in_frame_of(photo, known.mask) : Tensor();
     std::vector<FaceCrop> crops;
@@ -206,9 +226,11 @@ std::vector<PreparedFace> PhotoPreparation::finish(std::vector<FaceCrop> crops) 
     Implementation& tools = *implementation_;
     std::vector<MorphableFitTarget> targets;
     for (FaceCrop& crop : crops) targets.push_back(std::move(crop.fit_target));
-    std::vector<std::optional<MorphableFit>> fits = fits_of(tools.head, targets, tools.settings.intrinsics);
+    std::vector<std::optional<MorphableFit>> fits =
+        fits_of(tools.head, targets, tools.settings.intrinsics);
     std::vector<PreparedFace> faces;
-    for (std::size_t i = 0; i < crops.size(); ++i) faces.push_back(tools.joined(std::move(crops[i]), std::move(fits[i])));
+    for (std::size_t i = 0; i < crops.size(); ++i)
+        faces.push_back(tools.joined(std::move(crops[i]), std::move(fits[i])));
     return faces;
 }
 

@@ -18,54 +18,58 @@
 namespace stymo {
 
 struct PhotoPreparationSettings {
-    std::int64_t side = 256;       ///< of pictures and masks made, in pixels
-    std::int64_t wanted_side = 0;  ///< pixels that the crop of a photo should have, or it is warned of; 0: `side`
+    std::int64_t side = 256;       ///< of images and masks made, in pixels
+    std::int64_t wanted_side = 0;  ///< side in pixels below which a crop gets a warning; 0: `side`
     Intrinsics intrinsics;         ///< that the poses are found for
     bool all_faces = false;        ///< of a photo with several; else the largest
-    bool new_masks = false;        ///< masks are made even where one is known, and compared with it
-    PivotCamera pivot;             ///< of poses from a network
-    // Each empty unless wanted.
+    bool new_masks = false;  ///< masks are made even where one is known, and both are compared
+    PivotCamera pivot;       ///< of poses from a network
+    // Optional files; an empty path means that the file is not used.
     std::filesystem::path landmark_model;  ///< in place of libdlib-data's (FaceDetector)
     std::filesystem::path parser;          ///< ONNX of a face parser; GrabCut without one
-    std::filesystem::path pose_network;    ///< ONNX of a network whose rotations are found beside the morphable fit's pose
-    std::filesystem::path morphable;       ///< head to fit (morphable_head_from); the built-in one without
+    std::filesystem::path pose_network;  ///< ONNX of a network whose rotations are found beside the
+                                         ///< morphable fit's pose
+    std::filesystem::path
+        morphable;  ///< head to fit (morphable_head_from); the built-in one without
 };
 
-/// What is known of a photo beforehand, in its own frame.
+/// Mask and landmarks of a photo that are known beforehand, in its own frame.
 struct KnownOfPhoto {
-    Tensor mask;                         ///< (height, width, 1), of any size of the photo's proportions; may be undefined
+    Tensor mask;  ///< (height, width, 1), of any size of the photo's proportions; may be undefined
     std::optional<Landmarks> landmarks;  ///< in pixels of the photo: no face is searched for
 };
 
 /// One face cut out of a photo as FFHQ does, or the photo itself if it was aligned already.
 struct FaceCrop {
-    Tensor image;           ///< (side, side, 3) in [0, 1]
-    Tensor mask;            ///< (side, side, 1) in [0, 1], 1 on the head
-    Landmarks landmarks{};  ///< in pixels of `image`
+    Tensor image;         ///< (side, side, 3) in [0, 1]
+    Tensor mask;          ///< (side, side, 1) in [0, 1], 1 on the head
+    Landmarks landmarks;  ///< in pixels of `image`
     bool was_aligned = false;
-    bool made_mask = false;                ///< the mask was made, not known
-    std::optional<double> mask_agreement;  ///< intersection over union of the mask made and the known one
-    std::int64_t faces = 1;                ///< found in the photo
-    double side_in_photo = 0.0;            ///< in pixels of the photo
-    double share_outside = 0.0;            ///< of the crop, beyond the photo's edges
-    MorphableFitTarget fit_target;         ///< the same at the resolution of the morphable fit
-    Tensor face_box;                       ///< for the pose network, if there is one
+    bool made_mask = false;  ///< whether the mask was made here
+    std::optional<double>
+        mask_agreement;             ///< intersection over union of the mask made and the known one
+    std::int64_t faces = 1;         ///< found in the photo
+    double side_in_photo = 0.0;     ///< in pixels of the photo
+    double share_outside = 0.0;     ///< of the crop, beyond the photo's edges
+    MorphableFitTarget fit_target;  ///< the same at the resolution of the morphable fit
+    Tensor face_box;                ///< for the pose network, if there is one
 };
 
 /// A face with pose and codes.
 struct PreparedFace {
     FaceCrop crop;
     MorphableFit fit;
-    std::optional<Matrix3> network_rotation;
+    std::optional<Eigen::Matrix3d> network_rotation;
     std::vector<std::string> warnings;
-    std::string failure;  ///< why it cannot be used; empty: it can
+    std::string failure;  ///< why it cannot be used; empty if it can
 };
 
-/// From photos as they come to faces in FFHQ's frame with masks, poses and codes: landmarks by dlib, alignment, mask by a parser
-/// or GrabCut, morphable fit, pose network.
+/// Turns unprepared photos into faces in FFHQ's frame with masks, poses and codes: landmarks by
+/// dlib, alignment, mask by a face parser or GrabCut, morphable fit, pose network.
 class PhotoPreparation {
 public:
-    /// Reads the networks and the head. Throws FileError for a file that is missing or something else.
+    /// Reads the networks and the head. Throws FileError for a file that is missing or of another
+    /// kind.
     explicit PhotoPreparation(const PhotoPreparationSettings& settings);
     ~PhotoPreparation();
     PhotoPreparation(PhotoPreparation&&) noexcept;
@@ -74,12 +78,13 @@ public:
     [[nodiscard]] const PhotoPreparationSettings& settings() const;
     [[nodiscard]] const MorphableHead& head() const;
 
-    /// Reads the landmark model now rather than at the first photo whose landmarks are not known. Throws what FaceDetector
-    /// throws.
+    /// Reads the landmark model now instead of at the first photo with unknown landmarks. Throws
+    /// like FaceDetector.
     void require_detector() const;
 
-    /// The largest face of a photo (height, width, 3) in [0, 1], or all of them, largest first. Safe from several threads. Throws
-    /// ValueError with the reason for a photo that cannot be used (no face in it).
+    /// The largest face of a photo (height, width, 3) in [0, 1], or all of them, largest first.
+    /// Safe from several threads. Throws ValueError with the reason for a photo that cannot be used
+    /// (no face in it).
     [[nodiscard]] std::vector<FaceCrop> crops(const Tensor& photo, const KnownOfPhoto& known) const;
     /// Poses and codes of several crops at once, on all threads.
     [[nodiscard]] std::vector<PreparedFace> finish(std::vector<FaceCrop> crops) const;

@@ -12,9 +12,9 @@ constexpr double largest_share_outside = 0.10;
 constexpr double largest_yaw_deg = 60.0;
 constexpr double least_covered = 0.05;
 constexpr double most_covered = 0.95;
-constexpr double largest_landmark_error = 0.04;
-/// A crop with fewer pixels for each pixel wanted is blurred.
-constexpr double least_resolution = 0.5;
+constexpr double doubtful_landmark_error = 0.04;
+/// A crop with fewer pixels per wanted pixel is blurred.
+constexpr double coarse_resolution = 0.5;
 
 template <class... Parts>
 std::string line(const Parts&... parts) {
@@ -32,22 +32,30 @@ long percent(double share) {
 std::vector<std::string> photo_warnings(const PhotoFindings& findings) {
     std::vector<std::string> warnings;
     if (findings.faces > 1)
-        warnings.push_back(line(findings.faces, " faces were found and the largest was taken; cut the photo if it is another"));
-    if (findings.crop_side < least_resolution * static_cast<double>(findings.wanted_side))
-        warnings.push_back(line("the head is small: its crop has ", std::lround(findings.crop_side), " pixels a side for ",
-                                findings.wanted_side, " wanted; give a larger photo"));
+        warnings.push_back(line(
+            findings.faces,
+            " faces were found and the largest one is used; crop the photo to use another one"));
+    if (findings.crop_side < coarse_resolution * static_cast<double>(findings.wanted_side))
+        warnings.push_back(line("the head is small: its crop has ", std::lround(findings.crop_side),
+                                " pixels per side, but ", findings.wanted_side,
+                                " are wanted; use a larger photo"));
     if (findings.share_outside > largest_share_outside)
         warnings.push_back(line("the head is cut off: ", percent(findings.share_outside),
-                                " percent of the crop lie outside of the photo; give a photo with more around the head"));
+                                " percent of the crop lie outside the photo; use a photo with more "
+                                "space around the head"));
     if (std::abs(degrees_from_radians(findings.yaw)) > largest_yaw_deg)
-        warnings.push_back(line("the head is turned by ", std::lround(degrees_from_radians(findings.yaw)),
-                                " degrees, and half of the face is hidden; give a photo from nearer the front"));
+        warnings.push_back(
+            line("the head is turned by ", std::lround(degrees_from_radians(findings.yaw)),
+                 " degrees, and half of the face is hidden; use a photo from nearer the front"));
     if (findings.covered_share < least_covered || findings.covered_share > most_covered)
-        warnings.push_back(line("the head mask covers ", percent(findings.covered_share), " percent of the picture; give ",
-                                findings.made_mask ? "a mask, or a face parser with --parser" : "another mask"));
-    if (findings.landmark_error > largest_landmark_error)
-        warnings.push_back(line("the head model misses the landmarks by ", percent(findings.landmark_error),
-                                " percent of the picture's side; the pose is doubtful, look at the overlay"));
+        warnings.push_back(
+            line("the head mask covers ", percent(findings.covered_share),
+                 " percent of the image; give ",
+                 findings.made_mask ? "a mask, or a face parser with --parser" : "another mask"));
+    if (findings.landmark_error > doubtful_landmark_error)
+        warnings.push_back(
+            line("the landmark error of the head model is ", percent(findings.landmark_error),
+                 " percent of the image's side; the pose may be wrong, look at the overlay"));
     return warnings;
 }
 

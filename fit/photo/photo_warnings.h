@@ -6,19 +6,20 @@
 
 namespace stymo {
 
-/// What tells whether a prepared photo can be trusted.
+/// Properties of a prepared photo that decide its warnings.
 struct PhotoFindings {
     std::int64_t faces = 1;        ///< found in the photo
     double crop_side = 0.0;        ///< side of the crop in pixels of the photo
-    std::int64_t wanted_side = 0;  ///< side of the picture made of it
+    std::int64_t wanted_side = 0;  ///< side of the image made of it
     double share_outside = 0.0;    ///< of the crop, beyond the photo's edges
-    double covered_share = 0.5;    ///< of the picture, by the head mask
+    double covered_share = 0.5;    ///< of the image, by the head mask
     double yaw = 0.0;              ///< of the pose, in radians
-    double landmark_error = 0.0;   ///< RMS distance of the model's landmarks from those found, in units of the picture's side
+    double landmark_error = 0.0;   ///< RMS distance of the model's landmarks from those found, in
+                                   ///< units of the image's side
     bool made_mask = true;         ///< whether the mask was made here rather than given
 };
 
-/// One line for each thing that looks wrong, with what to do about it; none for a good photo.
+/// One line per problem, with its remedy; none for a good photo.
 [[nodiscard]] std::vector<std::string> photo_warnings(const PhotoFindings& findings);
 
 }  // namespace stymo

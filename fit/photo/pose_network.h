@@ -9,20 +9,22 @@
 
 namespace stymo {
 
-/// The rotation nearest to a matrix that is roughly one. Throws NumericError if the matrix is not finite or has no direction
-/// in one of its axes.
-[[nodiscard]] Matrix3 nearest_rotation(const Matrix3& matrix);
+/// The rotation nearest to a matrix that is approximately a rotation. Throws NumericError if the
+/// matrix is not finite or has no direction in one of its axes.
+[[nodiscard]] Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& matrix);
 
-/// R of a Pose from the first 12 outputs of 3DDFA_V2: a 3x4 matrix, row-major, that takes a face model (x to the image's right,
-/// y up, z to the camera) to the picture with y up, scaled. Its first two rows without scale are the transpose of R's
-/// first two columns. Throws NumericError for numbers that make no rotation.
-[[nodiscard]] Matrix3 rotation_from_3ddfa(std::span<const float> outputs);
-/// R of a Pose from the 9 outputs of 6DRepNet, a row-major rotation that is R itself. Throws as above.
-[[nodiscard]] Matrix3 rotation_from_6drepnet(std::span<const float> outputs);
+/// R of a Pose from the first 12 outputs of 3DDFA_V2: a 3x4 matrix, row-major, that takes a face
+/// model (x to the image's right, y up, z to the camera) to the image with y up, scaled. Its first
+/// two rows without scale are the transpose of R's first two columns. Throws NumericError for
+/// numbers that make no rotation.
+[[nodiscard]] Eigen::Matrix3d rotation_from_3ddfa(std::span<const float> outputs);
+/// R of a Pose from the 9 outputs of 6DRepNet, a row-major rotation that is R itself. Throws as
+/// above.
+[[nodiscard]] Eigen::Matrix3d rotation_from_6drepnet(std::span<const float> outputs);
 
-/// An off-the-shelf network that tells the pose of a head from a photo, read from an ONNX file. The number of its outputs
-/// says which it is: 62, 3DDFA_V2 (input 3x120x120, BGR, (byte - 127.5) / 128); 9, 6DRepNet (3x224x224, RGB, ImageNet mean and
-/// deviation). Not to be called from several threads at once.
+/// A published network that estimates the pose of a head in a photo, read from an ONNX file. The
+/// number of its outputs identifies it: 62, 3DDFA_V2 (input 3x120x120, BGR, (byte - 127.5) / 128);
+/// 9, 6DRepNet (3x224x224, RGB, ImageNet mean and deviation). Not thread-safe.
 class PoseNetwork {
 public:
     /// Throws FileError for a file that is missing, not an ONNX network, or one of other outputs.
@@ -31,12 +33,13 @@ public:
     PoseNetwork(PoseNetwork&&) noexcept;
     PoseNetwork& operator=(PoseNetwork&&) noexcept;
 
-    /// What the network is shown of a photo aligned as FFHQ, (side, side, 3) in [0, 1]: a fixed box around the face at the
-    /// network's resolution. Safe from several threads. Throws ShapeError for a photo that is not square.
+    /// The network's input from a photo that is aligned like FFHQ, (side, side, 3) in [0, 1]: a
+    /// fixed box around the face at the network's resolution. Thread-safe. Throws ShapeError for a
+    /// photo that is not square.
     [[nodiscard]] Tensor face_box(const Tensor& photo) const;
-    /// R of a Pose, from a face_box: the mean over the box and its mirror image, so that a mirrored photo has exactly the
-    /// mirrored pose. Throws NumericError if the network gives no rotation.
-    [[nodiscard]] Matrix3 rotation(const Tensor& face_box);
+    /// R of a Pose, from a face_box: the mean over the box and its mirror image, so that a mirrored
+    /// photo has exactly the mirrored pose. Throws NumericError if the network gives no rotation.
+    [[nodiscard]] Eigen::Matrix3d rotation(const Tensor& face_box);
 
 private:
     struct Implementation;

@@ -4,17 +4,18 @@
 
 namespace stymo {
 
-/// What was found on a photo, to be drawn on it.
+/// The results of preparing a photo, for drawing them on it.
 struct PhotoWithFindings {
-    Tensor image;           ///< (side, side, 3) in [0, 1]
-    Tensor mask;            ///< (side, side, 1)
-    Landmarks landmarks{};  ///< in pixels of `image`
+    Tensor image;         ///< (side, side, 3) in [0, 1]
+    Tensor mask;          ///< (side, side, 1)
+    Landmarks landmarks;  ///< in pixels of `image`
     MorphableFit fit;
 };
 
-/// The photo at `side` pixels, (side, side, 3), with all that was found drawn over it: the fitted head, half
-/// transparent, its axes (with_head_axes), the landmarks in green, the outline of the mask in yellow.
-[[nodiscard]] Tensor preparation_overlay(const PhotoWithFindings& photo, const MorphableHead& head, const Intrinsics& intrinsics,
-                                         std::int64_t side);
+/// The photo at `side` pixels, (side, side, 3), with the results drawn over it: the fitted head,
+/// half transparent, its axes (with_head_axes), the landmarks in green, the outline of the mask in
+/// yellow.
+[[nodiscard]] Tensor preparation_overlay(const PhotoWithFindings& photo, const MorphableHead& head,
+                                         const Intrinsics& intrinsics, std::int64_t side);
 
 }  // namespace stymo

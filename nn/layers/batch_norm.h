@@ -7,23 +7,26 @@
 namespace stymo {
 
 struct BatchNormOptions {
-    bool fixed_weight = false;      ///< the weight is a constant: 1, or what a file says
-    double initial_variance = 1.0;  ///< the stored variance, until a file says otherwise
+    bool fixed_weight = false;      ///< the weight is a constant: 1, or the value in a file
+    double initial_variance = 1.0;  ///< the stored variance, unless a file provides one
 };
 
-/// Batch normalisation in inference mode, always: (x - mean) / sqrt(variance + epsilon) * weight + bias with statistics that are
-/// stored and never updated, since the micro-batches of training are too small to estimate them.
-/// Folded to scale * x + shift, one pair for each channel (last axis).
+/// Batch normalisation that is always in inference mode: (x - mean) / sqrt(variance + epsilon) *
+/// weight + bias with stored statistics that are never updated, because the micro-batches of
+/// training are too small to estimate them. Folded to scale * x + shift, one pair for each channel
+/// (last axis).
 class BatchNorm {
 public:
     static constexpr double epsilon = 1e-5;
 
-    /// Creates `name`.weight and `name`.bias (trainable, 1 and 0), `name`.running_mean and `name`.running_variance (constants, 0
-    /// and 1, unless the options differ).
-    BatchNorm(ParameterStore& store, const std::string& name, std::int64_t channels, const BatchNormOptions& options = {});
+    /// Creates `name`.weight and `name`.bias (trainable, 1 and 0), `name`.running_mean and
+    /// `name`.running_variance (constants, 0 and 1, unless the options differ).
+    BatchNorm(ParameterStore& store, const std::string& name, std::int64_t channels,
+              const BatchNormOptions& options = {});
 
     [[nodiscard]] Variable operator()(const Variable& x) const;
-    /// weight / sqrt(variance + epsilon), (channels). Throws NumericError for a stored variance that is negative or not a number.
+    /// weight / sqrt(variance + epsilon), (channels). Throws NumericError for a stored variance
+    /// that is negative or not a number.
     [[nodiscard]] Variable scale() const;
     /// bias - mean * scale, (channels)
     [[nodiscard]] Variable shift(const Variable& scale) const;

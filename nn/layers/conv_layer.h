@@ -8,11 +8,12 @@
 
 namespace stymo {
 
-/// How the weights begin, and what scales them while they are used.
+/// Initialisation of the weights, and their scale when they are used.
 enum class WeightScaling {
-    plain,      ///< used as stored, for published weights; He initialisation unless a deviation is given
-    equalised,  ///< standard normal, multiplied by 1 / sqrt(fan in) at each use (StyleGAN): the same learning rate fits every
-                ///< layer
+    plain,      ///< used as stored, for published weights; He initialisation unless a deviation is
+                ///< given
+    equalised,  ///< standard normal, multiplied by 1 / sqrt(fan in) at each use (StyleGAN): the
+                ///< same learning rate fits every layer
 };
 
 struct ConvLayerOptions {
@@ -23,31 +24,35 @@ struct ConvLayerOptions {
     bool bias = true;  ///< starts at 0
     WeightScaling scaling = WeightScaling::plain;
     double initial_deviation = 0.0;  ///< of plain weights; 0: He's, sqrt(2 / fan in)
-    /// On weight and bias. Folds in a factor that comes before or after a leaky ReLU, which commutes with scaling.
+    /// On weight and bias. Folds in a factor that comes before or after a leaky ReLU, which
+    /// commutes with scaling.
     double gain = 1.0;
 };
 
 /// Two-dimensional convolution, (B, H, W, in) -> (B, H', W', out) with the sizes of conv2d.
 class ConvLayer {
 public:
-    /// Creates `name`.weight (out, kernel, kernel, in / groups) and, if asked for, `name`.bias (out).
-    /// The weights depend on the generator's state and on the name alone. Throws ValueError if the groups do not divide both
-    /// channel counts.
-    ConvLayer(ParameterStore& store, const std::string& name, std::int64_t in, std::int64_t out, const ConvLayerOptions& options,
-              Rng& rng);
+    /// Creates `name`.weight (out, kernel, kernel, in / groups) and, if requested, `name`.bias
+    /// (out). The weights depend on the generator's state and on the name alone. Throws ValueError
+    /// if the groups do not divide both channel counts.
+    ConvLayer(ParameterStore& store, const std::string& name, std::int64_t in, std::int64_t out,
+              const ConvLayerOptions& options, Rng& rng);
 
-    /// Followed by a leaky ReLU of this slope; 1: by nothing.
+    /// Applies a leaky ReLU of this slope after the convolution; 1: no activation.
     [[nodiscard]] Variable operator()(const Variable& x, double slope = 1.0) const;
-    /// The same with each output channel multiplied by `scale` (out) and moved by `shift` (out): what a normalisation in
-    /// inference mode does to it, at the price of scaling the weight instead of the image. Not for a layer with a bias.
-    [[nodiscard]] Variable scaled(const Variable& x, const Variable& scale, const Variable& shift) const;
+    /// Also multiplies each output channel by `scale` (out) and adds `shift` (out), as a
+    /// normalisation in inference mode does. It scales the weight, which is cheaper than scaling
+    /// the image. Not for a layer with a bias.
+    [[nodiscard]] Variable scaled(const Variable& x, const Variable& scale,
+                                  const Variable& shift) const;
 
     [[nodiscard]] const Parameter& weight() const { return weight_; }
     /// Undefined for a layer without bias.
     [[nodiscard]] const Parameter& bias() const { return bias_; }
 
 private:
-    [[nodiscard]] Variable apply(const Variable& x, const Variable& weight, const Variable& bias, double slope) const;
+    [[nodiscard]] Variable apply(const Variable& x, const Variable& weight, const Variable& bias,
+                                 double slope) const;
 
     Parameter weight_;
     Parameter bias_;

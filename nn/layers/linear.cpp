@@ -8,14 +8,18 @@
 
 namespace stymo {
 
-Linear::Linear(ParameterStore& store, const std::string& prefix, std::int64_t in, std::int64_t out, const LinearOptions& options,
-               Rng& rng)
+Linear::Linear(ParameterStore& store, const std::string& prefix, std::int64_t in, std::int64_t out,
+               const LinearOptions& options, Rng& rng)
     : options_(options) {
-    if (in < 1 || out < 1) fail<ValueError>("layer ", prefix, " needs at least one input and one output, got ", in, " and ", out);
+    if (in < 1 || out < 1)
+        fail<ValueError>("layer ", prefix, " needs at least one input and one output, got ", in,
+                         " and ", out);
     Rng draws = rng.split(prefix + ".weight");
     const double deviation = options.initial_weight_scale / options.learning_rate_multiplier;
     weight_ = store.create(prefix + ".weight", draws.normal({out, in}, 0.0, deviation));
-    bias_ = store.create(prefix + ".bias", Tensor::full({out}, options.initial_bias / options.learning_rate_multiplier));
+    bias_ =
+        store.create(prefix + ".bias",
+                     Tensor::full({out}, options.initial_bias / options.learning_rate_multiplier));
 }
 
 Variable Linear::effective_weight() const {
@@ -37,7 +41,8 @@ Variable Linear::operator()(const Variable& x) const {
         fail<ShapeError>("layer ", weight_.name(), " ", weight_shape, " does not fit ", x.shape());
     const Variable rows = reshape(x, {x.rank() == 2 ? 1 : x.shape(0), -1, weight_shape[1]});
     const Variable weight = reshape(effective_weight(), {1, weight_shape[0], weight_shape[1]});
-    return reshape(linear(rows, weight, effective_bias(), options_.activation), x.shape().with(-1, weight_shape[0]));
+    return reshape(linear(rows, weight, effective_bias(), options_.activation),
+                   x.shape().with(-1, weight_shape[0]));
 }
 
 }  // namespace stymo

@@ -9,7 +9,8 @@ namespace stymo {
 
 Variable append_minibatch_deviation(const Variable& x, std::int64_t group_size) {
     if (x.rank() != 4 || group_size < 1 || x.shape(0) % group_size != 0)
-        fail<ShapeError>("minibatch standard deviation: ", x.shape(), " is not a number of groups of ", group_size, " images");
+        fail<ShapeError>("minibatch standard deviation: ", x.shape(),
+                         " is not a number of groups of ", group_size, " images");
     constexpr double epsilon = 1e-8;
     const std::int64_t groups = x.shape(0) / group_size;
     const Variable members = reshape(x, {group_size, groups, -1});

@@ -3,35 +3,40 @@
 #include <cstdint>
 #include <string>
 
-#include "core/ops/sine_rays.h"
+#include "nn/engine/sine_network.h"
 #include "nn/layers/linear.h"
 
 namespace stymo {
 
-/// Weight-demodulated pointwise layer (StyleGAN2's modulated convolution with a 1x1 kernel; paper, "modulated layer"):
+/// Weight-demodulated pointwise layer (StyleGAN2's modulated convolution with a 1x1 kernel; paper,
+/// "modulated layer"):
 ///
 ///     s_i   = style layer (equalised, bias 1 at the start)
 ///     w'_oi = W_oi s_i / sqrt(in)
 ///     y_o   = activation(gain * sum_i w'_oi x_i / sqrt(sum_i w'_oi^2 + 1e-8) + bias_o)
 ///
-/// W ~ N(0, 1). Sine: gain sqrt(2), which keeps the deviation of what enters the sine near 1 through any depth (SIREN's 30 would
-/// make noise of it, because demodulation cancels SIREN's small weights), bias uniform in +-1 / sqrt(in). Else gain 1, bias 0;
-/// the leaky ReLU brings its own factor sqrt(2).
+/// W ~ N(0, 1). Sine: gain sqrt(2), which keeps the deviation of the sine's argument near 1 at any
+/// depth (SIREN's 30 would turn it into noise, because demodulation cancels SIREN's small weights),
+/// bias uniform in +-1 / sqrt(in). Else gain 1, bias 0; the leaky ReLU includes a factor sqrt(2).
 class ModulatedLinear {
 public:
     /// Creates `prefix`.weight (out, in), `prefix`.bias (out) and `prefix`.style.{weight,bias}.
-    ModulatedLinear(ParameterStore& store, const std::string& prefix, std::int64_t in, std::int64_t out, std::int64_t style_size,
-                    Activation activation, Rng& rng);
+    ModulatedLinear(ParameterStore& store, const std::string& prefix, std::int64_t in,
+                    std::int64_t out, std::int64_t style_size, Activation activation, Rng& rng);
 
-    /// x (B, ..., in) of rank 3 or 4, style (B, style_size) -> (B, ..., out). Throws ShapeError for what does not fit.
+    /// x (B, ..., in) of rank 3 or 4, style (B, style_size) -> (B, ..., out). Throws ShapeError for
+    /// shapes that do not fit.
     [[nodiscard]] Variable operator()(const Variable& x, const Variable& style) const;
-    /// What one face's style, (1, style_size), makes of it.
+    /// The layer folded for the style of one face, (1, style_size).
     [[nodiscard]] FoldedLayer folded(const Variable& style) const;
-    /// What the layer consists of for these styles; the gain is in the demodulation.
+    /// The factors of the layer for these styles; the demodulation includes the gain.
     [[nodiscard]] ModulatedLayer parts(const Variable& style) const;
-    /// The same as the layer with one weight for all samples, between a scaling of the inputs and one of the outputs: its oracle.
+    /// The layer computed with one weight for all samples, between a scaling of the inputs and a
+    /// scaling of the outputs. The reference implementation.
     [[nodiscard]] Variable reference(const Variable& x, const Variable& style) const;
-    /// For one row of the input.
+    [[nodiscard]] std::int64_t inputs() const { return weight_.variable().shape(1); }
+    [[nodiscard]] std::int64_t outputs() const { return weight_.variable().shape(0); }
+    /// Multiply-adds for one row of the input.
     [[nodiscard]] std::int64_t multiply_adds() const { return weight_.variable().value().size(); }
 
 private:
@@ -40,7 +45,7 @@ private:
     [[nodiscard]] Variable scales(const Variable& style) const;
     /// W / sqrt(in), (1, out, in)
     [[nodiscard]] Variable equalised_weight() const;
-    /// Modulated, demodulated and times the gain: (B, out, in)
+    /// Modulated and demodulated weight times the gain: (B, out, in)
     [[nodiscard]] Variable effective_weight(const Variable& style) const;
 
     Linear style_;

@@ -17,8 +17,8 @@ LinearOptions leaky_without_gain() {
 
 }  // namespace
 
-PlainRenderBlock::PlainRenderBlock(ParameterStore& store, const std::string& prefix, std::int64_t in, std::int64_t out,
-                                   bool first, Rng& rng)
+PlainRenderBlock::PlainRenderBlock(ParameterStore& store, const std::string& prefix,
+                                   std::int64_t in, std::int64_t out, bool first, Rng& rng)
     : widened_(store, prefix + ".widened", in, 2 * in, leaky_without_gain(), rng),
       detail_(store, prefix + ".detail", 2 * in, 4 * in, leaky_without_gain(), rng),
       narrowed_(store, prefix + ".narrowed", in, out, {.activation = Activation::leaky_relu}, rng),
@@ -31,23 +31,32 @@ Variable PlainRenderBlock::features(const Variable& below) const {
 }
 
 FoldedRenderBlock PlainRenderBlock::folded(const Variable&) const {
-    fail<ValueError>("the fast renderer needs modulated render blocks, decoder.conditioning = modulation");
+    fail<ValueError>(
+        "the fast renderer needs modulated render blocks, decoder.conditioning = modulation");
 }
 
 std::int64_t PlainRenderBlock::multiply_adds() const {
-    return widened_.multiply_adds() + detail_.multiply_adds() + 4 * (narrowed_.multiply_adds() + to_rgb_.multiply_adds()) +
+    return widened_.multiply_adds() + detail_.multiply_adds() +
+           4 * (narrowed_.multiply_adds() + to_rgb_.multiply_adds()) +
            (to_rgb_below_ ? to_rgb_below_->multiply_adds() : 0);
 }
 
-Rendered PlainRenderBlock::operator()(const Rendered& below, const Variable&, bool recomputed) const {
+UpsampleWidths PlainRenderBlock::widths() const {
+    return {narrowed_.inputs(), narrowed_.outputs(),
+            detail_.inputs() + detail_.outputs() + 4 * narrowed_.inputs()};
+}
+
+Rendered PlainRenderBlock::operator()(const Rendered& below, const Variable&,
+                                      bool recomputed) const {
     const Variable rgb_below = to_rgb_below_ ? (*to_rgb_below_)(below.features) : below.rgb;
     std::vector<Variable> images;
     for (std::int64_t image = 0; recomputed && image < below.features.shape(0); ++image) {
-        images.push_back(recompute([block = *this](std::span<const Variable> inputs) { return block.features(inputs[0]); },
-                                   {slice(below.features, 0, image, image + 1)}));
+        images.push_back(recompute(
+            [block = *this](std::span<const Variable> inputs) { return block.features(inputs[0]); },
+            {slice(below.features, 0, image, image + 1)}));
     }
     const Variable above = recomputed ? concat(images, 0) : features(below.features);
-    return {above, to_rgb_(above) + double_smoothly(rgb_below)};
+    return {above, to_rgb_(above) + upsample_smoothly(rgb_below)};
 }
 
 }  // namespace stymo

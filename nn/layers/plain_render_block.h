@@ -8,19 +8,24 @@
 
 namespace stymo {
 
-/// HeadNeRF's render block, which no code enters: doubling by two 1x1 layers C -> 2C -> 4C, each with leaky ReLU (slope 0.2, no
-/// gain), added to the nearest neighbour before the blur; one layer with leaky ReLU to the block's channels; a layer to RGB,
-/// added to the doubled RGB of the blocks before. The first block makes an RGB of the features below it too. Unlike HeadNeRF's,
-/// the channels of the residual are interleaved, as in `Upsampler`.
-class PlainRenderBlock : public DoublingBlock {
+/// HeadNeRF's render block, which no code modulates: upsampling by two 1x1 layers C -> 2C -> 4C,
+/// each with leaky ReLU (slope 0.2, no gain), added to the nearest neighbour before the blur; one
+/// layer with leaky ReLU to the block's channels; a layer to RGB, added to the upsampled RGB of the
+/// blocks before. The first block also computes an RGB image of its input features. Unlike
+/// HeadNeRF's, the channels of the residual are interleaved, as in `Upsampler`.
+class PlainRenderBlock : public UpsampleBlock {
 public:
-    /// Creates `prefix`.{widened,detail,narrowed,to_rgb}.{weight,bias}, for the first block `prefix`.to_rgb_below too.
-    PlainRenderBlock(ParameterStore& store, const std::string& prefix, std::int64_t in, std::int64_t out, bool first, Rng& rng);
+    /// Creates `prefix`.{widened,detail,narrowed,to_rgb}.{weight,bias}, for the first block
+    /// `prefix`.to_rgb_below too.
+    PlainRenderBlock(ParameterStore& store, const std::string& prefix, std::int64_t in,
+                     std::int64_t out, bool first, Rng& rng);
 
-    /// The style is not read.
-    [[nodiscard]] Rendered operator()(const Rendered& below, const Variable& style, bool recomputed = false) const override;
+    /// Ignores the style.
+    [[nodiscard]] Rendered operator()(const Rendered& below, const Variable& style,
+                                      bool recomputed = false) const override;
     [[nodiscard]] FoldedRenderBlock folded(const Variable& style) const override;
     [[nodiscard]] std::int64_t multiply_adds() const override;
+    [[nodiscard]] UpsampleWidths widths() const override;
 
 private:
     [[nodiscard]] Variable features(const Variable& below) const;

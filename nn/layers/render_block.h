@@ -3,12 +3,13 @@
 #include <cstdint>
 #include <string>
 
+#include "nn/layer_memory.h"
 #include "nn/layers/modulated_linear.h"
 #include "nn/layers/upsampler.h"
 
 namespace stymo {
 
-/// What one doubling of the resolution hands to the next.
+/// The output of one render block and the input of the next.
 struct Rendered {
     Variable features;  ///< (B, S, S, channels)
     Variable rgb;       ///< (B, S, S, 3) before the tanh, the sum over all blocks so far
@@ -22,35 +23,51 @@ struct FoldedRenderBlock {
     FoldedLayer to_rgb;
 };
 
-/// One doubling of the resolution.
-class DoublingBlock {
-public:
-    virtual ~DoublingBlock() = default;
-
-    /// `below`: features (B, S, S, in) and rgb (B, S, S, 3), or no rgb at the first block; style (B, style_size). Doubles S.
-    /// `recomputed`: keeps the resulting features but nothing on the way to them, which the backward pass computes once more.
-    [[nodiscard]] virtual Rendered operator()(const Rendered& below, const Variable& style, bool recomputed) const = 0;
-    /// For the fast renderer, for the style of one face, (1, style_size). Throws ValueError for a block without modulation.
-    [[nodiscard]] virtual FoldedRenderBlock folded(const Variable& style) const = 0;
-    /// Of the matrix products, for one pixel of the input.
-    [[nodiscard]] virtual std::int64_t multiply_adds() const = 0;
+/// What an upsampling keeps for the backward pass.
+struct UpsampleWidths {
+    std::int64_t in = 0;       ///< channels of the features below
+    std::int64_t out = 0;      ///< channels of the features above
+    std::int64_t between = 0;  ///< numbers saved between the two, for one pixel of the input
 };
 
-/// One render block of the paper: learnt doubling, two modulated layers with leaky ReLU, and a plain 1x1 layer to RGB, whose
-/// result is added to the doubled RGB of the blocks before.
-class RenderBlock : public DoublingBlock {
+/// Interface of a block that doubles the resolution.
+class UpsampleBlock {
+public:
+    virtual ~UpsampleBlock() = default;
+
+    /// `below`: features (B, S, S, in) and rgb (B, S, S, 3), or no rgb at the first block; style
+    /// (B, style_size). Doubles S. `recomputed`: keeps only the resulting features; the backward
+    /// pass computes the intermediate values again.
+    [[nodiscard]] virtual Rendered operator()(const Rendered& below, const Variable& style,
+                                              bool recomputed) const = 0;
+    /// The block folded for the style of one face, (1, style_size), for the fast renderer. Throws
+    /// ValueError for a block without modulation.
+    [[nodiscard]] virtual FoldedRenderBlock folded(const Variable& style) const = 0;
+    /// Multiply-adds of the matrix products for one pixel of the input.
+    [[nodiscard]] virtual std::int64_t multiply_adds() const = 0;
+    [[nodiscard]] virtual UpsampleWidths widths() const = 0;
+    /// For images of this side, the one above.
+    [[nodiscard]] LayerMemory memory(std::int64_t side, std::int64_t images, bool recomputed) const;
+};
+
+/// One render block of the paper: learnt upsampling, two modulated layers with leaky ReLU, and a
+/// plain 1x1 layer to RGB, whose result is added to the upsampled RGB of the blocks before.
+class RenderBlock : public UpsampleBlock {
 public:
     /// Creates `prefix`.{upsampler,modulated0,modulated1,to_rgb}.
-    RenderBlock(ParameterStore& store, const std::string& prefix, std::int64_t in, std::int64_t out, std::int64_t style_size,
-                Rng& rng);
+    RenderBlock(ParameterStore& store, const std::string& prefix, std::int64_t in, std::int64_t out,
+                std::int64_t style_size, Rng& rng);
 
-    [[nodiscard]] Rendered operator()(const Rendered& below, const Variable& style, bool recomputed = false) const override;
+    [[nodiscard]] Rendered operator()(const Rendered& below, const Variable& style,
+                                      bool recomputed = false) const override;
     [[nodiscard]] FoldedRenderBlock folded(const Variable& style) const override;
     [[nodiscard]] std::int64_t multiply_adds() const override;
+    [[nodiscard]] UpsampleWidths widths() const override;
 
 private:
     [[nodiscard]] Variable features(const Variable& below, const Variable& style) const;
-    /// Image by image, so that the backward pass never holds what lies in between for more than one.
+    /// Recomputes image by image, so that the backward pass holds the intermediate values of one
+    /// image only.
     [[nodiscard]] Variable recomputed_features(const Variable& below, const Variable& style) const;
 
     Upsampler upsampler_;

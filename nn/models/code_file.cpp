@@ -15,7 +15,8 @@ namespace {
 using Json = nlohmann::json;
 
 const Json& member(const Json& object, const char* key, const std::string& source) {
-    if (!object.is_object() || !object.contains(key)) fail<FileError>(source, ": not a code file (\"", key, "\" is missing)");
+    if (!object.is_object() || !object.contains(key))
+        fail<FileError>(source, ": not a code file (\"", key, "\" is missing)");
     return object.at(key);
 }
 
@@ -27,7 +28,8 @@ double number(const Json& value, const char* key, const std::string& source) {
     return result;
 }
 
-std::vector<double> numbers(const Json& value, std::size_t count, const char* key, const std::string& source) {
+std::vector<double> numbers(const Json& value, std::size_t count, const char* key,
+                            const std::string& source) {
     if (!value.is_array() || value.size() != count)
         fail<FileError>(source, ": \"", key, "\" is not an array of ", count, " numbers");
     std::vector<double> result;
@@ -69,20 +71,24 @@ CodeFile read_code_file(const std::filesystem::path& path) {
     CodeFile result;
     const Json& code = member(json, "code", source);
     for (std::size_t group = 0; group < code_names.size(); ++group) {
-        const std::vector<double> values = numbers(member(code, code_names[group], source),
-                                                   static_cast<std::size_t>(code_sizes[group]), code_names[group], source);
+        const std::vector<double> values =
+            numbers(member(code, code_names[group], source),
+                    static_cast<std::size_t>(code_sizes[group]), code_names[group], source);
         result.codes.groups[group] =
-            Variable(Tensor::from({1, code_sizes[group]}, std::span<const double>(values)).to(DType::float32));
+            Variable(Tensor::from({1, code_sizes[group]}, std::span<const double>(values))
+                         .to(DType::float32));
     }
     result.pose = pose_of(json, source);
     return result;
 }
 
-void write_code_file(const std::filesystem::path& path, const Codes& codes, std::int64_t index, const Pose& pose) {
+void write_code_file(const std::filesystem::path& path, const Codes& codes, std::int64_t index,
+                     const Pose& pose) {
     JsonValue code = JsonValue::object();
     for (std::size_t group = 0; group < code_names.size(); ++group)
         code.add(code_names[group], row(codes.groups[group].value(), index));
-    write_text_file(path, JsonValue::object({{"code", code}, {"pose", to_json(pose)}}).text() + "\n");
+    write_text_file(path,
+                    JsonValue::object({{"code", code}, {"pose", to_json(pose)}}).text() + "\n");
 }
 
 }  // namespace stymo

@@ -7,8 +7,8 @@
 
 namespace stymo {
 
-/// One face as `codes.json` holds it: {"code": {"id": [100], "expr": [79], "tex": [100], "light": [27]},
-/// "pose": {"yaw_deg", "pitch_deg", "roll_deg", "t": [x, y, z]}}.
+/// One face as `codes.json` holds it: {"code": {"id": [100], "expr": [79], "tex": [100], "light":
+/// [27]}, "pose": {"yaw_deg", "pitch_deg", "roll_deg", "t": [x, y, z]}}.
 struct CodeFile {
     Codes codes;  ///< one row, in Z
     Pose pose;
@@ -19,6 +19,7 @@ struct CodeFile {
 /// The pose alone, of a code file or of any JSON object with such a "pose".
 [[nodiscard]] Pose read_pose(const std::filesystem::path& path);
 /// Row `index` of the codes. Whole or not at all.
-void write_code_file(const std::filesystem::path& path, const Codes& codes, std::int64_t index, const Pose& pose);
+void write_code_file(const std::filesystem::path& path, const Codes& codes, std::int64_t index,
+                     const Pose& pose);
 
 }  // namespace stymo

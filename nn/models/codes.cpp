@@ -23,6 +23,13 @@ Codes split_codes(const Variable& rows) {
     return codes;
 }
 
+Codes codes_of_face(const Codes& codes, std::int64_t index) {
+    Codes result;
+    for (std::size_t group = 0; group < code_names.size(); ++group)
+        result.groups[group] = slice(codes.groups[group], 0, index, index + 1);
+    return result;
+}
+
 Codes add(const Codes& a, const Codes& b) {
     Codes sum;
     for (std::size_t i = 0; i < sum.groups.size(); ++i) sum.groups[i] = a.groups[i] + b.groups[i];
@@ -31,13 +38,15 @@ Codes add(const Codes& a, const Codes& b) {
 
 Codes detached(const Codes& codes) {
     Codes result;
-    for (std::size_t i = 0; i < result.groups.size(); ++i) result.groups[i] = codes.groups[i].detach();
+    for (std::size_t i = 0; i < result.groups.size(); ++i)
+        result.groups[i] = codes.groups[i].detach();
     return result;
 }
 
 Variable squared_length(const Codes& codes) {
     Variable total;
-    for (const Variable& group : codes.groups) total = total.defined() ? total + sum(square(group)) : sum(square(group));
+    for (const Variable& group : codes.groups)
+        total = total.defined() ? total + sum(square(group)) : sum(square(group));
     return total;
 }
 

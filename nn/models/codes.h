@@ -7,12 +7,14 @@
 
 namespace stymo {
 
-/// The four groups of the code in their fixed order, with their sizes (paper: 100, 79, 100, 27; 306 numbers in all).
+/// The four groups of the code in their fixed order, with their sizes (paper: 100, 79, 100, 27; 306
+/// numbers in all).
 inline constexpr std::array<const char*, 4> code_names{"id", "expr", "tex", "light"};
 inline constexpr std::array<std::int64_t, 4> code_sizes{100, 79, 100, 27};
 inline constexpr std::int64_t code_size = 306;
 
-/// Codes of B faces, in Z or in W space: one (B, size) value for each group, in the order of `code_names`.
+/// Codes of B faces, in Z or in W space: one (B, size) value for each group, in the order of
+/// `code_names`.
 struct Codes {
     std::array<Variable, 4> groups;
 
@@ -27,6 +29,8 @@ struct Codes {
 [[nodiscard]] Variable joined(const Codes& codes);
 /// The inverse of `joined`. Throws ShapeError for rows of another length.
 [[nodiscard]] Codes split_codes(const Variable& rows);
+/// The codes of face `index`, (1, ...).
+[[nodiscard]] Codes codes_of_face(const Codes& codes, std::int64_t index);
 /// a + b, group by group.
 [[nodiscard]] Codes add(const Codes& a, const Codes& b);
 /// The same numbers as constants.

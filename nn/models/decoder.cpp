@@ -18,30 +18,6 @@ namespace {
 constexpr std::int64_t geometry_size = code_sizes[0] + code_sizes[1];
 constexpr std::int64_t appearance_size = code_sizes[2] + code_sizes[3];
 
-/// Number of doublings from the ray grid to an image of this side, or nothing if no number of doublings gets there.
-std::optional<std::size_t> block_count(std::int64_t rays_per_side, std::int64_t resolution) {
-    std::size_t count = 0;
-    std::int64_t side = rays_per_side;
-    for (; side < resolution; side *= 2) ++count;
-    if (side != resolution || count == 0) return std::nullopt;
-    return count;
-}
-
-std::size_t checked_block_count(const DecoderConfig& config) {
-    if (config.rays.rays_per_side < 1)
-        fail<ConfigError>("decoder.rays_per_side must be positive, got ", config.rays.rays_per_side);
-    const auto count = block_count(config.rays.rays_per_side, config.resolution);
-    if (!count) {
-        fail<ConfigError>("decoder.resolution ", config.resolution, " is not decoder.rays_per_side ", config.rays.rays_per_side,
-                          " doubled once or more");
-    }
-    if (config.render == "blocks" && *count > config.block_channels.size()) {
-        fail<ConfigError>("decoder.resolution ", config.resolution, " needs ", *count, " numbers in decoder.block_channels, got ",
-                          config.block_channels.size());
-    }
-    return *count;
-}
-
 DepthPlanes parse_planes(const std::string& name) {
     if (name == "world_z") return DepthPlanes::world_z;
     if (name == "optical_axis") return DepthPlanes::optical_axis;
@@ -53,14 +29,18 @@ Conditioning parse_conditioning(const DecoderConfig& config) {
         fail<ConfigError>("decoder.render must be blocks or none, got ", config.render);
     if (config.conditioning == "concatenation") {
         if (config.render == "none" && config.mask_detach)
-            fail<ConfigError>("decoder.mask_detach needs render blocks; with decoder.render = none the field itself is the mask");
+            fail<ConfigError>(
+                "decoder.mask_detach needs render blocks; with decoder.render = none the field "
+                "itself is the mask");
         return Conditioning::concatenation;
     }
     if (config.conditioning != "modulation")
-        fail<ConfigError>("decoder.conditioning must be modulation or concatenation, got ", config.conditioning);
+        fail<ConfigError>("decoder.conditioning must be modulation or concatenation, got ",
+                          config.conditioning);
     if (config.render == "none")
         fail<ConfigError>(
-            "decoder.render = none needs decoder.conditioning = concatenation: only render blocks bring texture and "
+            "decoder.render = none needs decoder.conditioning = concatenation: only render blocks "
+            "bring texture and "
             "light to a modulated field");
     return Conditioning::modulation;
 }
@@ -77,12 +57,13 @@ FieldConfig field_config(const DecoderConfig& config) {
             .colors = colors};
 }
 
-std::unique_ptr<DoublingBlock> make_block(const DecoderConfig& config, ParameterStore& store, const std::string& name,
-                                          std::size_t index, Rng& rng) {
+std::unique_ptr<UpsampleBlock> make_block(const DecoderConfig& config, ParameterStore& store,
+                                          const std::string& name, std::size_t index, Rng& rng) {
     const bool first = index == 0;
     const std::int64_t in = first ? config.feature_channels : config.block_channels[index - 1];
     const std::int64_t out = config.block_channels[index];
-    if (config.conditioning == "concatenation") return std::make_unique<PlainRenderBlock>(store, name, in, out, first, rng);
+    if (config.conditioning == "concatenation")
+        return std::make_unique<PlainRenderBlock>(store, name, in, out, first, rng);
     return std::make_unique<RenderBlock>(store, name, in, out, appearance_size, rng);
 }
 
@@ -108,102 +89,121 @@ FieldStyle field_style(const Codes& w) {
 void describe(ConfigSchema& schema, DecoderConfig& config) {
     const auto key = [](const char* name) { return std::string("decoder.") + name; };
     schema.integer(key("resolution"), config.resolution, 16, 1024,
-                   "side of the largest image (paper: 512; 64, 128 or 256 leave blocks out)");
-    schema.integer(key("rays_per_side"), config.rays.rays_per_side, 4, 128, "rays along one side of the feature map (paper: 32)");
+                   "side of the largest image (paper: 512); 64, 128 or 256 use fewer blocks");
+    schema.integer(key("rays_per_side"), config.rays.rays_per_side, 4, 128,
+                   "rays along one side of the feature map (paper: 32)");
     schema.choice(key("conditioning"), config.conditioning, {"modulation", "concatenation"},
-                  "codes modulate sine layers and render blocks (paper), or join the point and the features of plain ones "
-                  "(HeadNeRF)");
-    schema.choice(
-        key("render"), config.render, {"blocks", "none"},
-        "render blocks on a feature map of few rays (paper), or one ray for each pixel without any (needs concatenation)");
+                  "codes modulate sine layers and render blocks (paper), or are concatenated to "
+                  "the inputs of plain ones (HeadNeRF)");
+    schema.choice(key("render"), config.render, {"blocks", "none"},
+                  "render blocks on a feature map of few rays (paper), or one ray per pixel "
+                  "without blocks (needs concatenation)");
     schema.integer(key("field_width"), config.field_width, 1, 4096,
-                   "channels of the field's layers (paper: silent; 256 equals its feature channels)");
+                   "channels of the field's layers (paper: silent)");
     schema.integer(key("field_layers"), config.field_layers, 1, 32,
                    "the field's layers before the density (paper: silent; NeRF has 8)");
     schema.integer(key("feature_channels"), config.feature_channels, 1, 4096,
                    "channels of the rendered feature map (paper: 256)");
     schema.integer(key("frequencies"), config.frequencies, 0, 16,
-                   "of the positional encoding, 3 + 6 frequencies numbers (paper: silent; NeRF has 10)");
+                   "number of frequencies of the positional encoding (paper: silent; NeRF has 10)");
     schema.integers(key("block_channels"), config.block_channels, 1, 4096,
-                    "channels of the render blocks from coarse to fine (paper: silent; HeadNeRF has 128, 64, 32, 32)");
-    schema.integer(key("mask_channels"), config.mask_channels, 1, 4096, "channels of the mask branch (paper: silent)");
+                    "channels of the render blocks from coarse to fine (paper: silent; HeadNeRF "
+                    "has 128, 64, 32, 32)");
+    schema.integer(key("mask_channels"), config.mask_channels, 1, 4096,
+                   "channels of the mask branch (paper: silent)");
     schema.boolean(key("mask_detach"), config.mask_detach,
-                   "the mask loss trains the mask branch alone (paper: false, it is minimised over all of the decoder)");
-    schema.integer(key("mapping_layers"), config.mapping_layers, 0, 16,
-                   "layers of each mapping network (paper: silent; StyleGAN2 has 8); 0: codes enter as they are");
-    schema.number(key("mapping_learning_rate_multiplier"), config.mapping_learning_rate_multiplier, 1e-4, 1.0,
-                  "of the mapping networks (paper: silent; 0.01 in StyleGAN2, which freezes them at stage 1's rate)");
+                   "the mask loss trains the mask branch alone (paper: false)");
+    schema.integer(
+        key("mapping_layers"), config.mapping_layers, 0, 16,
+        "layers of each mapping network (paper: silent; StyleGAN2 has 8); 0: no mapping networks");
+    schema.number(
+        key("mapping_learning_rate_multiplier"), config.mapping_learning_rate_multiplier, 1e-4, 1.0,
+        "learning rate multiplier of the mapping networks (paper: silent; StyleGAN2 has 0.01)");
     schema.choice(key("depth_planes"), config.depth_planes, {"world_z", "optical_axis"},
-                  "planes that bound the samples: of the world (paper: silent; HeadNeRF's) or across the view, for any yaw");
-    schema.number(key("near_z"), config.rays.near_z, -100.0, 100.0, "near plane (paper: silent; HeadNeRF has 2.5)");
-    schema.number(key("far_z"), config.rays.far_z, -100.0, 100.0, "far plane (paper: silent; HeadNeRF has -3.5)");
+                  "planes that bound the samples: world planes (paper: silent; HeadNeRF) or depths "
+                  "along the optical axis, for any yaw");
+    schema.number(key("near_z"), config.rays.near_z, -100.0, 100.0,
+                  "near plane (paper: silent; HeadNeRF has 2.5)");
+    schema.number(key("far_z"), config.rays.far_z, -100.0, 100.0,
+                  "far plane (paper: silent; HeadNeRF has -3.5)");
     schema.boolean(key("pixel_centers"), config.rays.pixel_centers,
-                   "rays through the middle of their pixels; HeadNeRF's go through a corner");
+                   "rays through pixel centres; HeadNeRF's go through a corner");
+}
+
+ResolutionLadder resolution_ladder(const DecoderConfig& config) {
+    const std::int64_t rays = config.rays.rays_per_side;
+    if (rays < 1) fail<ConfigError>("decoder.rays_per_side must be positive, got ", rays);
+    try {
+        const ResolutionLadder ladder(2 * rays, config.resolution);
+        if (config.render == "blocks" && ladder.count() > config.block_channels.size())
+            fail<ConfigError>("decoder.resolution ", config.resolution, " needs ", ladder.count(),
+                              " numbers in decoder.block_channels, got ",
+                              config.block_channels.size());
+        return ladder;
+    } catch (const ValueError&) {
+        fail<ConfigError>("decoder.resolution ", config.resolution,
+                          " is not decoder.rays_per_side ", rays, " upsampled once or more");
+    }
 }
 
 struct Decoder::Layers {
     DecoderConfig config;
+    ResolutionLadder ladder;
     std::vector<Mapping> mappings;
     std::unique_ptr<Field> field;
-    std::vector<std::int64_t> sides;                     ///< of the images
-    std::vector<std::unique_ptr<DoublingBlock>> blocks;  ///< one for each image, or none
+    std::vector<std::unique_ptr<UpsampleBlock>> blocks;  ///< one for each image, or none
     std::optional<MaskBranch> mask;
 
-    Layers(const DecoderConfig& decoder_config, ParameterStore& store, const std::string& prefix, Rng& rng);
-    /// Number of images up to this resolution, 0: all.
-    [[nodiscard]] std::size_t images_up_to(std::int64_t resolution) const;
-    [[nodiscard]] RaySampling sampling_of(std::int64_t samples_per_ray, std::int64_t resolution) const;
-    [[nodiscard]] RaySamples samples_of(const Codes& w, const std::vector<Camera>& cameras, const RaySampling& sampling,
-                                        Rng* jitter) const;
+    Layers(const DecoderConfig& decoder_config, ParameterStore& store, const std::string& prefix,
+           Rng& rng);
+    [[nodiscard]] RaySampling sampling_of(std::int64_t samples_per_ray,
+                                          std::int64_t resolution) const;
+    [[nodiscard]] RaySamples samples_of(const Codes& w, const std::vector<Camera>& cameras,
+                                        const RaySampling& sampling, Rng* jitter) const;
     /// The images of a field without render blocks.
     [[nodiscard]] std::vector<Variable> shrunk_images(const Variable& image) const;
 };
 
-Decoder::Layers::Layers(const DecoderConfig& decoder_config, ParameterStore& store, const std::string& prefix, Rng& rng)
-    : config(decoder_config), field(make_field(field_config(config), store, prefix + ".field", rng)) {
-    const std::size_t count = checked_block_count(config);
+Decoder::Layers::Layers(const DecoderConfig& decoder_config, ParameterStore& store,
+                        const std::string& prefix, Rng& rng)
+    : config(decoder_config),
+      ladder(resolution_ladder(config)),
+      field(make_field(field_config(config), store, prefix + ".field", rng)) {
     config.rays.planes = parse_planes(config.depth_planes);
     for (std::size_t i = 0; config.mapping_layers > 0 && i < code_names.size(); ++i) {
-        mappings.emplace_back(store, prefix + ".mapping." + code_names[i], code_sizes[i], config.mapping_layers,
-                              config.mapping_learning_rate_multiplier, rng);
+        mappings.emplace_back(store, prefix + ".mapping." + code_names[i], code_sizes[i],
+                              config.mapping_layers, config.mapping_learning_rate_multiplier, rng);
     }
     std::vector<std::string> names;
-    for (std::size_t i = 0; i < count; ++i) {
-        sides.push_back(config.rays.rays_per_side << (i + 1));
-        names.push_back(std::to_string(sides.back()));
-        if (config.render == "blocks") blocks.push_back(make_block(config, store, prefix + ".block" + names.back(), i, rng));
+    for (const std::int64_t side : ladder.sides()) {
+        names.push_back(std::to_string(side));
+        if (config.render == "blocks")
+            blocks.push_back(
+                make_block(config, store, prefix + ".block" + names.back(), blocks.size(), rng));
     }
     if (blocks.empty()) return;
-    mask.emplace(store, prefix + ".mask", std::span(config.block_channels).first(count), names, config.mask_channels, rng);
+    mask.emplace(store, prefix + ".mask", std::span(config.block_channels).first(names.size()),
+                 names, config.mask_channels, rng);
 }
 
-RaySampling Decoder::Layers::sampling_of(std::int64_t samples_per_ray, std::int64_t resolution) const {
+RaySampling Decoder::Layers::sampling_of(std::int64_t samples_per_ray,
+                                         std::int64_t resolution) const {
     RaySampling sampling = config.rays;
     sampling.samples_per_ray = samples_per_ray;
-    if (blocks.empty()) sampling.rays_per_side = sides[images_up_to(resolution) - 1];
+    if (blocks.empty()) sampling.rays_per_side = ladder.up_to(resolution).largest();
     return sampling;
 }
 
-RaySamples Decoder::Layers::samples_of(const Codes& w, const std::vector<Camera>& cameras, const RaySampling& sampling,
-                                       Rng* jitter) const {
+RaySamples Decoder::Layers::samples_of(const Codes& w, const std::vector<Camera>& cameras,
+                                       const RaySampling& sampling, Rng* jitter) const {
     if (static_cast<std::int64_t>(cameras.size()) != w.batch())
         fail<ShapeError>(cameras.size(), " cameras for codes of ", w.batch(), " faces");
     return sample_rays(cameras, sampling, jitter, w.identity().dtype());
 }
 
-std::size_t Decoder::Layers::images_up_to(std::int64_t resolution) const {
-    if (resolution == 0) return sides.size();
-    for (std::size_t i = 0; i < sides.size(); ++i) {
-        if (sides[i] == resolution) return i + 1;
-    }
-    std::string list;
-    for (const std::int64_t side : sides) list += (list.empty() ? "" : ", ") + std::to_string(side);
-    fail<ValueError>("this model renders pictures with a side of ", list, ", not ", resolution);
-}
-
 std::vector<Variable> Decoder::Layers::shrunk_images(const Variable& image) const {
     std::vector<Variable> images;
-    for (const std::int64_t side : sides) {
+    for (const std::int64_t side : ladder.sides()) {
         if (side >= image.shape(1)) break;
         images.push_back(resize_box(image, static_cast<int>(side), static_cast<int>(side)));
     }
@@ -211,7 +211,8 @@ std::vector<Variable> Decoder::Layers::shrunk_images(const Variable& image) cons
     return images;
 }
 
-Decoder::Decoder(const DecoderConfig& config, ParameterStore& store, const std::string& prefix, Rng& rng)
+Decoder::Decoder(const DecoderConfig& config, ParameterStore& store, const std::string& prefix,
+                 Rng& rng)
     : layers_(std::make_unique<Layers>(config, store, prefix, rng)) {}
 Decoder::~Decoder() = default;
 Decoder::Decoder(Decoder&&) noexcept = default;
@@ -220,18 +221,23 @@ const DecoderConfig& Decoder::config() const {
     return layers_->config;
 }
 
+const ResolutionLadder& Decoder::ladder() const {
+    return layers_->ladder;
+}
+
 Codes Decoder::map(const Codes& z) const {
     Codes w;
     for (std::size_t i = 0; i < w.groups.size(); ++i) {
         if (!(z.groups[i].shape() == Shape{z.batch(), code_sizes[i]}))
-            fail<ShapeError>("code ", code_names[i], " must be (", z.batch(), ", ", code_sizes[i], "), got ",
-                             z.groups[i].shape());
+            fail<ShapeError>("code ", code_names[i], " must be (", z.batch(), ", ", code_sizes[i],
+                             "), got ", z.groups[i].shape());
         w.groups[i] = layers_->mappings.empty() ? z.groups[i] : layers_->mappings[i](z.groups[i]);
     }
     return w;
 }
 
-Decoded Decoder::operator()(const Codes& z, const std::vector<Camera>& cameras, const DecodeOptions& options) const {
+Decoded Decoder::operator()(const Codes& z, const std::vector<Camera>& cameras,
+                            const DecodeOptions& options) const {
     const Codes w = map(z);
     const RaySampling sampling = layers_->sampling_of(options.samples_per_ray, options.resolution);
     RaySamples samples = layers_->samples_of(w, cameras, sampling, options.jitter);
@@ -239,24 +245,30 @@ Decoded Decoder::operator()(const Codes& z, const std::vector<Camera>& cameras, 
     const FieldStyle style = field_style(w);
     RenderedFeatures rays =
         options.orbits.defined()
-            ? layers_->field->render_tracked(tracked_points(options.orbits, cameras, sampling, samples.depths), points, style)
+            ? layers_->field->render_tracked(
+                  tracked_points(options.orbits, cameras, sampling, samples.depths), points, style)
             : layers_->field->render(points, style, options.keep_field);
     const std::int64_t side = sampling.rays_per_side;
-    const Variable features = layers_->blocks.empty() ? affine(rays.features, 2.0, -1.0) : rays.features;
+    const Variable features =
+        layers_->blocks.empty() ? affine(rays.features, 2.0, -1.0) : rays.features;
 
-    Decoded decoded = decode_feature_map(reshape(features, {w.batch(), side, side, features.shape(2)}), w, options);
-    if (options.mask && layers_->blocks.empty()) decoded.mask_logit = opacity_logit(rays.weights.transmittance, side);
+    Decoded decoded = decode_feature_map(
+        reshape(features, {w.batch(), side, side, features.shape(2)}), w, options);
+    if (options.mask && layers_->blocks.empty())
+        decoded.mask_logit = opacity_logit(rays.weights.transmittance, side);
     decoded.weights = std::move(rays.weights);
     decoded.samples = std::move(samples);
     return decoded;
 }
 
-Decoded Decoder::decode_feature_map(const Variable& feature_map, const Codes& w, const DecodeOptions& options) const {
-    const std::int64_t side = layers_->sampling_of(options.samples_per_ray, options.resolution).rays_per_side;
+Decoded Decoder::decode_feature_map(const Variable& feature_map, const Codes& w,
+                                    const DecodeOptions& options) const {
+    const std::int64_t side =
+        layers_->sampling_of(options.samples_per_ray, options.resolution).rays_per_side;
     const std::int64_t channels = layers_->blocks.empty() ? 3 : config().feature_channels;
     if (!(feature_map.shape() == Shape{w.batch(), side, side, channels})) {
-        fail<ShapeError>("feature map must be (", w.batch(), ", ", side, ", ", side, ", ", channels, "), got ",
-                         feature_map.shape());
+        fail<ShapeError>("feature map must be (", w.batch(), ", ", side, ", ", side, ", ", channels,
+                         "), got ", feature_map.shape());
     }
     Decoded decoded;
     decoded.feature_map = feature_map;
@@ -267,25 +279,30 @@ Decoded Decoder::decode_feature_map(const Variable& feature_map, const Codes& w,
     const Variable style = appearance_style(w);
     std::vector<Variable> features;
     Rendered rendered{feature_map, {}};
-    for (std::size_t i = 0; i < layers_->images_up_to(options.resolution); ++i) {
+    for (std::size_t i = 0; i < layers_->ladder.count_up_to(options.resolution); ++i) {
         rendered = (*layers_->blocks[i])(rendered, style, options.recompute_blocks);
         decoded.images.push_back(tanh(rendered.rgb));
-        if (options.mask) features.push_back(config().mask_detach ? rendered.features.detach() : rendered.features);
+        if (options.mask)
+            features.push_back(config().mask_detach ? rendered.features.detach()
+                                                    : rendered.features);
     }
     if (options.mask && options.recompute_blocks) {
-        decoded.mask_logit =
-            recompute([mask = *layers_->mask](std::span<const Variable> inputs) { return mask(inputs); }, features);
+        decoded.mask_logit = recompute(
+            [mask = *layers_->mask](std::span<const Variable> inputs) { return mask(inputs); },
+            features);
     } else if (options.mask) {
         decoded.mask_logit = (*layers_->mask)(features);
     }
     return decoded;
 }
 
-Tensor Decoder::compositing_weights(const Codes& z, const std::vector<Camera>& cameras, std::int64_t samples_per_ray,
-                                    std::int64_t resolution) const {
+Tensor Decoder::compositing_weights(const Codes& z, const std::vector<Camera>& cameras,
+                                    std::int64_t samples_per_ray, std::int64_t resolution) const {
     const Codes w = detached(map(z));
-    const RaySamples samples = layers_->samples_of(w, cameras, layers_->sampling_of(samples_per_ray, resolution), nullptr);
-    return layers_->field->render({samples.points, samples.deltas, {}}, field_style(w), false).weights.weights.value();
+    const RaySamples samples =
+        layers_->samples_of(w, cameras, layers_->sampling_of(samples_per_ray, resolution), nullptr);
+    return layers_->field->render({samples.points, samples.deltas, {}}, field_style(w), false)
+        .weights.weights.value();
 }
 
 Variable Decoder::density(const Variable& points, const Codes& w) const {
@@ -296,25 +313,45 @@ DecoderWork Decoder::work(std::int64_t resolution) const {
     const std::int64_t side = layers_->sampling_of(2, resolution).rays_per_side;
     DecoderWork work{.rays = side * side, .field = layers_->field->work()};
     std::int64_t pixels = work.rays;
-    for (std::size_t i = 0; i < layers_->images_up_to(resolution) && !layers_->blocks.empty(); ++i) {
+    for (std::size_t i = 0; i < layers_->ladder.count_up_to(resolution) && !layers_->blocks.empty();
+         ++i) {
         work.blocks += pixels * layers_->blocks[i]->multiply_adds();
         pixels *= 4;
     }
     return work;
 }
 
+LayerMemory Decoder::memory(const DecodeOptions& options, std::int64_t images) const {
+    const RaySampling sampling = layers_->sampling_of(options.samples_per_ray, options.resolution);
+    const std::int64_t rays = images * sampling.rays_per_side * sampling.rays_per_side;
+    LayerMemory memory = layers_->field->memory(rays, options.samples_per_ray, options.keep_field);
+    if (layers_->blocks.empty()) {
+        // The colours and the opacity of each ray, and what the losses keep of them.
+        memory.add({5 * 4 * rays, 0});
+        return memory;
+    }
+    const ResolutionLadder ladder = layers_->ladder.up_to(options.resolution);
+    for (std::size_t i = 0; i < ladder.count(); ++i)
+        memory.add(layers_->blocks[i]->memory(ladder.sides()[i], images, options.recompute_blocks));
+    if (options.mask)
+        memory.add(layers_->mask->memory(ladder.sides(), images, options.recompute_blocks));
+    return memory;
+}
+
 bool Decoder::folds() const {
-    return layers_->config.conditioning == "modulation";
+    return layers_->field->folds();
 }
 
 FoldedField Decoder::folded_field(const Codes& w) const {
     return layers_->field->folded(field_style(w));
 }
 
-std::vector<FoldedRenderBlock> Decoder::folded_blocks(const Codes& w, std::int64_t resolution) const {
+std::vector<FoldedRenderBlock> Decoder::folded_blocks(const Codes& w,
+                                                      std::int64_t resolution) const {
     std::vector<FoldedRenderBlock> blocks;
     const Variable style = appearance_style(w);
-    for (std::size_t i = 0; i < layers_->images_up_to(resolution); ++i) blocks.push_back(layers_->blocks[i]->folded(style));
+    for (std::size_t i = 0; i < layers_->ladder.count_up_to(resolution); ++i)
+        blocks.push_back(layers_->blocks[i]->folded(style));
     return blocks;
 }
 

@@ -8,12 +8,14 @@
 #include "core/autograd/variable.h"
 #include "core/config.h"
 #include "core/rng.h"
+#include "nn/layer_memory.h"
 #include "nn/parameter_store.h"
 
 namespace stymo {
 
 struct DiscriminatorConfig {
-    double channel_multiplier = 2.0;  ///< 64: 512, 128: 256, 256: 128, 512: 64 channels with 2, half of that with 1
+    double channel_multiplier =
+        2.0;  ///< 64: 512, 128: 256, 256: 128, 512: 64 channels with 2, half of that with 1
     std::int64_t max_channels = 512;  ///< of every layer; smaller ones make small discriminators
     std::int64_t group_size = 4;      ///< images that share a minibatch standard deviation
 };
@@ -21,25 +23,35 @@ struct DiscriminatorConfig {
 /// Binds the fields under "discriminator." .
 void describe(ConfigSchema& schema, DiscriminatorConfig& config);
 
-/// StyleGAN2's residual discriminator (Karras et al. 2020), with one fromRGB for each resolution, for progressive growing.
+/// StyleGAN2's residual discriminator (Karras et al. 2020), with one fromRGB for each resolution,
+/// for progressive growing.
 class Discriminator {
 public:
-    /// Creates parameters under `prefix`: fromRGB and blocks for 64, 128, ... up to `resolution`, and what they share. Throws
-    /// ConfigError for another resolution.
-    Discriminator(const DiscriminatorConfig& config, std::int64_t resolution, ParameterStore& store, const std::string& prefix,
-                  Rng& rng);
+    /// Creates parameters under `prefix`: fromRGB and blocks for 64, 128, ... up to `resolution`,
+    /// and what they share. Throws ConfigError for another resolution.
+    Discriminator(const DiscriminatorConfig& config, std::int64_t resolution, ParameterStore& store,
+                  const std::string& prefix, Rng& rng);
     ~Discriminator();
     Discriminator(Discriminator&&) noexcept;
 
-    /// images (B, S, S, 3) in [-1, 1] for S = 64, 128, ... up to the resolution -> logits (B, 1), high for real ones. Below
-    /// `fade` = 1 the block of S is being faded in: its features are mixed with fromRGB of the image shrunk to S / 2 (box), with
-    /// weight 1 - fade. Throws ShapeError for another side, or if the group size (at most B) does not divide B; ValueError for a
-    /// fade outside [0, 1], or below 1 at 64 pixels, where there is nothing to fade from.
+    /// images (B, S, S, 3) in [-1, 1] for S = 64, 128, ... up to the resolution -> logits (B, 1),
+    /// high for real ones. Below `fade` = 1 the block of S is being faded in: its features are
+    /// mixed with fromRGB of the image shrunk to S / 2 (box), with weight 1 - fade. Throws
+    /// ShapeError for another side, or if the group size (at most B) does not divide B; ValueError
+    /// for a fade outside [0, 1], or below 1 at 64 pixels, where there is nothing to fade from.
     [[nodiscard]] Variable operator()(const Variable& images, double fade = 1.0) const;
 
     [[nodiscard]] std::int64_t resolution() const;
-    /// Names that a parameter belongs to if images of side S are the first ones to use it; what phase S adds.
-    [[nodiscard]] static std::vector<std::string> prefixes_of(const std::string& prefix, std::int64_t side);
+    /// The memory for so many images of this side.
+    [[nodiscard]] static LayerMemory memory(const DiscriminatorConfig& config, std::int64_t side,
+                                            std::int64_t images);
+    /// The number of weights, nearly.
+    [[nodiscard]] static std::int64_t element_count(const DiscriminatorConfig& config,
+                                                    std::int64_t resolution);
+    /// Names that a parameter belongs to if images of side S are the first ones to use it; what
+    /// phase S adds.
+    [[nodiscard]] static std::vector<std::string> prefixes_of(const std::string& prefix,
+                                                              std::int64_t side);
 
 private:
     struct Layers;

@@ -15,8 +15,9 @@ namespace {
 void load_backbone(Backbone& backbone, const std::string& path) {
     constexpr const char* key = "encoder.backbone_weights: ";
     if (!std::filesystem::exists(path))
-        fail<FileError>(key, "no file ", path,
-                        "; name an existing file, or leave the key empty to train the backbone from scratch");
+        fail<FileError>(
+            key, "no file ", path,
+            "; name an existing file, or set the key to random to train the backbone from scratch");
     try {
         backbone.load_pretrained(read_tensor_file(path), path);
     } catch (const FileError& error) {
@@ -34,7 +35,8 @@ Variable arcface_frame(const Variable& image) {
 
 }  // namespace
 
-/// One semantic head for each group of the code: embedding -> width -> width / 2 -> size of the group.
+/// One semantic head for each group of the code: embedding -> width -> width / 2 -> size of the
+/// group.
 struct Encoder::Heads {
     struct Head {
         Linear wide;
@@ -43,7 +45,8 @@ struct Encoder::Heads {
     };
     std::vector<Head> heads;
 
-    Heads(std::int64_t embedding, std::int64_t width, ParameterStore& store, const std::string& prefix, Rng& rng) {
+    Heads(std::int64_t embedding, std::int64_t width, ParameterStore& store,
+          const std::string& prefix, Rng& rng) {
         const LinearOptions hidden{.activation = Activation::leaky_relu};
         // Small last weights: the first codes lie near 0, the mean face of the prior.
         const LinearOptions last{.initial_weight_scale = 0.1};
@@ -60,29 +63,32 @@ void describe(ConfigSchema& schema, EncoderConfig& config) {
     schema.choice("encoder.backbone", config.backbone, backbone_names(),
                   "network from the image to an embedding (paper: ArcFace)");
     schema.text("encoder.backbone_weights", config.backbone_weights,
-                "published weights of the backbone, a .safetensors file; empty: trained from scratch");
-    schema.boolean(
-        "encoder.arcface_crop", config.arcface_crop,
-        "show the backbone only the frame that ArcFace was trained on, the middle 76.5 % of the FFHQ crop, without most "
-        "of the hair");
+                ".safetensors file with published weights of the backbone (stymo-weights import); "
+                "random: trained from scratch, as small_conv always is");
+    schema.boolean("encoder.arcface_crop", config.arcface_crop,
+                   "crop the backbone's input to the frame of ArcFace's training, the middle 76.5 "
+                   "% of the FFHQ crop");
     schema.number("encoder.embedding_scale", config.embedding_scale, 1e-3, 1e3,
                   "factor on the embedding before the semantic heads");
     schema.integer("encoder.head_width", config.head_width, 2, 8192,
                    "width of the semantic heads: embedding, width, width / 2, code");
 }
 
-Encoder::Encoder(const EncoderConfig& config, ParameterStore& store, const std::string& prefix, Rng& rng)
+Encoder::Encoder(const EncoderConfig& config, ParameterStore& store, const std::string& prefix,
+                 Rng& rng)
     : arcface_crop_(config.arcface_crop),
       backbone_(make_backbone(config.backbone, store, prefix + ".backbone.", rng)),
-      heads_(std::make_shared<Heads>(backbone_->embedding_size(), config.head_width, store, prefix + ".heads.", rng)),
+      heads_(std::make_shared<Heads>(backbone_->embedding_size(), config.head_width, store,
+                                     prefix + ".heads.", rng)),
       embedding_scale_(config.embedding_scale) {
-    if (!config.backbone_weights.empty()) load_backbone(*backbone_, config.backbone_weights);
+    if (is_pretrained(config)) load_backbone(*backbone_, config.backbone_weights);
 }
 
 Codes Encoder::operator()(const Variable& image) const {
     if (image.rank() != 4 || image.shape(1) != image.shape(2) || image.shape(3) != 3)
         fail<ShapeError>("the encoder needs images (batch, side, side, 3), got ", image.shape());
-    const Variable embedding = (*backbone_)(arcface_crop_ ? arcface_frame(image) : image) * embedding_scale_;
+    const Variable embedding =
+        (*backbone_)(arcface_crop_ ? arcface_frame(image) : image) * embedding_scale_;
     Codes codes;
     for (std::size_t i = 0; i < codes.groups.size(); ++i) {
         const Heads::Head& head = heads_->heads[i];

@@ -14,10 +14,11 @@ namespace stymo {
 
 struct EncoderConfig {
     std::string backbone = "iresnet50";  ///< one of backbone_names()
-    std::string backbone_weights{};      ///< a .safetensors file, or empty: trained from scratch
-    bool arcface_crop = false;           ///< the frame that ArcFace was trained on: the middle 76.5 % of the FFHQ crop
-    double embedding_scale = 1.0;        ///< factor on the embedding before the heads
-    std::int64_t head_width = 512;       ///< heads: embedding -> width -> width / 2 -> code
+    std::string backbone_weights{};      ///< a .safetensors file; empty or "random": none
+    bool arcface_crop =
+        false;  ///< the frame that ArcFace was trained on: the middle 76.5 % of the FFHQ crop
+    double embedding_scale = 1.0;   ///< factor on the embedding before the heads
+    std::int64_t head_width = 512;  ///< heads: embedding -> width -> width / 2 -> code
 };
 
 /// Binds the fields under "encoder." .
@@ -27,26 +28,46 @@ void describe(ConfigSchema& schema, EncoderConfig& config);
 class Backbone {
 public:
     virtual ~Backbone() = default;
-    /// image (B, S, S, 3) in [-1, 1], any S; resized to the network's own input. Returns (B, embedding_size()).
+    /// image (B, S, S, 3) in [-1, 1], any S; resized to the network's own input. Returns (B,
+    /// embedding_size()).
     [[nodiscard]] virtual Variable operator()(const Variable& image) const = 0;
     [[nodiscard]] virtual std::int64_t embedding_size() const = 0;
     [[nodiscard]] virtual std::int64_t input_side() const = 0;
-    /// Sets the weights from a published file, in its own names and layout. Throws FileError naming `source` and the first tensor
-    /// that is missing or of another shape, ConfigError for a backbone that has no published weights.
+    /// Numbers that the backward pass of one image needs, measured.
+    [[nodiscard]] virtual std::int64_t saved() const = 0;
+    /// Sets the weights from a published file, in its own names and layout. Throws FileError naming
+    /// `source` and the first tensor that is missing or of another shape, ConfigError for a
+    /// backbone that has no published weights.
     virtual void load_pretrained(const TensorFile& file, const std::string& source) = 0;
 };
 
 [[nodiscard]] std::vector<std::string> backbone_names();
-/// Creates the backbone's parameters under `prefix`, which ends with a dot. Throws ConfigError for an unknown name.
-[[nodiscard]] std::unique_ptr<Backbone> make_backbone(const std::string& name, ParameterStore& store, const std::string& prefix,
-                                                      Rng& rng);
+/// The value of EncoderConfig::backbone_weights that asks for random weights by name.
+inline constexpr const char* random_backbone = "random";
+/// Whether the backbone begins with weights from a file.
+[[nodiscard]] inline bool is_pretrained(const EncoderConfig& config) {
+    return !config.backbone_weights.empty() && config.backbone_weights != random_backbone;
+}
+/// Whether there are published weights for the backbone, and the configuration neither names a file
+/// nor asks for random ones.
+[[nodiscard]] bool lacks_backbone_weights(const EncoderConfig& config);
+/// Throws ConfigError, which says which file to get, where they lack.
+void require_backbone_weights(const EncoderConfig& config);
+/// Creates the backbone's parameters under `prefix`, which ends with a dot. Throws ConfigError for
+/// an unknown name.
+[[nodiscard]] std::unique_ptr<Backbone> make_backbone(const std::string& name,
+                                                      ParameterStore& store,
+                                                      const std::string& prefix, Rng& rng);
 
-/// E of the paper: backbone and four semantic heads. Parameters under `prefix`.backbone. and `prefix`.heads. .
+/// E of the paper: backbone and four semantic heads. Parameters under `prefix`.backbone. and
+/// `prefix`.heads. .
 class Encoder {
 public:
-    /// Reads `config.backbone_weights` unless it is empty; throws FileError naming that key if the file does not serve. Whoever
-    /// loads a trained model's values afterwards clears the field first.
-    Encoder(const EncoderConfig& config, ParameterStore& store, const std::string& prefix, Rng& rng);
+    /// Reads `config.backbone_weights` if it names a file; throws FileError naming that key if the
+    /// file does not serve. Whoever loads a trained model's values afterwards clears the field
+    /// first.
+    Encoder(const EncoderConfig& config, ParameterStore& store, const std::string& prefix,
+            Rng& rng);
 
     /// image (B, S, S, 3) in [-1, 1], the whole unmasked crop -> codes in Z, near 0 at the start.
     [[nodiscard]] Codes operator()(const Variable& image) const;

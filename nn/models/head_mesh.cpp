@@ -5,24 +5,27 @@
 
 #include "core/error.h"
 #include "core/ops/ops.h"
-#include "nn/models/realtime/density_lattice.h"
-#include "nn/models/realtime/softplus.h"
+#include "nn/engine/evaluate_points.h"
+#include "nn/engine/softplus.h"
+#include "nn/models/realtime/vertex_grid.h"
 
 namespace stymo {
 
 namespace {
 
 constexpr std::int64_t points_at_once = 1 << 16;
-/// The head is looked for on a lattice of so many cells, and may reach so many cells farther than what is found there.
+/// The head is looked for on a grid of so many cells, and may reach so many cells farther than
+/// what is found there.
 constexpr std::int64_t coarse_resolution = 40;
 constexpr double coarse_margin = 1.5;
 
-/// As wide as what the frontal camera sees around the head's origin, from the near plane to a head's depth behind it: no photo
-/// shows what lies deeper.
+/// As wide as what the frontal camera sees around the head's origin, from the near plane to a
+/// head's depth behind it: no photo shows what lies deeper.
 Box searched_box(const ModelConfig& model) {
     const double half = 0.5 * model.camera.distance / model.camera.intrinsics.focal;
     const RaySampling& rays = model.decoder.rays;
-    return {{-half, -half, std::max(rays.far_z, std::min(-half, rays.near_z - 2.0 * half))}, {half, half, rays.near_z}};
+    return {{-half, -half, std::max(rays.far_z, std::min(-half, rays.near_z - 2.0 * half))},
+            {half, half, rays.near_z}};
 }
 
 /// Holds the mesh with so much space around it, and no more than `limit`.
@@ -39,48 +42,53 @@ Box box_around(const TriangleMesh& mesh, double margin, const Box& limit) {
     return box;
 }
 
-Codes row(const Codes& codes, std::int64_t index) {
-    return split_codes(slice(joined(codes), 0, index, index + 1));
-}
-
-/// Arguments of the softplus, in which a field is closer to linear than in densities, at the vertices (z, y, x).
-Tensor density_inputs(const Model& model, const Codes& codes, const Lattice& lattice) {
-    const Codes w = model.decoder().map(codes);
-    Tensor result({lattice.vertices[2], lattice.vertices[1], lattice.vertices[0]});
-    const std::span<float> inputs = result.mutable_values<float>();
-    const std::int64_t count = lattice.size();
-    for (std::int64_t begin = 0; begin < count; begin += points_at_once) {
-        const std::int64_t size = std::min(points_at_once, count - begin);
+/// Arguments of the softplus, in which a field is closer to linear than in densities, at the
+/// vertices (z, y, x).
+Tensor logits_at(const Model& model, const Codes& w, const VertexGrid& grid) {
+    Tensor result({grid.vertices[2], grid.vertices[1], grid.vertices[0]});
+    const std::span<float> logits = result.mutable_values<float>();
+    if (model.decoder().folds()) {
+        const PackedField<float> field(model.decoder().folded_field(w));
+        evaluate_points(
+            field, grid.size(), [&](std::int64_t i) { return grid.position(i); },
+            [&](std::int64_t first, std::int64_t size, const FieldTile<float>& tile) {
+                std::copy_n(tile.logits.begin(), size, logits.begin() + first);
+            });
+        return result;
+    }
+    for (std::int64_t begin = 0; begin < grid.size(); begin += points_at_once) {
+        const std::int64_t size = std::min(points_at_once, grid.size() - begin);
         Tensor points({1, size, 3});
         const std::span<float> coordinates = points.mutable_values<float>();
-        for (std::int64_t i = 0; i < size; ++i) {
-            const Vector3 place = lattice.position(begin + i);
-            std::ranges::copy(place, coordinates.begin() + 3 * i);
-        }
+        for (std::int64_t i = 0; i < size; ++i)
+            std::ranges::copy(grid.position(begin + i), coordinates.begin() + 3 * i);
         const Tensor density = model.decoder().density(points, w).value();
-        std::ranges::transform(density.values<float>(), inputs.begin() + begin, inverse_softplus);
+        std::ranges::transform(density.values<float>(), logits.begin() + begin, inverse_softplus);
     }
     return result;
 }
 
 }  // namespace
 
-TriangleMesh head_mesh(const Model& model, const Codes& codes, std::int64_t index, const HeadMeshOptions& options) {
-    if (options.resolution < 2) fail<ValueError>("a mesh needs 2 cells or more along its side, got ", options.resolution);
-    const Codes face = row(codes, index);
+TriangleMesh head_mesh(const Model& model, const Codes& codes, std::int64_t index,
+                       const HeadMeshOptions& options) {
+    if (options.resolution < 2)
+        fail<ValueError>("a mesh needs 2 cells or more along its side, got ", options.resolution);
+    const Codes w = model.decoder().map(codes_of_face(codes, index));
     const double level = inverse_softplus(static_cast<float>(options.level));
-    const auto piece = [&](const Lattice& lattice) {
-        const Tensor inputs = density_inputs(model, face, lattice);
-        TriangleMesh mesh = largest_piece(isosurface(inputs, lattice.origin, lattice.spacing, level));
+    const auto piece = [&](const VertexGrid& grid) {
+        const Tensor logits = logits_at(model, w, grid);
+        TriangleMesh mesh = largest_piece(isosurface(logits, grid.origin, grid.spacing, level));
         if (mesh.triangles.empty()) {
             fail<ValueError>("no density of this face reaches ", options.level, "; the largest is ",
-                             softplus(std::ranges::max(inputs.values<float>())));
+                             softplus(std::ranges::max(logits.values<float>())));
         }
         return mesh;
     };
     const Box whole = searched_box(model.config());
-    const Lattice coarse = cover(whole, coarse_resolution);
-    return piece(cover(box_around(piece(coarse), coarse_margin * coarse.spacing, whole), options.resolution));
+    const VertexGrid coarse = cover(whole, coarse_resolution);
+    return piece(cover(box_around(piece(coarse), coarse_margin * coarse.spacing, whole),
+                       options.resolution));
 }
 
 }  // namespace stymo

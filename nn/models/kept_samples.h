@@ -5,11 +5,14 @@
 
 namespace stymo {
 
-/// The samples of face `index` that count, by their place in (R * N): those that RayPoints::kept does not leave out.
+/// The samples of face `index` that count, by their place in (R * N): those that RayPoints::kept
+/// does not leave out.
 [[nodiscard]] RowIndices kept_rows(const RayPoints& rays, std::int64_t index);
 
-/// Compositing of one face of whose samples only some were computed: `samples` (K, 1 + width), density before the features, stand
-/// at `rows` of the R * N of `deltas` (1, R, N). The others are empty.
-[[nodiscard]] RenderedRays composited_rows(const Variable& samples, const RowIndices& rows, const Tensor& deltas);
+/// Compositing of one face of whose samples only some were computed: `samples` (K, 1 + width),
+/// density before the features, stand at `rows` of the R * N of `deltas` (1, R, N). The others are
+/// empty.
+[[nodiscard]] RenderedRays composited_rows(const Variable& samples, const RowIndices& rows,
+                                           const Tensor& deltas);
 
 }  // namespace stymo

@@ -13,57 +13,56 @@ namespace stymo {
 namespace {
 
 constexpr std::int64_t vertices_per_chunk = 4096;
-/// By so much, in world units, a vertex may lie behind what its pixel shows: the rounding of the mesh and of the picture.
+/// By so much, in world units, a vertex may lie behind what its pixel shows: the rounding of the
+/// mesh and of the image.
 constexpr double depth_tolerance = 0.05;
 
 /// What one camera sees, with sums over cameras for each vertex.
 struct ColoredView {
     Camera camera;
-    Tensor picture;  ///< (S, S, 3)
-    Tensor mask;     ///< (S, S, 1)
-    Tensor depth;    ///< (S, S, 1), of the mesh
+    Tensor image;  ///< (S, S, 3)
+    Tensor mask;   ///< (S, S, 1)
+    Tensor depth;  ///< (S, S, 1), of the mesh
 };
 
-Vector3 vector_at(std::span<const float> values, std::int64_t index) {
-    const float* first = values.data() + 3 * index;
-    return {static_cast<double>(first[0]), static_cast<double>(first[1]), static_cast<double>(first[2])};
+Eigen::Vector3d vector_at(std::span<const float> values, std::int64_t index) {
+    return Eigen::Map<const Eigen::Vector3f>(values.data() + 3 * index).cast<double>();
 }
 
-/// How much the view says of a surface: the fourth power of the cosine, for slanted pixels smear, times the mask; 0 for what it
-/// does not see. `pixel` is set unless that is 0.
-double weight_of(const ColoredView& view, const Vector3& vertex, const Vector3& normal, std::size_t& pixel) {
-    const std::int64_t side = view.picture.shape(0);
-    const Vector3 image = project(view.camera, vertex);
+/// How much the view says of a surface: the fourth power of the cosine, for slanted pixels smear,
+/// times the mask; 0 for what it does not see. `pixel` is set unless that is 0.
+double weight_of(const ColoredView& view, const Eigen::Vector3d& vertex,
+                 const Eigen::Vector3d& normal, std::size_t& pixel) {
+    const std::int64_t side = view.image.shape(0);
+    const Eigen::Vector3d image = project(view.camera, vertex);
     const auto column = static_cast<std::int64_t>(std::floor(image[0] * static_cast<double>(side)));
     const auto row = static_cast<std::int64_t>(std::floor(image[1] * static_cast<double>(side)));
     if (image[2] <= 0.0 || column < 0 || column >= side || row < 0 || row >= side) return 0.0;
     pixel = static_cast<std::size_t>(row * side + column);
-    if (image[2] > static_cast<double>(view.depth.values<float>()[pixel]) + depth_tolerance) return 0.0;
-    double along = 0.0, length = 0.0;
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-        const double to_camera = view.camera.center[axis] - vertex[axis];
-        along += to_camera * normal[axis];
-        length += to_camera * to_camera;
-    }
-    const double cosine = std::max(along / std::sqrt(length), 0.0);
+    if (image[2] > static_cast<double>(view.depth.values<float>()[pixel]) + depth_tolerance)
+        return 0.0;
+    const Eigen::Vector3d to_camera = (view.camera.center - vertex).normalized();
+    const double cosine = std::max(to_camera.dot(normal), 0.0);
     return std::pow(cosine, 4.0) * static_cast<double>(view.mask.values<float>()[pixel]);
 }
 
 /// Adds weight times colour, and the weight as the fourth number.
-void add_view(const ColoredView& view, const TriangleMesh& mesh, const Tensor& normals, std::span<double> sums) {
-    const std::span<const float> colors = view.picture.values<float>();
-    parallel_for(mesh.vertices.shape(0), vertices_per_chunk, [&](std::int64_t begin, std::int64_t end) {
-        for (std::int64_t i = begin; i < end; ++i) {
-            std::size_t pixel = 0;
-            const double weight =
-                weight_of(view, vector_at(mesh.vertices.values<float>(), i), vector_at(normals.values<float>(), i), pixel);
-            if (weight == 0.0) continue;
-            double* sum = sums.data() + 4 * i;
-            for (std::size_t channel = 0; channel < 3; ++channel)
-                sum[channel] += weight * static_cast<double>(colors[3 * pixel + channel]);
-            sum[3] += weight;
-        }
-    });
+void add_view(const ColoredView& view, const TriangleMesh& mesh, const Tensor& normals,
+              std::span<double> sums) {
+    const std::span<const float> colors = view.image.values<float>();
+    parallel_for(
+        mesh.vertices.shape(0), vertices_per_chunk, [&](std::int64_t begin, std::int64_t end) {
+            for (std::int64_t i = begin; i < end; ++i) {
+                std::size_t pixel = 0;
+                const double weight = weight_of(view, vector_at(mesh.vertices.values<float>(), i),
+                                                vector_at(normals.values<float>(), i), pixel);
+                if (weight == 0.0) continue;
+                double* sum = sums.data() + 4 * i;
+                for (std::size_t channel = 0; channel < 3; ++channel)
+                    sum[channel] += weight * static_cast<double>(colors[3 * pixel + channel]);
+                sum[3] += weight;
+            }
+        });
 }
 
 /// Sums over weights; the mean colour of all where there is none.
@@ -82,8 +81,8 @@ Tensor means(std::span<const double> sums) {
 
 }  // namespace
 
-Tensor mesh_colors(const Model& model, const Codes& codes, const TriangleMesh& mesh, const Tensor& normals,
-                   const RendererOptions& rendering) {
+Tensor mesh_colors(const Model& model, const Codes& codes, const TriangleMesh& mesh,
+                   const Tensor& normals, const RendererOptions& rendering) {
     RendererOptions options = rendering;
     options.mask = true;
     options.depth = false;
@@ -93,10 +92,11 @@ Tensor mesh_colors(const Model& model, const Codes& codes, const TriangleMesh& m
     const ViewRange usual{.camera = model.config().camera};
     for (const Camera& camera : cameras_over(usual, 3, 3)) {
         const View view = renderer.render(camera);
-        const std::int64_t side = view.picture.shape(0);
-        const RasterImage raster = rasterize(mesh.vertices, mesh.vertices, mesh.triangles, camera,
-                                             {.width = side, .height = side, .samples_per_side = 1});
-        add_view({camera, view.picture, view.mask, raster.depth}, mesh, normals, sums);
+        const std::int64_t side = view.image.shape(0);
+        const RasterImage raster =
+            rasterize(mesh.vertices, mesh.vertices, mesh.triangles, camera,
+                      {.width = side, .height = side, .samples_per_side = 1});
+        add_view({camera, view.image, view.mask, raster.depth}, mesh, normals, sums);
     }
     return means(sums);
 }

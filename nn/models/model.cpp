@@ -18,31 +18,34 @@ void describe(ConfigSchema& schema, ModelConfig& config) {
     describe(schema, config.encoder);
     schema.choice(
         "codes.source", config.code_source, {"encoder", "morphable", "morphable_offset"},
-        "where the code of a photo comes from: the encoder (paper); the data's code of a morphable model, as it is or with "
-        "an offset learnt for each training photo (HeadNeRF)");
+        "source of a photo's code: the encoder (paper), the data set's code of a morphable model, "
+        "or that code with an offset learnt per training photo (HeadNeRF)");
     CameraConfig& camera = config.camera;
     schema.number("camera.focal", camera.intrinsics.focal, 0.1, 100.0,
                   "focal length in units of the image side, shared by all images");
-    schema.number("camera.center_x", camera.intrinsics.center_x, -1.0, 2.0, "principal point in units of the image side");
-    schema.number("camera.center_y", camera.intrinsics.center_y, -1.0, 2.0, "principal point in units of the image side");
+    schema.number("camera.center_x", camera.intrinsics.center_x, -1.0, 2.0,
+                  "principal point in units of the image side");
+    schema.number("camera.center_y", camera.intrinsics.center_y, -1.0, 2.0,
+                  "principal point in units of the image side");
     schema.number("camera.distance", camera.distance, 0.1, 100.0,
-                  "from the head's origin to the camera of a frontal view, in decimetres");
+                  "distance of the frontal camera from the head's origin, in decimetres");
     schema.number("camera.pivot_depth", camera.pivot_depth, -10.0, 10.0,
-                  "z of the point that stays in the middle of the image as the head turns");
+                  "z of the point that stays in the middle of the image when the head turns");
     ReconstructionConfig& reconstruction = config.reconstruction;
     schema.numbers("reconstruction.resolution_weights", reconstruction.resolution_weights, 0.0, 1e6,
                    "gamma of the L1 term at 64, 128, 256, 512 (paper: 0.01, 0.1, 0.5, 1)");
     schema.number("reconstruction.photometric_weight", reconstruction.photometric_weight, 0.0, 1e6,
                   "lambda of the photometric loss (paper: 1)");
     schema.number("reconstruction.perceptual_weight", reconstruction.perceptual_weight, 0.0, 1e6,
-                  "lambda of LPIPS at the largest resolution (paper: 0.1); 0: without");
+                  "lambda of LPIPS at the largest resolution (paper: 0.1); 0: no LPIPS");
     describe(schema, reconstruction.perceptual, "reconstruction.perceptual_");
-    schema.integer("reconstruction.perceptual_resolution", reconstruction.perceptual_resolution, 0, 4096,
-                   "side of the pictures that LPIPS compares at most, a power of two; 0: no limit (paper: no limit)");
-    schema.integer("reconstruction.fit_samples_per_ray", reconstruction.fit_samples_per_ray, 2, 4096,
-                   "samples per ray while fitting (paper: 64)");
+    schema.integer("reconstruction.perceptual_resolution", reconstruction.perceptual_resolution, 0,
+                   4096, "largest side that LPIPS compares, a power of two; 0: no limit (paper)");
+    schema.integer("reconstruction.fit_samples_per_ray", reconstruction.fit_samples_per_ray, 2,
+                   4096, "samples per ray while fitting (paper: 64)");
     schema.number("reconstruction.fit_regularizer", reconstruction.fit_regularizer, 0.0, 1e6,
-                  "weight of the squared code offsets while fitting (paper: 1, which holds the offsets near zero)");
+                  "weight of the squared code offsets while fitting (paper: 1, which keeps the "
+                  "offsets near zero)");
 }
 
 std::string to_json(const ModelConfig& config) {
@@ -56,15 +59,17 @@ Model::Model(const ModelConfig& config, Rng& rng) : Model(config, rng, ModelPart
 
 Model::Model(const ModelConfig& config, Rng& rng, ModelParts parts)
     : config_(config),
-      encoder_(parts == ModelParts::all && config.code_source == "encoder"
-                   ? std::optional<Encoder>(std::in_place, config.encoder, parameters_, "encoder", rng)
-                   : std::nullopt),
+      encoder_(
+          parts == ModelParts::all && config.code_source == "encoder"
+              ? std::optional<Encoder>(std::in_place, config.encoder, parameters_, "encoder", rng)
+              : std::nullopt),
       decoder_(config.decoder, parameters_, "decoder", rng) {}
 
 const Encoder& Model::encoder() const {
     if (!encoder_ && config_.code_source != "encoder")
         fail<ValueError>(
-            "this model has no encoder: its codes are those of a morphable model, which a photo must bring along "
+            "this model has no encoder: its codes are those of a morphable model, which a photo "
+            "must bring along "
             "(codes.source = ",
             config_.code_source, ")");
     if (!encoder_) fail<ValueError>("of this model only the decoder was loaded");
@@ -75,15 +80,17 @@ Model Model::load(const std::filesystem::path& path, ModelParts parts) {
     const TensorFile file = read_tensor_file(path);
     const auto format = file.metadata.find(format_key);
     const auto text = file.metadata.find(config_key);
-    if (format == file.metadata.end() || format->second != format_name || text == file.metadata.end()) {
-        fail<FileError>(path.string(), ": not a model of stymo (its metadata lack \"format\": \"", format_name,
-                        "\" or \"config\")");
+    if (format == file.metadata.end() || format->second != format_name ||
+        text == file.metadata.end()) {
+        fail<FileError>(path.string(), ": not a model of stymo (its metadata lack \"format\": \"",
+                        format_name, "\" or \"config\")");
     }
     ModelConfig config;
     ConfigSchema schema;
     describe(schema, config);
     schema.read_text(text->second, path.string());
-    // The file holds every weight, so the backbone's own file, which may be gone by now, is not read again.
+    // The file holds every weight, so the backbone's own file, which may be gone by now, is not
+    // read again.
     config.encoder.backbone_weights.clear();
     Rng unused(0);
     Model model(config, unused, parts);

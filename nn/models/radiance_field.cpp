@@ -6,6 +6,7 @@
 #include "core/error.h"
 #include "core/ops/activation.h"
 #include "core/ops/elementwise.h"
+#include "core/ops/reduce.h"
 #include "core/ops/shape_ops.h"
 #include "core/work_counts.h"
 #include "nn/models/kept_samples.h"
@@ -23,7 +24,8 @@ FieldSamples evaluate(const Variable& points, const SineNetwork& network, bool d
     const Variable encoding = positional_encoding(points, network.frequencies);
     Variable x = encoding;
     for (std::size_t i = 0; i + 1 < network.layers.size(); ++i)
-        x = sine_layer(i > 0 && i == network.skip_layer ? concat({encoding, x}, 2) : x, network.layers[i]);
+        x = sine_layer(i > 0 && i == network.skip_layer ? concat({encoding, x}, 2) : x,
+                       network.layers[i]);
     const Variable density_weight = reshape(network.density_weight, {1, 1, -1});
     FieldSamples samples{softplus(linear(x, density_weight, network.density_bias) - 1.0), {}};
     if (!density_only) samples.features = sine_layer(x, network.layers.back());
@@ -35,28 +37,47 @@ Variable composed_rays(const RayPoints& rays, const SineNetwork& network) {
     Variable density = reshape(samples.density, rays.deltas.shape());
     if (rays.kept.defined()) density = density * Variable(rays.kept);
     const CompositeWeights weights = composite_weights(density, rays.deltas);
-    return concat({weights.weights, weights.transmittance, composite(weights.weights, samples.features)}, 2);
+    return concat(
+        {weights.weights, weights.transmittance, composite(weights.weights, samples.features)}, 2);
+}
+
+SineNetworkOf<Tensor> values_of(const SineNetwork& network) {
+    SineNetworkOf<Tensor> values{.frequencies = network.frequencies,
+                                 .skip_layer = network.skip_layer,
+                                 .layers = {},
+                                 .density_weight = network.density_weight.value(),
+                                 .density_bias = network.density_bias.value()};
+    for (const ModulatedLayer& layer : network.layers) {
+        values.layers.push_back({layer.weight.value(), layer.scale.value(),
+                                 layer.demodulation.value(), layer.bias.value()});
+    }
+    return values;
 }
 
 RenderedRays taken_apart(const Variable& rays, std::int64_t samples) {
-    return {{slice(rays, 2, 0, samples), slice(rays, 2, samples, samples + 1)}, slice(rays, 2, samples + 1, rays.shape(2))};
+    return {{slice(rays, 2, 0, samples), slice(rays, 2, samples, samples + 1)},
+            slice(rays, 2, samples + 1, rays.shape(2))};
 }
 
 }  // namespace
 
-RadianceField::RadianceField(const RadianceFieldConfig& config, ParameterStore& store, const std::string& prefix, Rng& rng)
+RadianceField::RadianceField(const RadianceFieldConfig& config, ParameterStore& store,
+                             const std::string& prefix, Rng& rng)
     : frequencies_(config.frequencies),
       skip_layer_(static_cast<std::size_t>(skip_layer_of(config.layers))),
       density_(store, prefix + ".density", config.width, 1, {}, rng),
-      feature0_(store, prefix + ".feature0", config.width, config.width, config.style_size, Activation::sine, rng),
+      feature0_(store, prefix + ".feature0", config.width, config.width, config.style_size,
+                Activation::sine, rng),
       feature1_(store, prefix + ".feature1", config.width, config.feature_channels, {}, rng) {
-    if (config.layers < 1) fail<ValueError>("radiance field ", prefix, " needs at least one layer, got ", config.layers);
+    if (config.layers < 1)
+        fail<ValueError>("radiance field ", prefix, " needs at least one layer, got ",
+                         config.layers);
     const std::int64_t encoding = encoded_channels(config.frequencies);
     for (std::int64_t i = 0; i < config.layers; ++i) {
         const bool joined = i > 0 && i == skip_layer_of(config.layers);
         const std::int64_t in = i == 0 ? encoding : config.width + (joined ? encoding : 0);
-        layers_.emplace_back(store, prefix + ".layer" + std::to_string(i), in, config.width, config.style_size, Activation::sine,
-                             rng);
+        layers_.emplace_back(store, prefix + ".layer" + std::to_string(i), in, config.width,
+                             config.style_size, Activation::sine, rng);
     }
 }
 
@@ -71,14 +92,17 @@ SineNetwork RadianceField::network(const Variable& style) const {
     return network;
 }
 
-FieldSamples RadianceField::operator()(const Variable& points, const Variable& style, bool density_only) const {
+FieldSamples RadianceField::operator()(const Variable& points, const Variable& style,
+                                       bool density_only) const {
     if (points.rank() != 3 || points.shape(2) != 3)
         fail<ShapeError>("radiance field: expected points (B, P, 3), got ", points.shape());
     return evaluate(points, network(style), density_only);
 }
 
-RenderedRays RadianceField::render(const RayPoints& rays, const Variable& style, SineArguments arguments) const {
-    return taken_apart(sine_rays(rays, network(style), composed_rays, arguments), rays.deltas.shape(2));
+RenderedRays RadianceField::render(const RayPoints& rays, const Variable& style,
+                                   SineArguments arguments) const {
+    return taken_apart(sine_rays(rays, network(style), composed_rays, arguments),
+                       rays.deltas.shape(2));
 }
 
 RenderedRays RadianceField::render_reference(const RayPoints& rays, const Variable& style) const {
@@ -93,7 +117,8 @@ Variable RadianceField::tracked_samples(const Variable& points, const Variable& 
         parts.push_back(recompute(
             [field = *this](std::span<const Variable> inputs) {
                 const std::int64_t rows = inputs[0].shape(0);
-                const FieldSamples samples = evaluate(reshape(inputs[0], {1, rows, 3}), field.network(inputs[1]), false);
+                const FieldSamples samples =
+                    evaluate(reshape(inputs[0], {1, rows, 3}), field.network(inputs[1]), false);
                 return reshape(concat({samples.density, samples.features}, 2), {rows, -1});
             },
             {slice(points, 0, begin, end), style}));
@@ -101,15 +126,18 @@ Variable RadianceField::tracked_samples(const Variable& points, const Variable& 
     return concat(parts, 0);
 }
 
-RenderedRays RadianceField::render_tracked(const Variable& points, const RayPoints& rays, const Variable& style) const {
+RenderedRays RadianceField::render_tracked(const Variable& points, const RayPoints& rays,
+                                           const Variable& style) const {
     std::vector<Variable> weights, transmittance, sums;
     for (std::int64_t face = 0; face < points.shape(0); ++face) {
         // A face without any sample that counts would leave nothing to compute with.
         RowIndices rows = kept_rows(rays, face);
         if (rows.empty()) rows.push_back(0);
         const Variable own = reshape(slice(points, 0, face, face + 1), {points.shape(1), 3});
-        const Variable samples = tracked_samples(gather_rows(own, rows), slice(style, 0, face, face + 1));
-        RenderedRays rendered = composited_rows(samples, rows, slice(Variable(rays.deltas), 0, face, face + 1).value());
+        const Variable samples =
+            tracked_samples(gather_rows(own, rows), slice(style, 0, face, face + 1));
+        RenderedRays rendered =
+            composited_rows(samples, rows, slice(Variable(rays.deltas), 0, face, face + 1).value());
         weights.push_back(rendered.weights.weights);
         transmittance.push_back(rendered.weights.transmittance);
         sums.push_back(rendered.composited);
@@ -118,26 +146,61 @@ RenderedRays RadianceField::render_tracked(const Variable& points, const RayPoin
 }
 
 FoldedField RadianceField::folded(const Variable& style) const {
-    FoldedField field{.frequencies = frequencies_,
-                      .skip_layer = skip_layer_,
-                      .layers = {},
-                      .density = density_.folded(),
-                      .feature0 = feature0_.folded(style),
-                      .feature1 = feature1_.folded()};
-    for (const ModulatedLinear& layer : layers_) field.layers.push_back(layer.folded(style));
+    if (style.rank() != 2 || style.shape(0) != 1)
+        fail<ShapeError>("a field is folded for the style of one face, (1, size), got ",
+                         style.shape());
+    FoldedField field = stymo::folded(values_of(network(style)), 0);
+    field.feature1 = feature1_.folded();
     return field;
 }
 
+RenderedFeatures RadianceField::finished(RenderedRays rays) const {
+    const Variable features = finish(rays.composited, sum(rays.weights.weights, {2}));
+    return {std::move(rays.weights), features};
+}
+
+RenderedFeatures RadianceField::render(const RayPoints& rays, const FieldStyle& style,
+                                       bool keep) const {
+    return finished(
+        render(rays, style.geometry, keep ? SineArguments::kept : SineArguments::recomputed));
+}
+
+RenderedFeatures RadianceField::render_tracked(const Variable& points, const RayPoints& rays,
+                                               const FieldStyle& style) const {
+    return finished(render_tracked(points, rays, style.geometry));
+}
+
+Variable RadianceField::density(const Variable& points, const FieldStyle& style) const {
+    return (*this)(points, style.geometry, true).density;
+}
+
+FoldedField RadianceField::folded(const FieldStyle& style) const {
+    return folded(style.geometry);
+}
+
 FieldWork RadianceField::work() const {
-    FieldWork work{.sample = density_.multiply_adds() + feature0_.multiply_adds(), .ray = feature1_.multiply_adds()};
+    FieldWork work{.sample = density_.multiply_adds() + feature0_.multiply_adds(),
+                   .ray = feature1_.multiply_adds()};
     for (const ModulatedLinear& layer : layers_) work.sample += layer.multiply_adds();
     return work;
 }
 
 Variable RadianceField::finish(const Variable& composited, const Variable& opacity) const {
     const Variable weight = feature1_.effective_weight();
-    const Variable product = linear(composited, reshape(weight, {1, weight.shape(0), weight.shape(1)}), {});
+    const Variable product =
+        linear(composited, reshape(weight, {1, weight.shape(0), weight.shape(1)}), {});
     return product + opacity * feature1_.effective_bias();
+}
+
+LayerMemory RadianceField::memory(std::int64_t rays, std::int64_t samples_per_ray,
+                                  bool keep) const {
+    // Sums of the weights' gradients while the faces are computed one after the other.
+    constexpr std::int64_t sums = 16;
+    const std::int64_t width = density_.inputs();
+    const std::int64_t arguments = keep ? samples_per_ray * width * (std::ssize(layers_) + 1) : 0;
+    // Samples, results and their gradients, and the arguments of the sines.
+    return {rays * (3 * (width + samples_per_ray) + 5 * samples_per_ray + arguments),
+            sums * work().sample};
 }
 
 }  // namespace stymo

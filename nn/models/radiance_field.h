@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "core/ops/sine_rays.h"
 #include "nn/layers/modulated_linear.h"
-#include "render/composite.h"
+#include "nn/models/field.h"
+#include "nn/ops/sine_rays.h"
 
 namespace stymo {
 
@@ -20,7 +20,8 @@ struct RadianceFieldConfig {
 
 struct FieldSamples {
     Variable density;   ///< (B, P, 1), >= 0
-    Variable features;  ///< (B, P, width) before the last, linear layer; undefined if only the density was asked for
+    Variable features;  ///< (B, P, width) before the last, linear layer; undefined if only the
+                        ///< density was asked for
 };
 
 /// Rays through the field.
@@ -29,58 +30,53 @@ struct RenderedRays {
     Variable composited;       ///< (B, R, width): features under the weights, for `finish`
 };
 
-/// The field of one face: what its style makes of every layer.
-struct FoldedField {
-    std::int64_t frequencies = 0;
-    std::size_t skip_layer = 0;  ///< layer whose input begins with the encoding once more; 0: none
-    std::vector<FoldedLayer> layers;
-    FoldedLayer density;  ///< one output; the density is softplus(output - 1)
-    FoldedLayer feature0;
-    FoldedLayer feature1;  ///< after compositing
-};
-
-/// Multiply-adds of the matrix products.
-struct FieldWork {
-    std::int64_t sample = 0;  ///< at each sample
-    std::int64_t ray = 0;     ///< after compositing
-};
-
-/// The layer of a field whose input is joined by the encoding (and code, where it is concatenated) once more; 0: none, since
-/// layer 0 sees it anyway.
-[[nodiscard]] constexpr std::int64_t skip_layer_of(std::int64_t layers) {
-    return layers >= 4 ? layers / 2 + 1 : 0;
-}
-
-/// The paper's NeRF: modulated sine layers on encoded points. With four or more of them the encoding enters again at the input of
-/// layer number layers / 2 + 1 (counted from 0). Density: a plain layer and softplus(x - 1). Features: one more modulated sine
-/// layer, and a plain one that is applied after compositing.
-class RadianceField {
+/// The paper's NeRF: modulated sine layers on encoded points. With four or more of them the
+/// encoding enters again at the input of layer number layers / 2 + 1 (counted from 0). Density: a
+/// plain layer and softplus(x - 1). Features: one more modulated sine layer, and a plain one that
+/// is applied after compositing.
+class RadianceField final : public Field {
 public:
     /// Creates `prefix`.layer0 and so on, `prefix`.density, `prefix`.feature0, `prefix`.feature1.
-    RadianceField(const RadianceFieldConfig& config, ParameterStore& store, const std::string& prefix, Rng& rng);
+    RadianceField(const RadianceFieldConfig& config, ParameterStore& store,
+                  const std::string& prefix, Rng& rng);
 
     /// points (B, P, 3) in world coordinates, style (B, style_size).
-    [[nodiscard]] FieldSamples operator()(const Variable& points, const Variable& style, bool density_only = false) const;
+    [[nodiscard]] FieldSamples operator()(const Variable& points, const Variable& style,
+                                          bool density_only = false) const;
 
     /// Field and compositing in one op that stores no features of samples.
     [[nodiscard]] RenderedRays render(const RayPoints& rays, const Variable& style,
                                       SineArguments arguments = SineArguments::recomputed) const;
-    /// The same as a composition: its oracle.
+    /// The same as a composition: its reference implementation.
     [[nodiscard]] RenderedRays render_reference(const RayPoints& rays, const Variable& style) const;
 
-    /// The same with points (B, R * N, 3) that gradients flow to, in place of those of `rays`. Of samples that are left out
-    /// nothing is computed; of the others the features are computed once more in the backward pass, a few thousand at a time.
-    [[nodiscard]] RenderedRays render_tracked(const Variable& points, const RayPoints& rays, const Variable& style) const;
+    /// The same with points (B, R * N, 3) that gradients flow to, in place of those of `rays`. Of
+    /// samples that are left out nothing is computed; of the others the features are computed once
+    /// more in the backward pass, a few thousand at a time.
+    [[nodiscard]] RenderedRays render_tracked(const Variable& points, const RayPoints& rays,
+                                              const Variable& style) const;
 
-    /// The last layer W r + b on composited features, (B, R, width) = sum_i w_i r_i and opacity (B, R, 1) = sum_i w_i ->
-    /// (B, R, feature_channels) = W sum_i w_i r_i + b sum_i w_i = sum_i w_i (W r_i + b), with as many times fewer rows as there
-    /// are samples on a ray.
+    /// The last layer W r + b on composited features, (B, R, width) = sum_i w_i r_i and opacity (B,
+    /// R, 1) = sum_i w_i -> (B, R, feature_channels) = W sum_i w_i r_i + b sum_i w_i = sum_i w_i (W
+    /// r_i + b), with as many times fewer rows as there are samples on a ray.
     [[nodiscard]] Variable finish(const Variable& composited, const Variable& opacity) const;
     /// For the style of one face, (1, style_size).
     [[nodiscard]] FoldedField folded(const Variable& style) const;
-    [[nodiscard]] FieldWork work() const;
+
+    // The same for a decoder: geometry is the style, and the last layer is included.
+    [[nodiscard]] RenderedFeatures render(const RayPoints& rays, const FieldStyle& style,
+                                          bool keep) const override;
+    [[nodiscard]] RenderedFeatures render_tracked(const Variable& points, const RayPoints& rays,
+                                                  const FieldStyle& style) const override;
+    [[nodiscard]] Variable density(const Variable& points, const FieldStyle& style) const override;
+    [[nodiscard]] bool folds() const override { return true; }
+    [[nodiscard]] FoldedField folded(const FieldStyle& style) const override;
+    [[nodiscard]] FieldWork work() const override;
+    [[nodiscard]] LayerMemory memory(std::int64_t rays, std::int64_t samples_per_ray,
+                                     bool keep) const override;
 
 private:
+    [[nodiscard]] RenderedFeatures finished(RenderedRays rays) const;
     [[nodiscard]] SineNetwork network(const Variable& style) const;
     /// Density and features (K, 1 + width) at points (K, 3) of one face.
     [[nodiscard]] Variable tracked_samples(const Variable& points, const Variable& style) const;

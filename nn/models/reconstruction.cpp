@@ -9,41 +9,49 @@
 
 namespace stymo {
 
-ReconstructionLoss::ReconstructionLoss(const ReconstructionConfig& config, const std::string& off_switch) : config_(config) {
+ReconstructionLoss::ReconstructionLoss(const ReconstructionConfig& config,
+                                       const std::string& off_switch)
+    : config_(config) {
     const std::int64_t side = config.perceptual_resolution;
     if (side < 0 || (side > 0 && !std::has_single_bit(static_cast<std::uint64_t>(side))))
-        fail<ConfigError>("reconstruction.perceptual_resolution = ", side, " is no power of two; 0 stands for no limit");
+        fail<ConfigError>("reconstruction.perceptual_resolution = ", side,
+                          " is no power of two; 0 stands for no limit");
     if (config.perceptual_weight > 0.0) lpips_.emplace(config.perceptual, off_switch);
 }
 
-ReconstructionLoss::Target ReconstructionLoss::target(std::span<const Tensor> pictures, std::int64_t resolution) const {
+ReconstructionLoss::Target ReconstructionLoss::target(std::span<const Tensor> images,
+                                                      std::int64_t resolution) const {
     Target target;
-    for (const Tensor& picture : pictures)
-        if (resolution == 0 || picture.shape(1) <= resolution) target.pictures.push_back(picture);
+    for (const Tensor& image : images)
+        if (resolution == 0 || image.shape(1) <= resolution) target.images.push_back(image);
     target.weights = config_.resolution_weights;
     return target;
 }
 
 namespace {
 
-/// One of the pictures as LPIPS compares it.
-Variable compared_picture(const Variable& pictures, std::int64_t i, std::int64_t largest_side) {
-    const Variable picture = slice(pictures, 0, i, i + 1);
-    if (largest_side == 0 || picture.shape(1) <= largest_side) return picture;
-    return resize_box(picture, static_cast<int>(largest_side), static_cast<int>(largest_side));
+/// One of the images as LPIPS compares it.
+Variable compared_image(const Variable& images, std::int64_t i, std::int64_t largest_side) {
+    const Variable image = slice(images, 0, i, i + 1);
+    if (largest_side == 0 || image.shape(1) <= largest_side) return image;
+    return resize_box(image, static_cast<int>(largest_side), static_cast<int>(largest_side));
 }
 
-/// Mean of LPIPS over the batch. Each image's gradient is taken before the next one's features are made, since those of a large
-/// picture take more memory than all else.
-Variable perceptual_loss(const Lpips& lpips, const Variable& images, const ReconstructionLoss::Target& target,
-                         std::int64_t largest_side) {
+/// Mean of LPIPS over the batch. Each image's gradient is taken before the next one's features are
+/// made, since those of a large image take more memory than all else.
+Variable perceptual_loss(const Lpips& lpips, const Variable& images,
+                         const ReconstructionLoss::Target& target, std::int64_t largest_side) {
     Variable total;
     for (std::int64_t i = 0; i < images.shape(0); ++i) {
-        const Lpips::Features features = target.features.empty()
-                                             ? lpips.features(compared_picture(target.pictures.back(), i, largest_side))
-                                             : target.features.at(static_cast<std::size_t>(i));
-        const auto distance = [&](const Variable& image) { return sum(lpips.distance_to(image, features)); };
-        const Variable one = differentiate_at_once(distance, compared_picture(images, i, largest_side));
+        const Lpips::Features features =
+            target.features.empty()
+                ? lpips.features(compared_image(target.images.back(), i, largest_side))
+                : target.features.at(static_cast<std::size_t>(i));
+        const auto distance = [&](const Variable& image) {
+            return sum(lpips.distance_to(image, features));
+        };
+        const Variable one =
+            differentiate_at_once(distance, compared_image(images, i, largest_side));
         total = total.defined() ? total + one : one;
     }
     return total / static_cast<double>(images.shape(0));
@@ -51,20 +59,28 @@ Variable perceptual_loss(const Lpips& lpips, const Variable& images, const Recon
 
 }  // namespace
 
-ReconstructionLoss::Target ReconstructionLoss::kept_target(std::span<const Tensor> pictures) const {
-    Target kept = target(pictures);
-    if (!lpips_ || kept.pictures.empty()) return kept;
-    for (std::int64_t i = 0; i < kept.pictures.back().shape(0); ++i)
-        kept.features.push_back(lpips_->features(compared_picture(kept.pictures.back(), i, config_.perceptual_resolution)));
+ReconstructionLoss::Target ReconstructionLoss::kept_target(std::span<const Tensor> images) const {
+    Target kept = target(images);
+    if (!lpips_ || kept.images.empty()) return kept;
+    for (std::int64_t i = 0; i < kept.images.back().shape(0); ++i)
+        kept.features.push_back(
+            lpips_->features(compared_image(kept.images.back(), i, config_.perceptual_resolution)));
     return kept;
 }
 
-ReconstructionLoss::Terms ReconstructionLoss::operator()(const std::vector<Variable>& images, const Target& target) const {
+LayerMemory ReconstructionLoss::memory(std::int64_t side) const {
+    const std::int64_t limit = config_.perceptual_resolution;
+    return lpips_ ? lpips_->memory(limit > 0 ? std::min(limit, side) : side) : LayerMemory{};
+}
+
+ReconstructionLoss::Terms ReconstructionLoss::operator()(const std::vector<Variable>& images,
+                                                         const Target& target) const {
     Terms terms;
-    terms.photometric = photometric_loss(images, target.pictures, target.weights);
+    terms.photometric = photometric_loss(images, target.images, target.weights);
     terms.total = terms.photometric * config_.photometric_weight;
     if (lpips_) {
-        terms.perceptual = perceptual_loss(*lpips_, images.back(), target, config_.perceptual_resolution);
+        terms.perceptual =
+            perceptual_loss(*lpips_, images.back(), target, config_.perceptual_resolution);
         terms.total = terms.total + terms.perceptual * config_.perceptual_weight;
     }
     return terms;

@@ -13,6 +13,7 @@
 #include "core/io/torch_file.h"
 #include "nn/models/backbones/iresnet.h"
 #include "nn/models/backbones/iresnet_onnx.h"
+#include "nn/models/backbones/mobilefacenet.h"
 #include "nn/models/perceptual/trunk.h"
 
 namespace stymo {
@@ -25,7 +26,8 @@ using Tensors = std::map<std::string, Tensor>;
 struct Network {
     std::string title;
     std::map<std::string, Shape> tensors{};
-    std::string other_prefix{};    ///< with another tensor of this name the file holds a larger network of the same kind
+    std::string other_prefix{};    ///< with another tensor of this name the file holds a larger
+                                   ///< network of the same kind
     std::string written_prefix{};  ///< put before the names
 
     void conv(const std::string& name, std::int64_t out, std::int64_t in, std::int64_t kernel) {
@@ -33,7 +35,8 @@ struct Network {
         tensors[name + ".bias"] = {out};
     }
     void batch_norm(const std::string& name, std::int64_t channels) {
-        for (const char* part : {".weight", ".bias", ".running_mean", ".running_var"}) tensors[name + part] = {channels};
+        for (const char* part : {".weight", ".bias", ".running_mean", ".running_var"})
+            tensors[name + part] = {channels};
     }
 };
 
@@ -67,7 +70,8 @@ Network lpips_heads(const TrunkDescription& description) {
 
 Network iresnet(const IresnetDepth& depth) {
     Network network{.title = std::string("insightface ") + depth.name, .other_prefix = "layer"};
-    const auto conv = [&](const std::string& name, std::int64_t out, std::int64_t in, std::int64_t kernel) {
+    const auto conv = [&](const std::string& name, std::int64_t out, std::int64_t in,
+                          std::int64_t kernel) {
         network.tensors[name + ".weight"] = {out, in, kernel, kernel};
     };
     conv("conv1", 64, 3, 3);
@@ -77,7 +81,8 @@ Network iresnet(const IresnetDepth& depth) {
     for (std::size_t stage = 0; stage < depth.blocks.size(); ++stage) {
         const std::int64_t out = std::int64_t{64} << stage;
         for (int i = 0; i < depth.blocks[stage]; ++i) {
-            const std::string block = "layer" + std::to_string(stage + 1) + "." + std::to_string(i) + ".";
+            const std::string block =
+                "layer" + std::to_string(stage + 1) + "." + std::to_string(i) + ".";
             network.batch_norm(block + "bn1", in);
             conv(block + "conv1", out, in, 3);
             network.batch_norm(block + "bn2", out);
@@ -106,6 +111,9 @@ std::vector<Network> published_networks() {
         networks.push_back(lpips_heads(description));
     }
     for (const IresnetDepth& depth : iresnet_depths) networks.push_back(iresnet(depth));
+    networks.push_back({.title = "foamliu mobilefacenet",
+                        .tensors = mobilefacenet_tensors(),
+                        .other_prefix = "features."});
     return networks;
 }
 
@@ -116,28 +124,34 @@ bool fits(const Network& network, const Tensors& tensors) {
     });
     return complete && std::ranges::none_of(tensors, [&](const auto& item) {
                const std::string& name = item.first;
-               return name.starts_with(network.other_prefix) && name.ends_with(".weight") && !network.tensors.contains(name);
+               return name.starts_with(network.other_prefix) && name.ends_with(".weight") &&
+                      !network.tensors.contains(name);
            });
 }
 
 /// The tensors whose names begin with `prefix`, without it.
 Tensors below(const Tensors& tensors, const std::string& prefix) {
     Tensors result;
-    for (auto item = tensors.lower_bound(prefix); item != tensors.end() && item->first.starts_with(prefix); ++item)
-        if (item->first.size() > prefix.size()) result.emplace(item->first.substr(prefix.size()), item->second);
+    for (auto item = tensors.lower_bound(prefix);
+         item != tensors.end() && item->first.starts_with(prefix); ++item)
+        if (item->first.size() > prefix.size())
+            result.emplace(item->first.substr(prefix.size()), item->second);
     return result;
 }
 
 /// What training programs put around a network's names.
-constexpr std::array<const char*, 5> wrappers{"state_dict.", "module.", "model.", "net.", "model_state_dict."};
+constexpr std::array<const char*, 5> wrappers{"state_dict.", "module.", "model.", "net.",
+                                              "model_state_dict."};
 constexpr int deepest_wrapper = 4;
 
 /// The published network that the file holds, perhaps inside of wrappers and beside other things.
-std::optional<ImportedWeights> recognised(const Tensors& tensors, const std::vector<Network>& networks, int depth = 0) {
+std::optional<ImportedWeights> recognised(const Tensors& tensors,
+                                          const std::vector<Network>& networks, int depth = 0) {
     for (const Network& network : networks) {
         if (!fits(network, tensors)) continue;
         ImportedWeights result{.file = {}, .recognised = network.title};
-        for (const auto& [name, shape] : network.tensors) result.file.tensors[network.written_prefix + name] = tensors.at(name);
+        for (const auto& [name, shape] : network.tensors)
+            result.file.tensors[network.written_prefix + name] = tensors.at(name);
         return result;
     }
     if (depth == deepest_wrapper) return std::nullopt;
@@ -149,13 +163,15 @@ std::optional<ImportedWeights> recognised(const Tensors& tensors, const std::vec
     return std::nullopt;
 }
 
-/// Takes wrappers off that hold all of the tensors. "state_dict" needs not: what stands beside it is the optimiser's.
+/// Takes wrappers off that hold all of the tensors. "state_dict" needs not: what stands beside it
+/// is the optimiser's.
 Tensors unwrapped(Tensors tensors) {
     for (int depth = 0; depth < deepest_wrapper; ++depth) {
         for (const char* wrapper : wrappers) {
             Tensors wrapped = below(tensors, wrapper);
             const bool takes_part = std::string(wrapper).ends_with("state_dict.");
-            if (!wrapped.empty() && (takes_part || wrapped.size() == tensors.size())) tensors = std::move(wrapped);
+            if (!wrapped.empty() && (takes_part || wrapped.size() == tensors.size()))
+                tensors = std::move(wrapped);
         }
     }
     return tensors;
@@ -168,7 +184,8 @@ bool is_tensor_file(std::string_view beginning) {
 }
 
 bool is_onnx_file(std::string_view beginning) {
-    // The first field of the message, ir_version: a number with the tag 1. The length of a header may begin alike.
+    // The first field of the message, ir_version: a number with the tag 1. The length of a header
+    // may begin alike.
     return beginning.starts_with('\x08') && !is_tensor_file(beginning);
 }
 
@@ -180,7 +197,8 @@ TensorFile read_weight_file(const fs::path& path) {
     if (is_tensor_file(beginning)) return read_tensor_file(path);
     if (is_onnx_file(beginning)) return {read_onnx_file(path).tensors, {}};
     fail<FileError>(path.string(), ": not a weight file (",
-                    beginning.empty() ? "zero bytes" : "neither safetensors, ONNX nor PyTorch", ")");
+                    beginning.empty() ? "zero bytes" : "neither safetensors, ONNX nor PyTorch",
+                    ")");
 }
 
 ImportedWeights recognise_weights(TensorFile file) {
@@ -189,14 +207,21 @@ ImportedWeights recognise_weights(TensorFile file) {
         return *std::move(result);
     }
     file.tensors = unwrapped(std::move(file.tensors));
-    return {.file = std::move(file), .recognised = ""};
+    std::string title;
+    if (file.tensors.contains("conv1.prelu.weight") &&
+        (file.tensors.contains("conv_6_dw.conv.weight") ||
+         file.tensors.contains("linear7.conv.weight")))
+        title = "a MobileFaceNet with PReLU, which no backbone here reads, names as they were";
+    return {.file = std::move(file), .recognised = std::move(title)};
 }
 
 ImportedWeights import_weights(const fs::path& path) {
-    if (!is_onnx_file(read_beginning(path, torch_file_beginning))) return recognise_weights(read_weight_file(path));
+    if (!is_onnx_file(read_beginning(path, torch_file_beginning)))
+        return recognise_weights(read_weight_file(path));
     const OnnxGraph graph = read_onnx_file(path);
-    return recognise_weights(begins_like_iresnet(graph) ? iresnet_from_onnx(graph, path.string()).file
-                                                        : TensorFile{graph.tensors, {}});
+    return recognise_weights(begins_like_iresnet(graph)
+                                 ? iresnet_from_onnx(graph, path.string()).file
+                                 : TensorFile{graph.tensors, {}});
 }
 
 }  // namespace stymo

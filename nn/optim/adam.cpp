@@ -20,13 +20,17 @@ struct Factors {
 };
 
 template <class T>
-Tensor update(const Tensor& value, const Tensor& gradient, Tensor& first, Tensor& second, const Factors& factors) {
+Tensor update(const Tensor& value, const Tensor& gradient, Tensor& first, Tensor& second,
+              const Factors& factors) {
     Tensor updated(value.shape(), value.dtype());
     const std::span<const T> x = value.values<T>(), g = gradient.values<T>();
-    const std::span<T> m = first.mutable_values<T>(), v = second.mutable_values<T>(), y = updated.mutable_values<T>();
+    const std::span<T> m = first.mutable_values<T>(), v = second.mutable_values<T>(),
+                       y = updated.mutable_values<T>();
     const T beta1 = static_cast<T>(factors.beta1), beta2 = static_cast<T>(factors.beta2);
-    const T rest1 = static_cast<T>(1.0 - factors.beta1), rest2 = static_cast<T>(1.0 - factors.beta2);
-    const T epsilon = static_cast<T>(factors.epsilon), step_size = static_cast<T>(factors.step_size);
+    const T rest1 = static_cast<T>(1.0 - factors.beta1),
+            rest2 = static_cast<T>(1.0 - factors.beta2);
+    const T epsilon = static_cast<T>(factors.epsilon),
+            step_size = static_cast<T>(factors.step_size);
     const T correction = static_cast<T>(factors.second_correction);
     constexpr T largest = static_cast<T>(largest_gradient);
     constexpr std::int64_t grain = 1 << 14;
@@ -48,19 +52,23 @@ void require_pairs(std::span<const Parameter> parameters, std::span<const Variab
 
 }  // namespace
 
-void Adam::step(std::span<const Parameter> parameters, std::span<const Variable> gradients, double learning_rate) {
+void Adam::step(std::span<const Parameter> parameters, std::span<const Variable> gradients,
+                double learning_rate) {
     if (const std::optional<std::string> name = first_non_finite(parameters, gradients))
         fail<NumericError>("the gradient of ", *name, " is not finite");
     for (std::size_t i = 0; i < parameters.size(); ++i) {
         const Tensor& value = parameters[i].variable().value();
         const Tensor& gradient = gradients[i].value();
         if (!(gradient.shape() == value.shape()))
-            fail<ShapeError>("gradient of ", parameters[i].name(), " has shape ", gradient.shape(), ", not ", value.shape());
+            fail<ShapeError>("gradient of ", parameters[i].name(), " has shape ", gradient.shape(),
+                             ", not ", value.shape());
         Moments& moments = moments_[parameters[i].name()];
         if (!moments.first.defined())
-            moments = {Tensor::zeros(value.shape(), value.dtype()), Tensor::zeros(value.shape(), value.dtype())};
+            moments = {Tensor::zeros(value.shape(), value.dtype()),
+                       Tensor::zeros(value.shape(), value.dtype())};
         if (!(moments.first.shape() == value.shape()) || !(moments.second.shape() == value.shape()))
-            fail<ShapeError>("what the optimizer remembers of ", parameters[i].name(), " has another shape than ", value.shape());
+            fail<ShapeError>("what the optimizer remembers of ", parameters[i].name(),
+                             " has another shape than ", value.shape());
         const auto steps = static_cast<double>(++moments.steps);
         const Factors factors{options_.beta1, options_.beta2, options_.epsilon,
                               learning_rate / (1.0 - std::pow(options_.beta1, steps)),
@@ -75,8 +83,9 @@ void Adam::save(TensorFile& file, const std::string& prefix) const {
     for (const auto& [name, moments] : moments_) {
         file.tensors.insert_or_assign(prefix + name + ".first", moments.first);
         file.tensors.insert_or_assign(prefix + name + ".second", moments.second);
-        file.tensors.insert_or_assign(prefix + name + ".steps",
-                                      Tensor::full({1}, static_cast<double>(moments.steps), DType::float64));
+        file.tensors.insert_or_assign(
+            prefix + name + ".steps",
+            Tensor::full({1}, static_cast<double>(moments.steps), DType::float64));
     }
 }
 
@@ -92,12 +101,14 @@ void Adam::load(const TensorFile& file, const std::string& source, const std::st
         const auto end = file.tensors.end();
         if (first == end || second == end || steps == end || steps->second.size() != 1)
             fail<FileError>(source, ": the state of the optimizer for ", name, " is incomplete");
-        loaded[name] = {first->second, second->second, static_cast<std::int64_t>(steps->second.item())};
+        loaded[name] = {first->second, second->second,
+                        static_cast<std::int64_t>(steps->second.item())};
     }
     moments_ = std::move(loaded);
 }
 
-std::optional<std::string> first_non_finite(std::span<const Parameter> parameters, std::span<const Variable> gradients) {
+std::optional<std::string> first_non_finite(std::span<const Parameter> parameters,
+                                            std::span<const Variable> gradients) {
     require_pairs(parameters, gradients);
     for (std::size_t i = 0; i < parameters.size(); ++i) {
         if (!gradients[i].value().all_finite()) return parameters[i].name();

@@ -15,20 +15,23 @@ void blend(Tensor& average, const Tensor& value, double decay) {
     const T rest = static_cast<T>(1.0 - decay);
     constexpr std::int64_t grain = 1 << 14;
     parallel_for(value.size(), grain, [=](std::int64_t begin, std::int64_t end) {
-        for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) a[i] += rest * (x[i] - a[i]);
+        for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
+            a[i] += rest * (x[i] - a[i]);
     });
 }
 
 }  // namespace
 
 Ema::Ema(std::vector<Parameter> parameters) : parameters_(std::move(parameters)) {
-    for (const Parameter& parameter : parameters_) averages_.push_back(parameter.variable().value());
+    for (const Parameter& parameter : parameters_)
+        averages_.push_back(parameter.variable().value());
 }
 
 void Ema::update(double decay) {
     for (std::size_t i = 0; i < parameters_.size(); ++i) {
         const Tensor& value = parameters_[i].variable().value();
-        dispatch(value.dtype(), [&](auto zero) { blend<decltype(zero)>(averages_[i], value, decay); });
+        dispatch(value.dtype(),
+                 [&](auto zero) { blend<decltype(zero)>(averages_[i], value, decay); });
     }
 }
 
@@ -52,7 +55,8 @@ void Ema::load(const TensorFile& file, const std::string& source, const std::str
         const auto entry = file.tensors.find(name);
         if (entry == file.tensors.end()) fail<FileError>(source, ": has no tensor ", name);
         if (!(entry->second.shape() == averages_[i].shape()))
-            fail<FileError>(source, ": ", name, " has shape ", entry->second.shape(), ", the model needs ", averages_[i].shape());
+            fail<FileError>(source, ": ", name, " has shape ", entry->second.shape(),
+                            ", the model needs ", averages_[i].shape());
         loaded.push_back(entry->second.to(averages_[i].dtype()));
     }
     averages_ = std::move(loaded);

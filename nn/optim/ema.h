@@ -16,7 +16,8 @@ public:
 
     /// average = decay * average + (1 - decay) * parameter
     void update(double decay);
-    /// Exchanges averages and parameters: once to evaluate or save the averaged model, once more to go on training.
+    /// Exchanges averages and parameters: once to evaluate or save the averages, once more to
+    /// go on training.
     void swap();
 
     /// Adds each average under `prefix` and the parameter's name.

@@ -14,7 +14,8 @@ MorphableHead builtin_head() {
     head.mean_albedo = morphable::rows_tensor({mesh.albedo}).reshaped(vertices);
     head.identity = morphable::rows_tensor(morphable::identity_basis(mesh));
     head.expression = morphable::rows_tensor(morphable::expression_basis(mesh, head.one_sided));
-    head.albedo = morphable::rows_tensor(morphable::texture_basis(mesh.vertices, mesh.parts, mesh.albedo));
+    head.albedo =
+        morphable::rows_tensor(morphable::texture_basis(mesh.vertices, mesh.parts, mesh.albedo));
     head.landmarks = morphable::landmark_vertices(mesh, parameters);
     head.triangles = std::move(mesh.triangles);
     head.parts = std::move(mesh.parts);

@@ -6,9 +6,8 @@ namespace stymo::morphable {
 
 namespace {
 
-constexpr Vector3 none{};
-constexpr Vector3 mouth_corner{0.24, mouth_height, 0.70};
-constexpr Vector3 mirrored_corner{-0.24, mouth_height, 0.70};
+const Eigen::Vector3d mouth_corner{0.24, mouth_height, 0.70};
+const Eigen::Vector3d mirrored_corner{-0.24, mouth_height, 0.70};
 
 /// One expression that several displacements make together.
 struct Expression {
@@ -16,18 +15,22 @@ struct Expression {
     bool one_sided = false;
 };
 
-[[nodiscard]] Expression smile(const Vector3& corner, Symmetry symmetry) {
+[[nodiscard]] Expression smile(const Eigen::Vector3d& corner, Symmetry symmetry) {
     const double out = corner[0] < 0.0 ? -1.0 : 1.0;
     return {{{corner, {0.13, 0.13, 0.35}, {0.022 * out, 0.028, -0.015}, none, symmetry},
-             {{1.5 * corner[0], -0.22, 0.60}, {0.16, 0.13, 0.30}, {0.010 * out, 0.016, 0.014}, none, symmetry}}};
+             {{1.5 * corner[0], -0.22, 0.60},
+              {0.16, 0.13, 0.30},
+              {0.010 * out, 0.016, 0.014},
+              none,
+              symmetry}}};
 }
 
-[[nodiscard]] Expression brow_raise(const Vector3& center, Symmetry symmetry) {
+[[nodiscard]] Expression brow_raise(const Eigen::Vector3d& center, Symmetry symmetry) {
     return {{{center, {0.17, 0.13, 0.40}, {0.0, 0.018, 0.0}, none, symmetry}}};
 }
 
 [[nodiscard]] std::vector<Expression> expressions() {
-    const Vector3 mouth{0.0, mouth_height, 0.80};
+    const Eigen::Vector3d mouth{0.0, mouth_height, 0.80};
     return {
         smile(mouth_corner, Symmetry::mirrored),
         smile(mouth_corner, Symmetry::none),
@@ -41,8 +44,10 @@ struct Expression {
         {{{{0.15, 0.21, 0.80}, {0.13, 0.10, 0.40}, {-0.010, -0.012, 0.004}}}},
         // pucker, and its opposite
         {{{mouth, {0.30, 0.16, 0.40}, {0.0, 0.0, 0.012}, {-0.055, 0.0, 0.0}}}},
-        {{{mouth, {0.30, 0.12, 0.40}, {0.0, 0.014, 0.0}, none, Symmetry::none, std::nullopt, 1}}, true},
-        {{{mouth, {0.30, 0.12, 0.40}, {0.0, -0.014, 0.0}, none, Symmetry::none, std::nullopt, -1}}, true},
+        {{{mouth, {0.30, 0.12, 0.40}, {0.0, 0.014, 0.0}, none, Symmetry::none, std::nullopt, 1}},
+         true},
+        {{{mouth, {0.30, 0.12, 0.40}, {0.0, -0.014, 0.0}, none, Symmetry::none, std::nullopt, -1}},
+         true},
         // fuller and thinner lips
         {{{mouth, {0.25, 0.10, 0.35}, none, {0.0, 0.09, 0.0}}}},
         // mouth and jaw to one side, jaw forward

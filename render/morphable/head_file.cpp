@@ -8,21 +8,29 @@ namespace stymo {
 
 namespace {
 
-[[nodiscard]] Tensor take(TensorFile& file, const std::string& name, const std::filesystem::path& path) {
+[[nodiscard]] Tensor take(TensorFile& file, const std::string& name,
+                          const std::filesystem::path& path) {
     const auto found = file.tensors.find(name);
-    if (found == file.tensors.end()) fail<FileError>(path.string(), ": holds no tensor \"", name, "\"; is it a morphable head?");
-    if (!found->second.all_finite()) fail<FileError>(path.string(), ": \"", name, "\" holds values that are not finite");
+    if (found == file.tensors.end())
+        fail<FileError>(path.string(), ": holds no tensor \"", name, "\"; is it a morphable head?");
+    if (!found->second.all_finite())
+        fail<FileError>(path.string(), ": \"", name, "\" holds values that are not finite");
     return found->second.to(DType::float32);
 }
 
-void require_shape(const Tensor& tensor, const Shape& shape, const std::string& name, const std::filesystem::path& path) {
-    if (!(tensor.shape() == shape)) fail<FileError>(path.string(), ": \"", name, "\" is ", tensor.shape(), ", expected ", shape);
+void require_shape(const Tensor& tensor, const Shape& shape, const std::string& name,
+                   const std::filesystem::path& path) {
+    if (!(tensor.shape() == shape))
+        fail<FileError>(path.string(), ": \"", name, "\" is ", tensor.shape(), ", expected ",
+                        shape);
 }
 
-[[nodiscard]] std::int32_t vertex_index(float value, std::int64_t vertex_count, const std::string& name,
+[[nodiscard]] std::int32_t vertex_index(float value, std::int64_t vertex_count,
+                                        const std::string& name,
                                         const std::filesystem::path& path) {
     if (!(value >= 0.0F) || !(value < static_cast<float>(vertex_count))) {
-        fail<FileError>(path.string(), ": \"", name, "\" names vertex ", value, " of ", vertex_count);
+        fail<FileError>(path.string(), ": \"", name, "\" names vertex ", value, " of ",
+                        vertex_count);
     }
     return static_cast<std::int32_t>(value);
 }
@@ -40,7 +48,8 @@ MorphableHead read_morphable_head(const std::filesystem::path& path) {
     const Tensor expression = take(file, "basis.expr", path);
     const std::int64_t shapes = expression.rank() == 3 ? expression.shape(0) : 0;
     if (shapes < 1 || shapes > MorphableHead::expression_size)
-        fail<FileError>(path.string(), ": \"basis.expr\" is ", expression.shape(), ", expected (1 to 79, V, 3)");
+        fail<FileError>(path.string(), ": \"basis.expr\" is ", expression.shape(),
+                        ", expected (1 to 79, V, 3)");
     require_shape(expression, {shapes, count, 3}, "basis.expr", path);
     const Tensor triangles = take(file, "triangles", path);
     require_shape(triangles, {triangles.size() / 3, 3}, "triangles", path);

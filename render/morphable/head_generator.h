@@ -10,8 +10,8 @@
 /// The surface that the built-in morphable head is made of. Not part of the public interface.
 namespace stymo::morphable {
 
-/// Measures of the generated head in world units (decimetres), at rest. The bases of the model are differences of heads that
-/// were generated with one of these changed.
+/// Measures of the generated head in world units (decimetres), at rest. The bases of the model are
+/// differences of heads that were generated with one of these changed.
 struct HeadParameters {
     double eye_width = 0.150;  ///< half of the opening
     double upper_lid = 0.068;
@@ -46,15 +46,17 @@ struct HeadParameters {
 };
 
 struct HeadMesh {
-    std::vector<Vector3> vertices;
-    std::vector<Vector3> albedo;
+    std::vector<Eigen::Vector3d> vertices;
+    std::vector<Eigen::Vector3d> albedo;
     std::vector<HeadPart> parts;
-    /// -1 below the line between the lips, +1 above, 0 on it; fades to 0 away from the mouth. Lips move apart by it.
+    /// -1 below the line between the lips, +1 above, 0 on it; fades to 0 away from the mouth. It
+    /// moves the lips apart.
     std::vector<double> mouth_side;
     std::vector<std::array<std::int32_t, 3>> triangles;
 
-    void add(const Vector3& vertex, const Vector3& color, HeadPart part, double side = 0.0);
-    /// Triangulates the last rows * columns vertices as a grid whose columns close into rings (or not).
+    void add(const Eigen::Vector3d& vertex, const Eigen::Vector3d& color, HeadPart part,
+             double side = 0.0);
+    /// Triangulates the last rows * columns vertices as a grid whose rows may be closed rings.
     void add_grid(std::int64_t rows, std::int64_t columns, bool closed, bool outward_is_left);
 };
 
@@ -67,10 +69,11 @@ void add_brows(HeadMesh& mesh, const HeadParameters& parameters);
 void add_ears(HeadMesh& mesh, const HeadParameters& parameters);
 void add_hair(HeadMesh& mesh, const HeadParameters& parameters);
 
-inline constexpr Vector3 skin_color{0.76, 0.56, 0.46};
-inline constexpr Vector3 hair_color{0.30, 0.215, 0.155};
-inline constexpr Vector3 lip_color{0.67, 0.37, 0.34};
-inline constexpr double eye_spacing = 0.30;  ///< half of the distance between the centres of the eyes
+inline const Eigen::Vector3d skin_color{0.76, 0.56, 0.46};
+inline const Eigen::Vector3d hair_color{0.30, 0.215, 0.155};
+inline const Eigen::Vector3d lip_color{0.67, 0.37, 0.34};
+inline constexpr double eye_spacing =
+    0.30;  ///< half of the distance between the centres of the eyes
 inline constexpr double eye_height = 0.05;
 inline constexpr double eye_radius = 0.175;
 inline constexpr double mouth_height = -0.52;

@@ -4,7 +4,7 @@ namespace stymo::morphable {
 
 namespace {
 
-constexpr Vector3 everywhere{100.0, 100.0, 100.0};
+const Eigen::Vector3d everywhere{100.0, 100.0, 100.0};
 
 struct Measure {
     double HeadParameters::*member;
@@ -12,19 +12,22 @@ struct Measure {
 };
 
 constexpr std::array<Measure, 24> measures{{
-    {&HeadParameters::eye_width, 0.010},  {&HeadParameters::upper_lid, 0.011},   {&HeadParameters::lower_lid, 0.008},
-    {&HeadParameters::eye_tilt, 0.035},   {&HeadParameters::nose_height, 0.035}, {&HeadParameters::nose_bridge, 0.03},
-    {&HeadParameters::nose_width, 0.010}, {&HeadParameters::nostrils, 0.015},    {&HeadParameters::brow_thickness, 0.010},
-    {&HeadParameters::brow_arch, 0.018},  {&HeadParameters::mouth_width, 0.025}, {&HeadParameters::upper_lip, 0.013},
-    {&HeadParameters::lower_lip, 0.016},  {&HeadParameters::lip_bulge, 0.010},   {&HeadParameters::mouth_curve, 0.012},
-    {&HeadParameters::ear_size, 0.09},    {&HeadParameters::ear_angle, 0.16},    {&HeadParameters::hair_top, 0.035},
-    {&HeadParameters::hair_side, 0.035},  {&HeadParameters::hair_fringe, 0.03},  {&HeadParameters::hairline, 0.055},
-    {&HeadParameters::hair_length, 0.20}, {&HeadParameters::hair_parting, 0.40}, {&HeadParameters::hair_wave, 0.012},
+    {&HeadParameters::eye_width, 0.010},      {&HeadParameters::upper_lid, 0.011},
+    {&HeadParameters::lower_lid, 0.008},      {&HeadParameters::eye_tilt, 0.035},
+    {&HeadParameters::nose_height, 0.035},    {&HeadParameters::nose_bridge, 0.03},
+    {&HeadParameters::nose_width, 0.010},     {&HeadParameters::nostrils, 0.015},
+    {&HeadParameters::brow_thickness, 0.010}, {&HeadParameters::brow_arch, 0.018},
+    {&HeadParameters::mouth_width, 0.025},    {&HeadParameters::upper_lip, 0.013},
+    {&HeadParameters::lower_lip, 0.016},      {&HeadParameters::lip_bulge, 0.010},
+    {&HeadParameters::mouth_curve, 0.012},    {&HeadParameters::ear_size, 0.09},
+    {&HeadParameters::ear_angle, 0.16},       {&HeadParameters::hair_top, 0.035},
+    {&HeadParameters::hair_side, 0.035},      {&HeadParameters::hair_fringe, 0.03},
+    {&HeadParameters::hairline, 0.055},       {&HeadParameters::hair_length, 0.20},
+    {&HeadParameters::hair_parting, 0.40},    {&HeadParameters::hair_wave, 0.012},
 }};
 
 /// Proportions: of the head, jaw and chin, cheeks, places of eyes, nose, mouth and brows.
 [[nodiscard]] std::vector<Displacement> proportions() {
-    const Vector3 none{};
     std::vector<Displacement> result{
         {none, everywhere, none, {0.020, 0.0, 0.0}, Symmetry::mirrored},
         {none, everywhere, none, {0.0, 0.015, 0.0}, Symmetry::mirrored},
@@ -46,14 +49,34 @@ constexpr std::array<Measure, 24> measures{{
         {{0.0, 0.42, 0.75}, {0.50, 0.25, 0.40}, {0.0, 0.0, 0.020}},
         {{0.30, 0.20, 0.80}, {0.30, 0.10, 0.40}, {0.0, 0.0, 0.014}},
         {{0.30, 0.22, 0.80}, everywhere, {0.0, 0.015, 0.0}, none, Symmetry::none, HeadPart::brows},
-        {{0.12, 0.22, 0.80}, {0.14, 0.20, 0.40}, {0.0, 0.018, 0.0}, none, Symmetry::mirrored, HeadPart::brows},
+        {{0.12, 0.22, 0.80},
+         {0.14, 0.20, 0.40},
+         {0.0, 0.018, 0.0},
+         none,
+         Symmetry::mirrored,
+         HeadPart::brows},
         {{0.62, 0.30, 0.20}, {0.30, 0.40, 0.50}, {0.022, 0.0, 0.0}},
         {{0.0, 0.30, -0.9}, {0.80, 0.60, 0.60}, {0.0, 0.0, -0.04}},
         {{0.0, 1.0, 0.0}, {0.90, 0.50, 0.90}, {0.0, 0.025, 0.0}},
         {{0.0, -0.45, 0.4}, {0.80, 0.35, 0.8}, {0.0, -0.018, 0.0}},
-        {{0.75, 0.4, 0.2}, {0.35, 0.60, 0.70}, {0.035, 0.0, 0.0}, none, Symmetry::mirrored, HeadPart::hair},
-        {{0.75, -0.5, -0.2}, {0.45, 0.45, 0.60}, {0.06, 0.0, 0.03}, none, Symmetry::mirrored, HeadPart::hair},
-        {{0.35, 0.75, 0.5}, {0.35, 0.30, 0.50}, {0.0, 0.035, 0.0}, none, Symmetry::opposed, HeadPart::hair},
+        {{0.75, 0.4, 0.2},
+         {0.35, 0.60, 0.70},
+         {0.035, 0.0, 0.0},
+         none,
+         Symmetry::mirrored,
+         HeadPart::hair},
+        {{0.75, -0.5, -0.2},
+         {0.45, 0.45, 0.60},
+         {0.06, 0.0, 0.03},
+         none,
+         Symmetry::mirrored,
+         HeadPart::hair},
+        {{0.35, 0.75, 0.5},
+         {0.35, 0.30, 0.50},
+         {0.0, 0.035, 0.0},
+         none,
+         Symmetry::opposed,
+         HeadPart::hair},
     };
     return result;
 }
@@ -62,8 +85,10 @@ constexpr std::array<Measure, 24> measures{{
 
 std::vector<BasisRow> identity_basis(const HeadMesh& mesh) {
     std::vector<BasisRow> basis;
-    for (const Displacement& proportion : proportions()) basis.push_back(displaced(mesh, {&proportion, 1}));
-    for (const Measure& measure : measures) basis.push_back(differentiated(measure.member, measure.deviation, false));
+    for (const Displacement& proportion : proportions())
+        basis.push_back(displaced(mesh, {&proportion, 1}));
+    for (const Measure& measure : measures)
+        basis.push_back(differentiated(measure.member, measure.deviation, false));
     const auto count = MorphableHead::identity_size - static_cast<std::int64_t>(basis.size());
     for (std::int64_t index = 0; index < count; ++index) {
         const Displacement mode = smooth_mode(index, count, -0.6, 1.0, 0.008);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/angle.h"
 #include "core/error.h"
 #include "render/morphable/displacement.h"
 #include "render/morphable/skin_surface.h"
@@ -11,38 +12,38 @@ namespace stymo::morphable {
 
 namespace {
 
-using Points = std::vector<Vector3>;
+using Points = std::vector<Eigen::Vector3d>;
 
-/// A coefficient of 1 of a blend shape is its full strength; a standard normal code shall mix dozens of them.
+/// A coefficient of 1 of a blend shape is its full strength; but a standard normal code mixes
+/// dozens of them.
 constexpr float expression_deviation = 0.25F;
 constexpr std::int64_t ict_vertex_count = 26719;
 
 struct Frame {
     double scale;
-    Vector3 offset;
+    Eigen::Vector3d offset;
 };
 
-[[nodiscard]] Vector3 landmark_mean(const Points& points, const std::array<std::int32_t, 68>& landmarks,
-                                    std::span<const std::size_t> which) {
-    Vector3 mean{};
-    for (const std::size_t k : which) {
-        for (std::size_t axis = 0; axis < 3; ++axis) {
-            mean[axis] += points[static_cast<std::size_t>(landmarks[k])][axis] / static_cast<double>(which.size());
-        }
-    }
-    return mean;
+[[nodiscard]] Eigen::Vector3d landmark_mean(const Points& points,
+                                            const std::array<std::int32_t, 68>& landmarks,
+                                            std::span<const std::size_t> which) {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const std::size_t k : which) mean += points[static_cast<std::size_t>(landmarks[k])];
+    return mean / static_cast<double>(which.size());
 }
 
-/// Brings the corners of eyes and mouth to the height and depth they have on the built-in head.
-[[nodiscard]] Frame frame_of(const Points& points, const std::array<std::int32_t, 68>& landmarks, const std::string& name) {
+/// Moves the corners of eyes and mouth to their height and depth on the built-in head.
+[[nodiscard]] Frame frame_of(const Points& points, const std::array<std::int32_t, 68>& landmarks,
+                             const std::string& name) {
     constexpr std::array<std::size_t, 4> eye_corners{36, 39, 42, 45};
     constexpr std::array<std::size_t, 2> mouth_corners{48, 54};
-    const Vector3 eyes = landmark_mean(points, landmarks, eye_corners);
-    const Vector3 mouth = landmark_mean(points, landmarks, mouth_corners);
-    if (!(eyes[1] > mouth[1])) fail<FileError>(name, ": the landmarks of the eyes do not lie above those of the mouth");
+    const Eigen::Vector3d eyes = landmark_mean(points, landmarks, eye_corners);
+    const Eigen::Vector3d mouth = landmark_mean(points, landmarks, mouth_corners);
+    if (!(eyes[1] > mouth[1]))
+        fail<FileError>(name, ": the landmarks of the eyes do not lie above those of the mouth");
     const double scale = (eye_height - mouth_height) / (eyes[1] - mouth[1]);
     constexpr double eye_depth = 0.68;
-    return {scale, {-scale * eyes[0], eye_height - scale * eyes[1], eye_depth - scale * eyes[2]}};
+    return {scale, Eigen::Vector3d(0.0, eye_height, eye_depth) - scale * eyes};
 }
 
 /// Vertex ranges of ICT-FaceKit; another mesh is skin all over.
@@ -59,36 +60,40 @@ struct Frame {
     return vertex_count == ict_vertex_count && vertex >= 24591;
 }
 
-[[nodiscard]] bool below_neckline(const Vector3& point) {
+[[nodiscard]] bool below_neckline(const Eigen::Vector3d& point) {
     return point[1] < -0.93 + 0.33 * (0.78 - point[2]);
 }
 
-/// How much of a point of the skull hair covers.
-[[nodiscard]] double hair_cover(const Vector3& point) {
-    const double line =
-        point[2] > 0.0 ? 0.02 + 0.60 * smooth_step(0.05, 0.55, point[2]) : 0.02 - 0.55 * smooth_step(-0.25, -0.6, point[2]);
-    const double ear = smooth_step(0.62, 0.68, std::abs(point[0])) * smooth_step(0.36, 0.26, point[1]);
-    return smooth_step(line - 0.03, line + 0.05, point[1]) * smooth_step(0.80, 0.68, point[2]) * (1.0 - ear);
+/// How much hair covers a point of the skull, from 0 to 1.
+[[nodiscard]] double hair_cover(const Eigen::Vector3d& point) {
+    const double line = point[2] > 0.0 ? 0.02 + 0.60 * smooth_step(0.05, 0.55, point[2])
+                                       : 0.02 - 0.55 * smooth_step(-0.25, -0.6, point[2]);
+    const double ear =
+        smooth_step(0.62, 0.68, std::abs(point[0])) * smooth_step(0.36, 0.26, point[1]);
+    return smooth_step(line - 0.03, line + 0.05, point[1]) * smooth_step(0.80, 0.68, point[2]) *
+           (1.0 - ear);
 }
 
-[[nodiscard]] double distance_to_polyline(const Vector3& point, const Points& line) {
+/// Distance in x and y.
+[[nodiscard]] double distance_to_polyline(const Eigen::Vector3d& point, const Points& line) {
     double best = 1e9;
     for (std::size_t k = 0; k + 1 < line.size(); ++k) {
-        const double dx = line[k + 1][0] - line[k][0];
-        const double dy = line[k + 1][1] - line[k][1];
-        const double length = std::max(dx * dx + dy * dy, 1e-12);
-        const double t = std::clamp(((point[0] - line[k][0]) * dx + (point[1] - line[k][1]) * dy) / length, 0.0, 1.0);
-        best = std::min(best, std::hypot(point[0] - line[k][0] - t * dx, point[1] - line[k][1] - t * dy));
+        const Eigen::Vector2d along = (line[k + 1] - line[k]).head<2>();
+        const Eigen::Vector2d from_start = (point - line[k]).head<2>();
+        const double t =
+            std::clamp(from_start.dot(along) / std::max(along.squaredNorm(), 1e-12), 0.0, 1.0);
+        best = std::min(best, (from_start - t * along).norm());
     }
     return best;
 }
 
-[[nodiscard]] bool inside_polygon(const Vector3& point, const Points& polygon) {
+[[nodiscard]] bool inside_polygon(const Eigen::Vector3d& point, const Points& polygon) {
     bool inside = false;
     for (std::size_t k = 0; k < polygon.size(); ++k) {
-        const Vector3& a = polygon[k];
-        const Vector3& b = polygon[(k + 1) % polygon.size()];
-        if ((a[1] > point[1]) != (b[1] > point[1]) && point[0] < a[0] + (b[0] - a[0]) * (point[1] - a[1]) / (b[1] - a[1]))
+        const Eigen::Vector3d& a = polygon[k];
+        const Eigen::Vector3d& b = polygon[(k + 1) % polygon.size()];
+        if ((a[1] > point[1]) != (b[1] > point[1]) &&
+            point[0] < a[0] + (b[0] - a[0]) * (point[1] - a[1]) / (b[1] - a[1]))
             inside = !inside;
     }
     return inside;
@@ -99,46 +104,51 @@ struct Paint {
     Points colors;
 };
 
-[[nodiscard]] Vector3 eye_paint(const Vector3& point, const Vector3& center) {
-    const double angle = std::atan2(std::hypot(point[0] - center[0], point[1] - center[1]), point[2] - center[2]) * 57.29578;
+[[nodiscard]] Eigen::Vector3d eye_paint(const Eigen::Vector3d& point,
+                                        const Eigen::Vector3d& center) {
+    const Eigen::Vector3d outward = point - center;
+    const double angle = degrees_from_radians(std::atan2(outward.head<2>().norm(), outward.z()));
     if (angle < 10.5) return {0.03, 0.03, 0.03};
     if (angle < 25.0) return {0.38, 0.30, 0.22};
     return {0.92, 0.90, 0.88};
 }
 
-/// Parts and colours from the places of the landmarks.
+/// Parts and colours from the positions of the landmarks.
 [[nodiscard]] Paint painted(const Points& points, const std::array<std::int32_t, 68>& landmarks) {
     const auto run = [&](std::size_t first, std::size_t last) {
         Points line;
-        for (std::size_t k = first; k <= last; ++k) line.push_back(points[static_cast<std::size_t>(landmarks[k])]);
+        for (std::size_t k = first; k <= last; ++k)
+            line.push_back(points[static_cast<std::size_t>(landmarks[k])]);
         return line;
     };
     const auto count = static_cast<std::int64_t>(points.size());
     const std::array<Points, 2> brows{run(17, 21), run(22, 26)};
     const Points lips = run(48, 59);
-    std::array<Vector3, 2> eye_centers{};
+    std::array<Eigen::Vector3d, 2> eye_centers{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
     std::array<double, 2> eye_counts{};
     for (std::size_t vertex = 0; vertex < points.size(); ++vertex) {
         if (ict_part(static_cast<std::int64_t>(vertex), count) != HeadPart::eyes) continue;
         const std::size_t side = points[vertex][0] < 0.0 ? 0 : 1;
         eye_counts[side] += 1.0;
-        for (std::size_t axis = 0; axis < 3; ++axis)
-            eye_centers[side][axis] += (points[vertex][axis] - eye_centers[side][axis]) / eye_counts[side];
+        eye_centers[side] += (points[vertex] - eye_centers[side]) / eye_counts[side];
     }
     Paint paint;
     for (std::size_t vertex = 0; vertex < points.size(); ++vertex) {
-        const Vector3& point = points[vertex];
+        const Eigen::Vector3d& point = points[vertex];
         HeadPart part = ict_part(static_cast<std::int64_t>(vertex), count);
-        Vector3 color = skin_color;
+        Eigen::Vector3d color = skin_color;
         if (part == HeadPart::eyes) {
             color = eye_paint(point, eye_centers[point[0] < 0.0 ? 0 : 1]);
         } else if (part == HeadPart::mouth) {
-            color = count == ict_vertex_count && vertex >= 17039 ? Vector3{0.88, 0.85, 0.80} : Vector3{0.45, 0.20, 0.18};
+            color = count == ict_vertex_count && vertex >= 17039
+                        ? Eigen::Vector3d{0.88, 0.85, 0.80}
+                        : Eigen::Vector3d{0.45, 0.20, 0.18};
         } else if (const double hair = hair_cover(point); hair > 0.0) {
             if (hair > 0.5) part = HeadPart::hair;
             color = mix(color, hair_color, hair);
         } else if (point[2] > 0.4) {
-            const double brow = std::min(distance_to_polyline(point, brows[0]), distance_to_polyline(point, brows[1]));
+            const double brow = std::min(distance_to_polyline(point, brows[0]),
+                                         distance_to_polyline(point, brows[1]));
             if (brow < 0.024) part = HeadPart::brows;
             color = mix(color, {0.24, 0.17, 0.12}, 0.9 * smooth_step(0.034, 0.014, brow));
             if (inside_polygon(point, lips)) {
@@ -163,12 +173,10 @@ struct Paint {
 /// Gives the painted hair some volume.
 void raise_hair(Points& points, const std::vector<HeadPart>& parts) {
     for (std::size_t vertex = 0; vertex < points.size(); ++vertex) {
-        Vector3& point = points[vertex];
+        Eigen::Vector3d& point = points[vertex];
         if (parts[vertex] != HeadPart::hair && parts[vertex] != HeadPart::skin) continue;
-        const Vector3 outward{point[0], point[1] - 0.2, point[2]};
-        const double length = std::max(std::hypot(outward[0], outward[1], outward[2]), 1e-6);
-        const double thickness = 0.09 * hair_cover(point);
-        for (std::size_t axis = 0; axis < 3; ++axis) point[axis] += thickness * outward[axis] / length;
+        const Eigen::Vector3d outward{point[0], point[1] - 0.2, point[2]};
+        point += 0.09 * hair_cover(point) / std::max(outward.norm(), 1e-6) * outward;
     }
 }
 
@@ -180,23 +188,24 @@ MorphableHead head_from_scans(const ScannedHead& scanned) {
     head.landmarks = scanned.landmarks;
     Points points(static_cast<std::size_t>(count));
     const auto values = scanned.mean.values<float>();
-    for (std::size_t i = 0; i < values.size(); ++i) points[i / 3][i % 3] = static_cast<double>(values[i]);
+    for (std::size_t i = 0; i < points.size(); ++i)
+        points[i] = Eigen::Map<const Eigen::Vector3f>(&values[3 * i]).cast<double>();
     const Frame frame = frame_of(points, head.landmarks, scanned.name);
-    for (Vector3& point : points) {
-        for (std::size_t axis = 0; axis < 3; ++axis) point[axis] = frame.scale * point[axis] + frame.offset[axis];
-    }
+    for (Eigen::Vector3d& point : points) point = frame.scale * point + frame.offset;
     for (const auto& triangle : scanned.triangles) {
         const bool hidden = std::any_of(triangle.begin(), triangle.end(), [&](std::int32_t vertex) {
-            return is_shell(vertex, count) || below_neckline(points[static_cast<std::size_t>(vertex)]);
+            return is_shell(vertex, count) ||
+                   below_neckline(points[static_cast<std::size_t>(vertex)]);
         });
         if (!hidden) head.triangles.push_back(triangle);
     }
     Paint paint = painted(points, head.landmarks);
     raise_hair(points, paint.parts);
     head.mean = rows_tensor({points}).reshaped({count, 3});
-    head.identity = scaled_basis(scanned.identity, MorphableHead::identity_size, static_cast<float>(frame.scale));
-    head.expression =
-        scaled_basis(scanned.expression, MorphableHead::expression_size, static_cast<float>(frame.scale) * expression_deviation);
+    head.identity = scaled_basis(scanned.identity, MorphableHead::identity_size,
+                                 static_cast<float>(frame.scale));
+    head.expression = scaled_basis(scanned.expression, MorphableHead::expression_size,
+                                   static_cast<float>(frame.scale) * expression_deviation);
     std::fill_n(head.one_sided.begin(), scanned.expression.shape(0), true);
     head.mean_albedo = rows_tensor({paint.colors}).reshaped({count, 3});
     head.albedo = rows_tensor(texture_basis(points, paint.parts, paint.colors));

@@ -8,10 +8,11 @@
 #include "core/tensor.h"
 #include "render/morphable/head.h"
 
-/// What the readers of scanned heads share. Not part of the public interface.
+/// Code that the readers of scanned heads share. Not part of the public interface.
 namespace stymo::morphable {
 
-/// A linear model as its files have it: centimetres, x to the image's right, y up, z out of the face.
+/// A linear model as its files have it: centimetres, x to the image's right, y up, z out of the
+/// face.
 struct ScannedHead {
     std::string name;   ///< of the file or folder, for messages
     Tensor mean;        ///< (V, 3) float32
@@ -21,9 +22,9 @@ struct ScannedHead {
     std::array<std::int32_t, 68> landmarks{};
 };
 
-/// Moves and scales it to where the built-in head has its eyes and mouth, fills the bases with zero rows, drops the triangles of
-/// the neck, and gives it parts and a smooth colour basis of ours. Throws FileError if eyes and mouth are not where a face has
-/// them.
+/// Moves and scales it to where the built-in head has its eyes and mouth, fills the bases with zero
+/// rows, drops the triangles of the neck, and gives it parts and the built-in smooth colour basis.
+/// Throws FileError if the landmarks of eyes and mouth are not arranged as in a face.
 [[nodiscard]] MorphableHead head_from_scans(const ScannedHead& scanned);
 
 }  // namespace stymo::morphable

@@ -6,20 +6,21 @@
 
 namespace stymo {
 
-Tensor shaded_colors(const Tensor& albedo, const Tensor& normals, std::span<const float> light, const Camera& camera) {
+Tensor shaded_colors(const Tensor& albedo, const Tensor& normals, std::span<const float> light,
+                     const Camera& camera) {
     Tensor colors = albedo;
     const auto normal_values = normals.values<float>();
     const auto color_values = colors.mutable_values<float>();
+    const Eigen::Matrix3d camera_from_world = camera.world_from_camera.transpose();
     for (std::size_t vertex = 0; vertex < color_values.size(); vertex += 3) {
-        Vector3 normal{};
-        for (std::size_t axis = 0; axis < 3; ++axis) {
-            for (std::size_t k = 0; k < 3; ++k)
-                normal[axis] += camera.world_from_camera[k][axis] * static_cast<double>(normal_values[vertex + k]);
-        }
-        const Vector3 received = irradiance(light, normal);
+        const Eigen::Vector3d normal =
+            camera_from_world *
+            Eigen::Map<const Eigen::Vector3f>(&normal_values[vertex]).cast<double>();
+        const Eigen::Vector3d received = irradiance(light, normal);
         for (std::size_t channel = 0; channel < 3; ++channel) {
             color_values[vertex + channel] =
-                std::clamp(color_values[vertex + channel] * static_cast<float>(received[channel]), 0.01F, 1.0F);
+                std::clamp(color_values[vertex + channel] * static_cast<float>(received[channel]),
+                           0.01F, 1.0F);
         }
     }
     return colors;

@@ -2,7 +2,8 @@
 
 #include "render/morphable/head_generator.h"
 
-/// The skin is lofted: horizontal sections, narrow ovals at first, with the features of the face added towards the front.
+/// The skin is lofted: horizontal sections, narrow ovals at first, with the features of the face
+/// added towards the front.
 namespace stymo::morphable {
 
 /// Section of the head at profile parameter s in [0, 1], crown to throat.
@@ -16,17 +17,19 @@ struct Section {
 [[nodiscard]] Section section_at(double s);
 /// Inverse of section_at(s).height, above the chin.
 [[nodiscard]] double profile_parameter(double height);
-/// Point of the bald, featureless head; `angle` runs around the y axis from 0 at the front to +-pi at the back, towards +x.
-[[nodiscard]] Vector3 loft_point(double s, double angle);
+/// Point of the bald, featureless head; `angle` runs around the y axis from 0 at the front to +-pi
+/// at the back, towards +x.
+[[nodiscard]] Eigen::Vector3d loft_point(double s, double angle);
 /// Point of the front at given x and y, with nose, sockets and so on, eyes closed and lips flat.
-[[nodiscard]] Vector3 face_point(double x, double y, const HeadParameters& parameters);
+[[nodiscard]] Eigen::Vector3d face_point(double x, double y, const HeadParameters& parameters);
 /// Centre of the eyeball at the image's right.
-[[nodiscard]] Vector3 eye_center(const HeadParameters& parameters);
+[[nodiscard]] Eigen::Vector3d eye_center(const HeadParameters& parameters);
 
 /// exp(-x^2).
 [[nodiscard]] double gauss(double x);
 /// 0 below `low`, 1 above `high`, smooth between; `low` may be the greater one.
 [[nodiscard]] double smooth_step(double low, double high, double x);
-[[nodiscard]] Vector3 mix(const Vector3& a, const Vector3& b, double weight);
+[[nodiscard]] Eigen::Vector3d mix(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
+                                  double weight);
 
 }  // namespace stymo::morphable

@@ -42,7 +42,8 @@ struct TinyTool {
             [&](const stymo::CommonOptions& options) {
                 common = options;
                 if (!failure.empty()) stymo::fail<stymo::FileError>(failure);
-                return stymo::AppResult{"all is well", stymo::JsonValue::object({{"steps", steps}})};
+                return stymo::AppResult{"all is well",
+                                        stymo::JsonValue::object({{"steps", steps}})};
             },
             out, err);
         return {exit_code, out.str(), err.str()};
@@ -53,8 +54,9 @@ struct TinyTool {
 
 TEST_CASE("A tool that succeeds prints its text and exits with 0") {
     TinyTool tool;
-    const Outcome outcome = tool.run({"--image", "my photo.png", "--yaw", "-30", "--set", "a.b=1", "--set", "c=x y", "--depth",
-                                      "--threads", "1", "--seed", "18446744073709551615"});
+    const Outcome outcome =
+        tool.run({"--image", "my photo.png", "--yaw", "-30", "--set", "a.b=1", "--set", "c=x y",
+                  "--depth", "--threads", "1", "--seed", "18446744073709551615"});
     CHECK(outcome.exit_code == 0);
     CHECK(outcome.out == "all is well\n");
     CHECK(outcome.err.empty());
@@ -73,20 +75,24 @@ TEST_CASE("With --json a tool prints exactly one JSON object") {
     CHECK(nlohmann::json::parse(outcome.out) == nlohmann::json{{"steps", 7}});
 }
 
-TEST_CASE("A tool that fails prints one line that begins with its name, nothing else, and exits with 1") {
-    const Outcome outcome = TinyTool().run({"--image", "x.png", "--json"}, "x.png: no such file;\ngive another --image\n");
+TEST_CASE(
+    "A tool that fails prints one line that begins with its name, nothing else, and exits with 1") {
+    const Outcome outcome = TinyTool().run({"--image", "x.png", "--json"},
+                                           "x.png: no such file;\ngive another --image\n");
     CHECK(outcome.exit_code == 1);
     CHECK(outcome.out.empty());
     CHECK(outcome.err == "stymo-tiny: x.png: no such file; give another --image\n");
 }
 
-TEST_CASE("A result that is only a part is printed, with why on stderr, and the tool exits with 1") {
+TEST_CASE(
+    "A result that is only a part is printed, with why on stderr, and the tool exits with 1") {
     stymo::CommandLine line("stymo-tiny", "A tool of the tests.");
     const char* const arguments[] = {"stymo-tiny", "--json"};
     std::ostringstream out;
     std::ostringstream err;
     const auto body = [](const stymo::CommonOptions&) {
-        return stymo::AppResult{"half", stymo::JsonValue::object({{"steps", 3}}), "interrupted after 3 of 7 steps"};
+        return stymo::AppResult{"half", stymo::JsonValue::object({{"steps", 3}}),
+                                "interrupted after 3 of 7 steps"};
     };
     CHECK(line.run(2, arguments, body, out, err) == 1);
     CHECK(nlohmann::json::parse(out.str()) == nlohmann::json{{"steps", 3}});
@@ -120,7 +126,9 @@ TEST_CASE("A body that finds the options wrong ends the tool with 2") {
     const char* const arguments[] = {"stymo-tiny"};
     std::ostringstream out;
     std::ostringstream err;
-    const auto body = [](const stymo::CommonOptions&) -> stymo::AppResult { stymo::fail<stymo::UsageError>("--a needs --b"); };
+    const auto body = [](const stymo::CommonOptions&) -> stymo::AppResult {
+        stymo::fail<stymo::UsageError>("--a needs --b");
+    };
     CHECK(line.run(1, arguments, body, out, err) == 2);
     CHECK(err.str() == "stymo-tiny: --a needs --b; see stymo-tiny --help\n");
     CHECK(out.str().empty());
@@ -142,14 +150,19 @@ TEST_CASE("A tool with commands calls the body of the command that was given") {
         stymo::CommandLine line("stymo-tiny", "A tool of the tests.");
         double strength = 1.0;
         stymo::Command mix = line.command("mix", "Mixes", [&](const stymo::CommonOptions& common) {
-            return stymo::AppResult{"mix " + std::to_string(strength) + (common.json ? " json" : ""), stymo::JsonValue::object()};
+            return stymo::AppResult{
+                "mix " + std::to_string(strength) + (common.json ? " json" : ""),
+                stymo::JsonValue::object()};
         });
         mix.option("--strength", strength, "Strength");
-        line.command("color", "Colours", [](const stymo::CommonOptions&) { return stymo::AppResult{"color", {}}; });
+        line.command("color", "Colours", [](const stymo::CommonOptions&) {
+            return stymo::AppResult{"color", {}};
+        });
         arguments.insert(arguments.begin(), "stymo-tiny");
         std::ostringstream out;
         std::ostringstream err;
-        const int exit_code = line.run(static_cast<int>(arguments.size()), arguments.data(), {}, out, err);
+        const int exit_code =
+            line.run(static_cast<int>(arguments.size()), arguments.data(), {}, out, err);
         return Outcome{exit_code, out.str(), err.str()};
     };
     CHECK(run({"mix", "--strength", "0.5"}).out == "mix 0.500000\n");

@@ -29,16 +29,18 @@ FaceScore score_of(const std::string& id, const ImageMetrics& initial, const Ima
     return {id, {{Region::head, initial, fitted}}, 0.25};
 }
 
-const std::vector<FaceScore> three_scores = {score_of("a", {0.3, 0.1, 0.5, 20.0}, {0.2, 0.06, 0.7, 24.0}),
-                                             score_of("b", {0.1, 0.04, 0.7, 10.0}, {0.0, 0.0, 0.9, 12.0}),
-                                             score_of("c", {0.2, 0.07, 0.6, 12.0}, {0.1, 0.03, 0.8, 15.0})};
+const std::vector<FaceScore> three_scores = {
+    score_of("a", {0.3, 0.1, 0.5, 20.0}, {0.2, 0.06, 0.7, 24.0}),
+    score_of("b", {0.1, 0.04, 0.7, 10.0}, {0.0, 0.0, 0.9, 12.0}),
+    score_of("c", {0.2, 0.07, 0.6, 12.0}, {0.1, 0.03, 0.8, 15.0})};
 
 /// Faces whose fitted PSNR is 1, 2, ..., not in order.
 std::vector<FaceScore> scores_by_psnr(int count) {
     std::vector<FaceScore> scores;
     for (int i = 0; i < count; ++i) {
         const int psnr = (i * 7) % count + 1;
-        scores.push_back(score_of("face" + std::to_string(psnr), {}, {0.0, 0.0, 0.0, static_cast<double>(psnr)}));
+        scores.push_back(score_of("face" + std::to_string(psnr), {},
+                                  {0.0, 0.0, 0.0, static_cast<double>(psnr)}));
     }
     return scores;
 }
@@ -86,13 +88,15 @@ TEST_CASE("A range of faces is one place, two, or from one to the end") {
 }
 
 TEST_CASE("Anything else is no range of faces") {
-    const auto text = GENERATE("x", "-3", "1-2-3", "5-2", "1-x", "1.5", " 1", "1 ", "99999999999999999999", "-");
+    const auto text =
+        GENERATE("x", "-3", "1-2-3", "5-2", "1-x", "1.5", " 1", "1 ", "99999999999999999999", "-");
     CHECK_THROWS_AS(parse_range(text), UsageError);
     CHECK_THROWS_WITH(parse_range(text), Catch::Contains("--ids"));
 }
 
 TEST_CASE("The scores of a folder are the means and the medians over its faces") {
-    const auto value = json::parse(summary_json(three_scores, {{"d", "d.png: not an image"}}).text());
+    const auto value =
+        json::parse(summary_json(three_scores, {{"d", "d.png: not an image"}}).text());
     CHECK(value["count"] == 3);
     CHECK(value["mean"]["head"]["initial"]["psnr"].get<double>() == Approx(14.0));
     CHECK(value["mean"]["head"]["fitted"]["l1"].get<double>() == Approx(0.1));
@@ -101,28 +105,33 @@ TEST_CASE("The scores of a folder are the means and the medians over its faces")
     CHECK(value["counting_samples"].get<double>() == Approx(0.25));
     CHECK(value["failed"] == json{{{"id", "d"}, {"reason", "d.png: not an image"}}});
     CHECK_FALSE(value["mean"].contains("face"));
-    CHECK_THAT(table(three_scores), Catch::Contains("3 faces") && Catch::Contains("14.00") && Catch::Contains("17.00") &&
-                                        Catch::Contains("median") && !Catch::Contains("LPIPS"));
+    CHECK_THAT(table(three_scores), Catch::Contains("3 faces") && Catch::Contains("14.00") &&
+                                        Catch::Contains("17.00") && Catch::Contains("median") &&
+                                        !Catch::Contains("LPIPS"));
 
     std::vector<FaceScore> initial_alone = three_scores;
     for (FaceScore& score : initial_alone) score.regions.front().fitted.reset();
-    CHECK_FALSE(json::parse(summary_json(initial_alone, {}).text())["mean"]["head"].contains("fitted"));
+    CHECK_FALSE(
+        json::parse(summary_json(initial_alone, {}).text())["mean"]["head"].contains("fitted"));
     CHECK_THAT(table(initial_alone), !Catch::Contains("fitted"));
 }
 
 TEST_CASE("A face's score is read back from its line as it was, infinite PSNR included") {
-    FaceScore score{"00012",
-                    {{Region::head, {0.1, 1.0 / 3.0, 0.25, 21.0, 0.125}, ImageMetrics{0.0, 0.0, 1.0, INFINITY, 0.0}},
-                     {Region::face, {1e-7, 0.2, 0.3, 30.0, 0.5}, ImageMetrics{0.1, 0.2, 0.3, 4.0, 0.25}}},
-                    0.28};
+    FaceScore score{
+        "00012",
+        {{Region::head,
+          {0.1, 1.0 / 3.0, 0.25, 21.0, 0.125},
+          ImageMetrics{0.0, 0.0, 1.0, INFINITY, 0.0}},
+         {Region::face, {1e-7, 0.2, 0.3, 30.0, 0.5}, ImageMetrics{0.1, 0.2, 0.3, 4.0, 0.25}}},
+        0.28};
     const std::string line = to_json(score).text();
     const FaceScore again = parse_face_score(line);
     CHECK(to_json(again).text() == line);
     CHECK(again.regions[0].fitted->psnr == INFINITY);
     CHECK(again.regions[0].initial.l1_mean == 1.0 / 3.0);
     CHECK(again.regions[1].region == Region::face);
-    for (const char* text :
-         {"", "{}", R"({"id":"a","counting_samples":1})", R"({"id":"a","head":{},"counting_samples":1})", "[1"})
+    for (const char* text : {"", "{}", R"({"id":"a","counting_samples":1})",
+                             R"({"id":"a","head":{},"counting_samples":1})", "[1"})
         CHECK_THROWS_AS(parse_face_score(text), FileError);
 }
 
@@ -189,11 +198,13 @@ TEST_CASE("An evaluation goes on where it was stopped, without the line that was
 TEST_CASE("A folder of scores that was begun otherwise is refused by the setting that differs") {
     const ScratchFolder scratch;
     const auto open = [&](std::int64_t steps) {
-        ScoreFolder(scratch.path() / "out", JsonValue::object({{"--fit", true}, {"--steps", steps}}));
+        ScoreFolder(scratch.path() / "out",
+                    JsonValue::object({{"--fit", true}, {"--steps", steps}}));
     };
     open(100);
     CHECK_NOTHROW(open(100));
-    CHECK_THAT(error_message([&] { open(50); }), Catch::Contains("other settings (--steps was 100, now 50)"));
+    CHECK_THAT(error_message([&] { open(50); }),
+               Catch::Contains("other settings (--steps was 100, now 50)"));
     write_text_file(scratch.path() / "out/scores.jsonl", "{}\n");
     CHECK_THAT(error_message([&] { open(100); }), Catch::Contains("scores.jsonl, line 1: "));
     fs::create_directory(scratch.path() / "other");
@@ -212,7 +223,8 @@ TEST_CASE("The face's region is scored within the head, of the folder's parsing 
     for (const char* id : {"00000", "00001"}) {
         Tensor classes({64, 64, 1});
         const std::span<float> values = classes.mutable_values<float>();
-        for (std::size_t i = 0; i < values.size(); ++i) values[i] = (i % 64 < 32 ? 1.0F : 13.0F) / 255.0F;
+        for (std::size_t i = 0; i < values.size(); ++i)
+            values[i] = (i % 64 < 32 ? 1.0F : 13.0F) / 255.0F;
         write_image(folder / "parsing" / (std::string(id) + ".png"), classes);
     }
     TinyEvaluation tiny;
@@ -229,7 +241,8 @@ TEST_CASE("The face's region is scored within the head, of the folder's parsing 
     const Evaluation evaluation = tiny.run();
     REQUIRE(evaluation.scores.size() == 2);
     CHECK(evaluation.failed.size() == 1);
-    CHECK_THAT(evaluation.failed.front().reason, Catch::Contains("00002.png") && Catch::Contains("--parser"));
+    CHECK_THAT(evaluation.failed.front().reason,
+               Catch::Contains("00002.png") && Catch::Contains("--parser"));
     const std::vector<RegionScore>& regions = evaluation.scores.front().regions;
     CHECK(regions[1].initial.l1 > 0.0);
     CHECK(regions[1].initial.l1 < regions[0].initial.l1);
@@ -239,7 +252,8 @@ TEST_CASE("The face's region is scored within the head, of the folder's parsing 
     CHECK(tiny.run().failed.empty());
     tiny.options.face_region = &by_folder;
     tiny.options.range = {3, 5};
-    CHECK_THAT(error_message([&] { static_cast<void>(tiny.run()); }), Catch::Contains("--region") && Catch::Contains("--parser"));
+    CHECK_THAT(error_message([&] { static_cast<void>(tiny.run()); }),
+               Catch::Contains("--region") && Catch::Contains("--parser"));
 }
 
 TEST_CASE("The split is that of the model's run, or there is none") {
@@ -251,10 +265,15 @@ TEST_CASE("The split is that of the model's run, or there is none") {
     CHECK_THROWS_WITH(split_of_run(tiny_run() / "fit/model.safetensors"), Catch::Contains("--ids"));
 }
 
-TEST_CASE("The page of an evaluation has its table, what failed, the sheet's rows and the settings") {
-    const std::string page = report_page({three_scores, {{"d", "d.png: not an image"}}},
-                                         {{{"--steps", 100}}, "vgg16, random weights", sheet_rows(three_scores)});
-    CHECK_THAT(page, Catch::Contains("3 faces, 1 failed") && Catch::Contains("| head | fitted | mean | 0.1000 | 0.0300 |") &&
-                         Catch::Contains("- d: d.png: not an image") && Catch::Contains("LPIPS: vgg16, random weights") &&
-                         Catch::Contains("| 1 | a | best | 24.00 |") && Catch::Contains("| `--steps` | 100 |"));
+TEST_CASE(
+    "The page of an evaluation has its table, what failed, the sheet's rows and the settings") {
+    const std::string page =
+        report_page({three_scores, {{"d", "d.png: not an image"}}},
+                    {{{"--steps", 100}}, "vgg16, random weights", sheet_rows(three_scores)});
+    CHECK_THAT(page, Catch::Contains("3 faces, 1 failed") &&
+                         Catch::Contains("| head | fitted | mean | 0.1000 | 0.0300 |") &&
+                         Catch::Contains("- d: d.png: not an image") &&
+                         Catch::Contains("LPIPS: vgg16, random weights") &&
+                         Catch::Contains("| 1 | a | best | 24.00 |") &&
+                         Catch::Contains("| `--steps` | 100 |"));
 }

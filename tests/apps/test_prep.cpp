@@ -14,6 +14,8 @@
 #include "core/io/file.h"
 #include "core/io/image.h"
 #include "fit/photo/face_detector.h"
+#include "train/data/dataset.h"
+#include "train/data/folder_scan.h"
 
 namespace {
 
@@ -32,7 +34,8 @@ ToolOutcome done(const std::string& command) {
 
 std::set<std::string> names_in(const fs::path& folder) {
     std::set<std::string> names;
-    for (const auto& entry : fs::directory_iterator(folder)) names.insert(entry.path().filename().string());
+    for (const auto& entry : fs::directory_iterator(folder))
+        names.insert(entry.path().filename().string());
     return names;
 }
 
@@ -43,7 +46,7 @@ std::vector<json> records_in(const fs::path& file) {
     return records;
 }
 
-/// The first heads of the tiny run with their landmarks and masks, and a file that is no picture.
+/// The first heads of the tiny run with their landmarks and masks, and a file that is no image.
 fs::path photos_with_landmarks(const std::string& name, int count) {
     const fs::path folder = tiny_run() / name;
     fs::create_directories(folder / "images");
@@ -53,12 +56,15 @@ fs::path photos_with_landmarks(const std::string& name, int count) {
         if (count-- == 0) break;
         const std::string file = record["id"].get<std::string>() + ".png";
         for (const char* kind : {"images", "masks"})
-            fs::copy_file(tiny_run() / "faces" / kind / file, folder / kind / file, fs::copy_options::overwrite_existing);
+            fs::copy_file(tiny_run() / "faces" / kind / file, folder / kind / file,
+                          fs::copy_options::overwrite_existing);
         lines += json{{"id", record["id"]}, {"landmarks", record["landmarks"]}}.dump() + "\n";
     }
-    fs::copy_file(tiny_run() / "zero.png", folder / "images/zero.png", fs::copy_options::overwrite_existing);
+    fs::copy_file(tiny_run() / "zero.png", folder / "images/zero.png",
+                  fs::copy_options::overwrite_existing);
     const json landmarks = records_in(tiny_run() / "faces/faces.jsonl").front()["landmarks"];
-    stymo::write_text_file(folder / "faces.jsonl", lines + json{{"id", "zero"}, {"landmarks", landmarks}}.dump() + "\n");
+    stymo::write_text_file(folder / "faces.jsonl",
+                           lines + json{{"id", "zero"}, {"landmarks", landmarks}}.dump() + "\n");
     return folder;
 }
 
@@ -69,39 +75,52 @@ bool has_detector() {
 
 }  // namespace
 
-TEST_CASE("stymo-prep makes a folder with poses, codes and overlays that trains, and names what it left out") {
+TEST_CASE(
+    "stymo-prep makes a folder with poses, codes and overlays that trains, and names what it left "
+    "out") {
     const fs::path& folder = tiny_run();
     photos_with_landmarks("photos", 3);
-    const json report = json::parse(done("stymo-prep --photos photos --out prepared --size 64 --json").out);
+    const json report =
+        json::parse(done("stymo-prep --photos photos --out prepared --size 64 --json").out);
     CHECK(report["found"] == 4);
     CHECK(report["ok"] == 3);
     CHECK(report["faces"] == 3);
     CHECK(report["made_masks"] == 0);
-    CHECK(report["failed"] == json{{{"file", "photos/images/zero.png"}, {"reason", "not an image (zero bytes)"}}});
+    CHECK(report["failed"] ==
+          json{{{"file", "photos/images/zero.png"}, {"reason", "not an image (zero bytes)"}}});
     CHECK(report == json::parse(stymo::read_text_file(folder / "prepared/report.json")));
-    CHECK(names_in(folder / "prepared") ==
-          std::set<std::string>{"camera.json", "faces.jsonl", "images", "masks", "overlays", "report.json"});
-    CHECK(names_in(folder / "prepared/images") == std::set<std::string>{"00000.png", "00001.png", "00002.png"});
+    CHECK(names_in(folder / "prepared") == std::set<std::string>{"camera.json", "faces.jsonl",
+                                                                 "images", "masks", "overlays",
+                                                                 "report.json"});
+    CHECK(names_in(folder / "prepared/images") ==
+          std::set<std::string>{"00000.png", "00001.png", "00002.png"});
     CHECK(names_in(folder / "prepared/masks") == names_in(folder / "prepared/images"));
-    CHECK(stymo::read_image(folder / "prepared/overlays/sheet_000.png").shape() == stymo::Shape{192, 3 * 192, 3});
+    CHECK(stymo::read_image(folder / "prepared/overlays/sheet_000.png").shape() ==
+          stymo::Shape{192, 3 * 192, 3});
     const std::vector<json> truth = records_in(folder / "faces/faces.jsonl");
     const std::vector<json> found = records_in(folder / "prepared/faces.jsonl");
     REQUIRE(found.size() == 3);
     for (std::size_t i = 0; i < found.size(); ++i) {
         CHECK(found[i]["id"] == truth[i]["id"]);
-        CHECK(found[i]["pose"]["yaw_deg"].get<double>() == Approx(truth[i]["pose"]["yaw_deg"].get<double>()).margin(5.0));
+        CHECK(found[i]["pose"]["yaw_deg"].get<double>() ==
+              Approx(truth[i]["pose"]["yaw_deg"].get<double>()).margin(5.0));
         CHECK(found[i]["code"]["expr"].size() == 79);
     }
-    done("stymo-train --config tiny.json --data prepared --out prepared_run --set stage1.steps=1 --set data.split.test=0");
-    const ToolOutcome again = run_tool(folder, "stymo-prep --photos photos --out prepared --size 64");
+    done(
+        "stymo-train --config tiny.json --data prepared --out prepared_run --set stage1.steps=1 "
+        "--set data.split.test=0");
+    const ToolOutcome again =
+        run_tool(folder, "stymo-prep --photos photos --out prepared --size 64");
     CHECK(again.exit_code == 1);
     CHECK_THAT(again.err, Catch::Contains("prepared: exists already"));
 }
 
-TEST_CASE("A preparation that was stopped goes on with the next call, as if it had not been", "[slow]") {
+TEST_CASE("A preparation that was stopped goes on with the next call, as if it had not been",
+          "[slow]") {
     const fs::path folder = photos_with_landmarks("many", 12).parent_path();
     done("stymo-prep --photos many --out in_one_go --size 32");
-    stymo::RunningTool first(folder, "stymo-prep", stymo::words("--photos many --out in_two --size 32"));
+    stymo::RunningTool first(folder, "stymo-prep",
+                             stymo::words("--photos many --out in_two --size 32"));
     REQUIRE(first.says("Photos"));
     // Past the first batch.
     for (int i = 0; i < 600; ++i) {
@@ -113,34 +132,51 @@ TEST_CASE("A preparation that was stopped goes on with the next call, as if it h
     first.send(SIGINT);
     const ToolOutcome stopped = first.wait();
     CHECK(stopped.exit_code == 1);
-    CHECK_THAT(stopped.err, Catch::Contains("photos; the same command goes on from there"));
-    CHECK_FALSE(fs::exists(folder / "in_two/faces.jsonl"));
+    CHECK_THAT(stopped.err, Catch::Contains("photos; the same command continues from there"));
+    // What is done is a data set, whose split is that of the whole folder.
+    const stymo::FolderScan so_far = stymo::scan_folder(folder / "in_two");
+    CHECK(so_far.faces.size() < 12);
+    CHECK(so_far.records.size() == so_far.faces.size());
+    CHECK(so_far.photo_ids.size() == 13);  // one of them is not an image
+    CHECK(so_far.records.contains(
+        stymo::Dataset(folder / "in_two", 32, {.test = 2, .validation = 1}, stymo::Split::test)
+            .ids()
+            .front()));
     const ToolOutcome other = run_tool(folder, "stymo-prep --photos many --out in_two --size 64");
     CHECK(other.exit_code == 1);
     CHECK_THAT(other.err, Catch::Contains("was begun with other settings (--size was 32, now 64)"));
     std::ofstream(folder / "in_two/progress.jsonl", std::ios::app) << R"({"file":"images/000)";
     done("stymo-prep --photos many --out in_two --size 32");
     CHECK(names_in(folder / "in_two") == names_in(folder / "in_one_go"));
-    for (const char* file : {"faces.jsonl", "report.json", "camera.json", "images/00010.png", "overlays/sheet_000.png"})
-        CHECK(stymo::read_text_file(folder / "in_two" / file) == stymo::read_text_file(folder / "in_one_go" / file));
+    for (const char* file : {"faces.jsonl", "report.json", "camera.json", "images/00010.png",
+                             "overlays/sheet_000.png"})
+        CHECK(stymo::read_text_file(folder / "in_two" / file) ==
+              stymo::read_text_file(folder / "in_one_go" / file));
 }
 
 TEST_CASE("A folder none of whose photos can be used leaves nothing behind") {
     const fs::path folder = photos_with_landmarks("unusable", 0);
-    const ToolOutcome outcome = run_tool(tiny_run(), "stymo-prep --photos unusable --out unusable_set");
+    const ToolOutcome outcome =
+        run_tool(tiny_run(), "stymo-prep --photos unusable --out unusable_set");
     CHECK(outcome.exit_code == 1);
-    CHECK_THAT(outcome.err, Catch::Contains("unusable: none of its 1 photos can be used; the first: unusable/images/zero.png: "
-                                            "not an image (zero bytes)\n"));
+    CHECK_THAT(
+        outcome.err,
+        Catch::Contains(
+            "unusable: none of its 1 photos can be used; the first: unusable/images/zero.png: "
+            "not an image (zero bytes)\n"));
     CHECK_FALSE(fs::exists(tiny_run() / "unusable_set"));
 }
 
 TEST_CASE("A pose comes back from every form that stymo-prep pose writes") {
     const fs::path& folder = tiny_run();
-    const json pose = json::parse(done("stymo-prep pose --yaw 20 --pitch -5 --roll 3 --out pose.json --json").out);
+    const json pose = json::parse(
+        done("stymo-prep pose --yaw 20 --pitch -5 --roll 3 --out pose.json --json").out);
     CHECK(pose["pose"]["yaw_deg"].get<double>() == Approx(20.0));
     CHECK(pose == json::parse(stymo::read_text_file(folder / "pose.json")));
     const json record = {{"id", "a"}, {"pose", pose["pose"]}};
-    const json other = {{"id", "b"}, {"pose", {{"yaw_deg", 0}, {"pitch_deg", 0}, {"roll_deg", 0}, {"t", {0, 0, 5}}}}};
+    const json other = {
+        {"id", "b"},
+        {"pose", {{"yaw_deg", 0}, {"pitch_deg", 0}, {"roll_deg", 0}, {"t", {0, 0, 5}}}}};
     const json labels = {{"labels", json::array({json::array({"00000/a.png", pose["eg3d"]})})}};
     std::ostringstream plain;
     for (const json& number : pose["eg3d"]) plain << number.get<double>() << ", ";
@@ -156,9 +192,11 @@ TEST_CASE("A pose comes back from every form that stymo-prep pose writes") {
         stymo::write_text_file(folder / "form.json", text);
         const json back = json::parse(done("stymo-prep pose " + arguments).out);
         for (const char* angle : {"yaw_deg", "pitch_deg", "roll_deg"})
-            CHECK(back["pose"][angle].get<double>() == Approx(pose["pose"][angle].get<double>()).margin(0.01));
+            CHECK(back["pose"][angle].get<double>() ==
+                  Approx(pose["pose"][angle].get<double>()).margin(0.01));
         for (std::size_t axis = 0; axis < 3; ++axis)
-            CHECK(back["pose"]["t"][axis].get<double>() == Approx(pose["pose"]["t"][axis].get<double>()).margin(0.001));
+            CHECK(back["pose"]["t"][axis].get<double>() ==
+                  Approx(pose["pose"]["t"][axis].get<double>()).margin(0.001));
     }
     done("stymo-prep pose form.json --id 00000/a.png --draw axes.png");
     CHECK(stymo::read_image(folder / "axes.png").shape() == stymo::Shape{192, 192, 3});
@@ -168,10 +206,11 @@ TEST_CASE("What is no pose is named") {
     const fs::path& folder = tiny_run();
     stymo::write_text_file(folder / "seven.txt", "1 2 3 4 5 6 7");
     stymo::write_text_file(folder / "many.jsonl", "{\"id\": \"a\"}\n{\"id\": \"b\"}\n");
-    const std::vector<std::pair<std::string, std::string>> calls = {{"seven.txt", "seven.txt: holds 7 numbers"},
-                                                                    {"text.png", "text.png: neither JSON nor numbers"},
-                                                                    {"many.jsonl", "name one with --id"},
-                                                                    {"none.json", "none.json: "}};
+    const std::vector<std::pair<std::string, std::string>> calls = {
+        {"seven.txt", "seven.txt: holds 7 numbers"},
+        {"text.png", "text.png: neither JSON nor numbers"},
+        {"many.jsonl", "name one with --id"},
+        {"none.json", "none.json: "}};
     for (const auto& [file, reason] : calls) {
         const ToolOutcome outcome = run_tool(folder, "stymo-prep pose " + file);
         CHECK(outcome.exit_code == 1);
@@ -180,18 +219,23 @@ TEST_CASE("What is no pose is named") {
     }
 }
 
-TEST_CASE("stymo-fit finds the faces of photos as they come, and fits those of one person together") {
+TEST_CASE(
+    "stymo-fit finds the faces of photos as they come, and fits those of one person together") {
     if (!has_detector()) return;
     const fs::path& folder = tiny_run();
     done("stymo-synth --out large --count 2 --size 256");
     done(
-        "stymo-fit --model run/model.safetensors --image large/images/00000.png --image large/images/00001.png --refine-pose "
+        "stymo-fit --model run/model.safetensors --image large/images/00000.png --image "
+        "large/images/00001.png --refine-pose "
         "--out person --steps 2");
     for (const char* id : {"00000", "00001"}) {
         CHECK(names_in(folder / "person" / id) ==
-              std::set<std::string>{"aligned.png", "overlay.png", "codes.json", "fit.png", "render.png", "report.json"});
-        CHECK(stymo::read_image(folder / "person" / id / "aligned.png").shape() == stymo::Shape{512, 512, 3});
-        CHECK(json::parse(stymo::read_text_file(folder / "person" / id / "report.json"))["warnings"].is_array());
+              std::set<std::string>{"aligned.png", "overlay.png", "codes.json", "fit.png",
+                                    "render.png", "report.json"});
+        CHECK(stymo::read_image(folder / "person" / id / "aligned.png").shape() ==
+              stymo::Shape{512, 512, 3});
+        CHECK(json::parse(stymo::read_text_file(folder / "person" / id / "report.json"))["warnings"]
+                  .is_array());
     }
     const auto codes = [&](const char* id) {
         return json::parse(stymo::read_text_file(folder / "person" / id / "codes.json"))["code"];
@@ -200,8 +244,10 @@ TEST_CASE("stymo-fit finds the faces of photos as they come, and fits those of o
     CHECK(codes("00000")["tex"] == codes("00001")["tex"]);
     CHECK(codes("00000")["expr"] != codes("00001")["expr"]);
     stymo::write_image(folder / "grey.png", stymo::Tensor::full({90, 120, 3}, 0.5));
-    const ToolOutcome none = run_tool(folder, "stymo-fit --model run/model.safetensors --image grey.png --out none");
+    const ToolOutcome none =
+        run_tool(folder, "stymo-fit --model run/model.safetensors --image grey.png --out none");
     CHECK(none.exit_code == 1);
-    CHECK_THAT(none.err, Catch::Contains("grey.png: no face was found; if it is an aligned crop already"));
+    CHECK_THAT(none.err,
+               Catch::Contains("grey.png: no face was found; if it is an aligned crop already"));
     CHECK_FALSE(fs::exists(folder / "none"));
 }

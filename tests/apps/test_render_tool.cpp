@@ -44,15 +44,17 @@ std::vector<double> numbers(const fs::path& codes) {
     return joined(read_code_file(tiny_run() / codes).codes).value().to_vector();
 }
 
-/// A tile of a picture of tiles of 64 pixels.
-stymo::Tensor tile(const std::string& picture, int row, int column) {
-    return stymo::image_part(read_image(tiny_run() / picture), 64 * row, 64 * column, 64, 64);
+/// A tile of an image of tiles of 64 pixels.
+stymo::Tensor tile(const std::string& image, int row, int column) {
+    return stymo::image_part(read_image(tiny_run() / image), 64 * row, 64 * column, 64, 64);
 }
 
 }  // namespace
 
-TEST_CASE("A grid shows yaw from left to right and pitch from top to bottom, as single views do", "[render_tool]") {
-    done(std::string(of_fit) + "--out grid.png --grid-yaw -20:20:3 --grid-pitch 10:-10:2 --depth --mask");
+TEST_CASE("A grid shows yaw from left to right and pitch from top to bottom, as single views do",
+          "[render_tool]") {
+    done(std::string(of_fit) +
+         "--out grid.png --grid-yaw -20:20:3 --grid-pitch 10:-10:2 --depth --mask");
     CHECK(read_image(tiny_run() / "grid.png").shape() == Shape{128, 192, 3});
     CHECK(stymo::read_mask(tiny_run() / "grid_mask.png").shape() == Shape{128, 192, 1});
     CHECK(read_image(tiny_run() / "grid_depth.exr").shape() == Shape{64, 96, 3});
@@ -62,7 +64,10 @@ TEST_CASE("A grid shows yaw from left to right and pitch from top to bottom, as 
     CHECK(identical(read_image(tiny_run() / "single.png"), read_image(tiny_run() / "column.png")));
 }
 
-TEST_CASE("Faces on the way to another are a strip or an animation, and keep the groups that are not taken", "[render_tool]") {
+TEST_CASE(
+    "Faces on the way to another are a strip or an animation, and keep the groups that are not "
+    "taken",
+    "[render_tool]") {
     done("--sample 1 --truncation 1 --out other");
     const std::string way = std::string(of_fit) + "--to other/0000.json --yaw 0 ";
     done(way + "--frames 3 --out way.png");
@@ -73,13 +78,16 @@ TEST_CASE("Faces on the way to another are a strip or an animation, and keep the
     CHECK(identical(tile("way.png", 0, 2), read_image(tiny_run() / "to.png")));
     done(way + "--frames 3 --out way.gif --mask --depth");
     CHECK(stymo::read_text_file(tiny_run() / "way_mask.gif").starts_with("GIF89a"));
-    for (const char* frame : {"way_0000_depth.exr", "way_0002_depth.exr"}) CHECK(fs::exists(tiny_run() / frame));
+    for (const char* frame : {"way_0000_depth.exr", "way_0002_depth.exr"})
+        CHECK(fs::exists(tiny_run() / frame));
     CHECK_FALSE(fs::exists(tiny_run() / "way_0003_depth.exr"));
 }
 
-TEST_CASE("New faces come with a sheet and their codes, the same for the same seed however many", "[render_tool]") {
+TEST_CASE("New faces come with a sheet and their codes, the same for the same seed however many",
+          "[render_tool]") {
     const ToolOutcome outcome = done("--sample 3 --out new --json");
-    CHECK(json::parse(outcome.out)["written"] == json{"new/faces.png", "new/0000.json", "new/0001.json", "new/0002.json"});
+    CHECK(json::parse(outcome.out)["written"] ==
+          json{"new/faces.png", "new/0000.json", "new/0001.json", "new/0002.json"});
     CHECK(read_image(tiny_run() / "new/faces.png").shape() == Shape{128, 128, 3});
     done("--sample 2 --out again");
     CHECK(numbers("again/0001.json") == numbers("new/0001.json"));
@@ -90,7 +98,8 @@ TEST_CASE("New faces come with a sheet and their codes, the same for the same se
     CHECK(identical(read_image(tiny_run() / "face.png"), tile("new/faces.png", 0, 1)));
 }
 
-TEST_CASE("New faces narrow to the mean, and may change some groups of a given face alone", "[render_tool]") {
+TEST_CASE("New faces narrow to the mean, and may change some groups of a given face alone",
+          "[render_tool]") {
     const stymo::Model model = stymo::Model::load(tiny_run() / "run/model.safetensors");
     REQUIRE(model.code_statistics());
     done("--sample 1 --truncation 0 --out mean");
@@ -98,7 +107,8 @@ TEST_CASE("New faces narrow to the mean, and may change some groups of a given f
 
     done(std::string(of_fit) + "--sample 1 --take expr,light --out changed");
     done("--sample 1 --out all");
-    const std::vector<double> fit = numbers("fit/codes.json"), changed = numbers("changed/0000.json"),
+    const std::vector<double> fit = numbers("fit/codes.json"),
+                              changed = numbers("changed/0000.json"),
                               all = numbers("all/0000.json");
     for (std::size_t i = 0; i < fit.size(); ++i) {
         const bool taken = (i >= 100 && i < 179) || i >= 279;
@@ -108,21 +118,24 @@ TEST_CASE("New faces narrow to the mean, and may change some groups of a given f
 
 TEST_CASE("A model without statistics draws new faces from a folder's", "[render_tool]") {
     const std::string checkpoint =
-        "stymo-render --samples 4 --model run/checkpoints/000004/model.safetensors --sample 1 --out bare";
+        "stymo-render --samples 4 --model run/checkpoints/000004/model.safetensors --sample 1 "
+        "--out bare";
     const ToolOutcome without = stymo::run_tool(tiny_run(), checkpoint);
     CHECK(without.exit_code == 1);
-    CHECK_THAT(without.err, Catch::Contains("model.safetensors: has no statistics") && Catch::Contains("--data"));
+    CHECK_THAT(without.err, Catch::Contains("model.safetensors: has no statistics") &&
+                                Catch::Contains("--data"));
     CHECK_FALSE(fs::exists(tiny_run() / "bare"));
     CHECK(stymo::run_tool(tiny_run(), checkpoint + " --data faces").exit_code == 0);
     CHECK(fs::exists(tiny_run() / "bare/0000.json"));
 }
 
-TEST_CASE("A mesh is written alone or beside a picture", "[render_tool]") {
+TEST_CASE("A mesh is written alone or beside an image", "[render_tool]") {
     // Four steps of training make no head; any density has a surface.
     const std::string surface = "--mesh head.ply --mesh-resolution 12 --mesh-level 0.05 ";
     const ToolOutcome outcome = done(of_fit + surface + "--json");
     CHECK(json::parse(outcome.out)["written"] == json{"head.ply"});
-    CHECK(stymo::read_text_file(tiny_run() / "head.ply").starts_with("ply\nformat binary_little_endian 1.0\n"));
+    CHECK(stymo::read_text_file(tiny_run() / "head.ply")
+              .starts_with("ply\nformat binary_little_endian 1.0\n"));
     done(of_fit + surface + "--out beside.png");
     CHECK(fs::exists(tiny_run() / "beside.png"));
     refused(std::string(of_fit) + "--mesh head.ply --mesh-resolution 4 --mesh-level 1000000", 1,

@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "apps/bench/report/section.h"
+#include "apps/bench/study.h"
 #include "apps/tiny_run.h"
 #include "apps/tool_run.h"
 #include "core/error.h"
@@ -13,8 +13,8 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
+using stymo::Page;
 using stymo::read_text_file;
-using stymo::ReportWriter;
 using stymo::run_tool;
 using stymo::tiny_run;
 
@@ -27,32 +27,72 @@ fs::path new_folder(const std::string& name) {
 
 }  // namespace
 
-TEST_CASE("A table of a report is Markdown for people, CSV and JSON for programs", "[report]") {
+TEST_CASE("A table of a page is Markdown for people, CSV and JSON for programs", "[report]") {
     const fs::path folder = new_folder("report-table");
-    ReportWriter report(folder);
-    report.title(1, "Title");
-    report.table("speeds", {"what", "µs", "count"}, {{"a, \"b\"", 1.0 / 3.0, 7}, {"µ", {"many", stymo::JsonValue()}, 8}});
-    report.finish();
-    CHECK(read_text_file(folder / "speeds.csv") == "what,µs,count\n\"a, \"\"b\"\"\",0.3333333333333333,7\nµ,null,8\n");
-    const json rows = json::parse(read_text_file(folder / "speeds.json"));
-    CHECK(rows == json::parse(R"([{"what":"a, \"b\"","µs":0.3333333333333333,"count":7},{"what":"µ","µs":null,"count":8}])"));
-    CHECK(read_text_file(folder / "report.md") ==
+    Page page("speed", folder);
+    page.title(1, "Title");
+    page.add({.name = "rows",
+              .columns = {{"what", "what"},
+                          {"seconds", "µs", stymo::microseconds},
+                          {"count"},
+                          {"x", "|x|"}},
+              .rows = {{"a, \"b\"", 1.0 / 3e6, std::int64_t{7}, "1 | 2"},
+                       {"µ", {}, std::int64_t{8}, true}}});
+    static_cast<void>(page.finish());
+    CHECK(read_text_file(folder / "speed_rows.csv") ==
+          "what,seconds,count,x\n\"a, \"\"b\"\"\",3.3333333333333335e-07,7,1 | 2\nµ,,8,true\n");
+    const json rows = json::parse(read_text_file(folder / "speed.json"))["rows"];
+    CHECK(
+        rows ==
+        json::parse(R"([{"what":"a, \"b\"","seconds":3.3333333333333335e-07,"count":7,"x":"1 | 2"},
+                                  {"what":"µ","seconds":null,"count":8,"x":true}])"));
+    CHECK(read_text_file(folder / "speed.md") ==
           "# Title\n\n"
-          "| what   | µs    | count |\n|--------|-------|-------|\n| a, \"b\" | 0.333 | 7     |\n| µ      | many  | 8     |\n\n"
-          "Numbers: [speeds.csv](speeds.csv), [speeds.json](speeds.json)\n");
+          "| what   | µs  | \\|x\\|  |\n|--------|-----|--------|\n| a, \"b\" | 0   | 1 \\| 2 |\n| "
+          "µ      "
+          "|     | yes    |\n\n"
+          "Numbers: [speed_rows.csv](speed_rows.csv)\n");
 }
 
-TEST_CASE("A report has no two files of one name and no ragged table", "[report]") {
+TEST_CASE("A row is read back from its JSON", "[report]") {
+    const std::vector<stymo::Column> columns{{"a"}, {"b"}, {"c"}, {"d"}, {"missing"}};
+    const stymo::Row row{"words", 0.5, std::int64_t{3}, true, {}};
+    CHECK(stymo::row_from_json(columns, stymo::to_json(columns, row).text()) == row);
+    CHECK_THROWS_AS(stymo::row_from_json(columns, "[]"), stymo::Error);
+}
+
+TEST_CASE("A plot has a series for each value of a column, without what a scale cannot show",
+          "[report]") {
+    const stymo::Table table{.name = "t",
+                             .columns = {{"way"}, {"seconds"}, {"error"}},
+                             .rows = {{"a", 0.001, 1.0}, {"b", 0.002, 2.0}, {"a", 0.003, 0.0}}};
+    const stymo::Plot plot =
+        stymo::plot_of(table, {.series = "way", .x = "seconds", .y = "error", .x_unit = 1e-3},
+                       {.title = "t", .x_label = "ms", .y_label = "error", .series = {}});
+    REQUIRE(plot.series.size() == 2);
+    CHECK(plot.series[0].name == "a");
+    REQUIRE(plot.series[0].points.size() == 1);
+    CHECK(plot.series[0].points[0].x == Approx(1.0));
+    CHECK_THROWS_AS(table.number(table.rows[0], "none"), stymo::ValueError);
+}
+
+TEST_CASE("A page has no two files of one name and no ragged table", "[report]") {
     const fs::path folder = new_folder("report-names");
-    ReportWriter report(folder);
-    report.data("numbers", {"x"}, {{1}});
-    CHECK_THROWS_AS(report.plot("numbers", {.title = "t", .x_label = "x", .y_label = "y", .series = {{"s", {{1.0, 1.0}}}}}),
+    Page page("report", folder);
+    page.add({.name = "numbers", .columns = {{"x"}}, .rows = {{std::int64_t{1}}}});
+    CHECK_THROWS_AS(
+        page.plot("numbers",
+                  {.title = "t", .x_label = "x", .y_label = "y", .series = {{"s", {{1.0, 1.0}}}}}),
+        stymo::ValueError);
+    CHECK_THROWS_AS(page.add({.name = "others", .columns = {{"x"}, {"y"}}, .rows = {{true}}}),
                     stymo::ValueError);
-    CHECK_THROWS_AS(report.table("others", {"x", "y"}, {{1}}), stymo::ValueError);
-    CHECK_FALSE(fs::exists(folder / "others.csv"));
+    CHECK_FALSE(fs::exists(folder / "report_others.csv"));
 }
 
-TEST_CASE("A part of the report that does not exist, or lacks its model, is refused before anything is written", "[report]") {
+TEST_CASE(
+    "A part of the report that does not exist, or lacks its model, is refused before anything is "
+    "written",
+    "[report]") {
     const auto refused = [](const std::string& command, int exit_code, const std::string& culprit) {
         const auto outcome = run_tool(tiny_run(), command);
         INFO(command << "\n" << outcome.err);
@@ -66,25 +106,30 @@ TEST_CASE("A part of the report that does not exist, or lacks its model, is refu
     refused("stymo-bench report --out no-report --parts quadrature,soup", 2, "soup");
     refused("stymo-bench report --out no-report --parts ,", 2, "--parts");
     refused("stymo-bench report --out file --parts quadrature", 1, "file");
-    for (const stymo::ReportSection& section : stymo::report_sections())
-        if (section.needs_model) {
-            refused("stymo-bench report --out no-report --model run/model.safetensors --parts " + section.name, 2, "--data");
-            refused("stymo-bench report --out no-report --model none --data faces --parts " + section.name, 1, "none: ");
+    for (const stymo::Study& study : stymo::report_studies())
+        if (study.needs_model) {
+            refused("stymo-bench report --out no-report --model run/model.safetensors --parts " +
+                        study.name,
+                    2, "--data");
+            refused("stymo-bench report --out no-report --model none --data faces --parts " +
+                        study.name,
+                    1, "none: ");
         }
 }
 
 TEST_CASE("The report on quadrature has its page, plots and numbers", "[report][slow]") {
-    const auto outcome = run_tool(tiny_run(), "stymo-bench report --out quadrature --parts quadrature --repeats 1 --json");
+    const auto outcome = run_tool(
+        tiny_run(), "stymo-bench report --out quadrature --parts quadrature --repeats 1 --json");
     INFO(outcome.err);
     REQUIRE(outcome.exit_code == 0);
     CHECK(json::parse(outcome.out)["parts"][0]["name"] == "quadrature");
     const fs::path folder = tiny_run() / "quadrature";
     const std::string page = read_text_file(folder / "report.md");
     for (const auto& entry : fs::directory_iterator(folder))
-        if (entry.path().filename() != "report.md")
+        if (!entry.path().filename().string().starts_with("report."))
             CHECK_THAT(page, Catch::Contains("(" + entry.path().filename().string() + ")"));
-    for (const json& row : json::parse(read_text_file(folder / "quadrature.json"))) {
-        const bool approximates = row["rule"] != "Euler" && row["profile"] != "shell";
-        if (approximates && row["samples"] == 4096) CHECK(row["colour_error"].get<double>() < 2e-3);
+    for (const json& row : json::parse(read_text_file(folder / "report.json"))["quadrature"]) {
+        if (row["rule"] != "Euler" && row["samples"] == 4096)
+            CHECK(row["colour_error"].get<double>() < 2e-3);
     }
 }

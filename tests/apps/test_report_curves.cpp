@@ -1,14 +1,13 @@
-// The sections of the report on rendering, fitting and training: what they compute, and their pages on the smallest model.
+// The studies of rendering, fitting and training: what they compute, and their pages
+// on the smallest model.
 #include <catch2/catch.hpp>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "apps/bench/report/fitting.h"
-#include "apps/bench/report/rendering.h"
-#include "apps/bench/report/section.h"
-#include "apps/bench/report/small_model.h"
-#include "apps/bench/report/training.h"
+#include "apps/bench/fitting.h"
+#include "apps/bench/small_model.h"
+#include "apps/bench/study.h"
 #include "apps/tiny_run.h"
 #include "core/io/file.h"
 
@@ -19,9 +18,9 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-/// A section on the smallest model within a second or two, as its folder.
-fs::path written(const ReportSection& section, double seconds) {
-    const fs::path folder = tiny_run() / ("report-" + section.name);
+/// What a study finds on the smallest model within a second or two: report.json.
+json written(const Study& study, double seconds) {
+    const fs::path folder = tiny_run() / ("report-" + study.name);
     fs::remove_all(folder);
     fs::create_directories(folder);
     const BenchOptions bench{.model = tiny_run() / "run/model.safetensors",
@@ -32,14 +31,10 @@ fs::path written(const ReportSection& section, double seconds) {
                              .samples = 4};
     LpipsOptions lpips;
     lpips.trunk = lpips.heads = "random";
-    ReportWriter report(folder);
-    section.write(report, {.bench = bench, .fitting = bench, .lpips = lpips, .seconds = seconds});
-    report.finish();
-    return folder;
-}
-
-json rows_of(const fs::path& file) {
-    return json::parse(read_text_file(file));
+    Page page("report", folder);
+    study.write(page, {.bench = bench, .fitting = bench, .lpips = lpips, .seconds = seconds});
+    static_cast<void>(page.finish());
+    return json::parse(read_text_file(folder / "report.json"));
 }
 
 }  // namespace
@@ -51,7 +46,8 @@ TEST_CASE("The small model of the report is that of demo-64.json", "[report]") {
 }
 
 TEST_CASE("When a fit reached a loss is found among its points", "[report]") {
-    const std::vector<FitPoint> points{{0, 0.0, 5.0, 10.0}, {1, 0.5, 3.0, 12.0}, {2, 1.0, 4.0, 13.0}, {3, 1.5, 1.0, 14.0}};
+    const std::vector<FitPoint> points{
+        {0, 0.0, 5.0, 10.0}, {1, 0.5, 3.0, 12.0}, {2, 1.0, 4.0, 13.0}, {3, 1.5, 1.0, 14.0}};
     REQUIRE(first_reaching(points, 3.5) != nullptr);
     CHECK(first_reaching(points, 3.5)->steps == 1);
     CHECK(first_reaching(points, 1.0)->steps == 3);
@@ -62,42 +58,74 @@ TEST_CASE("When a fit reached a loss is found among its points", "[report]") {
     CHECK(point_at(points, -1.0).steps == 0);
 }
 
-TEST_CASE("The section on rendering holds every frame against the exact one", "[report]") {
-    const fs::path folder = written(rendering_section(), 1.0);
-    const json rows = rows_of(folder / "rendering.json");
+TEST_CASE("The study of rendering holds every frame against the exact one", "[report]") {
+    const json report = written(rendering_study(), 1.0);
+    const json rows = report["curve"];
     REQUIRE(rows.size() > 10);
     CHECK(rows[0]["varied"] == "exact");
-    CHECK(rows[0]["worst pixel"] == 0.0);
+    CHECK(rows[0]["worst_pixel"] == 0.0);
     for (const json& row : rows) {
-        CHECK(row["worst picture's"].is_null() == (row["worst pixel"] == 0.0));
-        // Infinite where one of the pictures is equal.
-        if (!row["PSNR dB"].is_null()) CHECK(row["PSNR dB"].get<double>() >= row["worst picture's"].get<double>() - 1e-9);
+        CHECK(row["psnr_worst_db"].is_null() == (row["worst_pixel"] == 0.0));
+        // Infinite where one of the images is equal.
+        if (!row["psnr_mean_db"].is_null())
+            CHECK(row["psnr_mean_db"].get<double>() >= row["psnr_worst_db"].get<double>() - 1e-9);
     }
-    for (const json& row : rows_of(folder / "rendering_fastest.json"))
-        if (!row["worst picture's"].is_null()) CHECK(row["worst picture's"].get<double>() >= row["wanted dB"].get<double>());
+    for (const json& row : report["fastest"])
+        if (!row["psnr_worst_db"].is_null())
+            CHECK(row["psnr_worst_db"].get<double>() >= row["wanted_db"].get<double>());
 }
 
-TEST_CASE("The section on fitting judges every way by the same loss", "[report][slow]") {
-    const fs::path folder = written(fitting_section(), 1.0);
-    const json rows = rows_of(folder / "fitting.json");
+TEST_CASE("The study of fitting judges every way by the same loss", "[report][slow]") {
+    const json report = written(fitting_study(), 1.0);
+    const json rows = report["fitting"];
     REQUIRE(rows.size() == 7);
-    CHECK(rows[0]["times sooner"].get<double>() >= 1.0);
+    CHECK(rows[0]["times_sooner"].get<double>() >= 1.0);
     std::map<std::string, double> first;
-    for (const json& point : rows_of(folder / "fitting_curves.json"))
-        if (point["steps"] == 0) first[point["way"].get<std::string>()] = point["loss"].get<double>();
+    for (const json& point : report["fitting_curves"])
+        if (point["steps"] == 0)
+            first[point["way"].get<std::string>()] = point["loss"].get<double>();
     REQUIRE(first.size() == rows.size());
     for (const auto& [way, loss] : first) CHECK(loss == Approx(first.begin()->second));
 }
 
-TEST_CASE("The section on training lowers the loss with every number of samples", "[report][slow]") {
-    const fs::path folder = written(training_section(), 4.0);
+TEST_CASE("The study of training lowers the loss with every number of samples", "[report][slow]") {
+    const json report = written(training_study(), 4.0);
     std::map<int, std::vector<double>> losses;
-    for (const json& point : rows_of(folder / "training_curves.json"))
+    for (const json& point : report["training_curves"])
         losses[point["samples"].get<int>()].push_back(point["reconstruction_loss"].get<double>());
     REQUIRE(losses.size() == 3);
     for (const auto& [samples, curve] : losses) {
         INFO(samples);
         CHECK(curve.back() < curve.front());
     }
-    CHECK_THAT(read_text_file(folder / "report.md"), Catch::Contains("training in 16 bits does not exist"));
+    CHECK_THAT(read_text_file(tiny_run() / "report-training/report.md"),
+               Catch::Contains("training in 16 bits does not exist"));
+}
+
+TEST_CASE("Scenes and jobs give with less work what they give with all of it", "[report]") {
+    const json report = written(omitted_study(), 1.0);
+    const json scenes = report["omitted_scenes"], jobs = report["omitted_jobs"];
+    REQUIRE(scenes.size() == 5);
+    for (const json& scene : scenes) {
+        INFO(scene["scene"]);
+        CHECK(scene["samples"] == 4 * 1024);
+        CHECK(scene["field_samples"] <= scene["samples"]);
+        CHECK(scene["buffers"] == 0);
+    }
+    CHECK(scenes[4]["scene"] == "empty");
+    CHECK(scenes[4]["field_samples"] == 0);
+    CHECK(scenes[4]["layers_computed"] == 0);
+    CHECK(scenes[4]["worst_pixel"].get<double>() < 1e-4);
+    REQUIRE(jobs.size() == 10);
+    for (std::size_t i = 0; i < jobs.size(); i += 2) {
+        const json &needed = jobs[i], &everything = jobs[i + 1];
+        INFO(needed["job"]);
+        CHECK(needed["error"].get<double>() < 1e-4);
+        CHECK(needed["operations"] < everything["operations"]);
+        CHECK(needed["buffers"] < everything["buffers"]);
+        CHECK(needed["field_points"] <= everything["field_points"]);
+        CHECK(needed["parameters_made"] <= everything["parameters_made"]);
+        if (needed["job"] == "edit of light only") CHECK(needed["field_points"] == 0);
+        if (needed["job"] == "evaluation of a face") CHECK(needed["gradient_rules"] == 0);
+    }
 }

@@ -1,6 +1,5 @@
 // Bad input to the real tools: one line that names the culprit, the exit code, nothing written.
 #include <catch2/catch.hpp>
-#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "apps/tiny_run.h"
@@ -23,27 +22,18 @@ struct BadCall {
     std::string culprit;  ///< stands in the line
 };
 
-std::unique_ptr<stymo::RunningTool> started(const BadCall& call) {
-    std::vector<std::string> arguments = stymo::words(call.command);
-    const std::string tool = arguments.front();
-    arguments.erase(arguments.begin());
-    return std::make_unique<stymo::RunningTool>(tiny_run(), tool, arguments);
-}
-
-/// Each call must print nothing but a line on stderr (behind `lines_before` others), and leave "out" unmade.
-void check_refused(const std::vector<BadCall>& calls, int exit_code, std::ptrdiff_t lines_before = 0) {
-    std::unique_ptr<stymo::RunningTool> next = started(calls.front());
-    for (std::size_t i = 0; i < calls.size(); ++i) {
-        // Most of a refusal is the loading of libraries, so two run at a time.
-        const std::unique_ptr<stymo::RunningTool> current = std::move(next);
-        if (i + 1 < calls.size()) next = started(calls[i + 1]);
-        const ToolOutcome outcome = current->wait();
-        const std::string tool = calls[i].command.substr(0, calls[i].command.find(' '));
-        INFO(calls[i].command << "\n" << outcome.err);
+/// Each call must print nothing but a line on stderr (behind `lines_before` others), and leave
+/// "out" unmade.
+void check_refused(const std::vector<BadCall>& calls, int exit_code,
+                   std::ptrdiff_t lines_before = 0) {
+    for (const auto& [command, culprit] : calls) {
+        const ToolOutcome outcome = run_tool(tiny_run(), command);
+        const std::string tool = command.substr(0, command.find(' '));
+        INFO(command << "\n" << outcome.err);
         CHECK(outcome.exit_code == exit_code);
         CHECK(outcome.out.empty());
         CHECK(stymo::line_count(outcome.err) == lines_before + 1);
-        CHECK_THAT(outcome.err, Catch::Contains(tool + ": ") && Catch::Contains(calls[i].culprit));
+        CHECK_THAT(outcome.err, Catch::Contains(tool + ": ") && Catch::Contains(culprit));
     }
     CHECK_FALSE(fs::exists(tiny_run() / "out"));
     CHECK_FALSE(fs::exists(tiny_run() / "out.png"));
@@ -108,75 +98,96 @@ TEST_CASE("Inputs that are missing, empty or something else are named") {
         {"stymo-synth --out out --morphable none", "none: "},
         {"stymo-synth --out out --morphable run/model.safetensors", "run/model.safetensors: "},
         {"stymo-prep --photos none --out out", "none: no such folder"},
-        {"stymo-prep --photos empty --out out", "empty: no pictures"},
+        {"stymo-prep --photos empty --out out", "empty: no images"},
         {"stymo-prep --photos faces --out out --pose-net text.png", "text.png: "},
         {"stymo-prep --photos faces --out run", "run: exists already"},
         {"stymo-train --config none.json --data faces --out out", "none.json: "},
         {"stymo-train --config text.png --data faces --out out", "text.png: "},
         {"stymo-train --config tiny.json --data none --out out", "none: no such folder"},
-        {"stymo-train --config tiny.json --data empty --out out", "empty: no pictures"},
+        {"stymo-train --config tiny.json --data empty --out out", "empty: no images"},
         {"stymo-fit --model none " + photo, "none: "},
         {"stymo-fit --model empty " + photo, "empty: "},
         {"stymo-fit --model text.png " + photo, "text.png: "},
         {"stymo-fit --model zero.png " + photo, "zero.png: "},
         {"stymo-fit --model cut.safetensors " + photo, "cut.safetensors: "},
-        {"stymo-fit --model run/checkpoints/000004/state.safetensors " + photo, "not a model of stymo"},
+        {"stymo-fit --model run/checkpoints/000004/state.safetensors " + photo,
+         "not a model of stymo"},
         {fit + "--image none.png", "none.png: "},
         {fit + "--image empty", "empty: "},
         {fit + "--image text.png", "text.png: not an image"},
         {fit + "--image cut.png", "cut.png: "},
         {fit + "--image cut.jpg", "cut.jpg: "},
-        {fit + "--image faces/images/00000.png --mask zero.png", "zero.png: not an image (zero bytes)"},
+        {fit + "--image faces/images/00000.png --mask zero.png",
+         "zero.png: not an image (zero bytes)"},
         {fit + "--image faces/images/00000.png --pose tiny.json", "tiny.json: "},
         {fit + "--data empty --id 1", "empty: "},
         {fit + "--data faces --id 77", "77"},
         {"stymo-render --model text.png --codes fit/codes.json --out out.png", "text.png: "},
-        {"stymo-render --model run/model.safetensors --codes fit/codes.json --out out.png --size 128", "64, not 128"},
+        {"stymo-render --model run/model.safetensors --codes fit/codes.json --out out.png --size "
+         "128",
+         "64, not 128"},
         {"stymo-eval --model none --data faces", "none: "},
         {"stymo-eval --model run/model.safetensors --data empty", "empty: "},
         {"stymo-eval --model run/model.safetensors --data faces --ids 12 --out out", "--ids"},
-        {"stymo-eval --model run/model.safetensors --data faces --split val --out out", "data.split"},
-        {"stymo-eval --model run/model.safetensors --data faces --region face --out out", "--parser"},
-        {"stymo-eval --model run/model.safetensors --data faces --region face --parser text.png --out out", "text.png: "},
-        {"stymo-eval --model run/model.safetensors --data faces --lpips vgg16", "vgg16-397923af.pth"},
+        {"stymo-eval --model run/model.safetensors --data faces --split val --out out",
+         "data.split"},
+        {"stymo-eval --model run/model.safetensors --data faces --region face --out out",
+         "--parser"},
+        {"stymo-eval --model run/model.safetensors --data faces --region face --parser text.png "
+         "--out out",
+         "text.png: "},
+        {"stymo-eval --model run/model.safetensors --data faces --lpips vgg16",
+         "vgg16-397923af.pth"},
         {"stymo-eval pair zero.png whole.jpg", "zero.png: not an image (zero bytes)"},
         {"stymo-eval pair whole.jpg text.png", "text.png: not an image"},
         {"stymo-eval pair whole.jpg whole.jpg --lpips squeeze", "squeezenet1_1-b8a52dc0.pth"},
-        {"stymo-eval pair whole.jpg whole.jpg --lpips alex --lpips-trunk none --lpips-heads random", "no file none"},
-        {fit + "--image faces/images/00000.png --as-is --perceptual-weight 0.1", "--perceptual-weight 0"},
-        {fit + "--image faces/images/00000.png --as-is --perceptual-resolution 48", "perceptual_resolution = 48"},
-        {fit + "--image faces/images/00000.png --as-is --lpips-trunk text.png --lpips-heads random", "text.png: "},
+        {"stymo-eval pair whole.jpg whole.jpg --lpips alex --lpips-trunk none --lpips-heads random",
+         "no file none"},
+        {fit + "--image faces/images/00000.png --as-is --perceptual-weight 0.1",
+         "--perceptual-weight 0"},
+        {fit + "--image faces/images/00000.png --as-is --perceptual-resolution 48",
+         "perceptual_resolution = 48"},
+        {fit + "--image faces/images/00000.png --as-is --lpips-trunk text.png --lpips-heads random",
+         "text.png: "},
     };
     check_refused(calls, failed);
 }
 
 TEST_CASE("A photo of zero bytes gives exactly one line") {
-    const ToolOutcome outcome = run_tool(tiny_run(), "stymo-fit --model run/model.safetensors --image zero.png --out out --json");
+    const ToolOutcome outcome = run_tool(
+        tiny_run(), "stymo-fit --model run/model.safetensors --image zero.png --out out --json");
     CHECK(outcome.exit_code == failed);
     CHECK(outcome.out.empty());
     CHECK(outcome.err == "stymo-fit: zero.png: not an image (zero bytes)\n");
 }
 
 TEST_CASE("A folder that cannot be made is named by every tool that writes") {
-    // The names of a file in place of a folder hold for the superuser too, whom no missing right stops.
-    const std::string photo = "stymo-fit --model run/model.safetensors --image faces/images/00000.png --as-is ";
+    // The names of a file in place of a folder hold for the superuser too, whom no missing right
+    // stops.
+    const std::string photo =
+        "stymo-fit --model run/model.safetensors --image faces/images/00000.png --as-is ";
     const std::string render = "stymo-render --model run/model.safetensors --codes fit/codes.json ";
     for (const std::string place : {"file", "file/deep"}) {
-        check_refused({{"stymo-synth --count 1 --size 32 --out " + place, "file"},
-                       {photo + "--out " + place, "file"},
-                       {"stymo-prep --photos faces --out " + place, "file"},
-                       {render + "--out " + place + "/x.png", "file"},
-                       {"stymo-eval --model run/model.safetensors --data faces --ids 0 --out " + place, "file"}},
-                      failed);
-        check_refused({{"stymo-train --config tiny.json --data faces --out " + place, "file"}}, failed, 1);
+        check_refused(
+            {{"stymo-synth --count 1 --size 32 --out " + place, "file"},
+             {photo + "--out " + place, "file"},
+             {"stymo-prep --photos faces --out " + place, "file"},
+             {render + "--out " + place + "/x.png", "file"},
+             {"stymo-eval --model run/model.safetensors --data faces --ids 0 --out " + place,
+              "file"}},
+            failed);
+        check_refused({{"stymo-train --config tiny.json --data faces --out " + place, "file"}},
+                      failed, 1);
     }
 }
 
-TEST_CASE("A wrong configuration is told by key, value and what is allowed, before anything is written") {
+TEST_CASE(
+    "A wrong configuration is told by key, value and what is allowed, before anything is written") {
     const std::string train = "stymo-train --config tiny.json --data faces --out out --set ";
     const std::vector<BadCall> calls = {
         {train + "decoder.field_widht=3", "did you mean decoder.field_width?"},
-        {train + "decoder.field_width=0", "decoder.field_width = 0: must be a whole number in [1, 4096]"},
+        {train + "decoder.field_width=0",
+         "decoder.field_width = 0: must be an integer in [1, 4096]"},
         {train + "decoder.field_width=wide", "decoder.field_width"},
         {train + "decoder.field_width", "key=value"},
         {train + "decoder.rays_per_side=16", "decoder.rays_per_side = 16"},
@@ -195,21 +206,32 @@ TEST_CASE("Resuming what is not there, or with another seed, leaves no run folde
     const std::string train = "stymo-train --config tiny.json --data faces --out out ";
     check_refused({{train + "--resume latest", "out: no checkpoint to resume from"}}, failed, 1);
     check_refused({{train + "--resume none", "none/"}}, failed, 1);
-    check_refused({{train + "--resume run/checkpoints/000004 --seed 3", "--seed 0, not 3"}}, failed, 1);
-    check_refused({{train + "--resume run/checkpoints/000004 --set decoder.field_width=8", "shape"}}, failed, 1);
+    check_refused({{train + "--resume run/checkpoints/000004 --seed 3", "--seed 0, not 3"}}, failed,
+                  1);
+    check_refused(
+        {{train + "--resume run/checkpoints/000004 --set decoder.field_width=8", "shape"}}, failed,
+        1);
 }
 
-TEST_CASE("A run folder is not trained over, and a smaller set of heads not mixed into a larger one") {
+TEST_CASE(
+    "A run folder is not trained over, and a smaller set of heads not mixed into a larger one") {
     const std::string log = stymo::read_text_file(tiny_run() / "run/log.txt");
-    check_refused({{"stymo-train --config tiny.json --data faces --out run", "run: holds a training run already"}}, failed, 1);
+    check_refused({{"stymo-train --config tiny.json --data faces --out run",
+                    "run: holds a training run already"}},
+                  failed, 1);
     CHECK(stymo::read_text_file(tiny_run() / "run/log.txt") == log);
     check_refused({{"stymo-synth --out faces --count 5 --size 64", "faces/images/"}}, failed);
 }
 
-TEST_CASE("A code file that lacks a group, a number or the pose, or holds what no code is, is refused by name") {
+TEST_CASE(
+    "A code file that lacks a group, a number or the pose, or holds what no code is, is refused by "
+    "name") {
     const auto refused = [](const json& value, const std::string& culprit) {
         write_codes("wrong.json", value);
-        check_refused({{"stymo-render --model run/model.safetensors --codes wrong.json --out out.png", culprit}}, failed);
+        check_refused(
+            {{"stymo-render --model run/model.safetensors --codes wrong.json --out out.png",
+              culprit}},
+            failed);
     };
     json value = codes();
     value["code"]["id"].erase(0);
@@ -230,35 +252,46 @@ TEST_CASE("A code file that lacks a group, a number or the pose, or holds what n
     value["pose"]["t"] = {0, 0};
     refused(value, "\"t\"");
     refused(json::array({1}), "code");
-    check_refused({{"stymo-render --model run/model.safetensors --codes text.png --out out.png", "text.png: not JSON"}}, failed);
+    check_refused({{"stymo-render --model run/model.safetensors --codes text.png --out out.png",
+                    "text.png: not JSON"}},
+                  failed);
 }
 
-TEST_CASE("Broken pictures of a folder are named and left out, whether the set fits into the cache or not") {
+TEST_CASE(
+    "Broken images of a folder are named and left out, whether the set fits into the cache or "
+    "not") {
     const fs::path folder = tiny_run() / "broken";
     fs::create_directories(folder);
     for (const char* name : {"00000.png", "00001.png", "00002.png"})
-        fs::copy_file(tiny_run() / "faces/images" / name, folder / name, fs::copy_options::overwrite_existing);
+        fs::copy_file(tiny_run() / "faces/images" / name, folder / name,
+                      fs::copy_options::overwrite_existing);
     for (const char* name : {"zero.png", "text.png", "cut.jpg"})
         fs::copy_file(tiny_run() / name, folder / name, fs::copy_options::overwrite_existing);
     for (const std::string megabytes : {"2048", "0"}) {
         const ToolOutcome outcome =
-            run_tool(tiny_run(), "stymo-train --config tiny.json --data broken --set data.split.test=0 --out broken_run" +
-                                     megabytes + " --set data.cache_megabytes=" + megabytes);
+            run_tool(tiny_run(),
+                     "stymo-train --config tiny.json --data broken --set data.split.test=0 --out "
+                     "broken_run" +
+                         megabytes + " --set data.cache_megabytes=" + megabytes);
         INFO(outcome.err);
         CHECK(outcome.exit_code == 0);
-        for (const char* name : {"zero.png: not an image (zero bytes)\n", "text.png: not an image\n", "cut.jpg: "})
+        for (const char* name :
+             {"zero.png: not an image (zero bytes)\n", "text.png: not an image\n", "cut.jpg: "})
             CHECK_THAT(outcome.err, Catch::Contains(std::string("broken/") + name));
     }
-    const ToolOutcome scored = run_tool(tiny_run(), "stymo-eval --model run/model.safetensors --data broken --json");
+    const ToolOutcome scored =
+        run_tool(tiny_run(), "stymo-eval --model run/model.safetensors --data broken --json");
     CHECK(json::parse(scored.out)["count"] == 3);
     CHECK_THAT(scored.err, Catch::Contains("broken/zero.png: not an image (zero bytes)"));
     check_refused({{"stymo-fit --model run/model.safetensors --data broken --id zero --out out",
                     "broken/zero.png: not an image (zero bytes)"}},
                   failed);
     for (const char* name : {"00000.png", "00001.png", "00002.png"}) fs::remove(folder / name);
-    const std::string train = "stymo-train --config tiny.json --data broken --out out --set data.split.test=0 ";
+    const std::string train =
+        "stymo-train --config tiny.json --data broken --out out --set data.split.test=0 ";
     check_refused({{train, "broken/cut.jpg: "}}, failed);
     check_refused({{train + "--set data.cache_megabytes=0", "broken/cut.jpg: "}}, failed);
-    check_refused({{"stymo-eval --model run/model.safetensors --data broken", "broken/cut.jpg: "}}, failed);
+    check_refused({{"stymo-eval --model run/model.safetensors --data broken", "broken/cut.jpg: "}},
+                  failed);
     check_refused({{"stymo-prep --photos broken --out out", "broken/cut.jpg: "}}, failed, 1);
 }

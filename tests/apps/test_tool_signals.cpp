@@ -16,7 +16,8 @@ using stymo::tiny_run;
 using stymo::ToolOutcome;
 
 /// Starts a command, waits for its first line of progress and sends the signal.
-ToolOutcome interrupted(const std::string& command, const std::string& first_words, int signal_number) {
+ToolOutcome interrupted(const std::string& command, const std::string& first_words,
+                        int signal_number) {
     std::vector<std::string> arguments = stymo::words(command);
     const std::string tool = arguments.front();
     arguments.erase(arguments.begin());
@@ -36,7 +37,8 @@ bool leftovers() {
 }  // namespace
 
 TEST_CASE("Training that is interrupted saves a checkpoint first, and goes on from there") {
-    const std::string train = "stymo-train --config tiny.json --data faces --out stopped --set stage1.steps=100000 ";
+    const std::string train =
+        "stymo-train --config tiny.json --data faces --out stopped --set stage1.steps=100000 ";
     const ToolOutcome first = interrupted(train + "--json", "train ", SIGTERM);
     CHECK(first.exit_code == 0);
     const json outcome = json::parse(first.out);
@@ -52,40 +54,51 @@ TEST_CASE("Training that is interrupted saves a checkpoint first, and goes on fr
 
 TEST_CASE("A fit that is interrupted keeps what it has and says so") {
     const std::string fit =
-        "stymo-fit --model run/model.safetensors --image faces/images/00000.png --as-is --out stopped_fit --steps 1000000 --json";
+        "stymo-fit --model run/model.safetensors --image faces/images/00000.png --as-is --out "
+        "stopped_fit --steps 1000000 --json";
     const ToolOutcome outcome = interrupted(fit, "fit ", SIGINT);
     CHECK(outcome.exit_code == 1);
     const json report = json::parse(outcome.out);
     const auto steps = report["steps"].get<std::int64_t>();
     CHECK(steps < 1000000);
-    CHECK_THAT(outcome.err, Catch::EndsWith("stymo-fit: interrupted after " + std::to_string(steps) + " of 1000000 steps\n"));
+    CHECK_THAT(outcome.err, Catch::EndsWith("stymo-fit: interrupted after " +
+                                            std::to_string(steps) + " of 1000000 steps\n"));
     CHECK(fs::exists(tiny_run() / "stopped_fit/codes.json"));
 }
 
-TEST_CASE("An evaluation that is interrupted gives the scores of the faces it has finished, says so, and goes on from there") {
+TEST_CASE(
+    "An evaluation that is interrupted gives the scores of the faces it has finished, says so, and "
+    "goes on from there") {
     const std::string evaluate =
-        "stymo-eval --model run/model.safetensors --data faces --fit --perceptual-weight 0 --steps 30 --out stopped_scores ";
+        "stymo-eval --model run/model.safetensors --data faces --fit --perceptual-weight 0 --steps "
+        "30 --out stopped_scores ";
     const ToolOutcome outcome = interrupted(evaluate + "--json", "evaluate ", SIGINT);
     CHECK(outcome.exit_code == 1);
     const auto faces = json::parse(outcome.out)["count"].get<std::int64_t>();
     CHECK(faces >= 1);
     CHECK(faces < 12);
-    CHECK_THAT(outcome.err, Catch::Contains("stymo-eval: interrupted after " + std::to_string(faces) + " of 12 faces"));
+    CHECK_THAT(outcome.err, Catch::Contains("stymo-eval: interrupted after " +
+                                            std::to_string(faces) + " of 12 faces"));
     const fs::path out = tiny_run() / "stopped_scores";
     CHECK_FALSE(fs::exists(out / "report.json"));
     const ToolOutcome other = stymo::run_tool(tiny_run(), evaluate + "--samples 4");
     CHECK(other.exit_code == 1);
-    CHECK_THAT(other.err, Catch::Contains("was begun with other settings (--samples was \"the model's own\", now 4)"));
+    CHECK_THAT(other.err,
+               Catch::Contains(
+                   "was begun with other settings (--samples was \"the model's own\", now 4)"));
     CHECK(stymo::line_count(stymo::read_text_file(out / "scores.jsonl")) == faces);
 }
 
 TEST_CASE("What cannot be of use in part is not written when it is interrupted") {
-    const ToolOutcome synth = interrupted("stymo-synth --out stopped_faces --count 100000 --size 64", "Heads ", SIGTERM);
+    const ToolOutcome synth =
+        interrupted("stymo-synth --out stopped_faces --count 100000 --size 64", "Heads ", SIGTERM);
     CHECK(synth.exit_code == 1);
     CHECK_THAT(synth.err, Catch::Contains("stymo-synth: interrupted; nothing was written\n"));
     CHECK_FALSE(fs::exists(tiny_run() / "stopped_faces"));
     const ToolOutcome orbit = interrupted(
-        "stymo-render --model run/model.safetensors --codes fit/codes.json --out stopped.gif --orbit 10000", "render ", SIGINT);
+        "stymo-render --model run/model.safetensors --codes fit/codes.json --out stopped.gif "
+        "--orbit 10000",
+        "render ", SIGINT);
     CHECK(orbit.exit_code == 1);
     CHECK_THAT(orbit.err, Catch::Contains("stymo-render: interrupted; nothing was written\n"));
     CHECK_FALSE(fs::exists(tiny_run() / "stopped.gif"));

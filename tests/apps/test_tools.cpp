@@ -19,7 +19,8 @@ using stymo::ToolOutcome;
 
 std::set<std::string> names_in(const fs::path& folder) {
     std::set<std::string> names;
-    for (const auto& entry : fs::directory_iterator(folder)) names.insert(entry.path().filename().string());
+    for (const auto& entry : fs::directory_iterator(folder))
+        names.insert(entry.path().filename().string());
     return names;
 }
 
@@ -49,7 +50,8 @@ std::set<std::string> keys(const json& object) {
 
 TEST_CASE("stymo-synth writes a folder of faces and nothing else") {
     const fs::path& folder = stymo::tiny_run();
-    CHECK(names_in(folder / "faces") == std::set<std::string>{"camera.json", "faces.jsonl", "images", "masks"});
+    CHECK(names_in(folder / "faces") ==
+          std::set<std::string>{"camera.json", "faces.jsonl", "images", "masks"});
     CHECK(names_in(folder / "faces/images").size() == 12);
     CHECK(names_in(folder / "faces/masks") == names_in(folder / "faces/images"));
     CHECK(stymo::line_count(stymo::read_text_file(folder / "faces/faces.jsonl")) == 12);
@@ -59,10 +61,13 @@ TEST_CASE("stymo-synth writes a folder of faces and nothing else") {
 TEST_CASE("A training run leaves everything that fitting, resuming and looking back need") {
     const fs::path run = stymo::tiny_run() / "run";
     std::set<std::string> names = names_in(run);
-    CHECK(std::erase_if(names, [](const std::string& name) { return name.starts_with("events.out.tfevents."); }) == 1);
-    CHECK(names == std::set<std::string>{"checkpoints", "config.json", "latest", "log.txt", "model.safetensors", "samples",
-                                         "stats.jsonl"});
-    CHECK(names_in(run / "checkpoints/000004") == std::set<std::string>{"model.safetensors", "state.safetensors"});
+    CHECK(std::erase_if(names, [](const std::string& name) {
+              return name.starts_with("events.out.tfevents.");
+          }) == 1);
+    CHECK(names == std::set<std::string>{"checkpoints", "config.json", "latest", "log.txt",
+                                         "model.safetensors", "samples", "stats.jsonl"});
+    CHECK(names_in(run / "checkpoints/000004") ==
+          std::set<std::string>{"model.safetensors", "state.safetensors"});
     CHECK(names_in(run / "samples") == std::set<std::string>{"000002.png", "000004.png"});
     CHECK(stymo::read_text_file(run / "latest") == "000004\n");
     CHECK(stymo::line_count(stymo::read_text_file(run / "stats.jsonl")) == 4);
@@ -76,10 +81,11 @@ TEST_CASE("Two steps, stop, resume for two more are four steps, bit for bit") {
     done(std::string(train) + "--out halves --set stage1.steps=2");
     const ToolOutcome outcome = done(std::string(train) + "--out halves --resume latest --json");
     CHECK(json::parse(outcome.out)["steps"] == 4);
-    for (const char* file :
-         {"model.safetensors", "checkpoints/000004/model.safetensors", "checkpoints/000004/state.safetensors"}) {
+    for (const char* file : {"model.safetensors", "checkpoints/000004/model.safetensors",
+                             "checkpoints/000004/state.safetensors"}) {
         INFO(file);
-        CHECK(stymo::read_text_file(folder / "halves" / file) == stymo::read_text_file(folder / "run" / file));
+        CHECK(stymo::read_text_file(folder / "halves" / file) ==
+              stymo::read_text_file(folder / "run" / file));
     }
     CHECK(stymo::line_count(stymo::read_text_file(folder / "halves/stats.jsonl")) == 4);
 }
@@ -87,7 +93,8 @@ TEST_CASE("Two steps, stop, resume for two more are four steps, bit for bit") {
 TEST_CASE("The written configuration trains the same model again") {
     done("stymo-train --config run/config.json --data faces --out again");
     const fs::path& folder = stymo::tiny_run();
-    CHECK(stymo::read_text_file(folder / "again/model.safetensors") == stymo::read_text_file(folder / "run/model.safetensors"));
+    CHECK(stymo::read_text_file(folder / "again/model.safetensors") ==
+          stymo::read_text_file(folder / "run/model.safetensors"));
 }
 
 TEST_CASE("A dry run and the table of keys write nothing, and are one object with --json") {
@@ -103,7 +110,8 @@ TEST_CASE("A dry run and the table of keys write nothing, and are one object wit
 
 TEST_CASE("stymo-fit writes four files; the report says how good and how fast") {
     const fs::path& folder = stymo::tiny_run();
-    CHECK(names_in(folder / "fit") == std::set<std::string>{"codes.json", "fit.png", "render.png", "report.json"});
+    CHECK(names_in(folder / "fit") ==
+          std::set<std::string>{"codes.json", "fit.png", "render.png", "report.json"});
     const json report = parsed_file(folder / "fit/report.json");
     CHECK(keys(report) == std::set<std::string>{"initial", "fitted", "steps", "seconds", "loss"});
     for (const char* when : {"initial", "fitted"})
@@ -119,20 +127,25 @@ TEST_CASE("stymo-fit writes four files; the report says how good and how fast") 
     CHECK(codes["code"]["light"].size() == 27);
 }
 
-TEST_CASE("A fit needs a photo only, makes its folder with its parents, and prints one object with --json") {
+TEST_CASE(
+    "A fit needs a photo only, makes its folder with its parents, and prints one object with "
+    "--json") {
     const ToolOutcome outcome =
-        done(std::string(fit) + "--image faces/images/00001.png --as-is --out new/deep/fit --steps 1 --json");
+        done(std::string(fit) +
+             "--image faces/images/00001.png --as-is --out new/deep/fit --steps 1 --json");
     CHECK(json::parse(outcome.out) == parsed_file(stymo::tiny_run() / "new/deep/fit/report.json"));
     CHECK(stymo::line_count(outcome.out) == 1);
     CHECK_THAT(outcome.err, Catch::Contains("1/1"));
 }
 
-TEST_CASE("A second fit into the same folder replaces the files of the first and leaves no others") {
+TEST_CASE(
+    "A second fit into the same folder replaces the files of the first and leaves no others") {
     const fs::path& folder = stymo::tiny_run();
     done(std::string(fit) + "--image faces/images/00002.png --as-is --out twice --steps 1");
     const std::string first = stymo::read_text_file(folder / "twice/codes.json");
     done(std::string(fit) +
-         "--image faces/images/00003.png --mask faces/masks/00003.png --pose fit/codes.json --out twice --steps 2");
+         "--image faces/images/00003.png --mask faces/masks/00003.png --pose fit/codes.json --out "
+         "twice --steps 2");
     CHECK(stymo::read_text_file(folder / "twice/codes.json") != first);
     CHECK(parsed_file(folder / "twice/report.json")["steps"] == 2);
     CHECK(names_in(folder / "twice").size() == 4);
@@ -144,47 +157,59 @@ TEST_CASE("Fitting from a folder of faces is fitting the same files one by one")
     const fs::path& folder = stymo::tiny_run();
     done(std::string(fit) + "--data faces --id 00004 --out by_id --steps 1");
     done(std::string(fit) +
-         "--image faces/images/00004.png --mask faces/masks/00004.png --pose by_id/codes.json --out by_files --steps 1");
+         "--image faces/images/00004.png --mask faces/masks/00004.png --pose by_id/codes.json "
+         "--out by_files --steps 1");
     json by_id = parsed_file(folder / "by_id/report.json");
     json by_files = parsed_file(folder / "by_files/report.json");
-    CHECK(by_id["loss"][0].get<double>() == Approx(by_files["loss"][0].get<double>()).epsilon(1e-6));
+    CHECK(by_id["loss"][0].get<double>() ==
+          Approx(by_files["loss"][0].get<double>()).epsilon(1e-6));
 }
 
-TEST_CASE("Grey, transparent, palette, 16-bit, turned and odd-sized photos are fitted and trained on") {
+TEST_CASE(
+    "Grey, transparent, palette, 16-bit, turned and odd-sized photos are fitted and trained on") {
     const fs::path& folder = stymo::tiny_run();
     const fs::path golden = fs::path(STYMO_SOURCE_DIR) / "tests/golden/images";
     fs::create_directories(folder / "mixed");
     for (const auto& entry : fs::directory_iterator(golden))
-        fs::copy_file(entry.path(), folder / "mixed" / entry.path().filename(), fs::copy_options::overwrite_existing);
+        fs::copy_file(entry.path(), folder / "mixed" / entry.path().filename(),
+                      fs::copy_options::overwrite_existing);
     stymo::write_image(folder / "mixed/odd.jpg", stymo::Tensor::full({91, 37, 1}, 0.5));
     for (const std::string& name : names_in(folder / "mixed"))
         done(std::string(fit) + "--image mixed/" + name + " --as-is --out kinds --steps 1");
-    const ToolOutcome outcome = done("stymo-train --config tiny.json --data mixed --out kinds_run --set data.split.test=0");
+    const ToolOutcome outcome =
+        done("stymo-train --config tiny.json --data mixed --out kinds_run --set data.split.test=0");
     CHECK_THAT(outcome.err,
-               Catch::Contains(std::to_string(names_in(folder / "mixed").size()) + " faces") && !Catch::Contains("broken"));
+               Catch::Contains(std::to_string(names_in(folder / "mixed").size()) + " faces") &&
+                   !Catch::Contains("broken"));
 }
 
-TEST_CASE("Pictures, masks and depth are written as their names say, from the photo's side and any other") {
+TEST_CASE(
+    "Images, masks and depth are written as their names say, from the photo's side and any other") {
     const fs::path& folder = stymo::tiny_run();
-    const ToolOutcome outcome = done(std::string(render) + "--out views/own.png --samples 4 --mask --depth --json");
-    CHECK(json::parse(outcome.out)["written"] == json{"views/own.png", "views/own_mask.png", "views/own_depth.exr"});
+    const ToolOutcome outcome =
+        done(std::string(render) + "--out views/own.png --samples 4 --mask --depth --json");
+    CHECK(json::parse(outcome.out)["written"] ==
+          json{"views/own.png", "views/own_mask.png", "views/own_depth.exr"});
     const std::vector<double> own = stymo::read_image(folder / "views/own.png").to_vector();
     const std::vector<double> fitted = stymo::read_image(folder / "fit/render.png").to_vector();
     REQUIRE(own.size() == fitted.size());
     for (std::size_t i = 0; i < own.size(); ++i) CHECK(std::abs(own[i] - fitted[i]) < 1.5 / 255.0);
     CHECK(stymo::read_mask(folder / "views/own_mask.png").shape() == stymo::Shape{64, 64, 1});
     CHECK(stymo::read_image(folder / "views/own_depth.exr").shape() == stymo::Shape{32, 32, 3});
-    done(std::string(render) + "--out views/side.jpg --yaw -20 --pitch 5 --roll 3 --samples 8 --size 64");
+    done(std::string(render) +
+         "--out views/side.jpg --yaw -20 --pitch 5 --roll 3 --samples 8 --size 64");
     CHECK(stymo::read_image(folder / "views/side.jpg").shape() == stymo::Shape{64, 64, 3});
-    CHECK(names_in(folder / "views") == std::set<std::string>{"own.png", "own_mask.png", "own_depth.exr", "side.jpg"});
+    CHECK(names_in(folder / "views") ==
+          std::set<std::string>{"own.png", "own_mask.png", "own_depth.exr", "side.jpg"});
 }
 
-TEST_CASE("Every way of rendering writes the picture, the mask and the depth") {
+TEST_CASE("Every way of rendering writes the image, the mask and the depth") {
     const fs::path& folder = stymo::tiny_run();
-    for (const std::string mode : {"exact", "skip", "bf16", "baked"}) {
+    for (const std::string mode : {"exact", "skip", "half", "bf16", "baked"}) {
         const std::string name = "modes/" + mode;
         done(std::string(render) + "--out " + name +
-             ".png --samples 4 --mask --depth --tolerance 0.01 --bake-resolution 16 --mode " + mode);
+             ".png --samples 4 --mask --depth --tolerance 0.01 --bake-resolution 16 --mode " +
+             mode);
         CHECK(stymo::read_image(folder / (name + ".png")).shape() == stymo::Shape{64, 64, 3});
         CHECK(stymo::read_mask(folder / (name + "_mask.png")).shape() == stymo::Shape{64, 64, 1});
         CHECK(stymo::read_image(folder / (name + "_depth.exr")).shape() == stymo::Shape{32, 32, 3});
@@ -205,33 +230,38 @@ TEST_CASE("An orbit becomes a GIF or a film, of one frame or more") {
 
 TEST_CASE("stymo-eval scores the faces that were asked for, and the fitted codes too with --fit") {
     const std::string eval = "stymo-eval --model run/model.safetensors --data faces ";
-    const std::string fitted = eval + "--split test --fit --refine-pose --steps 2 --json --out scored";
+    const std::string fitted =
+        eval + "--split test --fit --refine-pose --steps 2 --json --out scored";
     const ToolOutcome outcome = done(fitted);
     const json scores = json::parse(outcome.out);
     CHECK(scores["count"] == 2);
     CHECK(keys(scores["faces"]) == std::set<std::string>{"00010", "00011"});
     for (const char* when : {"initial", "fitted"}) {
         const json& faces = scores["faces"];
-        const double mean =
-            (faces["00010"]["head"][when]["l1"].get<double>() + faces["00011"]["head"][when]["l1"].get<double>()) / 2;
+        const double mean = (faces["00010"]["head"][when]["l1"].get<double>() +
+                             faces["00011"]["head"][when]["l1"].get<double>()) /
+                            2;
         CHECK(scores["mean"]["head"][when]["l1"].get<double>() == Approx(mean));
     }
     const fs::path out = stymo::tiny_run() / "scored";
-    CHECK(names_in(out) ==
-          std::set<std::string>{"codes", "report.json", "report.md", "scores.jsonl", "settings.json", "sheet.png"});
+    CHECK(names_in(out) == std::set<std::string>{"codes", "report.json", "report.md",
+                                                 "scores.jsonl", "settings.json", "sheet.png"});
     CHECK(names_in(out / "codes") == std::set<std::string>{"00010.json", "00011.json"});
     CHECK(stymo::read_image(out / "sheet.png").shape() == stymo::Shape{2 * 64, 6 * 64, 3});
     CHECK(parsed_file(out / "report.json")["settings"]["--refine-pose"] == true);
     CHECK(parsed_file(out / "report.json")["mean"] == scores["mean"]);
     CHECK(json::parse(done(fitted).out) == scores);
     CHECK(stymo::line_count(stymo::read_text_file(out / "scores.jsonl")) == 2);
-    done("stymo-render --model run/model.safetensors --codes scored/codes/00011.json --out scored_view.png --samples 4");
+    done(
+        "stymo-render --model run/model.safetensors --codes scored/codes/00011.json --out "
+        "scored_view.png --samples 4");
     const ToolOutcome text = done(eval + "--ids 3");
     CHECK_THAT(text.out, Catch::Contains("initial") && !Catch::Contains("fitted"));
 }
 
 TEST_CASE("LPIPS is measured where it was asked for, and random weights are called so") {
-    const std::string eval = "stymo-eval --model run/model.safetensors --data faces --ids 10 --lpips squeeze ";
+    const std::string eval =
+        "stymo-eval --model run/model.safetensors --data faces --ids 10 --lpips squeeze ";
     const std::string random = "--lpips-trunk random --lpips-heads random ";
     const json scores = json::parse(done(eval + random + "--json").out);
     CHECK(scores["mean"]["head"]["initial"]["lpips"].is_number());
@@ -244,23 +274,27 @@ TEST_CASE("LPIPS is measured where it was asked for, and random weights are call
     CHECK(report["lpips_network"] == "vgg16, random weights");
 }
 
-TEST_CASE("stymo-fit fits by L-BFGS, and lets LPIPS compare smaller pictures") {
-    const std::string options = std::string(fit) + "--image faces/images/00001.png --as-is --json --optimizer lbfgs ";
+TEST_CASE("stymo-fit fits by L-BFGS, and lets LPIPS compare smaller images") {
+    const std::string options =
+        std::string(fit) + "--image faces/images/00001.png --as-is --json --optimizer lbfgs ";
     const json report = json::parse(done(options + "--out lbfgs --steps 5 --coarse-steps 2").out);
     const std::vector<double> losses = report["loss"].get<std::vector<double>>();
     REQUIRE(losses.size() == 5);
     CHECK(losses.back() < losses.front());
-    const std::string perceptual = "--steps 1 --lpips-trunk random --lpips-heads random --perceptual-weight 0.5 ";
+    const std::string perceptual =
+        "--steps 1 --lpips-trunk random --lpips-heads random --perceptual-weight 0.5 ";
     const json whole = json::parse(done(options + "--out lbfgs-whole " + perceptual).out);
-    const json half = json::parse(done(options + "--out lbfgs-half --perceptual-resolution 32 " + perceptual).out);
+    const json half = json::parse(
+        done(options + "--out lbfgs-half --perceptual-resolution 32 " + perceptual).out);
     CHECK(whole["loss"][0] != half["loss"][0]);
 }
 
-TEST_CASE("stymo-eval pair compares two pictures") {
+TEST_CASE("stymo-eval pair compares two images") {
     const std::string pair = "stymo-eval pair faces/images/00000.png faces/images/00001.png ";
     const json plain = json::parse(done(pair + "--json").out);
     CHECK(keys(plain) == std::set<std::string>{"l1", "l1_mean", "ssim", "psnr"});
-    const json measured = json::parse(done(pair + "--lpips alex --lpips-trunk random --lpips-heads random --json").out);
+    const json measured = json::parse(
+        done(pair + "--lpips alex --lpips-trunk random --lpips-heads random --json").out);
     CHECK(measured["l1"] == plain["l1"]);
     double total = 0.0;
     for (const json& term : measured["lpips_terms"]) total += term.get<double>();
@@ -268,6 +302,7 @@ TEST_CASE("stymo-eval pair compares two pictures") {
     CHECK(measured["lpips"].get<double>() == Approx(total));
     CHECK(measured["lpips_network"] == "alexnet, random weights");
     CHECK_THAT(done(pair).out, Catch::Contains("PSNR") && !Catch::Contains("LPIPS"));
-    const json equal = json::parse(done("stymo-eval pair faces/images/00000.png faces/images/00000.png --json").out);
+    const json equal = json::parse(
+        done("stymo-eval pair faces/images/00000.png faces/images/00000.png --json").out);
     CHECK(equal["l1"] == 0.0);
 }

@@ -11,8 +11,8 @@ namespace stymo {
 namespace {
 
 constexpr const char* configuration = R"({
-  "decoder": {"resolution": 64, "field_width": 16, "field_layers": 2, "feature_channels": 16, "frequencies": 4,
-              "block_channels": [16], "mapping_layers": 1},
+  "decoder": {"resolution": 64, "field_width": 16, "field_layers": 2, "feature_channels": 16,
+              "frequencies": 4, "block_channels": [16], "mapping_layers": 1},
   "encoder": {"backbone": "small_conv", "head_width": 32},
   "reconstruction": {"resolution_weights": [1.0], "perceptual_weight": 0, "fit_samples_per_ray": 4},
   "data": {"split": {"test": 2, "val": 0, "held_out": "last"}},
@@ -31,7 +31,7 @@ public:
         must("stymo-render --model run/model.safetensors --codes fit/codes.json --out whole.jpg");
         std::filesystem::create_directory(path() / "empty");
         write_text_file(path() / "zero.png", "");
-        write_text_file(path() / "text.png", "no picture\n");
+        write_text_file(path() / "text.png", "no image\n");
         write_text_file(path() / "file", "");
         cut("faces/images/00000.png", "cut.png");
         cut("whole.jpg", "cut.jpg");

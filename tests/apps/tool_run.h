@@ -15,17 +15,22 @@ struct ToolOutcome {
     std::string err;
 };
 
-/// A tool of the build folder that runs in `folder`, on one thread.
+/// A tool that runs in a process of its own, in `folder`, on one thread. The process is a copy of a
+/// small part of this program, because loading the libraries anew takes longer than most tests.
+/// stymo-bench, which starts itself, and any tool with --version are run as executables of the
+/// build folder.
 class RunningTool {
 public:
-    RunningTool(const std::filesystem::path& folder, const std::string& tool, std::vector<std::string> arguments);
+    RunningTool(const std::filesystem::path& folder, const std::string& tool,
+                std::vector<std::string> arguments);
     /// Ends the tool if it still runs.
     ~RunningTool();
     RunningTool(const RunningTool&) = delete;
     RunningTool& operator=(const RunningTool&) = delete;
 
     void send(int signal_number) const;
-    /// Waits for the tool's stderr to hold `text`; returns false if it ends first or a minute passes.
+    /// Waits for the tool's stderr to hold `text`; returns false if it ends first or a minute
+    /// passes.
     [[nodiscard]] bool says(const std::string& text);
     [[nodiscard]] ToolOutcome wait();
 

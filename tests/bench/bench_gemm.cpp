@@ -1,19 +1,23 @@
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "apps/bench/peak.h"
+#include "bench/gemm_libraries.h"
+#include "core/clock.h"
 #include "core/error.h"
 #include "core/kernels/gemm.h"
 #include "core/kernels/matmul.h"
-#include "core/kernels/peak.h"
+#include "core/median.h"
 #include "core/parallel.h"
 #include "core/rng.h"
 
-/// Products as layers, their gradients and convolutions use them, relative to what the machine can do at best.
+/// Products as layers, their gradients and convolutions use them, relative to what the machine can
+/// do at best, and next to what other libraries take for the same product in the same run.
 namespace stymo::test {
 namespace {
 
@@ -38,7 +42,8 @@ Arguments parse(const std::vector<std::string_view>& words) {
         } else if (words[i] == "--repeats") {
             arguments.repeats = std::max(1, std::atoi(value.c_str()));
         } else {
-            fail<ValueError>("unknown option ", words[i], "; there are --filter TEXT, --threads N, --repeats N");
+            fail<ValueError>("unknown option ", words[i],
+                             "; there are --filter TEXT, --threads N, --repeats N");
         }
     }
     return arguments;
@@ -46,30 +51,49 @@ Arguments parse(const std::vector<std::string_view>& words) {
 
 class Table {
 public:
-    explicit Table(const Arguments& arguments) : arguments_(arguments), peak_(kernels::measure_machine_peak()) {
+    explicit Table(const Arguments& arguments)
+        : arguments_(arguments), peak_(kernels::measure_machine_peak()) {
         std::printf(
-            "{\"threads\": %d, \"repeats\": %d, \"peak_gflops\": %.1f, \"peak_bfloat16_gflops\": %.1f, \"triad_gbytes\": %.1f,\n"
+            "{\"threads\": %d, \"repeats\": %d, \"peak_gflops\": %.1f, \"peak_bfloat16_gflops\": "
+            "%.1f, \"triad_gbytes\": %.1f,\n"
             " \"products\": [",
-            thread_count(), arguments.repeats, 1e-9 * peak_.multiply_adds, 1e-9 * peak_.bfloat16_multiply_adds,
-            1e-9 * peak_.triad_bytes);
+            thread_count(), arguments.repeats, 1e-9 * peak_.multiply_adds,
+            1e-9 * peak_.bfloat16_multiply_adds, 1e-9 * peak_.triad_bytes);
     }
 
-    /// `multiply_adds`: of one call. Relative to float32, for bfloat16 too: it is computed that way.
+    /// The same product by another library; `times` is how much longer it takes.
+    struct Other {
+        std::string name;
+        std::function<void()> function;
+    };
+
+    /// `multiply_adds`: of one call. Relative to float32, for bfloat16 too: it is computed that
+    /// way. All functions are timed by turns.
     template <class Function>
-    void row(const std::string& name, double multiply_adds, Function function) {
+    void row(const std::string& name, double multiply_adds, Function function,
+             const std::vector<Other>& others = {}) {
         if (name.find(arguments_.filter) == std::string::npos) return;
-        function();
-        std::vector<double> seconds;
+        std::vector<std::function<void()>> functions{function};
+        for (const Other& other : others) functions.push_back(other.function);
+        for (const auto& each : functions) each();
+        std::vector<std::vector<double>> seconds(functions.size());
         for (int i = 0; i < arguments_.repeats; ++i) {
-            const auto start = std::chrono::steady_clock::now();
-            function();
-            seconds.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+            for (std::size_t k = 0; k < functions.size(); ++k) {
+                const double start = seconds_now();
+                functions[k]();
+                seconds[k].push_back(seconds_now() - start);
+            }
         }
-        std::ranges::nth_element(seconds, seconds.begin() + static_cast<std::ptrdiff_t>(seconds.size() / 2));
-        const double median = seconds[seconds.size() / 2];
-        const double rate = 2.0 * multiply_adds / median;
-        std::printf("%s\n  {\"name\": \"%s\", \"ms\": %.4f, \"gflops\": %.1f, \"of_peak\": %.3f}", separator_, name.c_str(),
-                    1e3 * median, 1e-9 * rate, rate / peak_.multiply_adds);
+        const double own = median(seconds.front());
+        const double rate = 2.0 * multiply_adds / own;
+        std::printf("%s\n  {\"name\": \"%s\", \"ms\": %.4f, \"gflops\": %.1f, \"of_peak\": %.3f",
+                    separator_, name.c_str(), 1e3 * own, 1e-9 * rate, rate / peak_.multiply_adds);
+        for (std::size_t k = 0; k < others.size(); ++k) {
+            const double other = median(seconds[k + 1]);
+            std::printf(", \"%s\": {\"ms\": %.4f, \"times\": %.2f}", others[k].name.c_str(),
+                        1e3 * other, other / own);
+        }
+        std::printf("}");
         std::fflush(stdout);
         separator_ = ",";
     }
@@ -112,39 +136,51 @@ void bench_layers(Table& table, const std::string& type) {
     const std::vector<T> x = converted<T>(draw({points, width}));
     std::vector<T> y(x.size());
     const PackedMatrix<T> packed(weight.values<float>().data(), width, width, 1, width);
-    for (const Activation activation : {Activation::none, Activation::sine, Activation::leaky_relu}) {
-        const char* const name = activation == Activation::none ? "" : activation == Activation::sine ? " sine" : " leaky ReLU";
-        const kernels::Epilogue<float> epilogue{.bias = bias.values<float>().data(), .activation = activation};
+    for (const Activation activation :
+         {Activation::none, Activation::sine, Activation::leaky_relu}) {
+        const char* const name = activation == Activation::none   ? ""
+                                 : activation == Activation::sine ? " sine"
+                                                                  : " leaky ReLU";
+        const kernels::Epilogue<float> epilogue{.bias = bias.values<float>().data(),
+                                                .activation = activation};
         const auto layer = [&](T* to, const T* from, std::int64_t rows) {
-            kernels::multiply_packed(to, width, kernels::LeftMatrix<T>{from, width}, rows, packed, epilogue);
+            kernels::multiply_packed(to, width, kernels::LeftMatrix<T>{from, width}, rows, packed,
+                                     epilogue);
         };
         table.row(type + " 65536x256x256" + name, double(points * width * width), [&] {
             parallel_for(points, tile, [&](std::int64_t begin, std::int64_t end) {
                 layer(y.data() + begin * width, x.data() + begin * width, end - begin);
             });
         });
-        // The same work on tiles that never leave the cache: eight layers there and back, or one tile again and again.
+        // The same work on tiles that never leave the cache: eight layers there and back, or one
+        // tile again and again.
         const std::int64_t share = chunk_count(points, thread_count());
         std::vector<T> buffers(static_cast<std::size_t>(thread_count() * tile * width));
         const auto by_tiles = [&](auto body) {
             parallel_for(points, share, [&](std::int64_t begin, std::int64_t end) {
                 T* const buffer = buffers.data() + begin / share * tile * width;
                 for (std::int64_t first = begin; first < end; first += tile)
-                    body(buffer, y.data() + first * width, x.data() + first * width, std::min(tile, end - first));
+                    body(buffer, y.data() + first * width, x.data() + first * width,
+                         std::min(tile, end - first));
             });
         };
-        table.row(type + " 65536x256x256 eight layers by tiles" + name, 8.0 * double(points * width * width), [&] {
-            by_tiles([&](T* buffer, T* to, const T* from, std::int64_t rows) {
-                layer(buffer, from, rows);
-                for (int i = 0; i < 3; ++i) {
-                    layer(to, buffer, rows);
-                    layer(buffer, to, rows);
-                }
-                layer(to, buffer, rows);
-            });
-        });
+        table.row(type + " 65536x256x256 eight layers by tiles" + name,
+                  8.0 * double(points * width * width), [&] {
+                      by_tiles([&](T* buffer, T* to, const T* from, std::int64_t rows) {
+                          layer(buffer, from, rows);
+                          for (int i = 0; i < 3; ++i) {
+                              layer(to, buffer, rows);
+                              layer(buffer, to, rows);
+                          }
+                          layer(to, buffer, rows);
+                      });
+                  });
         table.row(type + " 65536x256x256 one tile again" + name, double(points * width * width),
-                  [&] { by_tiles([&](T* buffer, T*, const T*, std::int64_t rows) { layer(buffer, x.data(), rows); }); });
+                  [&] {
+                      by_tiles([&](T* buffer, T*, const T*, std::int64_t rows) {
+                          layer(buffer, x.data(), rows);
+                      });
+                  });
     }
 }
 
@@ -159,34 +195,47 @@ void bench_matmul(Table& table) {
     constexpr MatmulOptions plain{};
     constexpr MatmulOptions transposed_left{.transpose_a = true};
     constexpr MatmulOptions transposed_right{.transpose_b = true};
-    for (const MatmulShape& s : {MatmulShape{"layer", 1, points, 256, 256, transposed_right},
-                                 MatmulShape{"gradient of a layer's input", 1, points, 256, 256, plain},
-                                 MatmulShape{"gradient of its weight", 1, 256, points, 256, transposed_left},
-                                 MatmulShape{"first layer", 1, points, 63, 256, transposed_right},
-                                 MatmulShape{"density", 1, points, 256, 1, transposed_right},
-                                 MatmulShape{"gradient of its input", 1, points, 1, 256, plain},
-                                 MatmulShape{"gradient of its weight", 1, 1, points, 256, transposed_left},
-                                 MatmulShape{"colour", 1, 262144, 32, 3, transposed_right},
-                                 MatmulShape{"gradient of its input", 1, 262144, 3, 32, plain},
-                                 MatmulShape{"gradient of its weight", 1, 3, 262144, 32, transposed_left},
-                                 MatmulShape{"block of 64 channels", 1, 65536, 64, 64, transposed_right},
-                                 MatmulShape{"gradient of its weight", 1, 64, 65536, 64, transposed_left},
-                                 MatmulShape{"modulated, four images", 4, 16384, 128, 64, transposed_right},
-                                 MatmulShape{"gradient of its weight", 4, 64, 16384, 128, transposed_left},
-                                 MatmulShape{"style, one code", 1, 1, 256, 512, transposed_right},
-                                 MatmulShape{"style, four codes", 1, 4, 256, 512, transposed_right},
-                                 MatmulShape{"gradient of its weight", 1, 512, 4, 256, transposed_left},
-                                 MatmulShape{"gradient of its input", 1, 4, 512, 256, plain},
-                                 MatmulShape{"last layer of an encoder", 1, 4, 25088, 512, transposed_right},
-                                 MatmulShape{"gradient of its input", 1, 4, 512, 25088, plain},
-                                 MatmulShape{"many small", 1024, 16, 16, 16, plain},
-                                 MatmulShape{"square", 1, 512, 512, 512, plain},
-                                 MatmulShape{"square", 1, 1024, 1024, 1024, plain}}) {
-        const Tensor a = draw(s.options.transpose_a ? Shape{s.batch, s.k, s.m} : Shape{s.batch, s.m, s.k});
-        const Tensor b = draw(s.options.transpose_b ? Shape{s.batch, s.n, s.k} : Shape{s.batch, s.k, s.n});
-        const std::string name = std::string("matmul ") + std::to_string(s.batch) + "x" + std::to_string(s.m) + "x" +
-                                 std::to_string(s.k) + "x" + std::to_string(s.n) + " " + s.use;
-        table.row(name, double(s.batch * s.m * s.k * s.n), [&] { static_cast<void>(kernels::matmul(a, b, s.options)); });
+    for (const MatmulShape& s :
+         {MatmulShape{"layer", 1, points, 256, 256, transposed_right},
+          MatmulShape{"gradient of a layer's input", 1, points, 256, 256, plain},
+          MatmulShape{"gradient of its weight", 1, 256, points, 256, transposed_left},
+          MatmulShape{"first layer", 1, points, 63, 256, transposed_right},
+          MatmulShape{"density", 1, points, 256, 1, transposed_right},
+          MatmulShape{"gradient of its input", 1, points, 1, 256, plain},
+          MatmulShape{"gradient of its weight", 1, 1, points, 256, transposed_left},
+          MatmulShape{"colour", 1, 262144, 32, 3, transposed_right},
+          MatmulShape{"gradient of its input", 1, 262144, 3, 32, plain},
+          MatmulShape{"gradient of its weight", 1, 3, 262144, 32, transposed_left},
+          MatmulShape{"block of 64 channels", 1, 65536, 64, 64, transposed_right},
+          MatmulShape{"gradient of its weight", 1, 64, 65536, 64, transposed_left},
+          MatmulShape{"modulated, four images", 4, 16384, 128, 64, transposed_right},
+          MatmulShape{"gradient of its weight", 4, 64, 16384, 128, transposed_left},
+          MatmulShape{"style, one code", 1, 1, 256, 512, transposed_right},
+          MatmulShape{"style, four codes", 1, 4, 256, 512, transposed_right},
+          MatmulShape{"gradient of its weight", 1, 512, 4, 256, transposed_left},
+          MatmulShape{"gradient of its input", 1, 4, 512, 256, plain},
+          MatmulShape{"last layer of an encoder", 1, 4, 25088, 512, transposed_right},
+          MatmulShape{"gradient of its input", 1, 4, 512, 25088, plain},
+          MatmulShape{"many small", 1024, 16, 16, 16, plain},
+          MatmulShape{"square", 1, 512, 512, 512, plain},
+          MatmulShape{"square", 1, 1024, 1024, 1024, plain}}) {
+        const Tensor a =
+            draw(s.options.transpose_a ? Shape{s.batch, s.k, s.m} : Shape{s.batch, s.m, s.k});
+        const Tensor b =
+            draw(s.options.transpose_b ? Shape{s.batch, s.n, s.k} : Shape{s.batch, s.k, s.n});
+        const std::string name = std::string("matmul ") + std::to_string(s.batch) + "x" +
+                                 std::to_string(s.m) + "x" + std::to_string(s.k) + "x" +
+                                 std::to_string(s.n) + " " + s.use;
+        std::vector<Table::Other> others;
+        for (const GemmLibrary& library : gemm_libraries(thread_count())) {
+            if (library.multiply(a, b, s.options).defined())
+                others.push_back({library.name, [&a, &b, &s, library] {
+                                      static_cast<void>(library.multiply(a, b, s.options));
+                                  }});
+        }
+        table.row(
+            name, double(s.batch * s.m * s.k * s.n),
+            [&] { static_cast<void>(kernels::matmul(a, b, s.options)); }, others);
     }
 }
 

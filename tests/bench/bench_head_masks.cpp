@@ -17,7 +17,7 @@
 #include "fit/photo/face_parser.h"
 #include "fit/photo/grab_cut.h"
 #include "fit/photo/head_mask.h"
-#include "render/head_parts.h"
+#include "render/parsing_classes.h"
 
 /// How well head masks found by each way agree with hand-made ones, and what finding them costs.
 namespace stymo::test {
@@ -39,14 +39,16 @@ Arguments parse(const std::vector<std::string_view>& words) {
         if (words[i] == "--parser" && has_value) {
             arguments.parser = words[++i];
         } else if (words[i] == "--every" && has_value) {
-            arguments.every = static_cast<std::size_t>(std::max(1, std::atoi(std::string(words[++i]).c_str())));
+            arguments.every =
+                static_cast<std::size_t>(std::max(1, std::atoi(std::string(words[++i]).c_str())));
         } else if (words[i] == "--list") {
             arguments.list = true;
         } else {
             arguments.folder = words[i];
         }
     }
-    if (arguments.folder.empty()) fail<ValueError>("usage: bench_head_masks FOLDER [--parser ONNX] [--every N] [--list]");
+    if (arguments.folder.empty())
+        fail<ValueError>("usage: bench_head_masks FOLDER [--parser ONNX] [--every N] [--list]");
     return arguments;
 }
 
@@ -71,9 +73,11 @@ public:
     }
 
     void print(std::size_t photos, std::size_t with_face, std::size_t aligned) const {
-        std::printf("{\"photos\": %zu, \"with_face\": %zu, \"aligned\": %zu", photos, with_face, aligned);
+        std::printf("{\"photos\": %zu, \"with_face\": %zu, \"aligned\": %zu", photos, with_face,
+                    aligned);
         for (const auto& [name, entry] : sums_)
-            std::printf(",\n \"%s\": %.4f", name.c_str(), entry.first / static_cast<double>(entry.second));
+            std::printf(",\n \"%s\": %.4f", name.c_str(),
+                        entry.first / static_cast<double>(entry.second));
         std::printf("}\n");
     }
 
@@ -82,13 +86,15 @@ private:
 };
 
 Tensor head_classes(Tensor classes) {
-    for (float& value : classes.mutable_values<float>()) value = is_head_class(static_cast<int>(value)) ? 1.0F : 0.0F;
+    for (float& value : classes.mutable_values<float>())
+        value = is_head_class(static_cast<int>(value)) ? 1.0F : 0.0F;
     return classes;
 }
 
 void run(const Arguments& arguments) {
     std::vector<fs::path> files;
-    for (const fs::directory_entry& entry : fs::directory_iterator(arguments.folder / "images")) files.push_back(entry.path());
+    for (const fs::directory_entry& entry : fs::directory_iterator(arguments.folder / "images"))
+        files.push_back(entry.path());
     std::sort(files.begin(), files.end());
     const FaceDetector detector;
     std::optional<FaceParser> parser;
@@ -111,17 +117,20 @@ void run(const Arguments& arguments) {
             sums.add("iou." + name, agreement);
             if (arguments.list) std::printf("%s %s %.4f\n", id.c_str(), name.c_str(), agreement);
         };
-        judge("grab_cut", sums.time("grab_cut", [&] { return grab_cut_head_mask(photo, landmarks); }));
+        judge("grab_cut",
+              sums.time("grab_cut", [&] { return grab_cut_head_mask(photo, landmarks); }));
         if (!parser) continue;
         const Tensor classes = sums.time("parser", [&] { return parser->parse(photo); });
         judge("parser_as_it_is", head_classes(classes));
         const Tensor mask = sums.time("clean_up", [&] { return head_mask_from_parsing(classes); });
         judge("parser_and_clean_up", mask);
-        const Tensor mended = sums.time("parser_and_grab_cut", [&] { return parser->head_mask(photo, landmarks); });
+        const Tensor mended =
+            sums.time("parser_and_grab_cut", [&] { return parser->head_mask(photo, landmarks); });
         judge("parser_and_grab_cut", mended);
         const Tensor cleaned_truth = head_mask_from_parsing(parsing);
         sums.add("iou_with_cleaned.parser", intersection_over_union(mask, cleaned_truth));
-        sums.add("iou_with_cleaned.parser_and_grab_cut", intersection_over_union(mended, cleaned_truth));
+        sums.add("iou_with_cleaned.parser_and_grab_cut",
+                 intersection_over_union(mended, cleaned_truth));
     }
     sums.print(photos, with_face, aligned);
 }

@@ -18,7 +18,8 @@
 #include "nn/models/perceptual/lpips.h"
 #include "nn/optim/adam.h"
 
-/// Times the convolutional networks on random weights and pictures: bench_networks [vgg|disc|r1] [threads] [repeats].
+/// Times the convolutional networks on random weights and images: bench_networks [vgg|disc|r1]
+/// [threads] [repeats].
 namespace stymo::test {
 namespace {
 
@@ -30,16 +31,20 @@ void report(const char* name, int repeats, Function function) {
     for (int i = 0; i < repeats; ++i) {
         const auto start = std::chrono::steady_clock::now();
         function();
-        times.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
+        times.push_back(
+            std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
+                .count());
     }
-    const double processor = 1e3 * static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC / repeats;
+    const double processor =
+        1e3 * static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC / repeats;
     std::ranges::sort(times);
-    std::printf("%s: %.1f ms (%.1f to %.1f), %d threads, processor time %.1f ms\n", name, times[times.size() / 2], times.front(),
-                times.back(), thread_count(), processor);
+    std::printf("%s: %.1f ms (%.1f to %.1f), %d threads, processor time %.1f ms\n", name,
+                times[times.size() / 2], times.front(), times.back(), thread_count(), processor);
     std::fflush(stdout);
 }
 
-/// LPIPS of a picture and its gradient, with the target's features at hand, as a step of the fitter takes them.
+/// LPIPS of an image and its gradient, with the target's features at hand, as a step of the fitter
+/// takes them.
 void vgg(int repeats) {
     LpipsConfig config;
     config.network = "vgg16";
@@ -48,10 +53,10 @@ void vgg(int repeats) {
     const Lpips lpips(config, "");
     Rng rng(1);
     const Lpips::Features target = lpips.features(rng.uniform({1, 512, 512, 3}, -1.0, 1.0));
-    const Tensor picture = rng.uniform({1, 512, 512, 3}, -1.0, 1.0);
-    report("VGG-16 features at 512", repeats, [&] { static_cast<void>(lpips.features(picture)); });
+    const Tensor image = rng.uniform({1, 512, 512, 3}, -1.0, 1.0);
+    report("VGG-16 features at 512", repeats, [&] { static_cast<void>(lpips.features(image)); });
     report("VGG-16 features and gradient at 512", repeats, [&] {
-        const Variable leaf = Variable::leaf(picture);
+        const Variable leaf = Variable::leaf(image);
         static_cast<void>(grad(sum(lpips.distance(lpips.features(leaf), target)), leaf));
     });
 }
@@ -61,20 +66,25 @@ void discriminator(int repeats, bool regularised) {
     ParameterStore store;
     Rng rng(1);
     const Discriminator network({}, 256, store, "discriminator", rng);
-    const Tensor pictures = rng.uniform({4, 256, 256, 3}, -1.0, 1.0);
+    const Tensor images = rng.uniform({4, 256, 256, 3}, -1.0, 1.0);
     Adam adam({.beta1 = 0.0, .beta2 = 0.99});
-    report(regularised ? "R1 update at 256, batch 4" : "discriminator update at 256, batch 4", repeats, [&] {
-        std::vector<Variable> leaves;
-        for (const Parameter& parameter : store.all()) leaves.push_back(parameter.variable());
-        const auto judge = [&](const Variable& images) { return network(images); };
-        const Variable loss = regularised ? r1_penalty(judge, pictures) : real_loss(judge(pictures));
-        adam.step(store.all(), grad(loss, leaves), 1e-4);
-    });
+    report(regularised ? "R1 update at 256, batch 4" : "discriminator update at 256, batch 4",
+           repeats, [&] {
+               std::vector<Variable> leaves;
+               for (const Parameter& parameter : store.all())
+                   leaves.push_back(parameter.variable());
+               const auto discriminator = [&](const Variable& x) { return network(x); };
+               const Variable loss = regularised ? r1_penalty(discriminator, images)
+                                                 : real_loss(discriminator(images));
+               adam.step(store.all(), grad(loss, leaves), 1e-4);
+           });
 }
 
 void run(const std::vector<std::string>& words) {
     tune_allocator();
-    if (words.empty()) fail<ValueError>("give vgg, disc or r1, then perhaps the numbers of threads and of repeats");
+    if (words.empty())
+        fail<ValueError>(
+            "give vgg, disc or r1, then perhaps the numbers of threads and of repeats");
     set_thread_count(words.size() > 1 ? std::atoi(words[1].c_str()) : 0);
     const int repeats = words.size() > 2 ? std::max(1, std::atoi(words[2].c_str())) : 3;
     if (words[0] == "vgg") return vgg(repeats);

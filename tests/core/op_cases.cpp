@@ -9,7 +9,8 @@ Tensor draw(const CaseInput& input, const Shape& shape, DType dtype, Rng& rng) {
     Tensor drawn = rng.uniform(shape, input.low, input.high, DType::float64);
     if (input.spacing > 0.0) {
         for (double& value : drawn.mutable_values<double>()) {
-            const double nearest = std::round((value - input.offset) / input.spacing) * input.spacing + input.offset;
+            const double nearest =
+                std::round((value - input.offset) / input.spacing) * input.spacing + input.offset;
             value = nearest + 0.1 * input.spacing * (2.0 * rng.uniform() - 1.0);
         }
     }
@@ -22,8 +23,9 @@ const std::vector<OpCase>& op_cases() {
     static const std::vector<OpCase> table = [] {
         std::vector<OpCase> all;
         for (const auto& family :
-             {elementwise_cases(), activation_cases(), shape_cases(), reduce_cases(), linalg_cases(), conv_cases(),
-              channel_cases(), pool_cases(), resample_cases(), index_cases(), rays_cases(), feature_cases()}) {
+             {elementwise_cases(), activation_cases(), shape_cases(), reduce_cases(),
+              linalg_cases(), conv_cases(), channel_cases(), pool_cases(), resample_cases(),
+              index_cases(), rays_cases(), feature_cases()}) {
             all.insert(all.end(), family.begin(), family.end());
         }
         return all;
@@ -34,7 +36,8 @@ const std::vector<OpCase>& op_cases() {
 std::vector<Tensor> draw_inputs(const OpCase& row, DType dtype, std::uint64_t seed) {
     Rng rng = Rng(seed).split(row.name());
     std::vector<Tensor> tensors;
-    for (const CaseInput& input : row.inputs) tensors.push_back(draw(input, input.shape, dtype, rng));
+    for (const CaseInput& input : row.inputs)
+        tensors.push_back(draw(input, input.shape, dtype, rng));
     return tensors;
 }
 

@@ -8,11 +8,13 @@
 #include "core/rng.h"
 #include "support/array.h"
 
-/// The table of ops: each row serves the tests of value, gradients, threads and PyTorch vectors, and the benchmark.
+/// The table of ops: each row serves the tests of value, gradients, threads and PyTorch vectors,
+/// and the benchmark.
 namespace stymo::test {
 
-/// Extents and distribution of one input: uniform in [low, high], or near the points offset + k spacing (within a tenth of the
-/// spacing), which keeps finite differences away from a kink that lies between them.
+/// Extents and distribution of one input: uniform in [low, high], or near the points offset + k
+/// spacing (within a tenth of the spacing), which keeps finite differences away from a kink that
+/// lies between them.
 struct CaseInput {
     Shape shape;
     double low = -1.0;
@@ -29,8 +31,9 @@ struct OpCase {
     std::string form;  ///< what tells this row from the op's other rows
     std::vector<CaseInput> inputs;
     OpFunction function;
-    OpReference reference;              ///< the value from the definition, in plain loops
-    std::vector<Shape> speed_shapes{};  ///< of the inputs in the benchmark; the first row of every op has them
+    OpReference reference;  ///< the value from the definition, in plain loops
+    std::vector<Shape>
+        speed_shapes{};  ///< of the inputs in the benchmark; the first row of every op has them
 
     [[nodiscard]] std::string name() const { return op + "/" + form; }
 };
@@ -39,7 +42,8 @@ struct OpCase {
 
 /// Inputs in the row's own shapes, or in those of the benchmark.
 [[nodiscard]] std::vector<Tensor> draw_inputs(const OpCase& row, DType dtype, std::uint64_t seed);
-[[nodiscard]] std::vector<Tensor> draw_speed_inputs(const OpCase& row, DType dtype, std::uint64_t seed);
+[[nodiscard]] std::vector<Tensor> draw_speed_inputs(const OpCase& row, DType dtype,
+                                                    std::uint64_t seed);
 
 [[nodiscard]] std::vector<Variable> as_constants(const std::vector<Tensor>& tensors);
 [[nodiscard]] std::vector<Variable> as_leaves(const std::vector<Tensor>& tensors);

@@ -7,8 +7,11 @@ namespace stymo::test {
 namespace {
 
 Array directions(const Array& x, double epsilon) {
-    Array squared_norms = generate({x.extents[0], x.extents[1], x.extents[2]}, [](const Index&) { return 0.0; });
-    for_each_index(x.extents, [&](const Index& i) { squared_norms.at({i[0], i[1], i[2]}) += x.at(i) * x.at(i); });
+    Array squared_norms =
+        generate({x.extents[0], x.extents[1], x.extents[2]}, [](const Index&) { return 0.0; });
+    for_each_index(x.extents, [&](const Index& i) {
+        squared_norms.at({i[0], i[1], i[2]}) += x.at(i) * x.at(i);
+    });
     return generate(x.extents, [&](const Index& i) {
         return x.at(i) / (std::sqrt(squared_norms.at({i[0], i[1], i[2]})) + epsilon);
     });
@@ -31,13 +34,15 @@ OpCase direction_case(const char* name, ChannelFunction function) {
 std::vector<OpCase> channel_cases() {
     const Shape image{2, 3, 2, 5};
     const Shape large{1, 256, 256, 64};
-    return {direction_case("unit_channels", unit_channels), direction_case("unit_channels_reference", unit_channels_reference),
+    return {direction_case("unit_channels", unit_channels),
+            direction_case("unit_channels_reference", unit_channels_reference),
             OpCase{"mean_squared_difference",
                    "image",
                    {{image}, {image}},
                    [](const auto& x) { return mean_squared_difference(x[0], x[1]); },
                    [](const std::vector<Array>& x) {
-                       Array mean = generate({x[0].extents[0], 1, 1, x[0].extents[3]}, [](const Index&) { return 0.0; });
+                       Array mean = generate({x[0].extents[0], 1, 1, x[0].extents[3]},
+                                             [](const Index&) { return 0.0; });
                        const double pixels = static_cast<double>(x[0].extents[1] * x[0].extents[2]);
                        for_each_index(x[0].extents, [&](const Index& i) {
                            const double difference = x[0].at(i) - x[1].at(i);

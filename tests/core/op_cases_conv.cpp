@@ -11,10 +11,11 @@ struct ConvForm {
     Conv2dOptions options;
 };
 
-/// Every product that a convolution adds up: an element of the output, of the input and of the weight.
+/// Every product that a convolution adds up: an element of the output, of the input and of the
+/// weight.
 template <class Visit>
-void for_each_product(const std::vector<std::int64_t>& x, const std::vector<std::int64_t>& weight, const Conv2dOptions& options,
-                      Visit visit) {
+void for_each_product(const std::vector<std::int64_t>& x, const std::vector<std::int64_t>& weight,
+                      const Conv2dOptions& options, Visit visit) {
     const std::int64_t height = (x[1] + 2 * options.padding - weight[1]) / options.stride + 1;
     const std::int64_t width = (x[2] + 2 * options.padding - weight[2]) / options.stride + 1;
     const std::int64_t outputs_per_group = weight[0] / options.groups;
@@ -54,38 +55,45 @@ std::vector<OpCase> cases_of(const ConvForm& form, bool with_speed) {
                     [=](const auto& v) { return conv2d(v[0], v[1], options); },
                     [=](const std::vector<Array>& v) {
                         Array out = zeros(extents_of(y));
-                        for_each_product(x_extents, weight_extents, options, [&](const Index& o, const Index& i, const Index& w) {
-                            out.at(o) += v[0].at(i) * v[1].at(w);
-                        });
+                        for_each_product(x_extents, weight_extents, options,
+                                         [&](const Index& o, const Index& i, const Index& w) {
+                                             out.at(o) += v[0].at(i) * v[1].at(w);
+                                         });
                         return out;
                     }});
-    // The benchmark's convolution keeps height and width, so the shapes that its adjoints need follow from their inputs.
+    // The benchmark's convolution keeps height and width, so the shapes that its adjoints need
+    // follow from their inputs.
     rows.push_back({"conv2d_transpose",
                     form.name,
                     {{y}, {form.weight}},
                     [=](const auto& v) {
-                        const Shape shape = v[0].shape() == y ? form.x : v[0].shape().with(3, v[1].shape(3));
+                        const Shape shape =
+                            v[0].shape() == y ? form.x : v[0].shape().with(3, v[1].shape(3));
                         return conv2d_transpose(v[0], v[1], shape, options);
                     },
                     [=](const std::vector<Array>& v) {
                         Array out = zeros(x_extents);
-                        for_each_product(x_extents, weight_extents, options, [&](const Index& o, const Index& i, const Index& w) {
-                            out.at(i) += v[0].at(o) * v[1].at(w);
-                        });
+                        for_each_product(x_extents, weight_extents, options,
+                                         [&](const Index& o, const Index& i, const Index& w) {
+                                             out.at(i) += v[0].at(o) * v[1].at(w);
+                                         });
                         return out;
                     }});
     rows.push_back({"conv2d_weight_grad",
                     form.name,
                     {{y}, {form.x}},
                     [=](const auto& v) {
-                        const Shape shape = v[0].shape() == y ? form.weight : Shape{v[0].shape(3), 3, 3, v[1].shape(3)};
+                        const Shape shape = v[0].shape() == y
+                                                ? form.weight
+                                                : Shape{v[0].shape(3), 3, 3, v[1].shape(3)};
                         return conv2d_weight_grad(v[0], v[1], shape, options);
                     },
                     [=](const std::vector<Array>& v) {
                         Array out = zeros(weight_extents);
-                        for_each_product(x_extents, weight_extents, options, [&](const Index& o, const Index& i, const Index& w) {
-                            out.at(w) += v[0].at(o) * v[1].at(i);
-                        });
+                        for_each_product(x_extents, weight_extents, options,
+                                         [&](const Index& o, const Index& i, const Index& w) {
+                                             out.at(w) += v[0].at(o) * v[1].at(i);
+                                         });
                         return out;
                     }});
     if (with_speed) {
@@ -98,7 +106,8 @@ std::vector<OpCase> cases_of(const ConvForm& form, bool with_speed) {
     return rows;
 }
 
-/// The bias keeps the leaky ReLU's argument away from 0: at least 0.9, against 0.72 at most of the sum.
+/// The bias keeps the leaky ReLU's argument away from 0: at least 0.9, against 0.72 at most of the
+/// sum.
 OpCase finished_case(const char* form, double slope, const Conv2dOptions& options) {
     const Shape x{2, 4, 3, 2};
     const Shape weight{3, 3, 3, 2};
@@ -110,7 +119,9 @@ OpCase finished_case(const char* form, double slope, const Conv2dOptions& option
             [=](const std::vector<Array>& v) {
                 Array out = zeros(extents);
                 for_each_product(extents_of(x), extents_of(weight), options,
-                                 [&](const Index& o, const Index& i, const Index& w) { out.at(o) += v[0].at(i) * v[1].at(w); });
+                                 [&](const Index& o, const Index& i, const Index& w) {
+                                     out.at(o) += v[0].at(i) * v[1].at(w);
+                                 });
                 for_each_index(extents, [&](const Index& o) {
                     const double sum = out.at(o) + v[2].at({o[3]});
                     out.at(o) = sum > 0.0 ? sum : slope * sum;

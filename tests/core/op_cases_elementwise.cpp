@@ -23,8 +23,9 @@ std::vector<std::int64_t> broadcast_extents(const Array& a, const Array& b) {
 
 OpReference pairwise(double (*value)(double, double)) {
     return [value](const std::vector<Array>& x) {
-        return generate(broadcast_extents(x[0], x[1]),
-                        [&](const Index& i) { return value(x[0].broadcast_at(i), x[1].broadcast_at(i)); });
+        return generate(broadcast_extents(x[0], x[1]), [&](const Index& i) {
+            return value(x[0].broadcast_at(i), x[1].broadcast_at(i));
+        });
     };
 }
 
@@ -34,8 +35,8 @@ OpReference pointwise(double (*value)(double)) {
     };
 }
 
-void add_binary(std::vector<OpCase>& rows, const char* name, BinaryFunction function, double (*value)(double, double),
-                CaseInput a, CaseInput b) {
+void add_binary(std::vector<OpCase>& rows, const char* name, BinaryFunction function,
+                double (*value)(double, double), CaseInput a, CaseInput b) {
     struct Form {
         const char* name;
         Shape a;
@@ -48,15 +49,25 @@ void add_binary(std::vector<OpCase>& rows, const char* name, BinaryFunction func
     for (const Form& form : forms) {
         a.shape = form.a;
         b.shape = form.b;
-        OpCase row{name, form.name, {a, b}, [function](const auto& x) { return function(x[0], x[1]); }, pairwise(value)};
+        OpCase row{name,
+                   form.name,
+                   {a, b},
+                   [function](const auto& x) { return function(x[0], x[1]); },
+                   pairwise(value)};
         if (rows.empty() || rows.back().op != name) row.speed_shapes = {{4096, 256}, {4096, 256}};
         rows.push_back(row);
     }
 }
 
-OpCase unary(const char* name, CaseInput input, const UnaryFunction& function, double (*value)(double)) {
+OpCase unary(const char* name, CaseInput input, const UnaryFunction& function,
+             double (*value)(double)) {
     input.shape = {3, 4};
-    return {name, "elements", {input}, [function](const auto& x) { return function(x[0]); }, pointwise(value), {{4096, 256}}};
+    return {name,
+            "elements",
+            {input},
+            [function](const auto& x) { return function(x[0]); },
+            pointwise(value),
+            {{4096, 256}}};
 }
 
 /// Not 0 in two of three elements.
@@ -70,13 +81,15 @@ Tensor mask_for(const Shape& shape, DType dtype) {
 }
 
 Variable masked_choice(const std::vector<Variable>& x) {
-    return where(mask_for(broadcast_shape(x[0].shape(), x[1].shape(), "where"), x[0].dtype()), x[0], x[1]);
+    return where(mask_for(broadcast_shape(x[0].shape(), x[1].shape(), "where"), x[0].dtype()), x[0],
+                 x[1]);
 }
 
 Array masked_choice_reference(const std::vector<Array>& x) {
     std::int64_t place = 0;
-    return generate(broadcast_extents(x[0], x[1]),
-                    [&](const Index& i) { return place++ % 3 != 0 ? x[0].broadcast_at(i) : x[1].broadcast_at(i); });
+    return generate(broadcast_extents(x[0], x[1]), [&](const Index& i) {
+        return place++ % 3 != 0 ? x[0].broadcast_at(i) : x[1].broadcast_at(i);
+    });
 }
 
 }  // namespace
@@ -100,12 +113,18 @@ std::vector<OpCase> elementwise_cases() {
         rows, "maximum", maximum, [](double a, double b) { return a > b ? a : b; }, tick, tock);
     add_binary(
         rows, "minimum", minimum, [](double a, double b) { return a < b ? a : b; }, tick, tock);
+    rows.push_back({"where",
+                    "same shape",
+                    {{{3, 4}}, {{3, 4}}},
+                    masked_choice,
+                    masked_choice_reference,
+                    {{4096, 256}, {4096, 256}}});
     rows.push_back(
-        {"where", "same shape", {{{3, 4}}, {{3, 4}}}, masked_choice, masked_choice_reference, {{4096, 256}, {4096, 256}}});
-    rows.push_back({"where", "row and column", {{{3, 1}}, {{1, 4}}}, masked_choice, masked_choice_reference});
+        {"where", "row and column", {{{3, 1}}, {{1, 4}}}, masked_choice, masked_choice_reference});
     rows.push_back(unary("negate", any, negate, [](double x) { return -x; }));
     rows.push_back(unary(
-        "affine", any, [](const Variable& x) { return affine(x, -1.5, 0.25); }, [](double x) { return -1.5 * x + 0.25; }));
+        "affine", any, [](const Variable& x) { return affine(x, -1.5, 0.25); },
+        [](double x) { return -1.5 * x + 0.25; }));
     rows.push_back(unary("exp", any, exp, [](double x) { return std::exp(x); }));
     rows.push_back(unary("log", positive, log, [](double x) { return std::log(x); }));
     rows.push_back(unary("sin", {{}, -6.0, 6.0}, sin, [](double x) { return std::sin(x); }));
@@ -123,10 +142,13 @@ std::vector<OpCase> activation_cases() {
     const CaseInput wide{{}, -4.0, 4.0};
     const CaseInput around_zero{{}, -2.0, 2.0, 0.4, 0.2};
     std::vector<OpCase> rows;
-    rows.push_back(unary("sigmoid", wide, sigmoid, [](double x) { return 1.0 / (1.0 + std::exp(-x)); }));
+    rows.push_back(
+        unary("sigmoid", wide, sigmoid, [](double x) { return 1.0 / (1.0 + std::exp(-x)); }));
     rows.push_back(unary("tanh", wide, tanh, [](double x) { return std::tanh(x); }));
-    rows.push_back(unary("softplus", wide, softplus, [](double x) { return std::log(1.0 + std::exp(x)); }));
-    rows.push_back(unary("log_sigmoid", wide, log_sigmoid, [](double x) { return -std::log(1.0 + std::exp(-x)); }));
+    rows.push_back(
+        unary("softplus", wide, softplus, [](double x) { return std::log(1.0 + std::exp(x)); }));
+    rows.push_back(unary("log_sigmoid", wide, log_sigmoid,
+                         [](double x) { return -std::log(1.0 + std::exp(-x)); }));
     rows.push_back(unary(
         "leaky_relu", around_zero, [](const Variable& x) { return leaky_relu(x, 0.2); },
         [](double x) { return x > 0.0 ? x : 0.2 * x; }));
@@ -139,13 +161,19 @@ std::vector<OpCase> activation_cases() {
                     pairwise([](double x, double sign) { return sign > 0.0 ? x : 0.2 * x; }),
                     {{4096, 256}, {4096, 256}}});
 
-    const auto prelu_reference = pairwise([](double x, double slope) { return x > 0.0 ? x : slope * x; });
+    const auto prelu_reference =
+        pairwise([](double x, double slope) { return x > 0.0 ? x : slope * x; });
     const OpFunction prelu_function = [](const auto& x) { return prelu(x[0], x[1]); };
     CaseInput rows_of_channels = around_zero;
     rows_of_channels.shape = {3, 4};
     CaseInput image = around_zero;
     image.shape = {2, 2, 2, 3};
-    rows.push_back({"prelu", "rows", {rows_of_channels, {{4}}}, prelu_function, prelu_reference, {{4096, 256}, {256}}});
+    rows.push_back({"prelu",
+                    "rows",
+                    {rows_of_channels, {{4}}},
+                    prelu_function,
+                    prelu_reference,
+                    {{4096, 256}, {256}}});
     rows.push_back({"prelu", "image", {image, {{3}}}, prelu_function, prelu_reference});
 
     for (const int axis : {-1, 0, 1}) {
@@ -164,7 +192,9 @@ std::vector<OpCase> activation_cases() {
                         [=](const std::vector<Array>& x) {
                             auto extents = x[0].extents;
                             extents[place] = 1;
-                            return generate(extents, [&](const Index& i) { return std::log(total_of_exp(x[0], i)); });
+                            return generate(extents, [&](const Index& i) {
+                                return std::log(total_of_exp(x[0], i));
+                            });
                         },
                         {{64, 64, 256}}});
         rows.push_back({"softmax",
@@ -172,8 +202,9 @@ std::vector<OpCase> activation_cases() {
                         {input},
                         [axis](const auto& x) { return softmax(x[0], axis); },
                         [=](const std::vector<Array>& x) {
-                            return generate(x[0].extents,
-                                            [&](const Index& i) { return std::exp(x[0].at(i)) / total_of_exp(x[0], i); });
+                            return generate(x[0].extents, [&](const Index& i) {
+                                return std::exp(x[0].at(i)) / total_of_exp(x[0], i);
+                            });
                         },
                         {{64, 64, 256}}});
     }

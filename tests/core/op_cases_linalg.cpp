@@ -11,16 +11,18 @@ namespace {
 Array batched_product(const Array& a, const Array& b, bool transpose_a, bool transpose_b) {
     const std::int64_t batch = std::max(a.extents[0], b.extents[0]);
     const std::int64_t inner = a.extents[transpose_a ? 1 : 2];
-    return generate({batch, a.extents[transpose_a ? 2 : 1], b.extents[transpose_b ? 1 : 2]}, [&](const Index& i) {
-        const std::int64_t batch_a = a.extents[0] == 1 ? 0 : i[0];
-        const std::int64_t batch_b = b.extents[0] == 1 ? 0 : i[0];
-        double total = 0.0;
-        for (std::int64_t k = 0; k < inner; ++k) {
-            total += (transpose_a ? a.at({batch_a, k, i[1]}) : a.at({batch_a, i[1], k})) *
-                     (transpose_b ? b.at({batch_b, i[2], k}) : b.at({batch_b, k, i[2]}));
-        }
-        return total;
-    });
+    return generate(
+        {batch, a.extents[transpose_a ? 2 : 1], b.extents[transpose_b ? 1 : 2]},
+        [&](const Index& i) {
+            const std::int64_t batch_a = a.extents[0] == 1 ? 0 : i[0];
+            const std::int64_t batch_b = b.extents[0] == 1 ? 0 : i[0];
+            double total = 0.0;
+            for (std::int64_t k = 0; k < inner; ++k) {
+                total += (transpose_a ? a.at({batch_a, k, i[1]}) : a.at({batch_a, i[1], k})) *
+                         (transpose_b ? b.at({batch_b, i[2], k}) : b.at({batch_b, k, i[2]}));
+            }
+            return total;
+        });
 }
 
 Array product(Array a, Array b, bool transpose_a, bool transpose_b) {
@@ -43,17 +45,23 @@ void add_products(std::vector<OpCase>& rows) {
         std::int64_t batch_a;
         std::int64_t batch_b;
     };
-    for (const Form& form : {Form{"matrices", 0, 0}, Form{"batch", 2, 2}, Form{"one left", 1, 2}, Form{"one right", 2, 1}}) {
+    for (const Form& form : {Form{"matrices", 0, 0}, Form{"batch", 2, 2}, Form{"one left", 1, 2},
+                             Form{"one right", 2, 1}}) {
         for (const bool transpose_a : {false, true}) {
             for (const bool transpose_b : {false, true}) {
                 const MatmulOptions options{transpose_a, transpose_b};
-                const std::string suffix = std::string(transpose_a ? " transposed a" : "") + (transpose_b ? " transposed b" : "");
+                const std::string suffix = std::string(transpose_a ? " transposed a" : "") +
+                                           (transpose_b ? " transposed b" : "");
                 rows.push_back({"matmul",
                                 form.name + suffix,
-                                {{matrix(form.batch_a, 2, 3, transpose_a)}, {matrix(form.batch_b, 3, 4, transpose_b)}},
+                                {{matrix(form.batch_a, 2, 3, transpose_a)},
+                                 {matrix(form.batch_b, 3, 4, transpose_b)}},
                                 [options](const auto& x) { return matmul(x[0], x[1], options); },
-                                [=](const std::vector<Array>& x) { return product(x[0], x[1], transpose_a, transpose_b); },
-                                {matrix(form.batch_a, 512, 256, transpose_a), matrix(form.batch_b, 256, 256, transpose_b)}});
+                                [=](const std::vector<Array>& x) {
+                                    return product(x[0], x[1], transpose_a, transpose_b);
+                                },
+                                {matrix(form.batch_a, 512, 256, transpose_a),
+                                 matrix(form.batch_b, 256, 256, transpose_b)}});
             }
         }
     }
@@ -72,25 +80,29 @@ const char* name_of(Activation activation) {
 
 Array layer(const std::vector<Array>& x, Activation activation) {
     Array y = product(x[0], x[1], false, true);
-    for_each_index(y.extents,
-                   [&](const Index& i) { y.at(i) = activated(activation, y.at(i) + (x.size() > 2 ? x[2].at({i[2]}) : 0.0)); });
+    for_each_index(y.extents, [&](const Index& i) {
+        y.at(i) = activated(activation, y.at(i) + (x.size() > 2 ? x[2].at({i[2]}) : 0.0));
+    });
     return y;
 }
 
 using LayerFunction = Variable (*)(const Variable&, const Variable&, const Variable&, Activation);
 
-/// The bias keeps the leaky ReLU's argument away from 0: at least 0.8, against 0.75 at most of the product.
+/// The bias keeps the leaky ReLU's argument away from 0: at least 0.8, against 0.75 at most of the
+/// product.
 void add_layers(std::vector<OpCase>& rows, const char* name, LayerFunction function) {
     const CaseInput bias{{4}, -1.0, 1.0, 2.0, 1.0};
-    for (const Activation activation : {Activation::none, Activation::sine, Activation::leaky_relu}) {
+    for (const Activation activation :
+         {Activation::none, Activation::sine, Activation::leaky_relu}) {
         for (const bool shared : {true, false}) {
             const std::int64_t weights = shared ? 1 : 2;
-            rows.push_back({name,
-                            std::string(name_of(activation)) + (shared ? "" : ", weight of each sample"),
-                            {{{2, 3, 3}, -0.5, 0.5}, {{weights, 4, 3}, -0.4, 0.4}, bias},
-                            [=](const auto& x) { return function(x[0], x[1], x[2], activation); },
-                            [=](const std::vector<Array>& x) { return layer(x, activation); },
-                            {{2, 4096, 256}, {weights, 256, 256}, {256}}});
+            rows.push_back(
+                {name,
+                 std::string(name_of(activation)) + (shared ? "" : ", weight of each sample"),
+                 {{{2, 3, 3}, -0.5, 0.5}, {{weights, 4, 3}, -0.4, 0.4}, bias},
+                 [=](const auto& x) { return function(x[0], x[1], x[2], activation); },
+                 [=](const std::vector<Array>& x) { return layer(x, activation); },
+                 {{2, 4096, 256}, {weights, 256, 256}, {256}}});
         }
         rows.push_back({name,
                         std::string(name_of(activation)) + ", no bias",

@@ -10,20 +10,23 @@ namespace {
 /// Keeps the elements further apart than the step of finite differences.
 constexpr double wide = 500.0;
 
-Array pooled(const Array& x, const MaxPoolOptions& options, std::int64_t height, std::int64_t width) {
+Array pooled(const Array& x, const MaxPoolOptions& options, std::int64_t height,
+             std::int64_t width) {
     return generate({x.extents[0], height, width, x.extents[3]}, [&](const Index& i) {
         double largest = -std::numeric_limits<double>::infinity();
         for_each_index({options.kernel, options.kernel}, [&](const Index& place) {
             const std::int64_t row = i[1] * options.stride + place[0];
             const std::int64_t column = i[2] * options.stride + place[1];
-            if (row < x.extents[1] && column < x.extents[2]) largest = std::max(largest, x.at({i[0], row, column, i[3]}));
+            if (row < x.extents[1] && column < x.extents[2])
+                largest = std::max(largest, x.at({i[0], row, column, i[3]}));
         });
         return largest;
     });
 }
 
 /// `height` and `width`: of the result, counted by hand.
-OpCase pool_case(const char* form, const Shape& shape, const MaxPoolOptions& options, std::int64_t height, std::int64_t width) {
+OpCase pool_case(const char* form, const Shape& shape, const MaxPoolOptions& options,
+                 std::int64_t height, std::int64_t width) {
     return {"max_pool2d",
             form,
             {{.shape = shape, .low = -wide, .high = wide}},

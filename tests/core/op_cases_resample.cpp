@@ -15,7 +15,8 @@ Array separable(const Array& x, std::int64_t height, std::int64_t width, const A
         double total = 0.0;
         for (std::int64_t row = 0; row < x.extents[1]; ++row) {
             for (std::int64_t column = 0; column < x.extents[2]; ++column) {
-                total += vertical(i[1], row) * horizontal(i[2], column) * x.at({i[0], row, column, i[3]});
+                total += vertical(i[1], row) * horizontal(i[2], column) *
+                         x.at({i[0], row, column, i[3]});
             }
         }
         return total;
@@ -37,7 +38,8 @@ ResampleMatrix arbitrary_matrix(int length) {
 
 double arbitrary_weight(std::int64_t length, std::int64_t output, std::int64_t input) {
     if (output == 1) return 0.0;
-    const double first = input == (3 * output + 1) % length ? 0.5 + 0.25 * static_cast<double>(output % 3) : 0.0;
+    const double first =
+        input == (3 * output + 1) % length ? 0.5 + 0.25 * static_cast<double>(output % 3) : 0.0;
     return first - (input == output % length ? 0.75 : 0.0);
 }
 
@@ -53,21 +55,25 @@ struct FilterForm {
 /// The definition, step by step: insert zeros, pad, convolve, decimate.
 std::vector<double> upfirdn(const std::vector<double>& x, const FilterForm& form) {
     const std::size_t before = static_cast<std::size_t>(form.pad_before);
-    std::vector<double> padded(before + x.size() * static_cast<std::size_t>(form.up) + static_cast<std::size_t>(form.pad_after),
+    std::vector<double> padded(before + x.size() * static_cast<std::size_t>(form.up) +
+                                   static_cast<std::size_t>(form.pad_after),
                                0.0);
-    for (std::size_t i = 0; i < x.size(); ++i) padded[before + i * static_cast<std::size_t>(form.up)] = x[i];
+    for (std::size_t i = 0; i < x.size(); ++i)
+        padded[before + i * static_cast<std::size_t>(form.up)] = x[i];
     const std::size_t taps = form.filter.size();
     std::vector<double> result;
     for (std::size_t i = 0; i + taps <= padded.size(); i += static_cast<std::size_t>(form.down)) {
         double total = 0.0;
-        for (std::size_t tap = 0; tap < taps; ++tap) total += form.filter[taps - 1 - tap] * padded[i + tap];
+        for (std::size_t tap = 0; tap < taps; ++tap)
+            total += form.filter[taps - 1 - tap] * padded[i + tap];
         result.push_back(total);
     }
     return result;
 }
 
 /// The filter's answer to an impulse at `input`.
-std::vector<double> impulse_response(std::int64_t length, std::int64_t input, const FilterForm& form) {
+std::vector<double> impulse_response(std::int64_t length, std::int64_t input,
+                                     const FilterForm& form) {
     std::vector<double> impulse(static_cast<std::size_t>(length), 0.0);
     impulse[static_cast<std::size_t>(input)] = 1.0;
     return upfirdn(impulse, form);
@@ -77,11 +83,15 @@ OpCase filter_case(const FilterForm& form, const Shape& shape) {
     return {"upfirdn2d",
             form.name,
             {{shape}},
-            [form](const auto& x) { return upfirdn2d(x[0], form.filter, form.up, form.down, form.pad_before, form.pad_after); },
+            [form](const auto& x) {
+                return upfirdn2d(x[0], form.filter, form.up, form.down, form.pad_before,
+                                 form.pad_after);
+            },
             [form](const std::vector<Array>& x) {
                 const auto weight = [&form](std::int64_t length) {
                     return [&form, length](std::int64_t output, std::int64_t input) {
-                        return impulse_response(length, input, form)[static_cast<std::size_t>(output)];
+                        return impulse_response(length, input,
+                                                form)[static_cast<std::size_t>(output)];
                     };
                 };
                 const std::int64_t height = x[0].extents[1];
@@ -105,10 +115,12 @@ double mirrored_blur(std::int64_t length, std::int64_t output, std::int64_t inpu
     return weight;
 }
 
-/// A triangle around the half-pixel centre, cut off at the edges, where the outermost element takes the rest.
+/// A triangle around the half-pixel centre, cut off at the edges, where the outermost element takes
+/// the rest.
 double triangle(double scale, std::int64_t length, std::int64_t output, std::int64_t input) {
     const double last = static_cast<double>(length - 1);
-    const double position = std::min(std::max((static_cast<double>(output) + 0.5) * scale - 0.5, 0.0), last);
+    const double position =
+        std::min(std::max((static_cast<double>(output) + 0.5) * scale - 0.5, 0.0), last);
     return std::max(0.0, 1.0 - std::abs(position - static_cast<double>(input)));
 }
 
@@ -119,25 +131,31 @@ double keys_cubic(double x) {
     return 0.0;
 }
 
-double antialiased_cubic(double scale, std::int64_t length, std::int64_t output, std::int64_t input) {
+double antialiased_cubic(double scale, std::int64_t length, std::int64_t output,
+                         std::int64_t input) {
     const double centre = (static_cast<double>(output) + 0.5) * scale;
     const double stretch = std::max(scale, 1.0);
-    const auto weight = [&](std::int64_t i) { return keys_cubic((static_cast<double>(i) + 0.5 - centre) / stretch); };
+    const auto weight = [&](std::int64_t i) {
+        return keys_cubic((static_cast<double>(i) + 0.5 - centre) / stretch);
+    };
     double total = 0.0;
     for (std::int64_t i = 0; i < length; ++i) total += weight(i);
     return weight(input) / total;
 }
 
 double block_mean(double scale, std::int64_t, std::int64_t output, std::int64_t input) {
-    return std::floor((static_cast<double>(input) + 0.5) / scale) == static_cast<double>(output) ? 1.0 / scale : 0.0;
+    return std::floor((static_cast<double>(input) + 0.5) / scale) == static_cast<double>(output)
+               ? 1.0 / scale
+               : 0.0;
 }
 
 using ResizeFunction = Variable (*)(const Variable&, int, int);
-using ResizeWeight = double (*)(double scale, std::int64_t length, std::int64_t output, std::int64_t input);
+using ResizeWeight = double (*)(double scale, std::int64_t length, std::int64_t output,
+                                std::int64_t input);
 
 /// Sizes are numerators over denominators of the input's, so that they also serve the benchmark.
-OpCase resize_case(const char* name, const char* form, const Shape& shape, int numerator, int denominator, ResizeFunction resize,
-                   ResizeWeight weight) {
+OpCase resize_case(const char* name, const char* form, const Shape& shape, int numerator,
+                   int denominator, ResizeFunction resize, ResizeWeight weight) {
     return {name,
             form,
             {{shape}},
@@ -148,24 +166,30 @@ OpCase resize_case(const char* name, const char* form, const Shape& shape, int n
             [=](const std::vector<Array>& x) {
                 const auto axis = [=](std::int64_t length, std::int64_t size) {
                     const double scale = static_cast<double>(length) / static_cast<double>(size);
-                    return [=](std::int64_t output, std::int64_t input) { return weight(scale, length, output, input); };
+                    return [=](std::int64_t output, std::int64_t input) {
+                        return weight(scale, length, output, input);
+                    };
                 };
                 const std::int64_t height = x[0].extents[1] * numerator / denominator;
                 const std::int64_t width = x[0].extents[2] * numerator / denominator;
-                return separable(x[0], height, width, axis(x[0].extents[1], height), axis(x[0].extents[2], width));
+                return separable(x[0], height, width, axis(x[0].extents[1], height),
+                                 axis(x[0].extents[2], width));
             },
             {speed_image}};
 }
 
 void add_pixel_cases(std::vector<OpCase>& rows) {
-    const auto inside = [](const Index& i) { return Index{i[0], i[1] / 2, i[2] / 2, 4 * i[3] + 2 * (i[1] % 2) + i[2] % 2}; };
+    const auto inside = [](const Index& i) {
+        return Index{i[0], i[1] / 2, i[2] / 2, 4 * i[3] + 2 * (i[1] % 2) + i[2] % 2};
+    };
     rows.push_back({"pixel_shuffle",
                     "image",
                     {{{2, 2, 1, 8}}},
                     [](const auto& x) { return pixel_shuffle(x[0]); },
                     [inside](const std::vector<Array>& x) {
                         const auto& e = x[0].extents;
-                        return generate({e[0], 2 * e[1], 2 * e[2], e[3] / 4}, [&](const Index& i) { return x[0].at(inside(i)); });
+                        return generate({e[0], 2 * e[1], 2 * e[2], e[3] / 4},
+                                        [&](const Index& i) { return x[0].at(inside(i)); });
                     },
                     {speed_image}});
     rows.push_back({"pixel_shuffle_onto",
@@ -185,7 +209,8 @@ void add_pixel_cases(std::vector<OpCase>& rows) {
                     [](const auto& x) { return pixel_unshuffle(x[0]); },
                     [inside](const std::vector<Array>& x) {
                         const auto& e = x[0].extents;
-                        Array y = generate({e[0], e[1] / 2, e[2] / 2, 4 * e[3]}, [](const Index&) { return 0.0; });
+                        Array y = generate({e[0], e[1] / 2, e[2] / 2, 4 * e[3]},
+                                           [](const Index&) { return 0.0; });
                         for_each_index(e, [&](const Index& i) { y.at(inside(i)) = x[0].at(i); });
                         return y;
                     },
@@ -205,7 +230,9 @@ std::vector<OpCase> resample_cases() {
                     },
                     [](const std::vector<Array>& x) {
                         const auto axis = [](std::int64_t length) {
-                            return [length](std::int64_t o, std::int64_t i) { return arbitrary_weight(length, o, i); };
+                            return [length](std::int64_t o, std::int64_t i) {
+                                return arbitrary_weight(length, o, i);
+                            };
                         };
                         const std::int64_t height = x[0].extents[1];
                         const std::int64_t width = x[0].extents[2];
@@ -223,17 +250,26 @@ std::vector<OpCase> resample_cases() {
                     [](const auto& x) { return blur(x[0]); },
                     [](const std::vector<Array>& x) {
                         const auto axis = [](std::int64_t length) {
-                            return [length](std::int64_t o, std::int64_t i) { return mirrored_blur(length, o, i); };
+                            return [length](std::int64_t o, std::int64_t i) {
+                                return mirrored_blur(length, o, i);
+                            };
                         };
-                        return separable(x[0], x[0].extents[1], x[0].extents[2], axis(x[0].extents[1]), axis(x[0].extents[2]));
+                        return separable(x[0], x[0].extents[1], x[0].extents[2],
+                                         axis(x[0].extents[1]), axis(x[0].extents[2]));
                     },
                     {speed_image}});
-    rows.push_back(resize_case("resize_bilinear", "twice the size", {1, 3, 2, 2}, 2, 1, resize_bilinear, triangle));
-    rows.push_back(resize_case("resize_bilinear", "two thirds", {1, 6, 3, 1}, 2, 3, resize_bilinear, triangle));
-    rows.push_back(resize_case("resize_bilinear", "five thirds", {1, 3, 3, 1}, 5, 3, resize_bilinear, triangle));
-    rows.push_back(resize_case("resize_bicubic", "half", {1, 8, 6, 1}, 1, 2, resize_bicubic, antialiased_cubic));
-    rows.push_back(resize_case("resize_bicubic", "two thirds", {1, 6, 3, 2}, 2, 3, resize_bicubic, antialiased_cubic));
-    rows.push_back(resize_case("resize_bicubic", "five thirds", {1, 3, 3, 1}, 5, 3, resize_bicubic, antialiased_cubic));
+    rows.push_back(resize_case("resize_bilinear", "twice the size", {1, 3, 2, 2}, 2, 1,
+                               resize_bilinear, triangle));
+    rows.push_back(resize_case("resize_bilinear", "two thirds", {1, 6, 3, 1}, 2, 3, resize_bilinear,
+                               triangle));
+    rows.push_back(resize_case("resize_bilinear", "five thirds", {1, 3, 3, 1}, 5, 3,
+                               resize_bilinear, triangle));
+    rows.push_back(resize_case("resize_bicubic", "half", {1, 8, 6, 1}, 1, 2, resize_bicubic,
+                               antialiased_cubic));
+    rows.push_back(resize_case("resize_bicubic", "two thirds", {1, 6, 3, 2}, 2, 3, resize_bicubic,
+                               antialiased_cubic));
+    rows.push_back(resize_case("resize_bicubic", "five thirds", {1, 3, 3, 1}, 5, 3, resize_bicubic,
+                               antialiased_cubic));
     rows.push_back(resize_case("resize_box", "half", {1, 4, 2, 2}, 1, 2, resize_box, block_mean));
     rows.push_back(resize_case("resize_box", "third", {1, 6, 3, 1}, 1, 3, resize_box, block_mean));
     add_pixel_cases(rows);

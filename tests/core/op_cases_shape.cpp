@@ -69,16 +69,19 @@ void add_axis_cases(std::vector<OpCase>& rows) {
                             });
                         },
                         {{64, 64, 256}}});
-        rows.push_back({"slice",
-                        form,
-                        {{{4, 3, 5}}},
-                        [axis](const auto& x) { return slice(x[0], axis, 1, x[0].shape(axis) - 1); },
-                        [place](const std::vector<Array>& x) {
-                            auto extents = x[0].extents;
-                            extents[place] -= 2;
-                            return generate(extents, [&](const Index& i) { return x[0].at(moved(i, place, i[place] + 1)); });
-                        },
-                        {{64, 64, 256}}});
+        rows.push_back(
+            {"slice",
+             form,
+             {{{4, 3, 5}}},
+             [axis](const auto& x) { return slice(x[0], axis, 1, x[0].shape(axis) - 1); },
+             [place](const std::vector<Array>& x) {
+                 auto extents = x[0].extents;
+                 extents[place] -= 2;
+                 return generate(extents, [&](const Index& i) {
+                     return x[0].at(moved(i, place, i[place] + 1));
+                 });
+             },
+             {{64, 64, 256}}});
         rows.push_back({"pad",
                         form,
                         {{{2, 3, 2}}},
@@ -96,7 +99,8 @@ void add_axis_cases(std::vector<OpCase>& rows) {
     }
 }
 
-OpCase concatenation(const char* form, int axis, const std::vector<Shape>& shapes, const std::vector<Shape>& speed) {
+OpCase concatenation(const char* form, int axis, const std::vector<Shape>& shapes,
+                     const std::vector<Shape>& speed) {
     const std::size_t place = axis < 0 ? 1 : static_cast<std::size_t>(axis);
     OpCase row{"concat",
                form,
@@ -147,7 +151,8 @@ std::vector<OpCase> shape_cases() {
                     }});
     add_permutations(rows);
     add_axis_cases(rows);
-    rows.push_back(concatenation("two along axis 0", 0, {{2, 3}, {1, 3}}, {{2048, 256}, {2048, 256}}));
+    rows.push_back(
+        concatenation("two along axis 0", 0, {{2, 3}, {1, 3}}, {{2048, 256}, {2048, 256}}));
     rows.push_back(concatenation("three along the last axis", -1, {{2, 1}, {2, 3}, {2, 2}}, {}));
     rows.push_back(concatenation("one", 0, {{2, 3}}, {}));
     rows.push_back({"broadcast_to",

@@ -9,7 +9,10 @@
 using namespace stymo;
 using namespace stymo::test;
 
-TEST_CASE("Directions of pixels and their gradients are those of the composition, also where all channels are 0", "[channels]") {
+TEST_CASE(
+    "Directions of pixels and their gradients are those of the composition, also where all "
+    "channels are 0",
+    "[channels]") {
     Tensor values = Rng(2).normal({2, 3, 5, 48}, 0.0, 1.0);
     std::fill_n(values.mutable_values<float>().begin() + 2 * 48, 48, 0.0F);
     const Variable x = Variable::leaf(values);
@@ -25,5 +28,7 @@ TEST_CASE("Directions of pixels and their gradients are those of the composition
 TEST_CASE("The mean squared difference over many pixels is that of the composition", "[channels]") {
     const Variable a = Rng(2).normal({2, 70, 90, 16}, 0.0, 1.0);
     const Variable b = Rng(3).normal({2, 70, 90, 16}, 0.0, 1.0);
-    CHECK(check_close(mean_squared_difference(a, b).value(), mean(square(a - b), {1, 2}).value(), 1e-6).passed);
+    CHECK(check_close(mean_squared_difference(a, b).value(), mean(square(a - b), {1, 2}).value(),
+                      1e-6)
+              .passed);
 }

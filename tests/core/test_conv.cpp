@@ -25,7 +25,8 @@ double inner_product(const Variable& a, const Variable& b) {
 
 }  // namespace
 
-// The rows of the table have too few channels for the forms that these sizes take; the forward form is the same for all.
+// The rows of the table have too few channels for the forms that these sizes take; the forward form
+// is the same for all.
 TEST_CASE("The adjoints of a convolution with many channels have its inner products", "[conv]") {
     const std::vector<Form> forms{
         {{2, 9, 11, 16}, {24, 3, 3, 16}, {.stride = 2}},
@@ -44,12 +45,15 @@ TEST_CASE("The adjoints of a convolution with many channels have its inner produ
         const Variable y = conv2d(x, weight, form.options);
         const Variable dL_dy = drawn(y.shape(), "dL_dy", DType::float64);
         const double expected = inner_product(y, dL_dy);
-        CHECK(inner_product(x, conv2d_transpose(dL_dy, weight, form.x, form.options)) == Approx(expected).epsilon(1e-9));
-        CHECK(inner_product(weight, conv2d_weight_grad(dL_dy, x, form.weight, form.options)) == Approx(expected).epsilon(1e-9));
+        CHECK(inner_product(x, conv2d_transpose(dL_dy, weight, form.x, form.options)) ==
+              Approx(expected).epsilon(1e-9));
+        CHECK(inner_product(weight, conv2d_weight_grad(dL_dy, x, form.weight, form.options)) ==
+              Approx(expected).epsilon(1e-9));
     }
 }
 
-TEST_CASE("A convolution with bias and leaky ReLU is its composition, whichever form it takes", "[conv][winograd]") {
+TEST_CASE("A convolution with bias and leaky ReLU is its composition, whichever form it takes",
+          "[conv][winograd]") {
     const std::vector<Form> forms{
         {{1, 40, 36, 16}, {32, 3, 3, 16}, {.padding = 1}},
         {{1, 9, 9, 16}, {32, 3, 3, 16}, {.stride = 2}},
@@ -66,13 +70,17 @@ TEST_CASE("A convolution with bias and leaky ReLU is its composition, whichever 
         const Variable composed = leaky_relu(conv2d(x, weight, form.options) + bias, 0.2);
         CHECK(fused.value().to_vector() == composed.value().to_vector());
         const Variable dL_dy = drawn(fused.shape(), "dL_dy", DType::float32);
-        const std::vector<Variable> of_fused = grad(fused, leaves, {.create_graph = false, .dL_dy = dL_dy});
-        const std::vector<Variable> of_composed = grad(composed, leaves, {.create_graph = false, .dL_dy = dL_dy});
+        const std::vector<Variable> of_fused =
+            grad(fused, leaves, {.create_graph = false, .dL_dy = dL_dy});
+        const std::vector<Variable> of_composed =
+            grad(composed, leaves, {.create_graph = false, .dL_dy = dL_dy});
         for (std::size_t k = 0; k < leaves.size(); ++k)
             CHECK(of_fused[k].value().to_vector() == of_composed[k].value().to_vector());
-        const Variable frozen = conv2d(x, Variable(weight.value()), Variable(bias.value()), 0.2, form.options);
+        const Variable frozen =
+            conv2d(x, Variable(weight.value()), Variable(bias.value()), 0.2, form.options);
         for (const bool create_graph : {false, true}) {
-            const Variable of_frozen = grad(frozen, x, {.create_graph = create_graph, .dL_dy = dL_dy});
+            const Variable of_frozen =
+                grad(frozen, x, {.create_graph = create_graph, .dL_dy = dL_dy});
             CHECK(of_frozen.value().to_vector() == of_composed[0].value().to_vector());
         }
     }

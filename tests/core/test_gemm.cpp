@@ -72,8 +72,8 @@ double slope_of(double x, Activation activation) {
     return 1.0;
 }
 
-/// Errors of a product of rows `gap` further apart than they need be, which must leave the gaps alone, against loops in float64.
-/// The tolerance is relative to the sum of absolute values.
+/// Errors of a product of rows `gap` further apart than they need be, which must leave the gaps
+/// alone, against loops in float64. The tolerance is relative to the sum of absolute values.
 template <class Element, class Sum, class Out>
 void check(const Product& product, double tolerance) {
     const auto [m, k, n] = product.extents;
@@ -84,9 +84,10 @@ void check(const Product& product, double tolerance) {
     const auto b = converted<Sum>(draw(rng, k * n));
     const auto bias = converted<Sum>(draw(rng, n));
     const auto present = converted<Out>(draw(rng, m * stride));
-    const LeftMatrix<Element> left =
-        product.transpose_left ? LeftMatrix<Element>{a.data(), 1, m} : LeftMatrix<Element>{a.data(), k, 1};
-    const PackedMatrix<Element> right(b.data(), k, n, product.transpose_right ? 1 : n, product.transpose_right ? k : 1);
+    const LeftMatrix<Element> left = product.transpose_left ? LeftMatrix<Element>{a.data(), 1, m}
+                                                            : LeftMatrix<Element>{a.data(), k, 1};
+    const PackedMatrix<Element> right(b.data(), k, n, product.transpose_right ? 1 : n,
+                                      product.transpose_right ? k : 1);
     std::vector<Out> c = present;
     std::vector<Sum> slope(product.with_slope ? static_cast<std::size_t>(m * stride) : 0, Sum(7));
     multiply_packed(c.data(), stride, left, m, right,
@@ -100,7 +101,8 @@ void check(const Product& product, double tolerance) {
         for (std::int64_t j = 0; j < stride; ++j) {
             const auto index = static_cast<std::size_t>(i * stride + j);
             if (j >= n) {
-                gaps_kept &= to_double(c[index]) == to_double(present[index]) && (!product.with_slope || slope[index] == Sum(7));
+                gaps_kept &= to_double(c[index]) == to_double(present[index]) &&
+                             (!product.with_slope || slope[index] == Sum(7));
                 continue;
             }
             double sum = 0.0;
@@ -108,23 +110,31 @@ void check(const Product& product, double tolerance) {
             if (product.start == Start::present_values) sum = to_double(present[index]);
             double size = 1.0;
             for (std::int64_t p = 0; p < k; ++p) {
-                const double factor = to_double(a[static_cast<std::size_t>(product.transpose_left ? p * m + i : i * k + p)]);
-                const double other =
-                    to_double(from_double<Element>(b[static_cast<std::size_t>(product.transpose_right ? j * k + p : p * n + j)]));
+                const double factor = to_double(
+                    a[static_cast<std::size_t>(product.transpose_left ? p * m + i : i * k + p)]);
+                const double other = to_double(from_double<Element>(
+                    b[static_cast<std::size_t>(product.transpose_right ? j * k + p : p * n + j)]));
                 sum += factor * other;
                 size += std::abs(factor * other);
             }
             // The kink of the leaky ReLU: a rounded sum may lie on its other side.
-            if (product.activation == Activation::leaky_relu && std::abs(sum) < tolerance * size) continue;
-            const double rounding = std::is_same_v<Out, BFloat16> ? 0x1p-8 : std::is_same_v<Out, Float16> ? 0x1p-11 : 0.0;
+            if (product.activation == Activation::leaky_relu && std::abs(sum) < tolerance * size)
+                continue;
+            const double rounding = std::is_same_v<Out, BFloat16>  ? 0x1p-8
+                                    : std::is_same_v<Out, Float16> ? 0x1p-11
+                                                                   : 0.0;
             const double value = activated(sum, product.activation);
-            worst = std::max(worst, (std::abs(to_double(c[index]) - value) - rounding * std::abs(value)) / size);
-            if (product.with_slope) worst = std::max(worst, std::abs(slope[index] - slope_of(sum, product.activation)) / size);
+            worst = std::max(
+                worst, (std::abs(to_double(c[index]) - value) - rounding * std::abs(value)) / size);
+            if (product.with_slope)
+                worst = std::max(worst,
+                                 std::abs(slope[index] - slope_of(sum, product.activation)) / size);
         }
     }
     INFO(m << " x " << k << " x " << n << (product.transpose_left ? ", left transposed" : "")
-           << (product.transpose_right ? ", right transposed" : "") << ", start " << static_cast<int>(product.start)
-           << ", activation " << static_cast<int>(product.activation) << (product.with_slope ? ", slope" : ""));
+           << (product.transpose_right ? ", right transposed" : "") << ", start "
+           << static_cast<int>(product.start) << ", activation "
+           << static_cast<int>(product.activation) << (product.with_slope ? ", slope" : ""));
     CHECK(worst <= tolerance);
     CHECK(gaps_kept);
 }
@@ -133,14 +143,16 @@ void check(const Product& product, double tolerance) {
 template <class Element, class Sum, class Out>
 void check_all(double tolerance) {
     constexpr bool transposable = !has_sixteen_bits<Element>;
-    for (const Extents extents :
-         {Extents{1, 1, 1}, Extents{13, 0, 5}, Extents{7, 3, 33}, Extents{31, 64, 32}, Extents{24, 257, 48}, Extents{253, 65, 17},
-          Extents{5, 600, 70}, Extents{12, 5, 1}, Extents{3, 1031, 3}}) {
+    for (const Extents extents : {Extents{1, 1, 1}, Extents{13, 0, 5}, Extents{7, 3, 33},
+                                  Extents{31, 64, 32}, Extents{24, 257, 48}, Extents{253, 65, 17},
+                                  Extents{5, 600, 70}, Extents{12, 5, 1}, Extents{3, 1031, 3}}) {
         for (const Start start : {Start::zero, Start::bias, Start::present_values}) {
-            for (const Activation activation : {Activation::none, Activation::sine, Activation::leaky_relu}) {
+            for (const Activation activation :
+                 {Activation::none, Activation::sine, Activation::leaky_relu}) {
                 for (const bool with_slope : {false, true}) {
                     for (const bool transpose : {false, true})
-                        check<Element, Sum, Out>({extents, transpose && transposable, transpose, start, activation, with_slope},
+                        check<Element, Sum, Out>({extents, transpose && transposable, transpose,
+                                                  start, activation, with_slope},
                                                  tolerance);
                 }
             }
@@ -161,7 +173,8 @@ TEST_CASE("Products of bfloat16 agree with plain loops over the rounded numbers"
 }
 
 TEST_CASE("Products of half precision agree with plain loops over the rounded numbers", "[gemm]") {
-    // Each of 64 sums in a lane, and that of two lanes, errs by at most the 2048th part of what it is.
+    // Each of 64 sums in a lane, and that of two lanes, errs by at most the 2048th part of what it
+    // is.
     const double error = multiplies_float16() ? 65.0 / 2048.0 : 5e-7;
     check_all<Float16, float, float>(error);
     check_all<Float16, float, Float16>(error + 1e-6);
@@ -176,7 +189,8 @@ TEST_CASE("The leaky ReLU of a layer in half precision has no bias of its own", 
     for (const double sign : {1.0, -1.0}) {
         for (double size = 0x1p-6; size < 0x1p6; size *= 1.003, ++count) {
             const Float16 x = rounded_to_float16(static_cast<float>(sign * size));
-            multiply_packed(result.data(), columns, LeftMatrix<Float16>{&x, 1}, 1, right, {.activation = Activation::leaky_relu});
+            multiply_packed(result.data(), columns, LeftMatrix<Float16>{&x, 1}, 1, right,
+                            {.activation = Activation::leaky_relu});
             const double value = activated(widened(x), Activation::leaky_relu);
             const double error = widened(result.back()) / value - 1.0;
             CHECK(std::abs(error) < 0x1p-10);
@@ -224,14 +238,16 @@ SineCosine sine_cosine(const std::vector<float>& x) {
     const float one = 1.0F;
     const auto count = static_cast<std::int64_t>(x.size());
     SineCosine result{std::vector<float>(x.size()), std::vector<float>(x.size())};
-    multiply_packed<float>(result.sine.data(), count, {&one, 1}, 1, PackedMatrix<float>(x.data(), 1, count, count, 1),
+    multiply_packed<float>(result.sine.data(), count, {&one, 1}, 1,
+                           PackedMatrix<float>(x.data(), 1, count, count, 1),
                            {.activation = Activation::sine, .slope = result.cosine.data()});
     return result;
 }
 
 }  // namespace
 
-TEST_CASE("The vector sine keeps float32 accuracy and large arguments go to the library", "[gemm]") {
+TEST_CASE("The vector sine keeps float32 accuracy and large arguments go to the library",
+          "[gemm]") {
     Rng rng(3);
     const double pi = std::acos(-1.0);
     for (const double limit : {1e-3, 1.6, 30.0, 8192.0, 1e6, 1e30}) {
@@ -241,13 +257,14 @@ TEST_CASE("The vector sine keeps float32 accuracy and large arguments go to the 
         double worst = 0.0;
         for (std::size_t i = 0; i < x.size(); ++i) {
             worst = std::max(worst, std::abs(values.sine[i] - std::sin(static_cast<double>(x[i]))));
-            worst = std::max(worst, std::abs(values.cosine[i] - std::cos(static_cast<double>(x[i]))));
+            worst =
+                std::max(worst, std::abs(values.cosine[i] - std::cos(static_cast<double>(x[i]))));
         }
         INFO("|x| up to " << limit << ", error " << worst);
         CHECK(worst <= 3e-7);
     }
-    const SineCosine special =
-        sine_cosine({0.5F, std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN()});
+    const SineCosine special = sine_cosine(
+        {0.5F, std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN()});
     CHECK(std::abs(special.sine[0] - std::sin(0.5F)) <= 3e-7F);
     CHECK(std::isnan(special.sine[1]));
     CHECK(std::isnan(special.sine[2]));

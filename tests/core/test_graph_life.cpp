@@ -19,9 +19,9 @@ Variable leaf(double value) {
 
 /// The sum of its inputs, with rules that count how often each of them runs.
 Variable counted_sum(const Variable& a, const Variable& b, std::vector<int>& calls) {
-    return record(
-        "counted_sum", add(a.detach(), b.detach()).value(), {a, b}, Save::none(),
-        {[&calls](const Vjp& v) { return ++calls[0], v.grad(); }, [&calls](const Vjp& v) { return ++calls[1], v.grad(); }});
+    return record("counted_sum", add(a.detach(), b.detach()).value(), {a, b}, Save::none(),
+                  {[&calls](const Vjp& v) { return ++calls[0], v.grad(); },
+                   [&calls](const Vjp& v) { return ++calls[1], v.grad(); }});
 }
 
 }  // namespace
@@ -125,15 +125,19 @@ TEST_CASE("What grad refuses", "[graph]") {
     const Variable vector = Variable::leaf(Tensor::zeros({3}, DType::float64));
     CHECK_THROWS_AS(grad(exp(vector), vector), GradientError);
     CHECK_THROWS_AS(grad(exp(x), x.detach()), GradientError);
-    CHECK_THROWS_AS(grad(exp(vector), vector, {.create_graph = false, .dL_dy = Tensor::zeros({2}, DType::float64)}), ShapeError);
-    CHECK(
-        grad(exp(vector), vector, {.create_graph = false, .dL_dy = Tensor::full({3}, 2.0, DType::float64)}).value().to_vector() ==
-        std::vector<double>(3, 2.0));
+    CHECK_THROWS_AS(grad(exp(vector), vector,
+                         {.create_graph = false, .dL_dy = Tensor::zeros({2}, DType::float64)}),
+                    ShapeError);
+    CHECK(grad(exp(vector), vector,
+               {.create_graph = false, .dL_dy = Tensor::full({3}, 2.0, DType::float64)})
+              .value()
+              .to_vector() == std::vector<double>(3, 2.0));
 }
 
 TEST_CASE("A missing rule names the op and the input", "[graph]") {
     const Variable x = leaf(1.0);
-    const Variable y = record("ranking", x.value(), {x, x}, Save::none(), {[](const Vjp& v) { return v.grad(); }, {}});
+    const Variable y = record("ranking", x.value(), {x, x}, Save::none(),
+                              {[](const Vjp& v) { return v.grad(); }, {}});
     CHECK_THROWS_AS(grad(y, x), GradientError);
     CHECK_THROWS_WITH(grad(y, x), Contains("[ranking]") && Contains("input 1"));
 }
@@ -143,9 +147,12 @@ TEST_CASE("A rule may read only what its op saved", "[graph]") {
     const Variable y = leaf(2.0);
     const VjpRule reads_input = [](const Vjp& v) { return v.grad() * v.input(0); };
     const VjpRule reads_output = [](const Vjp& v) { return v.grad() * v.output(); };
-    const auto with = [&](Save save, const VjpRule& rule) { return record("reader", x.value(), {x, y}, save, {rule, rule}); };
+    const auto with = [&](Save save, const VjpRule& rule) {
+        return record("reader", x.value(), {x, y}, save, {rule, rule});
+    };
     CHECK_THROWS_AS(grad(with(Save::none(), reads_input), x), GradientError);
-    CHECK_THROWS_WITH(grad(with(Save::input(1), reads_input), x), Contains("[reader]") && Contains("input 0"));
+    CHECK_THROWS_WITH(grad(with(Save::input(1), reads_input), x),
+                      Contains("[reader]") && Contains("input 0"));
     CHECK_THROWS_AS(grad(with(Save::all_inputs(), reads_output), x), GradientError);
     CHECK(grad(with(Save::input(0), reads_input), x).value().item() == 1.0);
     CHECK(grad(with(Save::the_output(), reads_output), x).value().item() == 1.0);
@@ -153,8 +160,8 @@ TEST_CASE("A rule may read only what its op saved", "[graph]") {
 
 TEST_CASE("A rule that returns another shape is refused", "[graph]") {
     const Variable x = Variable::leaf(Tensor::zeros({2, 3}, DType::float64));
-    const Variable y =
-        record("crooked", Tensor::scalar(1.0, DType::float64), {x}, Save::none(), {[](const Vjp& v) { return v.grad(); }});
+    const Variable y = record("crooked", Tensor::scalar(1.0, DType::float64), {x}, Save::none(),
+                              {[](const Vjp& v) { return v.grad(); }});
     CHECK_THROWS_AS(grad(y, x), ShapeError);
     CHECK_THROWS_WITH(grad(y, x), Contains("[crooked]") && Contains("(2, 3)"));
 }

@@ -20,7 +20,8 @@ TEST_CASE("Values of every kind are written as JSON") {
 }
 
 TEST_CASE("Members of an object keep their order and may be objects themselves") {
-    JsonValue report = JsonValue::object({{"steps", 200}, {"initial", JsonValue::object({{"l1", 0.25}})}});
+    JsonValue report =
+        JsonValue::object({{"steps", 200}, {"initial", JsonValue::object({{"l1", 0.25}})}});
     report.add("loss", std::vector<double>{0.5, 0.125}).add("ok", true);
     CHECK(report.text() == R"({"steps":200,"initial":{"l1":0.25},"loss":[0.5,0.125],"ok":true})");
     CHECK(JsonValue(std::vector<JsonValue>{report, 1}).text() == "[" + report.text() + ",1]");
@@ -28,7 +29,8 @@ TEST_CASE("Members of an object keep their order and may be objects themselves")
 }
 
 TEST_CASE("Numbers read back to the very same value") {
-    const double value = GENERATE(0.1, 1.0 / 3.0, -2.5e-308, 1.7976931348623157e308, 123456789.123456789, 5e-324);
+    const double value =
+        GENERATE(0.1, 1.0 / 3.0, -2.5e-308, 1.7976931348623157e308, 123456789.123456789, 5e-324);
     const double back = nlohmann::json::parse(JsonValue(value).text()).get<double>();
     CHECK(back == value);
     CHECK(JsonValue(0.1F).text() == "0.1");
@@ -43,5 +45,6 @@ TEST_CASE("Strings and keys are escaped and always valid UTF-8") {
     const std::string awkward = "quote \" backslash \\ newline \n tab \t bell \a umlaut \xc3\xbc";
     CHECK(nlohmann::json::parse(JsonValue(awkward).text()).get<std::string>() == awkward);
     CHECK(nlohmann::json::parse(JsonValue::object({{awkward, 1}}).text()).at(awkward) == 1);
-    CHECK(nlohmann::json::parse(JsonValue("broken \xff byte").text()).get<std::string>() == "broken \xef\xbf\xbd byte");
+    CHECK(nlohmann::json::parse(JsonValue("broken \xff byte").text()).get<std::string>() ==
+          "broken \xef\xbf\xbd byte");
 }

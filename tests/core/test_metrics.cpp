@@ -20,9 +20,10 @@ Tensor wave_image(std::int64_t height, std::int64_t width, std::int64_t channels
     for (std::int64_t y = 0; y < height; ++y) {
         for (std::int64_t x = 0; x < width; ++x) {
             for (std::int64_t c = 0; c < channels; ++c) {
-                const auto row = static_cast<double>(y), column = static_cast<double>(x), band = static_cast<double>(c + 1);
-                values[index++] =
-                    0.5 + 0.45 * std::sin(0.37 * row + 0.21 * column * band + phase) * std::cos(0.05 * row * column + phase);
+                const auto row = static_cast<double>(y), column = static_cast<double>(x),
+                           band = static_cast<double>(c + 1);
+                values[index++] = 0.5 + 0.45 * std::sin(0.37 * row + 0.21 * column * band + phase) *
+                                            std::cos(0.05 * row * column + phase);
             }
         }
     }
@@ -40,12 +41,16 @@ TEST_CASE("the metrics agree with scikit-image", "[metrics]") {
             return wave_image(values["height"], values["width"], values["channels"], values[phase]);
         };
         const Tensor a = image("phase_a"), b = image("phase_b");
-        CHECK(mean_absolute_error(a, b) == Approx(values["mean_absolute_error"].get<double>()).epsilon(1e-12));
-        CHECK(peak_signal_to_noise_ratio(a, b) == Approx(values["peak_signal_to_noise_ratio"].get<double>()).epsilon(1e-12));
-        CHECK(structural_similarity(a, b) == Approx(values["structural_similarity"].get<double>()).epsilon(1e-10));
+        CHECK(mean_absolute_error(a, b) ==
+              Approx(values["mean_absolute_error"].get<double>()).epsilon(1e-12));
+        CHECK(peak_signal_to_noise_ratio(a, b) ==
+              Approx(values["peak_signal_to_noise_ratio"].get<double>()).epsilon(1e-12));
+        CHECK(structural_similarity(a, b) ==
+              Approx(values["structural_similarity"].get<double>()).epsilon(1e-10));
 
         const Tensor single_a = a.to(DType::float32), single_b = b.to(DType::float32);
-        CHECK(structural_similarity(single_a, single_b) == Approx(values["structural_similarity"].get<double>()).margin(1e-6));
+        CHECK(structural_similarity(single_a, single_b) ==
+              Approx(values["structural_similarity"].get<double>()).margin(1e-6));
     }
 }
 
@@ -69,5 +74,6 @@ TEST_CASE("images that do not match are refused", "[metrics]") {
     const Tensor image = Tensor::zeros({16, 16, 3});
     CHECK_THROWS_AS(l1_error(image, Tensor::zeros({16, 15, 3})), ShapeError);
     CHECK_THROWS_AS(peak_signal_to_noise_ratio(image, image.to(DType::float64)), TypeError);
-    CHECK_THROWS_AS(structural_similarity(Tensor::zeros({10, 16, 3}), Tensor::zeros({10, 16, 3})), ShapeError);
+    CHECK_THROWS_AS(structural_similarity(Tensor::zeros({10, 16, 3}), Tensor::zeros({10, 16, 3})),
+                    ShapeError);
 }

@@ -13,9 +13,11 @@ namespace {
 
 /// Names of the functions that a header text declares as `[[nodiscard]] Variable name(`.
 std::set<std::string> declared_ops(const std::string& header) {
-    static const std::regex declaration(R"(\[\[nodiscard\]\]\s+(?:inline\s+)?Variable\s+(\w+)\s*\()");
+    static const std::regex declaration(
+        R"(\[\[nodiscard\]\]\s+(?:inline\s+)?Variable\s+(\w+)\s*\()");
     std::set<std::string> names;
-    for (std::sregex_iterator match(header.begin(), header.end(), declaration), end; match != end; ++match) {
+    for (std::sregex_iterator match(header.begin(), header.end(), declaration), end; match != end;
+         ++match) {
         names.insert((*match)[1]);
     }
     return names;
@@ -35,12 +37,14 @@ std::string listed(const std::set<std::string>& names) {
 
 std::set<std::string> ops_of_the_library() {
     std::set<std::string> declared;
-    for (const auto& entry : std::filesystem::directory_iterator(STYMO_SOURCE_DIR "/core/ops")) {
-        if (entry.path().extension() != ".h") continue;
-        std::ifstream file(entry.path());
-        std::ostringstream text;
-        text << file.rdbuf();
-        declared.merge(declared_ops(text.str()));
+    for (const char* folder : {STYMO_SOURCE_DIR "/core/ops", STYMO_SOURCE_DIR "/nn/ops"}) {
+        for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+            if (entry.path().extension() != ".h") continue;
+            std::ifstream file(entry.path());
+            std::ostringstream text;
+            text << file.rdbuf();
+            declared.merge(declared_ops(text.str()));
+        }
     }
     return declared;
 }
@@ -50,7 +54,7 @@ std::set<std::string> ops_of_the_library() {
 TEST_CASE("Every op has a row in the table", "[ops]") {
     const std::set<std::string> declared = ops_of_the_library();
     REQUIRE(declared.size() > 40);
-    INFO("without a row in tests/core/op_cases*.cpp:" << listed(ops_without_row(declared)));
+    INFO("without a row in tests/{core,nn}/op_cases*.cpp:" << listed(ops_without_row(declared)));
     CHECK(ops_without_row(declared).empty());
 }
 
@@ -84,5 +88,6 @@ TEST_CASE("An op without a row is noticed and named", "[ops]") {
         [[nodiscard]] inline Variable operator+(const Variable& a, const Variable& b);
         [[nodiscard]] Tensor not_an_op(const Tensor& x);
     )";
-    CHECK(ops_without_row(declared_ops(header)) == std::set<std::string>{"hypotenuse", "twice", "on_two_lines"});
+    CHECK(ops_without_row(declared_ops(header)) ==
+          std::set<std::string>{"hypotenuse", "twice", "on_two_lines"});
 }

@@ -24,12 +24,14 @@ std::vector<Array> to_arrays(const std::vector<Tensor>& tensors) {
 }
 
 /// The value and the gradients of all inputs, for a cotangent that differs from element to element.
-std::vector<Tensor> value_and_gradients(const OpCase& row, const std::vector<Tensor>& inputs, bool create_graph) {
+std::vector<Tensor> value_and_gradients(const OpCase& row, const std::vector<Tensor>& inputs,
+                                        bool create_graph) {
     const std::vector<Variable> leaves = as_leaves(inputs);
     const Variable y = row.function(leaves);
     const Variable dL_dy = Rng(seed).uniform(y.shape(), -1.0, 1.0, y.dtype());
     std::vector<Tensor> results{y.value()};
-    for (const Variable& gradient : grad(y, leaves, {.create_graph = create_graph, .dL_dy = dL_dy})) {
+    for (const Variable& gradient :
+         grad(y, leaves, {.create_graph = create_graph, .dL_dy = dL_dy})) {
         results.push_back(gradient.value());
     }
     return results;
@@ -41,10 +43,12 @@ TEST_CASE("Every op has the value of its definition", "[ops]") {
     for (const OpCase& row : op_cases()) {
         const std::vector<Tensor> inputs = draw_inputs(row, DType::float64, seed);
         const Tensor expected = to_tensor(row.reference(to_arrays(inputs)));
-        const CloseReport report = check_close(row.function(as_constants(inputs)).value(), expected, 1e-12);
+        const CloseReport report =
+            check_close(row.function(as_constants(inputs)).value(), expected, 1e-12);
         INFO(row.name() << ": " << report.message);
         CHECK(report.passed);
-        const CloseReport tracked = check_close(row.function(as_leaves(inputs)).value(), expected, 1e-12);
+        const CloseReport tracked =
+            check_close(row.function(as_leaves(inputs)).value(), expected, 1e-12);
         INFO(row.name() << ", recorded: " << tracked.message);
         CHECK(tracked.passed);
     }
@@ -57,15 +61,18 @@ TEST_CASE("Every op in float32 agrees with float64", "[ops]") {
         for (const Tensor& input : inputs) wide.push_back(input.to(DType::float64));
         const Tensor value = row.function(as_constants(inputs)).value();
         CHECK(value.dtype() == DType::float32);
-        const CloseReport report = check_close(value, row.function(as_constants(wide)).value(), 1e-5);
+        const CloseReport report =
+            check_close(value, row.function(as_constants(wide)).value(), 1e-5);
         INFO(row.name() << ": " << report.message);
         CHECK(report.passed);
     }
 }
 
-TEST_CASE("Every op's gradients agree with finite differences at orders 1 and 2", "[ops][gradients]") {
+TEST_CASE("Every op's gradients agree with finite differences at orders 1 and 2",
+          "[ops][gradients]") {
     for (const OpCase& row : op_cases()) {
-        const GradReport report = check_grad(row.name(), row.function, draw_inputs(row, DType::float64, seed));
+        const GradReport report =
+            check_grad(row.name(), row.function, draw_inputs(row, DType::float64, seed));
         INFO(report.message);
         CHECK(report.passed);
     }
@@ -94,7 +101,8 @@ TEST_CASE("Every op gives the same bits on one and on two threads", "[ops][threa
         set_thread_count(2);
         const std::vector<Tensor> two = value_and_gradients(row, inputs, false);
         for (std::size_t i = 0; i < one.size(); ++i) {
-            INFO(row.name() << (i == 0 ? ", value" : ", gradient of input ") << (i == 0 ? "" : std::to_string(i - 1)));
+            INFO(row.name() << (i == 0 ? ", value" : ", gradient of input ")
+                            << (i == 0 ? "" : std::to_string(i - 1)));
             CHECK(identical(one[i], two[i]));
         }
     }
@@ -113,8 +121,9 @@ TEST_CASE("Activations do not overflow", "[ops]") {
     const std::vector<double> extremes{-1000.0, -100.0, 0.0, 100.0, 1000.0};
     const Variable x = Variable::leaf(Tensor::from({5}, std::span<const double>(extremes)));
     for (const Variable& narrow_or_wide : {x, Variable::leaf(x.value().to(DType::float32))}) {
-        for (const Variable& y : {softplus(narrow_or_wide), log_sigmoid(narrow_or_wide), sigmoid(narrow_or_wide),
-                                  tanh(narrow_or_wide), log_sum_exp(narrow_or_wide, 0), softmax(narrow_or_wide, 0)}) {
+        for (const Variable& y :
+             {softplus(narrow_or_wide), log_sigmoid(narrow_or_wide), sigmoid(narrow_or_wide),
+              tanh(narrow_or_wide), log_sum_exp(narrow_or_wide, 0), softmax(narrow_or_wide, 0)}) {
             CHECK(y.value().all_finite());
             CHECK(grad(sum(y), narrow_or_wide).value().all_finite());
         }

@@ -74,7 +74,8 @@ TEST_CASE("A loop inside a loop runs on its own thread", "[parallel]") {
     std::vector<double> totals(8, 0.0);
     parallel_for(8, 1, [&](std::int64_t outer, std::int64_t) {
         parallel_for(100, 10, [&](std::int64_t begin, std::int64_t end) {
-            for (std::int64_t i = begin; i < end; ++i) totals[static_cast<std::size_t>(outer)] += static_cast<double>(i);
+            for (std::int64_t i = begin; i < end; ++i)
+                totals[static_cast<std::size_t>(outer)] += static_cast<double>(i);
         });
     });
     CHECK(totals == std::vector<double>(8, 4950.0));
@@ -111,7 +112,8 @@ TEST_CASE("The number of threads may change between calls", "[parallel]") {
         set_thread_count(1 + repeat % 3);
         std::atomic<std::int64_t> total{0};
         for (int call = 0; call < 20; ++call)
-            parallel_for(100, 3, [&](std::int64_t begin, std::int64_t end) { total += end - begin; });
+            parallel_for(100, 3,
+                         [&](std::int64_t begin, std::int64_t end) { total += end - begin; });
         CHECK(total == 2000);
     }
 }

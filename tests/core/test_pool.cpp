@@ -10,7 +10,8 @@ using namespace stymo;
 namespace {
 
 Variable row_of(const std::vector<double>& values) {
-    return Variable::leaf(Tensor::from({1, 1, static_cast<std::int64_t>(values.size()), 1}, values));
+    return Variable::leaf(
+        Tensor::from({1, 1, static_cast<std::int64_t>(values.size()), 1}, values));
 }
 
 }  // namespace
@@ -24,7 +25,8 @@ TEST_CASE("At a tie the gradient of a maximum goes to the first of its window", 
 TEST_CASE("Where windows overlap an element takes the gradient of each that chose it", "[pool]") {
     const Variable x = row_of({1, 2, 5, 4, 3, 0, 7});
     CHECK_THROWS_AS(max_pool2d(x, {.kernel = 3, .stride = 2}), ShapeError);
-    const Variable y = max_pool2d(reshape(concat({x, x - 9.0, x - 9.0}, 1), {1, 3, 7, 1}), {.kernel = 3, .stride = 2});
+    const Variable y = max_pool2d(reshape(concat({x, x - 9.0, x - 9.0}, 1), {1, 3, 7, 1}),
+                                  {.kernel = 3, .stride = 2});
     CHECK(y.value().to_vector() == std::vector<double>{5, 5, 7});
     CHECK(grad(sum(y), x).value().to_vector() == std::vector<double>{0, 0, 2, 0, 0, 0, 1});
 }
@@ -39,7 +41,8 @@ TEST_CASE("A number that is none is not pooled away", "[pool]") {
 TEST_CASE("A pool that does not fit is refused", "[pool]") {
     const Variable x = Tensor::zeros({1, 2, 2, 1});
     CHECK_THROWS_AS(max_pool2d(x, {.kernel = 3, .stride = 2}), ShapeError);
-    CHECK(max_pool2d(x, {.kernel = 3, .stride = 2, .ceil_mode = true}).shape() == Shape{1, 1, 1, 1});
+    CHECK(max_pool2d(x, {.kernel = 3, .stride = 2, .ceil_mode = true}).shape() ==
+          Shape{1, 1, 1, 1});
     CHECK_THROWS_AS(max_pool2d(x, {.kernel = 17, .stride = 2}), ValueError);
     CHECK_THROWS_AS(max_pool2d(x, {.kernel = 2, .stride = 0}), ValueError);
     CHECK_THROWS_AS(max_pool2d(Tensor::zeros({2, 2, 1})), ShapeError);

@@ -33,7 +33,8 @@ TEST_CASE("Durations read like a clock") {
 
 TEST_CASE("Without a terminal progress is a plain line every few seconds") {
     Display display;
-    stymo::Progress progress({.title = "train", .total = 100, .unit = "images"}, display.output(false));
+    stymo::Progress progress({.title = "train", .total = 100, .unit = "images"},
+                             display.output(false));
     for (int done = 1; done <= 12; ++done) {
         display.now += 1.0;
         progress.update(done, "loss 0.5");
@@ -68,7 +69,8 @@ TEST_CASE("Without a terminal the end is not said twice") {
 
 TEST_CASE("Speed and time left of a resumed run count only what this run did") {
     Display display;
-    stymo::Progress progress({.title = "train", .total = 100, .first = 80, .unit = "images"}, display.output(false));
+    stymo::Progress progress({.title = "train", .total = 100, .first = 80, .unit = "images"},
+                             display.output(false));
     display.now += 5.0;
     progress.update(90);
     CHECK(display.stream.str() == "train  90% 90/100 2.0 images/s 00:05 left\n");
@@ -76,7 +78,8 @@ TEST_CASE("Speed and time left of a resumed run count only what this run did") {
 
 TEST_CASE("A time limit bounds the time left") {
     Display display;
-    stymo::Progress progress({.title = "train", .total = 1000, .time_limit = 20.0}, display.output(false));
+    stymo::Progress progress({.title = "train", .total = 1000, .time_limit = 20.0},
+                             display.output(false));
     display.now += 5.0;
     progress.update(10);
     CHECK(display.stream.str() == "train  25% 10/1000 00:15 left\n");
@@ -90,7 +93,8 @@ TEST_CASE("On a terminal one line is redrawn in place and never wider than the t
         progress.update(1, "a text that is far too long for the line");
         progress.message("photo.png skipped");
     }
-    CHECK(display.stream.str() == "\r\x1b[Kfit [######..................]  25% 1/4\r\x1b[Kphoto.png skipped\n");
+    CHECK(display.stream.str() ==
+          "\r\x1b[Kfit [######..................]  25% 1/4\r\x1b[Kphoto.png skipped\n");
 }
 
 TEST_CASE("A signal within a guard is noted and does not end the process") {

@@ -12,7 +12,8 @@ using namespace stymo;
 
 TEST_CASE("Philox4x32-10 gives the known answers of Random123") {
     using Words = std::array<std::uint32_t, 4>;
-    CHECK(philox4x32({0, 0, 0, 0}, {0, 0}) == Words{0x6627e8d5, 0xe169c58d, 0xbc57ac4c, 0x9b00dbd8});
+    CHECK(philox4x32({0, 0, 0, 0}, {0, 0}) ==
+          Words{0x6627e8d5, 0xe169c58d, 0xbc57ac4c, 0x9b00dbd8});
     CHECK(philox4x32({0xffffffff, 0xffffffff, 0xffffffff, 0xffffffff}, {0xffffffff, 0xffffffff}) ==
           Words{0x408f276d, 0x41c83b0e, 0xa20bc7c6, 0x6d5451fd});
     CHECK(philox4x32({0x243f6a88, 0x85a308d3, 0x13198a2e, 0x03707344}, {0xa4093822, 0x299f31d0}) ==
@@ -67,7 +68,8 @@ TEST_CASE("uniform numbers have the moments of their distribution and stay insid
         sum += value;
         squares += (value - 1.0) * (value - 1.0);
     }
-    // Five standard errors: sqrt(3 / count) for the mean, sqrt((16.2 - 9) / count) for the variance.
+    // Five standard errors: sqrt(3 / count) for the mean, sqrt((16.2 - 9) / count) for the
+    // variance.
     CHECK(std::abs(sum / count - 1.0) < 5.0 * std::sqrt(3.0 / count));
     CHECK(std::abs(squares / count - 3.0) < 5.0 * std::sqrt(7.2 / count));
 }

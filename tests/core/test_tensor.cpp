@@ -33,7 +33,8 @@ TEST_CASE("Shapes broadcast from the last axis or say which op they do not fit",
     CHECK(broadcast_shape({2, 1, 4}, {3, 1}, "add") == Shape{2, 3, 4});
     CHECK(broadcast_shape({}, {3, 1}, "add") == Shape{3, 1});
     CHECK_THROWS_AS(broadcast_shape({2}, {3}, "add"), ShapeError);
-    CHECK_THROWS_WITH(broadcast_shape({2}, {3}, "add"), Contains("add") && Contains("(2)") && Contains("(3)"));
+    CHECK_THROWS_WITH(broadcast_shape({2}, {3}, "add"),
+                      Contains("add") && Contains("(2)") && Contains("(3)"));
 }
 
 TEST_CASE("Copies of a tensor share their elements until one is written", "[tensor]") {
@@ -51,7 +52,8 @@ TEST_CASE("Copies of a tensor share their elements until one is written", "[tens
     CHECK(a.values<float>().data() == own);
 }
 
-TEST_CASE("A value in the graph does not change when the tensor it came from is written", "[tensor]") {
+TEST_CASE("A value in the graph does not change when the tensor it came from is written",
+          "[tensor]") {
     Tensor source = Tensor::scalar(2.0, DType::float64);
     const Variable x = Variable::leaf(source);
     source.mutable_values<double>()[0] = 7.0;

@@ -14,11 +14,13 @@ using namespace stymo::test;
 namespace {
 
 const TensorFile& vectors() {
-    static const TensorFile file = read_tensor_file(STYMO_SOURCE_DIR "/tests/golden/op_vectors.safetensors");
+    static const TensorFile file =
+        read_tensor_file(STYMO_SOURCE_DIR "/tests/golden/op_vectors.safetensors");
     return file;
 }
 
-/// function(i + shift) at element i: the cotangents and directions of tests/golden/make_op_vectors.py.
+/// function(i + shift) at element i: the cotangents and directions of
+/// tests/golden/make_op_vectors.py.
 Variable wave(double (*function)(double), const Variable& like, double shift) {
     Tensor values(like.shape(), DType::float64);
     double i = shift;
@@ -29,14 +31,16 @@ Variable wave(double (*function)(double), const Variable& like, double shift) {
 std::map<std::string, Tensor> computed(const OpCase& row, DType dtype) {
     std::vector<Variable> xs;
     for (std::size_t k = 0; k < row.inputs.size(); ++k) {
-        xs.push_back(Variable::leaf(vectors().tensors.at(row.name() + "/x" + std::to_string(k)).to(dtype)));
+        xs.push_back(
+            Variable::leaf(vectors().tensors.at(row.name() + "/x" + std::to_string(k)).to(dtype)));
     }
     const Variable y = row.function(xs);
     const Variable dL_dy = wave(std::cos, y, 1.0);
     const std::vector<Variable> first = grad(y, xs, {.create_graph = true, .dL_dy = dL_dy});
     Variable contracted = Tensor::scalar(0.0, dtype);
     for (std::size_t k = 0; k < first.size(); ++k) {
-        contracted = contracted + sum(first[k] * wave(std::sin, first[k], 1.0 + static_cast<double>(k)));
+        contracted =
+            contracted + sum(first[k] * wave(std::sin, first[k], 1.0 + static_cast<double>(k)));
     }
     const std::vector<Variable> second = grad(contracted, xs);
     std::map<std::string, Tensor> results{{"/y", y.value()}};
@@ -52,7 +56,8 @@ void compare_all(DType dtype, double tolerance) {
         INFO(row.name());
         REQUIRE(vectors().tensors.contains(row.name() + "/y"));
         for (const auto& [key, value] : computed(row, dtype)) {
-            const CloseReport report = check_close(value, vectors().tensors.at(row.name() + key), tolerance);
+            const CloseReport report =
+                check_close(value, vectors().tensors.at(row.name() + key), tolerance);
             INFO(key << ": " << report.message);
             CHECK(report.passed);
         }
@@ -69,12 +74,14 @@ TEST_CASE("Values, first and second gradients agree with PyTorch in float32", "[
     compare_all(DType::float32, 1e-5);
 }
 
-TEST_CASE("Every PyTorch vector belongs to a row of the table and every row has its vectors", "[ops][torch]") {
+TEST_CASE("Every PyTorch vector belongs to a row of the table and every row has its vectors",
+          "[ops][torch]") {
     std::set<std::string> expected;
     for (const OpCase& row : op_cases()) {
         expected.insert(row.name() + "/y");
         for (std::size_t k = 0; k < row.inputs.size(); ++k) {
-            for (const char* kind : {"/x", "/dx", "/ddx"}) expected.insert(row.name() + kind + std::to_string(k));
+            for (const char* kind : {"/x", "/dx", "/ddx"})
+                expected.insert(row.name() + kind + std::to_string(k));
             INFO(row.name() << ", input " << k);
             const auto input = vectors().tensors.find(row.name() + "/x" + std::to_string(k));
             REQUIRE(input != vectors().tensors.end());

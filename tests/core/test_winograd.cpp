@@ -18,7 +18,9 @@ struct Form {
     Shape x, weight;
     int padding;
 
-    [[nodiscard]] Shape y() const { return {x[0], x[1] + 2 * padding - 2, x[2] + 2 * padding - 2, weight[0]}; }
+    [[nodiscard]] Shape y() const {
+        return {x[0], x[1] + 2 * padding - 2, x[2] + 2 * padding - 2, weight[0]};
+    }
     [[nodiscard]] ConvGeometry geometry() const { return {x, weight, y(), {.padding = padding}}; }
 };
 
@@ -37,11 +39,14 @@ Results direct(const Form& form) {
     const Tensor x = draw<T>(form.x, "x");
     const Tensor weight = draw<T>(form.weight, "weight");
     const Tensor dL_dy = draw<T>(form.y(), "dL_dy");
-    Results r{Tensor(form.y(), dtype_of<T>()), Tensor(form.x, dtype_of<T>()), Tensor(form.weight, dtype_of<T>())};
+    Results r{Tensor(form.y(), dtype_of<T>()), Tensor(form.x, dtype_of<T>()),
+              Tensor(form.weight, dtype_of<T>())};
     const auto in = [](const Tensor& t) { return t.values<T>().data(); };
     kernels::direct_conv2d(in(x), in(weight), {}, r.y.mutable_values<T>().data(), form.geometry());
-    kernels::direct_conv2d_transpose(in(dL_dy), in(weight), r.dL_dx.mutable_values<T>().data(), form.geometry());
-    kernels::direct_conv2d_weight_grad(in(dL_dy), in(x), r.dL_dweight.mutable_values<T>().data(), form.geometry());
+    kernels::direct_conv2d_transpose(in(dL_dy), in(weight), r.dL_dx.mutable_values<T>().data(),
+                                     form.geometry());
+    kernels::direct_conv2d_weight_grad(in(dL_dy), in(x), r.dL_dweight.mutable_values<T>().data(),
+                                       form.geometry());
     return r;
 }
 
@@ -51,9 +56,12 @@ Results winograd(const Form& form) {
     const Tensor dL_dy = draw<float>(form.y(), "dL_dy");
     Results r{Tensor(form.y()), Tensor(form.x), Tensor(form.weight)};
     const auto in = [](const Tensor& t) { return t.values<float>().data(); };
-    kernels::winograd_conv2d(in(x), in(weight), {}, r.y.mutable_values<float>().data(), form.geometry());
-    kernels::winograd_conv2d_transpose(in(dL_dy), {}, in(weight), r.dL_dx.mutable_values<float>().data(), form.geometry());
-    kernels::winograd_conv2d_weight_grad(in(dL_dy), in(x), r.dL_dweight.mutable_values<float>().data(), form.geometry());
+    kernels::winograd_conv2d(in(x), in(weight), {}, r.y.mutable_values<float>().data(),
+                             form.geometry());
+    kernels::winograd_conv2d_transpose(in(dL_dy), {}, in(weight),
+                                       r.dL_dx.mutable_values<float>().data(), form.geometry());
+    kernels::winograd_conv2d_weight_grad(
+        in(dL_dy), in(x), r.dL_dweight.mutable_values<float>().data(), form.geometry());
     return r;
 }
 
@@ -74,21 +82,24 @@ Error error_of(const Tensor& result, const Tensor& expected) {
         norm += wanted[i] * wanted[i];
         largest = std::max(largest, std::abs(difference));
     }
-    return {std::sqrt(squares / norm), largest / std::sqrt(norm / static_cast<double>(values.size()))};
+    return {std::sqrt(squares / norm),
+            largest / std::sqrt(norm / static_cast<double>(values.size()))};
 }
 
 const std::vector<Form>& forms() {
     static const std::vector<Form> all{
-        {{1, 8, 8, 16}, {16, 3, 3, 16}, 1},  {{2, 9, 7, 32}, {16, 3, 3, 32}, 1},   {{1, 3, 3, 16}, {32, 3, 3, 16}, 0},
-        {{3, 5, 11, 16}, {48, 3, 3, 16}, 0}, {{1, 1, 1, 16}, {16, 3, 3, 16}, 1},   {{1, 6, 14, 16}, {16, 3, 3, 16}, 2},
-        {{1, 2, 3, 16}, {16, 3, 3, 16}, 3},  {{2, 13, 29, 64}, {64, 3, 3, 64}, 1},
+        {{1, 8, 8, 16}, {16, 3, 3, 16}, 1}, {{2, 9, 7, 32}, {16, 3, 3, 32}, 1},
+        {{1, 3, 3, 16}, {32, 3, 3, 16}, 0}, {{3, 5, 11, 16}, {48, 3, 3, 16}, 0},
+        {{1, 1, 1, 16}, {16, 3, 3, 16}, 1}, {{1, 6, 14, 16}, {16, 3, 3, 16}, 2},
+        {{1, 2, 3, 16}, {16, 3, 3, 16}, 3}, {{2, 13, 29, 64}, {64, 3, 3, 64}, 1},
     };
     return all;
 }
 
 }  // namespace
 
-TEST_CASE("Winograd's convolutions agree with the direct ones in float64 at every size and padding", "[winograd]") {
+TEST_CASE("Winograd's convolutions agree with the direct ones in float64 at every size and padding",
+          "[winograd]") {
     for (const Form& form : forms()) {
         INFO("x " << form.x << ", weight " << form.weight << ", padding " << form.padding);
         const Results expected = direct<double>(form);
@@ -104,11 +115,14 @@ TEST_CASE("Winograd's convolutions round a few times more than the direct ones",
     const Results exact = direct<double>(form);
     const Results plain = direct<float>(form);
     const Results fast = winograd(form);
-    const auto report = [](const char* what, const Tensor& exact_value, const Tensor& plain_value, const Tensor& fast_value) {
+    const auto report = [](const char* what, const Tensor& exact_value, const Tensor& plain_value,
+                           const Tensor& fast_value) {
         const Error direct_error = error_of(plain_value, exact_value);
         const Error winograd_error = error_of(fast_value, exact_value);
-        UNSCOPED_INFO(what << ": direct " << direct_error.root_mean_square << " (largest " << direct_error.largest
-                           << "), Winograd " << winograd_error.root_mean_square << " (largest " << winograd_error.largest << ")");
+        UNSCOPED_INFO(what << ": direct " << direct_error.root_mean_square << " (largest "
+                           << direct_error.largest << "), Winograd "
+                           << winograd_error.root_mean_square << " (largest "
+                           << winograd_error.largest << ")");
         CHECK(winograd_error.root_mean_square < 2e-6);
         CHECK(winograd_error.largest < 2e-5);
     };
@@ -117,7 +131,8 @@ TEST_CASE("Winograd's convolutions round a few times more than the direct ones",
     report("weight's gradient", exact.dL_dweight, plain.dL_dweight, fast.dL_dweight);
 }
 
-TEST_CASE("Winograd's and direct convolutions give the same bits on any number of threads", "[winograd]") {
+TEST_CASE("Winograd's and direct convolutions give the same bits on any number of threads",
+          "[winograd]") {
     const Form form{{2, 21, 19, 32}, {48, 3, 3, 32}, 1};
     const ThreadCount restored;
     const auto all = [&](int threads) {
@@ -125,7 +140,8 @@ TEST_CASE("Winograd's and direct convolutions give the same bits on any number o
         const Results a = winograd(form);
         const Results b = direct<float>(form);
         std::vector<std::vector<double>> values;
-        for (const Tensor& t : {a.y, a.dL_dx, a.dL_dweight, b.y, b.dL_dx, b.dL_dweight}) values.push_back(t.to_vector());
+        for (const Tensor& t : {a.y, a.dL_dx, a.dL_dweight, b.y, b.dL_dx, b.dL_dweight})
+            values.push_back(t.to_vector());
         return values;
     };
     CHECK(all(1) == all(3));

@@ -9,7 +9,8 @@
 using namespace stymo;
 
 TEST_CASE("a meter counts ops, rules, gradients and buffers, and nothing from before", "[work]") {
-    const Variable x = Variable::leaf(Tensor::full({4, 8}, 2.0)), y = Variable::leaf(Tensor::full({4, 8}, 3.0));
+    const Variable x = Variable::leaf(Tensor::full({4, 8}, 2.0)),
+                   y = Variable::leaf(Tensor::full({4, 8}, 3.0));
     const Variable unreached = Variable::leaf(Tensor::full({1}, 1.0));
     const WorkMeter meter;
     CHECK(meter.counts().operations == 0);

@@ -24,12 +24,12 @@ Tensor left_half() {
 
 TEST_CASE("what differs outside the mask does not count", "[evaluation]") {
     Rng rng(1);
-    const Tensor picture = rng.uniform({side, side, 3}, 0.0, 1.0);
-    Tensor other = picture;
+    const Tensor image = rng.uniform({side, side, 3}, 0.0, 1.0);
+    Tensor other = image;
     const std::span<float> values = other.mutable_values<float>();
     for (std::size_t i = 0; i < values.size(); ++i)
         if (i / 3 % side >= side / 2) values[i] = 1.0F - values[i];
-    const ImageMetrics metrics = MetricTarget(other, left_half()).measure(picture);
+    const ImageMetrics metrics = MetricTarget(other, left_half()).measure(image);
     CHECK(metrics.l1 == 0.0);
     CHECK(metrics.l1_mean == 0.0);
     CHECK(metrics.ssim == Approx(1.0));
@@ -38,8 +38,8 @@ TEST_CASE("what differs outside the mask does not count", "[evaluation]") {
 
 TEST_CASE("metrics of the head are averaged over the whole frame", "[evaluation]") {
     const Tensor target = Tensor::full({side, side, 3}, 0.25);
-    const Tensor picture = Tensor::full({side, side, 3}, 0.75);
-    const ImageMetrics metrics = MetricTarget(target, left_half()).measure(picture);
+    const Tensor image = Tensor::full({side, side, 3}, 0.75);
+    const ImageMetrics metrics = MetricTarget(target, left_half()).measure(image);
     // Half of the pixels differ, by one half in each of three channels.
     CHECK(metrics.l1_mean == Approx(0.25));
     CHECK(metrics.l1 == Approx(0.75));
@@ -47,13 +47,14 @@ TEST_CASE("metrics of the head are averaged over the whole frame", "[evaluation]
     CHECK(metrics.ssim < 0.9);
 }
 
-TEST_CASE("a soft mask weighs picture and target alike", "[evaluation]") {
-    const ImageMetrics metrics = MetricTarget(Tensor::full({side, side, 3}, 0.25), Tensor::full({side, side, 1}, 0.5))
-                                     .measure(Tensor::full({side, side, 3}, 0.75));
+TEST_CASE("a soft mask weighs image and target alike", "[evaluation]") {
+    const ImageMetrics metrics =
+        MetricTarget(Tensor::full({side, side, 3}, 0.25), Tensor::full({side, side, 1}, 0.5))
+            .measure(Tensor::full({side, side, 3}, 0.75));
     CHECK(metrics.l1_mean == Approx(0.25));
 }
 
-TEST_CASE("scores of several pictures are averaged one by one", "[evaluation]") {
+TEST_CASE("scores of several images are averaged one by one", "[evaluation]") {
     const ImageMetrics average = mean({{0.1, 0.2, 0.3, 20.0}, {0.3, 0.4, 0.5, 30.0}});
     CHECK(average.l1 == Approx(0.2));
     CHECK(average.l1_mean == Approx(0.3));
@@ -62,9 +63,10 @@ TEST_CASE("scores of several pictures are averaged one by one", "[evaluation]") 
     CHECK(mean({}).l1 == 0.0);
 }
 
-TEST_CASE("the median of several pictures is taken of each metric by itself", "[evaluation]") {
-    const ImageMetrics middle =
-        median({{0.1, 0.9, 0.3, 20.0}, {0.3, 0.4, 0.5, 30.0}, {0.7, 0.1, 0.4, std::numeric_limits<double>::infinity()}});
+TEST_CASE("the median of several images is taken of each metric by itself", "[evaluation]") {
+    const ImageMetrics middle = median({{0.1, 0.9, 0.3, 20.0},
+                                        {0.3, 0.4, 0.5, 30.0},
+                                        {0.7, 0.1, 0.4, std::numeric_limits<double>::infinity()}});
     CHECK(middle.l1 == 0.3);
     CHECK(middle.l1_mean == 0.4);
     CHECK(middle.ssim == 0.4);
@@ -74,24 +76,29 @@ TEST_CASE("the median of several pictures is taken of each metric by itself", "[
     CHECK(median(std::vector<ImageMetrics>{}).psnr == 0.0);
 }
 
-TEST_CASE("LPIPS is measured where a network is given, between masked pictures", "[evaluation]") {
+TEST_CASE("LPIPS is measured where a network is given, between masked images", "[evaluation]") {
     constexpr std::int64_t larger = 32;
     const Lpips lpips({.network = "squeezenet1_1", .trunk = "random", .heads = "random"}, "");
     Rng rng(2);
     const Tensor a = rng.uniform({larger, larger, 3}, 0.0, 1.0);
     const Tensor b = rng.uniform({larger, larger, 3}, 0.0, 1.0);
     const Tensor everywhere = Tensor::full({larger, larger, 1}, 1.0);
-    const double expected = lpips.distance(lpips.features(lpips_input(a)), lpips.features(lpips_input(b))).value().item();
+    const double expected =
+        lpips.distance(lpips.features(lpips_input(a)), lpips.features(lpips_input(b)))
+            .value()
+            .item();
     CHECK(MetricTarget(b, everywhere, &lpips).measure(a).lpips.value() == Approx(expected));
     CHECK_FALSE(MetricTarget(b, everywhere).measure(a).lpips.has_value());
-    CHECK(MetricTarget(b, Tensor::zeros({larger, larger, 1}), &lpips).measure(a).lpips.value() == 0.0);
+    CHECK(MetricTarget(b, Tensor::zeros({larger, larger, 1}), &lpips).measure(a).lpips.value() ==
+          0.0);
     const ImageMetrics average = mean({{.lpips = 0.25}, {.lpips = 0.75}});
     CHECK(average.lpips.value() == Approx(0.5));
     CHECK_THAT(to_json(average).text(), Catch::Contains("\"lpips\":0.5"));
 }
 
 TEST_CASE("scores are written with a null for an infinite one", "[evaluation]") {
-    const nlohmann::json json =
-        nlohmann::json::parse(to_json(ImageMetrics{0.5, 0.25, 0.75, std::numeric_limits<double>::infinity()}).text());
-    CHECK(json == nlohmann::json{{"l1", 0.5}, {"l1_mean", 0.25}, {"ssim", 0.75}, {"psnr", nullptr}});
+    const nlohmann::json json = nlohmann::json::parse(
+        to_json(ImageMetrics{0.5, 0.25, 0.75, std::numeric_limits<double>::infinity()}).text());
+    CHECK(json ==
+          nlohmann::json{{"l1", 0.5}, {"l1_mean", 0.25}, {"ssim", 0.75}, {"psnr", nullptr}});
 }

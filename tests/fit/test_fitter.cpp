@@ -23,21 +23,26 @@ Model frozen_model() {
     return model;
 }
 
-/// What the model itself makes of known codes: a fit can reach a loss of zero. The encoder sees noise.
-FitTarget target_of(const Model& model, const Codes& codes) {
-    FitTarget target;
+/// What the model itself makes of known codes: a fit can reach a loss of zero. The encoder sees
+/// noise.
+FaceBatch target_of(const Model& model, const Codes& codes) {
+    FaceBatch target;
     Rng rng(4);
     target.input = rng.uniform({codes.batch(), 16, 16, 3}, -1.0, 1.0, DType::float64);
     for (std::int64_t i = 0; i < codes.batch(); ++i)
-        target.cameras.push_back(model_camera(model, 0.2 * static_cast<double>(i) - 0.1, 0.05, 0.0));
-    for (const Variable& image : model.decoder()(codes, target.cameras, {.samples_per_ray = samples}).images)
+        target.cameras.push_back(
+            model_camera(model, 0.2 * static_cast<double>(i) - 0.1, 0.05, 0.0));
+    for (const Variable& image :
+         model.decoder()(codes, target.cameras, {.samples_per_ray = samples}).images)
         target.targets.push_back(image.value());
     return target;
 }
 
-FitTarget row(const FitTarget& target, std::int64_t index) {
-    const auto part = [&](const Tensor& tensor) { return slice(Variable(tensor), 0, index, index + 1).value(); };
-    FitTarget result{part(target.input), {}, {target.cameras[static_cast<std::size_t>(index)]}};
+FaceBatch row(const FaceBatch& target, std::int64_t index) {
+    const auto part = [&](const Tensor& tensor) {
+        return slice(Variable(tensor), 0, index, index + 1).value();
+    };
+    FaceBatch result{part(target.input), {}, {target.cameras[static_cast<std::size_t>(index)]}};
     for (const Tensor& image : target.targets) result.targets.push_back(part(image));
     return result;
 }
@@ -49,20 +54,22 @@ ReconstructionLoss loss_of(const Model& model) {
 double offset_length(const FitResult& result) {
     double total = 0.0;
     for (std::size_t group = 0; group < code_names.size(); ++group)
-        total += sum(square(result.fitted.groups[group] - result.initial.groups[group])).value().item();
+        total +=
+            sum(square(result.fitted.groups[group] - result.initial.groups[group])).value().item();
     return std::sqrt(total);
 }
 
 }  // namespace
 
-TEST_CASE("fitting finds codes that give the pictures of known codes", "[fitter]") {
+TEST_CASE("fitting finds codes that give the images of known codes", "[fitter]") {
     const Model model = frozen_model();
-    const FitTarget target = target_of(model, random_codes(1, 7, 1.0, DType::float64));
+    const FaceBatch target = target_of(model, random_codes(1, 7, 1.0, DType::float64));
     std::int64_t calls = 0;
-    const FitOptions options{
-        .steps = 150, .learning_rate = 0.03, .decay = 0.98, .regularizer = 0.0, .on_step = [&](const FitStep& step) {
-            CHECK(step.steps == ++calls);
-        }};
+    const FitOptions options{.steps = 150,
+                             .learning_rate = 0.03,
+                             .decay = 0.98,
+                             .regularizer = 0.0,
+                             .on_step = [&](const FitStep& step) { CHECK(step.steps == ++calls); }};
     const FitResult result = fit_codes(model, loss_of(model), target, options);
     REQUIRE(result.losses.size() == 150);
     CHECK(calls == 150);
@@ -76,14 +83,17 @@ TEST_CASE("fitting finds codes that give the pictures of known codes", "[fitter]
         };
         CHECK(mean(i) < mean(i - 20));
     }
-    const Decoded decoded = model.decoder()(result.fitted, target.cameras, {.samples_per_ray = samples});
-    CHECK(mean(abs(decoded.images.back() - Variable(target.targets.back()))).value().item() < 0.1 * result.losses.front());
+    const Decoded decoded =
+        model.decoder()(result.fitted, target.cameras, {.samples_per_ray = samples});
+    CHECK(mean(abs(decoded.images.back() - Variable(target.targets.back()))).value().item() <
+          0.1 * result.losses.front());
 }
 
 TEST_CASE("L-BFGS needs fewer evaluations than Adam to the same loss", "[fitter]") {
     const Model model = frozen_model();
-    const FitTarget target = target_of(model, random_codes(1, 7, 1.0, DType::float64));
-    FitOptions options{.steps = 100, .learning_rate = 0.03, .decay = 0.98, .regularizer = 1e-4, .tolerance = 0.0};
+    const FaceBatch target = target_of(model, random_codes(1, 7, 1.0, DType::float64));
+    FitOptions options{
+        .steps = 100, .learning_rate = 0.03, .decay = 0.98, .regularizer = 1e-4, .tolerance = 0.0};
     const FitResult adam = fit_codes(model, loss_of(model), target, options);
     options.optimizer = FitOptimizer::lbfgs;
     options.steps = 60;
@@ -104,9 +114,10 @@ TEST_CASE("L-BFGS needs fewer evaluations than Adam to the same loss", "[fitter]
         CHECK(identical(codes.groups[group].value(), lbfgs.fitted.groups[group].value()));
 }
 
-TEST_CASE("L-BFGS fits poses and several photos of one person, and stops where nothing is lower", "[fitter]") {
+TEST_CASE("L-BFGS fits poses and several photos of one person, and stops where nothing is lower",
+          "[fitter]") {
     const Model model = frozen_model();
-    FitTarget target = target_of(model, random_codes(2, 7, 1.0, DType::float64));
+    FaceBatch target = target_of(model, random_codes(2, 7, 1.0, DType::float64));
     const Pose truth = pose_from_camera(target.cameras[0]);
     target.cameras[0] = model_camera(model, truth.yaw + 0.1, truth.pitch - 0.05, 0.0);
     const FitOptions options{.optimizer = FitOptimizer::lbfgs,
@@ -120,20 +131,26 @@ TEST_CASE("L-BFGS fits poses and several photos of one person, and stops where n
     CHECK(result.losses.size() == 40);
     CHECK(result.losses.back() < 0.8 * result.losses.front());
     CHECK(pose_from_camera(result.cameras[0]).yaw != Approx(truth.yaw + 0.1));
-    CHECK(identical(slice(result.fitted.identity(), 0, 0, 1).value(), slice(result.fitted.identity(), 0, 1, 2).value()));
-    // What the encoder says of its own picture cannot be improved by much.
-    FitTarget own = row(target, 1);
+    CHECK(identical(slice(result.fitted.identity(), 0, 0, 1).value(),
+                    slice(result.fitted.identity(), 0, 1, 2).value()));
+    // What the encoder says of its own image cannot be improved by much.
+    FaceBatch own = row(target, 1);
     const Codes codes = detached(model.encoder()(Variable(own.input)));
-    own.targets = {model.decoder()(codes, own.cameras, {.samples_per_ray = samples}).images.back().value()};
-    const FitResult arrived = fit_codes(model, loss_of(model), own, {.optimizer = FitOptimizer::lbfgs, .tolerance = 0.0});
+    own.targets = {
+        model.decoder()(codes, own.cameras, {.samples_per_ray = samples}).images.back().value()};
+    const FitResult arrived =
+        fit_codes(model, loss_of(model), own, {.optimizer = FitOptimizer::lbfgs, .tolerance = 0.0});
     CHECK(arrived.converged);
     CHECK(arrived.losses.size() < 200);
     own.targets[0].mutable_values<double>()[5] = std::nan("");
-    CHECK_THROWS_AS(fit_codes(model, loss_of(model), own, {.optimizer = FitOptimizer::lbfgs}), NumericError);
+    CHECK_THROWS_AS(fit_codes(model, loss_of(model), own, {.optimizer = FitOptimizer::lbfgs}),
+                    NumericError);
 }
 
-TEST_CASE("the first steps of a fit from coarse to fine compare small pictures, and the loss of the last ones is the usual one",
-          "[fitter]") {
+TEST_CASE(
+    "the first steps of a fit from coarse to fine compare small images, and the loss of the last "
+    "ones is the usual one",
+    "[fitter]") {
     ModelConfig config = tiny_model_config();
     config.decoder.resolution = 32;
     config.decoder.block_channels = {6, 4};
@@ -141,22 +158,26 @@ TEST_CASE("the first steps of a fit from coarse to fine compare small pictures, 
     Rng rng(1);
     Model model(config, rng);
     model.parameters().set_trainable("", false);
-    FitTarget target;
+    FaceBatch target;
     target.input = rng.uniform({1, 32, 32, 3}, -1.0, 1.0);
     target.cameras = {model_camera(model, 0.1, 0.0, 0.0)};
-    for (const Variable& image : model.decoder()(random_codes(1, 7), target.cameras, {.samples_per_ray = samples}).images)
+    for (const Variable& image :
+         model.decoder()(random_codes(1, 7), target.cameras, {.samples_per_ray = samples}).images)
         target.targets.push_back(image.value());
     REQUIRE(target.targets.size() == 2);
-    FitTarget small = target;
+    FaceBatch small = target;
     small.targets.pop_back();
     ReconstructionConfig as_the_largest = config.reconstruction;
     as_the_largest.resolution_weights = {2.0};
     for (const FitOptimizer optimizer : {FitOptimizer::adam, FitOptimizer::lbfgs}) {
-        FitOptions options{.optimizer = optimizer, .steps = 12, .regularizer = 1e-3, .coarse_steps = 6};
+        FitOptions options{
+            .optimizer = optimizer, .steps = 12, .regularizer = 1e-3, .coarse_steps = 6};
         const FitResult mixed = fit_codes(model, loss_of(model), target, options);
         options.coarse_steps = 0;
-        const FitResult coarse = fit_codes(model, ReconstructionLoss(as_the_largest), small, options);
-        for (std::size_t i = 0; i < 6; ++i) CHECK(mixed.losses[i] == Approx(coarse.losses[i]).epsilon(1e-5));
+        const FitResult coarse =
+            fit_codes(model, ReconstructionLoss(as_the_largest), small, options);
+        for (std::size_t i = 0; i < 6; ++i)
+            CHECK(mixed.losses[i] == Approx(coarse.losses[i]).epsilon(1e-5));
         const FitResult fine = fit_codes(model, loss_of(model), target, options);
         CHECK(mixed.losses.back() < fine.losses.front());
         CHECK(mixed.losses[8] != Approx(coarse.losses[8]));
@@ -165,7 +186,7 @@ TEST_CASE("the first steps of a fit from coarse to fine compare small pictures, 
 
 TEST_CASE("faces fitted together come out as each alone", "[fitter]") {
     const Model model = frozen_model();
-    const FitTarget target = target_of(model, random_codes(3, 8, 1.0, DType::float64));
+    const FaceBatch target = target_of(model, random_codes(3, 8, 1.0, DType::float64));
     const FitOptions options{.steps = 15, .learning_rate = 0.03, .regularizer = 1e-3};
     const FitResult together = fit_codes(model, loss_of(model), target, options);
     double loss = 0.0;
@@ -174,7 +195,8 @@ TEST_CASE("faces fitted together come out as each alone", "[fitter]") {
         loss += alone.losses.back() / 3.0;
         for (std::size_t group = 0; group < code_names.size(); ++group) {
             const CloseReport report =
-                check_close(slice(together.fitted.groups[group], 0, i, i + 1).value(), alone.fitted.groups[group].value(), 1e-5);
+                check_close(slice(together.fitted.groups[group], 0, i, i + 1).value(),
+                            alone.fitted.groups[group].value(), 1e-5);
             INFO(report.message);
             CHECK(report.passed);
         }
@@ -184,11 +206,12 @@ TEST_CASE("faces fitted together come out as each alone", "[fitter]") {
 
 TEST_CASE("the regularizer holds the offsets near zero, the more the bigger it is", "[fitter]") {
     const Model model = frozen_model();
-    const FitTarget target = target_of(model, random_codes(1, 9, 1.0, DType::float64));
+    const FaceBatch target = target_of(model, random_codes(1, 9, 1.0, DType::float64));
     std::vector<double> lengths;
     for (const double regularizer : {0.0, 1e-3, 1e-1}) {
         lengths.push_back(offset_length(fit_codes(
-            model, loss_of(model), target, {.steps = 60, .learning_rate = 0.03, .decay = 0.97, .regularizer = regularizer})));
+            model, loss_of(model), target,
+            {.steps = 60, .learning_rate = 0.03, .decay = 0.97, .regularizer = regularizer})));
     }
     CHECK(lengths[1] < 0.9 * lengths[0]);
     CHECK(lengths[2] < 0.5 * lengths[1]);
@@ -196,7 +219,8 @@ TEST_CASE("the regularizer holds the offsets near zero, the more the bigger it i
     const FitOptions own{.steps = 5};
     FitOptions one = own;
     one.regularizer = 1.0;
-    CHECK(fit_codes(model, loss_of(model), target, own).losses == fit_codes(model, loss_of(model), target, one).losses);
+    CHECK(fit_codes(model, loss_of(model), target, own).losses ==
+          fit_codes(model, loss_of(model), target, one).losses);
 }
 
 TEST_CASE("fitting lowers the perceptual term if it has a weight", "[fitter]") {
@@ -211,45 +235,60 @@ TEST_CASE("fitting lowers the perceptual term if it has a weight", "[fitter]") {
     config.perceptual_weight = 1.0;
     config.perceptual = {.network = "squeezenet1_1", .trunk = "random", .heads = "random"};
     const ReconstructionLoss loss(config);
-    FitTarget target;
+    FaceBatch target;
     target.input = rng.uniform({1, 32, 32, 3}, -1.0, 1.0);
     target.cameras = {model_camera(model, 0.1, 0.0, 0.0)};
-    target.targets = {model.decoder()(random_codes(1, 7), target.cameras, {.samples_per_ray = samples}).images.back().value()};
+    target.targets = {
+        model.decoder()(random_codes(1, 7), target.cameras, {.samples_per_ray = samples})
+            .images.back()
+            .value()};
     const FitResult result =
-        fit_codes(model, loss, target, {.steps = 40, .learning_rate = 0.03, .decay = 0.97, .regularizer = 0.0});
+        fit_codes(model, loss, target,
+                  {.steps = 40, .learning_rate = 0.03, .decay = 0.97, .regularizer = 0.0});
     CHECK(result.losses.back() < 0.5 * result.losses.front());
 }
 
-TEST_CASE("samples without weight are left out of a fit, and a tolerance above all weights leaves nothing", "[fitter]") {
+TEST_CASE(
+    "samples without weight are left out of a fit, and a tolerance above all weights leaves "
+    "nothing",
+    "[fitter]") {
     const Model model = frozen_model();
-    const FitTarget target = target_of(model, random_codes(1, 9, 1.0, DType::float64));
+    const FaceBatch target = target_of(model, random_codes(1, 9, 1.0, DType::float64));
     const auto fitted = [&](double tolerance) {
         return fit_codes(model, loss_of(model), target,
-                         {.steps = 12, .learning_rate = 0.03, .tolerance = tolerance, .examination_interval = 4})
+                         {.steps = 12,
+                          .learning_rate = 0.03,
+                          .tolerance = tolerance,
+                          .examination_interval = 4})
             .losses;
     };
     const std::vector<double> exact = fitted(0.0);
     const std::vector<double> close = fitted(1e-6);
-    for (std::size_t i = 0; i < exact.size(); ++i) CHECK(close[i] == Approx(exact[i]).epsilon(1e-3));
+    for (std::size_t i = 0; i < exact.size(); ++i)
+        CHECK(close[i] == Approx(exact[i]).epsilon(1e-3));
     CHECK(fitted(0.999)[0] != Approx(exact[0]));
-    CHECK_THROWS_AS(fit_codes(model, loss_of(model), target, {.steps = 1, .examination_interval = 0}), ValueError);
+    CHECK_THROWS_AS(
+        fit_codes(model, loss_of(model), target, {.steps = 1, .examination_interval = 0}),
+        ValueError);
 }
 
 TEST_CASE("a fit that keeps the field's arguments takes the same steps", "[fitter]") {
     const Model model = frozen_model();
-    const FitTarget target = target_of(model, random_codes(1, 9, 1.0, DType::float64));
+    const FaceBatch target = target_of(model, random_codes(1, 9, 1.0, DType::float64));
     const auto fitted = [&](bool keep_field) {
-        return fit_codes(model, loss_of(model), target,
-                         {.steps = 5, .learning_rate = 0.03, .tolerance = 0.0, .keep_field = keep_field})
+        return fit_codes(
+                   model, loss_of(model), target,
+                   {.steps = 5, .learning_rate = 0.03, .tolerance = 0.0, .keep_field = keep_field})
             .losses;
     };
     const std::vector<double> recomputed = fitted(false), kept = fitted(true);
-    for (std::size_t i = 0; i < kept.size(); ++i) CHECK(kept[i] == Approx(recomputed[i]).epsilon(1e-9));
+    for (std::size_t i = 0; i < kept.size(); ++i)
+        CHECK(kept[i] == Approx(recomputed[i]).epsilon(1e-9));
 }
 
 TEST_CASE("no steps leave the encoder's codes", "[fitter]") {
     const Model model = frozen_model();
-    const FitTarget target = target_of(model, random_codes(2, 10, 1.0, DType::float64));
+    const FaceBatch target = target_of(model, random_codes(2, 10, 1.0, DType::float64));
     const FitResult result = fit_codes(model, loss_of(model), target, {.steps = 0});
     const Codes encoded = model.encoder()(Variable(target.input));
     CHECK(result.losses.empty());
@@ -260,19 +299,21 @@ TEST_CASE("no steps leave the encoder's codes", "[fitter]") {
     }
 }
 
-TEST_CASE("targets that do not suit the model are refused, and so is what is not a number", "[fitter]") {
+TEST_CASE("targets that do not suit the model are refused, and so is what is not a number",
+          "[fitter]") {
     const Model model = frozen_model();
-    const FitTarget target = target_of(model, random_codes(1, 11, 1.0, DType::float64));
-    const auto refused = [&](const FitTarget& bad) {
-        return is_one_line(
-            error_message<ShapeError>([&] { static_cast<void>(fit_codes(model, loss_of(model), bad, {.steps = 1})); }));
+    const FaceBatch target = target_of(model, random_codes(1, 11, 1.0, DType::float64));
+    const auto refused = [&](const FaceBatch& bad) {
+        return is_one_line(error_message<ShapeError>(
+            [&] { static_cast<void>(fit_codes(model, loss_of(model), bad, {.steps = 1})); }));
     };
-    FitTarget bad = target;
+    FaceBatch bad = target;
     bad.targets.clear();
     CHECK(refused(bad));
     bad = target;
     bad.targets[0] = Tensor::zeros({1, 8, 8, 3}, DType::float64);
-    CHECK_THAT(error_message<ValueError>([&] { static_cast<void>(fit_codes(model, loss_of(model), bad, {.steps = 1})); }),
+    CHECK_THAT(error_message<ValueError>(
+                   [&] { static_cast<void>(fit_codes(model, loss_of(model), bad, {.steps = 1})); }),
                Catch::Contains("16, not 8"));
     bad = target;
     bad.cameras.push_back(bad.cameras.front());
@@ -280,17 +321,19 @@ TEST_CASE("targets that do not suit the model are refused, and so is what is not
 
     bad = target;
     bad.targets[0].mutable_values<double>()[5] = std::nan("");
-    const std::string message =
-        error_message<NumericError>([&] { static_cast<void>(fit_codes(model, loss_of(model), bad, {.steps = 3})); });
+    const std::string message = error_message<NumericError>(
+        [&] { static_cast<void>(fit_codes(model, loss_of(model), bad, {.steps = 3})); });
     CHECK_THAT(message, Catch::Contains("step 0") && Catch::Contains("not finite"));
 }
 
-TEST_CASE("a pose that is learnt comes nearer to the one of the picture, and the picture with it", "[fitter]") {
+TEST_CASE("a pose that is learnt comes nearer to the one of the image, and the image with it",
+          "[fitter]") {
     const Model model = frozen_model();
-    FitTarget target = target_of(model, random_codes(1, 7, 1.0, DType::float64));
+    FaceBatch target = target_of(model, random_codes(1, 7, 1.0, DType::float64));
     const Pose truth = pose_from_camera(target.cameras[0]);
     target.cameras[0] = model_camera(model, truth.yaw + 0.1, truth.pitch - 0.05, 0.0);
-    FitOptions options{.steps = 60, .learning_rate = 0.03, .decay = 0.98, .regularizer = 0.0, .tolerance = 0.0};
+    FitOptions options{
+        .steps = 60, .learning_rate = 0.03, .decay = 0.98, .regularizer = 0.0, .tolerance = 0.0};
     const FitResult fixed = fit_codes(model, loss_of(model), target, options);
     CHECK(pose_from_camera(fixed.cameras[0]).yaw == Approx(truth.yaw + 0.1));
     options.refine_pose = true;
@@ -303,13 +346,17 @@ TEST_CASE("a pose that is learnt comes nearer to the one of the picture, and the
 
 TEST_CASE("several photos of one person share identity and texture, and nothing else", "[fitter]") {
     const Model model = frozen_model();
-    const FitTarget target = target_of(model, random_codes(2, 7, 1.0, DType::float64));
+    const FaceBatch target = target_of(model, random_codes(2, 7, 1.0, DType::float64));
     const FitResult result =
-        fit_codes(model, loss_of(model), target, {.steps = 30, .learning_rate = 0.02, .regularizer = 0.0, .one_person = true});
+        fit_codes(model, loss_of(model), target,
+                  {.steps = 30, .learning_rate = 0.02, .regularizer = 0.0, .one_person = true});
     const Codes apart = detached(model.encoder()(Variable(target.input)));
     for (std::size_t group = 0; group < code_names.size(); ++group) {
         const auto difference_of_rows = [&](const Codes& codes) {
-            return sum(abs(slice(codes.groups[group], 0, 0, 1) - slice(codes.groups[group], 0, 1, 2))).value().item();
+            return sum(abs(slice(codes.groups[group], 0, 0, 1) -
+                           slice(codes.groups[group], 0, 1, 2)))
+                .value()
+                .item();
         };
         const bool shared = group == 0 || group == 2;
         CHECK((difference_of_rows(result.fitted) == 0.0) == shared);
@@ -318,7 +365,10 @@ TEST_CASE("several photos of one person share identity and texture, and nothing 
     CHECK(result.losses.back() < result.losses.front());
 }
 
-TEST_CASE("a fit starts from the target's codes if it has some, and a model without an encoder needs them", "[fitter]") {
+TEST_CASE(
+    "a fit starts from the target's codes if it has some, and a model without an encoder needs "
+    "them",
+    "[fitter]") {
     ModelConfig config = tiny_model_config();
     config.code_source = "morphable";
     for (const std::string conditioning : {"modulation", "concatenation"}) {
@@ -329,14 +379,22 @@ TEST_CASE("a fit starts from the target's codes if it has some, and a model with
         Model model(config, rng);
         model.parameters().set_trainable("", false);
         const ReconstructionLoss loss(config.reconstruction);
-        FitTarget target{.input = Tensor::zeros({1, 16, 16, 3}), .targets = {}, .cameras = {model_camera(model, 0.0, 0.0, 0.0)}};
-        target.targets = {model.decoder()(random_codes(1, 3), target.cameras, {.samples_per_ray = 4}).images.back().value()};
-        const FitOptions options{.steps = 12, .learning_rate = 0.05, .regularizer = 0.0, .examination_interval = 4};
-        CHECK(is_one_line(error_message<ValueError>([&] { static_cast<void>(fit_codes(model, loss, target, options)); })));
-        target.initial = random_codes(1, 5);
+        FaceBatch target{.input = Tensor::zeros({1, 16, 16, 3}),
+                         .targets = {},
+                         .cameras = {model_camera(model, 0.0, 0.0, 0.0)}};
+        target.targets = {
+            model.decoder()(random_codes(1, 3), target.cameras, {.samples_per_ray = 4})
+                .images.back()
+                .value()};
+        FitOptions options{
+            .steps = 12, .learning_rate = 0.05, .regularizer = 0.0, .examination_interval = 4};
+        CHECK(is_one_line(error_message<ValueError>(
+            [&] { static_cast<void>(fit_codes(model, loss, target, options)); })));
+        options.initial = random_codes(1, 5);
         const FitResult result = fit_codes(model, loss, target, options);
         for (std::size_t group = 0; group < 4; ++group)
-            CHECK(identical(result.initial.groups[group].value(), target.initial->groups[group].value()));
+            CHECK(identical(result.initial.groups[group].value(),
+                            options.initial->groups[group].value()));
         CHECK(result.losses.back() < result.losses.front());
     }
 }

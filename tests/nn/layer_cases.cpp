@@ -24,7 +24,9 @@ using Inputs = std::vector<Variable>;
 /// A function of the inputs that owns `layer`.
 template <class Layer, class Body>
 LayerFunction with(Layer layer, Body body) {
-    return [layer = std::make_shared<Layer>(std::move(layer)), body](const Inputs& x) -> Variable { return body(*layer, x); };
+    return [layer = std::make_shared<Layer>(std::move(layer)), body](const Inputs& x) -> Variable {
+        return body(*layer, x);
+    };
 }
 
 Tensor uniform(const Shape& shape) {
@@ -43,16 +45,19 @@ std::vector<LayerCase> make_layers() {
          {{3, 5}},
          {3, 4},
          [](ParameterStore& store, Rng& rng) {
-             const LinearOptions options{
-                 .activation = Activation::leaky_relu, .learning_rate_multiplier = 0.1, .initial_bias = 0.5};
-             return with(Linear(store, "layer", 5, 4, options, rng), [](const auto& f, const Inputs& x) { return f(x[0]); });
+             const LinearOptions options{.activation = Activation::leaky_relu,
+                                         .learning_rate_multiplier = 0.1,
+                                         .initial_bias = 0.5};
+             return with(Linear(store, "layer", 5, 4, options, rng),
+                         [](const auto& f, const Inputs& x) { return f(x[0]); });
          }},
         {"linear on an image",
          "linear",
          {{2, 3, 2, 5}},
          {2, 3, 2, 4},
          [](ParameterStore& store, Rng& rng) {
-             return with(Linear(store, "layer", 5, 4, {}, rng), [](const auto& f, const Inputs& x) { return f(x[0]); });
+             return with(Linear(store, "layer", 5, 4, {}, rng),
+                         [](const auto& f, const Inputs& x) { return f(x[0]); });
          }},
         {"modulated sine layer",
          "modulated_linear",
@@ -63,7 +68,9 @@ std::vector<LayerCase> make_layers() {
          "modulated_linear",
          {{2, 6, 5}, {2, 3}},
          {2, 6, 4},
-         [](ParameterStore& store, Rng& rng) { return modulated(store, rng, Activation::leaky_relu); }},
+         [](ParameterStore& store, Rng& rng) {
+             return modulated(store, rng, Activation::leaky_relu);
+         }},
         {"modulated linear layer",
          "modulated_linear",
          {{2, 2, 3, 5}, {2, 3}},
@@ -74,57 +81,65 @@ std::vector<LayerCase> make_layers() {
          {{3, 7}},
          {3, 7},
          [](ParameterStore& store, Rng& rng) {
-             return with(Mapping(store, "mapping", 7, 3, 0.1, rng), [](const auto& f, const Inputs& x) { return f(x[0]); });
+             return with(Mapping(store, "mapping", 7, 3, 0.1, rng),
+                         [](const auto& f, const Inputs& x) { return f(x[0]); });
          }},
         {"upsampler",
          "upsampler",
          {{2, 3, 4, 5}},
          {2, 6, 8, 5},
          [](ParameterStore& store, Rng& rng) {
-             return with(Upsampler(store, "upsampler", 5, rng), [](const auto& f, const Inputs& x) { return f(x[0]); });
+             return with(Upsampler(store, "upsampler", 5, rng),
+                         [](const auto& f, const Inputs& x) { return f(x[0]); });
          }},
-        {"doubling of an RGB image",
+        {"upsampling of an RGB image",
          "upsampler",
          {{2, 3, 4, 3}},
          {2, 6, 8, 3},
-         [](ParameterStore&, Rng&) -> LayerFunction { return [](const Inputs& x) { return double_smoothly(x[0]); }; }},
+         [](ParameterStore&, Rng&) -> LayerFunction {
+             return [](const Inputs& x) { return upsample_smoothly(x[0]); };
+         }},
         {"first render block",
          "render_block",
          {{2, 3, 3, 5}, {2, 6}},
          {2, 6, 6, 3},
          [](ParameterStore& store, Rng& rng) {
-             return with(RenderBlock(store, "block", 5, 4, 6, rng), [](const auto& f, const Inputs& x) {
-                 return f({x[0], {}}, x[1]).rgb;
-             });
+             return with(RenderBlock(store, "block", 5, 4, 6, rng),
+                         [](const auto& f, const Inputs& x) {
+                             return f({x[0], {}}, x[1]).rgb;
+                         });
          }},
         {"later render block",
          "render_block",
          {{2, 3, 3, 5}, {2, 3, 3, 3}, {2, 6}},
          {2, 6, 6, 7},
          [](ParameterStore& store, Rng& rng) {
-             return with(RenderBlock(store, "block", 5, 4, 6, rng), [](const auto& f, const Inputs& x) {
-                 const Rendered rendered = f({x[0], x[1]}, x[2]);
-                 return concat({rendered.features, rendered.rgb}, 3);
-             });
+             return with(RenderBlock(store, "block", 5, 4, 6, rng),
+                         [](const auto& f, const Inputs& x) {
+                             const Rendered rendered = f({x[0], x[1]}, x[2]);
+                             return concat({rendered.features, rendered.rgb}, 3);
+                         });
          }},
         {"first plain render block",
          "plain_render_block",
          {{2, 3, 3, 5}},
          {2, 6, 6, 3},
          [](ParameterStore& store, Rng& rng) {
-             return with(PlainRenderBlock(store, "block", 5, 4, true, rng), [](const auto& f, const Inputs& x) {
-                 return f({x[0], {}}, {}).rgb;
-             });
+             return with(PlainRenderBlock(store, "block", 5, 4, true, rng),
+                         [](const auto& f, const Inputs& x) {
+                             return f({x[0], {}}, {}).rgb;
+                         });
          }},
         {"later plain render block",
          "plain_render_block",
          {{2, 3, 3, 5}, {2, 3, 3, 3}},
          {2, 6, 6, 7},
          [](ParameterStore& store, Rng& rng) {
-             return with(PlainRenderBlock(store, "block", 5, 4, false, rng), [](const auto& f, const Inputs& x) {
-                 const Rendered rendered = f({x[0], x[1]}, {});
-                 return concat({rendered.features, rendered.rgb}, 3);
-             });
+             return with(PlainRenderBlock(store, "block", 5, 4, false, rng),
+                         [](const auto& f, const Inputs& x) {
+                             const Rendered rendered = f({x[0], x[1]}, {});
+                             return concat({rendered.features, rendered.rgb}, 3);
+                         });
          }},
         {"mask branch",
          "mask_branch",
@@ -133,14 +148,16 @@ std::vector<LayerCase> make_layers() {
          [](ParameterStore& store, Rng& rng) {
              const std::array<std::int64_t, 2> channels{5, 4};
              const std::array<std::string, 2> names{"3", "6"};
-             return with(MaskBranch(store, "mask", channels, names, 2, rng), [](const auto& f, const Inputs& x) { return f(x); });
+             return with(MaskBranch(store, "mask", channels, names, 2, rng),
+                         [](const auto& f, const Inputs& x) { return f(x); });
          }},
         {"convolution layer",
          "conv_layer",
          {{2, 5, 4, 3}},
          {2, 3, 2, 4},
          [](ParameterStore& store, Rng& rng) {
-             return with(ConvLayer(store, "conv", 3, 4, {.stride = 2, .scaling = WeightScaling::equalised}, rng),
+             return with(ConvLayer(store, "conv", 3, 4,
+                                   {.stride = 2, .scaling = WeightScaling::equalised}, rng),
                          [](const auto& f, const Inputs& x) { return f(x[0]); });
          }},
         {"batch norm",
@@ -148,14 +165,16 @@ std::vector<LayerCase> make_layers() {
          {{2, 3, 2, 5}},
          {2, 3, 2, 5},
          [](ParameterStore& store, Rng&) {
-             return with(BatchNorm(store, "norm", 5), [](const auto& f, const Inputs& x) { return f(x[0]); });
+             return with(BatchNorm(store, "norm", 5),
+                         [](const auto& f, const Inputs& x) { return f(x[0]); });
          }},
         {"discriminator block",
          "discriminator_block",
          {{2, 6, 4, 3}},
          {2, 3, 2, 5},
          [](ParameterStore& store, Rng& rng) {
-             return with(DiscriminatorBlock(store, "block", 3, 5, rng), [](const auto& f, const Inputs& x) { return f(x[0]); });
+             return with(DiscriminatorBlock(store, "block", 3, 5, rng),
+                         [](const auto& f, const Inputs& x) { return f(x[0]); });
          }},
         {"minibatch standard deviation",
          "minibatch_deviation",
@@ -189,7 +208,8 @@ std::vector<LayerCase> make_losses() {
                  std::array<Tensor, 4> targets;
                  for (std::size_t i = 0; i < 4; ++i) targets[i] = uniform(x[i].shape());
                  const std::array<double, 4> weights{0.001, 0.1, 0.001, 0.01};
-                 return code_loss({{x[0], x[1], x[2], x[3]}}, targets, weights, Tensor::full({2}, 1.0, DType::float64));
+                 return code_loss({{x[0], x[1], x[2], x[3]}}, targets, weights,
+                                  Tensor::full({2}, 1.0, DType::float64));
              };
          }},
         {"mask loss",
@@ -204,7 +224,9 @@ std::vector<LayerCase> make_losses() {
          {{2, 9, 1}},
          {},
          [](ParameterStore&, Rng&) -> LayerFunction {
-             return [](const Inputs& x) { return opacity_loss(sigmoid(x[0]), uniform({2, 3, 3, 1})); };
+             return [](const Inputs& x) {
+                 return opacity_loss(sigmoid(x[0]), uniform({2, 3, 3, 1}));
+             };
          }},
         {"masked mean",
          "masked_mean",

@@ -29,7 +29,8 @@ TEST_CASE("the adversarial losses are means of softplus of the logits") {
     CHECK(real_loss(logits).value().item() == Approx(low).epsilon(1e-12));
     CHECK(fake_loss(logits).value().item() == Approx(high).epsilon(1e-12));
     for (const auto& loss : {generator_loss, real_loss, fake_loss}) {
-        const GradReport report = check_grad("loss", [&](const std::vector<Variable>& x) { return loss(x[0]); }, {logits});
+        const GradReport report = check_grad(
+            "loss", [&](const std::vector<Variable>& x) { return loss(x[0]); }, {logits});
         INFO(report.message);
         CHECK(report.passed);
         CHECK(std::isfinite(loss(column({1e4, -1e4})).value().item()));
@@ -42,19 +43,23 @@ TEST_CASE("R1 of a linear judge is half the squared length of its weights, whate
     const Tensor images = rng.normal({3, 2, 2, 3}, 0.0, 1.0, DType::float64);
     const auto judge = [&](const Variable& x) { return matmul(reshape(x, {3, 12}), weight); };
     const Variable penalty = r1_penalty(judge, images);
-    CHECK(penalty.value().item() == Approx(sum(square(weight)).value().item() / 2.0).epsilon(1e-12));
+    CHECK(penalty.value().item() ==
+          Approx(sum(square(weight)).value().item() / 2.0).epsilon(1e-12));
     CHECK(check_close(grad(penalty, weight).value(), weight.value(), 1e-12).passed);
 }
 
-TEST_CASE("a picture that fades in begins as its half resolution") {
-    const Tensor image = Tensor::from({1, 2, 4, 1}, std::vector<double>{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0});
+TEST_CASE("an image that fades in begins as its half resolution") {
+    const Tensor image =
+        Tensor::from({1, 2, 4, 1}, std::vector<double>{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0});
     const std::vector<double> coarse{3.5, 3.5, 5.5, 5.5, 3.5, 3.5, 5.5, 5.5};
     CHECK(faded_image(image, 0.0).value().to_vector() == coarse);
     CHECK(identical(faded_image(image, 1.0).value(), image));
     const std::vector<double> half = faded_image(image, 0.25).value().to_vector();
     CHECK(half[0] == Approx(0.75 * 3.5 + 0.25 * 1.0));
     CHECK(is_one_line(error_message<ValueError>([&] { (void)faded_image(image, 1.5); })));
-    CHECK(is_one_line(error_message<ShapeError>([&] { (void)faded_image(Tensor::zeros({1, 3, 3, 1}), 0.5); })));
+    CHECK(is_one_line(error_message<ShapeError>([&] {
+        (void)faded_image(Tensor::zeros({1, 3, 3, 1}), 0.5);
+    })));
 }
 
 namespace {
@@ -76,7 +81,9 @@ struct Judge {
 
 }  // namespace
 
-TEST_CASE("R1 by double backward is what two gradients of a moved picture tell, up to the square of the step") {
+TEST_CASE(
+    "R1 by double backward is what two gradients of a moved image tell, up to the square of the "
+    "step") {
     // d/dtheta |g|^2 / 2 = d/dtheta (g . v) at a fixed v = g, and g . v is D's slope along v.
     const Judge judge;
     const Tensor images = Rng(2).uniform({2, 64, 64, 3}, -1.0, 1.0, DType::float64);
@@ -85,8 +92,11 @@ TEST_CASE("R1 by double backward is what two gradients of a moved picture tell, 
 
     const Variable x = Variable::leaf(images);
     const Tensor v = grad(sum(judge(x)), x).value();
-    const auto gradients_at = [&](double step) { return grad(sum(judge(Variable(images) + Variable(v) * step)), leaves); };
-    // So short that no leaky ReLU bends within it: what is left is the curvature of the minibatch deviation and rounding.
+    const auto gradients_at = [&](double step) {
+        return grad(sum(judge(Variable(images) + Variable(v) * step)), leaves);
+    };
+    // So short that no leaky ReLU bends within it: what is left is the curvature of the minibatch
+    // deviation and rounding.
     constexpr double step = 1e-6;
     const std::vector<Variable> ahead = gradients_at(step), behind = gradients_at(-step);
     for (std::size_t i = 0; i < leaves.size(); ++i) {
@@ -102,13 +112,14 @@ TEST_CASE("the gradient of R1 is that of central differences of its value") {
     const Tensor images = Rng(2).uniform({2, 64, 64, 3}, -1.0, 1.0, DType::float64);
     const auto penalty = [&] { return r1_penalty(std::cref(judge), images); };
     const std::vector<Variable> gradients = grad(penalty(), judge.leaves());
-    for (const char* name :
-         {"d.from_rgb64.weight", "d.block64.conv1.weight", "d.block16.skip.weight", "d.epilogue.conv.weight"}) {
+    for (const char* name : {"d.from_rgb64.weight", "d.block64.conv1.weight",
+                             "d.block16.skip.weight", "d.epilogue.conv.weight"}) {
         for (std::size_t i = 0; i < gradients.size(); ++i) {
             const Parameter& parameter = judge.store.all()[i];
             if (parameter.name() != name) continue;
             const Tensor value = parameter.variable().value();
-            const Variable direction = Rng(3).split(name).normal(value.shape(), 0.0, 1.0, DType::float64);
+            const Variable direction =
+                Rng(3).split(name).normal(value.shape(), 0.0, 1.0, DType::float64);
             constexpr double step = 1e-6;
             const auto value_at = [&](double along) {
                 parameter.set_value((Variable(value) + direction * along).value());
@@ -125,6 +136,9 @@ TEST_CASE("the gradient of R1 is that of central differences of its value") {
 TEST_CASE("nothing of R1's graph outlives it") {
     const Judge judge;
     const LiveNodes nodes;
-    { (void)grad(r1_penalty(std::cref(judge), Tensor::zeros({1, 64, 64, 3}, DType::float64)), judge.leaves()); }
+    {
+        (void)grad(r1_penalty(std::cref(judge), Tensor::zeros({1, 64, 64, 3}, DType::float64)),
+                   judge.leaves());
+    }
     CHECK(nodes.added() == 0);
 }

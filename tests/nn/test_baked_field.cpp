@@ -5,10 +5,10 @@
 
 #include "core/error.h"
 #include "core/metrics.h"
+#include "nn/engine/softplus.h"
 #include "nn/models/realtime/baked_field.h"
 #include "nn/models/realtime/face_renderer.h"
 #include "nn/models/realtime/sampled_field.h"
-#include "nn/models/realtime/softplus.h"
 #include "nn/models/view.h"
 #include "support/check_close.h"
 #include "support/tiny_model.h"
@@ -46,7 +46,7 @@ CameraRays rays_of(const Camera& camera, const RaySampling& sampling) {
 
 FeatureMap seen(FieldSource& source, const CameraRays& rays) {
     FeatureMap map;
-    source.look(rays, map);
+    source.render(rays, map);
     return map;
 }
 
@@ -89,17 +89,21 @@ TEST_CASE("a baked field comes closer to the exact one with its resolution", "[b
     CHECK(errors[2] < 0.04);
 }
 
-TEST_CASE("a baked field holds no more than was announced, even where everything shows", "[baked]") {
+TEST_CASE("a baked field holds no more than was announced, even where everything shows",
+          "[baked]") {
     const Model model = tiny_model();
     const RaySampling sampling = sampling_of(model, 8);
     for (const std::int64_t resolution : {8, 17, 32}) {
         const BakeOptions options{.resolution = resolution, .dimension = 8, .tolerance = 1e-6};
-        const BakedSamples samples = bake(with_density(tiny_field(model), 0.0F, -2.0F), sampling, ViewRange{}, options);
+        const BakedSamples samples =
+            bake(with_density(tiny_field(model), 0.0F, -2.0F), sampling, ViewRange{}, options);
         CHECK(samples.bytes() <= baked_bytes(options));
-        CHECK(static_cast<std::int64_t>(samples.records.size()) > samples.lattice.size() / 2 * samples.dimension);
+        CHECK(static_cast<std::int64_t>(samples.records.size()) >
+              samples.grid.size() / 2 * samples.dimension);
     }
     CHECK(baked_bytes({.resolution = 128}) <= most_baked_bytes);
-    CHECK_THROWS_AS(bake(tiny_field(model), sampling, ViewRange{}, {.resolution = 1000}), ValueError);
+    CHECK_THROWS_AS(bake(tiny_field(model), sampling, ViewRange{}, {.resolution = 1000}),
+                    ValueError);
     CHECK_THROWS_AS(bake(tiny_field(model), sampling, ViewRange{}, {.resolution = 4}), ValueError);
     CHECK_THROWS_AS(bake(tiny_field(model), sampling, ViewRange{}, {.dimension = 0}), ValueError);
 }
@@ -111,9 +115,10 @@ TEST_CASE("an empty field bakes to nothing, and every ray sees the background", 
     baked.set_field(with_density(tiny_field(model), 0.0F, -40.0F));
     const CameraRays rays = rays_of(model_camera(model, 0.0, 0.0, 0.0), sampling);
     const FeatureMap map = seen(baked, rays);
-    CHECK(std::ranges::all_of(map.counts, [](std::uint8_t count) { return count == 0; }));
+    CHECK(std::ranges::all_of(map.occupied, [](std::uint8_t occupied) { return occupied == 0; }));
     CHECK(std::ranges::all_of(map.features, [](float value) { return value == 0.0F; }));
-    for (const float depth : map.depths) CHECK(static_cast<double>(depth) == Approx(farthest_sample(rays)));
+    for (const float depth : map.depths)
+        CHECK(static_cast<double>(depth) == Approx(farthest_sample(rays)));
 }
 
 TEST_CASE("a camera within the head or beside it sees finite features", "[baked]") {
@@ -127,14 +132,17 @@ TEST_CASE("a camera within the head or beside it sees finite features", "[baked]
     baked.set_field(field);
     Camera camera = model_camera(model, 0.4, 0.0, 0.0);
     for (const double distance : {0.0, 0.5, 1.9, 100.0}) {
-        for (std::size_t axis = 0; axis < 3; ++axis) camera.center[axis] = -distance * camera.world_from_camera[axis][2];
+        camera.center = -distance * camera.world_from_camera.col(2);
         const FeatureMap map = seen(baked, rays_of(camera, sampling));
-        CHECK(std::ranges::all_of(map.features, [](float value) { return std::isfinite(value) && std::abs(value) < 100.0F; }));
-        CHECK(std::ranges::all_of(map.depths, [](float value) { return std::isfinite(value) && value >= 0.0F; }));
+        CHECK(std::ranges::all_of(map.features, [](float value) {
+            return std::isfinite(value) && std::abs(value) < 100.0F;
+        }));
+        CHECK(std::ranges::all_of(
+            map.depths, [](float value) { return std::isfinite(value) && value >= 0.0F; }));
     }
 }
 
-TEST_CASE("the renderer's baked pictures are near the exact ones, from face to face", "[baked]") {
+TEST_CASE("the renderer's baked images are near the exact ones, from face to face", "[baked]") {
     const Model model = tiny_model();
     const Codes codes = random_codes(2, 3);
     RendererOptions options;
@@ -146,8 +154,8 @@ TEST_CASE("the renderer's baked pictures are near the exact ones, from face to f
         renderer.show(codes, face);
         for (const double yaw : {-0.3, 0.2}) {
             const Camera camera = model_camera(model, yaw, 0.1, 0.0);
-            const View exact = render_view(model, codes, face, camera, {.samples_per_ray = 16});
-            CHECK(peak_signal_to_noise_ratio(renderer.render(camera).picture, exact.picture) > 40.0);
+            const View exact = decoded_view(model, codes, face, camera, {.samples_per_ray = 16});
+            CHECK(peak_signal_to_noise_ratio(renderer.render(camera).image, exact.image) > 40.0);
         }
     }
 }

@@ -15,7 +15,7 @@ using namespace stymo::test;
 
 namespace {
 
-constexpr Pose some_pose{0.3, -0.1, 0.02, {0.5, -0.25, 5.125}};
+const Pose some_pose{0.3, -0.1, 0.02, {0.5, -0.25, 5.125}};
 
 nlohmann::json some_json() {
     const ScratchFolder folder;
@@ -26,7 +26,8 @@ nlohmann::json some_json() {
 std::string refusal(const std::string& text) {
     const ScratchFolder folder;
     write_text_file(folder / "codes.json", text);
-    std::string message = error_message<FileError>([&] { static_cast<void>(read_code_file(folder / "codes.json")); });
+    std::string message =
+        error_message<FileError>([&] { static_cast<void>(read_code_file(folder / "codes.json")); });
     INFO(text.substr(0, 100));
     CHECK(is_one_line(message));
     CHECK_THAT(message, Catch::Contains((folder / "codes.json").string()));
@@ -65,24 +66,27 @@ TEST_CASE("codes read back bit for bit and the pose to the last digits", "[code_
 TEST_CASE("a pose is read from any object that has one", "[code_file]") {
     const ScratchFolder folder;
     write_text_file(folder / "p.json",
-                    R"({"id": "7", "pose": {"yaw_deg": 90, "pitch_deg": -45, "roll_deg": 180, "t": [1, 2, 3]}})");
+                    R"({"id": "7",
+            "pose": {"yaw_deg": 90, "pitch_deg": -45, "roll_deg": 180, "t": [1, 2, 3]}})");
     const Pose pose = read_pose(folder / "p.json");
     CHECK(pose.yaw == Approx(std::numbers::pi / 2.0));
     CHECK(pose.pitch == Approx(-std::numbers::pi / 4.0));
     CHECK(pose.roll == Approx(std::numbers::pi));
-    CHECK(pose.translation == Vector3{1.0, 2.0, 3.0});
+    CHECK(pose.translation == Eigen::Vector3d{1.0, 2.0, 3.0});
 }
 
 TEST_CASE("a malformed code file is refused in one line with file and key", "[code_file]") {
     const ScratchFolder folder;
-    CHECK(is_one_line(error_message<FileError>([&] { static_cast<void>(read_code_file(folder / "missing.json")); })));
+    CHECK(is_one_line(error_message<FileError>(
+        [&] { static_cast<void>(read_code_file(folder / "missing.json")); })));
     for (const char* text : {"", "{", "codes", "{\"code\": 1e999}", "\xff\xfe"})
         CHECK_THAT(refusal(text), Catch::Contains("not JSON"));
     for (const char* text : {"{}", "[]", "null", "3", "[{\"code\": 1}]"})
         CHECK_THAT(refusal(text), Catch::Contains("\"code\" is missing"));
     for (const char* group : code_names) {
         const std::string quoted = std::string("\"") + group + "\"";
-        CHECK_THAT(refusal_after([&](auto& json) { json["code"].erase(group); }), Catch::Contains(quoted + " is missing"));
+        CHECK_THAT(refusal_after([&](auto& json) { json["code"].erase(group); }),
+                   Catch::Contains(quoted + " is missing"));
         CHECK_THAT(refusal_after([&](auto& json) { json["code"][group].push_back(0.5); }),
                    Catch::Contains(quoted + " is not an array of"));
         CHECK_THAT(refusal_after([&](auto& json) { json["code"][group] = "zeros"; }),
@@ -92,15 +96,19 @@ TEST_CASE("a malformed code file is refused in one line with file and key", "[co
         CHECK_THAT(refusal_after([&](auto& json) { json["code"][group][3] = nullptr; }),
                    Catch::Contains(quoted + " is not a number"));
     }
-    CHECK_THAT(refusal_after([](auto& json) { json.erase("pose"); }), Catch::Contains("\"pose\" is missing"));
-    CHECK_THAT(refusal_after([](auto& json) { json["pose"] = 3; }), Catch::Contains("\"pose\" is not an object"));
-    CHECK_THAT(refusal_after([](auto& json) { json["pose"].erase("roll_deg"); }), Catch::Contains("\"roll_deg\" is missing"));
+    CHECK_THAT(refusal_after([](auto& json) { json.erase("pose"); }),
+               Catch::Contains("\"pose\" is missing"));
+    CHECK_THAT(refusal_after([](auto& json) { json["pose"] = 3; }),
+               Catch::Contains("\"pose\" is not an object"));
+    CHECK_THAT(refusal_after([](auto& json) { json["pose"].erase("roll_deg"); }),
+               Catch::Contains("\"roll_deg\" is missing"));
 }
 
 TEST_CASE("a code file below a regular file is not written", "[code_file]") {
     const ScratchFolder folder;
     write_text_file(folder / "file", "");
-    CHECK(is_one_line(
-        error_message<FileError>([&] { write_code_file(folder / "file" / "codes.json", random_codes(1, 1), 0, some_pose); })));
+    CHECK(is_one_line(error_message<FileError>([&] {
+        write_code_file(folder / "file" / "codes.json", random_codes(1, 1), 0, some_pose);
+    })));
     CHECK(folder.file_count() == 1);
 }

@@ -7,6 +7,7 @@
 #include "nn/layers/plain_render_block.h"
 #include "nn/models/concatenated_field.h"
 #include "nn/models/decoder.h"
+#include "nn/models/radiance_field.h"
 #include "nn/models/realtime/face_renderer.h"
 #include "nn/models/view.h"
 #include "support/check_close.h"
@@ -32,7 +33,8 @@ struct Case {
         : field(make(store, colors)),
           rays{Rng(5).uniform({2, 300 * samples, 3}, -1.0, 1.0, DType::float64),
                Rng(6).uniform({2, 300, samples}, 0.05, 0.4, DType::float64)},
-          style{Rng(7).normal({2, 7}, 0.0, 0.5, DType::float64), Rng(8).normal({2, 5}, 0.0, 0.5, DType::float64)} {
+          style{Rng(7).normal({2, 7}, 0.0, 0.5, DType::float64),
+                Rng(8).normal({2, 5}, 0.0, 0.5, DType::float64)} {
         store.convert(DType::float64);
     }
 
@@ -74,22 +76,27 @@ Model make_model(const ModelConfig& config) {
 }
 
 Variable loss_of(const RenderedFeatures& rendered) {
-    return sum(square(rendered.features)) + sum(square(rendered.weights.weights)) + sum(rendered.weights.transmittance);
+    return sum(square(rendered.features)) + sum(square(rendered.weights.weights)) +
+           sum(rendered.weights.transmittance);
 }
 
 }  // namespace
 
-TEST_CASE("samples that are left out of a field with concatenated codes count as empty space", "[field]") {
+TEST_CASE("samples that are left out of a field with concatenated codes count as empty space",
+          "[field]") {
     for (const bool colors : {false, true}) {
         Case given(colors);
         given.leave_out();
         const RenderedFeatures result = given.field.render(given.rays, given.style, false);
         // The oracle: all densities, those left out multiplied by 0.
-        const Variable density =
-            reshape(given.field.density(given.rays.points, given.style), given.rays.deltas.shape()) * Variable(given.rays.kept);
+        const Variable density = reshape(given.field.density(given.rays.points, given.style),
+                                         given.rays.deltas.shape()) *
+                                 Variable(given.rays.kept);
         const CompositeWeights expected = composite_weights(density, given.rays.deltas);
         CHECK(check_close(result.weights.weights.value(), expected.weights.value(), 1e-12).passed);
-        CHECK(check_close(result.weights.transmittance.value(), expected.transmittance.value(), 1e-12).passed);
+        CHECK(
+            check_close(result.weights.transmittance.value(), expected.transmittance.value(), 1e-12)
+                .passed);
         given.rays.kept = Tensor::full(given.rays.deltas.shape(), 1.0, DType::float64);
         const Variable all_kept = given.field.render(given.rays, given.style, false).features;
         given.rays.kept = {};
@@ -98,7 +105,10 @@ TEST_CASE("samples that are left out of a field with concatenated codes count as
     }
 }
 
-TEST_CASE("a field with concatenated codes has the gradients of finite differences, to points and codes too", "[field]") {
+TEST_CASE(
+    "a field with concatenated codes has the gradients of finite differences, to points and codes "
+    "too",
+    "[field]") {
     for (const bool colors : {false, true}) {
         Case given(colors, 3);
         given.rays.points = slice(Variable(given.rays.points), 1, 0, 12).value();
@@ -107,15 +117,19 @@ TEST_CASE("a field with concatenated codes has the gradients of finite differenc
         const auto function = [&](const std::vector<Variable>& x) {
             return loss_of(given.field.render_tracked(x[0], given.rays, {x[1], x[2]}));
         };
-        const GradReport report =
-            check_grad("field", function, {given.rays.points, given.style.geometry.value(), given.style.appearance.value()},
-                       {.order = 1, .step = 1e-7, .tolerance = 1e-5});
+        const GradReport report = check_grad(
+            "field", function,
+            {given.rays.points, given.style.geometry.value(), given.style.appearance.value()},
+            {.order = 1, .step = 1e-7, .tolerance = 1e-5});
         INFO(report.message);
         CHECK(report.passed);
     }
 }
 
-TEST_CASE("what a field with concatenated codes keeps for the backward pass does not grow with its samples", "[field]") {
+TEST_CASE(
+    "what a field with concatenated codes keeps for the backward pass does not grow with its "
+    "samples",
+    "[field]") {
     const auto nodes = [](std::int64_t samples) {
         const Case given(false, samples);
         const LiveNodes live;
@@ -127,7 +141,8 @@ TEST_CASE("what a field with concatenated codes keeps for the backward pass does
     CHECK(nodes(12).first < 80);
 }
 
-TEST_CASE("a field with concatenated codes gives the same bits on any number of threads", "[field]") {
+TEST_CASE("a field with concatenated codes gives the same bits on any number of threads",
+          "[field]") {
     const ThreadCount restored;
     const Case given(false);
     std::vector<Tensor> results;
@@ -142,11 +157,14 @@ TEST_CASE("a field with concatenated codes gives the same bits on any number of 
     for (std::size_t i = 0; i < half; ++i) CHECK(identical(results[i], results[half + i]));
 }
 
-TEST_CASE("HeadNeRF's field has HeadNeRF's number of multiply-adds, but for what is computed once for a face or a ray") {
+TEST_CASE(
+    "HeadNeRF's field has HeadNeRF's number of multiply-adds, but for what is computed once for a "
+    "face or a ray") {
     ParameterStore store;
     Rng rng(1);
-    const ConcatenatedField field({.conditioning = Conditioning::concatenation, .width = 384, .channels = 256}, store, "field",
-                                  rng);
+    const ConcatenatedField field(
+        {.conditioning = Conditioning::concatenation, .width = 384, .channels = 256}, store,
+        "field", rng);
     constexpr std::int64_t of_codes = 2 * 384 * 179 + 192 * 127;
     CHECK(field.work().sample + field.work().ray + of_codes == 1'513'152);
     CHECK(field.work().ray == 192 * 256);
@@ -157,7 +175,8 @@ TEST_CASE("HeadNeRF's render blocks have HeadNeRF's number of multiply-adds") {
     Rng rng(1);
     std::int64_t total = 0, pixels = 32 * 32, in = 256;
     for (const std::int64_t out : {128, 64, 32, 32}) {
-        total += pixels * PlainRenderBlock(store, std::to_string(pixels), in, out, in == 256, rng).multiply_adds();
+        total += pixels * PlainRenderBlock(store, std::to_string(pixels), in, out, in == 256, rng)
+                              .multiply_adds();
         pixels *= 4;
         in = out;
     }
@@ -165,11 +184,14 @@ TEST_CASE("HeadNeRF's render blocks have HeadNeRF's number of multiply-adds") {
     CHECK(static_cast<double>(total) + blurs == Approx(3.534e9).epsilon(1e-3));
 }
 
-TEST_CASE("a decoder without render blocks shows the colours of its rays, its smaller images shrunk, at every resolution") {
+TEST_CASE(
+    "a decoder without render blocks shows the colours of its rays, its smaller images shrunk, at "
+    "every resolution") {
     ModelConfig config = tiny_baseline("none");
     config.decoder.resolution = 32;
     const Model model = make_model(config);
-    CHECK(model.parameters().element_count("decoder.") == model.parameters().element_count("decoder.field."));
+    CHECK(model.parameters().element_count("decoder.") ==
+          model.parameters().element_count("decoder.field."));
     const Codes z = random_codes(2, 3);
     const std::vector<Camera> cameras(2, model_camera(model, 0.2, 0.0, 0.0));
     const Decoded whole = model.decoder()(z, cameras, {.samples_per_ray = 4, .mask = true});
@@ -177,7 +199,8 @@ TEST_CASE("a decoder without render blocks shows the colours of its rays, its sm
     CHECK(whole.images[0].shape() == Shape{2, 16, 16, 3});
     CHECK(whole.images[1].shape() == Shape{2, 32, 32, 3});
     CHECK(whole.weights.weights.shape() == Shape{2, 1024, 4});
-    CHECK(check_close(whole.images[0].value(), resize_box(whole.images[1], 16, 16).value(), 1e-6).passed);
+    CHECK(check_close(whole.images[0].value(), resize_box(whole.images[1], 16, 16).value(), 1e-6)
+              .passed);
     const Tensor opacity = sum(whole.weights.weights, {2}).value().reshaped({2, 1024});
     CHECK(check_close(sigmoid(whole.mask_logit).value().reshaped({2, 1024}), opacity, 1e-4).passed);
     const Decoded part = model.decoder()(z, cameras, {.samples_per_ray = 4, .resolution = 16});
@@ -187,7 +210,9 @@ TEST_CASE("a decoder without render blocks shows the colours of its rays, its sm
     CHECK(model.decoder().compositing_weights(z, cameras, 4, 16).shape() == Shape{2, 256, 4});
 }
 
-TEST_CASE("every code group reaches the picture of a decoder with concatenated codes, and W is Z without mapping layers") {
+TEST_CASE(
+    "every code group reaches the image of a decoder with concatenated codes, and W is Z without "
+    "mapping layers") {
     for (const std::string render : {"blocks", "none"}) {
         ModelConfig config = tiny_baseline(render);
         config.decoder.field_width = 32;  // so that some ReLUs are open
@@ -197,35 +222,41 @@ TEST_CASE("every code group reaches the picture of a decoder with concatenated c
             CHECK(identical(model.decoder().map(z).groups[group].value(), z.groups[group].value()));
             z.groups[group] = Variable::leaf(z.groups[group].value());
         }
-        const Decoded decoded = model.decoder()(z, {model_camera(model, 0.0, 0.0, 0.0)}, {.samples_per_ray = 4});
+        const Decoded decoded =
+            model.decoder()(z, {model_camera(model, 0.0, 0.0, 0.0)}, {.samples_per_ray = 4});
         for (const Variable& gradient : grad(mean(square(decoded.images.back())), z.groups))
             CHECK(sum(abs(gradient)).value().item() > 0.0);
     }
 }
 
-TEST_CASE("a model with concatenated codes is rendered in mode exact, with mask and depth, and refuses the others in one line") {
+TEST_CASE(
+    "a model with concatenated codes is rendered in mode exact, with mask and depth, and refuses "
+    "the others in one line") {
     for (const std::string render : {"blocks", "none"}) {
         const Model model = make_model(tiny_baseline(render));
         const Codes z = random_codes(1, 3);
         const Camera camera = model_camera(model, 0.3, 0.0, 0.0);
-        FaceRenderer renderer(model, {.mode = RenderMode::exact, .samples_per_ray = 4, .mask = true, .depth = true});
+        FaceRenderer renderer(
+            model, {.mode = RenderMode::exact, .samples_per_ray = 4, .mask = true, .depth = true});
         CHECK_THROWS_AS(renderer.render(camera), ValueError);
         renderer.show(z);
         const View view = renderer.render(camera);
-        const View expected = render_view(model, z, 0, camera, {.samples_per_ray = 4, .mask = true, .depth = true});
-        CHECK(identical(view.picture, expected.picture));
+        const View expected =
+            decoded_view(model, z, 0, camera, {.samples_per_ray = 4, .mask = true, .depth = true});
+        CHECK(identical(view.image, expected.image));
         CHECK(identical(view.mask, expected.mask));
         const std::int64_t side = render == "none" ? 16 : 8;
         CHECK(view.depth.shape() == Shape{side, side, 1});
         CHECK(view.mask.shape() == Shape{16, 16, 1});
-        const std::string message =
-            error_message<ValueError>([&] { FaceRenderer(model, {.mode = RenderMode::skip, .samples_per_ray = 4}); });
+        const std::string message = error_message<ValueError>(
+            [&] { FaceRenderer(model, {.mode = RenderMode::skip, .samples_per_ray = 4}); });
         CHECK(is_one_line(message));
         CHECK_THAT(message, Catch::Contains("mode exact"));
     }
 }
 
-TEST_CASE("choices of a decoder that exclude each other are refused in one line that names the keys") {
+TEST_CASE(
+    "choices of a decoder that exclude each other are refused in one line that names the keys") {
     const auto refusal = [](const auto& change) {
         ModelConfig config = tiny_baseline("none");
         change(config.decoder);
@@ -233,9 +264,11 @@ TEST_CASE("choices of a decoder that exclude each other are refused in one line 
     };
     CHECK_THAT(refusal([](DecoderConfig& c) { c.conditioning = "modulation"; }),
                Catch::Contains("decoder.render = none needs decoder.conditioning = concatenation"));
-    CHECK_THAT(refusal([](DecoderConfig& c) { c.conditioning = "addition"; }), Catch::Contains("got addition"));
+    CHECK_THAT(refusal([](DecoderConfig& c) { c.conditioning = "addition"; }),
+               Catch::Contains("got addition"));
     CHECK_THAT(refusal([](DecoderConfig& c) { c.render = "rays"; }), Catch::Contains("got rays"));
-    CHECK_THAT(refusal([](DecoderConfig& c) { c.mask_detach = true; }), Catch::Contains("decoder.mask_detach"));
+    CHECK_THAT(refusal([](DecoderConfig& c) { c.mask_detach = true; }),
+               Catch::Contains("decoder.mask_detach"));
 }
 
 TEST_CASE("a decoder with modulation is the modulated field and the render blocks, bit for bit") {
@@ -249,14 +282,16 @@ TEST_CASE("a decoder with modulation is the modulated field and the render block
                                .feature_channels = config.feature_channels,
                                .style_size = 179},
                               parts, "decoder.field", same);
-    const RenderBlock block(parts, "decoder.block16", config.feature_channels, config.block_channels[0], 127, same);
+    const RenderBlock block(parts, "decoder.block16", config.feature_channels,
+                            config.block_channels[0], 127, same);
     const Codes w = decoder.map(random_codes(1, 3));
     const std::vector<Camera> cameras{camera_from_pose(orbit_pose(0.2, 0.0, 0.0, 5.3), {})};
     const Decoded decoded = decoder(random_codes(1, 3), cameras, {.samples_per_ray = 4});
-    const RenderedRays rays =
-        field.render({decoded.samples.points, decoded.samples.deltas, {}}, concat({w.identity(), w.expression()}, 1));
+    const RenderedRays rays = field.render({decoded.samples.points, decoded.samples.deltas, {}},
+                                           concat({w.identity(), w.expression()}, 1));
     const Variable features = field.finish(rays.composited, sum(rays.weights.weights, {2}));
-    const Rendered rendered = block({reshape(features, {1, 8, 8, 8}), {}}, concat({w.texture(), w.light()}, 1));
+    const Rendered rendered =
+        block({reshape(features, {1, 8, 8, 8}), {}}, concat({w.texture(), w.light()}, 1));
     CHECK(identical(decoded.feature_map.value().reshaped(features.shape()), features.value()));
     CHECK(identical(decoded.images[0].value(), tanh(rendered.rgb).value()));
 }

@@ -30,7 +30,8 @@ DecoderConfig narrow(std::int64_t resolution) {
 Codes random_codes(std::int64_t batch, DType dtype = DType::float32) {
     Rng rng(8);
     Codes codes;
-    for (std::size_t i = 0; i < 4; ++i) codes.groups[i] = rng.normal({batch, code_sizes[i]}, 0.0, 1.0, dtype);
+    for (std::size_t i = 0; i < 4; ++i)
+        codes.groups[i] = rng.normal({batch, code_sizes[i]}, 0.0, 1.0, dtype);
     return codes;
 }
 
@@ -69,8 +70,8 @@ TEST_CASE("a decoder renders every resolution of its model with any number of sa
         const Model model(narrow(resolution));
         for (const std::int64_t samples : {2, 7, 32}) {
             if (resolution == 512 && samples != 7) continue;
-            const Decoded decoded =
-                model.decoder(random_codes(2), {frontal(), frontal(0.3)}, {.samples_per_ray = samples, .mask = true});
+            const Decoded decoded = model.decoder(random_codes(2), {frontal(), frontal(0.3)},
+                                                  {.samples_per_ray = samples, .mask = true});
             REQUIRE(decoded.images.size() == static_cast<std::size_t>(resolution == 64    ? 1
                                                                       : resolution == 128 ? 2
                                                                       : resolution == 256 ? 3
@@ -91,12 +92,14 @@ TEST_CASE("a decoder renders every resolution of its model with any number of sa
 TEST_CASE("a smaller resolution leaves the later blocks out and changes nothing else") {
     const Model model(narrow(256));
     const Decoded whole = model.decoder(random_codes(1), {frontal()}, {.samples_per_ray = 4});
-    const Decoded part = model.decoder(random_codes(1), {frontal()}, {.samples_per_ray = 4, .resolution = 128, .mask = true});
+    const Decoded part = model.decoder(random_codes(1), {frontal()},
+                                       {.samples_per_ray = 4, .resolution = 128, .mask = true});
     REQUIRE(part.images.size() == 2);
     CHECK(identical(part.images[1].value(), whole.images[1].value()));
     CHECK(part.mask_logit.shape() == Shape{1, 128, 128, 1});
     CHECK_FALSE(whole.mask_logit.defined());
-    CHECK_THROWS_WITH(model.decoder(random_codes(1), {frontal()}, {.resolution = 100}), Catch::Contains("64, 128, 256, not 100"));
+    CHECK_THROWS_WITH(model.decoder(random_codes(1), {frontal()}, {.resolution = 100}),
+                      Catch::Contains("64, 128, 256, not 100"));
 }
 
 TEST_CASE("the mask loss shapes the render blocks, unless the mask branch is detached") {
@@ -104,7 +107,8 @@ TEST_CASE("the mask loss shapes the render blocks, unless the mask branch is det
         DecoderConfig config = narrow(64);
         config.mask_detach = detached;
         const Model model(config);
-        const Decoded decoded = model.decoder(random_codes(1), {frontal()}, {.samples_per_ray = 3, .mask = true});
+        const Decoded decoded =
+            model.decoder(random_codes(1), {frontal()}, {.samples_per_ray = 3, .mask = true});
         const std::vector<Parameter> parameters = model.store.all();
         std::vector<Variable> values;
         for (const Parameter& parameter : parameters) values.push_back(parameter.variable());
@@ -123,9 +127,12 @@ TEST_CASE("the mask loss shapes the render blocks, unless the mask branch is det
 TEST_CASE("a feature map that is kept gives the same images") {
     const Model model(narrow(128));
     const Codes z = random_codes(2);
-    const Decoded decoded = model.decoder(z, {frontal(), frontal(0.2)}, {.samples_per_ray = 5, .mask = true});
-    const Decoded again = model.decoder.decode_feature_map(decoded.feature_map, model.decoder.map(z), {.mask = true});
-    for (std::size_t i = 0; i < 2; ++i) CHECK(identical(again.images[i].value(), decoded.images[i].value()));
+    const Decoded decoded =
+        model.decoder(z, {frontal(), frontal(0.2)}, {.samples_per_ray = 5, .mask = true});
+    const Decoded again =
+        model.decoder.decode_feature_map(decoded.feature_map, model.decoder.map(z), {.mask = true});
+    for (std::size_t i = 0; i < 2; ++i)
+        CHECK(identical(again.images[i].value(), decoded.images[i].value()));
     CHECK(identical(again.mask_logit.value(), decoded.mask_logit.value()));
 }
 
@@ -135,7 +142,8 @@ TEST_CASE("the density alone is what rendering composites") {
     const Decoded decoded = model.decoder(z, {frontal()}, {.samples_per_ray = 6});
     const Variable density = model.decoder.density(decoded.samples.points, model.decoder.map(z));
     CHECK(density.shape() == Shape{1, 6144, 1});
-    const CompositeWeights weights = composite_weights(reshape(density, decoded.samples.deltas.shape()), decoded.samples.deltas);
+    const CompositeWeights weights =
+        composite_weights(reshape(density, decoded.samples.deltas.shape()), decoded.samples.deltas);
     // Rendering goes ray tile by ray tile, so sums end elsewhere.
     CHECK(check_close(weights.weights.value(), decoded.weights.weights.value(), 1e-5).passed);
 }
@@ -151,10 +159,12 @@ TEST_CASE("at the start every ray is partly opaque, so that gradients flow every
 TEST_CASE("the last feature layer after compositing equals the same layer before it") {
     Rng rng(3);
     ParameterStore store;
-    const RadianceField field({.frequencies = 2, .width = 6, .layers = 4, .feature_channels = 5, .style_size = 3}, store, "field",
-                              rng);
+    const RadianceField field(
+        {.frequencies = 2, .width = 6, .layers = 4, .feature_channels = 5, .style_size = 3}, store,
+        "field", rng);
     for (const Parameter& parameter : store.all()) {
-        if (parameter.name() == "field.feature1.bias") parameter.set_value(rng.normal({5}, 0.0, 1.0));
+        if (parameter.name() == "field.feature1.bias")
+            parameter.set_value(rng.normal({5}, 0.0, 1.0));
     }
     store.convert(DType::float64);
     const Tensor r = rng.normal({2, 4 * 3, 6}, 0.0, 1.0, DType::float64);
@@ -165,7 +175,7 @@ TEST_CASE("the last feature layer after compositing equals the same layer before
     CHECK(check_close(after.value(), before.value(), 1e-13).passed);
 }
 
-TEST_CASE("float32 and float64 render the same picture") {
+TEST_CASE("float32 and float64 render the same image") {
     Model model(narrow(128));
     const Decoded single = model.decoder(random_codes(1), {frontal()}, {.samples_per_ray = 8});
     model.store.convert(DType::float64);
@@ -173,7 +183,8 @@ TEST_CASE("float32 and float64 render the same picture") {
     for (Variable& group : z.groups) group = group.value().to(DType::float64);
     const Decoded precise = model.decoder(z, {frontal()}, {.samples_per_ray = 8});
     CHECK(precise.images[1].dtype() == DType::float64);
-    CHECK(check_close(single.images[1].value().to(DType::float64), precise.images[1].value(), 1e-3).passed);
+    CHECK(check_close(single.images[1].value().to(DType::float64), precise.images[1].value(), 1e-3)
+              .passed);
 }
 
 TEST_CASE("recomputing the render blocks changes images and gradients by rounding at most") {
@@ -187,26 +198,32 @@ TEST_CASE("recomputing the render blocks changes images and gradients by roundin
         Codes z = random_codes(2);
         std::vector<Variable> leaves;
         for (Variable& group : z.groups) leaves.push_back(group = Variable::leaf(group.value()));
-        for (const Parameter& parameter : model.store.trainable()) leaves.push_back(parameter.variable());
+        for (const Parameter& parameter : model.store.trainable())
+            leaves.push_back(parameter.variable());
         const LiveNodes live;
         Rng jitter(5);
         const Decoded decoded = model.decoder(
-            z, {frontal(), frontal(0.3)}, {.samples_per_ray = 6, .mask = true, .recompute_blocks = blocks, .jitter = &jitter});
+            z, {frontal(), frontal(0.3)},
+            {.samples_per_ray = 6, .mask = true, .recompute_blocks = blocks, .jitter = &jitter});
         const std::int64_t nodes = live.added();
-        const Variable loss = mean(square(decoded.images[0])) + mean(square(decoded.images[1])) + mean(decoded.mask_logit) +
+        const Variable loss = mean(square(decoded.images[0])) + mean(square(decoded.images[1])) +
+                              mean(decoded.mask_logit) +
                               depth_variance(decoded.weights.weights, decoded.samples.depths) +
                               mean(square(decoded.weights.transmittance));
-        return Result{{decoded.images[0].value(), decoded.images[1].value(), decoded.mask_logit.value(),
-                       decoded.weights.weights.value(), decoded.weights.transmittance.value(), decoded.feature_map.value()},
+        return Result{{decoded.images[0].value(), decoded.images[1].value(),
+                       decoded.mask_logit.value(), decoded.weights.weights.value(),
+                       decoded.weights.transmittance.value(), decoded.feature_map.value()},
                       grad(loss, leaves),
                       nodes};
     };
     const Result kept = result_of(false);
     const Result recomputed = result_of(true);
     CHECK(recomputed.nodes < kept.nodes);
-    for (std::size_t i = 0; i < kept.values.size(); ++i) CHECK(check_close(recomputed.values[i], kept.values[i], 1e-6).passed);
+    for (std::size_t i = 0; i < kept.values.size(); ++i)
+        CHECK(check_close(recomputed.values[i], kept.values[i], 1e-6).passed);
     for (std::size_t i = 0; i < kept.gradients.size(); ++i) {
-        const CloseReport report = check_close(recomputed.gradients[i].value(), kept.gradients[i].value(), 1e-5);
+        const CloseReport report =
+            check_close(recomputed.gradients[i].value(), kept.gradients[i].value(), 1e-5);
         INFO(report.message);
         CHECK(report.passed);
     }
@@ -217,12 +234,14 @@ TEST_CASE("a frozen decoder passes gradients to the codes without recording its 
     model.store.set_trainable("", false);
     Codes z = random_codes(1);
     for (Variable& group : z.groups) group = Variable::leaf(group.value());
-    const Variable loss = mean(square(model.decoder(z, {frontal()}, {.samples_per_ray = 4}).images[0]));
+    const Variable loss =
+        mean(square(model.decoder(z, {frontal()}, {.samples_per_ray = 4}).images[0]));
     for (const Variable& gradient : grad(loss, z.groups)) {
         CHECK(gradient.value().all_finite());
         CHECK(sum(abs(gradient)).value().item() > 0.0);
     }
-    CHECK_FALSE(model.decoder(random_codes(1), {frontal()}, {.samples_per_ray = 4}).images[0].tracked());
+    CHECK_FALSE(
+        model.decoder(random_codes(1), {frontal()}, {.samples_per_ray = 4}).images[0].tracked());
 }
 
 TEST_CASE("a decoder says what does not fit") {
@@ -232,7 +251,8 @@ TEST_CASE("a decoder says what does not fit") {
     CHECK_THROWS_WITH(build(config), Catch::Contains("decoder.resolution 96"));
     config = narrow(512);
     config.block_channels.resize(2);
-    CHECK_THROWS_WITH(build(config), Catch::Contains("needs 4 numbers in decoder.block_channels, got 2"));
+    CHECK_THROWS_WITH(build(config),
+                      Catch::Contains("needs 4 numbers in decoder.block_channels, got 2"));
     config = narrow(64);
     config.depth_planes = "spherical";
     CHECK_THROWS_AS(build(config), ConfigError);
@@ -242,10 +262,13 @@ TEST_CASE("a decoder says what does not fit") {
     Codes z = random_codes(1);
     z.groups[3] = Tensor::zeros({1, 26});
     CHECK_THROWS_WITH(model.decoder.map(z), Catch::Contains("code light must be (1, 27)"));
-    CHECK_THROWS_AS(model.decoder(random_codes(1), {frontal()}, {.samples_per_ray = 1}), ValueError);
+    CHECK_THROWS_AS(model.decoder(random_codes(1), {frontal()}, {.samples_per_ray = 1}),
+                    ValueError);
 }
 
-TEST_CASE("a decoder whose poses are tracked gives the same feature map, and its gradients are finite differences") {
+TEST_CASE(
+    "a decoder whose poses are tracked gives the same feature map, and its gradients are finite "
+    "differences") {
     DecoderConfig config = narrow(16);
     config.frequencies = 2;
     config.rays.rays_per_side = 8;
@@ -265,7 +288,8 @@ TEST_CASE("a decoder whose poses are tracked gives the same feature map, and its
             for (std::size_t i = 0; i < kept.size(); i += 3) kept[i] = 0.0;
         }
         const Tensor fused = model.decoder(codes, cameras, options).feature_map.value();
-        // Of the feature map: the render blocks do not see the pose, and have kinks that a difference would step over.
+        // Of the feature map: the render blocks do not see the pose, and have kinks that a
+        // difference would step over.
         const auto tracked = [&](const std::vector<Variable>& x) {
             options.orbits = x[0];
             return model.decoder(codes, cameras, options).feature_map;

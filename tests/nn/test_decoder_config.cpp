@@ -24,5 +24,6 @@ TEST_CASE("the decoder's configuration is read, bounded and documented with the 
     CHECK(config.mask_detach);
     CHECK_THROWS_AS(schema.set("decoder.field_layers=0"), ConfigError);
     CHECK_THROWS_AS(schema.set("decoder.depth_planes=spherical"), ConfigError);
-    CHECK_THAT(schema.to_markdown(), Catch::Contains("decoder.feature_channels") && Catch::Contains("paper: 256"));
+    CHECK_THAT(schema.to_markdown(),
+               Catch::Contains("decoder.feature_channels") && Catch::Contains("paper: 256"));
 }

@@ -21,16 +21,21 @@ struct Judge {
               Rng rng(1);
               return Discriminator(config, resolution, store, "d", rng);
           }()) {}
-    Variable operator()(const Tensor& images, double fade = 1.0) const { return discriminator(Variable(images), fade); }
+    Variable operator()(const Tensor& images, double fade = 1.0) const {
+        return discriminator(Variable(images), fade);
+    }
 };
 
 Tensor noise(std::int64_t batch, std::int64_t side) {
     return Rng(5).normal({batch, side, side, 3}, 0.0, 0.5);
 }
 
-/// Parameters of StyleGAN2's network at its usual size, whose single fromRGB belongs to `resolution`: counted by layers.
+/// Parameters of StyleGAN2's network at its usual size, whose single fromRGB belongs to
+/// `resolution`: counted by layers.
 std::int64_t published_count(std::int64_t resolution) {
-    const auto channels = [](std::int64_t side) { return side <= 64 ? std::int64_t{512} : 512 * 64 / side; };
+    const auto channels = [](std::int64_t side) {
+        return side <= 64 ? std::int64_t{512} : 512 * 64 / side;
+    };
     std::int64_t count = 4 * channels(resolution);
     for (std::int64_t side = resolution; side > 4; side /= 2) {
         const std::int64_t in = channels(side), out = channels(side / 2);
@@ -41,14 +46,18 @@ std::int64_t published_count(std::int64_t resolution) {
 
 }  // namespace
 
-TEST_CASE("a discriminator has StyleGAN2's number of parameters, and a fromRGB for each smaller resolution") {
+TEST_CASE(
+    "a discriminator has StyleGAN2's number of parameters, and a fromRGB for each smaller "
+    "resolution") {
     CHECK(published_count(64) == 26'488'833);
     CHECK(published_count(512) == 28'982'849);
     const Judge judge(512, {});
     std::int64_t shared = 0;
     for (const std::int64_t resolution : {64, 128, 256, 512}) {
-        for (const std::string& prefix : Discriminator::prefixes_of("d", resolution)) shared += judge.store.element_count(prefix);
-        const std::int64_t from_rgb = judge.store.element_count("d.from_rgb" + std::to_string(resolution));
+        for (const std::string& prefix : Discriminator::prefixes_of("d", resolution))
+            shared += judge.store.element_count(prefix);
+        const std::int64_t from_rgb =
+            judge.store.element_count("d.from_rgb" + std::to_string(resolution));
         CHECK(shared == published_count(resolution));
         shared -= from_rgb;
     }
@@ -63,11 +72,14 @@ TEST_CASE("the discriminator's channels follow the multiplier, and none exceeds 
             result.push_back(judge.store.element_count(std::string("d.from_rgb") + side + ".bias"));
         return result;
     };
-    CHECK(widths({.channel_multiplier = 0.5, .max_channels = 150}) == std::vector<std::int64_t>{128, 64, 32, 16});
+    CHECK(widths({.channel_multiplier = 0.5, .max_channels = 150}) ==
+          std::vector<std::int64_t>{128, 64, 32, 16});
     CHECK(widths({.max_channels = 100}) == std::vector<std::int64_t>{100, 100, 100, 64});
 }
 
-TEST_CASE("a block at full strength is the same as no fading, bit for bit, and one at none hides the picture's details") {
+TEST_CASE(
+    "a block at full strength is the same as no fading, bit for bit, and one at none hides the "
+    "image's details") {
     const Judge judge(128);
     const Tensor images = noise(2, 128);
     CHECK(identical(judge(images, 1.0).value(), judge(images).value()));
@@ -76,7 +88,7 @@ TEST_CASE("a block at full strength is the same as no fading, bit for bit, and o
     CHECK_FALSE(check_close(judge(images, 0.5).value(), judge(coarse, 0.5).value(), 1e-3).passed);
 }
 
-TEST_CASE("a discriminator of a high resolution judges smaller pictures as the smaller one does") {
+TEST_CASE("a discriminator of a high resolution judges smaller images as the smaller one does") {
     const Tensor images = noise(2, 64);
     CHECK(identical(Judge(256)(images).value(), Judge(64)(images).value()));
 }
@@ -98,10 +110,12 @@ TEST_CASE("every parameter of a discriminator comes with exactly one resolution"
     }
 }
 
-TEST_CASE("images i and i + B / G share a minibatch deviation, the others do not know of each other") {
+TEST_CASE(
+    "images i and i + B / G share a minibatch deviation, the others do not know of each other") {
     const Judge judge(64, {.max_channels = 4, .group_size = 2});
     const Tensor images = noise(4, 64);
-    const Tensor swapped = concat({slice(images, 0, 0, 3), slice(noise(8, 64), 0, 7, 8)}, 0).value();  // another image 3
+    const Tensor swapped = concat({slice(images, 0, 0, 3), slice(noise(8, 64), 0, 7, 8)}, 0)
+                               .value();  // another image 3
     const std::vector<double> before = judge(images).value().to_vector();
     const std::vector<double> after = judge(swapped).value().to_vector();
     CHECK(before[0] == after[0]);
@@ -122,12 +136,14 @@ TEST_CASE("a discriminator refuses what it cannot judge in one line") {
         return error_message([&] { (void)judge(Tensor::zeros(shape), fade); });
     };
     CHECK(complaint({1, 256, 256, 3}) ==
-          "the discriminator takes square RGB images with a side of 64, 128, ..., 128, got (1, 256, 256, 3)");
-    for (const Shape& shape :
-         {Shape{1, 32, 32, 3}, Shape{1, 96, 96, 3}, Shape{1, 64, 128, 3}, Shape{1, 64, 64, 1}, Shape{64, 64}})
+          "the discriminator takes square RGB images with a side of 64, 128, got (1, 256, "
+          "256, 3)");
+    for (const Shape& shape : {Shape{1, 32, 32, 3}, Shape{1, 96, 96, 3}, Shape{1, 64, 128, 3},
+                               Shape{1, 64, 64, 1}, Shape{64, 64}})
         CHECK(is_one_line(complaint(shape)));
     CHECK(is_one_line(complaint({6, 64, 64, 3})));
-    CHECK(complaint({1, 64, 64, 3}, 0.5) == "the discriminator has no smaller block to fade from at 64 pixels");
+    CHECK(complaint({1, 64, 64, 3}, 0.5) ==
+          "the discriminator has no smaller block to fade from at 64 pixels");
     for (const double fade : {-0.1, 1.1, std::numeric_limits<double>::quiet_NaN()})
         CHECK(is_one_line(complaint({1, 128, 128, 3}, fade)));
     for (const std::int64_t resolution : {0, 32, 96, 2048})

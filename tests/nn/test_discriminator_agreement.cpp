@@ -11,7 +11,8 @@
 using namespace stymo;
 using namespace stymo::test;
 
-// The numbers are PyTorch's, in float64: tests/golden/make_discriminator_vectors.py, which has the same sizes.
+// The numbers are PyTorch's, in float64: tests/golden/make_discriminator_vectors.py, which has the
+// same sizes.
 namespace {
 
 using Tensors = std::map<std::string, Tensor>;
@@ -25,7 +26,7 @@ struct Case {
     double fade;
 };
 
-Tensor picture(const std::string& name, const Case& c, DType dtype) {
+Tensor image(const std::string& name, const Case& c, DType dtype) {
     Tensor values = golden_numbers(name, {c.batch, c.side, c.side, 3});
     for (double& value : values.mutable_values<double>()) value = static_cast<float>(value / 1.75);
     return faded_image(Variable(values), c.fade).value().to(dtype);
@@ -45,18 +46,21 @@ double largest(const Tensors& tensors) {
     return result;
 }
 
-/// `gradient_bound`: of gradients in float32, where the more a leaky ReLU's zero decides, the wider the network is.
-void agrees(const GoldenVectors& vectors, const Case& c, DType dtype, bool report, double gradient_bound = 1e-4) {
+/// `gradient_bound`: of gradients in float32, where the more a leaky ReLU's zero decides, the wider
+/// the network is.
+void agrees(const GoldenVectors& vectors, const Case& c, DType dtype, bool report,
+            double gradient_bound = 1e-4) {
     Rng rng(1);
     ParameterStore store;
     const Discriminator discriminator(c.config, c.resolution, store, "discriminator", rng);
     set_golden_parameters(store, dtype);
-    const Tensor real = picture("discriminator.real", c, dtype);
+    const Tensor real = image("discriminator.real", c, dtype);
     Tensors values{{"images", real}};
     {
         const Variable images = Variable::leaf(real);
         const Variable real_logits = discriminator(images, c.fade);
-        const Variable fake_logits = discriminator(Variable(picture("discriminator.fake", c, dtype)), c.fade);
+        const Variable fake_logits =
+            discriminator(Variable(image("discriminator.fake", c, dtype)), c.fade);
         const Variable loss = real_loss(real_logits) + fake_loss(fake_logits);
         values["real_logits"] = real_logits.value();
         values["fake_logits"] = fake_logits.value();
@@ -65,11 +69,12 @@ void agrees(const GoldenVectors& vectors, const Case& c, DType dtype, bool repor
         first_order["dlogits_dx"] = grad(sum(real_logits), images).value();
         vectors.check(c.name + "/loss_gradient", first_order, report, 1e-6, gradient_bound);
     }
-    const Variable penalty = r1_penalty([&](const Variable& x) { return discriminator(x, c.fade); }, real);
+    const Variable penalty =
+        r1_penalty([&](const Variable& x) { return discriminator(x, c.fade); }, real);
     values["r1"] = penalty.value();
     vectors.check(c.name + "/value", values, report);
-    // Behind leaky ReLUs R1 depends on a bias through the minibatch deviation alone, if at all: rounding errors of the weights'
-    // gradients stand beside numbers near 0.
+    // Behind leaky ReLUs R1 depends on a bias through the minibatch deviation alone, if at all:
+    // rounding errors of the weights' gradients stand beside numbers near 0.
     const Tensors r1_gradients = gradients(penalty, store);
     vectors.check(c.name + "/r1_gradient", r1_gradients, report, 0.1 * largest(r1_gradients));
 }
@@ -77,14 +82,18 @@ void agrees(const GoldenVectors& vectors, const Case& c, DType dtype, bool repor
 }  // namespace
 
 TEST_CASE("small discriminators, faded in or not, and their R1 agree with PyTorch", "[agreement]") {
-    const GoldenVectors vectors(STYMO_SOURCE_DIR "/tests/golden/discriminator_vectors.safetensors", true);
+    const GoldenVectors vectors(STYMO_SOURCE_DIR "/tests/golden/discriminator_vectors.safetensors",
+                                true);
     for (const DType dtype : {DType::float64, DType::float32}) {
-        agrees(vectors, {"side64", {.max_channels = 8, .group_size = 2}, 128, 64, 4, 1.0}, dtype, false);
-        agrees(vectors, {"side128", {.max_channels = 8, .group_size = 4}, 128, 128, 4, 0.3}, dtype, false);
+        agrees(vectors, {"side64", {.max_channels = 8, .group_size = 2}, 128, 64, 4, 1.0}, dtype,
+               false);
+        agrees(vectors, {"side128", {.max_channels = 8, .group_size = 4}, 128, 128, 4, 0.3}, dtype,
+               false);
     }
 }
 
-TEST_CASE("a discriminator of the paper's width and its R1 agree with PyTorch", "[agreement][slow]") {
+TEST_CASE("a discriminator of the paper's width and its R1 agree with PyTorch",
+          "[agreement][slow]") {
     const auto folder = golden_folder();
     if (!folder) return;
     const GoldenVectors vectors(*folder / "discriminator_vectors.safetensors", false);

@@ -25,7 +25,8 @@ struct BackboneRow {
     const char* name;
     std::int64_t input_side;
     std::int64_t embedding_size;
-    std::int64_t parameters;  ///< counted by hand from the published layer table, batch-norm statistics included
+    std::int64_t parameters;  ///< counted by hand from the published layer table, batch-norm
+                              ///< statistics included
     bool large = false;       ///< made and run by the slow tests only
 };
 
@@ -39,12 +40,14 @@ const std::vector<BackboneRow> rows{
 
 std::vector<BackboneRow> rows_where(bool large) {
     std::vector<BackboneRow> result;
-    std::ranges::copy_if(rows, std::back_inserter(result), [&](const BackboneRow& row) { return row.large == large; });
+    std::ranges::copy_if(rows, std::back_inserter(result),
+                         [&](const BackboneRow& row) { return row.large == large; });
     return result;
 }
 
 /// Random image in [-1, 1].
-Variable image_of(std::int64_t batch, std::int64_t side, std::uint64_t seed, DType dtype = DType::float32) {
+Variable image_of(std::int64_t batch, std::int64_t side, std::uint64_t seed,
+                  DType dtype = DType::float32) {
     Rng rng(seed);
     return Variable(rng.uniform({batch, side, side, 3}, -1.0, 1.0, dtype));
 }
@@ -66,7 +69,8 @@ double largest(const Tensor& tensor) {
 
 Variable sum_of_squares(const Codes& codes) {
     Variable total = sum(square(codes.groups[0]));
-    for (std::size_t i = 1; i < codes.groups.size(); ++i) total = total + sum(square(codes.groups[i]));
+    for (std::size_t i = 1; i < codes.groups.size(); ++i)
+        total = total + sum(square(codes.groups[i]));
     return total;
 }
 
@@ -96,7 +100,8 @@ void check_gradient_arrives(const BackboneRow& row) {
         CHECK(parameter.name().find("running_") == std::string::npos);
         leaves.push_back(parameter.variable());
     }
-    const std::vector<Variable> gradients = grad(sum_of_squares(encoder(image_of(1, 64, 7))), leaves);
+    const std::vector<Variable> gradients =
+        grad(sum_of_squares(encoder(image_of(1, 64, 7))), leaves);
     for (std::size_t i = 0; i < gradients.size(); ++i) {
         INFO("parameter " << trainable[i].name());
         CHECK(gradients[i].value().all_finite());
@@ -110,8 +115,10 @@ void check_codes_near_zero(const BackboneRow& row) {
     Rng rng(4);
     const Encoder encoder({.backbone = row.name}, store, "encoder", rng);
     const Codes codes = encoder(image_of(2, 64, 5));
-    for (std::size_t i = 0; i < codes.groups.size(); ++i) CHECK(codes.groups[i].shape() == Shape{2, code_sizes[i]});
-    const double mean_square = sum_of_squares(codes).value().item() / static_cast<double>(2 * code_size);
+    for (std::size_t i = 0; i < codes.groups.size(); ++i)
+        CHECK(codes.groups[i].shape() == Shape{2, code_sizes[i]});
+    const double mean_square =
+        sum_of_squares(codes).value().item() / static_cast<double>(2 * code_size);
     CHECK(mean_square > 0.0);
     CHECK(mean_square < 1.0);
 }
@@ -128,11 +135,14 @@ TEST_CASE("every registered backbone has a row in the table of the test", "[enco
     CHECK(tested.size() == backbone_names().size());
 }
 
-TEST_CASE("each backbone has its published size and turns an image of any side into its embedding", "[encoder]") {
+TEST_CASE("each backbone has its published size and turns an image of any side into its embedding",
+          "[encoder]") {
     for (const BackboneRow& row : rows_where(false)) check_size(row);
 }
 
-TEST_CASE("each large backbone has its published size and turns an image of any side into its embedding", "[encoder][slow]") {
+TEST_CASE(
+    "each large backbone has its published size and turns an image of any side into its embedding",
+    "[encoder][slow]") {
     for (const BackboneRow& row : rows_where(true)) check_size(row);
 }
 
@@ -145,7 +155,8 @@ TEST_CASE("images of a batch do not influence each other's embedding", "[encoder
         const Variable images = image_of(2, row.input_side, 3);
         const Variable both = (*backbone)(images);
         const Variable second = (*backbone)(slice(images, 0, 1, 2));
-        CHECK(largest((slice(both, 0, 1, 2) - second).value()) < 1e-5 * (1.0 + largest(second.value())));
+        CHECK(largest((slice(both, 0, 1, 2) - second).value()) <
+              1e-5 * (1.0 + largest(second.value())));
     }
 }
 
@@ -153,11 +164,15 @@ TEST_CASE("the encoder gives four codes near zero at the start", "[encoder]") {
     for (const BackboneRow& row : rows_where(false)) check_codes_near_zero(row);
 }
 
-TEST_CASE("the encoder with a large backbone gives four codes near zero at the start", "[encoder][slow]") {
+TEST_CASE("the encoder with a large backbone gives four codes near zero at the start",
+          "[encoder][slow]") {
     for (const BackboneRow& row : rows_where(true)) check_codes_near_zero(row);
 }
 
-TEST_CASE("a gradient reaches every trainable parameter of the encoder, and none of the stored statistics", "[encoder]") {
+TEST_CASE(
+    "a gradient reaches every trainable parameter of the encoder, and none of the stored "
+    "statistics",
+    "[encoder]") {
     for (const BackboneRow& row : rows_where(false)) check_gradient_arrives(row);
 }
 
@@ -178,19 +193,25 @@ TEST_CASE("the encoder's gradient agrees with finite differences in float64", "[
         std::vector<Tensor> directions;
         for (const Parameter& parameter : trainable) {
             // Biases of 0 would leave whole regions exactly on the kink of their rectifier.
-            const Tensor offset = rng.normal(parameter.variable().shape(), 0.0, 0.1, DType::float64);
+            const Tensor offset =
+                rng.normal(parameter.variable().shape(), 0.0, 0.1, DType::float64);
             parameter.set_value((parameter.variable().detach() + Variable(offset)).value());
             leaves.push_back(parameter.variable());
-            // Of length about 1 for each tensor: a longer step would push some of the many rectifiers across their kink.
-            const double deviation = 1.0 / std::sqrt(static_cast<double>(parameter.variable().value().size()));
-            directions.push_back(rng.normal(parameter.variable().shape(), 0.0, deviation, DType::float64));
+            // Of length about 1 for each tensor: a longer step would push some of the many
+            // rectifiers across their kink.
+            const double deviation =
+                1.0 / std::sqrt(static_cast<double>(parameter.variable().value().size()));
+            directions.push_back(
+                rng.normal(parameter.variable().shape(), 0.0, deviation, DType::float64));
         }
         const std::vector<Variable> gradients = grad(sum_of_squares(encoder(image)), leaves);
         double slope = 0.0;
-        for (std::size_t i = 0; i < leaves.size(); ++i) slope += sum(gradients[i] * Variable(directions[i])).value().item();
+        for (std::size_t i = 0; i < leaves.size(); ++i)
+            slope += sum(gradients[i] * Variable(directions[i])).value().item();
         const auto loss_at = [&](double step) {
             for (std::size_t i = 0; i < leaves.size(); ++i)
-                trainable[i].set_value((leaves[i].detach() + Variable(directions[i]) * step).value());
+                trainable[i].set_value(
+                    (leaves[i].detach() + Variable(directions[i]) * step).value());
             return sum_of_squares(encoder(image)).value().item();
         };
         constexpr double step = 1e-8;
@@ -199,11 +220,14 @@ TEST_CASE("the encoder's gradient agrees with finite differences in float64", "[
     }
 }
 
-TEST_CASE("the ArcFace crop shows the backbone the middle 76.5 % of the image and nothing else", "[encoder]") {
+TEST_CASE("the ArcFace crop shows the backbone the middle 76.5 % of the image and nothing else",
+          "[encoder]") {
     const auto codes_of = [](bool arcface_crop, const Variable& image) {
         ParameterStore store;
         Rng rng(16);
-        const Encoder encoder({.backbone = "small_conv", .arcface_crop = arcface_crop, .head_width = 16}, store, "encoder", rng);
+        const Encoder encoder(
+            {.backbone = "small_conv", .arcface_crop = arcface_crop, .head_width = 16}, store,
+            "encoder", rng);
         return encoder(image).groups[0].value().to_vector();
     };
     // The frame is 195.84 of 256 pixels; whole ones come closest with 30 off each side.
@@ -215,7 +239,8 @@ TEST_CASE("the ArcFace crop shows the backbone the middle 76.5 % of the image an
     CHECK(codes_of(true, image) != codes_of(false, image));
 }
 
-TEST_CASE("mobilefacenet reproduces the reference embedding of its published weights", "[encoder]") {
+TEST_CASE("mobilefacenet reproduces the reference embedding of its published weights",
+          "[encoder]") {
     const auto shared = shared_data();
     if (!shared) return;
     ParameterStore store;
@@ -225,15 +250,18 @@ TEST_CASE("mobilefacenet reproduces the reference embedding of its published wei
     backbone->load_pretrained(read_tensor_file(weights), weights.string());
     // The reference input in [0, 1] is 0.5 + 0.5 sin(0.01 i), so in [-1, 1] it is the sine itself.
     std::vector<float> pixels(112 * 112 * 3);
-    for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] = static_cast<float>(std::sin(0.01 * static_cast<double>(i)));
-    const std::vector<double> embedding = (*backbone)(Variable(Tensor::from({1, 112, 112, 3}, pixels))).value().to_vector();
+    for (std::size_t i = 0; i < pixels.size(); ++i)
+        pixels[i] = static_cast<float>(std::sin(0.01 * static_cast<double>(i)));
+    const std::vector<double> embedding =
+        (*backbone)(Variable(Tensor::from({1, 112, 112, 3}, pixels))).value().to_vector();
     const auto reference = nlohmann::json::parse(read_text_file(*shared / "data/reference.json"))
                                .at("mobilefacenet")
                                .at("embedding_before_normalisation")
                                .get<std::vector<double>>();
     REQUIRE(embedding.size() == reference.size());
     double worst = 0.0;
-    for (std::size_t i = 0; i < embedding.size(); ++i) worst = std::max(worst, std::abs(embedding[i] - reference[i]));
+    for (std::size_t i = 0; i < embedding.size(); ++i)
+        worst = std::max(worst, std::abs(embedding[i] - reference[i]));
     CHECK(worst < 1e-4);
 }
 
@@ -244,14 +272,19 @@ TEST_CASE("the folded batch norm equals its definition", "[encoder]") {
     norm.bias().set_value(Tensor::from({2}, std::vector<float>{0.5F, 0.25F}));
     norm.running_mean().set_value(Tensor::from({2}, std::vector<float>{1.0F, -3.0F}));
     norm.running_variance().set_value(Tensor::from({2}, std::vector<float>{4.0F, 0.25F}));
-    const std::vector<double> y = norm(Variable(Tensor::from({1, 1, 1, 2}, std::vector<float>{5.0F, -2.0F}))).value().to_vector();
+    const std::vector<double> y =
+        norm(Variable(Tensor::from({1, 1, 1, 2}, std::vector<float>{5.0F, -2.0F})))
+            .value()
+            .to_vector();
     CHECK(y[0] == Approx((5.0 - 1.0) / std::sqrt(4.0 + 1e-5) * 2.0 + 0.5));
     CHECK(y[1] == Approx((-2.0 + 3.0) / std::sqrt(0.25 + 1e-5) * -1.0 + 0.25));
 }
 
-TEST_CASE("a convolution with a folded normalisation equals the convolution followed by it", "[encoder]") {
+TEST_CASE("a convolution with a folded normalisation equals the convolution followed by it",
+          "[encoder]") {
     for (const ConvLayerOptions& options :
-         {ConvLayerOptions{.stride = 2, .groups = 2, .bias = false}, ConvLayerOptions{.kernel = 1, .padding = 0, .bias = false},
+         {ConvLayerOptions{.stride = 2, .groups = 2, .bias = false},
+          ConvLayerOptions{.kernel = 1, .padding = 0, .bias = false},
           ConvLayerOptions{.bias = false, .scaling = WeightScaling::equalised}}) {
         ParameterStore store;
         Rng rng(11);
@@ -279,7 +312,8 @@ TEST_CASE("groups that do not divide the channels are refused", "[encoder]") {
     CHECK_THROWS_AS(ConvLayer(store, "conv", 4, 6, {.groups = 4}, rng), ValueError);
 }
 
-TEST_CASE("what is wrong with the backbone or its weights is said in one line with the key", "[encoder]") {
+TEST_CASE("what is wrong with the backbone or its weights is said in one line with the key",
+          "[encoder]") {
     ParameterStore store;
     Rng rng(14);
     const auto made = [&](const EncoderConfig& config) {
@@ -287,11 +321,13 @@ TEST_CASE("what is wrong with the backbone or its weights is said in one line wi
     };
 
     const std::string unknown = made({.backbone = "resnet"});
-    CHECK_THAT(unknown,
-               Catch::Contains("encoder.backbone") && Catch::Contains("resnet") && Catch::Contains("mobilefacenet, small_conv"));
+    CHECK_THAT(unknown, Catch::Contains("encoder.backbone") && Catch::Contains("resnet") &&
+                            Catch::Contains("mobilefacenet, small_conv"));
 
-    const std::string missing = made({.backbone = "mobilefacenet", .backbone_weights = "/nowhere/weights.safetensors"});
-    CHECK_THAT(missing, Catch::Contains("encoder.backbone_weights") && Catch::Contains("/nowhere/weights.safetensors"));
+    const std::string missing =
+        made({.backbone = "mobilefacenet", .backbone_weights = "/nowhere/weights.safetensors"});
+    CHECK_THAT(missing, Catch::Contains("encoder.backbone_weights") &&
+                            Catch::Contains("/nowhere/weights.safetensors"));
     CHECK(missing.find('\n') == std::string::npos);
 }
 
@@ -304,7 +340,8 @@ TEST_CASE("published weights of the wrong network or shape are refused by name",
     TensorFile transposed;
     transposed.tensors["conv1.0.weight"] = Tensor::zeros({64, 3, 3, 5});
     CHECK_THAT(message_of([&] { mobile->load_pretrained(transposed, "x.safetensors"); }),
-               Catch::Contains("conv1.0.weight") && Catch::Contains("(64, 3, 3, 5)") && Catch::Contains("(64, 3, 3, 3)"));
+               Catch::Contains("conv1.0.weight") && Catch::Contains("(64, 3, 3, 5)") &&
+                   Catch::Contains("(64, 3, 3, 3)"));
     const auto small = make_backbone("small_conv", store, "small.", rng);
     CHECK_THROWS_AS(small->load_pretrained({}, "x.safetensors"), ConfigError);
 }

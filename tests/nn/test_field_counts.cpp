@@ -21,7 +21,8 @@ Variable decoded(const Model& model, const Codes& codes, DecodeOptions options) 
 
 }  // namespace
 
-TEST_CASE("the field's gradient costs its points once more unless its arguments are kept", "[work]") {
+TEST_CASE("the field's gradient costs its points once more unless its arguments are kept",
+          "[work]") {
     const Model model = tiny_model();
     const Codes codes = random_codes(1, 1);
     const std::vector<Variable> weights = variables_of(model.parameters().trainable());
@@ -45,8 +46,9 @@ TEST_CASE("samples that are left out are not counted", "[work]") {
 
 TEST_CASE("a renderer's counts are those of the engine", "[work]") {
     const Model model = tiny_model();
-    const Camera left = model_camera(model, -0.2, 0.0, 0.0), right = model_camera(model, 0.2, 0.0, 0.0);
-    for (const RenderMode mode : {RenderMode::exact, RenderMode::skip, RenderMode::bf16}) {
+    const Camera left = model_camera(model, -0.2, 0.0, 0.0),
+                 right = model_camera(model, 0.2, 0.0, 0.0);
+    for (const RenderMode mode : {RenderMode::exact, RenderMode::skip, RenderMode::half}) {
         FaceRenderer renderer(model, {.mode = mode, .samples_per_ray = samples});
         renderer.show(random_codes(1, 1));
         for (const Camera& camera : {left, right, left}) {

@@ -29,8 +29,9 @@ OnnxGraph folded() {
 Tensor embedding(const TensorFile& weights, const Tensor& image) {
     ParameterStore store;
     Rng rng(1);
-    const auto backbone = make_iresnet({.blocks = {2, 2, 2, 2}, .widths = {4, 6, 8, 10}, .input_side = 32, .embedding_size = 12},
-                                       store, "backbone.", rng);
+    const auto backbone = make_iresnet(
+        {.blocks = {2, 2, 2, 2}, .widths = {4, 6, 8, 10}, .input_side = 32, .embedding_size = 12},
+        store, "backbone.", rng);
     backbone->load_pretrained(weights, "weights");
     return (*backbone)(Variable(image)).value();
 }
@@ -43,7 +44,8 @@ std::size_t place_of(const OnnxGraph& graph, const std::string& operation, int n
     throw std::runtime_error("no such node");
 }
 
-OnnxNode node(std::string operation, std::vector<std::string> inputs = {}, std::vector<std::string> outputs = {}) {
+OnnxNode node(std::string operation, std::vector<std::string> inputs = {},
+              std::vector<std::string> outputs = {}) {
     return {std::move(operation), "", std::move(inputs), std::move(outputs), {}, {}};
 }
 
@@ -53,16 +55,19 @@ std::string refusal(const OnnxGraph& graph) {
 
 }  // namespace
 
-TEST_CASE("an iresnet in ONNX, with batch norms folded into convolutions or not, gives the embedding of PyTorch") {
+TEST_CASE(
+    "an iresnet in ONNX, with batch norms folded into convolutions or not, gives the embedding of "
+    "PyTorch") {
     const TensorFile vectors = read_tensor_file(golden() / "iresnet_vectors.safetensors");
     const Tensor image = vectors.tensors.at("vectors.x").to(DType::float32);
     for (const char* form : {"folded", "unfolded"}) {
         INFO(form);
-        const NamedIresnet network =
-            iresnet_from_onnx(read_onnx_file(golden() / ("onnx/iresnet_" + std::string(form) + ".onnx")), form);
+        const NamedIresnet network = iresnet_from_onnx(
+            read_onnx_file(golden() / ("onnx/iresnet_" + std::string(form) + ".onnx")), form);
         CHECK(network.name == "iresnet18");
         const CloseReport report =
-            check_close(embedding(network.file, image), vectors.tensors.at("vectors.y").to(DType::float32), 1e-5);
+            check_close(embedding(network.file, image),
+                        vectors.tensors.at("vectors.y").to(DType::float32), 1e-5);
         INFO(report.message);
         CHECK(report.passed);
         for (const auto& [name, tensor] : network.file.tensors) {
@@ -74,7 +79,8 @@ TEST_CASE("an iresnet in ONNX, with batch norms folded into convolutions or not,
 
 TEST_CASE("tensors of an unfolded ONNX iresnet come through as they are in PyTorch's file") {
     const TensorFile vectors = read_tensor_file(golden() / "iresnet_vectors.safetensors");
-    const NamedIresnet network = iresnet_from_onnx(read_onnx_file(golden() / "onnx/iresnet_unfolded.onnx"), "a.onnx");
+    const NamedIresnet network =
+        iresnet_from_onnx(read_onnx_file(golden() / "onnx/iresnet_unfolded.onnx"), "a.onnx");
     for (const auto& [name, tensor] : network.file.tensors) {
         INFO(name);
         CHECK(check_close(tensor, vectors.tensors.at(name), 1e-7).passed);
@@ -94,7 +100,9 @@ TEST_CASE("names within the ONNX file and second names for the same constant do 
     for (const auto& [name, tensor] : expected) CHECK(identical(actual.at(name), tensor));
 }
 
-TEST_CASE("a fully connected layer that is stored the other way round, and another epsilon, mean the same network") {
+TEST_CASE(
+    "a fully connected layer that is stored the other way round, and another epsilon, mean the "
+    "same network") {
     OnnxGraph graph = folded();
     const Tensor image = Rng(2).uniform({1, 32, 32, 3}, -1.0, 1.0);
     const Tensor expected = embedding(iresnet_from_onnx(graph, "a.onnx").file, image);
@@ -104,16 +112,21 @@ TEST_CASE("a fully connected layer that is stored the other way round, and anoth
     weight = transpose(weight).value();
     OnnxNode& norm = graph.nodes.at(place_of(graph, "BatchNormalization", 1));
     norm.numbers["epsilon"] = 1e-3;
-    for (float& variance : graph.tensors.at(norm.inputs[4]).mutable_values<float>()) variance += 1e-5F - 1e-3F;
-    const CloseReport report = check_close(embedding(iresnet_from_onnx(graph, "a.onnx").file, image), expected, 1e-6);
+    for (float& variance : graph.tensors.at(norm.inputs[4]).mutable_values<float>())
+        variance += 1e-5F - 1e-3F;
+    const CloseReport report =
+        check_close(embedding(iresnet_from_onnx(graph, "a.onnx").file, image), expected, 1e-6);
     INFO(report.message);
     CHECK(report.passed);
 }
 
-TEST_CASE("an ONNX network that is no iresnet is refused in one line by the first operation that differs") {
+TEST_CASE(
+    "an ONNX network that is no iresnet is refused in one line by the first operation that "
+    "differs") {
     OnnxGraph other = folded();
     other.nodes.at(place_of(other, "PRelu", 1)).operation = "Relu";
-    CHECK_THAT(refusal(other), Catch::StartsWith("a.onnx: ") && Catch::Contains("Relu") && Catch::Contains("PRelu"));
+    CHECK_THAT(refusal(other), Catch::StartsWith("a.onnx: ") && Catch::Contains("Relu") &&
+                                   Catch::Contains("PRelu"));
     CHECK(is_one_line(refusal(other)));
 
     CHECK_THAT(refusal({}), Catch::Contains("the end") && Catch::Contains("Conv"));
@@ -133,7 +146,8 @@ TEST_CASE("an ONNX network that is no iresnet is refused in one line by the firs
     // Without its second block, the third stage has one.
     OnnxGraph shallow = folded();
     const auto first_of = [&](int add) {
-        return shallow.nodes.begin() + static_cast<std::ptrdiff_t>(place_of(shallow, "Add", add)) + 1;
+        return shallow.nodes.begin() + static_cast<std::ptrdiff_t>(place_of(shallow, "Add", add)) +
+               1;
     };
     shallow.nodes.erase(first_of(4), first_of(5));
     CHECK_THAT(refusal(shallow), Catch::Contains("2, 2, 1, 2") && Catch::Contains("iresnet"));

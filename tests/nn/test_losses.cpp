@@ -17,35 +17,45 @@ Tensor tensor(const Shape& shape, const std::vector<double>& values) {
 }  // namespace
 
 TEST_CASE("the photometric loss is the weighted sum of mean absolute differences") {
-    const std::vector<Variable> images{tensor({1, 1, 1, 3}, {0.5, -1.0, 0.0}), tensor({1, 1, 2, 3}, {0, 0, 0, 1, 1, 1})};
-    const std::vector<Tensor> targets{tensor({1, 1, 1, 3}, {-0.5, -1.0, 0.5}), tensor({1, 1, 2, 3}, {0, 0, 0, 0, 1, -1})};
+    const std::vector<Variable> images{tensor({1, 1, 1, 3}, {0.5, -1.0, 0.0}),
+                                       tensor({1, 1, 2, 3}, {0, 0, 0, 1, 1, 1})};
+    const std::vector<Tensor> targets{tensor({1, 1, 1, 3}, {-0.5, -1.0, 0.5}),
+                                      tensor({1, 1, 2, 3}, {0, 0, 0, 0, 1, -1})};
     const std::vector<double> weights{0.1, 2.0};
-    CHECK(photometric_loss(images, targets, weights).value().item() == Approx(0.1 * 1.5 / 3.0 + 2.0 * 3.0 / 6.0));
-    CHECK(photometric_loss(std::span(images).first(1), std::span(targets).first(1), weights).value().item() == Approx(0.05));
+    CHECK(photometric_loss(images, targets, weights).value().item() ==
+          Approx(0.1 * 1.5 / 3.0 + 2.0 * 3.0 / 6.0));
+    CHECK(photometric_loss(std::span(images).first(1), std::span(targets).first(1), weights)
+              .value()
+              .item() == Approx(0.05));
     CHECK_THROWS_AS(photometric_loss(images, targets, std::vector<double>{1.0}), ShapeError);
     CHECK_THROWS_AS(photometric_loss(images, {{targets[1], targets[0]}}, weights), ShapeError);
 }
 
-TEST_CASE("the code loss sums squares over a code, averages over the batch and leaves out faces without codes") {
+TEST_CASE(
+    "the code loss sums squares over a code, averages over the batch and leaves out faces without "
+    "codes") {
     const Variable zero = Tensor::zeros({3, 2}, DType::float64);
     const Codes z{{Variable::leaf(Tensor::full({3, 2}, 1.0, DType::float64)), zero, zero, zero}};
     const double missing = std::numeric_limits<double>::quiet_NaN();
     const Tensor target = tensor({3, 2}, {0.0, 3.0, missing, missing, 1.0, 2.0});
     const Tensor none = zero.value();
     const std::array<double, 4> weights{0.5, 1.0, 1.0, 1.0};
-    const Variable loss = code_loss(z, {target, none, none, none}, weights, tensor({3}, {1.0, 0.0, 1.0}));
+    const Variable loss =
+        code_loss(z, {target, none, none, none}, weights, tensor({3}, {1.0, 0.0, 1.0}));
     // Face 0: 1 + 4; face 2: 0 + 1; face 1 has no codes.
     CHECK(loss.value().item() == Approx(0.5 * (5.0 + 1.0) / 3.0));
     const std::vector<double> gradient = grad(loss, z.groups[0]).value().to_vector();
     CHECK(gradient[0] == Approx(0.5 * 2.0 / 3.0));
     CHECK(gradient[2] == 0.0);
-    CHECK_THROWS_AS(code_loss(z, {target, none, none, none}, weights, tensor({2}, {1.0, 0.0})), ShapeError);
+    CHECK_THROWS_AS(code_loss(z, {target, none, none, none}, weights, tensor({2}, {1.0, 0.0})),
+                    ShapeError);
 }
 
 TEST_CASE("the mask loss is the mean binary cross-entropy, finite for any logit") {
     const Variable logit = tensor({1, 1, 3, 1}, {0.0, 2.0, -1e4});
     const Tensor mask = tensor({1, 1, 3, 1}, {1.0, 0.0, 1.0});
-    CHECK(mask_loss(logit, mask).value().item() == Approx((std::log(2.0) + std::log1p(std::exp(2.0)) + 1e4) / 3.0));
+    CHECK(mask_loss(logit, mask).value().item() ==
+          Approx((std::log(2.0) + std::log1p(std::exp(2.0)) + 1e4) / 3.0));
     CHECK_THROWS_AS(mask_loss(logit, tensor({3}, {1.0, 0.0, 1.0})), ShapeError);
 }
 
@@ -54,7 +64,8 @@ TEST_CASE("the opacity loss is the cross-entropy of opacity and mask, with a bou
     const auto loss = [&](const std::vector<double>& mask) {
         return opacity_loss(transmittance, tensor({1, 2, 2, 1}, mask)).value().item();
     };
-    CHECK(loss({1, 0, 1, 0}) == Approx(-(std::log(0.751) + std::log(0.251) + 2.0 * std::log(1.001)) / 4.0));
+    CHECK(loss({1, 0, 1, 0}) ==
+          Approx(-(std::log(0.751) + std::log(0.251) + 2.0 * std::log(1.001)) / 4.0));
     CHECK(loss({0, 0, 0, 1}) == Approx(-(2.0 * std::log(0.251) + 2.0 * std::log(0.001)) / 4.0));
     const Variable leaf = Variable::leaf(transmittance);
     const Variable dL_dt = grad(opacity_loss(leaf, tensor({1, 4, 1}, {0, 0, 0, 1})), leaf);
@@ -64,7 +75,8 @@ TEST_CASE("the opacity loss is the cross-entropy of opacity and mask, with a bou
 }
 
 TEST_CASE("the masked mean is that of the pixels under the mask, and 0 where there are none") {
-    const Variable images = Variable::leaf(tensor({2, 1, 3, 2}, {1, 10, 2, 20, 3, 30, 4, 40, 5, 50, 6, 60}));
+    const Variable images =
+        Variable::leaf(tensor({2, 1, 3, 2}, {1, 10, 2, 20, 3, 30, 4, 40, 5, 50, 6, 60}));
     const Variable mean_colour = masked_mean(images, tensor({2, 1, 3, 1}, {1, 0, 0.5, 0, 0, 0}));
     CHECK(mean_colour.shape() == Shape{2, 1, 1, 2});
     const auto colours = mean_colour.value().to_vector();
@@ -72,7 +84,8 @@ TEST_CASE("the masked mean is that of the pixels under the mask, and 0 where the
     CHECK(colours[1] == Approx((10.0 + 0.5 * 30.0) / 1.5));
     CHECK(colours[2] == 0.0);
     CHECK(colours[3] == 0.0);
-    const GradOptions ones{.create_graph = false, .dL_dy = Tensor::full({2, 1, 1, 2}, 1.0, DType::float64)};
+    const GradOptions ones{.create_graph = false,
+                           .dL_dy = Tensor::full({2, 1, 1, 2}, 1.0, DType::float64)};
     const auto gradient = grad(mean_colour, images, ones).value().to_vector();
     CHECK(gradient[0] == Approx(1.0 / 1.5));
     CHECK(gradient[4] == Approx(0.5 / 1.5));

@@ -42,16 +42,19 @@ TEST_CASE("a model that was saved and loaded encodes and renders to the same bit
     const ViewOptions options{.samples_per_ray = 4, .mask = true, .depth = true};
     const Camera camera = model_camera(model, 0.3, 0.0, 0.0);
     const View view = render_view(model, codes, 0, camera, options);
-    const View loaded_view = render_view(loaded, loaded_codes, 0, model_camera(loaded, 0.3, 0.0, 0.0), options);
-    CHECK(identical(view.picture, loaded_view.picture));
+    const View loaded_view =
+        render_view(loaded, loaded_codes, 0, model_camera(loaded, 0.3, 0.0, 0.0), options);
+    CHECK(identical(view.image, loaded_view.image));
     CHECK(identical(view.mask, loaded_view.mask));
     CHECK(identical(view.depth, loaded_view.depth));
 
     loaded.save(folder / "again.safetensors");
-    CHECK(read_text_file(folder / "again.safetensors") == read_text_file(folder / "model.safetensors"));
+    CHECK(read_text_file(folder / "again.safetensors") ==
+          read_text_file(folder / "model.safetensors"));
 }
 
-TEST_CASE("of a model that only renders no encoder is made, and its frames have the same bits", "[model]") {
+TEST_CASE("of a model that only renders no encoder is made, and its frames have the same bits",
+          "[model]") {
     const ScratchFolder folder;
     const Model model = tiny_model(3);
     model.save(folder / "model.safetensors");
@@ -62,8 +65,8 @@ TEST_CASE("of a model that only renders no encoder is made, and its frames have 
     CHECK(meter.counts().parameters == std::ssize(decoder.parameters().all()));
     const Camera camera = model_camera(model, 0.3, 0.0, 0.0);
     const ViewOptions options{.samples_per_ray = 4};
-    CHECK(identical(render_view(decoder, random_codes(1, 2), 0, camera, options).picture,
-                    render_view(model, random_codes(1, 2), 0, camera, options).picture));
+    CHECK(identical(render_view(decoder, random_codes(1, 2), 0, camera, options).image,
+                    render_view(model, random_codes(1, 2), 0, camera, options).image));
     CHECK_FALSE(decoder.has_encoder());
     CHECK_THROWS_AS(decoder.encoder(), ValueError);
     CHECK_THROWS_AS(decoder.save(folder / "part.safetensors"), ValueError);
@@ -77,7 +80,8 @@ TEST_CASE("a model loads though the weights its backbone came from are gone", "[
     std::string& config = file.metadata["config"];
     const std::string empty = "\"backbone_weights\": \"\"";
     REQUIRE(config.find(empty) != std::string::npos);
-    config.replace(config.find(empty), empty.size(), "\"backbone_weights\": \"/nowhere/weights.safetensors\"");
+    config.replace(config.find(empty), empty.size(),
+                   "\"backbone_weights\": \"/nowhere/weights.safetensors\"");
     write_tensor_file(folder / "model.safetensors", file);
     CHECK_NOTHROW(Model::load(folder / "model.safetensors"));
 }
@@ -112,13 +116,15 @@ TEST_CASE("what is not a model is refused in one line that names the file", "[mo
     other_shape.tensors["decoder.field.density.weight"] = Tensor::zeros({5, 7});
     CHECK_THAT(refused(other_shape), Catch::Contains("(5, 7)"));
 
-    std::filesystem::resize_file(folder / "model.safetensors", std::filesystem::file_size(folder / "model.safetensors") / 2);
+    std::filesystem::resize_file(folder / "model.safetensors",
+                                 std::filesystem::file_size(folder / "model.safetensors") / 2);
     static_cast<void>(refusal(folder / "model.safetensors"));
 }
 
 TEST_CASE("a model is written whole or not at all", "[model]") {
     const ScratchFolder folder;
     write_text_file(folder / "file", "");
-    CHECK(is_one_line(error_message<FileError>([&] { tiny_model().save(folder / "file" / "model.safetensors"); })));
+    CHECK(is_one_line(error_message<FileError>(
+        [&] { tiny_model().save(folder / "file" / "model.safetensors"); })));
     CHECK(folder.file_count() == 1);
 }

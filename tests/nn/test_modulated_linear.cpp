@@ -20,7 +20,8 @@ struct Case {
 
     Case(Activation activation, DType dtype) : layer(make(store, activation)), x(), style() {
         Rng rng(21);
-        for (const Parameter& parameter : store.all()) parameter.set_value(rng.normal(parameter.variable().shape(), 0.3, 1.0));
+        for (const Parameter& parameter : store.all())
+            parameter.set_value(rng.normal(parameter.variable().shape(), 0.3, 1.0));
         store.convert(dtype);
         x = rng.normal({3, 7, 5}, 0.0, 1.0, dtype);
         style = rng.normal({3, 6}, 0.0, 1.0, dtype);
@@ -40,17 +41,20 @@ struct Case {
     }
 };
 
-/// The definition: one weight for each sample, modulated, then divided by the length of each of its rows.
+/// The definition: one weight for each sample, modulated, then divided by the length of each of its
+/// rows.
 Array by_loops(const Case& given, Activation activation) {
     const Array x = to_array(given.x), w = to_array(given.style);
     const Array weight = given.parameter("weight"), bias = given.parameter("bias");
-    const Array style_weight = given.parameter("style.weight"), style_bias = given.parameter("style.bias");
+    const Array style_weight = given.parameter("style.weight"),
+                style_bias = given.parameter("style.bias");
     return generate({3, 7, 4}, [&](const Index& at) {
         const std::int64_t b = at[0], o = at[2];
         double squared_length = 0.0, product = 0.0;
         for (std::int64_t i = 0; i < 5; ++i) {
             double scale = style_bias.at({i});
-            for (std::int64_t j = 0; j < 6; ++j) scale += style_weight.at({i, j}) * w.at({b, j}) / std::sqrt(6.0);
+            for (std::int64_t j = 0; j < 6; ++j)
+                scale += style_weight.at({i, j}) * w.at({b, j}) / std::sqrt(6.0);
             const double modulated = weight.at({o, i}) * scale / std::sqrt(5.0);
             squared_length += modulated * modulated;
             product += modulated * x.at({b, at[1], i});
@@ -66,13 +70,16 @@ Array by_loops(const Case& given, Activation activation) {
 }  // namespace
 
 TEST_CASE("both paths of the modulated layer agree with its definition written as loops") {
-    for (const Activation activation : {Activation::none, Activation::sine, Activation::leaky_relu}) {
+    for (const Activation activation :
+         {Activation::none, Activation::sine, Activation::leaky_relu}) {
         for (const DType dtype : {DType::float32, DType::float64}) {
             const Case given(activation, dtype);
             const Tensor expected = to_tensor(by_loops(given, activation)).to(dtype);
             const double tolerance = dtype == DType::float32 ? 1e-6 : 1e-12;
-            const CloseReport fast = check_close(given.layer(given.x, given.style).value(), expected, tolerance);
-            const CloseReport slow = check_close(given.layer.reference(given.x, given.style).value(), expected, tolerance);
+            const CloseReport fast =
+                check_close(given.layer(given.x, given.style).value(), expected, tolerance);
+            const CloseReport slow = check_close(
+                given.layer.reference(given.x, given.style).value(), expected, tolerance);
             CHECK((fast.passed ? "" : fast.message) == std::string());
             CHECK((slow.passed ? "" : slow.message) == std::string());
         }
@@ -80,14 +87,16 @@ TEST_CASE("both paths of the modulated layer agree with its definition written a
 }
 
 TEST_CASE("both paths of the modulated layer have the same gradients") {
-    for (const Activation activation : {Activation::none, Activation::sine, Activation::leaky_relu}) {
+    for (const Activation activation :
+         {Activation::none, Activation::sine, Activation::leaky_relu}) {
         const Case given(activation, DType::float64);
         const Variable x = Variable::leaf(given.x), style = Variable::leaf(given.style);
         std::vector<Variable> xs{x, style};
         for (const Parameter& parameter : given.store.all()) xs.push_back(parameter.variable());
         const std::vector<Variable> fast = grad(sum(square(given.layer(x, style))), xs);
         const std::vector<Variable> slow = grad(sum(square(given.layer.reference(x, style))), xs);
-        for (std::size_t i = 0; i < xs.size(); ++i) CHECK(check_close(fast[i].value(), slow[i].value(), 1e-10).passed);
+        for (std::size_t i = 0; i < xs.size(); ++i)
+            CHECK(check_close(fast[i].value(), slow[i].value(), 1e-10).passed);
     }
 }
 
@@ -95,7 +104,8 @@ TEST_CASE("demodulation cancels the scale of the weights and of the style") {
     const Case given(Activation::none, DType::float64);
     const Tensor before = given.layer(given.x, given.style).value();
     for (const Parameter& parameter : given.store.all()) {
-        if (parameter.name() != "layer.bias") parameter.set_value((parameter.variable() * 5.0).value());
+        if (parameter.name() != "layer.bias")
+            parameter.set_value((parameter.variable() * 5.0).value());
     }
     CHECK(check_close(given.layer(given.x, given.style).value(), before, 1e-6).passed);
 }
@@ -107,10 +117,12 @@ TEST_CASE("what enters the sine keeps a deviation near one through eight layers"
     Variable x = rng.uniform({1, 512, 64}, -1.0, 1.0);
     double rms = 0.0;
     for (int i = 0; i < 8; ++i) {
-        x = ModulatedLinear(store, "layer" + std::to_string(i), 64, 64, 6, Activation::sine, rng)(x, style);
+        x = ModulatedLinear(store, "layer" + std::to_string(i), 64, 64, 6, Activation::sine, rng)(
+            x, style);
         rms = std::sqrt(mean(square(x)).value().item());
     }
-    // The sine of a normal number of deviation s has mean square (1 - exp(-2 s^2)) / 2; 0.64 belongs to s = 0.92.
+    // The sine of a normal number of deviation s has mean square (1 - exp(-2 s^2)) / 2; 0.64
+    // belongs to s = 0.92.
     CHECK(rms == Approx(0.64).margin(0.04));
 }
 
@@ -129,10 +141,12 @@ TEST_CASE("a factor of the weights or of the styles cancels, however large") {
         for (const double factor : {0x1p60, 0x1p110}) {
             const Case scaled(activation, DType::float32);
             for (const Parameter& each : scaled.store.all())
-                if (each.name() == "layer.weight") each.set_value((Variable(each.variable().value()) * factor).value());
+                if (each.name() == "layer.weight")
+                    each.set_value((Variable(each.variable().value()) * factor).value());
             const Variable style = Variable::leaf((Variable(scaled.style) * 1e3).value());
             CHECK(check_close(scaled.layer(scaled.x, scaled.style).value(), expected, 1e-5).passed);
-            for (const Variable& gradient : grad(sum(scaled.layer(scaled.x, style)), variables_of(scaled.store.all())))
+            for (const Variable& gradient :
+                 grad(sum(scaled.layer(scaled.x, style)), variables_of(scaled.store.all())))
                 CHECK(gradient.value().all_finite());
         }
     }
@@ -145,5 +159,6 @@ TEST_CASE("a modulated layer without weights or styles gives its bias, and finit
     const Variable y = empty.layer(empty.x, empty.style);
     const Tensor bias = empty.store.all().back().variable().value();
     CHECK(check_close(y.value(), broadcast_to(Variable(bias), y.shape()).value(), 0.0).passed);
-    for (const Variable& gradient : grad(sum(square(y)), variables_of(empty.store.all()))) CHECK(gradient.value().all_finite());
+    for (const Variable& gradient : grad(sum(square(y)), variables_of(empty.store.all())))
+        CHECK(gradient.value().all_finite());
 }

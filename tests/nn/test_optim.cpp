@@ -14,12 +14,14 @@ using namespace stymo;
 namespace {
 
 TensorFile pytorch_values() {
-    return read_tensor_file(std::filesystem::path(STYMO_SOURCE_DIR) / "tests/golden/nn_vectors.safetensors");
+    return read_tensor_file(std::filesystem::path(STYMO_SOURCE_DIR) /
+                            "tests/golden/nn_vectors.safetensors");
 }
 
 Tensor row(const Tensor& table, std::int64_t index) {
     const auto columns = static_cast<std::size_t>(table.shape(1));
-    return Tensor::from({table.shape(1)}, table.values<double>().subspan(static_cast<std::size_t>(index) * columns, columns));
+    return Tensor::from({table.shape(1)}, table.values<double>().subspan(
+                                              static_cast<std::size_t>(index) * columns, columns));
 }
 
 /// Steps from `begin` to `end` along a fixed sequence of gradients.
@@ -28,7 +30,8 @@ void run(Adam& adam, const ParameterStore& store, int begin, int end) {
         std::vector<Variable> gradients;
         for (const Parameter& parameter : store.all()) {
             Tensor gradient(parameter.variable().shape());
-            for (float& value : gradient.mutable_values<float>()) value = std::sin(static_cast<float>(step) + 1.0F);
+            for (float& value : gradient.mutable_values<float>())
+                value = std::sin(static_cast<float>(step) + 1.0F);
             gradients.emplace_back(gradient);
         }
         adam.step(store.all(), gradients, 0.01);
@@ -46,19 +49,23 @@ ParameterStore two_parameters() {
 
 TEST_CASE("Adam takes PyTorch's steps") {
     const TensorFile file = pytorch_values();
-    for (const auto& [name, options] : {std::pair{"adam", AdamOptions{}}, std::pair{"adam_gan", AdamOptions{0.0, 0.99, 1e-8}}}) {
+    for (const auto& [name, options] :
+         {std::pair{"adam", AdamOptions{}}, std::pair{"adam_gan", AdamOptions{0.0, 0.99, 1e-8}}}) {
         for (const DType dtype : {DType::float64, DType::float32}) {
             ParameterStore store;
-            const Parameter parameter = store.create("x", file.tensors.at(std::string(name) + ".start").to(dtype));
+            const Parameter parameter =
+                store.create("x", file.tensors.at(std::string(name) + ".start").to(dtype));
             Adam adam(options);
             const Tensor& gradients = file.tensors.at(std::string(name) + ".gradients");
             for (std::int64_t step = 0; step < gradients.shape(0); ++step) {
                 const std::vector<Variable> gradient{row(gradients, step).to(dtype)};
                 adam.step(store.all(), gradient, 0.01);
-                const auto expected = row(file.tensors.at(std::string(name) + ".values"), step).to_vector();
+                const auto expected =
+                    row(file.tensors.at(std::string(name) + ".values"), step).to_vector();
                 const auto actual = parameter.variable().value().to_vector();
                 for (std::size_t i = 0; i < expected.size(); ++i)
-                    CHECK(std::abs(actual[i] - expected[i]) < (dtype == DType::float64 ? 1e-14 : 1e-6));
+                    CHECK(std::abs(actual[i] - expected[i]) <
+                          (dtype == DType::float64 ? 1e-14 : 1e-6));
             }
         }
     }
@@ -79,7 +86,8 @@ TEST_CASE("Adam goes on bit for bit from what it saved") {
     three.load(file, "memory", "optimizer.");
     run(three, resumed, 3, 7);
     for (std::size_t i = 0; i < 2; ++i)
-        CHECK(resumed.all()[i].variable().value().to_vector() == uninterrupted.all()[i].variable().value().to_vector());
+        CHECK(resumed.all()[i].variable().value().to_vector() ==
+              uninterrupted.all()[i].variable().value().to_vector());
     CHECK(resumed.all()[0].trainable());
 
     file.tensors.erase("optimizer.b.second");
@@ -99,7 +107,8 @@ TEST_CASE("Adam refuses a gradient that is not finite by its name, and nothing h
     const ParameterStore store = two_parameters();
     const std::vector<double> before = store.all()[0].variable().value().to_vector();
     Adam adam;
-    for (const double wrong : {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN()}) {
+    for (const double wrong :
+         {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN()}) {
         const std::vector<Variable> gradients{Tensor::full({3}, 1.0), Tensor::full({2, 2}, wrong)};
         CHECK_THROWS_AS(adam.step(store.all(), gradients, 0.1), NumericError);
         CHECK_THROWS_WITH(adam.step(store.all(), gradients, 0.1), Catch::Contains("gradient of b"));
@@ -110,13 +119,16 @@ TEST_CASE("Adam refuses a gradient that is not finite by its name, and nothing h
     CHECK(state.tensors.empty());
 }
 
-TEST_CASE("a gradient whose square float32 does not hold moves a parameter by the learning rate, and does not stop it for good") {
+TEST_CASE(
+    "a gradient whose square float32 does not hold moves a parameter by the learning rate, and "
+    "does not stop it for good") {
     ParameterStore store;
     const Parameter x = store.create("x", Tensor::zeros({1}));
     Adam adam({.beta1 = 0.5, .beta2 = 0.5});
     adam.step(store.all(), std::vector<Variable>{Tensor::full({1}, 1e30)}, 0.125);
     CHECK(x.variable().value().item() == Approx(-0.125).epsilon(1e-6));
-    for (int step = 0; step < 300; ++step) adam.step(store.all(), std::vector<Variable>{Tensor::full({1}, -1.0)}, 0.125);
+    for (int step = 0; step < 300; ++step)
+        adam.step(store.all(), std::vector<Variable>{Tensor::full({1}, -1.0)}, 0.125);
     CHECK(x.variable().value().item() > 10.0);
 }
 
@@ -134,7 +146,8 @@ TEST_CASE("an average follows its closed form, and swaps with the model and back
     store.all()[0].set_value(Tensor::full({3}, 5.0));
     for (int i = 0; i < 4; ++i) ema.update(0.9);
     ema.swap();
-    CHECK(store.all()[0].variable().value().values<float>()[1] == Approx(5.0 - 4.0 * std::pow(0.9, 4)));
+    CHECK(store.all()[0].variable().value().values<float>()[1] ==
+          Approx(5.0 - 4.0 * std::pow(0.9, 4)));
     CHECK(store.all()[0].trainable());
     TensorFile file;
     ema.swap();
@@ -144,7 +157,8 @@ TEST_CASE("an average follows its closed form, and swaps with the model and back
     Ema other(two_parameters().all());
     other.load(file, "memory", "ema.");
     file.tensors.erase("ema.b");
-    CHECK_THROWS_WITH(other.load(file, "state.safetensors", "ema."), "state.safetensors: has no tensor ema.b");
+    CHECK_THROWS_WITH(other.load(file, "state.safetensors", "ema."),
+                      "state.safetensors: has no tensor ema.b");
 }
 
 TEST_CASE("the averaged model forgets at the rate of StyleGAN2") {

@@ -41,7 +41,8 @@ TEST_CASE("a handle sees the value that replaced its own, with the same trainabi
     s.store.convert(DType::float64);
     CHECK(s.weight.variable().value().values<double>()[5] == 7.0);
     CHECK(s.weight.trainable());
-    CHECK_THROWS_WITH(s.weight.set_value(Tensor({3, 2}, DType::float64)), Catch::Contains("a.weight"));
+    CHECK_THROWS_WITH(s.weight.set_value(Tensor({3, 2}, DType::float64)),
+                      Catch::Contains("a.weight"));
     CHECK_THROWS_AS(s.weight.set_value(Tensor({2, 3})), TypeError);
 }
 
@@ -58,18 +59,22 @@ TEST_CASE("what a store saves another one loads") {
     from.store.save(file);
     to.store.load(file, "memory");
     CHECK(to.weight.variable().value().to_vector() == from.weight.variable().value().to_vector());
-    CHECK(to.statistics.variable().value().to_vector() == from.statistics.variable().value().to_vector());
+    CHECK(to.statistics.variable().value().to_vector() ==
+          from.statistics.variable().value().to_vector());
     CHECK(to.weight.trainable());
 }
 
-TEST_CASE("a file that does not fit is refused with the tensor's name and leaves the store as it was") {
+TEST_CASE(
+    "a file that does not fit is refused with the tensor's name and leaves the store as it was") {
     Store s;
     TensorFile file;
     file.tensors["a.weight"] = Tensor::full({2, 3}, 5.0);
     file.tensors["a.mean"] = Tensor::full({4}, 5.0);
-    CHECK_THROWS_WITH(s.store.load(file, "model.safetensors"), "model.safetensors: has no tensor b.bias");
+    CHECK_THROWS_WITH(s.store.load(file, "model.safetensors"),
+                      "model.safetensors: has no tensor b.bias");
     file.tensors["b.bias"] = Tensor::full({2}, 5.0);
-    CHECK_THROWS_WITH(s.store.load(file, "model.safetensors"), Catch::Contains("b.bias has shape (2), the model needs (3)"));
+    CHECK_THROWS_WITH(s.store.load(file, "model.safetensors"),
+                      Catch::Contains("b.bias has shape (2), the model needs (3)"));
     CHECK(s.weight.variable().value().values<float>()[0] == 1.0F);
     s.store.load(file, "model.safetensors", "a.");
     CHECK(s.weight.variable().value().values<float>()[0] == 5.0F);
@@ -86,17 +91,21 @@ TEST_CASE("the code's groups add up to 306 numbers, and codes are added group by
     }
     CHECK(total == code_size);
     const Codes sum = add(a, b);
-    for (std::size_t i = 0; i < 4; ++i) CHECK(sum.groups[i].value().values<float>()[3] == static_cast<float>(i + 1));
+    for (std::size_t i = 0; i < 4; ++i)
+        CHECK(sum.groups[i].value().values<float>()[3] == static_cast<float>(i + 1));
     CHECK(sum.batch() == 2);
 }
 
-TEST_CASE("a file with a value that is not finite is refused by the tensor's name, and nothing has changed") {
+TEST_CASE(
+    "a file with a value that is not finite is refused by the tensor's name, and nothing has "
+    "changed") {
     Store s;
     TensorFile file;
     s.store.save(file);
     file.tensors["a.weight"] = Tensor::full({2, 3}, 5.0);
     file.tensors["b.bias"].mutable_values<float>()[1] = std::numeric_limits<float>::infinity();
-    CHECK_THROWS_WITH(s.store.load(file, "model.safetensors"),
-                      Catch::Contains("model.safetensors: b.bias holds values that are not finite"));
+    CHECK_THROWS_WITH(
+        s.store.load(file, "model.safetensors"),
+        Catch::Contains("model.safetensors: b.bias holds values that are not finite"));
     CHECK(s.weight.variable().value().to_vector() == std::vector<double>(6, 1.0));
 }

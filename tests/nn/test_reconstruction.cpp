@@ -21,7 +21,7 @@ ReconstructionConfig config_with(double perceptual_weight) {
     return config;
 }
 
-std::vector<Tensor> pictures(std::uint64_t seed) {
+std::vector<Tensor> random_images(std::uint64_t seed) {
     Rng rng(seed);
     return {rng.uniform({2, 20, 20, 3}, -1.0, 1.0), rng.uniform({2, 40, 40, 3}, -1.0, 1.0)};
 }
@@ -34,46 +34,59 @@ std::vector<Variable> leaves(const std::vector<Tensor>& tensors) {
 
 }  // namespace
 
-TEST_CASE("The reconstruction loss is the weighted sum of the photometric loss and of LPIPS at the largest image",
-          "[reconstruction]") {
+TEST_CASE(
+    "The reconstruction loss is the weighted sum of the photometric loss and of LPIPS at the "
+    "largest image",
+    "[reconstruction]") {
     const ReconstructionLoss loss(config_with(0.25));
-    const std::vector<Tensor> photos = pictures(1);
-    const std::vector<Variable> images = leaves(pictures(2));
+    const std::vector<Tensor> photos = random_images(1);
+    const std::vector<Variable> images = leaves(random_images(2));
     const ReconstructionLoss::Terms terms = loss(images, loss.target(photos));
-    const double photometric = photometric_loss(images, photos, config_with(0.25).resolution_weights).value().item();
+    const double photometric =
+        photometric_loss(images, photos, config_with(0.25).resolution_weights).value().item();
     const Lpips& lpips = *loss.lpips();
-    const double perceptual = mean(lpips.distance(lpips.features(images.back()), lpips.features(photos.back()))).value().item();
+    const double perceptual =
+        mean(lpips.distance(lpips.features(images.back()), lpips.features(photos.back())))
+            .value()
+            .item();
     CHECK(terms.photometric.value().item() == Approx(photometric));
     CHECK(terms.perceptual.value().item() == Approx(perceptual));
     CHECK(terms.total.value().item() == Approx(3.0 * photometric + 0.25 * perceptual));
     for (const Variable& gradient : grad(terms.total, images)) CHECK(gradient.value().all_finite());
 }
 
-TEST_CASE("Up to a resolution only the pictures that reach it count, and LPIPS compares the largest of them",
-          "[reconstruction]") {
+TEST_CASE(
+    "Up to a resolution only the images that reach it count, and LPIPS compares the largest of "
+    "them",
+    "[reconstruction]") {
     const ReconstructionLoss loss(config_with(0.25));
-    const std::vector<Tensor> photos = pictures(1);
+    const std::vector<Tensor> photos = random_images(1);
     const ReconstructionLoss::Target target = loss.target(photos, 20);
-    REQUIRE(target.pictures.size() == 1);
-    CHECK(identical(target.pictures.front(), photos.front()));
+    REQUIRE(target.images.size() == 1);
+    CHECK(identical(target.images.front(), photos.front()));
     CHECK(target.features.empty());
-    CHECK(loss.target(photos).pictures.size() == 2);
-    CHECK_THROWS_AS(loss(leaves(pictures(2)), target), ShapeError);
+    CHECK(loss.target(photos).images.size() == 2);
+    CHECK_THROWS_AS(loss(leaves(random_images(2)), target), ShapeError);
 }
 
-TEST_CASE("A target that stays the same keeps the features of its largest pictures, and the loss keeps its bits",
-          "[reconstruction]") {
+TEST_CASE(
+    "A target that stays the same keeps the features of its largest images, and the loss keeps its "
+    "bits",
+    "[reconstruction]") {
     const ReconstructionLoss loss(config_with(0.25));
-    const std::vector<Tensor> photos = pictures(1);
+    const std::vector<Tensor> photos = random_images(1);
     const ReconstructionLoss::Target kept = loss.kept_target(photos);
     REQUIRE(static_cast<std::int64_t>(kept.features.size()) == photos.back().shape(0));
     const Lpips::Features expected = loss.lpips()->features(slice(photos.back(), 0, 0, 1));
-    for (std::size_t k = 0; k < expected.size(); ++k) CHECK(identical(kept.features.front()[k].value(), expected[k].value()));
-    const std::vector<Variable> images = leaves(pictures(2));
-    CHECK(identical(loss(images, kept).total.value(), loss(images, loss.target(photos)).total.value()));
+    for (std::size_t k = 0; k < expected.size(); ++k)
+        CHECK(identical(kept.features.front()[k].value(), expected[k].value()));
+    const std::vector<Variable> images = leaves(random_images(2));
+    CHECK(identical(loss(images, kept).total.value(),
+                    loss(images, loss.target(photos)).total.value()));
 }
 
-TEST_CASE("LPIPS compares pictures reduced by means where they are larger than its limit", "[reconstruction]") {
+TEST_CASE("LPIPS compares images reduced by means where they are larger than its limit",
+          "[reconstruction]") {
     ReconstructionConfig config = config_with(0.25);
     config.perceptual_resolution = 32;
     const ReconstructionLoss loss(config);
@@ -82,12 +95,14 @@ TEST_CASE("LPIPS compares pictures reduced by means where they are larger than i
     const std::vector<Variable> images{Variable::leaf(rng.uniform({2, 64, 64, 3}, -1.0, 1.0))};
     const Lpips& lpips = *loss.lpips();
     const auto halved = [](const Variable& x) { return resize_box(x, 32, 32); };
-    const Variable expected = mean(lpips.distance(lpips.features(halved(images[0])), lpips.features(halved(photos[0]))));
-    for (const ReconstructionLoss::Target& target : {loss.target(photos), loss.kept_target(photos)}) {
+    const Variable expected =
+        mean(lpips.distance(lpips.features(halved(images[0])), lpips.features(halved(photos[0]))));
+    for (const ReconstructionLoss::Target& target :
+         {loss.target(photos), loss.kept_target(photos)}) {
         const ReconstructionLoss::Terms terms = loss(images, target);
         CHECK(terms.perceptual.value().item() == Approx(expected.value().item()));
-        const CloseReport report =
-            check_close(grad(terms.perceptual, images).front().value(), grad(expected, images).front().value(), 1e-4);
+        const CloseReport report = check_close(grad(terms.perceptual, images).front().value(),
+                                               grad(expected, images).front().value(), 1e-4);
         INFO(report.message);
         CHECK(report.passed);
     }
@@ -106,14 +121,15 @@ TEST_CASE("Without its weight the perceptual term needs no network", "[reconstru
     config.perceptual = {};
     const ReconstructionLoss loss(config);
     CHECK(loss.lpips() == nullptr);
-    const ReconstructionLoss::Target target = loss.target(pictures(1));
+    const ReconstructionLoss::Target target = loss.target(random_images(1));
     CHECK(target.features.empty());
-    const ReconstructionLoss::Terms terms = loss(leaves(pictures(2)), target);
+    const ReconstructionLoss::Terms terms = loss(leaves(random_images(2)), target);
     CHECK_FALSE(terms.perceptual.defined());
     CHECK(terms.total.value().item() == Approx(3.0 * terms.photometric.value().item()));
     config.perceptual_weight = 0.1;
     CHECK_THAT(error_message<ConfigError>([&] { const ReconstructionLoss without_files(config); }),
                Catch::Contains("reconstruction.perceptual_weight = 0"));
-    CHECK_THAT(error_message<ConfigError>([&] { const ReconstructionLoss of_a_tool(config, "--perceptual-weight 0"); }),
+    CHECK_THAT(error_message<ConfigError>(
+                   [&] { const ReconstructionLoss of_a_tool(config, "--perceptual-weight 0"); }),
                Catch::Contains("--perceptual-weight 0"));
 }

@@ -17,10 +17,13 @@ namespace {
 constexpr double tolerance = 1e-10;
 
 struct Vectors {
-    TensorFile file = read_tensor_file(std::filesystem::path(STYMO_SOURCE_DIR) / "tests/golden/nn_vectors.safetensors");
+    TensorFile file = read_tensor_file(std::filesystem::path(STYMO_SOURCE_DIR) /
+                                       "tests/golden/nn_vectors.safetensors");
     std::string prefix;
 
-    [[nodiscard]] const Tensor& operator()(const std::string& name) const { return file.tensors.at(prefix + name); }
+    [[nodiscard]] const Tensor& operator()(const std::string& name) const {
+        return file.tensors.at(prefix + name);
+    }
     void check(const std::string& name, const Variable& actual) const {
         const CloseReport report = check_close(actual.value(), (*this)(name), tolerance);
         INFO(prefix << name << ": " << report.message);
@@ -44,7 +47,8 @@ const Variable& parameter(const ParameterStore& store, const std::string& name) 
 }  // namespace
 
 TEST_CASE("the modulated layer and its gradients agree with PyTorch") {
-    for (const auto& [name, activation] : {std::pair{"sine", Activation::sine}, std::pair{"leaky", Activation::leaky_relu}}) {
+    for (const auto& [name, activation] :
+         {std::pair{"sine", Activation::sine}, std::pair{"leaky", Activation::leaky_relu}}) {
         const Vectors vectors{.prefix = std::string(name) + "."};
         Rng rng(1);
         ParameterStore store;

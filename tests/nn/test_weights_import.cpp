@@ -6,6 +6,7 @@
 #include "core/error.h"
 #include "core/io/file.h"
 #include "core/io/scratch_folder.h"
+#include "nn/models/backbones/mobilefacenet.h"
 #include "nn/models/weights_import.h"
 
 using namespace stymo;
@@ -59,14 +60,48 @@ ImportedWeights recognised(const Tensors& tensors) {
 Tensors heads(const std::vector<std::int64_t>& channels) {
     Tensors tensors;
     for (std::size_t i = 0; i < channels.size(); ++i)
-        tensors["lin" + std::to_string(i) + ".model.1.weight"] = Tensor(Shape{1, channels[i], 1, 1});
+        tensors["lin" + std::to_string(i) + ".model.1.weight"] =
+            Tensor(Shape{1, channels[i], 1, 1});
     return tensors;
 }
 
 }  // namespace
 
+TEST_CASE("the published MobileFaceNet is recognised and embeds as from a file in its own names") {
+    // As its training writes it: wrapped, and with the counters of the batch norms.
+    ParameterStore store;
+    Rng rng(3);
+    const auto imported = make_backbone("mobilefacenet", store, "imported.", rng);
+    const auto direct = make_backbone("mobilefacenet", store, "direct.", rng);
+    Tensors names;
+    for (const auto& [name, shape] : mobilefacenet_tensors())
+        names[name] = name.ends_with("running_var") ? rng.uniform(shape, 0.5, 2.0)
+                                                    : rng.normal(shape, 0.0, 0.2);
+    Tensors published = names;
+    for (const auto& [name, tensor] : names)
+        if (name.ends_with("running_mean"))
+            published[name.substr(0, name.size() - 12) + "num_batches_tracked"] = Tensor::zeros({});
+    CHECK(published.size() == 307);
+    const Tensor photo = rng.uniform({1, 64, 64, 3}, -1.0, 1.0);
+    direct->load_pretrained({names, {}}, "direct");
+    for (const char* wrapper : {"", "module.", "state_dict.module."}) {
+        const ImportedWeights weights = recognised(prefixed(published, wrapper));
+        CHECK(weights.recognised == "foamliu mobilefacenet");
+        CHECK(weights.file.tensors.size() == names.size());
+        imported->load_pretrained(weights.file, "imported");
+        CHECK((*imported)(Variable(photo)).value().to_vector() ==
+              (*direct)(Variable(photo)).value().to_vector());
+    }
+    // Other programs' MobileFaceNets have PReLU, which is another network.
+    const ImportedWeights other = recognised({{"module.conv1.prelu.weight", Tensor({64})},
+                                              {"module.conv_6_dw.conv.weight", Tensor({64})}});
+    CHECK_THAT(other.recognised, Contains("no backbone here reads"));
+    CHECK(other.file.tensors.contains("conv1.prelu.weight"));
+}
+
 TEST_CASE("torchvision's networks are recognised and keep their features") {
-    const std::vector<std::pair<std::string, std::size_t>> networks = {{"vgg16", 26}, {"alexnet", 10}, {"squeezenet1_1", 50}};
+    const std::vector<std::pair<std::string, std::size_t>> networks = {
+        {"vgg16", 26}, {"alexnet", 10}, {"squeezenet1_1", 50}};
     for (const auto& [name, count] : networks) {
         const ImportedWeights weights = recognised(network(name));
         CHECK(weights.recognised == "torchvision " + name);
@@ -88,15 +123,19 @@ TEST_CASE("networks that resemble them are not taken for them") {
     CHECK(recognised(iresnet({3, 5, 14, 3})).recognised.empty());
 }
 
-TEST_CASE("insightface's networks are recognised by their blocks, and counters of batches dropped") {
+TEST_CASE(
+    "insightface's networks are recognised by their blocks, and counters of batches dropped") {
     const ImportedWeights smallest = recognised(network("iresnet18"));
     CHECK(smallest.recognised == "insightface iresnet18");
     CHECK(smallest.file.tensors.contains("layer4.0.downsample.1.running_var"));
-    for (const auto& [name, tensor] : smallest.file.tensors) CHECK_THAT(name, !Contains("num_batches_tracked"));
+    for (const auto& [name, tensor] : smallest.file.tensors)
+        CHECK_THAT(name, !Contains("num_batches_tracked"));
     for (const auto& [name, tensor] : network("iresnet18"))
-        CHECK(smallest.file.tensors.contains(name) == (name.find("num_batches_tracked") == std::string::npos));
+        CHECK(smallest.file.tensors.contains(name) ==
+              (name.find("num_batches_tracked") == std::string::npos));
     for (const auto& [name, blocks] : published().at("blocks").items())
-        CHECK(recognised(iresnet(blocks.get<std::vector<int>>())).recognised == "insightface " + name);
+        CHECK(recognised(iresnet(blocks.get<std::vector<int>>())).recognised ==
+              "insightface " + name);
 }
 
 TEST_CASE("LPIPS' heads are recognised by their widths and get the name of their network") {
@@ -112,7 +151,8 @@ TEST_CASE("LPIPS' heads are recognised by their widths and get the name of their
 }
 
 TEST_CASE("wrappers are taken off, whether the network is known or not") {
-    for (const std::string prefix : {"state_dict.", "module.", "model.module.", "net.", "state_dict.model."}) {
+    for (const std::string prefix :
+         {"state_dict.", "module.", "model.module.", "net.", "state_dict.model."}) {
         Tensors tensors = prefixed(network("alexnet"), prefix);
         tensors["optimizer.state.0.exp_avg"] = Tensor(Shape{3});
         CHECK(recognised(tensors).recognised == "torchvision alexnet");
@@ -141,8 +181,11 @@ TEST_CASE("the format of a weight file is told by what it holds") {
     CHECK(import_weights(golden("views.pth")).file.tensors.contains("whole"));
     CHECK(read_weight_file(golden("views_legacy.pth")).tensors.contains("state_dict.whole"));
     CHECK(import_weights(golden("small.onnx")).file.tensors.contains("conv.weight"));
-    CHECK(import_weights(golden("../onnx/iresnet_folded.onnx")).file.tensors.contains("layer4.1.bn3.running_var"));
+    CHECK(import_weights(golden("../onnx/iresnet_folded.onnx"))
+              .file.tensors.contains("layer4.1.bn3.running_var"));
     CHECK(import_weights(golden("../safetensors/types.safetensors")).file.tensors.contains("f32"));
-    CHECK_THROWS_WITH(import_weights(golden("plain.pkl")), Contains("plain.pkl: not a weight file (neither"));
-    CHECK_THROWS_WITH(import_weights(golden("published_names.json")), Contains("not a weight file"));
+    CHECK_THROWS_WITH(import_weights(golden("plain.pkl")),
+                      Contains("plain.pkl: not a weight file (neither"));
+    CHECK_THROWS_WITH(import_weights(golden("published_names.json")),
+                      Contains("not a weight file"));
 }

@@ -1,5 +1,6 @@
-# Installs the built library into an empty prefix and builds and runs the program of this folder against it, once with
-# find_package(stymo) and once with pkg-config. Expects BUILD_FOLDER, SOURCE_FOLDER and CXX; EXTRA_FLAGS may be empty.
+# Installs the built library into an empty prefix, and builds and runs the program of this folder
+# with it, once by find_package(stymo) and once by pkg-config. Expects BUILD_FOLDER, SOURCE_FOLDER
+# and CXX; EXTRA_FLAGS may be empty.
 set(work ${BUILD_FOLDER}/package_test)
 set(prefix ${work}/prefix)
 file(REMOVE_RECURSE ${work})
@@ -9,18 +10,19 @@ function(run)
 endfunction()
 
 run(${CMAKE_COMMAND} --install ${BUILD_FOLDER} --prefix ${prefix} --component development)
-run(${CMAKE_COMMAND} -S ${SOURCE_FOLDER} -B ${work}/build -DCMAKE_PREFIX_PATH=${prefix} -DCMAKE_CXX_COMPILER=${CXX}
-  -DCMAKE_CXX_FLAGS=${EXTRA_FLAGS})
+run(${CMAKE_COMMAND} -S ${SOURCE_FOLDER} -B ${work}/build -DCMAKE_PREFIX_PATH=${prefix}
+  -DCMAKE_CXX_COMPILER=${CXX} -DCMAKE_CXX_FLAGS=${EXTRA_FLAGS})
 run(${CMAKE_COMMAND} --build ${work}/build)
 run(${work}/build/consumer)
 
 find_program(pkg_config pkg-config)
 if(pkg_config)
   file(GLOB_RECURSE description ${prefix}/*/stymo.pc)
-  execute_process(COMMAND ${pkg_config} --cflags --libs ${description} OUTPUT_VARIABLE flags OUTPUT_STRIP_TRAILING_WHITESPACE
-    COMMAND_ERROR_IS_FATAL ANY)
+  execute_process(COMMAND ${pkg_config} --cflags --libs ${description} OUTPUT_VARIABLE flags
+    OUTPUT_STRIP_TRAILING_WHITESPACE COMMAND_ERROR_IS_FATAL ANY)
   separate_arguments(flags UNIX_COMMAND "${flags} ${EXTRA_FLAGS}")
   get_filename_component(library_folder ${description} DIRECTORY)
-  run(${CXX} -std=c++20 ${SOURCE_FOLDER}/main.cpp -o ${work}/consumer ${flags} -Wl,-rpath,${library_folder}/..)
+  run(${CXX} -std=c++20 ${SOURCE_FOLDER}/main.cpp -o ${work}/consumer ${flags}
+    -Wl,-rpath,${library_folder}/..)
   run(${work}/consumer)
 endif()

@@ -9,7 +9,8 @@
 
 using namespace stymo;
 
-TEST_CASE("the encoding is the point, then blocks of three sines and cosines of doubling frequency", "[encoding]") {
+TEST_CASE("the encoding is the point, then blocks of three sines and cosines of doubling frequency",
+          "[encoding]") {
     const std::vector<double> coordinates{0.3, -1.2, 2.0, 5.0, 0.0, -0.7};
     const Tensor encoded = positional_encoding(Tensor::from({1, 2, 3}, coordinates), 10).value();
     REQUIRE(encoded.shape() == Shape{1, 2, 63});
@@ -21,8 +22,10 @@ TEST_CASE("the encoding is the point, then blocks of three sines and cosines of 
             CHECK(values[63 * point + axis] == x);
             for (std::size_t k = 0; k < 10; ++k) {
                 const double phase = std::ldexp(x, static_cast<int>(k));
-                CHECK(values[63 * point + 3 + 6 * k + axis] == Approx(std::sin(phase)).margin(1e-12));
-                CHECK(values[63 * point + 6 + 6 * k + axis] == Approx(std::cos(phase)).margin(1e-12));
+                CHECK(values[63 * point + 3 + 6 * k + axis] ==
+                      Approx(std::sin(phase)).margin(1e-12));
+                CHECK(values[63 * point + 6 + 6 * k + axis] ==
+                      Approx(std::cos(phase)).margin(1e-12));
             }
         }
     }
@@ -48,9 +51,10 @@ TEST_CASE("no frequencies leave the points as they are", "[encoding]") {
 
 TEST_CASE("the encoding's gradient agrees with finite differences", "[encoding]") {
     Rng rng(2);
-    const auto report = test::check_grad("positional_encoding",
-                                         [](const std::vector<Variable>& inputs) { return positional_encoding(inputs[0], 4); },
-                                         {rng.uniform({2, 3, 3}, -2.0, 2.0, DType::float64)});
+    const auto report = test::check_grad(
+        "positional_encoding",
+        [](const std::vector<Variable>& inputs) { return positional_encoding(inputs[0], 4); },
+        {rng.uniform({2, 3, 3}, -2.0, 2.0, DType::float64)});
     INFO(report.message);
     CHECK(report.passed);
 }

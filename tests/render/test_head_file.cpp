@@ -13,13 +13,15 @@ namespace {
 
 using stymo::Tensor;
 
-/// Seventy vertices: the 68 landmarks along a spiral around a sphere, eyes above the mouth, and two more.
+/// Seventy vertices: the 68 landmarks along a spiral around a sphere, eyes above the mouth, and two
+/// more.
 [[nodiscard]] stymo::TensorFile small_head() {
     constexpr std::int64_t count = 70;
     std::vector<float> points;
     for (int k = 0; k < count; ++k) {
         const bool mouth = k >= 48 && k < 68;
-        points.insert(points.end(), {static_cast<float>(3.0 * std::cos(k)), mouth ? -4.0F : 3.0F, 8.0F});
+        points.insert(points.end(),
+                      {static_cast<float>(3.0 * std::cos(k)), mouth ? -4.0F : 3.0F, 8.0F});
     }
     std::vector<float> landmarks(68);
     for (std::size_t k = 0; k < 68; ++k) landmarks[k] = static_cast<float>(k);
@@ -27,7 +29,8 @@ using stymo::Tensor;
     file.tensors["mean"] = Tensor::from({count, 3}, std::span<const float>(points));
     file.tensors["basis.id"] = Tensor::full({100, count, 3}, 0.5);
     file.tensors["basis.expr"] = Tensor::full({2, count, 3}, 1.0);
-    file.tensors["triangles"] = Tensor::from({1, 3}, std::span<const float>(std::vector<float>{0, 1, 36}));
+    file.tensors["triangles"] =
+        Tensor::from({1, 3}, std::span<const float>(std::vector<float>{0, 1, 36}));
     file.tensors["landmarks68"] = Tensor::from({68}, std::span<const float>(landmarks));
     return file;
 }
@@ -45,7 +48,9 @@ using stymo::Tensor;
 
 }  // namespace
 
-TEST_CASE("A head from a file is scaled to the built-in head's eyes and mouth and padded to the code sizes") {
+TEST_CASE(
+    "A head from a file is scaled to the built-in head's eyes and mouth and padded to the code "
+    "sizes") {
     const stymo::ScratchFolder folder;
     stymo::write_tensor_file(folder / "head.safetensors", small_head());
     const stymo::MorphableHead head = stymo::read_morphable_head(folder / "head.safetensors");
@@ -65,7 +70,8 @@ TEST_CASE("A file that is no morphable head is refused with the tensor's name") 
     for (const char* name : {"mean", "basis.id", "basis.expr", "triangles", "landmarks68"}) {
         stymo::TensorFile file = small_head();
         file.tensors.erase(name);
-        CHECK_THAT(refusal(file), Catch::Contains(std::string("\"") + name + "\"") && Catch::Contains("head.safetensors"));
+        CHECK_THAT(refusal(file), Catch::Contains(std::string("\"") + name + "\"") &&
+                                      Catch::Contains("head.safetensors"));
         file.tensors[name] = Tensor::full({7}, 1.0);
         CHECK_THAT(refusal(file), Catch::Contains(std::string("\"") + name + "\""));
     }

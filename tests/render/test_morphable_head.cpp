@@ -25,9 +25,10 @@ const MorphableHead& head() {
     return {code.values<float>().begin(), code.values<float>().end()};
 }
 
-[[nodiscard]] stymo::Vector3 landmark(std::size_t k) {
-    const auto* point = &head().mean.values<float>()[3 * static_cast<std::size_t>(head().landmarks[k])];
-    return {static_cast<double>(point[0]), static_cast<double>(point[1]), static_cast<double>(point[2])};
+[[nodiscard]] Eigen::Vector3d landmark(std::size_t k) {
+    const auto* point =
+        &head().mean.values<float>()[3 * static_cast<std::size_t>(head().landmarks[k])];
+    return Eigen::Vector3f(point).cast<double>();
 }
 
 [[nodiscard]] stymo::Camera front() {
@@ -46,7 +47,8 @@ TEST_CASE("The built-in head has the sizes of its contract and finite values") {
     CHECK(head().expression.shape() == stymo::Shape{79, count, 3});
     CHECK(head().albedo.shape() == stymo::Shape{100, count, 3});
     CHECK(static_cast<std::int64_t>(head().parts.size()) == count);
-    for (const Tensor& tensor : {head().mean, head().mean_albedo, head().identity, head().expression, head().albedo})
+    for (const Tensor& tensor :
+         {head().mean, head().mean_albedo, head().identity, head().expression, head().albedo})
         CHECK(tensor.all_finite());
     std::set<HeadPart> parts(head().parts.begin(), head().parts.end());
     CHECK(parts.size() == 7);
@@ -91,14 +93,18 @@ TEST_CASE("Each part of the head is a consistently wound surface whose normals p
     for (std::size_t vertex = 0; vertex < head().parts.size(); ++vertex) {
         const HeadPart part = head().parts[vertex];
         if (part != HeadPart::skin && part != HeadPart::hair && part != HeadPart::ears) continue;
-        const double center_x = part == HeadPart::ears ? std::copysign(0.70, points[3 * vertex]) : 0.0;
-        const double dot = static_cast<double>(directions[3 * vertex]) * (static_cast<double>(points[3 * vertex]) - center_x) +
-                           static_cast<double>(directions[3 * vertex + 1] * points[3 * vertex + 1]) +
-                           static_cast<double>(directions[3 * vertex + 2] * (points[3 * vertex + 2] + 0.05F));
+        const double center_x =
+            part == HeadPart::ears ? std::copysign(0.70, points[3 * vertex]) : 0.0;
+        const double dot =
+            static_cast<double>(directions[3 * vertex]) *
+                (static_cast<double>(points[3 * vertex]) - center_x) +
+            static_cast<double>(directions[3 * vertex + 1] * points[3 * vertex + 1]) +
+            static_cast<double>(directions[3 * vertex + 2] * (points[3 * vertex + 2] + 0.05F));
         outward[part].first += dot > 0.0 ? 1.0 : 0.0;
         outward[part].second += 1.0;
     }
-    for (const auto& [part, counts] : outward) CHECK(counts.first / counts.second > (part == HeadPart::ears ? 0.7 : 0.93));
+    for (const auto& [part, counts] : outward)
+        CHECK(counts.first / counts.second > (part == HeadPart::ears ? 0.7 : 0.93));
 }
 
 TEST_CASE("Landmarks lie in dlib's order on the features they name") {
@@ -109,26 +115,33 @@ TEST_CASE("Landmarks lie in dlib's order on the features they name") {
     CHECK(landmark(8)[1] < -0.85);
     for (std::size_t k = 18; k <= 26; ++k) CHECK(landmark(k)[0] > landmark(k - 1)[0]);
     for (std::size_t k = 28; k <= 30; ++k) CHECK(landmark(k)[1] < landmark(k - 1)[1]);
-    for (const std::size_t tip_neighbour : {27, 28, 31, 33, 35}) CHECK(landmark(30)[2] > landmark(tip_neighbour)[2]);
+    for (const std::size_t tip_neighbour : {27, 28, 31, 33, 35})
+        CHECK(landmark(30)[2] > landmark(tip_neighbour)[2]);
     CHECK(landmark(36)[0] == Approx(-0.45).margin(0.02));
     CHECK(landmark(39)[0] == Approx(-0.15).margin(0.02));
     CHECK(landmark(42)[0] == Approx(0.15).margin(0.02));
     CHECK(landmark(45)[0] == Approx(0.45).margin(0.02));
-    for (const auto& [upper, lower] : {std::pair<std::size_t, std::size_t>{37, 41}, {38, 40}, {43, 47}, {44, 46}}) {
+    for (const auto& [upper, lower] :
+         {std::pair<std::size_t, std::size_t>{37, 41}, {38, 40}, {43, 47}, {44, 46}}) {
         CHECK(landmark(upper)[1] - landmark(lower)[1] > 0.07);
     }
     CHECK(landmark(54)[0] - landmark(48)[0] > 0.4);
     CHECK(landmark(51)[1] - landmark(57)[1] > 0.08);
-    for (std::size_t k = 48; k < 68; ++k) CHECK(head().parts[static_cast<std::size_t>(head().landmarks[k])] == HeadPart::lips);
+    for (std::size_t k = 48; k < 68; ++k)
+        CHECK(head().parts[static_cast<std::size_t>(head().landmarks[k])] == HeadPart::lips);
 }
 
-TEST_CASE("The default pose frames the head and shows eyes, lips, brows and hair where they belong") {
-    const auto image = stymo::rasterize(head().mean, head().mean_albedo, head().triangles, front(), {128, 128, 2});
-    const auto part_at = [&](const stymo::Vector3& point) {
-        const stymo::Vector3 pixel = stymo::project(front(), point);
-        const auto index = static_cast<std::size_t>(pixel[1] * 128.0) * 128 + static_cast<std::size_t>(pixel[0] * 128.0);
+TEST_CASE(
+    "The default pose frames the head and shows eyes, lips, brows and hair where they belong") {
+    const auto image =
+        stymo::rasterize(head().mean, head().mean_albedo, head().triangles, front(), {128, 128, 2});
+    const auto part_at = [&](const Eigen::Vector3d& point) {
+        const Eigen::Vector3d pixel = stymo::project(front(), point);
+        const auto index = static_cast<std::size_t>(pixel[1] * 128.0) * 128 +
+                           static_cast<std::size_t>(pixel[0] * 128.0);
         REQUIRE(image.triangle[index] >= 0);
-        return head().parts[static_cast<std::size_t>(head().triangles[static_cast<std::size_t>(image.triangle[index])][0])];
+        return head().parts[static_cast<std::size_t>(
+            head().triangles[static_cast<std::size_t>(image.triangle[index])][0])];
     };
     CHECK(part_at({-0.30, 0.06, 0.7}) == HeadPart::eyes);
     CHECK(part_at({0.30, 0.06, 0.7}) == HeadPart::eyes);
@@ -151,7 +164,8 @@ TEST_CASE("The default pose frames the head and shows eyes, lips, brows and hair
 TEST_CASE("Zero codes give the mean, and the head is linear in its codes") {
     const std::vector<float> no_identity(100, 0.0F);
     const std::vector<float> no_expression(79, 0.0F);
-    CHECK(stymo::head_vertices(head(), no_identity, no_expression).to_vector() == head().mean.to_vector());
+    CHECK(stymo::head_vertices(head(), no_identity, no_expression).to_vector() ==
+          head().mean.to_vector());
 
     const auto identity = random_code(100, 1);
     const auto expression = random_code(79, 2);
@@ -168,7 +182,8 @@ TEST_CASE("Zero codes give the mean, and the head is linear in its codes") {
     CHECK(worst < 2e-6);
     CHECK(moved > 0.05);
     CHECK(moved < 1.2);
-    CHECK_THROWS_AS(stymo::head_vertices(head(), std::vector<float>(99), no_expression), stymo::ShapeError);
+    CHECK_THROWS_AS(stymo::head_vertices(head(), std::vector<float>(99), no_expression),
+                    stymo::ShapeError);
 }
 
 TEST_CASE("The first expression opens the jaw and the next two close the lids") {
@@ -178,7 +193,8 @@ TEST_CASE("The first expression opens the jaw and the next two close the lids") 
     expression[1] = 4.0F;
     const Tensor moved = stymo::head_vertices(head(), no_identity, expression);
     const auto height = [&](std::size_t k) {
-        return static_cast<double>(moved.values<float>()[3 * static_cast<std::size_t>(head().landmarks[k]) + 1]);
+        return static_cast<double>(
+            moved.values<float>()[3 * static_cast<std::size_t>(head().landmarks[k]) + 1]);
     };
     CHECK(height(62) - height(66) > 0.08);
     CHECK(landmark(62)[1] - landmark(66)[1] < 0.03);

@@ -23,13 +23,15 @@ constexpr int vertex_count = 70;
     return {3.0 * std::cos(k), mouth ? -4.0 : 3.0, 8.0 + 0.01 * k};
 }
 
-/// A mesh of 70 vertices, all moved by `shift`, with texture coordinates and a quad as in the published files.
+/// A mesh of 70 vertices, all moved by `shift`, with texture coordinates and a quad as in the
+/// published files.
 [[nodiscard]] std::string obj(const std::array<double, 3>& shift) {
     std::ostringstream text;
     text << "mtllib ICTFaceModelMaterial.mtl\n";
     for (int k = 0; k < vertex_count; ++k) {
         const auto point = neutral_point(k);
-        text << "v " << point[0] + shift[0] << ' ' << point[1] + shift[1] << ' ' << point[2] + shift[2] << "\r\n";
+        text << "v " << point[0] + shift[0] << ' ' << point[1] + shift[1] << ' '
+             << point[2] + shift[2] << "\r\n";
     }
     text << "vt 0.5 0.5\nusemtl M\nf 1/1 2/1 37/1 4/1\nf -1/1/1 -2//1 3\n";
     return text.str();
@@ -38,13 +40,14 @@ constexpr int vertex_count = 70;
 [[nodiscard]] Files small_model() {
     std::string landmarks;
     for (int k = 0; k < 68; ++k) landmarks += (k > 0 ? "," : "") + std::to_string(k);
-    return {
-        {"vertex_indices.json", R"({"expressions": ["jawOpen", "browDown_L"], "idx_to_landmark_verts": [)" + landmarks + "]}"},
-        {"generic_neutral_mesh.obj", obj({})},
-        {"identity000.obj", obj({1.0, 0.0, 0.0})},
-        {"identity001.obj", obj({0.0, 2.0, 0.0})},
-        {"jawOpen.obj", obj({0.0, -1.0, 0.0})},
-        {"browDown_L.obj", obj({0.0, 0.0, 0.5})}};
+    return {{"vertex_indices.json",
+             R"({"expressions": ["jawOpen", "browDown_L"], "idx_to_landmark_verts": [)" +
+                 landmarks + "]}"},
+            {"generic_neutral_mesh.obj", obj({})},
+            {"identity000.obj", obj({1.0, 0.0, 0.0})},
+            {"identity001.obj", obj({0.0, 2.0, 0.0})},
+            {"jawOpen.obj", obj({0.0, -1.0, 0.0})},
+            {"browDown_L.obj", obj({0.0, 0.0, 0.5})}};
 }
 
 void write(const std::filesystem::path& folder, const Files& files) {
@@ -54,7 +57,8 @@ void write(const std::filesystem::path& folder, const Files& files) {
 [[nodiscard]] std::string refusal(const Files& files) {
     const stymo::ScratchFolder folder;
     write(folder.path(), files);
-    return stymo::test::error_message([&] { static_cast<void>(stymo::morphable_head_from(folder.path())); });
+    return stymo::test::error_message(
+        [&] { static_cast<void>(stymo::morphable_head_from(folder.path())); });
 }
 
 }  // namespace
@@ -81,7 +85,8 @@ TEST_CASE("A folder of ICT-FaceKit is read as its conversion to safetensors is")
     file.tensors["mean"] = Tensor::from({vertex_count, 3}, std::span<const float>(mean));
     file.tensors["basis.id"] = identity;
     file.tensors["basis.expr"] = expression;
-    file.tensors["triangles"] = Tensor::from({3, 3}, std::span<const float>(std::vector<float>{0, 1, 36, 0, 36, 3, 69, 68, 2}));
+    file.tensors["triangles"] = Tensor::from(
+        {3, 3}, std::span<const float>(std::vector<float>{0, 1, 36, 0, 36, 3, 69, 68, 2}));
     file.tensors["landmarks68"] = Tensor::from({68}, std::span<const float>(landmarks));
     stymo::write_tensor_file(folder / "head.safetensors", file);
     const stymo::MorphableHead converted = stymo::morphable_head_from(folder / "head.safetensors");
@@ -89,8 +94,9 @@ TEST_CASE("A folder of ICT-FaceKit is read as its conversion to safetensors is")
     CHECK(head.triangles == converted.triangles);
     CHECK(head.landmarks == converted.landmarks);
     CHECK(head.one_sided == converted.one_sided);
-    for (const auto tensor : {&stymo::MorphableHead::mean, &stymo::MorphableHead::identity, &stymo::MorphableHead::expression,
-                              &stymo::MorphableHead::mean_albedo}) {
+    for (const auto tensor :
+         {&stymo::MorphableHead::mean, &stymo::MorphableHead::identity,
+          &stymo::MorphableHead::expression, &stymo::MorphableHead::mean_albedo}) {
         const auto a = (head.*tensor).values<float>();
         const auto b = (converted.*tensor).values<float>();
         REQUIRE(a.size() == b.size());
@@ -100,7 +106,8 @@ TEST_CASE("A folder of ICT-FaceKit is read as its conversion to safetensors is")
 }
 
 TEST_CASE("A folder that is no morphable head is refused with the file's name") {
-    for (const char* name : {"vertex_indices.json", "generic_neutral_mesh.obj", "identity000.obj", "jawOpen.obj"}) {
+    for (const char* name :
+         {"vertex_indices.json", "generic_neutral_mesh.obj", "identity000.obj", "jawOpen.obj"}) {
         Files files = small_model();
         files.erase(name);
         CHECK_THAT(refusal(files), Catch::Contains(name));
@@ -114,11 +121,13 @@ TEST_CASE("A folder that is no morphable head is refused with the file's name") 
     outside["generic_neutral_mesh.obj"] += "f 1 2 71\n";
     CHECK_THAT(refusal(outside), Catch::Contains("vertex 71"));
     Files landmarks = small_model();
-    landmarks["vertex_indices.json"] = R"({"expressions": ["jawOpen"], "idx_to_landmark_verts": [1, 2]})";
+    landmarks["vertex_indices.json"] =
+        R"({"expressions": ["jawOpen"], "idx_to_landmark_verts": [1, 2]})";
     CHECK_THAT(refusal(landmarks), Catch::Contains("68"));
 }
 
 TEST_CASE("A path to a head that is not there is one clear line") {
-    CHECK_THAT(stymo::test::error_message([] { static_cast<void>(stymo::morphable_head_from("/no/such/head")); }),
+    CHECK_THAT(stymo::test::error_message(
+                   [] { static_cast<void>(stymo::morphable_head_from("/no/such/head")); }),
                Catch::Contains("/no/such/head"));
 }

@@ -11,7 +11,7 @@ using namespace stymo::test;
 
 namespace {
 
-constexpr Pose some_pose{0.3, -0.1, 0.02, {0.5, -0.25, 5.125}};
+const Pose some_pose{0.3, -0.1, 0.02, {0.5, -0.25, 5.125}};
 
 std::string refusal(const std::string& text) {
     return error_message<FileError>([&] { static_cast<void>(parse_pose(text)); });
@@ -47,6 +47,8 @@ TEST_CASE("a pose with a key that is missing, unknown or no number is refused by
     json["t"] = {0, 0};
     CHECK_THAT(refusal(json.dump()), Catch::Contains("\"t\" is not an array of 3"));
     json["t"] = {0, 0, 1e300};
-    CHECK_THAT(refusal(json.dump()), Catch::Contains("\"t\" holds") && Catch::Contains("too large"));
-    for (const char* text : {"", "3", "[]", "null", "{"}) CHECK_THAT(refusal(text), Catch::Contains("not an object"));
+    CHECK_THAT(refusal(json.dump()),
+               Catch::Contains("\"t\" holds") && Catch::Contains("too large"));
+    for (const char* text : {"", "3", "[]", "null", "{"})
+        CHECK_THAT(refusal(text), Catch::Contains("not an object"));
 }

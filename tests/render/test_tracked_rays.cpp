@@ -11,7 +11,8 @@ using namespace stymo::test;
 
 namespace {
 
-const std::array poses{Pose{0.3, -0.2, 0.1, {1.4, 0.9, 5.0}}, Pose{-0.5, 0.1, -0.05, {-2.0, 0.2, 4.5}}};
+const std::array poses{Pose{0.3, -0.2, 0.1, {1.4, 0.9, 5.0}},
+                       Pose{-0.5, 0.1, -0.05, {-2.0, 0.2, 4.5}}};
 const std::array intrinsics{Intrinsics{2.1, 0.52, 0.47}, Intrinsics{}};
 
 std::vector<Camera> cameras() {
@@ -31,9 +32,12 @@ TEST_CASE("tracked points are the samples of the cameras' rays", "[rays]") {
 TEST_CASE("gradients of tracked points are their finite differences", "[rays]") {
     const RaySampling sampling{.rays_per_side = 2, .samples_per_ray = 2};
     const Tensor depths = sample_rays(cameras(), sampling, nullptr, DType::float64).depths;
-    const GradReport report = check_grad(
-        "tracked_points", [&](const std::vector<Variable>& x) { return tracked_points(x[0], cameras(), sampling, depths); },
-        {orbit_parameters(poses, DType::float64)}, {.order = 1});
+    const GradReport report =
+        check_grad("tracked_points",
+                   [&](const std::vector<Variable>& x) {
+                       return tracked_points(x[0], cameras(), sampling, depths);
+                   },
+                   {orbit_parameters(poses, DType::float64)}, {.order = 1});
     INFO(report.message);
     CHECK(report.passed);
 }
@@ -45,7 +49,8 @@ TEST_CASE("orbit parameters become the pose again, and turning them is an orbit"
         CHECK(pose.yaw == Approx(poses[i].yaw));
         CHECK(pose.pitch == Approx(poses[i].pitch));
         CHECK(pose.roll == Approx(poses[i].roll));
-        for (std::size_t axis = 0; axis < 3; ++axis) CHECK(pose.translation[axis] == Approx(poses[i].translation[axis]));
+        for (std::size_t axis = 0; axis < 3; ++axis)
+            CHECK(pose.translation[axis] == Approx(poses[i].translation[axis]));
     }
     const std::array frontal{Pose{}};
     Tensor turned = orbit_parameters(frontal, DType::float64);

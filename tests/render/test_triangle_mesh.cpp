@@ -15,22 +15,28 @@ using namespace stymo::test;
 
 namespace {
 
-/// Values of a function of place at the vertices of a cube of `cells` cells from -1 to 1 along each axis.
+/// Values of a function of place at the vertices of a cube of `cells` cells from -1 to 1 along each
+/// axis.
 Tensor sampled(std::int64_t cells, const std::function<double(double, double, double)>& field) {
     Tensor values({cells + 1, cells + 1, cells + 1});
     const std::span<float> numbers = values.mutable_values<float>();
-    const auto place = [&](std::int64_t i) { return -1.0 + 2.0 * static_cast<double>(i) / static_cast<double>(cells); };
+    const auto place = [&](std::int64_t i) {
+        return -1.0 + 2.0 * static_cast<double>(i) / static_cast<double>(cells);
+    };
     std::size_t next = 0;
     for (std::int64_t z = 0; z <= cells; ++z) {
         for (std::int64_t y = 0; y <= cells; ++y) {
-            for (std::int64_t x = 0; x <= cells; ++x) numbers[next++] = static_cast<float>(field(place(x), place(y), place(z)));
+            for (std::int64_t x = 0; x <= cells; ++x)
+                numbers[next++] = static_cast<float>(field(place(x), place(y), place(z)));
         }
     }
     return values;
 }
 
-TriangleMesh surface(std::int64_t cells, double level, const std::function<double(double, double, double)>& field) {
-    return isosurface(sampled(cells, field), {-1.0, -1.0, -1.0}, 2.0 / static_cast<double>(cells), level);
+TriangleMesh surface(std::int64_t cells, double level,
+                     const std::function<double(double, double, double)>& field) {
+    return isosurface(sampled(cells, field), {-1.0, -1.0, -1.0}, 2.0 / static_cast<double>(cells),
+                      level);
 }
 
 /// Signed distance to a sphere, positive inside.
@@ -38,7 +44,8 @@ auto sphere(double x, double y, double z, double radius) {
     return [=](double a, double b, double c) { return radius - std::hypot(a - x, b - y, c - z); };
 }
 
-/// Every directed edge occurs once, and so does the opposite one: closed, and turned the same way throughout.
+/// Every directed edge occurs once, and so does the opposite one: closed, and turned the same way
+/// throughout.
 bool is_watertight(const TriangleMesh& mesh) {
     std::map<std::pair<std::int32_t, std::int32_t>, int> edges;
     for (const auto& triangle : mesh.triangles) {
@@ -60,24 +67,27 @@ double area(const TriangleMesh& mesh) {
     double sum = 0.0;
     for (const auto& triangle : mesh.triangles) {
         const auto side = [&](std::size_t end, std::size_t axis) {
-            return static_cast<double>(vertices[3 * static_cast<std::size_t>(triangle[end]) + axis] -
-                                       vertices[3 * static_cast<std::size_t>(triangle[0]) + axis]);
+            return static_cast<double>(
+                vertices[3 * static_cast<std::size_t>(triangle[end]) + axis] -
+                vertices[3 * static_cast<std::size_t>(triangle[0]) + axis]);
         };
-        sum +=
-            0.5 * std::hypot(side(1, 1) * side(2, 2) - side(1, 2) * side(2, 1), side(1, 2) * side(2, 0) - side(1, 0) * side(2, 2),
-                             side(1, 0) * side(2, 1) - side(1, 1) * side(2, 0));
+        sum += 0.5 * std::hypot(side(1, 1) * side(2, 2) - side(1, 2) * side(2, 1),
+                                side(1, 2) * side(2, 0) - side(1, 0) * side(2, 2),
+                                side(1, 0) * side(2, 1) - side(1, 1) * side(2, 0));
     }
     return sum;
 }
 
 }  // namespace
 
-TEST_CASE("the surface of a sphere is closed and has a sphere's area, volume and normals", "[mesh]") {
+TEST_CASE("the surface of a sphere is closed and has a sphere's area, volume and normals",
+          "[mesh]") {
     const double radius = 0.7;
     const TriangleMesh mesh = surface(32, 0.0, sphere(0.05, -0.1, 0.0, radius));
     CHECK(is_watertight(mesh));
     CHECK(euler_characteristic(mesh) == 2);
-    CHECK(enclosed_volume(mesh) == Approx(4.0 / 3.0 * std::numbers::pi * std::pow(radius, 3)).epsilon(5e-3));
+    CHECK(enclosed_volume(mesh) ==
+          Approx(4.0 / 3.0 * std::numbers::pi * std::pow(radius, 3)).epsilon(5e-3));
     CHECK(area(mesh) == Approx(4.0 * std::numbers::pi * radius * radius).epsilon(5e-3));
     const std::vector<double> vertices = mesh.vertices.to_vector();
     const std::vector<double> normals = vertex_normals(mesh.vertices, mesh.triangles).to_vector();
@@ -86,7 +96,8 @@ TEST_CASE("the surface of a sphere is closed and has a sphere's area, volume and
         const double x = vertices[i] - 0.05, y = vertices[i + 1] + 0.1, z = vertices[i + 2];
         const double distance = std::hypot(x, y, z);
         worst_distance = std::max(worst_distance, std::abs(distance - radius));
-        least_cosine = std::min(least_cosine, (x * normals[i] + y * normals[i + 1] + z * normals[i + 2]) / distance);
+        least_cosine = std::min(
+            least_cosine, (x * normals[i] + y * normals[i + 1] + z * normals[i + 2]) / distance);
     }
     // A chord of the longest edge, sqrt(3) / 16, is so far from the circle.
     CHECK(worst_distance < 2.2e-3);
@@ -94,12 +105,14 @@ TEST_CASE("the surface of a sphere is closed and has a sphere's area, volume and
 }
 
 TEST_CASE("a plane is met exactly, for the field is linear", "[mesh]") {
-    const TriangleMesh mesh = surface(4, 0.3, [](double x, double y, double z) { return x + 0.5 * y - 0.25 * z; });
+    const TriangleMesh mesh =
+        surface(4, 0.3, [](double x, double y, double z) { return x + 0.5 * y - 0.25 * z; });
     const auto vertices = mesh.vertices.values<float>();
     int on_plane = 0;
     for (std::size_t i = 0; i < vertices.size(); i += 3) {
         const float value = vertices[i] + 0.5F * vertices[i + 1] - 0.25F * vertices[i + 2];
-        const bool beyond = std::max({std::abs(vertices[i]), std::abs(vertices[i + 1]), std::abs(vertices[i + 2])}) > 1.0F;
+        const bool beyond = std::max({std::abs(vertices[i]), std::abs(vertices[i + 1]),
+                                      std::abs(vertices[i + 2])}) > 1.0F;
         if (beyond) continue;
         ++on_plane;
         CHECK(value == Approx(0.3).margin(1e-6));
@@ -108,10 +121,12 @@ TEST_CASE("a plane is met exactly, for the field is linear", "[mesh]") {
     CHECK(is_watertight(mesh));
 }
 
-TEST_CASE("surfaces of noise are closed too, and those that reach the border are closed there", "[mesh]") {
+TEST_CASE("surfaces of noise are closed too, and those that reach the border are closed there",
+          "[mesh]") {
     Rng rng(1);
     for (const std::int64_t cells : {1, 2, 9}) {
-        const TriangleMesh mesh = surface(cells, 0.0, [&](double, double, double) { return rng.normal(); });
+        const TriangleMesh mesh =
+            surface(cells, 0.0, [&](double, double, double) { return rng.normal(); });
         CHECK(is_watertight(mesh));
         CHECK(enclosed_volume(mesh) > 0.0);
     }
@@ -119,21 +134,25 @@ TEST_CASE("surfaces of noise are closed too, and those that reach the border are
     CHECK(is_watertight(all));
     CHECK(euler_characteristic(all) == 2);
     // A vertex on the level itself counts as inside.
-    CHECK(is_watertight(surface(3, 0.0, [](double x, double, double) { return x > 0.0 ? 0.0 : -1.0; })));
+    CHECK(is_watertight(
+        surface(3, 0.0, [](double x, double, double) { return x > 0.0 ? 0.0 : -1.0; })));
 }
 
 TEST_CASE("a torus has the Euler characteristic 0", "[mesh]") {
-    const TriangleMesh mesh =
-        surface(32, 0.0, [](double x, double y, double z) { return 0.25 - std::hypot(std::hypot(x, y) - 0.6, z); });
+    const TriangleMesh mesh = surface(32, 0.0, [](double x, double y, double z) {
+        return 0.25 - std::hypot(std::hypot(x, y) - 0.6, z);
+    });
     CHECK(is_watertight(mesh));
     CHECK(euler_characteristic(mesh) == 0);
-    CHECK(enclosed_volume(mesh) == Approx(2.0 * std::numbers::pi * std::numbers::pi * 0.6 * 0.25 * 0.25).epsilon(0.03));
+    CHECK(enclosed_volume(mesh) ==
+          Approx(2.0 * std::numbers::pi * std::numbers::pi * 0.6 * 0.25 * 0.25).epsilon(0.03));
 }
 
 TEST_CASE("the largest of two spheres is kept, alone and unchanged", "[mesh]") {
     const auto small = sphere(-0.7, 0.0, 0.0, 0.2), large = sphere(0.4, 0.0, 0.0, 0.4);
-    const TriangleMesh both =
-        surface(24, 0.0, [&](double x, double y, double z) { return std::max(small(x, y, z), large(x, y, z)); });
+    const TriangleMesh both = surface(24, 0.0, [&](double x, double y, double z) {
+        return std::max(small(x, y, z), large(x, y, z));
+    });
     const TriangleMesh expected = surface(24, 0.0, large);
     CHECK(euler_characteristic(both) == 4);
     const TriangleMesh kept = largest_piece(both);
@@ -143,11 +162,13 @@ TEST_CASE("the largest of two spheres is kept, alone and unchanged", "[mesh]") {
     CHECK(enclosed_volume(kept) == Approx(enclosed_volume(expected)));
 }
 
-TEST_CASE("no surface is no triangles, and what is no lattice is refused", "[mesh]") {
+TEST_CASE("no surface is no triangles, and what is no grid is refused", "[mesh]") {
     const TriangleMesh none = surface(3, 2.0, [](double, double, double) { return 1.0; });
     CHECK(none.triangles.empty());
     CHECK(none.vertices.shape(0) == 0);
     CHECK(largest_piece(none).triangles.empty());
     CHECK_THROWS_AS(isosurface(Tensor::zeros({1, 2, 2}), {}, 1.0, 0.0), ShapeError);
-    CHECK_THROWS_AS(isosurface(Tensor::full({2, 2, 2}, std::numeric_limits<double>::infinity()), {}, 1.0, 0.0), ValueError);
+    CHECK_THROWS_AS(
+        isosurface(Tensor::full({2, 2, 2}, std::numeric_limits<double>::infinity()), {}, 1.0, 0.0),
+        ValueError);
 }

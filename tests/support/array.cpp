@@ -4,18 +4,21 @@ namespace stymo::test {
 
 std::size_t Array::offset(const Index& index) const {
     std::int64_t result = 0;
-    for (std::size_t axis = 0; axis < extents.size(); ++axis) result = result * extents[axis] + index.at(axis);
+    for (std::size_t axis = 0; axis < extents.size(); ++axis)
+        result = result * extents[axis] + index.at(axis);
     return static_cast<std::size_t>(result);
 }
 
 double Array::broadcast_at(const Index& index) const {
     const std::size_t skipped = index.size() - extents.size();
     Index own(extents.size());
-    for (std::size_t axis = 0; axis < extents.size(); ++axis) own[axis] = extents[axis] == 1 ? 0 : index[skipped + axis];
+    for (std::size_t axis = 0; axis < extents.size(); ++axis)
+        own[axis] = extents[axis] == 1 ? 0 : index[skipped + axis];
     return at(own);
 }
 
-void for_each_index(const std::vector<std::int64_t>& extents, const std::function<void(const Index&)>& visit) {
+void for_each_index(const std::vector<std::int64_t>& extents,
+                    const std::function<void(const Index&)>& visit) {
     std::int64_t count = 1;
     for (const std::int64_t extent : extents) count *= extent;
     Index index(extents.size(), 0);
@@ -28,7 +31,8 @@ void for_each_index(const std::vector<std::int64_t>& extents, const std::functio
     }
 }
 
-Array generate(const std::vector<std::int64_t>& extents, const std::function<double(const Index&)>& element) {
+Array generate(const std::vector<std::int64_t>& extents,
+               const std::function<double(const Index&)>& element) {
     Array array{extents, {}};
     for_each_index(extents, [&](const Index& index) { array.values.push_back(element(index)); });
     return array;
@@ -40,7 +44,8 @@ Array to_array(const Tensor& tensor) {
 }
 
 Tensor to_tensor(const Array& array) {
-    return Tensor::from(Shape(std::span<const std::int64_t>(array.extents)), std::span<const double>(array.values));
+    return Tensor::from(Shape(std::span<const std::int64_t>(array.extents)),
+                        std::span<const double>(array.values));
 }
 
 }  // namespace stymo::test

@@ -32,8 +32,9 @@ CloseReport check_close(const Tensor& actual, const Tensor& expected, double tol
         if (std::isnan(error)) break;
     }
     if (!a.empty()) {
-        message << "worst at element " << worst << " of " << actual.shape() << ": " << a[worst] << ", expected " << e[worst]
-                << ", relative error " << report.error << ", allowed " << tolerance;
+        message << "worst at element " << worst << " of " << actual.shape() << ": " << a[worst]
+                << ", expected " << e[worst] << ", relative error " << report.error << ", allowed "
+                << tolerance;
     }
     report.message = message.str();
     return report;
@@ -42,7 +43,8 @@ CloseReport check_close(const Tensor& actual, const Tensor& expected, double tol
 bool identical(const Tensor& a, const Tensor& b) {
     if (a.dtype() != b.dtype() || !(a.shape() == b.shape())) return false;
     return dispatch(a.dtype(), [&]<class T>(T) {
-        return a.size() == 0 || std::memcmp(a.values<T>().data(), b.values<T>().data(), a.values<T>().size_bytes()) == 0;
+        return a.size() == 0 || std::memcmp(a.values<T>().data(), b.values<T>().data(),
+                                            a.values<T>().size_bytes()) == 0;
     });
 }
 

@@ -12,9 +12,11 @@ struct CloseReport {
     std::string message;  ///< one line: where the two differ most, and by how much
 };
 
-/// Compares shapes, then elements: every difference must be at most `tolerance` times the largest magnitude in `expected`
-/// (or times 1e-3 if that is larger, so that zeros may be compared). Not-a-number never passes.
-[[nodiscard]] CloseReport check_close(const Tensor& actual, const Tensor& expected, double tolerance);
+/// Compares shapes, then elements: every difference must be at most `tolerance` times the largest
+/// magnitude in `expected` (or times 1e-3 if that is larger, so that zeros may be compared).
+/// Not-a-number never passes.
+[[nodiscard]] CloseReport check_close(const Tensor& actual, const Tensor& expected,
+                                      double tolerance);
 
 /// True if type, shape and every bit agree.
 [[nodiscard]] bool identical(const Tensor& a, const Tensor& b);

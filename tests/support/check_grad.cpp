@@ -29,7 +29,8 @@ std::vector<Variable> as_leaves(const std::vector<Tensor>& inputs) {
     return leaves;
 }
 
-std::vector<Variable> pick(const std::vector<Variable>& all, const std::vector<std::size_t>& which) {
+std::vector<Variable> pick(const std::vector<Variable>& all,
+                           const std::vector<std::size_t>& which) {
     std::vector<Variable> picked;
     for (const std::size_t i : which) picked.push_back(all[i]);
     return picked;
@@ -52,7 +53,8 @@ double dot(const Tensor& a, const Tensor& b) {
     return total;
 }
 
-double contracted_value(const Problem& problem, const std::vector<Tensor>& inputs, const std::vector<Tensor>& cotangents) {
+double contracted_value(const Problem& problem, const std::vector<Tensor>& inputs,
+                        const std::vector<Tensor>& cotangents) {
     const std::vector<Variable> values = problem.function(as_leaves(inputs));
     double total = 0.0;
     for (std::size_t k = 0; k < values.size(); ++k) total += dot(values[k].value(), cotangents[k]);
@@ -60,12 +62,13 @@ double contracted_value(const Problem& problem, const std::vector<Tensor>& input
 }
 
 /// Derivative along `direction` of input `which`.
-double numeric_derivative(const Problem& problem, const std::vector<Tensor>& cotangents, std::size_t which,
-                          const Tensor& direction, double step) {
+double numeric_derivative(const Problem& problem, const std::vector<Tensor>& cotangents,
+                          std::size_t which, const Tensor& direction, double step) {
     const auto value_at = [&](double offset) {
         std::vector<Tensor> inputs = problem.inputs;
         const auto moved = inputs[which].mutable_values<double>();
-        for (std::size_t j = 0; j < moved.size(); ++j) moved[j] += offset * direction.values<double>()[j];
+        for (std::size_t j = 0; j < moved.size(); ++j)
+            moved[j] += offset * direction.values<double>()[j];
         return contracted_value(problem, inputs, cotangents);
     };
     const double near = value_at(step) - value_at(-step);
@@ -79,8 +82,9 @@ double relative_error(double exact, double numeric) {
 }
 
 /// Every element's derivative, for inputs small enough to read.
-void write_table(std::ostream& stream, const Problem& problem, const std::vector<Tensor>& cotangents, std::size_t which,
-                 const Tensor& exact, double step) {
+void write_table(std::ostream& stream, const Problem& problem,
+                 const std::vector<Tensor>& cotangents, std::size_t which, const Tensor& exact,
+                 double step) {
     for (std::int64_t j = 0; j < exact.size(); ++j) {
         Tensor direction = Tensor::zeros(exact.shape(), DType::float64);
         direction.mutable_values<double>()[static_cast<std::size_t>(j)] = 1.0;
@@ -104,15 +108,16 @@ Problem gradient_of(const Problem& problem, const std::vector<Tensor>& cotangent
         gradient.labels.push_back("cotangent " + std::to_string(k));
     }
     gradient.function = [problem, count](const std::vector<Variable>& all) {
-        const std::vector<Variable> inputs(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(count));
+        const std::vector<Variable> inputs(all.begin(),
+                                           all.begin() + static_cast<std::ptrdiff_t>(count));
         const Variable total = contract(problem.function(inputs), std::span(all).subspan(count));
         return grad(total, pick(inputs, problem.varied), {.create_graph = true, .dL_dy = {}});
     };
     return gradient;
 }
 
-void check_order(const std::string& name, const Problem& problem, int order, const CheckGradOptions& options, Rng& rng,
-                 GradReport& report) {
+void check_order(const std::string& name, const Problem& problem, int order,
+                 const CheckGradOptions& options, Rng& rng, GradReport& report) {
     const std::vector<Variable> leaves = as_leaves(problem.inputs);
     const std::vector<Variable> values = problem.function(leaves);
     std::vector<Tensor> cotangents;
@@ -121,23 +126,28 @@ void check_order(const std::string& name, const Problem& problem, int order, con
         cotangents.push_back(rng.uniform(value.shape(), -1.0, 1.0, DType::float64));
         constants.emplace_back(cotangents.back());
     }
-    const std::vector<Variable> gradients = grad(contract(values, constants), pick(leaves, problem.varied));
+    const std::vector<Variable> gradients =
+        grad(contract(values, constants), pick(leaves, problem.varied));
     std::ostringstream message;
     message.precision(12);
     for (std::size_t i = 0; i < problem.varied.size(); ++i) {
         const std::size_t which = problem.varied[i];
-        const Tensor direction = rng.uniform(problem.inputs[which].shape(), -1.0, 1.0, DType::float64);
+        const Tensor direction =
+            rng.uniform(problem.inputs[which].shape(), -1.0, 1.0, DType::float64);
         const Tensor& gradient = gradients[i].value();
         const double exact = dot(gradient, direction);
-        const double numeric = numeric_derivative(problem, cotangents, which, direction, options.step);
+        const double numeric =
+            numeric_derivative(problem, cotangents, which, direction, options.step);
         const double error = relative_error(exact, numeric);
         report.worst_error = std::max(report.worst_error, error);
         if (error <= options.tolerance) continue;
         report.passed = false;
-        message << '[' << name << "] order " << order << ", " << problem.labels[which] << ' ' << gradient.shape() << ", seed "
-                << options.seed << ": exact " << exact << ", numeric " << numeric << ", relative error " << error << ", allowed "
+        message << '[' << name << "] order " << order << ", " << problem.labels[which] << ' '
+                << gradient.shape() << ", seed " << options.seed << ": exact " << exact
+                << ", numeric " << numeric << ", relative error " << error << ", allowed "
                 << options.tolerance;
-        if (gradient.size() <= small_input) write_table(message, problem, cotangents, which, gradient, options.step);
+        if (gradient.size() <= small_input)
+            write_table(message, problem, cotangents, which, gradient, options.step);
         message << '\n';
     }
     report.message += message.str();
@@ -148,15 +158,19 @@ void check_order(const std::string& name, const Problem& problem, int order, con
 
 }  // namespace
 
-GradReport check_grad(const std::string& name, const GradFunction& function, const std::vector<Tensor>& inputs,
-                      const CheckGradOptions& options) {
+GradReport check_grad(const std::string& name, const GradFunction& function,
+                      const std::vector<Tensor>& inputs, const CheckGradOptions& options) {
     Problem problem;
     problem.inputs = inputs;
-    problem.function = [function](const std::vector<Variable>& variables) { return std::vector<Variable>{function(variables)}; };
+    problem.function = [function](const std::vector<Variable>& variables) {
+        return std::vector<Variable>{function(variables)};
+    };
     for (std::size_t i = 0; i < inputs.size(); ++i) {
-        if (inputs[i].dtype() != DType::float64) fail<TypeError>("[check_grad] input ", i, " of ", name, " must be float64");
+        if (inputs[i].dtype() != DType::float64)
+            fail<TypeError>("[check_grad] input ", i, " of ", name, " must be float64");
         problem.labels.push_back("input " + std::to_string(i));
-        if (std::ranges::find(options.constants, i) == options.constants.end()) problem.varied.push_back(i);
+        if (std::ranges::find(options.constants, i) == options.constants.end())
+            problem.varied.push_back(i);
     }
     GradReport report;
     Rng rng(options.seed);

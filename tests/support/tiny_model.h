@@ -6,7 +6,7 @@
 
 namespace stymo::test {
 
-/// The smallest model of the usual structure: 64 rays, one picture of 16 x 16 pixels.
+/// The smallest model of the usual structure: 64 rays, one image of 16 x 16 pixels.
 [[nodiscard]] inline ModelConfig tiny_model_config() {
     ModelConfig config;
     config.decoder.resolution = 16;
@@ -32,8 +32,8 @@ namespace stymo::test {
 }
 
 /// Codes in Z with normal elements.
-[[nodiscard]] inline Codes random_codes(std::int64_t batch, std::uint64_t seed, double deviation = 1.0,
-                                        DType dtype = DType::float32) {
+[[nodiscard]] inline Codes random_codes(std::int64_t batch, std::uint64_t seed,
+                                        double deviation = 1.0, DType dtype = DType::float32) {
     Rng rng(seed);
     Codes codes;
     for (std::size_t group = 0; group < code_sizes.size(); ++group)

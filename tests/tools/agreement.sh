@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# Has PyTorch compute whole networks and training steps at the paper's width, runs the tests that compare with its numbers, and
-# prints the largest relative errors as a table. Needs a Python with torch, numpy and safetensors; nothing else in the tree does.
+# Computes networks and training steps of the paper's width with PyTorch, runs the tests that
+# compare with the results, and prints the largest relative errors as a table. Needs a Python with
+# torch, numpy and safetensors.
 # Usage: agreement.sh [--python python3] [--build build] [--out DIR]
-#        --out: folder for the vectors (600 MB); those that are there already are not made again
+#        --out: folder for the vectors (600 MB); existing ones are not made again
 set -euo pipefail
 usage='usage: agreement.sh [--python python3] [--build build] [--out DIR]'
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
@@ -24,7 +25,7 @@ if [[ -z $out ]]; then
 fi
 
 "$python" -c 'import numpy, safetensors, torch' || {
-    echo "agreement.sh: $python lacks torch, numpy or safetensors; name another one with --python" >&2
+    echo "agreement.sh: $python lacks torch, numpy or safetensors; choose another with --python" >&2
     exit 1
 }
 make() { # file, script, arguments
@@ -40,7 +41,7 @@ status=0
     for program in nn train; do
         STYMO_GOLDEN=$out "$build/tests/test_$program" "[agreement]" || status=1
     done
-    # How far PyTorch's own float32 is from its float64 says which of our differences are float32's.
+    # The difference of PyTorch's own float32 from its float64 is the scale for ours.
     (cd "$root/tests/golden" && "$python" make_agreement_vectors.py --out "$out" --float32 &&
         "$python" make_discriminator_vectors.py --out "$out" --side 128 --float32) || status=1
 } >"$log" 2>&1

@@ -12,7 +12,8 @@ expected=$(text_above_table && "$tool" --print-keys)
 
 if [[ ${3:-} == --update ]]; then
     printf '%s\n' "$expected" >"$page"
-elif ! diff --label "$page" --label "stymo-train --print-keys" "$page" <(printf '%s\n' "$expected"); then
+elif ! diff --label "$page" --label "stymo-train --print-keys" "$page" \
+    <(printf '%s\n' "$expected"); then
     echo "$page is out of date; run $0 $tool $page --update"
     exit 1
 fi

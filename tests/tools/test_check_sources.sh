@@ -8,13 +8,21 @@ failed=0
 
 fresh_tree() {
     rm -rf "${tree:?}"/*
-    mkdir -p "$tree"/{core/kernels,nn/layers,nn/models,render,train,fit,apps/demo}
+    mkdir -p "$tree"/{core,nn}/{kernels,ops} "$tree"/nn/{engine,layers,models}
+    mkdir -p "$tree"/{render,train,fit,apps/demo}
     echo '#include "core/shape.h"' >"$tree/core/tensor.h"
     echo '#include <hwy/highway.h>' >"$tree/core/kernels/matrix.h"
+    echo '#include "core/kernels/matrix.h"' |
+        tee "$tree"/{core/ops/linalg,nn/{ops/rays,engine/field,kernels/rows}}.cpp >/dev/null
     echo 'std::thread worker;' >"$tree/core/parallel.cpp"
-    printf '#include "core/tensor.h"\n#include "nn/parameter_store.h"\n' >"$tree/nn/layers/linear.cpp"
-    printf '#include "render/camera.h"\n#include "nn/layers/linear.h"\n' >"$tree/nn/models/decoder.h"
-    printf '#include <Eigen/Core>\n#include "fit/fitter.h"\n#include "nn/models/decoder.h"\n' >"$tree/fit/fitter.cpp"
+    printf '#include "core/tensor.h"\n#include "nn/parameter_store.h"\n' \
+        >"$tree/nn/layers/linear.cpp"
+    printf '#include "render/camera.h"\n#include "nn/layers/linear.h"\n' \
+        >"$tree/nn/models/decoder.h"
+    echo '#include <Eigen/Core>' |
+        tee "$tree"/{core/tensor_eigen,render/camera,fit/pose}.h >"$tree/fit/pose.cpp"
+    printf '#include "fit/fitter.h"\n#include "nn/models/decoder.h"\n' >"$tree/fit/fitter.cpp"
+    printf 'µ%.0s' $(seq 100) >"$tree/core/shape.cpp"
     printf '#include "fit/fitter.h"\n#include "train/trainer.h"\n' >"$tree/apps/demo/main.cpp"
 }
 
@@ -42,12 +50,21 @@ refuses 'train includes fit' train/bad.cpp '#include "fit/fitter.h"\n'
 refuses 'fit includes train' fit/bad.cpp '#include "train/trainer.h"\n'
 refuses 'the library includes an app' fit/bad.h '#include "apps/common/command_line.h"\n'
 refuses 'a layer calls a kernel' nn/layers/bad.cpp '#include "core/kernels/shape.h"\n'
+refuses 'a model calls a kernel' nn/models/realtime/bad.cpp '#include "nn/kernels/upsample.h"\n'
+refuses 'core calls a kernel outside an op' core/bad.cpp '#include "core/kernels/shape.h"\n'
+refuses 'a kernel includes an op' core/kernels/bad.h '#include "core/ops/linalg.h"\n'
+refuses 'the engine includes a model' nn/engine/bad.h '#include "nn/models/decoder.h"\n'
 refuses 'a header includes Highway' core/bad.h '#include <hwy/highway.h>\n'
-refuses 'a header includes Eigen' core/kernels/bad.h '#include <Eigen/Core>\n'
+refuses 'a header of core includes Eigen' core/kernels/bad.h '#include <Eigen/Core>\n'
+refuses "a header of core includes Eigen's tensors" core/bad.h \
+    '#include <unsupported/Eigen/CXX11/Tensor>\n'
+refuses 'a header includes dlib' fit/bad.h '#include <dlib/array2d.h>\n'
+refuses 'a header includes OpenImageIO' core/bad.h '#include <OpenImageIO/imageio.h>\n'
 refuses 'a header includes OpenCV' core/kernels/bad.h '#include <opencv2/core.hpp>\n'
 refuses 'a header includes nlohmann' nn/bad.h '#include <nlohmann/json.hpp>\n'
 refuses 'OpenMP elsewhere' render/bad.cpp '#pragma omp parallel for\n'
 refuses 'OpenMP in training' train/bad.cpp '#include <omp.h>\n'
 refuses 'threads in the library' nn/bad.cpp 'std::thread worker;\n'
 refuses 'a file that is too long' core/bad.cpp "$(printf '\\n%.0s' $(seq 601))"
+refuses 'a line that is too long' core/bad.h "$(printf 'a%.0s' $(seq 101))\n"
 exit $failed

@@ -13,9 +13,11 @@ void set_perceptual_parameters(ParameterStore& store, const Rng& seed, DType dty
     store.convert(DType::float64);
     for (const Parameter& parameter : store.all()) {
         const Shape& shape = parameter.variable().shape();
-        Tensor values = golden_numbers(parameter.name(), shape, seed);
-        const bool head = parameter.name().starts_with("heads.");
-        const double scale = shape.rank() == 4 ? std::sqrt(2.0 / static_cast<double>(shape.product(1, 4))) : 0.25;
+        const std::string name = parameter.name().substr(std::string("lpips.").size());
+        Tensor values = golden_numbers(name, shape, seed);
+        const bool head = name.starts_with("heads.");
+        const double scale =
+            shape.rank() == 4 ? std::sqrt(2.0 / static_cast<double>(shape.product(1, 4))) : 0.25;
         for (double& value : values.mutable_values<double>())
             value = head ? std::abs(value) : static_cast<double>(static_cast<float>(value * scale));
         parameter.set_value(values);
@@ -55,23 +57,26 @@ ReconstructionLoss AgreementCase::reconstruction(DType dtype) const {
     return loss;
 }
 
-Tensor AgreementCase::picture(const std::string& picture_name, std::int64_t side, std::int64_t channels, DType dtype) const {
-    Tensor values = golden_numbers(picture_name, {batch, side, side, channels}, seed);
+Tensor AgreementCase::image(const std::string& image_name, std::int64_t side, std::int64_t channels,
+                            DType dtype) const {
+    Tensor values = golden_numbers(image_name, {batch, side, side, channels}, seed);
     for (double& value : values.mutable_values<double>()) value = static_cast<float>(value / 1.75);
     return values.to(dtype);
 }
 
 Tensor AgreementCase::mask(std::int64_t side, DType dtype) const {
-    return affine(Variable(picture("mask" + std::to_string(side), side, 1, DType::float64)), 0.5, 0.5).value().to(dtype);
+    return affine(Variable(image("mask" + std::to_string(side), side, 1, DType::float64)), 0.5, 0.5)
+        .value()
+        .to(dtype);
 }
 
-TrainingBatch AgreementCase::training_batch(DType dtype) const {
-    TrainingBatch result;
-    result.input = picture("input", 64, 3, dtype);
+FaceBatch AgreementCase::training_batch(DType dtype) const {
+    FaceBatch result;
+    result.input = image("input", 64, 3, dtype);
     for (std::int64_t side = 2 * decoder.rays.rays_per_side; side <= decoder.resolution; side *= 2)
-        result.targets.push_back(picture("target" + std::to_string(side), side, 3, dtype));
+        result.targets.push_back(image("target" + std::to_string(side), side, 3, dtype));
     result.mask = mask(decoder.resolution, dtype);
-    result.mask_32 = mask(decoder.rays.rays_per_side, dtype);
+    result.ray_mask = mask(decoder.rays.rays_per_side, dtype);
     result.cameras = cameras();
     result.codes = codes("code", dtype);
     Tensor present({batch}, DType::float64);
@@ -86,8 +91,9 @@ std::vector<Camera> AgreementCase::cameras() const {
     const std::span<const double> x = numbers.values<double>();
     std::vector<Camera> result;
     for (std::size_t i = 0; i < x.size(); i += 6) {
-        const Vector3 center{0.5 * x[i + 3], 0.5 * x[i + 4], 0.125 * x[i + 5] + 5.25};
-        result.push_back(camera_from_pose({0.25 * x[i], 0.125 * x[i + 1], 0.0625 * x[i + 2], center}, {}));
+        const Eigen::Vector3d center{0.5 * x[i + 3], 0.5 * x[i + 4], 0.125 * x[i + 5] + 5.25};
+        result.push_back(
+            camera_from_pose({0.25 * x[i], 0.125 * x[i + 1], 0.0625 * x[i + 2], center}, {}));
     }
     return result;
 }
@@ -95,7 +101,8 @@ std::vector<Camera> AgreementCase::cameras() const {
 std::array<Tensor, 4> AgreementCase::codes(const std::string& prefix, DType dtype) const {
     std::array<Tensor, 4> result;
     for (std::size_t i = 0; i < result.size(); ++i)
-        result[i] = golden_numbers(prefix + "." + code_names[i], {batch, code_sizes[i]}, seed).to(dtype);
+        result[i] =
+            golden_numbers(prefix + "." + code_names[i], {batch, code_sizes[i]}, seed).to(dtype);
     return result;
 }
 
@@ -123,17 +130,20 @@ AgreementCase small_agreement(const std::string& name, std::uint64_t seed, const
 }
 
 AgreementCase baseline_agreement(const std::string& name, const std::string& render) {
-    AgreementCase agreement{.name = name,
-                            .vectors = {STYMO_SOURCE_DIR "/tests/golden/baseline_vectors.safetensors", true},
-                            .seed = Rng(1),
-                            .decoder = decoder_config({16, 8, 4, 6, 2, {5, 4}, 3, 0, 4})};
+    AgreementCase agreement{
+        .name = name,
+        .vectors = {STYMO_SOURCE_DIR "/tests/golden/baseline_vectors.safetensors", true},
+        .seed = Rng(1),
+        .decoder = decoder_config({16, 8, 4, 6, 2, {5, 4}, 3, 0, 4})};
     agreement.decoder.conditioning = "concatenation";
     agreement.decoder.render = render;
     return agreement;
 }
 
-AgreementCase full_agreement(const std::string& name, const std::filesystem::path& folder, DType dtype) {
-    const char* file = dtype == DType::float64 ? "agreement_float64.safetensors" : "agreement_float32.safetensors";
+AgreementCase full_agreement(const std::string& name, const std::filesystem::path& folder,
+                             DType dtype) {
+    const char* file =
+        dtype == DType::float64 ? "agreement_float64.safetensors" : "agreement_float32.safetensors";
     return {.name = name,
             .vectors = {folder / file, false},
             .seed = Rng(1),
@@ -154,10 +164,13 @@ void decoder_agrees(const AgreementCase& agreement, DType dtype) {
     Codes z;
     const std::array<Tensor, 4> codes = agreement.codes("z", dtype);
     for (std::size_t i = 0; i < codes.size(); ++i) z.groups[i] = Variable::leaf(codes[i]);
-    const Decoded decoded = decoder(z, agreement.cameras(), {.samples_per_ray = agreement.samples, .mask = true});
+    const Decoded decoded =
+        decoder(z, agreement.cameras(), {.samples_per_ray = agreement.samples, .mask = true});
 
-    std::map<std::string, Variable> outputs{{"feature_map", decoded.feature_map}, {"mask_logit", decoded.mask_logit}};
-    for (std::size_t i = 0; i < decoded.images.size(); ++i) outputs["image" + std::to_string(i)] = decoded.images[i];
+    std::map<std::string, Variable> outputs{{"feature_map", decoded.feature_map},
+                                            {"mask_logit", decoded.mask_logit}};
+    for (std::size_t i = 0; i < decoded.images.size(); ++i)
+        outputs["image" + std::to_string(i)] = decoded.images[i];
     Tensors values;
     Variable loss = Tensor::zeros({}, dtype);
     for (const auto& [name, output] : outputs) {
@@ -177,23 +190,26 @@ void decoder_agrees(const AgreementCase& agreement, DType dtype) {
 
 Tensors values_of(const std::vector<Parameter>& parameters) {
     Tensors result;
-    for (const Parameter& parameter : parameters) result[parameter.name()] = parameter.variable().value();
+    for (const Parameter& parameter : parameters)
+        result[parameter.name()] = parameter.variable().value();
     return result;
 }
 
-Tensors gradients_of(const std::vector<Parameter>& parameters, const std::vector<Variable>& gradients) {
+Tensors gradients_of(const std::vector<Parameter>& parameters,
+                     const std::vector<Variable>& gradients) {
     Tensors result;
-    for (std::size_t i = 0; i < parameters.size(); ++i) result[parameters[i].name()] = gradients[i].value();
+    for (std::size_t i = 0; i < parameters.size(); ++i)
+        result[parameters[i].name()] = gradients[i].value();
     return result;
 }
 
-Tensors common_terms(const LossTerms& losses, DType dtype) {
+Tensors common_terms(const LossValues& losses, DType dtype) {
     return {{"total", Tensor::scalar(losses.total, dtype)},
-            {"photometric", Tensor::scalar(losses.photometric, dtype)},
-            {"perceptual", Tensor::scalar(losses.perceptual, dtype)},
-            {"mask", Tensor::scalar(losses.mask, dtype)},
-            {"opacity", Tensor::scalar(losses.opacity, dtype)},
-            {"depth_variance", Tensor::scalar(losses.depth_variance, dtype)}};
+            {"photometric", Tensor::scalar(losses["photometric"], dtype)},
+            {"perceptual", Tensor::scalar(losses["perceptual"], dtype)},
+            {"mask", Tensor::scalar(losses["mask"], dtype)},
+            {"opacity", Tensor::scalar(losses["opacity"], dtype)},
+            {"depth_variance", Tensor::scalar(losses["depth_variance"], dtype)}};
 }
 
 }  // namespace stymo::test

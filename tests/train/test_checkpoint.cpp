@@ -32,7 +32,8 @@ Checkpoint some_checkpoint() {
 std::string read_error(const fs::path& folder) {
     Model model = tiny_model(2);
     const Tensor before = model.parameters().all().front().variable().value();
-    std::string message = error_message<FileError>([&] { static_cast<void>(read_checkpoint(folder, model)); });
+    std::string message =
+        error_message<FileError>([&] { static_cast<void>(read_checkpoint(folder, model)); });
     CHECK(is_one_line(message));
     CHECK(identical(before, model.parameters().all().front().variable().value()));
     return message;
@@ -60,9 +61,11 @@ TEST_CASE("a checkpoint reads back as it was written", "[checkpoint]") {
     CHECK(read.state.failures == written.state.failures);
     CHECK(read.state.best_validation == written.state.best_validation);
     CHECK(read.state.best_resolution == written.state.best_resolution);
-    CHECK(identical(read.tensors.tensors.at("adam.x.first"), written.tensors.tensors.at("adam.x.first")));
+    CHECK(identical(read.tensors.tensors.at("adam.x.first"),
+                    written.tensors.tensors.at("adam.x.first")));
     for (std::size_t i = 0; i < model.parameters().all().size(); ++i)
-        CHECK(identical(model.parameters().all()[i].variable().value(), other.parameters().all()[i].variable().value()));
+        CHECK(identical(model.parameters().all()[i].variable().value(),
+                        other.parameters().all()[i].variable().value()));
 }
 
 TEST_CASE("a run's first checkpoint has no epochs and no score", "[checkpoint]") {
@@ -85,7 +88,8 @@ TEST_CASE("writing again replaces a checkpoint and what an earlier attempt left"
     CHECK(folder.file_count() == 1);
 }
 
-TEST_CASE("a checkpoint that stepped aside for one that never came is read all the same", "[checkpoint]") {
+TEST_CASE("a checkpoint that stepped aside for one that never came is read all the same",
+          "[checkpoint]") {
     const ScratchFolder folder;
     write_checkpoint(folder / "c", tiny_model(), some_checkpoint());
     fs::rename(folder / "c", folder / "c.replaced");
@@ -94,7 +98,8 @@ TEST_CASE("a checkpoint that stepped aside for one that never came is read all t
     CHECK(folder.file_count() == 1);
 }
 
-TEST_CASE("a damaged or foreign checkpoint is refused in one line that names the file", "[checkpoint]") {
+TEST_CASE("a damaged or foreign checkpoint is refused in one line that names the file",
+          "[checkpoint]") {
     const ScratchFolder folder;
     const fs::path checkpoint = folder / "c";
     const fs::path state = checkpoint / "state.safetensors";
@@ -116,21 +121,22 @@ TEST_CASE("a damaged or foreign checkpoint is refused in one line that names the
         CHECK_THAT(read_error(checkpoint), Catch::Contains(weights.string()));
     }
     SECTION("a missing number") {
-        for (const char* key : {"seed", "step", "mask_loss", "epoch_loss_sum", "epoch_loss_count", "failures", "best_validation",
-                                "best_resolution"}) {
+        for (const char* key : {"seed", "step", "mask_loss", "epoch_loss_sum", "epoch_loss_count",
+                                "failures", "best_validation", "best_resolution"}) {
             write_checkpoint(checkpoint, tiny_model(), some_checkpoint());
             TensorFile file = read_tensor_file(state);
             file.metadata.erase(key);
             write_tensor_file(state, file);
-            CHECK_THAT(read_error(checkpoint),
-                       Catch::Contains(state.string()) && Catch::Contains(std::string("\"") + key + "\""));
+            CHECK_THAT(read_error(checkpoint), Catch::Contains(state.string()) &&
+                                                   Catch::Contains(std::string("\"") + key + "\""));
         }
     }
     SECTION("what is not a number") {
         TensorFile file = read_tensor_file(state);
         file.metadata["step"] = "12 steps";
         write_tensor_file(state, file);
-        CHECK_THAT(read_error(checkpoint), Catch::Contains("\"step\" is \"12 steps\", not a number"));
+        CHECK_THAT(read_error(checkpoint),
+                   Catch::Contains("\"step\" is \"12 steps\", not a number"));
     }
     SECTION("a missing tensor") {
         TensorFile file = read_tensor_file(state);
@@ -142,23 +148,26 @@ TEST_CASE("a damaged or foreign checkpoint is refused in one line that names the
         TensorFile foreign;
         foreign.tensors["weight"] = Tensor::zeros({3});
         write_tensor_file(weights, foreign);
-        CHECK_THAT(read_error(checkpoint), Catch::Contains(weights.string()) && Catch::Contains("has no tensor encoder."));
+        CHECK_THAT(read_error(checkpoint),
+                   Catch::Contains(weights.string()) && Catch::Contains("has no tensor encoder."));
         write_tensor_file(state, foreign);
-        CHECK_THAT(read_error(checkpoint), Catch::Contains(state.string()) && Catch::Contains("not a training state"));
+        CHECK_THAT(read_error(checkpoint),
+                   Catch::Contains(state.string()) && Catch::Contains("not a training state"));
     }
     SECTION("weights of another shape") {
         TensorFile file = read_tensor_file(weights);
         file.tensors["decoder.field.density.weight"] = Tensor::zeros({1, 77});
         write_tensor_file(weights, file);
-        CHECK_THAT(read_error(checkpoint), Catch::Contains("decoder.field.density.weight") && Catch::Contains("(1, 77)"));
+        CHECK_THAT(read_error(checkpoint),
+                   Catch::Contains("decoder.field.density.weight") && Catch::Contains("(1, 77)"));
     }
 }
 
 TEST_CASE("a checkpoint that cannot be written says so and leaves nothing", "[checkpoint]") {
     const ScratchFolder folder;
     write_text_file(folder / "file", "");
-    const std::string message =
-        error_message<FileError>([&] { write_checkpoint(folder / "file" / "c", tiny_model(), some_checkpoint()); });
+    const std::string message = error_message<FileError>(
+        [&] { write_checkpoint(folder / "file" / "c", tiny_model(), some_checkpoint()); });
     CHECK(is_one_line(message));
     CHECK_THAT(message, Catch::Contains((folder / "file").string()));
     CHECK(folder.file_count() == 1);

@@ -4,7 +4,7 @@
 #include <filesystem>
 
 #include "render/morphable/builtin_head.h"
-#include "train/synthetic_faces.h"
+#include "train/data/synthetic_faces.h"
 #include "train/train_config.h"
 
 using namespace stymo;
@@ -27,11 +27,13 @@ TEST_CASE("the planes of demo-64.json enclose the synthetic heads") {
         const SyntheticFace face = sample_synthetic_face(head, rng.split(index));
         const Camera camera = camera_from_pose(face.pose, Intrinsics{});
         const double distance = std::hypot(camera.center[0], camera.center[1], camera.center[2]);
-        const std::vector<double> points = head_vertices(head, face.identity, face.expression).to_vector();
+        const std::vector<double> points =
+            head_vertices(head, face.identity, face.expression).to_vector();
         double nearest = -1e9;
         double farthest = 1e9;
         for (std::size_t k = 0; k < points.size(); k += 3) {
-            const double towards_camera = distance - project(camera, {points[k], points[k + 1], points[k + 2]})[2];
+            const double towards_camera =
+                distance - project(camera, {points[k], points[k + 1], points[k + 2]})[2];
             nearest = std::max(nearest, towards_camera);
             farthest = std::min(farthest, towards_camera);
         }

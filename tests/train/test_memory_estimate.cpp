@@ -11,9 +11,10 @@
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "support/check_close.h"
+#include "train/generator_gradients.h"
 #include "train/memory_estimate.h"
-#include "train/reconstruction_stage.h"
 #include "train/tiny_training.h"
+#include "train/trainer.h"
 
 using namespace stymo;
 using namespace stymo::test;
@@ -27,7 +28,8 @@ TrainingPhase phase_of(const TrainConfig& config, int stage, std::int64_t micro_
     return {.stage = stage,
             .resolution = config.model.decoder.resolution,
             .micro_batch = micro_batch,
-            .samples_per_ray = stage == 1 ? config.stage1.samples_per_ray : config.stage2.samples_per_ray};
+            .samples_per_ray =
+                stage == 1 ? config.stage1.samples_per_ray : config.stage2.samples_per_ray};
 }
 
 /// The paper's network without a perceptual term.
@@ -37,9 +39,33 @@ TrainConfig paper() {
     return config;
 }
 
-double peak(const TrainConfig& config, int stage, std::int64_t micro_batch, const Recomputation& recomputation) {
-    return static_cast<double>(estimate_step_memory(config, phase_of(config, stage, micro_batch), recomputation).peak());
-}
+/// A model and its loss, of which the estimate adds up the layers.
+struct Estimated {
+    TrainConfig config;
+    Model model;
+    ReconstructionLoss loss;
+
+    explicit Estimated(const TrainConfig& made)
+        : config(made),
+          model([&] {
+              Rng rng(1);
+              return Model(made.model, rng);
+          }()),
+          loss(made.model.reconstruction) {}
+
+    [[nodiscard]] StepMemory memory(const TrainingPhase& phase,
+                                    const Recomputation& recomputation) const {
+        return estimate_step_memory(model, loss, config, phase, recomputation);
+    }
+    [[nodiscard]] Recomputation chosen(const TrainingPhase& phase) const {
+        return choose_recomputation(model, loss, config, phase);
+    }
+    [[nodiscard]] double peak(int stage, std::int64_t micro_batch,
+                              const Recomputation& recomputation) const {
+        return static_cast<double>(
+            memory(phase_of(config, stage, micro_batch), recomputation).peak());
+    }
+};
 
 /// Of the process, in bytes; 0 where the system does not say.
 double memory_status(const std::string& key) {
@@ -51,7 +77,8 @@ double memory_status(const std::string& key) {
     return 0.0;
 }
 
-/// What `work` takes at most beyond what the process holds already, in bytes; nothing where the system does not say.
+/// What `work` takes at most beyond what the process holds already, in bytes; nothing where the
+/// system does not say.
 template <class Work>
 std::optional<double> measured_peak(const Work& work) {
 #ifdef __GLIBC__
@@ -66,48 +93,49 @@ std::optional<double> measured_peak(const Work& work) {
 
 }  // namespace
 
-TEST_CASE("the estimate knows every backbone and perceptual network", "[memory]") {
-    TrainConfig config;
-    for (const std::string& backbone : backbone_names()) {
-        config.model.encoder.backbone = backbone;
-        CHECK(peak(config, 1, 1, {}) > 0.0);
+TEST_CASE("every backbone and perceptual network says what its backward pass needs", "[memory]") {
+    for (const std::string& name : backbone_names()) {
+        ParameterStore store;
+        Rng rng(1);
+        CHECK(make_backbone(name, store, "", rng)->saved() > 0);
     }
-    for (const std::string& network : lpips_networks()) {
-        config.model.reconstruction.perceptual.network = network;
-        CHECK(peak(config, 1, 1, {}) > 0.0);
-    }
+    for (const std::string& network : lpips_networks())
+        CHECK(Lpips(LpipsConfig{network, "random", "random"}, "").memory(64).passing > 0);
 }
 
 TEST_CASE("what lasts is the weights with gradients, moments and averages", "[memory]") {
     TrainConfig config = paper();
     config.model.encoder.backbone = "mobilefacenet";
-    Rng rng(1);
-    const Model model(config.model, rng);
+    Estimated estimated(config);
     const auto lasting = [&](int stage) {
-        return static_cast<double>(estimate_step_memory(config, phase_of(config, stage, 1), {}).lasting) - 120.0 * mebibyte;
+        return static_cast<double>(
+                   estimated.memory(phase_of(estimated.config, stage, 1), {}).lasting) -
+               120.0 * mebibyte;
     };
-    config.stage1.average_half_life = 0.0;
-    const auto weights = static_cast<double>(4 * model.parameters().element_count());
+    estimated.config.stage1.average_half_life = 0.0;
+    const auto weights = static_cast<double>(4 * estimated.model.parameters().element_count());
     CHECK(lasting(1) == Approx(5.0 * weights).epsilon(0.05));
-    config.stage1.average_half_life = 1000.0;
+    estimated.config.stage1.average_half_life = 1000.0;
     CHECK(lasting(1) == Approx(6.0 * weights).epsilon(0.05));
 
-    config.discriminator.max_channels = 64;
+    estimated.config.discriminator.max_channels = 64;
     ParameterStore store;
-    const Discriminator discriminator(config.discriminator, 512, store, "discriminator", rng);
+    Rng rng(1);
+    const Discriminator discriminator(estimated.config.discriminator, 512, store, "discriminator",
+                                      rng);
     const double with = lasting(2);
-    config.loss.adversarial_weight = 0.0;
-    CHECK(with - lasting(2) == Approx(static_cast<double>(8 * 4 * store.element_count())).epsilon(0.02));
+    estimated.config.loss.adversarial_weight = 0.0;
+    CHECK(with - lasting(2) ==
+          Approx(static_cast<double>(8 * 4 * store.element_count())).epsilon(0.02));
 }
 
 namespace {
 
 /// Holds the estimate of a step of the decoder with two images against what it takes.
 void check_estimate(const TrainConfig& config, const Recomputation& recomputation) {
-    Rng rng(1);
-    const Model model(config.model, rng);
-    std::vector<Variable> leaves;
-    for (const Parameter& parameter : model.parameters().trainable()) leaves.push_back(parameter.variable());
+    const Estimated estimated(config);
+    const Model& model = estimated.model;
+    const std::vector<Variable> leaves = variables_of(model.parameters().trainable());
     Codes codes = random_codes(2, 3);
     const std::vector<Camera> cameras(2, camera_from_pose(orbit_pose(0.0, 0.0, 0.0, 5.3), {}));
     const auto peak_of_step = measured_peak([&] {
@@ -124,9 +152,10 @@ void check_estimate(const TrainConfig& config, const Recomputation& recomputatio
         WARN("skipped: the system does not tell the peak of a part of the run");
         return;
     }
-    const StepMemory memory = estimate_step_memory(config, phase_of(config, 1, 2), recomputation);
+    const StepMemory memory = estimated.memory(phase_of(config, 1, 2), recomputation);
     CAPTURE(recomputation.blocks, recomputation.field, *peak_of_step / mebibyte);
-    CHECK(static_cast<double>(memory.generator) / mebibyte == Approx(*peak_of_step / mebibyte).epsilon(0.25).margin(16.0));
+    CHECK(static_cast<double>(memory.generator) / mebibyte ==
+          Approx(*peak_of_step / mebibyte).epsilon(0.25).margin(16.0));
 }
 
 TrainConfig narrow_paper(std::int64_t resolution) {
@@ -141,11 +170,14 @@ TrainConfig narrow_paper(std::int64_t resolution) {
 }  // namespace
 
 TEST_CASE("the estimate is within a quarter of what a step takes", "[memory]") {
-    for (const Recomputation& recomputation : {Recomputation{}, Recomputation{true}, Recomputation{true, true}})
+    for (const Recomputation& recomputation :
+         {Recomputation{}, Recomputation{true}, Recomputation{true, true}})
         check_estimate(narrow_paper(256), recomputation);
 }
 
-TEST_CASE("the estimate is within a quarter of what a step of a decoder with concatenated codes takes", "[memory]") {
+TEST_CASE(
+    "the estimate is within a quarter of what a step of a decoder with concatenated codes takes",
+    "[memory]") {
     for (const std::string render : {"blocks", "none"}) {
         CAPTURE(render);
         TrainConfig config = narrow_paper(render == "blocks" ? 256 : 128);
@@ -156,19 +188,23 @@ TEST_CASE("the estimate is within a quarter of what a step of a decoder with con
     }
 }
 
-TEST_CASE("a smaller budget recomputes first the render blocks, then the field too, and one that is too small is refused",
-          "[memory]") {
+TEST_CASE(
+    "a smaller budget recomputes first the render blocks, then the field too, and one that is too "
+    "small is refused",
+    "[memory]") {
     TrainConfig config = paper();
+    config.model.encoder.backbone = "small_conv";
+    Estimated estimated(config);
     const TrainingPhase phase = phase_of(config, 1, 8);
-    CHECK_FALSE(choose_recomputation(config, phase).blocks);
+    CHECK_FALSE(estimated.chosen(phase).blocks);
 
     const auto choice = [&](double bytes) {
-        config.memory.budget_gibibytes = bytes / (1024.0 * mebibyte);
-        return choose_recomputation(config, phase);
+        estimated.config.memory.budget_gibibytes = bytes / (1024.0 * mebibyte);
+        return estimated.chosen(phase);
     };
-    double previous = peak(config, 1, 8, {});
+    double previous = estimated.peak(1, 8, {});
     for (const Recomputation& wanted : {Recomputation{true, false}, Recomputation{true, true}}) {
-        const double needed = peak(config, 1, 8, wanted);
+        const double needed = estimated.peak(1, 8, wanted);
         CHECK(needed < previous);
         previous = needed;
         const Recomputation chosen = choice(1.25 * needed + mebibyte);
@@ -176,17 +212,30 @@ TEST_CASE("a smaller budget recomputes first the render blocks, then the field t
         CHECK(chosen.field == wanted.field);
     }
     CHECK_THROWS_AS(choice(200.0 * mebibyte), ConfigError);
-    CHECK_THROWS_WITH(choice(200.0 * mebibyte), Contains("memory.budget_gibibytes") && Contains("8 images at once; it needs"));
+    CHECK_THROWS_WITH(choice(200.0 * mebibyte), Contains("memory.budget_gibibytes") &&
+                                                    Contains("8 images at once; it needs"));
+}
+
+TEST_CASE("a trainer whose steps do not fit the memory budget is refused", "[memory]") {
+    TrainConfig config = tiny_train_config();
+    config.memory.budget_gibibytes = 0.05;
+    const Dataset faces = synthetic_dataset();
+    CHECK_THROWS_WITH(Trainer(config, faces, nullptr, 5),
+                      Contains("memory.budget_gibibytes = 0.05") && Contains("it needs"));
+    config.memory.budget_gibibytes = 12.0;
+    CHECK_NOTHROW(Trainer(config, faces, nullptr, 5));
 }
 
 TEST_CASE("both stages of the paper fit twelve gibibytes", "[memory]") {
     TrainConfig config;
     config.memory.budget_gibibytes = 12.0;
+    config.model.reconstruction.perceptual.trunk = "random";
+    config.model.reconstruction.perceptual.heads = "random";
+    const Estimated estimated(config);
     const TrainingSchedule schedule(config);
     for (const TrainingPhase& phase : schedule.phases()) {
         CAPTURE(phase.stage, phase.resolution);
-        const Recomputation recomputation = choose_recomputation(config, phase);
-        CHECK(estimate_step_memory(config, phase, recomputation).peak() <= std::int64_t{12} << 30);
+        CHECK(estimated.memory(phase, estimated.chosen(phase)).peak() <= std::int64_t{12} << 30);
     }
 }
 
@@ -194,21 +243,27 @@ TEST_CASE("a training step within a budget has the gradients of one without", "[
     TrainConfig config = tiny_train_config();
     config.loss.mask_weight = 0.5;
     const Dataset faces = synthetic_dataset();
-    const TrainingBatch batch = make_batch(std::vector{faces.load(0), faces.load(1)});
+    const FaceBatch batch = make_batch(std::vector{faces.load(0), faces.load(1)});
     Rng weights(1);
     const Model model(config.model, weights);
     const ReconstructionLoss reconstruction(config.model.reconstruction);
+    const Estimated estimated(config);
     const auto result_with = [&](double bytes) {
         config.memory.budget_gibibytes = bytes / (1024.0 * mebibyte);
         Rng jitter(2);
-        return reconstruction_gradients(model, reconstruction, batch, config, model.parameters().trainable(), true, jitter);
+        TrainingPosition position = TrainingSchedule(config).position(0);
+        position.mask_loss = true;
+        return generator_gradients({model, reconstruction, config}, position, batch,
+                                   model.parameters().trainable(), jitter);
     };
     const LossAndGradients kept = result_with(0.0);
-    const LossAndGradients recomputed = result_with(1.25 * peak(config, 1, 2, {true, true}) + 1.0);
-    CHECK(choose_recomputation(config, phase_of(config, 1, 2)).field);
+    const LossAndGradients recomputed =
+        result_with(1.25 * estimated.peak(1, 2, {true, true}) + 1.0);
+    CHECK(choose_recomputation(model, reconstruction, config, phase_of(config, 1, 2)).field);
     CHECK(recomputed.losses.total == Approx(kept.losses.total).epsilon(1e-6));
     for (std::size_t i = 0; i < kept.gradients.size(); ++i) {
-        const CloseReport report = check_close(recomputed.gradients[i].value(), kept.gradients[i].value(), 1e-4);
+        const CloseReport report =
+            check_close(recomputed.gradients[i].value(), kept.gradients[i].value(), 1e-4);
         INFO(report.message);
         CHECK(report.passed);
     }

@@ -25,7 +25,8 @@ void finish(const RunFolder& run, std::int64_t step, std::int64_t keep) {
 
 std::set<std::string> checkpoints(const RunFolder& run) {
     std::set<std::string> names;
-    for (const auto& entry : fs::directory_iterator(run.path() / "checkpoints")) names.insert(entry.path().filename().string());
+    for (const auto& entry : fs::directory_iterator(run.path() / "checkpoints"))
+        names.insert(entry.path().filename().string());
     return names;
 }
 
@@ -40,7 +41,8 @@ TEST_CASE("a folder that holds a run is only opened to resume it", "[run_folder]
                    Catch::Contains(path.string()) && Catch::Contains("no checkpoint"));
         finish(run, 5, 3);
     }
-    const std::string message = error_message<FileError>([&] { const RunFolder again(path, false); });
+    const std::string message =
+        error_message<FileError>([&] { const RunFolder again(path, false); });
     CHECK(is_one_line(message));
     CHECK_THAT(message, Catch::Contains(path.string()) && Catch::Contains("--resume latest"));
     const RunFolder resumed(path, true);
@@ -66,7 +68,8 @@ TEST_CASE("an unfinished checkpoint is swept away and takes nobody's place", "[r
     CHECK(checkpoints(run) == std::set<std::string>{"000001", "000003"});
 }
 
-TEST_CASE("what TensorBoard shows is written beside statistics and samples, once there are any", "[run_folder]") {
+TEST_CASE("what TensorBoard shows is written beside statistics and samples, once there are any",
+          "[run_folder]") {
     const ScratchFolder folder;
     const auto event_files = [&] {
         std::vector<std::string> texts;
@@ -88,18 +91,24 @@ TEST_CASE("what TensorBoard shows is written beside statistics and samples, once
     }
     REQUIRE(event_files().size() == 1);
     const std::string text = event_files()[0];
-    CHECK_THAT(text, Catch::Contains("loss") && Catch::Contains("discriminator/real") && Catch::Contains("samples"));
-    CHECK_THAT(text, !Catch::Contains("step") && !Catch::Contains("unknown") && !Catch::Contains("phase"));
+    CHECK_THAT(text, Catch::Contains("loss") && Catch::Contains("discriminator/real") &&
+                         Catch::Contains("samples"));
+    CHECK_THAT(
+        text, !Catch::Contains("step") && !Catch::Contains("unknown") && !Catch::Contains("phase"));
     CHECK(text.find(read_text_file(folder / "run/samples/000050.png")) != std::string::npos);
-    // A START event (field 7 holding field 1 = 1) behind the first step (field 2) that is written again.
+    // A START event (field 7 holding field 1 = 1) behind the first step (field 2) that is written
+    // again.
     const RunFolder resumed(folder / "run", true);
     resumed.forget_statistics_after(50);
     REQUIRE(event_files().size() == 2);
     const std::string start("\x10\x33\x3A\x02\x08\x01");
-    CHECK(std::ranges::count_if(event_files(), [&](const std::string& file) { return file.find(start) != file.npos; }) == 1);
+    CHECK(std::ranges::count_if(event_files(), [&](const std::string& file) {
+              return file.find(start) != file.npos;
+          }) == 1);
 }
 
-TEST_CASE("a checkpoint that is written again is complete or comes back, wherever a crash stops it", "[run_folder]") {
+TEST_CASE("a checkpoint that is written again is complete or comes back, wherever a crash stops it",
+          "[run_folder]") {
     const ScratchFolder folder;
     const fs::path path = folder / "run";
     fs::path checkpoint;
@@ -186,7 +195,8 @@ TEST_CASE("a run folder that cannot be written is refused before anything is", "
     const ScratchFolder folder;
     write_text_file(folder / "file", "kept");
     for (const bool resume : {false, true}) {
-        const std::string message = error_message<FileError>([&] { const RunFolder run(folder / "file" / "run", resume); });
+        const std::string message =
+            error_message<FileError>([&] { const RunFolder run(folder / "file" / "run", resume); });
         CHECK(is_one_line(message));
         CHECK_THAT(message, Catch::Contains((folder / "file").string()));
     }

@@ -35,9 +35,9 @@ TEST_CASE("the phases follow each other in steps and in images", "[schedule]") {
     CHECK(schedule.images_before(12) == 24);
 }
 
-TEST_CASE("a step's place tells phase, images and fade", "[schedule]") {
+TEST_CASE("a step's position tells phase, images and fade", "[schedule]") {
     const TrainingSchedule schedule(config());
-    const TrainingPlace last_of_second = schedule.place(7);
+    const TrainingPosition last_of_second = schedule.position(7);
     CHECK(last_of_second.phase.resolution == 64);
     CHECK(last_of_second.step == 2);
     CHECK(last_of_second.first_image == 14);
@@ -45,14 +45,14 @@ TEST_CASE("a step's place tells phase, images and fade", "[schedule]") {
     CHECK(last_of_second.micro_batches() == std::vector<std::int64_t>{14, 15});
     const std::vector<double> fades{0.5, 1.0, 1.0, 1.0};
     for (std::size_t i = 0; i < fades.size(); ++i) {
-        const TrainingPlace place = schedule.place(8 + static_cast<std::int64_t>(i));
-        CHECK(place.phase.resolution == 128);
-        CHECK(place.fade == fades[i]);
-        CHECK(place.micro_batches() == std::vector<std::int64_t>{place.first_image});
+        const TrainingPosition position = schedule.position(8 + static_cast<std::int64_t>(i));
+        CHECK(position.phase.resolution == 128);
+        CHECK(position.fade == fades[i]);
+        CHECK(position.micro_batches() == std::vector<std::int64_t>{position.first_image});
     }
-    CHECK(schedule.place(0).phase.stage == 1);
-    CHECK(schedule.place(12).phase.resolution == 128);
-    CHECK_THROWS_AS(schedule.place(-1), ValueError);
+    CHECK(schedule.position(0).phase.stage == 1);
+    CHECK(schedule.position(12).phase.resolution == 128);
+    CHECK_THROWS_AS(schedule.position(-1), ValueError);
 }
 
 TEST_CASE("a stage without steps is left out, but one phase always stays", "[schedule]") {
@@ -60,18 +60,23 @@ TEST_CASE("a stage without steps is left out, but one phase always stays", "[sch
     without_first.stage1.steps = 0;
     const TrainingSchedule second_alone(without_first);
     CHECK(second_alone.phases().size() == 2);
-    CHECK(second_alone.place(0).phase.stage == 2);
+    CHECK(second_alone.position(0).phase.stage == 2);
 
     TrainConfig nothing = without_first;
     nothing.stage2.resolutions = {};
     CHECK(TrainingSchedule(nothing).steps() == 0);
-    CHECK(TrainingSchedule(nothing).place(0).phase.stage == 1);
+    CHECK(TrainingSchedule(nothing).position(0).phase.stage == 1);
 }
 
-TEST_CASE("the paper's second stage takes 64 to 512 pixels with batches of 32, 32, 16 and 12", "[schedule]") {
+TEST_CASE("the paper's second stage takes 64 to 512 pixels with batches of 32, 32, 16 and 12",
+          "[schedule]") {
     const TrainingSchedule schedule{TrainConfig{}};
     std::vector<std::vector<std::int64_t>> phases;
-    for (const TrainingPhase& phase : schedule.phases()) phases.push_back({phase.resolution, phase.batch, phase.steps});
-    CHECK(phases == std::vector<std::vector<std::int64_t>>{
-                        {512, 32, 200000}, {64, 32, 6250}, {128, 32, 9375}, {256, 16, 18750}, {512, 12, 41667}});
+    for (const TrainingPhase& phase : schedule.phases())
+        phases.push_back({phase.resolution, phase.batch, phase.steps});
+    CHECK(phases == std::vector<std::vector<std::int64_t>>{{512, 32, 200000},
+                                                           {64, 32, 6250},
+                                                           {128, 32, 9375},
+                                                           {256, 16, 18750},
+                                                           {512, 12, 41667}});
 }

@@ -11,6 +11,7 @@
 #include "core/interrupt.h"
 #include "core/io/file.h"
 #include "core/ops/ops.h"
+#include "nn/models/backbones/mobilefacenet.h"
 #include "support/check_close.h"
 #include "support/error_message.h"
 #include "support/thread_count.h"
@@ -28,9 +29,10 @@ const Dataset& faces() {
     return dataset;
 }
 
-/// Trains in `folder` until `steps` are done, from the checkpoint of `resume_from` if that is not negative.
-TrainingOutcome train(TrainConfig config, const fs::path& folder, std::int64_t steps, std::int64_t resume_from = -1,
-                      const Dataset* validation = nullptr) {
+/// Trains in `folder` until `steps` are done, from the checkpoint of `resume_from` if that is not
+/// negative.
+TrainingOutcome train(TrainConfig config, const fs::path& folder, std::int64_t steps,
+                      std::int64_t resume_from = -1, const Dataset* validation = nullptr) {
     config.stage1.steps = steps;
     const RunFolder run(folder, resume_from >= 0);
     Trainer trainer(config, faces(), validation, 5);
@@ -38,10 +40,11 @@ TrainingOutcome train(TrainConfig config, const fs::path& folder, std::int64_t s
     return trainer.run(run, {});
 }
 
-/// Weights, averaged weights, moments and state are all in these files, to the last bit.
+/// Weights, their EMA, moments and state are all in these files, to the last bit.
 void check_same_run(const fs::path& a, const fs::path& b, const std::string& checkpoint) {
     const fs::path folder = fs::path("checkpoints") / checkpoint;
-    for (const fs::path& file : {folder / "model.safetensors", folder / "state.safetensors", fs::path("model.safetensors")}) {
+    for (const fs::path& file : {folder / "model.safetensors", folder / "state.safetensors",
+                                 fs::path("model.safetensors")}) {
         INFO(file.string());
         CHECK(read_text_file(a / file) == read_text_file(b / file));
     }
@@ -50,7 +53,8 @@ void check_same_run(const fs::path& a, const fs::path& b, const std::string& che
 
 std::vector<Tensor> values_of(const Model& model) {
     std::vector<Tensor> values;
-    for (const Parameter& parameter : model.parameters().all()) values.push_back(parameter.variable().value());
+    for (const Parameter& parameter : model.parameters().all())
+        values.push_back(parameter.variable().value());
     return values;
 }
 
@@ -67,37 +71,14 @@ Parameter parameter_named(const Model& model, const std::string& name) {
 
 /// A mobilefacenet with random weights in the file format of the published ones.
 void write_backbone_weights(const fs::path& path) {
-    std::vector<std::string> names;
-    const auto add = [&](const std::string& convolution, const std::string& norm) {
-        names.push_back(convolution + ".weight");
-        for (const char* part : {".weight", ".bias", ".running_mean", ".running_var"}) names.push_back(norm + part);
-    };
-    add("conv1.0", "conv1.1");
-    add("dw_conv.depthwise", "dw_conv.bn1");
-    add("dw_conv.pointwise", "dw_conv.bn2");
-    for (int block = 0; block < 15; ++block) {
-        const std::string prefix = "features." + std::to_string(block) + ".conv.";
-        add(prefix + "0.0", prefix + "0.1");
-        add(prefix + "1.0", prefix + "1.1");
-        add(prefix + "2", prefix + "3");
-    }
-    add("conv2.0", "conv2.1");
-    add("gdconv.depthwise", "gdconv.bn");
-    for (const char* name : {"conv3.weight", "conv3.bias", "bn.weight", "bn.bias", "bn.running_mean", "bn.running_var"})
-        names.emplace_back(name);
-
-    ParameterStore store;
     Rng rng(3);
-    const auto backbone = make_backbone("mobilefacenet", store, "backbone.", rng);
-    REQUIRE(store.all().size() == names.size());
     TensorFile file;
-    for (std::size_t i = 0; i < names.size(); ++i) {
-        Tensor value = store.all()[i].variable().value();
-        if (value.rank() == 4) {
-            const Shape shape{value.shape(0), value.shape(3), value.shape(1), value.shape(2)};
-            value = rng.normal(shape, 0.0, std::sqrt(2.0 / static_cast<double>(shape[1] * shape[2] * shape[3])));
-        }
-        file.tensors[names[i]] = value;
+    for (const auto& [name, shape] : mobilefacenet_tensors()) {
+        const double inputs =
+            shape.rank() == 4 ? static_cast<double>(shape[1] * shape[2] * shape[3]) : 0.0;
+        file.tensors[name] =
+            inputs > 0.0 ? rng.normal(shape, 0.0, std::sqrt(2.0 / inputs))
+                         : Tensor::full(shape, name.ends_with("weight") || name.ends_with("var"));
     }
     write_tensor_file(path, file);
 }
@@ -120,10 +101,14 @@ TEST_CASE("a run that stops and resumes gives the same bits as one that does not
     }
     const std::vector<nlohmann::json> lines = statistics(folder / "whole");
     REQUIRE(lines.size() == 6);
-    for (std::size_t step = 1; step <= 6; ++step) CHECK((lines[step - 1]["mask"].get<double>() > 0.0) == (step > 4));
+    for (std::size_t step = 1; step <= 6; ++step)
+        CHECK((lines[step - 1]["mask"].get<double>() > 0.0) == (step > 4));
 }
 
-TEST_CASE("resuming is exact across the epoch in which the backbone thaws and the mask loss sets in", "[trainer]") {
+TEST_CASE(
+    "resuming is exact across the epoch in which the backbone is unfrozen and the mask loss sets "
+    "in",
+    "[trainer]") {
     const ScratchFolder folder;
     TrainConfig config = tiny_train_config();
     write_backbone_weights(folder / "backbone.safetensors");
@@ -145,16 +130,17 @@ TEST_CASE("resuming is exact across the epoch in which the backbone thaws and th
 
     const TensorFile frozen = read_tensor_file(checkpoints / "000001/model.safetensors");
     const TensorFile still_frozen = read_tensor_file(checkpoints / "000002/model.safetensors");
-    const TensorFile thawed = read_tensor_file(checkpoints / "000003/model.safetensors");
+    const TensorFile unfrozen = read_tensor_file(checkpoints / "000003/model.safetensors");
     const std::string weight = "encoder.backbone.embed.conv.weight";
     CHECK(identical(frozen.tensors.at(weight), still_frozen.tensors.at(weight)));
-    CHECK_FALSE(identical(frozen.tensors.at(weight), thawed.tensors.at(weight)));
+    CHECK_FALSE(identical(frozen.tensors.at(weight), unfrozen.tensors.at(weight)));
 }
 
 TEST_CASE("the first losses of a run are those written down here", "[trainer]") {
     Trainer trainer(tiny_train_config(), faces(), nullptr, 5);
     const std::vector<double> expected{7.375521183, 1.306274116, 8.4707150459};
-    for (const double total : expected) CHECK(trainer.step().losses.total == Approx(total).epsilon(1e-4));
+    for (const double total : expected)
+        CHECK(trainer.step().losses.total == Approx(total).epsilon(1e-4));
 }
 
 TEST_CASE("how many images are computed at once does not change a step", "[trainer]") {
@@ -162,20 +148,22 @@ TEST_CASE("how many images are computed at once does not change a step", "[train
     config.stage1.steps = 1;
     config.stage1.batch = 4;
     config.loss.mask_start_epoch = 0;
-    std::vector<LossTerms> losses;
+    std::vector<LossValues> losses;
     std::vector<std::vector<Tensor>> moments;
     for (const std::int64_t micro_batch : {1, 2, 4}) {
         config.stage1.micro_batch = micro_batch;
         const ScratchFolder folder;
         Trainer trainer(config, faces(), nullptr, 5);
         losses.push_back(trainer.step().losses);
-        CHECK(losses.back().mask > 0.0);
+        CHECK(losses.back()["mask"] > 0.0);
         static_cast<void>(trainer.run(RunFolder(folder.path(), false), {}));
-        // Adam's first step depends on the sign of a gradient alone; its first moment is a tenth of the gradient itself.
+        // Adam's first step depends on the sign of a gradient alone; its first moment is a tenth of
+        // the gradient itself.
         const TensorFile state = read_tensor_file(folder / "checkpoints/000001/state.safetensors");
         moments.emplace_back();
         for (const auto& [name, tensor] : state.tensors)
-            if (name.starts_with("adam.") && name.ends_with(".first")) moments.back().push_back(tensor);
+            if (name.starts_with("adam.") && name.ends_with(".first"))
+                moments.back().push_back(tensor);
     }
     for (std::size_t run = 1; run < 3; ++run) {
         CHECK(losses[run].total == Approx(losses[0].total).epsilon(1e-5));
@@ -200,7 +188,10 @@ TEST_CASE("one and two threads train to the same bits", "[trainer]") {
     CHECK(all_identical(values[0], values[1]));
 }
 
-TEST_CASE("steps without a finite gradient change nothing, and too many of them in a row end the run by name", "[trainer]") {
+TEST_CASE(
+    "steps without a finite gradient change nothing, and too many of them in a row end the run by "
+    "name",
+    "[trainer]") {
     Trainer trainer(tiny_train_config(), faces(), nullptr, 5);
     static_cast<void>(trainer.step());
     const Parameter parameter = parameter_named(trainer.model(), "decoder.field.density.weight");
@@ -222,10 +213,66 @@ TEST_CASE("steps without a finite gradient change nothing, and too many of them 
 
     parameter.set_value(broken);
     for (int step = 0; step < 2; ++step) static_cast<void>(trainer.step());
-    const std::string message = error_message<NumericError>([&] { static_cast<void>(trainer.step()); });
+    const std::string message =
+        error_message<NumericError>([&] { static_cast<void>(trainer.step()); });
     CHECK(is_one_line(message));
-    CHECK_THAT(message, Catch::Contains("step 7") && Catch::Contains("encoder.backbone.conv0.weight") &&
-                            Catch::Contains("3 steps in a row") && Catch::Contains("optimizer.learning_rate"));
+    CHECK_THAT(message, Catch::Contains("step 7") &&
+                            Catch::Contains("encoder.backbone.conv0.weight") &&
+                            Catch::Contains("3 steps in a row") &&
+                            Catch::Contains("optimizer.learning_rate"));
+}
+
+TEST_CASE("a backbone that has published weights needs them, or random ones by that name",
+          "[trainer]") {
+    TrainConfig config = tiny_train_config();
+    config.model.encoder.backbone = "mobilefacenet";
+    const std::string message =
+        error_message<ConfigError>([&] { Trainer(config, faces(), nullptr, 5); });
+    CHECK(is_one_line(message));
+    CHECK_THAT(message, Catch::Contains("encoder.backbone_weights") &&
+                            Catch::Contains("stymo-weights import") && Catch::Contains("random"));
+    config.model.encoder.backbone_weights = "random";
+    config.optimizer.backbone_frozen_epochs = 1;
+    Trainer trainer(config, faces(), nullptr, 5);
+    static_cast<void>(trainer.step());
+    // Random weights learn from the first step on.
+    CHECK(parameter_named(trainer.model(), "encoder.backbone.embed.conv.weight").trainable());
+}
+
+TEST_CASE("a photo near profile is skipped and named where the sampling planes are of the world",
+          "[trainer]") {
+    const ScratchFolder folder;
+    fs::copy(synthetic_folder(), folder.path() / "faces", fs::copy_options::recursive);
+    std::istringstream lines(read_text_file(synthetic_folder() / "faces.jsonl"));
+    std::string records;
+    for (std::string line; std::getline(lines, line);) {
+        nlohmann::json record = nlohmann::json::parse(line);
+        if (record["id"] == "00001") record["pose"]["yaw_deg"] = 80.0;
+        records += record.dump() + "\n";
+    }
+    write_text_file(folder.path() / "faces/faces.jsonl", records);
+    TrainConfig config = tiny_train_config();
+    const Dataset training = faces_for_training(folder.path() / "faces", config, Split::training);
+    CHECK(training.ids() == std::vector<std::string>{"00000", "00002", "00003"});
+    const std::string summary = training.summary().text();
+    CHECK_THAT(summary, Catch::Contains("3 faces") && Catch::Contains("1 skipped") &&
+                            Catch::Contains("00001.png: "));
+    CHECK(std::ranges::count(summary, '\n') == 1);
+    config.stage1.steps = 4;
+    Trainer trainer(config, training, nullptr, 5);
+    CHECK(trainer.run(RunFolder(folder.path() / "run", false), {}).finished);
+    config.model.decoder.depth_planes = "optical_axis";
+    CHECK(faces_for_training(folder.path() / "faces", config, Split::training).size() == 4);
+}
+
+TEST_CASE("a model with half as many rays trains, on images from half the side on", "[trainer]") {
+    TrainConfig config = tiny_train_config();
+    config.model.decoder.rays.rays_per_side = 16;
+    config.model.decoder.block_channels = {6, 4};
+    config.model.reconstruction.resolution_weights = {0.5, 1.0};
+    Trainer trainer(config, faces(), nullptr, 5);
+    CHECK(std::isfinite(trainer.step().losses.total));
+    CHECK(trainer.model().decoder().ladder().sides() == std::vector<std::int64_t>{32, 64});
 }
 
 TEST_CASE("the learning rate falls by its schedule", "[trainer]") {
@@ -244,7 +291,8 @@ TEST_CASE("the learning rate falls by its schedule", "[trainer]") {
     for (std::size_t i = 0; i < 5; ++i) {
         CHECK(epoch[i]["learning_rate"].get<double>() == Approx(1e-3 * factors[i]));
         const double angle = std::numbers::pi * static_cast<double>(i) / 5.0;
-        CHECK(cosine[i]["learning_rate"].get<double>() == Approx(0.5e-3 * (1.0 + std::cos(angle))).margin(1e-15));
+        CHECK(cosine[i]["learning_rate"].get<double>() ==
+              Approx(0.5e-3 * (1.0 + std::cos(angle))).margin(1e-15));
     }
 }
 
@@ -259,12 +307,14 @@ TEST_CASE("a factor of zero keeps the backbone where it is", "[trainer]") {
         const std::string& name = parameters[i].name();
         INFO(name);
         // The mask's branch takes no part before its loss does.
-        const bool still = name.starts_with("encoder.backbone.") || name.starts_with("decoder.mask.");
+        const bool still =
+            name.starts_with("encoder.backbone.") || name.starts_with("decoder.mask.");
         CHECK(identical(before[i], parameters[i].variable().value()) == still);
     }
 }
 
-TEST_CASE("a first stage of fewer pixels than the model has leaves the finer blocks as they are", "[trainer]") {
+TEST_CASE("a first stage of fewer pixels than the model has leaves the finer blocks as they are",
+          "[trainer]") {
     TrainConfig config = tiny_two_stage_config();
     config.stage1.resolution = 64;
     config.loss.mask_start_epoch = 0;
@@ -275,7 +325,8 @@ TEST_CASE("a first stage of fewer pixels than the model has leaves the finer blo
     for (std::size_t i = 0; i < parameters.size(); ++i) {
         const std::string& name = parameters[i].name();
         INFO(name);
-        const bool still = name.starts_with("decoder.block128.") || name.starts_with("decoder.mask.");
+        const bool still =
+            name.starts_with("decoder.block128.") || name.starts_with("decoder.mask.");
         CHECK(identical(before[i], parameters[i].variable().value()) == still);
     }
 }
@@ -294,7 +345,8 @@ TEST_CASE("a run that is told to stop leaves a checkpoint to go on from", "[trai
         CHECK_FALSE(outcome.finished);
         REQUIRE(outcome.steps > 0);
         REQUIRE(outcome.steps < 100000);
-        CHECK(RunFolder(run, true).latest_checkpoint() == RunFolder(run, true).checkpoint(outcome.steps));
+        CHECK(RunFolder(run, true).latest_checkpoint() ==
+              RunFolder(run, true).checkpoint(outcome.steps));
         CHECK(train(tiny_train_config(), run, outcome.steps + 1, outcome.steps).finished);
     }
     const InterruptGuard forget;
@@ -308,14 +360,17 @@ TEST_CASE("a run keeps the model that scores best and samples of what it sees", 
     static_cast<void>(train(config, folder / "run", 2, -1, &validation));
     CHECK(fs::exists(folder / "run/samples/000002.png"));
     const Model best = Model::load(folder / "run/best.safetensors");
-    const Model averaged = Model::load(folder / "run/model.safetensors");
-    CHECK(all_identical(values_of(best), values_of(averaged)));
+    const Model ema = Model::load(folder / "run/model.safetensors");
+    CHECK(all_identical(values_of(best), values_of(ema)));
     const TensorFile raw = read_tensor_file(folder / "run/checkpoints/000002/model.safetensors");
-    CHECK_FALSE(identical(parameter_named(averaged, "decoder.field.density.weight").variable().value(),
+    CHECK_FALSE(identical(parameter_named(ema, "decoder.field.density.weight").variable().value(),
                           raw.tensors.at("decoder.field.density.weight")));
 }
 
-TEST_CASE("a run's model has the statistics of its own codes of the training faces, unless that is switched off", "[trainer]") {
+TEST_CASE(
+    "a run's model has the statistics of its own codes of the training faces, unless that is "
+    "switched off",
+    "[trainer]") {
     const ScratchFolder folder;
     TrainConfig config = tiny_train_config();
     static_cast<void>(train(config, folder / "run", 2));
@@ -324,7 +379,8 @@ TEST_CASE("a run's model has the statistics of its own codes of the training fac
     CHECK(model.code_statistics()->faces() == faces().size());
     std::vector<Variable> codes;
     for (std::int64_t i = 0; i < faces().size(); ++i)
-        codes.push_back(joined(model.encoder()(Variable(make_batch(std::vector{faces().load(i)}).input))));
+        codes.push_back(
+            joined(model.encoder()(Variable(make_batch(std::vector{faces().load(i)}).input))));
     const CodeStatistics expected = CodeStatistics::of(split_codes(concat(codes, 0)));
     CHECK(check_close(model.code_statistics()->mean(), expected.mean(), 1e-6).passed);
     CHECK(check_close(model.code_statistics()->factor(), expected.factor(), 1e-3).passed);
@@ -358,17 +414,19 @@ TEST_CASE("a checkpoint of another seed or another model is refused in one line"
     TensorFile state = read_tensor_file(checkpoint / "state.safetensors");
     state.tensors.erase("average.decoder.field.density.weight");
     write_tensor_file(checkpoint / "state.safetensors", state);
-    Trainer averaged(tiny_train_config(), faces(), nullptr, 5);
-    const std::string average = error_message<FileError>([&] { averaged.resume(checkpoint); });
+    Trainer with_ema(tiny_train_config(), faces(), nullptr, 5);
+    const std::string average = error_message<FileError>([&] { with_ema.resume(checkpoint); });
     CHECK(is_one_line(average));
     CHECK_THAT(average, Catch::Contains("has no tensor average.decoder.field.density.weight"));
 
     state = read_tensor_file(folder / "run/checkpoints/000001/state.safetensors");
-    state.tensors["average.decoder.field.density.weight"] = state.tensors.at("adam.decoder.field.density.weight.first");
+    state.tensors["average.decoder.field.density.weight"] =
+        state.tensors.at("adam.decoder.field.density.weight.first");
     state.tensors.erase("adam.decoder.field.density.weight.steps");
     write_tensor_file(checkpoint / "state.safetensors", state);
     Trainer same(tiny_train_config(), faces(), nullptr, 5);
     const std::string moments = error_message<FileError>([&] { same.resume(checkpoint); });
     CHECK(is_one_line(moments));
-    CHECK_THAT(moments, Catch::Contains("state.safetensors") && Catch::Contains("decoder.field.density.weight is incomplete"));
+    CHECK_THAT(moments, Catch::Contains("state.safetensors") &&
+                            Catch::Contains("decoder.field.density.weight is incomplete"));
 }

@@ -17,7 +17,8 @@ using namespace stymo;
 using namespace stymo::test;
 namespace fs = std::filesystem;
 
-// Steps of tiny_two_stage_config: 1 and 2 of the first stage, 3 and 4 at 64 pixels, 5 (fading) and 6 at 128.
+// Steps of tiny_two_stage_config: 1 and 2 of the first stage, 3 and 4 at 64 pixels, 5 (fading) and
+// 6 at 128.
 
 namespace {
 
@@ -78,12 +79,16 @@ const fs::path& whole_run() {
 
 }  // namespace
 
-TEST_CASE("the first stage makes no discriminator, and LPIPS is made for neither without its weight", "[work]") {
+TEST_CASE(
+    "the first stage makes no discriminator, and LPIPS is made for neither without its weight",
+    "[work]") {
     const TrainConfig config = tiny_two_stage_config();
     const Dataset& data = faces();
     const WorkMeter meter;
     Trainer trainer(config, data, nullptr, 5);
-    const auto weights = [](const Trainer& of) { return std::ssize(of.model().parameters().all()); };
+    const auto weights = [](const Trainer& of) {
+        return std::ssize(of.model().parameters().all());
+    };
     static_cast<void>(trainer.step());
     static_cast<void>(trainer.step());
     CHECK(meter.counts().parameters == weights(trainer));
@@ -103,8 +108,8 @@ TEST_CASE("without the mask's loss its branch is neither computed nor trained", 
         const WorkMeter meter;
         static_cast<void>(trainer.step());
         const std::vector<Parameter> trained = trainer.model().parameters().trainable();
-        const bool any_mask =
-            std::ranges::any_of(trained, [](const Parameter& one) { return one.name().starts_with("decoder.mask."); });
+        const bool any_mask = std::ranges::any_of(
+            trained, [](const Parameter& one) { return one.name().starts_with("decoder.mask."); });
         CHECK(any_mask == (mask_weight > 0.0));
         return meter.counts();
     };
@@ -114,12 +119,16 @@ TEST_CASE("without the mask's loss its branch is neither computed nor trained", 
     CHECK(without.gradients < with.gradients);
 }
 
-TEST_CASE("a run that stops and resumes gives the same bits in both stages and across every change of phase", "[two_stages]") {
+TEST_CASE(
+    "a run that stops and resumes gives the same bits in both stages and across every change of "
+    "phase",
+    "[two_stages]") {
     const std::int64_t stop = GENERATE(1, 2, 3, 4, 5);
     const ScratchFolder folder;
     train(tiny_two_stage_config(), folder / "run", checkpoint(whole_run(), stop));
     INFO("stopped after step " << stop);
-    for (const char* file : {"checkpoints/000006/model.safetensors", "checkpoints/000006/state.safetensors", "model.safetensors"})
+    for (const char* file : {"checkpoints/000006/model.safetensors",
+                             "checkpoints/000006/state.safetensors", "model.safetensors"})
         CHECK(read_text_file(folder / "run" / file) == read_text_file(whole_run() / file));
     const std::vector<nlohmann::json> whole = statistics(whole_run());
     const std::vector<nlohmann::json> rest = statistics(folder / "run");
@@ -132,35 +141,41 @@ TEST_CASE("each phase trains what takes part in it and leaves the rest alone", "
     const auto changed = [&](std::int64_t step, const std::string& prefix) {
         return moved(weights_at(run, step - 1), weights_at(run, step), prefix);
     };
-    for (const char* prefix : {"encoder.backbone.", "encoder.heads.", "decoder.field.", "decoder.block128."}) {
+    for (const char* prefix :
+         {"encoder.backbone.", "encoder.heads.", "decoder.field.", "decoder.block128."}) {
         INFO(prefix);
         CHECK(changed(2, prefix));
     }
     for (const std::int64_t step : {3, 4, 5, 6}) {
         INFO("step " << step);
         CHECK_FALSE(changed(step, "encoder."));
-        for (const char* prefix : {"decoder.field.", "decoder.mapping.", "decoder.block64."}) CHECK(changed(step, prefix));
+        for (const char* prefix : {"decoder.field.", "decoder.mapping.", "decoder.block64."})
+            CHECK(changed(step, prefix));
         CHECK(changed(step, "decoder.block128.") == (step >= 5));
         CHECK(changed(step, "decoder.mask.") == (step >= 5));
     }
-    const auto judge_changed = [&](std::int64_t step, const std::string& prefix) {
+    const auto discriminator_changed = [&](std::int64_t step, const std::string& prefix) {
         return moved(state_at(run, step - 1), state_at(run, step), "discriminator." + prefix);
     };
-    CHECK(judge_changed(4, "from_rgb64."));
-    CHECK(judge_changed(4, "block64."));
-    CHECK_FALSE(judge_changed(4, "from_rgb128."));
-    CHECK_FALSE(judge_changed(4, "block128."));
+    CHECK(discriminator_changed(4, "from_rgb64."));
+    CHECK(discriminator_changed(4, "block64."));
+    CHECK_FALSE(discriminator_changed(4, "from_rgb128."));
+    CHECK_FALSE(discriminator_changed(4, "block128."));
     CHECK(has_prefix(state_at(run, 4), "discriminator_adam.discriminator.block64."));
     CHECK_FALSE(has_prefix(state_at(run, 4), "discriminator_adam.discriminator.block128."));
-    for (const char* prefix : {"from_rgb64.", "from_rgb128.", "block64.", "block128."}) CHECK(judge_changed(5, prefix));
+    for (const char* prefix : {"from_rgb64.", "from_rgb128.", "block64.", "block128."})
+        CHECK(discriminator_changed(5, prefix));
     // The new block has faded in.
-    CHECK_FALSE(judge_changed(6, "from_rgb64."));
-    CHECK(judge_changed(6, "block128."));
+    CHECK_FALSE(discriminator_changed(6, "from_rgb64."));
+    CHECK(discriminator_changed(6, "block128."));
 }
 
-TEST_CASE("the discriminator steps once more where R1 is due, with what it remembers of both", "[two_stages]") {
+TEST_CASE("the discriminator steps once more where R1 is due, with what it remembers of both",
+          "[two_stages]") {
     const auto steps_of = [](std::int64_t step, const std::string& name) {
-        return state_at(whole_run(), step).tensors.at("discriminator_adam.discriminator." + name + ".steps").item();
+        return state_at(whole_run(), step)
+            .tensors.at("discriminator_adam.discriminator." + name + ".steps")
+            .item();
     };
     // An interval of two, counted within each phase: R1 at steps 3 and 5.
     CHECK(steps_of(3, "from_rgb64.weight") == 2.0);
@@ -186,19 +201,23 @@ TEST_CASE("what a step of the second stage reports goes to the statistics", "[tw
         CHECK((line["mask"].get<double>() > 0.0) == (i >= 4));
         for (const char* term : {"reconstruction", "photometric", "adversarial", "discriminator"})
             CHECK(line[term].get<double>() > 0.0);
-        for (const char* term : {"real_logit", "fake_logit"}) CHECK(line[term].get<double>() != 0.0);
+        for (const char* term : {"real_logit", "fake_logit"})
+            CHECK(line[term].get<double>() != 0.0);
     }
     CHECK(fs::exists(whole_run() / "samples/000004.png"));
 }
 
-TEST_CASE("the average of the second stage is the moving average of the weights after each of its steps", "[two_stages]") {
+TEST_CASE(
+    "the average of the second stage is the moving average of the weights after each of its steps",
+    "[two_stages]") {
     const std::string name = "decoder.field.density.weight";
     const fs::path& run = whole_run();
     std::vector<double> average = state_at(run, 2).tensors.at("average." + name).to_vector();
     const double decay = std::pow(0.5, 2.0 / 6.0);
     for (const std::int64_t step : {3, 4}) {
         const std::vector<double> weights = weights_at(run, step).tensors.at(name).to_vector();
-        const std::vector<double> stored = state_at(run, step).tensors.at("average." + name).to_vector();
+        const std::vector<double> stored =
+            state_at(run, step).tensors.at("average." + name).to_vector();
         for (std::size_t i = 0; i < average.size(); ++i) {
             average[i] = decay * average[i] + (1.0 - decay) * weights[i];
             CHECK(stored[i] == Approx(average[i]).epsilon(1e-5).margin(1e-7));
@@ -206,7 +225,8 @@ TEST_CASE("the average of the second stage is the moving average of the weights 
     }
 }
 
-TEST_CASE("a finished first stage goes on with a second one, with and without a discriminator", "[two_stages]") {
+TEST_CASE("a finished first stage goes on with a second one, with and without a discriminator",
+          "[two_stages]") {
     const ScratchFolder folder;
     TrainConfig first = tiny_two_stage_config();
     first.stage2.resolutions = {};
@@ -223,7 +243,8 @@ TEST_CASE("a finished first stage goes on with a second one, with and without a 
     train(without, folder / "without", checkpoint(folder / "first", 2));
     CHECK_FALSE(has_prefix(state_at(folder / "without", 4), "discriminator"));
     CHECK_FALSE(has_prefix(state_at(folder / "without", 4), "average."));
-    CHECK(moved(weights_at(folder / "without", 3), weights_at(folder / "without", 4), "decoder.field."));
+    CHECK(moved(weights_at(folder / "without", 3), weights_at(folder / "without", 4),
+                "decoder.field."));
     CHECK(statistics(folder / "without").front()["adversarial"] == 0.0);
 
     train(tiny_two_stage_config(), folder / "late", checkpoint(folder / "without", 4));
@@ -231,8 +252,10 @@ TEST_CASE("a finished first stage goes on with a second one, with and without a 
     CHECK(has_prefix(state_at(folder / "late", 6), "average."));
 }
 
-TEST_CASE("a step of the second stage with a gradient that is not finite changes nothing, and too many of them end the run",
-          "[two_stages]") {
+TEST_CASE(
+    "a step of the second stage with a gradient that is not finite changes nothing, and too many "
+    "of them end the run",
+    "[two_stages]") {
     TrainConfig config = tiny_two_stage_config();
     config.stage1.steps = 0;
     config.optimizer.failures_allowed = 1;
@@ -248,13 +271,17 @@ TEST_CASE("a step of the second stage with a gradient that is not finite changes
     const StepReport report = trainer.step();
     CHECK(report.non_finite.has_value());
     CHECK(trainer.state().failures == 1);
-    for (std::size_t i = 0; i < all.size(); ++i) CHECK(identical(all[i].variable().value(), before[i]));
-    const std::string message = error_message<NumericError>([&] { static_cast<void>(trainer.step()); });
+    for (std::size_t i = 0; i < all.size(); ++i)
+        CHECK(identical(all[i].variable().value(), before[i]));
+    const std::string message =
+        error_message<NumericError>([&] { static_cast<void>(trainer.step()); });
     CHECK(is_one_line(message));
-    CHECK_THAT(message, Catch::Contains("2 steps in a row") && Catch::Contains("stage2.learning_rate"));
+    CHECK_THAT(message,
+               Catch::Contains("2 steps in a row") && Catch::Contains("stage2.learning_rate"));
 }
 
-TEST_CASE("a discriminator's update is taken back if the decoder's fails after it", "[two_stages]") {
+TEST_CASE("a discriminator's update is taken back if the decoder's fails after it",
+          "[two_stages]") {
     TrainConfig config = tiny_two_stage_config();
     config.stage1.steps = 0;
     config.optimizer.failures_allowed = 10;
@@ -267,7 +294,8 @@ TEST_CASE("a discriminator's update is taken back if the decoder's fails after i
     CHECK_FALSE(moved(state_at(folder / "run", 2), state_at(folder / "run", 4), "discriminator."));
 }
 
-TEST_CASE("the best model is chosen anew at each resolution, by its reconstruction loss", "[two_stages]") {
+TEST_CASE("the best model is chosen anew at each resolution, by its reconstruction loss",
+          "[two_stages]") {
     const ScratchFolder folder;
     const Dataset validation = synthetic_dataset(128);
     TrainConfig config = tiny_two_stage_config();
@@ -277,11 +305,13 @@ TEST_CASE("the best model is chosen anew at each resolution, by its reconstructi
     CHECK(state_at(folder / "run", 6).metadata.at("best_resolution") == "128");
     CHECK(std::stod(state_at(folder / "run", 6).metadata.at("best_validation")) < 10.0);
     CHECK(fs::exists(folder / "run/best.safetensors"));
-    CHECK_THAT(read_text_file(folder / "run/log.txt"),
-               Catch::Contains("validation at 64 pixels: reconstruction") && Catch::Contains("PSNR"));
+    CHECK_THAT(
+        read_text_file(folder / "run/log.txt"),
+        Catch::Contains("validation at 64 pixels: reconstruction") && Catch::Contains("PSNR"));
 }
 
-TEST_CASE("the plan of both stages counts the discriminator and measures what it is asked to", "[two_stages]") {
+TEST_CASE("the plan of both stages counts the discriminator and measures what it is asked to",
+          "[two_stages]") {
     const TrainConfig config = tiny_two_stage_config();
     const auto plan_of = [&](MeasuredPhases measured) {
         Trainer trainer(config, faces(), nullptr, 5);
@@ -292,23 +322,28 @@ TEST_CASE("the plan of both stages counts the discriminator and measures what it
     REQUIRE(plan.phases.size() == 3);
     CHECK((plan.phases[0].measured && !plan.phases[1].measured && plan.phases[2].measured));
     CHECK(plan.phases[2].step_seconds > 0.0);
-    CHECK_THAT(plan_text(plan), Catch::Contains("discriminator") && Catch::Contains("stage 2,   64 2 steps of 2 images"));
+    CHECK_THAT(plan_text(plan), Catch::Contains("discriminator") &&
+                                    Catch::Contains("stage 2,   64 2 steps of 2 images"));
     for (const PhasePlan& phase : plan_of(MeasuredPhases::none).phases) CHECK_FALSE(phase.measured);
 }
 
-TEST_CASE("random weights of LPIPS are reported as such by the plan and by the run", "[two_stages]") {
+TEST_CASE("random weights of LPIPS are reported as such by the plan and by the run",
+          "[two_stages]") {
     TrainConfig config = tiny_two_stage_config();
     config.stage2.resolutions = {};
     config.stage1.steps = 1;
     config.model.reconstruction.perceptual_weight = 0.1;
-    config.model.reconstruction.perceptual = {.network = "squeezenet1_1", .trunk = "random", .heads = "random"};
+    config.model.reconstruction.perceptual = {
+        .network = "squeezenet1_1", .trunk = "random", .heads = "random"};
     const ScratchFolder folder;
     train(config, folder / "run");
-    CHECK_THAT(read_text_file(folder / "run/log.txt"), Catch::Contains("LPIPS: squeezenet1_1, random weights"));
+    CHECK_THAT(read_text_file(folder / "run/log.txt"),
+               Catch::Contains("LPIPS: squeezenet1_1, random weights"));
 
     Trainer trainer(config, faces(), nullptr, 5);
     const TrainingPlan plan = measure_plan(trainer, config, faces(), MeasuredPhases::none);
     CHECK(plan.lpips_network == "squeezenet1_1, random weights");
     CHECK_THAT(plan_text(plan), Catch::Contains("LPIPS         squeezenet1_1, random weights"));
-    CHECK(nlohmann::json::parse(to_json(plan).text())["lpips_network"] == "squeezenet1_1, random weights");
+    CHECK(nlohmann::json::parse(to_json(plan).text())["lpips_network"] ==
+          "squeezenet1_1, random weights");
 }

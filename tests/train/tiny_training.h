@@ -10,13 +10,14 @@
 #include "core/io/scratch_folder.h"
 #include "render/morphable/builtin_head.h"
 #include "support/tiny_model.h"
-#include "train/dataset.h"
-#include "train/synthetic_faces.h"
+#include "train/data/dataset.h"
+#include "train/data/synthetic_faces.h"
 #include "train/train_config.h"
 
 namespace stymo::test {
 
-/// The smallest configuration that trains: 32 rays and 64 pixels a side, the smallest target of a batch.
+/// The smallest configuration that trains: 32 rays and 64 pixels a side, the smallest target of a
+/// batch.
 [[nodiscard]] inline TrainConfig tiny_train_config() {
     TrainConfig config;
     config.model = tiny_model_config();
@@ -30,13 +31,19 @@ namespace stymo::test {
     config.loss.code_norm_weight = 0.1;
     config.optimizer.learning_rate = 1e-3;
     config.optimizer.failures_allowed = 2;
-    config.stage1 = {.steps = 4, .batch = 2, .micro_batch = 1, .samples_per_ray = 4, .average_half_life = 4.0};
+    config.stage1 = {
+        .steps = 4, .batch = 2, .micro_batch = 1, .samples_per_ray = 4, .average_half_life = 4.0};
     config.stage2.resolutions = {};
-    config.output = {.tick_steps = 1, .sample_steps = 0, .checkpoint_minutes = 0.0, .keep_last = 3, .validation_images = 2};
+    config.output = {.tick_steps = 1,
+                     .sample_steps = 0,
+                     .checkpoint_minutes = 0.0,
+                     .keep_last = 3,
+                     .validation_images = 2};
     return config;
 }
 
-/// Both stages, the second one at 64 and at 128 pixels: two steps, then two steps of which the first one fades.
+/// Both stages, the second one at 64 and at 128 pixels: two steps, then two steps of which the
+/// first one fades.
 [[nodiscard]] inline TrainConfig tiny_two_stage_config() {
     TrainConfig config = tiny_train_config();
     config.model.decoder.resolution = 128;
@@ -61,7 +68,10 @@ namespace stymo::test {
     struct Folder {
         ScratchFolder scratch;
         std::filesystem::path faces = scratch / "faces";
-        Folder() { write_synthetic_faces(builtin_head(), {.count = 4, .side = 64, .intrinsics = {}}, Rng(1), faces); }
+        Folder() {
+            write_synthetic_faces(builtin_head(), {.count = 4, .side = 64, .intrinsics = {}},
+                                  Rng(1), faces);
+        }
     };
     static const Folder folder;
     return folder.faces;

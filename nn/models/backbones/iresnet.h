@@ -15,6 +15,7 @@ struct IresnetLayout {
     std::array<std::int64_t, 4> widths{64, 128, 256, 512};
     std::int64_t input_side = 112;  ///< a multiple of 16: each stage halves the image
     std::int64_t embedding_size = 512;
+    std::int64_t saved = 0;  ///< Backbone::saved
 };
 
 /// A published size of the network.
@@ -28,19 +29,23 @@ inline constexpr std::array<IresnetDepth, 5> iresnet_depths{{{"iresnet18", {2, 2
                                                              {"iresnet100", {3, 13, 30, 3}},
                                                              {"iresnet200", {6, 26, 60, 6}}}};
 
-/// The improved residual network of insightface (recognition/arcface_torch/backbones/iresnet.py), image -> embedding, not
-/// normalised. Any image is resized to the input's side by antialiased bicubic resampling; it stays in [-1, 1]. PReLU for each
-/// channel, batch norms with epsilon 1e-5 in inference mode, the last of them with its weight fixed to 1.
-/// Weights begin as insightface's, N(0, 0.1) for every convolution, and the stored variances as what such weights make of an
-/// image, so that a network that is trained from scratch begins with values of size one in every layer.
-/// Published files carry insightface's names ("layer1.0.bn1.weight", "fc.weight", "features.running_var").
-/// Throws ValueError for a side that is no multiple of 16.
-[[nodiscard]] std::unique_ptr<Backbone> make_iresnet(const IresnetLayout& layout, ParameterStore& store,
+/// The improved residual network of insightface (recognition/arcface_torch/backbones/iresnet.py),
+/// image -> embedding, not normalised. Any image is resized to the input's side by antialiased
+/// bicubic resampling; it stays in [-1, 1]. PReLU for each channel, batch norms with epsilon 1e-5
+/// in inference mode, the last of them with its weight fixed to 1. Initial weights are
+/// insightface's, N(0, 0.1) for every convolution. The stored variances are those that such weights
+/// give, so that a network that is trained from scratch starts with values of size one in every
+/// layer. Published files use insightface's names ("layer1.0.bn1.weight", "fc.weight",
+/// "features.running_var"). Throws ValueError for a side that is no multiple of 16.
+[[nodiscard]] std::unique_ptr<Backbone> make_iresnet(const IresnetLayout& layout,
+                                                     ParameterStore& store,
                                                      const std::string& prefix, Rng& rng);
 
 /// 112x112 -> 512 numbers, 43.6 million parameters, 6.3 GMAC.
-[[nodiscard]] std::unique_ptr<Backbone> make_iresnet50(ParameterStore& store, const std::string& prefix, Rng& rng);
+[[nodiscard]] std::unique_ptr<Backbone> make_iresnet50(ParameterStore& store,
+                                                       const std::string& prefix, Rng& rng);
 /// 112x112 -> 512 numbers, 65.2 million parameters, 12.1 GMAC.
-[[nodiscard]] std::unique_ptr<Backbone> make_iresnet100(ParameterStore& store, const std::string& prefix, Rng& rng);
+[[nodiscard]] std::unique_ptr<Backbone> make_iresnet100(ParameterStore& store,
+                                                        const std::string& prefix, Rng& rng);
 
 }  // namespace stymo

@@ -19,8 +19,9 @@ class Reader {
 public:
     Reader(const OnnxGraph& graph, const std::string& source) : graph_(graph), source_(source) {
         for (const OnnxNode& node : graph.nodes) {
-            // Exporters give equal constants one value and the others a second name for it.
-            if (node.operation == "Identity" && !node.inputs.empty() && !node.outputs.empty() && has_tensor(node.inputs[0])) {
+            // Exporters store equal constants once and give the others an alias.
+            if (node.operation == "Identity" && !node.inputs.empty() && !node.outputs.empty() &&
+                has_tensor(node.inputs[0])) {
                 aliases_[node.outputs[0]] = resolved(node.inputs[0]);
             } else if (node.operation != "Constant") {
                 nodes_.push_back(&node);
@@ -43,15 +44,16 @@ public:
 
 private:
     void block(std::vector<int>& blocks) {
-        // Whether the block begins a stage, and so its name, shows only at its end.
+        // Whether the block begins a stage, which decides its name, is known only at its end.
         const std::size_t begin = next_;
         std::size_t end = begin;
         while (end < nodes_.size() && nodes_[end]->operation != "Add") ++end;
-        const bool first =
-            std::any_of(nodes_.begin() + static_cast<std::ptrdiff_t>(begin), nodes_.begin() + static_cast<std::ptrdiff_t>(end),
-                        [&](const OnnxNode* node) { return is_pointwise(*node); });
+        const bool first = std::any_of(nodes_.begin() + static_cast<std::ptrdiff_t>(begin),
+                                       nodes_.begin() + static_cast<std::ptrdiff_t>(end),
+                                       [&](const OnnxNode* node) { return is_pointwise(*node); });
         if (first || blocks.empty()) blocks.push_back(0);
-        const std::string name = "layer" + std::to_string(blocks.size()) + "." + std::to_string(blocks.back()++) + ".";
+        const std::string name =
+            "layer" + std::to_string(blocks.size()) + "." + std::to_string(blocks.back()++) + ".";
         batch_norm(name + "bn1");
         convolution(name + "conv1", name + "bn2");
         slope(name + "prelu");
@@ -77,7 +79,8 @@ private:
         put(name + ".bias", input(node, 2));
         put(name + ".running_mean", input(node, 3));
         const auto epsilon = node.numbers.find("epsilon");
-        const double excess = (epsilon == node.numbers.end() ? 1e-5 : epsilon->second) - BatchNorm::epsilon;
+        const double excess =
+            (epsilon == node.numbers.end() ? 1e-5 : epsilon->second) - BatchNorm::epsilon;
         put(name + ".running_var", affine(input(node, 4), 1.0, excess).value());
     }
 
@@ -103,7 +106,9 @@ private:
         put(name + ".bias", input(node, 2));
     }
 
-    void put(const std::string& name, const Tensor& value) { file_.tensors.insert_or_assign(name, value); }
+    void put(const std::string& name, const Tensor& value) {
+        file_.tensors.insert_or_assign(name, value);
+    }
 
     const OnnxNode& take(const std::string& operation) {
         if (operation_at(0) != operation) refuse(operation);
@@ -117,20 +122,21 @@ private:
     [[noreturn]] void refuse(const std::string& expected) const {
         std::ostringstream place;
         if (next_ < nodes_.size()) place << " (" << nodes_[next_]->name << ")";
-        fail<FileError>(source_, ": not an iresnet: operation ", next_, " is ", operation_at(0), place.str(),
-                        " where an iresnet has ", expected);
+        fail<FileError>(source_, ": not an iresnet: operation ", next_, " is ", operation_at(0),
+                        place.str(), " where an iresnet has ", expected);
     }
 
     [[nodiscard]] bool is_pointwise(const OnnxNode& node) const {
-        if (node.operation != "Conv" || node.inputs.size() < 2 || !has_tensor(node.inputs[1])) return false;
+        if (node.operation != "Conv" || node.inputs.size() < 2 || !has_tensor(node.inputs[1]))
+            return false;
         const Tensor& weight = tensor(node.inputs[1]);
         return weight.rank() == 4 && weight.shape(2) == 1 && weight.shape(3) == 1;
     }
 
     [[nodiscard]] const Tensor& input(const OnnxNode& node, std::size_t i) const {
         if (i >= node.inputs.size() || !has_tensor(node.inputs[i]))
-            fail<FileError>(source_, ": not an iresnet: input ", i, " of ", node.operation, " (", node.name,
-                            ") is not a constant of the file");
+            fail<FileError>(source_, ": not an iresnet: input ", i, " of ", node.operation, " (",
+                            node.name, ") is not a constant of the file");
         return tensor(node.inputs[i]);
     }
 
@@ -138,8 +144,12 @@ private:
         const auto alias = aliases_.find(name);
         return alias == aliases_.end() ? name : alias->second;
     }
-    [[nodiscard]] bool has_tensor(const std::string& name) const { return graph_.tensors.contains(resolved(name)); }
-    [[nodiscard]] const Tensor& tensor(const std::string& name) const { return graph_.tensors.at(resolved(name)); }
+    [[nodiscard]] bool has_tensor(const std::string& name) const {
+        return graph_.tensors.contains(resolved(name));
+    }
+    [[nodiscard]] const Tensor& tensor(const std::string& name) const {
+        return graph_.tensors.at(resolved(name));
+    }
 
     [[nodiscard]] std::string name_of(const std::vector<int>& blocks) const {
         for (const IresnetDepth& depth : iresnet_depths) {
@@ -164,11 +174,13 @@ private:
 bool begins_like_iresnet(const OnnxGraph& graph) {
     std::vector<std::string> operations;
     for (const OnnxNode& node : graph.nodes) {
-        if (node.operation != "Identity" && node.operation != "Constant") operations.push_back(node.operation);
+        if (node.operation != "Identity" && node.operation != "Constant")
+            operations.push_back(node.operation);
         if (operations.size() == 4) break;
     }
     return operations == std::vector<std::string>{"Conv", "PRelu", "BatchNormalization", "Conv"} ||
-           operations == std::vector<std::string>{"Conv", "BatchNormalization", "PRelu", "BatchNormalization"};
+           operations == std::vector<std::string>{"Conv", "BatchNormalization", "PRelu",
+                                                  "BatchNormalization"};
 }
 
 NamedIresnet iresnet_from_onnx(const OnnxGraph& graph, const std::string& source) {

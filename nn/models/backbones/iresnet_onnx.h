@@ -12,15 +12,16 @@ struct NamedIresnet {
     TensorFile file;   ///< in the names and layout of insightface's PyTorch files
 };
 
-/// Whether the graph begins as an iresnet does and few other networks do: a rectified convolution, then a batch norm before the
-/// next one.
+/// Whether the graph begins as an iresnet does and few other networks do: a rectified convolution,
+/// then a batch norm before the next one.
 [[nodiscard]] bool begins_like_iresnet(const OnnxGraph& graph);
 
-/// The weights of an iresnet that was exported to ONNX, as insightface ships its networks, under the names that they have in
-/// PyTorch. The names within the ONNX file do not matter: each tensor is known by its place in the order of the operations.
-/// Where a batch norm was folded into the convolution before it, the file returned has one that only adds the bias.
-/// Throws FileError naming `source` and the first operation that an iresnet has not at that place, or the numbers of blocks if
-/// they are not those of iresnet18, 34, 50, 100 or 200.
+/// The weights of an iresnet that was exported to ONNX, as insightface ships its networks, under
+/// their names in PyTorch. The names in the ONNX file do not matter: each tensor is identified by
+/// its position in the order of the operations. Where a batch norm was folded into the convolution
+/// before it, the file returned has one that only adds the bias. Throws FileError naming `source`
+/// and the first operation that differs from an iresnet, or the numbers of blocks if they are not
+/// those of iresnet18, 34, 50, 100 or 200.
 [[nodiscard]] NamedIresnet iresnet_from_onnx(const OnnxGraph& graph, const std::string& source);
 
 }  // namespace stymo

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <memory>
 #include <string>
 
@@ -8,10 +9,17 @@
 
 namespace stymo {
 
-/// MobileFaceNet (Chen et al. 2018) as foamliu/MobileFaceNet trains it with the ArcFace loss: 112x112 -> 128 numbers, not
-/// normalised, 1.0 million parameters, 0.2 GMAC. Any image is resized to 112x112 by antialiased bicubic resampling, and from [-1,
-/// 1] to the ImageNet mean and deviation that the published weights were trained with. ReLU6 everywhere but in the depthwise
-/// separable layer after the first, which has a plain ReLU; batch norms have epsilon 1e-5 and stay in inference mode.
-[[nodiscard]] std::unique_ptr<Backbone> make_mobilefacenet(ParameterStore& store, const std::string& prefix, Rng& rng);
+/// MobileFaceNet (Chen et al. 2018) as foamliu/MobileFaceNet trains it with the ArcFace loss:
+/// 112x112 -> 128 numbers, not normalised, 1.0 million parameters, 0.2 GMAC. Any image is resized
+/// to 112x112 by antialiased bicubic resampling, and from [-1, 1] to the ImageNet mean and
+/// deviation that the published weights were trained with. ReLU6 everywhere but in the depthwise
+/// separable layer after the first, which has a plain ReLU; batch norms have epsilon 1e-5 and stay
+/// in inference mode.
+[[nodiscard]] std::unique_ptr<Backbone> make_mobilefacenet(ParameterStore& store,
+                                                           const std::string& prefix, Rng& rng);
+
+/// Names and shapes of the published tensors that the network reads, convolutions as (out, in,
+/// height, width).
+[[nodiscard]] std::map<std::string, Shape> mobilefacenet_tensors();
 
 }  // namespace stymo

@@ -12,14 +12,19 @@ namespace {
 struct Entry {
     const char* name;
     std::unique_ptr<Backbone> (*make)(ParameterStore& store, const std::string& prefix, Rng& rng);
+    const char* published;  ///< where its trained weights come from; empty: there are none
 };
 
-/// Every backbone there is: a new one is a file beside this one and a row here, and a row in the test's table.
+constexpr const char* insightface = "backbone.pth of github.com/deepinsight/insightface";
+
+/// The list of all backbones. To add one: a file in this folder, a row here, and a row in the
+/// test's table.
 constexpr std::array<Entry, 4> registry{{
-    {"iresnet100", make_iresnet100},
-    {"iresnet50", make_iresnet50},
-    {"mobilefacenet", make_mobilefacenet},
-    {"small_conv", make_small_conv},
+    {"iresnet100", make_iresnet100, insightface},
+    {"iresnet50", make_iresnet50, insightface},
+    {"mobilefacenet", make_mobilefacenet,
+     "weights/mobilefacenet.pt of github.com/foamliu/MobileFaceNet"},
+    {"small_conv", make_small_conv, ""},
 }};
 
 }  // namespace
@@ -30,12 +35,36 @@ std::vector<std::string> backbone_names() {
     return names;
 }
 
-std::unique_ptr<Backbone> make_backbone(const std::string& name, ParameterStore& store, const std::string& prefix, Rng& rng) {
+namespace {
+
+const Entry& entry_of(const std::string& name) {
     for (const Entry& entry : registry)
-        if (name == entry.name) return entry.make(store, prefix, rng);
+        if (name == entry.name) return entry;
     std::string known;
-    for (const Entry& entry : registry) known += (known.empty() ? "" : ", ") + std::string(entry.name);
-    fail<ConfigError>("encoder.backbone: no backbone is called \"", name, "\"; choose one of ", known);
+    for (const Entry& entry : registry)
+        known += (known.empty() ? "" : ", ") + std::string(entry.name);
+    fail<ConfigError>("encoder.backbone: no backbone is called \"", name, "\"; choose one of ",
+                      known);
+}
+
+}  // namespace
+
+std::unique_ptr<Backbone> make_backbone(const std::string& name, ParameterStore& store,
+                                        const std::string& prefix, Rng& rng) {
+    return entry_of(name).make(store, prefix, rng);
+}
+
+bool lacks_backbone_weights(const EncoderConfig& config) {
+    return config.backbone_weights.empty() && *entry_of(config.backbone).published != '\0';
+}
+
+void require_backbone_weights(const EncoderConfig& config) {
+    if (!lacks_backbone_weights(config)) return;
+    fail<ConfigError>("encoder.backbone_weights: no weights for ", config.backbone, "; get ",
+                      entry_of(config.backbone).published,
+                      ", import it with `stymo-weights import FILE ", config.backbone,
+                      ".safetensors` and name the result, or set it to ", random_backbone,
+                      " to train the backbone from scratch");
 }
 
 }  // namespace stymo

@@ -12,39 +12,47 @@
 namespace stymo {
 namespace {
 
-constexpr std::int64_t side = 64;
+constexpr std::int64_t image_side = 64;
 constexpr std::int64_t last_side = 2;
-constexpr std::int64_t embedding_channels = 256;
+constexpr std::int64_t small_conv_channels = 256;
 constexpr std::array<std::int64_t, 5> widths{32, 64, 128, 256, 256};
 
 class SmallConv final : public Backbone {
 public:
     SmallConv(ParameterStore& store, const std::string& prefix, Rng& rng)
         : layers_(make_layers(store, prefix, rng)),
-          embed_(store, prefix + "embed", last_side * last_side * widths.back(), embedding_channels, {}, rng) {}
+          embed_(store, prefix + "embed", last_side * last_side * widths.back(),
+                 small_conv_channels, {}, rng) {}
 
     [[nodiscard]] Variable operator()(const Variable& image) const override {
-        const bool resize = image.shape(1) != side || image.shape(2) != side;
-        Variable x = resize ? resize_bicubic(image, static_cast<int>(side), static_cast<int>(side)) : image;
+        const bool resize = image.shape(1) != image_side || image.shape(2) != image_side;
+        Variable x = resize ? resize_bicubic(image, static_cast<int>(image_side),
+                                             static_cast<int>(image_side))
+                            : image;
         for (const ConvLayer& layer : layers_) x = layer(x, 0.2) * std::numbers::sqrt2;
         return embed_(reshape(x, {x.shape(0), -1}));
     }
 
-    [[nodiscard]] std::int64_t embedding_size() const override { return embedding_channels; }
-    [[nodiscard]] std::int64_t input_side() const override { return side; }
+    [[nodiscard]] std::int64_t embedding_size() const override { return small_conv_channels; }
+    [[nodiscard]] std::int64_t input_side() const override { return image_side; }
+    [[nodiscard]] std::int64_t saved() const override { return 500'000; }
 
     void load_pretrained(const TensorFile&, const std::string& source) override {
-        fail<ConfigError>("encoder.backbone_weights: small_conv has no published weights to read from ", source,
-                          "; leave the key empty to train it from scratch");
+        fail<ConfigError>(
+            "encoder.backbone_weights: small_conv has no published weights to read from ", source,
+            "; leave the key empty to train it from scratch");
     }
 
 private:
-    static std::vector<ConvLayer> make_layers(ParameterStore& store, const std::string& prefix, Rng& rng) {
+    static std::vector<ConvLayer> make_layers(ParameterStore& store, const std::string& prefix,
+                                              Rng& rng) {
         std::vector<ConvLayer> layers;
         std::int64_t in = 3;
         for (const std::int64_t out : widths) {
             const std::string name = prefix + "conv" + std::to_string(layers.size());
-            layers.emplace_back(store, name, in, out, ConvLayerOptions{.stride = 2, .scaling = WeightScaling::equalised}, rng);
+            layers.emplace_back(store, name, in, out,
+                                ConvLayerOptions{.stride = 2, .scaling = WeightScaling::equalised},
+                                rng);
             in = out;
         }
         return layers;
@@ -56,7 +64,8 @@ private:
 
 }  // namespace
 
-std::unique_ptr<Backbone> make_small_conv(ParameterStore& store, const std::string& prefix, Rng& rng) {
+std::unique_ptr<Backbone> make_small_conv(ParameterStore& store, const std::string& prefix,
+                                          Rng& rng) {
     return std::make_unique<SmallConv>(store, prefix, rng);
 }
 

@@ -8,13 +8,14 @@
 #include "core/io/tensor_file.h"
 #include "core/ops/ops.h"
 #include "nn/models/perceptual/trunk.h"
+#include "nn/ops/feature_distance.h"
 
 namespace stymo {
 namespace {
 
 constexpr const char* random_weights = "random";
-constexpr const char* trunk_prefix = "trunk.";
-constexpr const char* heads_prefix = "heads.";
+constexpr const char* trunk_prefix = "lpips.trunk.";
+constexpr const char* heads_prefix = "lpips.heads.";
 
 const TrunkDescription& description_of(const std::string& network) {
     const std::vector<TrunkDescription>& all = trunk_descriptions();
@@ -25,52 +26,61 @@ const TrunkDescription& description_of(const std::string& network) {
     fail<ConfigError>("LPIPS: no network is called \"", network, "\"; choose one of ", known);
 }
 
-/// What the user can do about a file that is not there.
+/// Remedies for a missing file.
 std::string ways_out(const std::string& part, const std::string& off_switch) {
-    return "reconstruction.perceptual_" + part + " or --lpips-" + part + ", or do without LPIPS: " + off_switch;
+    return "reconstruction.perceptual_" + part + " or --lpips-" + part +
+           ", or do without LPIPS: " + off_switch;
 }
 
-/// `published`: the file's name where it comes from, `imported`: once it is imported.
-void require_given(const std::string& path, const std::string& part, const std::string& network, const std::string& published,
-                   const std::string& source, const std::string& imported, const std::string& off_switch) {
+/// `published`: the name of the published file, `imported`: its name after the import.
+void require_given(const std::string& path, const std::string& part, const std::string& network,
+                   const std::string& published, const std::string& source,
+                   const std::string& imported, const std::string& off_switch) {
     if (!path.empty()) return;
     fail<ConfigError>("LPIPS (", network, "): no ", part, "; get ", published, " (", source,
-                      "), import it with `stymo-weights import ", published, ' ', imported, "` and name the result in ",
-                      ways_out(part, off_switch));
+                      "), import it with `stymo-weights import ", published, ' ', imported,
+                      "` and name the result in ", ways_out(part, off_switch));
 }
 
-TensorFile read_weights(const std::string& path, const std::string& part, const std::string& off_switch) {
+TensorFile read_weights(const std::string& path, const std::string& part,
+                        const std::string& off_switch) {
     if (!std::filesystem::exists(path))
-        fail<FileError>("LPIPS ", part, ": no file ", path, "; name another one in ", ways_out(part, off_switch));
+        fail<FileError>("LPIPS ", part, ": no file ", path, "; name another one in ",
+                        ways_out(part, off_switch));
     return read_tensor_file(path);
 }
 
 /// torchvision's names and layout: convolutions are (out, in, height, width).
-void load_trunk(const ParameterStore& store, const TensorFile& file, const std::string& source, const std::string& network) {
+void load_trunk(const ParameterStore& store, const TensorFile& file, const std::string& source,
+                const std::string& network) {
     for (const Parameter& parameter : store.all()) {
         if (!parameter.name().starts_with(trunk_prefix)) continue;
         const std::string name = parameter.name().substr(std::string(trunk_prefix).size());
         const auto found = file.tensors.find(name);
-        if (found == file.tensors.end()) fail<FileError>(source, ": no tensor ", name, "; this is not torchvision's ", network);
+        if (found == file.tensors.end())
+            fail<FileError>(source, ": no tensor ", name, "; this is not torchvision's ", network);
         Tensor value = found->second;
         if (value.rank() == 4) value = permute(value, {0, 2, 3, 1}).value();
         if (!(value.shape() == parameter.variable().shape()))
-            fail<FileError>(source, ": ", name, " has shape ", found->second.shape(), "; this is not torchvision's ", network);
+            fail<FileError>(source, ": ", name, " has shape ", found->second.shape(),
+                            "; this is not torchvision's ", network);
         parameter.set_value(value.to(parameter.variable().dtype()));
     }
 }
 
-void load_heads(const std::vector<Parameter>& heads, const TensorFile& file, const std::string& source,
-                const std::string& prefix) {
+void load_heads(const std::vector<Parameter>& heads, const TensorFile& file,
+                const std::string& source, const std::string& prefix) {
     for (std::size_t k = 0; k < heads.size(); ++k) {
         const std::string name = "lin" + std::to_string(k) + ".model.1.weight";
         auto found = file.tensors.find(prefix + "." + name);
         if (found == file.tensors.end()) found = file.tensors.find(name);
         if (found == file.tensors.end())
-            fail<FileError>(source, ": no tensor ", name, " or ", prefix, ".", name, "; these are not LPIPS' heads");
+            fail<FileError>(source, ": no tensor ", name, " or ", prefix, ".", name,
+                            "; these are not LPIPS' heads");
         const Shape wanted = heads[k].variable().shape();
         if (found->second.size() != wanted.size())
-            fail<FileError>(source, ": ", found->first, " has shape ", found->second.shape(), " where ", wanted.size(),
+            fail<FileError>(source, ": ", found->first, " has shape ", found->second.shape(),
+                            " where ", wanted.size(),
                             " numbers are needed; these heads are not those of ", prefix);
         heads[k].set_value(found->second.reshaped(wanted).to(heads[k].variable().dtype()));
     }
@@ -79,24 +89,27 @@ void load_heads(const std::vector<Parameter>& heads, const TensorFile& file, con
 Variable as_the_network_expects(const Variable& images) {
     constexpr std::array<double, 3> shift{-0.030, -0.088, -0.188};
     constexpr std::array<double, 3> scale{0.458, 0.448, 0.450};
-    return (images - Tensor::from({3}, shift).to(images.dtype())) / Tensor::from({3}, scale).to(images.dtype());
+    return (images - Tensor::from({3}, shift).to(images.dtype())) /
+           Tensor::from({3}, scale).to(images.dtype());
 }
 
 }  // namespace
 
 std::vector<std::string> lpips_networks() {
     std::vector<std::string> names;
-    for (const TrunkDescription& description : trunk_descriptions()) names.push_back(description.name);
+    for (const TrunkDescription& description : trunk_descriptions())
+        names.push_back(description.name);
     return names;
 }
 
 void describe(ConfigSchema& schema, LpipsConfig& config, const std::string& prefix) {
-    schema.choice(prefix + "network", config.network, lpips_networks(), "trunk of LPIPS (paper: silent; its author has VGG-16)");
+    schema.choice(prefix + "network", config.network, lpips_networks(),
+                  "network of LPIPS (paper: silent; its author uses VGG-16)");
     schema.text(
         prefix + "trunk", config.trunk,
-        "torchvision's weights of that network, a .safetensors file made by stymo-weights import; random: untrained ones");
+        ".safetensors file with torchvision's weights of that network; random: untrained weights");
     schema.text(prefix + "heads", config.heads,
-                "linear heads of LPIPS v0.1, a .safetensors file made by stymo-weights import; random: all ones");
+                ".safetensors file with the linear heads of LPIPS v0.1; random: all ones");
 }
 
 struct Lpips::Implementation {
@@ -109,7 +122,8 @@ struct Lpips::Implementation {
         : config(settings), trunk(description, store, trunk_prefix, rng) {
         const std::vector<std::int64_t> channels = tap_channels(description);
         for (std::size_t k = 0; k < channels.size(); ++k) {
-            heads.push_back(store.create(heads_prefix + ("lin" + std::to_string(k)), Tensor::full({1, 1, 1, channels[k]}, 1.0)));
+            heads.push_back(store.create(heads_prefix + ("lin" + std::to_string(k)),
+                                         Tensor::full({1, 1, 1, channels[k]}, 1.0)));
         }
         store.set_trainable("", false);
     }
@@ -118,17 +132,22 @@ struct Lpips::Implementation {
 Lpips::Lpips(const LpipsConfig& config, const std::string& off_switch) {
     const TrunkDescription& description = description_of(config.network);
     const std::string& network = config.network;
-    require_given(config.trunk, "trunk", network, description.weights_file, "torchvision", network + ".safetensors", off_switch);
-    require_given(config.heads, "heads", network, description.heads_name + ".pth", "PerceptualSimilarity, lpips/weights/v0.1",
+    require_given(config.trunk, "trunk", network, description.weights_file, "torchvision",
+                  network + ".safetensors", off_switch);
+    require_given(config.heads, "heads", network, description.heads_name + ".pth",
+                  "PerceptualSimilarity, lpips/weights/v0.1",
                   "lpips_" + description.heads_name + ".safetensors", off_switch);
     TensorFile trunk;
     TensorFile heads;
     if (config.trunk != random_weights) trunk = read_weights(config.trunk, "trunk", off_switch);
     if (config.heads != random_weights) heads = read_weights(config.heads, "heads", off_switch);
-    // Random weights are part of what "random" means: the same ones wherever it is asked for.
-    implementation_ = std::make_unique<Implementation>(config, description, Rng(0).split("lpips").split(network));
-    if (config.trunk != random_weights) load_trunk(implementation_->store, trunk, config.trunk, network);
-    if (config.heads != random_weights) load_heads(implementation_->heads, heads, config.heads, description.heads_name);
+    // "random" always means the same random weights.
+    implementation_ =
+        std::make_unique<Implementation>(config, description, Rng(0).split("lpips").split(network));
+    if (config.trunk != random_weights)
+        load_trunk(implementation_->store, trunk, config.trunk, network);
+    if (config.heads != random_weights)
+        load_heads(implementation_->heads, heads, config.heads, description.heads_name);
 }
 
 Lpips::~Lpips() = default;
@@ -139,25 +158,28 @@ std::vector<Variable> Lpips::taps(const Variable& images) const {
     if (images.rank() != 4 || images.shape(3) != 3)
         fail<ShapeError>("LPIPS needs images (batch, height, width, 3), got ", images.shape());
     if (std::min(images.shape(1), images.shape(2)) < smallest_side())
-        fail<ShapeError>("LPIPS with ", config().network, " needs images of at least ", smallest_side(), " x ", smallest_side(),
-                         " pixels, got ", images.shape());
+        fail<ShapeError>("LPIPS with ", config().network, " needs images of at least ",
+                         smallest_side(), " x ", smallest_side(), " pixels, got ", images.shape());
     return implementation_->trunk(as_the_network_expects(images));
 }
 
 Lpips::Features Lpips::features(const Variable& images) const {
     Features features;
-    for (const Variable& tap : taps(images)) features.push_back(unit_channels(tap, feature_epsilon));
+    for (const Variable& tap : taps(images))
+        features.push_back(unit_channels(tap, feature_epsilon));
     return features;
 }
 
 Variable Lpips::distance_to(const Variable& images, const Features& target) const {
     const std::vector<Variable> all = taps(images);
     if (target.size() != all.size())
-        fail<ShapeError>("LPIPS with ", config().network, " compares ", all.size(), " features, got ", target.size());
+        fail<ShapeError>("LPIPS with ", config().network, " compares ", all.size(),
+                         " features, got ", target.size());
     Variable total;
     for (std::size_t k = 0; k < all.size(); ++k) {
         const Tensor head = implementation_->heads[k].variable().value();
-        const Variable term = feature_distance(all[k], target[k].value(), head.reshaped({head.size()}));
+        const Variable term =
+            feature_distance(all[k], target[k].value(), head.reshaped({head.size()}));
         total = total.defined() ? total + term : term;
     }
     return total;
@@ -166,11 +188,12 @@ Variable Lpips::distance_to(const Variable& images, const Features& target) cons
 std::vector<Variable> Lpips::terms(const Features& a, const Features& b) const {
     const std::vector<Parameter>& heads = implementation_->heads;
     if (a.size() != heads.size() || b.size() != heads.size())
-        fail<ShapeError>("LPIPS with ", config().network, " compares ", heads.size(), " features, got ", a.size(), " and ",
-                         b.size());
+        fail<ShapeError>("LPIPS with ", config().network, " compares ", heads.size(),
+                         " features, got ", a.size(), " and ", b.size());
     std::vector<Variable> terms;
     for (std::size_t k = 0; k < heads.size(); ++k) {
-        terms.push_back(reshape(sum(mean_squared_difference(a[k], b[k]) * heads[k].variable(), {3}), {-1}));
+        terms.push_back(
+            reshape(sum(mean_squared_difference(a[k], b[k]) * heads[k].variable(), {3}), {-1}));
     }
     return terms;
 }
@@ -184,6 +207,14 @@ Variable Lpips::distance(const Features& a, const Features& b) const {
 
 std::int64_t Lpips::smallest_side() const {
     return implementation_->trunk.smallest_side();
+}
+
+LayerMemory Lpips::memory(std::int64_t side) const {
+    return {0, description_of(config().network).alive_per_pixel * side * side};
+}
+
+std::int64_t Lpips::element_count() const {
+    return implementation_->store.element_count();
 }
 
 const LpipsConfig& Lpips::config() const {

@@ -9,7 +9,8 @@ using Kind = TrunkLayer::Kind;
 
 constexpr bool tap = true;
 
-TrunkLayer conv(int place, std::int64_t out, bool is_tap = false, int kernel = 3, int stride = 1, int padding = 1) {
+TrunkLayer conv(int place, std::int64_t out, bool is_tap = false, int kernel = 3, int stride = 1,
+                int padding = 1) {
     return {.kind = Kind::convolution,
             .place = place,
             .out = out,
@@ -33,7 +34,8 @@ TrunkDescription vgg16() {
                        conv(5, 128), conv(7, 128, tap), pool(9, 2),                    //
                        conv(10, 256), conv(12, 256), conv(14, 256, tap), pool(16, 2),  //
                        conv(17, 512), conv(19, 512), conv(21, 512, tap), pool(23, 2),  //
-                       conv(24, 512), conv(26, 512), conv(28, 512, tap)}};
+                       conv(24, 512), conv(26, 512), conv(28, 512, tap)},
+            .alive_per_pixel = 800};
 }
 
 TrunkDescription alexnet() {
@@ -42,7 +44,8 @@ TrunkDescription alexnet() {
             .heads_name = "alex",
             .layers = {conv(0, 64, tap, 11, 4, 2), pool(2, 3),  //
                        conv(3, 192, tap, 5, 1, 2), pool(5, 3),  //
-                       conv(6, 384, tap), conv(8, 256, tap), conv(10, 256, tap)}};
+                       conv(6, 384, tap), conv(8, 256, tap), conv(10, 256, tap)},
+            .alive_per_pixel = 60};
 }
 
 TrunkDescription squeezenet() {
@@ -54,7 +57,8 @@ TrunkDescription squeezenet() {
                        fire(3, 16, 128), fire(4, 16, 128, tap), pool(5, 3),  //
                        fire(6, 32, 256), fire(7, 32, 256, tap), pool(8, 3),  //
                        fire(9, 48, 384, tap), fire(10, 48, 384, tap),        //
-                       fire(11, 64, 512, tap), fire(12, 64, 512, tap)}};
+                       fire(11, 64, 512, tap), fire(12, 64, 512, tap)},
+            .alive_per_pixel = 150};
 }
 
 ConvLayerOptions options_of(const TrunkLayer& layer) {
@@ -65,7 +69,7 @@ ConvLayerOptions pointwise() {
     return {.kernel = 1, .padding = 0};
 }
 
-/// Side of the image that a convolution or a pool leaves, 0 if there is none.
+/// Side of the output of a convolution or a pool, 0 if it is empty.
 std::int64_t side_after(const TrunkLayer& layer, bool pool_ceil_mode, std::int64_t side) {
     if (layer.kind == Kind::fire) return side;
     const std::int64_t rest = side + 2 * layer.padding - layer.kernel;
@@ -88,7 +92,8 @@ std::vector<std::int64_t> tap_channels(const TrunkDescription& description) {
     return channels;
 }
 
-Trunk::Trunk(const TrunkDescription& description, ParameterStore& store, const std::string& prefix, Rng& rng)
+Trunk::Trunk(const TrunkDescription& description, ParameterStore& store, const std::string& prefix,
+             Rng& rng)
     : pool_ceil_mode_(description.pool_ceil_mode) {
     std::int64_t in = 3;
     for (const TrunkLayer& layer : description.layers) {
@@ -97,9 +102,12 @@ Trunk::Trunk(const TrunkDescription& description, ParameterStore& store, const s
         if (layer.kind == Kind::convolution) {
             stage.convolutions.emplace_back(store, name, in, layer.out, options_of(layer), rng);
         } else if (layer.kind == Kind::fire) {
-            stage.convolutions.emplace_back(store, name + ".squeeze", in, layer.squeezed, pointwise(), rng);
-            stage.convolutions.emplace_back(store, name + ".expand1x1", layer.squeezed, layer.out / 2, pointwise(), rng);
-            stage.convolutions.emplace_back(store, name + ".expand3x3", layer.squeezed, layer.out / 2, ConvLayerOptions{}, rng);
+            stage.convolutions.emplace_back(store, name + ".squeeze", in, layer.squeezed,
+                                            pointwise(), rng);
+            stage.convolutions.emplace_back(store, name + ".expand1x1", layer.squeezed,
+                                            layer.out / 2, pointwise(), rng);
+            stage.convolutions.emplace_back(store, name + ".expand3x3", layer.squeezed,
+                                            layer.out / 2, ConvLayerOptions{}, rng);
         }
         if (layer.kind != Kind::max_pool) in = layer.out;
         stages_.push_back(std::move(stage));
@@ -118,7 +126,9 @@ Variable Trunk::apply(const Stage& stage, const Variable& x) const {
         case Kind::max_pool:
             break;
     }
-    return max_pool2d(x, {.kernel = stage.layer.kernel, .stride = stage.layer.stride, .ceil_mode = pool_ceil_mode_});
+    return max_pool2d(
+        x,
+        {.kernel = stage.layer.kernel, .stride = stage.layer.stride, .ceil_mode = pool_ceil_mode_});
 }
 
 std::vector<Variable> Trunk::operator()(const Variable& images) const {
@@ -134,7 +144,8 @@ std::vector<Variable> Trunk::operator()(const Variable& images) const {
 std::int64_t Trunk::smallest_side() const {
     for (std::int64_t side = 1;; ++side) {
         std::int64_t left = side;
-        for (const Stage& stage : stages_) left = left == 0 ? 0 : side_after(stage.layer, pool_ceil_mode_, left);
+        for (const Stage& stage : stages_)
+            left = left == 0 ? 0 : side_after(stage.layer, pool_ceil_mode_, left);
         if (left > 0) return side;
     }
 }

@@ -9,11 +9,11 @@
 #include <utility>
 
 #include "core/error.h"
-#include "core/kernels/matmul.h"
+#include "core/ops/linalg.h"
 #include "core/parallel.h"
-#include "nn/models/realtime/feature_basis.h"
-#include "nn/models/realtime/packed_field.h"
-#include "nn/models/realtime/softplus.h"
+#include "nn/engine/compositing.h"
+#include "nn/engine/evaluate_points.h"
+#include "nn/engine/feature_basis.h"
 
 namespace stymo {
 namespace {
@@ -22,7 +22,8 @@ namespace {
 constexpr std::int64_t locating_stride = 2;
 // Of the tolerance: the share of what the views see that may lie beyond each side of the box.
 constexpr double share_beyond_box = 0.5;
-// From the lattice that covers the box as a whole, spacings are halved so many times where it shows.
+// From the grid that covers the box as a whole, spacings are halved so many times where it
+// shows.
 constexpr int refinements = 2;
 constexpr std::int64_t cells_unit = 1 << refinements;
 constexpr std::int64_t lane_count = 16;
@@ -34,112 +35,103 @@ std::int64_t rounded_up(std::int64_t value, std::int64_t unit) {
 }
 
 void require_valid(const BakeOptions& options) {
-    if (options.resolution < 8) fail<ValueError>("a baked field needs 8 cells or more along its side, got ", options.resolution);
-    if (options.dimension < 1) fail<ValueError>("a baked field needs 1 feature or more, got ", options.dimension);
+    if (options.resolution < 8)
+        fail<ValueError>("a baked field needs 8 cells or more along its side, got ",
+                         options.resolution);
+    if (options.dimension < 1)
+        fail<ValueError>("a baked field needs 1 feature or more, got ", options.dimension);
     if (baked_bytes(options) > most_baked_bytes) {
-        fail<ValueError>("a field baked with ", options.resolution, " cells along its side may take ",
-                         baked_bytes(options) / 1'000'000, " MB, more than ", most_baked_bytes / 1'000'000,
+        fail<ValueError>("a field baked with ", options.resolution,
+                         " cells along its side may take ", baked_bytes(options) / 1'000'000,
+                         " MB, more than ", most_baked_bytes / 1'000'000,
                          "; choose a lower resolution");
     }
 }
 
-/// What is evaluated beside the density, and where it goes: `layer` on the features before the field's last layer.
-struct Projection {
-    kernels::PackedMatrix<float> weight;
-    std::vector<float> bias;
-
-    explicit Projection(const FoldedLayer& layer)
-        : weight(layer.weight.values<float>().data(), layer.weight.shape(1), layer.weight.shape(0), 1, layer.weight.shape(1)),
-          bias(layer.bias.values<float>().begin(), layer.bias.values<float>().end()) {}
-};
-
-/// Calls store(i, density, projected features or null) for `count` points place(i), on several threads.
-template <class Place, class Store>
-void evaluate(const PackedField<float>& field, std::int64_t count, Place place, const Projection* projection, Store store) {
-    constexpr std::int64_t points_per_chunk = 8 * points_per_tile;
-    parallel_for(count, points_per_chunk, [&](std::int64_t chunk_begin, std::int64_t chunk_end) {
-        FieldTile<float> tile;
-        std::vector<float> points, projected;
-        std::vector<std::int32_t> rows(points_per_tile);
-        std::iota(rows.begin(), rows.end(), 0);
-        for (std::int64_t begin = chunk_begin; begin < chunk_end; begin += points_per_tile) {
-            const std::int64_t end = std::min(begin + points_per_tile, chunk_end), size = end - begin;
-            points.clear();
-            for (std::int64_t i = begin; i < end; ++i) {
-                for (const double coordinate : place(i)) points.push_back(static_cast<float>(coordinate));
-            }
-            field.density(points, tile);
-            std::int64_t channels = 0;
-            if (projection != nullptr) {
-                channels = projection->weight.columns();
-                projected.resize(static_cast<std::size_t>(size * channels));
-                field.features(std::span(rows).first(static_cast<std::size_t>(size)), tile);
-                kernels::multiply_packed<float>(projected.data(), channels, {tile.features.data(), field.width()}, size,
-                                                projection->weight, {.bias = projection->bias.data()});
-            }
-            for (std::int64_t i = 0; i < size; ++i) {
-                store(begin + i, tile.density[static_cast<std::size_t>(i)], projected.data() + i * channels);
-            }
-        }
-    });
+/// Logits at vertices of a grid into `samples`.
+void evaluate_logits(const PackedField<float>& field, std::span<const std::int64_t> vertices,
+                     BakedSamples& samples) {
+    const auto vertex = [&](std::int64_t i) { return vertices[static_cast<std::size_t>(i)]; };
+    evaluate_points(
+        field, std::ssize(vertices),
+        [&](std::int64_t i) { return samples.grid.position(vertex(i)); },
+        [&](std::int64_t first, std::int64_t size, const FieldTile<float>& tile) {
+            for (std::int64_t i = 0; i < size; ++i)
+                samples.logits[static_cast<std::size_t>(vertex(first + i))] =
+                    tile.logits[static_cast<std::size_t>(i)];
+        });
+    samples.evaluated_points += std::ssize(vertices);
 }
 
-/// The same for vertices of a lattice.
+/// Calls store(i, logit, `layer` of the features before the field's last layer) for vertices of a
+/// grid, on several threads.
 template <class Store>
-void evaluate_vertices(const PackedField<float>& field, const Lattice& lattice, std::span<const std::int64_t> vertices,
-                       const Projection* projection, Store store) {
-    const auto place = [&](std::int64_t i) { return lattice.position(vertices[static_cast<std::size_t>(i)]); };
-    evaluate(field, static_cast<std::int64_t>(vertices.size()), place, projection, store);
+void evaluate_features(const PackedField<float>& field, const VertexGrid& grid,
+                       std::span<const std::int64_t> vertices, const FoldedLayer& layer,
+                       const Store& store) {
+    const PackedLayer<float> packed(layer);
+    evaluate_points(
+        field, std::ssize(vertices),
+        [&](std::int64_t i) { return grid.position(vertices[static_cast<std::size_t>(i)]); },
+        [&](std::int64_t first, std::int64_t size, FieldTile<float>& tile) {
+            field.features(size, tile);
+            std::vector<float> values(static_cast<std::size_t>(size * packed.outputs()));
+            packed.apply(values.data(), tile.features.data(), size);
+            for (std::int64_t i = 0; i < size; ++i)
+                store(first + i, tile.logits[static_cast<std::size_t>(i)],
+                      values.data() + i * packed.outputs());
+        });
 }
 
-void evaluate_density(const PackedField<float>& field, std::span<const std::int64_t> vertices, BakedSamples& samples) {
-    evaluate_vertices(field, samples.lattice, vertices, nullptr, [&](std::int64_t i, float density, const float*) {
-        const std::int64_t vertex = vertices[static_cast<std::size_t>(i)];
-        samples.density_inputs[static_cast<std::size_t>(vertex)] = inverse_softplus(density);
-    });
-    samples.evaluated_points += static_cast<std::int64_t>(vertices.size());
-}
-
-void evaluate_whole_lattice(const PackedField<float>& field, const Lattice& lattice, BakedSamples& samples) {
-    samples.lattice = lattice;
-    samples.density_inputs.resize(static_cast<std::size_t>(lattice.size()));
-    std::vector<std::int64_t> vertices(samples.density_inputs.size());
+void evaluate_whole_grid(const PackedField<float>& field, const VertexGrid& grid,
+                         BakedSamples& samples) {
+    samples.grid = grid;
+    samples.logits.resize(static_cast<std::size_t>(grid.size()));
+    std::vector<std::int64_t> vertices(samples.logits.size());
     std::iota(vertices.begin(), vertices.end(), std::int64_t{0});
-    evaluate_density(field, vertices, samples);
+    evaluate_logits(field, vertices, samples);
 }
 
 std::vector<std::uint8_t> marks(const BakedSamples& samples, double step, double tolerance) {
-    std::vector<float> density(samples.density_inputs.size());
-    std::ranges::transform(samples.density_inputs, density.begin(), softplus);
-    return significant_vertices(samples.lattice, density, std::max(step, samples.lattice.spacing), tolerance);
+    std::vector<float> density(samples.logits.size());
+    std::ranges::transform(samples.logits, density.begin(), softplus);
+    return significant_vertices(samples.grid, density, std::max(step, samples.grid.spacing),
+                                tolerance);
 }
 
 struct WeightedPoint {
-    Vector3 place{};
+    Eigen::Vector3d place = Eigen::Vector3d::Zero();
     double weight = 0.0;
 };
 
 /// Where the samples of the outermost views lie, with their compositing weights.
-std::vector<WeightedPoint> seen_points(const PackedField<float>& field, RaySampling rays, const ViewRange& views) {
+std::vector<WeightedPoint> seen_points(const PackedField<float>& field, RaySampling rays,
+                                       const ViewRange& views) {
     rays.rays_per_side = std::max<std::int64_t>(rays.rays_per_side / locating_stride, 1);
     rays.samples_per_ray = std::max<std::int64_t>(rays.samples_per_ray / locating_stride, 2);
     const RaySamples samples = sample_rays(cameras_over(views, 3, 3), rays, nullptr);
     const auto points = samples.points.values<float>();
     const auto deltas = samples.deltas.values<float>();
     std::vector<WeightedPoint> seen(deltas.size());
-    const auto place = [&](std::int64_t i) {
-        const float* point = points.data() + 3 * i;
-        return Vector3{static_cast<double>(point[0]), static_cast<double>(point[1]), static_cast<double>(point[2])};
-    };
-    evaluate(field, static_cast<std::int64_t>(seen.size()), place, nullptr, [&](std::int64_t i, float density, const float*) {
-        const double optical_depth = static_cast<double>(density) * static_cast<double>(deltas[static_cast<std::size_t>(i)]);
-        seen[static_cast<std::size_t>(i)] = {place(i), -std::expm1(-optical_depth)};
-    });
-    double transmittance = 1.0;
+    evaluate_points(
+        field, std::ssize(seen),
+        [&](std::int64_t i) { return points.subspan(static_cast<std::size_t>(3 * i), 3); },
+        [&](std::int64_t first, std::int64_t size, const FieldTile<float>& tile) {
+            for (std::int64_t i = first; i < first + size; ++i) {
+                const float* point = points.data() + 3 * i;
+                // The optical depth stands in for the weight until the rays are composited.
+                seen[static_cast<std::size_t>(i)] = {
+                    {static_cast<double>(point[0]), static_cast<double>(point[1]),
+                     static_cast<double>(point[2])},
+                    static_cast<double>(
+                        density_of_logit(tile.logits[static_cast<std::size_t>(i - first)]) *
+                        deltas[static_cast<std::size_t>(i)])};
+            }
+        });
+    Transmittance<double> light;
     for (std::size_t i = 0; i < seen.size(); ++i) {
-        if (i % static_cast<std::size_t>(rays.samples_per_ray) == 0) transmittance = 1.0;
-        seen[i].weight *= transmittance;
-        transmittance -= seen[i].weight;
+        if (i % static_cast<std::size_t>(rays.samples_per_ray) == 0) light = {};
+        seen[i].weight = light.pass(seen[i].weight);
     }
     return seen;
 }
@@ -150,7 +142,8 @@ Box box_of(std::vector<WeightedPoint> points, double share, double margin) {
     for (const WeightedPoint& point : points) total += point.weight;
     Box box;
     for (std::size_t axis = 0; axis < 3; ++axis) {
-        std::ranges::sort(points, {}, [axis](const WeightedPoint& point) { return point.place[axis]; });
+        std::ranges::sort(points, {},
+                          [axis](const WeightedPoint& point) { return point.place[axis]; });
         const auto reach = [&](auto first, auto last) {
             double passed = first->weight;
             while (passed <= share * total && first + 1 != last) passed += (++first)->weight;
@@ -162,23 +155,28 @@ Box box_of(std::vector<WeightedPoint> points, double share, double margin) {
     return box;
 }
 
-/// Leaves the density on the finest lattice but for the vertices returned, which are still to be evaluated.
-std::vector<std::int64_t> sample_density(const PackedField<float>& field, const Box& box, double step, const BakeOptions& options,
+/// Leaves the density on the finest grid but for the vertices returned, which are still to be
+/// evaluated.
+std::vector<std::int64_t> sample_density(const PackedField<float>& field, const Box& box,
+                                         double step, const BakeOptions& options,
                                          BakedSamples& samples) {
-    evaluate_whole_lattice(field, cover(box, rounded_up(options.resolution, cells_unit) / cells_unit), samples);
+    evaluate_whole_grid(field, cover(box, rounded_up(options.resolution, cells_unit) / cells_unit),
+                        samples);
     std::vector<std::int64_t> vertices;
     for (int level = 0; level < refinements; ++level) {
-        evaluate_density(field, vertices, samples);
-        vertices = vertices_to_refine(samples.lattice, marks(samples, step, options.tolerance));
-        samples.density_inputs = prolonged(samples.lattice, samples.density_inputs);
-        samples.lattice = refined(samples.lattice);
+        evaluate_logits(field, vertices, samples);
+        vertices = vertices_to_refine(samples.grid, marks(samples, step, options.tolerance));
+        samples.logits = prolonged(samples.grid, samples.logits);
+        samples.grid = refined(samples.grid);
     }
     return vertices;
 }
 
-/// The plane of the features of some of the vertices, each as much as a sample of the field there counts.
-FeatureBasis find_basis(const PackedField<float>& packed, const FoldedField& field, const Lattice& lattice,
-                        std::span<const std::int64_t> vertices, double step, std::int64_t dimension) {
+/// The plane of the features of some of the vertices, each as much as a sample of the field there
+/// counts.
+FeatureBasis find_basis(const PackedField<float>& packed, const FoldedField& field,
+                        const VertexGrid& grid, std::span<const std::int64_t> vertices, double step,
+                        std::int64_t dimension) {
     // An odd stride does not stay in step with rows of an even number of vertices.
     const std::size_t stride = std::max<std::size_t>(vertices.size() / basis_points, 1) | 1U;
     std::vector<std::int64_t> some;
@@ -188,27 +186,32 @@ FeatureBasis find_basis(const PackedField<float>& packed, const FoldedField& fie
     Tensor features({count, channels}), weights({count});
     float* feature = features.mutable_values<float>().data();
     float* weight = weights.mutable_values<float>().data();
-    const Projection all(field.feature1);
-    evaluate_vertices(packed, lattice, some, &all, [&](std::int64_t i, float density, const float* values) {
-        weight[i] = -std::expm1(-static_cast<float>(step) * density);
-        std::copy_n(values, channels, feature + i * channels);
-    });
+    evaluate_features(packed, grid, some, field.feature1,
+                      [&](std::int64_t i, float logit, const float* values) {
+                          weight[i] = -std::expm1(-static_cast<float>(step) * softplus(logit));
+                          std::copy_n(values, channels, feature + i * channels);
+                      });
     return principal_plane(features, weights, std::min(dimension, channels));
 }
 
-/// From features before the field's last layer, r, to coefficients: directions (W r + b - mean), with zeros up to `dimension`.
-FoldedLayer coefficients_layer(const FeatureBasis& basis, const FoldedLayer& last, std::int64_t dimension) {
-    const std::int64_t kept = basis.directions.shape(0), channels = last.weight.shape(0), width = last.weight.shape(1);
+/// From features before the field's last layer, r, to coefficients: directions (W r + b - mean),
+/// with zeros up to `dimension`.
+FoldedLayer coefficients_layer(const FeatureBasis& basis, const FoldedLayer& last,
+                               std::int64_t dimension) {
+    const std::int64_t channels = last.weight.shape(0), width = last.weight.shape(1);
     const auto times_directions = [&](const Tensor& matrix) {
-        const Tensor directions = basis.directions.reshaped({1, kept, channels});
-        return kernels::matmul(directions, matrix.reshaped({1, channels, matrix.size() / channels}), {});
+        return matmul(basis.directions, matrix.reshaped({channels, matrix.size() / channels}))
+            .value();
     };
     Tensor offset({channels});
-    std::ranges::transform(last.bias.values<float>(), basis.mean.values<float>(), offset.mutable_values<float>().begin(),
-                           std::minus<>());
-    FoldedLayer layer{Tensor::zeros({dimension, width}), Tensor::zeros({dimension}), Activation::none};
-    std::ranges::copy(times_directions(last.weight).values<float>(), layer.weight.mutable_values<float>().begin());
-    std::ranges::copy(times_directions(offset).values<float>(), layer.bias.mutable_values<float>().begin());
+    std::ranges::transform(last.bias.values<float>(), basis.mean.values<float>(),
+                           offset.mutable_values<float>().begin(), std::minus<>());
+    FoldedLayer layer{Tensor::zeros({dimension, width}), Tensor::zeros({dimension}),
+                      Activation::none};
+    std::ranges::copy(times_directions(last.weight).values<float>(),
+                      layer.weight.mutable_values<float>().begin());
+    std::ranges::copy(times_directions(offset).values<float>(),
+                      layer.bias.mutable_values<float>().begin());
     return layer;
 }
 
@@ -225,17 +228,20 @@ Tensor finishing_matrix(const FeatureBasis& basis, std::int64_t dimension) {
 
 std::int64_t baked_bytes(const BakeOptions& options) {
     const std::int64_t side = rounded_up(options.resolution, cells_unit) + 1;
-    const auto record = rounded_up(options.dimension, lane_count) * static_cast<std::int64_t>(sizeof(kernels::BFloat16));
+    const auto record = rounded_up(options.dimension, lane_count) *
+                        static_cast<std::int64_t>(sizeof(kernels::BFloat16));
     const auto vertex = static_cast<std::int64_t>(sizeof(float) + sizeof(std::int32_t)) + record;
     return side * side * side * vertex + record;
 }
 
 std::int64_t BakedSamples::bytes() const {
-    return static_cast<std::int64_t>(density_inputs.size() * sizeof(float) + record_of.size() * sizeof(std::int32_t) +
+    return static_cast<std::int64_t>(logits.size() * sizeof(float) +
+                                     record_of.size() * sizeof(std::int32_t) +
                                      records.size() * sizeof(kernels::BFloat16));
 }
 
-BakedSamples bake(const FoldedField& field, const RaySampling& rays, const ViewRange& views, const BakeOptions& options) {
+BakedSamples bake(const FoldedField& field, const RaySampling& rays, const ViewRange& views,
+                  const BakeOptions& options) {
     require_valid(options);
     const PackedField<float> packed(field);
     BakedSamples samples;
@@ -243,26 +249,32 @@ BakedSamples bake(const FoldedField& field, const RaySampling& rays, const ViewR
     const double step = (rays.near_z - rays.far_z) / static_cast<double>(rays.samples_per_ray);
     std::vector<WeightedPoint> seen = seen_points(packed, rays, views);
     samples.evaluated_points = static_cast<std::int64_t>(seen.size());
-    std::erase_if(seen, [&](const WeightedPoint& point) { return point.weight < 0.1 * options.tolerance; });
+    std::erase_if(
+        seen, [&](const WeightedPoint& point) { return point.weight < 0.1 * options.tolerance; });
     const auto margin = static_cast<double>(locating_stride) * step;
-    const Box box = seen.empty() ? Box{{-margin, -margin, -margin}, {margin, margin, margin}}
-                                 : box_of(std::move(seen), share_beyond_box * options.tolerance, margin);
+    const Box box = seen.empty()
+                        ? Box{{-margin, -margin, -margin}, {margin, margin, margin}}
+                        : box_of(std::move(seen), share_beyond_box * options.tolerance, margin);
     const std::vector<std::int64_t> vertices = sample_density(packed, box, step, options, samples);
 
-    samples.record_of.assign(samples.density_inputs.size(), 0);
-    samples.records.assign((vertices.size() + 1) * static_cast<std::size_t>(samples.dimension), kernels::BFloat16{});
+    samples.record_of.assign(samples.logits.size(), 0);
+    samples.records.assign((vertices.size() + 1) * static_cast<std::size_t>(samples.dimension),
+                           kernels::BFloat16{});
     samples.finish = Tensor::zeros({samples.dimension + 1, field.feature1.weight.shape(0)});
     if (vertices.empty()) return samples;
-    const FeatureBasis basis = find_basis(packed, field, samples.lattice, vertices, step, samples.dimension);
+    const FeatureBasis basis =
+        find_basis(packed, field, samples.grid, vertices, step, samples.dimension);
     samples.finish = finishing_matrix(basis, samples.dimension);
-    const Projection projection(coefficients_layer(basis, field.feature1, samples.dimension));
-    evaluate_vertices(packed, samples.lattice, vertices, &projection,
-                      [&](std::int64_t i, float density, const float* coefficients) {
-                          const auto vertex = static_cast<std::size_t>(vertices[static_cast<std::size_t>(i)]);
-                          samples.density_inputs[vertex] = inverse_softplus(density);
+    evaluate_features(packed, samples.grid, vertices,
+                      coefficients_layer(basis, field.feature1, samples.dimension),
+                      [&](std::int64_t i, float logit, const float* coefficients) {
+                          const auto vertex =
+                              static_cast<std::size_t>(vertices[static_cast<std::size_t>(i)]);
+                          samples.logits[vertex] = logit;
                           samples.record_of[vertex] = static_cast<std::int32_t>(i + 1);
                           std::transform(coefficients, coefficients + samples.dimension,
-                                         samples.records.begin() + (i + 1) * samples.dimension, kernels::rounded_to_bfloat16);
+                                         samples.records.begin() + (i + 1) * samples.dimension,
+                                         kernels::rounded_to_bfloat16);
                       });
     samples.evaluated_points += static_cast<std::int64_t>(vertices.size());
     return samples;

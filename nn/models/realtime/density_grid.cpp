@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "nn/models/realtime/softplus.h"
+#include "nn/engine/softplus.h"
 
 namespace stymo {
 namespace {
@@ -15,7 +15,7 @@ constexpr float wanted = -2e3F;
 constexpr DensityBounds anything{0.0F, 0.0F, std::numeric_limits<float>::infinity()};
 
 /// Most of space is empty, and there looser bounds are as good and take less time.
-DensityBounds from_inputs(float lower, float estimate, float upper) {
+DensityBounds bounds_of_logits(float lower, float estimate, float upper) {
     constexpr float nothing = -16.0F, thin = -7.0F;
     constexpr DensityBounds next_to_nothing{0.0F, 0.0F, 1.2e-7F};  // softplus(-16) = 1.1e-7
     if (upper < nothing) return next_to_nothing;
@@ -25,7 +25,8 @@ DensityBounds from_inputs(float lower, float estimate, float upper) {
 
 }  // namespace
 
-/// The first of the corners around a point, the steps to the others, and where between them the point is.
+/// The first of the corners around a point, the steps to the others, and where between them the
+/// point is.
 struct DensityGrid::Place {
     std::int64_t cell = -1;  ///< outside the cube
     std::int64_t corner = 0;
@@ -38,9 +39,9 @@ DensityGrid::DensityGrid(double half_side, double spacing, double thin)
       vertices_(2 * cells_ + 1),
       half_side_(static_cast<float>(static_cast<double>(cells_) * spacing)),
       spacing_(static_cast<float>(spacing)),
-      thin_(inverse_softplus(static_cast<float>(thin))),
+      thin_logit_(inverse_softplus(static_cast<float>(thin))),
       states_(static_cast<std::size_t>(cells_ * cells_ * cells_), CellState::unknown),
-      inputs_(static_cast<std::size_t>(vertices_ * vertices_ * vertices_), unknown) {}
+      logits_(static_cast<std::size_t>(vertices_ * vertices_ * vertices_), unknown) {}
 
 std::vector<float> DensityGrid::one_in_each_cell(std::span<const float> points) const {
     std::vector<bool> taken(states_.size());
@@ -57,12 +58,13 @@ std::vector<float> DensityGrid::one_in_each_cell(std::span<const float> points) 
 
 void DensityGrid::forget() {
     std::ranges::fill(states_, CellState::unknown);
-    std::ranges::fill(inputs_, unknown);
+    std::ranges::fill(logits_, unknown);
     known_vertices_ = 0;
 }
 
 std::int64_t DensityGrid::first_vertex(std::int64_t cell) const {
-    return 2 * ((cell / cells_ / cells_ * vertices_ + cell / cells_ % cells_) * vertices_ + cell % cells_);
+    return 2 * ((cell / cells_ / cells_ * vertices_ + cell / cells_ % cells_) * vertices_ +
+                cell % cells_);
 }
 
 DensityGrid::Place DensityGrid::place_of(const float* point) const {
@@ -107,42 +109,47 @@ bool DensityGrid::all_thin(std::span<const float> points) const {
     return true;
 }
 
-void DensityGrid::ask(std::span<const std::int64_t> cells, std::int64_t step, const DensityFunction& density) {
+void DensityGrid::evaluate(std::span<const std::int64_t> cells, std::int64_t step,
+                           const LogitFunction& logits_at) {
     wanted_.clear();
     points_.clear();
     const auto want = [this](std::int64_t vertex) {
-        float& input = inputs_[static_cast<std::size_t>(vertex)];
-        if (input != unknown) return;
-        input = wanted;
+        float& logit = logits_[static_cast<std::size_t>(vertex)];
+        if (logit != unknown) return;
+        logit = wanted;
         wanted_.push_back(vertex);
-        for (const std::int64_t place : {vertex % vertices_, vertex / vertices_ % vertices_, vertex / vertices_ / vertices_})
+        for (const std::int64_t place :
+             {vertex % vertices_, vertex / vertices_ % vertices_, vertex / vertices_ / vertices_})
             points_.push_back(static_cast<float>(place) * spacing_ - half_side_);
     };
     for (const std::int64_t cell : cells) {
         const std::int64_t first = first_vertex(cell);
         for (std::int64_t z = 0; z <= 2; z += step) {
             for (std::int64_t y = 0; y <= 2; y += step) {
-                for (std::int64_t x = 0; x <= 2; x += step) want(first + (z * vertices_ + y) * vertices_ + x);
+                for (std::int64_t x = 0; x <= 2; x += step)
+                    want(first + (z * vertices_ + y) * vertices_ + x);
             }
         }
     }
-    densities_.resize(wanted_.size());
-    density(points_, densities_);
+    new_logits_.resize(wanted_.size());
+    logits_at(points_, new_logits_);
+    // No logit may be taken for one of the marks.
+    constexpr float least_logit = -60.0F;
     for (std::size_t i = 0; i < wanted_.size(); ++i)
-        inputs_[static_cast<std::size_t>(wanted_[i])] = inverse_softplus(densities_[i]);
+        logits_[static_cast<std::size_t>(wanted_[i])] = std::max(new_logits_[i], least_logit);
     known_vertices_ += std::ssize(wanted_);
 }
 
 bool DensityGrid::is_thin(std::int64_t cell) const {
-    const float* first = inputs_.data() + first_vertex(cell);
+    const float* first = logits_.data() + first_vertex(cell);
     for (std::int64_t corner = 0; corner < 8; ++corner) {
         const std::int64_t x = corner % 2, y = corner / 2 % 2, z = corner / 4;
-        if (first[2 * ((z * vertices_ + y) * vertices_ + x)] >= thin_) return false;
+        if (first[2 * ((z * vertices_ + y) * vertices_ + x)] >= thin_logit_) return false;
     }
     return true;
 }
 
-void DensityGrid::learn(std::span<const float> points, const DensityFunction& density) {
+void DensityGrid::evaluate_around(std::span<const float> points, const LogitFunction& logits_at) {
     new_cells_.clear();
     for (std::size_t i = 0; i + 2 < points.size(); i += 3) {
         const std::int64_t cell = place_of(points.data() + i).cell;
@@ -150,10 +157,11 @@ void DensityGrid::learn(std::span<const float> points, const DensityFunction& de
         states_[static_cast<std::size_t>(cell)] = CellState::coarse;
         new_cells_.push_back(cell);
     }
-    ask(new_cells_, 2, density);
+    evaluate(new_cells_, 2, logits_at);
     std::erase_if(new_cells_, [this](std::int64_t cell) { return is_thin(cell); });
-    for (const std::int64_t cell : new_cells_) states_[static_cast<std::size_t>(cell)] = CellState::fine;
-    ask(new_cells_, 1, density);
+    for (const std::int64_t cell : new_cells_)
+        states_[static_cast<std::size_t>(cell)] = CellState::fine;
+    evaluate(new_cells_, 1, logits_at);
 }
 
 bool DensityGrid::bounds(std::span<const float> points, std::span<DensityBounds> result) const {
@@ -166,7 +174,7 @@ bool DensityGrid::bounds(std::span<const float> points, std::span<DensityBounds>
             all_known = all_known && !inside;
             continue;
         }
-        const float* corner = inputs_.data() + place.corner;
+        const float* corner = logits_.data() + place.corner;
         float lower = *corner, upper = *corner, estimate = 0.0F;
         for (std::int64_t z = 0; z < 2; ++z) {
             for (std::int64_t y = 0; y < 2; ++y) {
@@ -174,12 +182,12 @@ bool DensityGrid::bounds(std::span<const float> points, std::span<DensityBounds>
                 const float first = row[0], second = row[place.step];
                 lower = std::min({lower, first, second});
                 upper = std::max({upper, first, second});
-                const float share =
-                    (z == 1 ? place.part[2] : 1.0F - place.part[2]) * (y == 1 ? place.part[1] : 1.0F - place.part[1]);
+                const float share = (z == 1 ? place.part[2] : 1.0F - place.part[2]) *
+                                    (y == 1 ? place.part[1] : 1.0F - place.part[1]);
                 estimate += share * (first + place.part[0] * (second - first));
             }
         }
-        result[i] = from_inputs(lower, estimate, upper);
+        result[i] = bounds_of_logits(lower, estimate, upper);
     }
     return all_known;
 }

@@ -5,18 +5,19 @@
 #include <span>
 #include <vector>
 
-#include "nn/models/realtime/sample_selection.h"
+#include "nn/engine/sample_selection.h"
 
 namespace stymo {
 
-/// Densities at any number of points, 3 numbers each.
-using DensityFunction = std::function<void(std::span<const float> points, std::span<float> densities)>;
+/// Evaluates a field at any number of points, 3 coordinates each: the density is softplus(logit).
+using LogitFunction = std::function<void(std::span<const float> points, std::span<float> logits)>;
 
-/// The density of one head at the vertices of a lattice around the origin, asked for as points need it and kept. What is known
-/// of a point depends on the head alone, not on what was asked before. Vertices stand `spacing` apart, but twice that in cells of
-/// eight such cubes whose corners are all thinner than `thin`. Bounds are the extremes over the eight corners around a point:
-/// they hold where the density is monotonous between them, so not for what is smaller; the estimate is linear between the
-/// corners in the number of which the density is the softplus.
+/// The density of one head at the vertices of a grid around the origin, evaluated where points need
+/// it and kept. What is known of a point depends on the head alone, not on earlier evaluations.
+/// Vertices stand `spacing` apart, but twice that in cells of eight such cubes whose corners are
+/// all thinner than `thin`. Bounds are the extremes over the eight corners around a point. They
+/// hold where the density is monotonous between the corners, so not for smaller details. The
+/// estimate interpolates the logits of the corners linearly.
 class DensityGrid {
 public:
     DensityGrid() = default;
@@ -27,9 +28,10 @@ public:
     [[nodiscard]] std::vector<float> one_in_each_cell(std::span<const float> points) const;
     /// For another head.
     void forget();
-    /// Asks for what is unknown around these points, 3 numbers each.
-    void learn(std::span<const float> points, const DensityFunction& density);
-    /// From 0 to infinity outside the cube, and where nothing was learnt. False if there is such a place inside.
+    /// Evaluates the unknown vertices around these points, 3 coordinates each.
+    void evaluate_around(std::span<const float> points, const LogitFunction& logits_at);
+    /// From 0 to infinity outside the cube, and where nothing was evaluated. False if a point
+    /// inside the cube lies at such a place.
     bool bounds(std::span<const float> points, std::span<DensityBounds> result) const;
     /// Whether all these points, 3 numbers each, lie in cells that are known and thin.
     [[nodiscard]] bool all_thin(std::span<const float> points) const;
@@ -43,22 +45,23 @@ private:
     /// Negative outside the cube.
     [[nodiscard]] std::int64_t cell_of(const float* point) const;
     [[nodiscard]] std::int64_t first_vertex(std::int64_t cell) const;
-    /// Vertices of these cells, `step` apart, as far as they are unknown.
-    void ask(std::span<const std::int64_t> cells, std::int64_t step, const DensityFunction& density);
+    /// Evaluates the unknown vertices of these cells, `step` apart.
+    void evaluate(std::span<const std::int64_t> cells, std::int64_t step,
+                  const LogitFunction& logits_at);
     [[nodiscard]] bool is_thin(std::int64_t cell) const;
 
     std::int64_t cells_ = 0;     ///< along each axis, of two spacings
     std::int64_t vertices_ = 0;  ///< along each axis, one spacing apart
     float half_side_ = 0.0F;
     float spacing_ = 0.0F;
-    float thin_ = 0.0F;  ///< the softplus of it
+    float thin_logit_ = 0.0F;
     std::vector<CellState> states_;
-    std::vector<float> inputs_;  ///< of all vertices: the density is the softplus
+    std::vector<float> logits_;  ///< of all vertices
     std::int64_t known_vertices_ = 0;
     std::vector<std::int64_t> new_cells_;
     std::vector<std::int64_t> wanted_;
     std::vector<float> points_;
-    std::vector<float> densities_;
+    std::vector<float> new_logits_;
 };
 
 }  // namespace stymo

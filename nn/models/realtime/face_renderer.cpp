@@ -6,36 +6,43 @@
 #include <utility>
 
 #include "core/error.h"
+#include "nn/engine/block_renderer.h"
 #include "nn/models/realtime/baked_field.h"
-#include "nn/models/realtime/block_renderer.h"
 #include "nn/models/realtime/sampled_field.h"
 
 namespace stymo {
 namespace {
 
 bool same(const Camera& a, const Camera& b) {
-    return a.center == b.center && a.world_from_camera == b.world_from_camera && a.intrinsics.focal == b.intrinsics.focal &&
-           a.intrinsics.center_x == b.intrinsics.center_x && a.intrinsics.center_y == b.intrinsics.center_y;
+    return a.center == b.center && a.world_from_camera == b.world_from_camera &&
+           a.intrinsics.focal == b.intrinsics.focal &&
+           a.intrinsics.center_x == b.intrinsics.center_x &&
+           a.intrinsics.center_y == b.intrinsics.center_y;
 }
 
 void require_valid(const Model& model, const RendererOptions& options) {
-    if (options.samples_per_ray < 2) fail<ValueError>("a ray needs at least 2 samples, got ", options.samples_per_ray);
+    if (options.samples_per_ray < 2)
+        fail<ValueError>("a ray needs at least 2 samples, got ", options.samples_per_ray);
     if (!(options.tolerance >= 0.0 && options.tolerance < 1.0))
         fail<ValueError>("the tolerance must be from 0 to below 1, got ", options.tolerance);
     const DecoderConfig& decoder = model.config().decoder;
     if (options.mode != RenderMode::exact && !model.decoder().folds())
         fail<ValueError>("a model with decoder.conditioning = ", decoder.conditioning,
-                         " is rendered in mode exact alone; skip, bf16 and baked need modulation");
+                         " is rendered in mode exact alone; skip, half and baked need modulation");
     std::string sides;
-    for (std::int64_t side = 2 * decoder.rays.rays_per_side; side <= decoder.resolution; side *= 2) {
+    for (std::int64_t side = 2 * decoder.rays.rays_per_side; side <= decoder.resolution;
+         side *= 2) {
         if (options.resolution == 0 || side == options.resolution) return;
         sides += (sides.empty() ? "" : ", ") + std::to_string(side);
     }
-    fail<ValueError>("this model renders pictures with a side of ", sides, ", not ", options.resolution);
+    fail<ValueError>("this model renders images with a side of ", sides, ", not ",
+                     options.resolution);
 }
 
 /// Null for a model that is rendered as it is trained.
-std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model, const RendererOptions& options, Precision precision) {
+std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model,
+                                               const RendererOptions& options,
+                                               Precision precision) {
     if (model.decoder.conditioning != "modulation") return nullptr;
     if (options.mode == RenderMode::baked) {
         RaySampling rays = model.decoder.rays;
@@ -46,7 +53,7 @@ std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model, const R
     return make_sampled_field(model, options, precision);
 }
 
-/// Those that are computed with 16 bits in mode `bf16`, and of a bake the render blocks'.
+/// Those that are computed with 16 bits in mode `half`, and of a bake the render blocks'.
 std::vector<FoldedLayer> reduced_layers(const FoldedField& field) {
     std::vector<FoldedLayer> layers = field.layers;
     layers.push_back(field.feature0);
@@ -54,20 +61,23 @@ std::vector<FoldedLayer> reduced_layers(const FoldedField& field) {
 }
 std::vector<FoldedLayer> reduced_layers(std::span<const FoldedRenderBlock> blocks) {
     std::vector<FoldedLayer> layers;
-    for (const FoldedRenderBlock& block : blocks) layers.insert(layers.end(), {block.detail, block.modulated0, block.modulated1});
+    for (const FoldedRenderBlock& block : blocks)
+        layers.insert(layers.end(), {block.detail, block.modulated0, block.modulated1});
     return layers;
 }
 
 /// Layers of which a frame is made.
 struct LayerCount {
     std::int64_t field = 0;
-    std::int64_t picture = 0;  ///< render blocks and mask branch
+    std::int64_t image = 0;  ///< render blocks and mask branch
 };
 
 LayerCount layer_count(const DecoderConfig& decoder, std::int64_t resolution, bool mask) {
-    constexpr std::int64_t of_block = 4, beside_sine_layers = 3;  // FoldedRenderBlock; density and features
+    constexpr std::int64_t of_block = 4,
+                           beside_sine_layers = 3;  // FoldedRenderBlock; density and features
     LayerCount count{decoder.field_layers + beside_sine_layers, mask ? 1 : 0};
-    for (std::int64_t side = decoder.rays.rays_per_side; side < resolution; side *= 2) count.picture += of_block + (mask ? 1 : 0);
+    for (std::int64_t side = decoder.rays.rays_per_side; side < resolution; side *= 2)
+        count.image += of_block + (mask ? 1 : 0);
     return count;
 }
 
@@ -88,7 +98,8 @@ struct FaceRenderer::State {
     FeatureMap feature_map;
     bool feature_map_is_new = true;  ///< to the render blocks
     std::optional<BlockRenderer> blocks;
-    View view;  ///< buffers of the last frame, which the next one takes unless somebody still holds them
+    View view;  ///< buffers of the last frame, which the next one takes unless somebody still holds
+                ///< them
     RenderCounts counts;
 
     State(const Model& shown_model, const RendererOptions& renderer_options)
@@ -100,8 +111,9 @@ struct FaceRenderer::State {
         rays.samples_per_ray = options.samples_per_ray;
         rays.rays.resize(static_cast<std::size_t>(sampling.rays_per_side * sampling.rays_per_side));
         const std::int64_t rays_per_side = sampling.rays_per_side;
-        const std::int64_t side = options.resolution == 0 ? model.config().decoder.resolution : options.resolution;
-        view.picture = Tensor({side, side, 3});
+        const std::int64_t side =
+            options.resolution == 0 ? model.config().decoder.resolution : options.resolution;
+        view.image = Tensor({side, side, 3});
         if (options.mask) view.mask = Tensor({side, side, 1});
         if (options.depth) view.depth = Tensor({rays_per_side, rays_per_side, 1});
         counts.samples = static_cast<std::int64_t>(rays.rays.size()) * options.samples_per_ray;
@@ -109,11 +121,13 @@ struct FaceRenderer::State {
 
     /// Takes over row `index` of one group; true if it differs from what is shown.
     bool take(const Codes& codes, std::int64_t index, std::size_t group);
-    /// Takes over the type that the layers of a new face need; true if it differs from the present one.
-    [[nodiscard]] bool change_precision(Precision& precision, std::span<const FoldedLayer> layers) const;
+    /// Takes over the type that the layers of a new face need; true if it differs from the present
+    /// one.
+    [[nodiscard]] bool change_precision(Precision& precision,
+                                        std::span<const FoldedLayer> layers) const;
     void fold_field();
     void fold_blocks();
-    void look(const Camera& seen_by);
+    void render_field(const Camera& seen_by);
     void draw();
     void count();
     /// As the model is trained, for layers that do not fold.
@@ -124,16 +138,17 @@ bool FaceRenderer::State::take(const Codes& codes, std::int64_t index, std::size
     const std::int64_t size = code_sizes[group];
     const Tensor& values = codes.groups[group].value();
     if (values.rank() != 2 || values.shape(1) != size || index < 0 || index >= values.shape(0)) {
-        fail<ShapeError>("code ", code_names[group], " of face ", index, " must be a row of (faces, ", size, "), got ",
-                         values.shape());
+        fail<ShapeError>("code ", code_names[group], " of face ", index,
+                         " must be a row of (faces, ", size, "), got ", values.shape());
     }
-    const auto row = values.values<float>().subspan(static_cast<std::size_t>(index * size), static_cast<std::size_t>(size));
+    const auto row = values.values<float>().subspan(static_cast<std::size_t>(index * size),
+                                                    static_cast<std::size_t>(size));
     if (std::ranges::equal(row, shown[group])) return false;
     shown[group].assign(row.begin(), row.end());
     return true;
 }
 
-void FaceRenderer::State::look(const Camera& seen_by) {
+void FaceRenderer::State::render_field(const Camera& seen_by) {
     if (camera && same(*camera, seen_by)) {
         feature_map.field_samples = feature_map.tiles = 0;
         return;
@@ -143,30 +158,35 @@ void FaceRenderer::State::look(const Camera& seen_by) {
         rays.rays[static_cast<std::size_t>(i)] =
             camera_ray(seen_by, sampling, i / sampling.rays_per_side, i % sampling.rays_per_side);
     }
-    field->look(rays, feature_map);
+    field->render(rays, feature_map);
     camera = seen_by;
     feature_map_is_new = true;
 }
 
-bool FaceRenderer::State::change_precision(Precision& precision, std::span<const FoldedLayer> layers) const {
+bool FaceRenderer::State::change_precision(Precision& precision,
+                                           std::span<const FoldedLayer> layers) const {
     Precision fitting = Precision::float32;
-    if (options.mode == RenderMode::bf16 || options.mode == RenderMode::baked) fitting = sixteen_bits_for(layers);
+    if (options.mode == RenderMode::half || options.mode == RenderMode::baked)
+        fitting = sixteen_bits_for(layers);
     // A bake errs more than half precision, but what bfloat16 loses is not won back in time.
-    if (options.mode == RenderMode::baked && fitting == Precision::bfloat16) fitting = Precision::float32;
+    if (options.mode == RenderMode::baked && fitting == Precision::bfloat16)
+        fitting = Precision::float32;
     return std::exchange(precision, fitting) != fitting;
 }
 
 void FaceRenderer::State::fold_field() {
     camera.reset();
     const FoldedField folded = model.decoder().folded_field(w);
-    if (options.mode == RenderMode::bf16 && change_precision(field_precision, reduced_layers(folded)))
+    if (options.mode == RenderMode::half &&
+        change_precision(field_precision, reduced_layers(folded)))
         field = make_field_source(model.config(), options, field_precision);
     field->set_field(folded);
     ++counts.folds;
 }
 
 void FaceRenderer::State::fold_blocks() {
-    const std::vector<FoldedRenderBlock> folded = model.decoder().folded_blocks(w, options.resolution);
+    const std::vector<FoldedRenderBlock> folded =
+        model.decoder().folded_blocks(w, options.resolution);
     ++counts.folds;
     const bool changed = change_precision(block_precision, reduced_layers(folded));
     if (blocks && !changed) {
@@ -174,18 +194,22 @@ void FaceRenderer::State::fold_blocks() {
         return;
     }
     const DecoderConfig& decoder = model.config().decoder;
-    const std::optional<FoldedMaskBranch> mask =
-        options.mask ? std::optional(model.decoder().folded_mask()) : std::optional<FoldedMaskBranch>();
-    blocks.emplace(folded, mask, decoder.rays.rays_per_side, options.resolution == 0 ? decoder.resolution : options.resolution,
+    const std::optional<FoldedMaskBranch> mask = options.mask
+                                                     ? std::optional(model.decoder().folded_mask())
+                                                     : std::optional<FoldedMaskBranch>();
+    blocks.emplace(folded, mask, decoder.rays.rays_per_side,
+                   options.resolution == 0 ? decoder.resolution : options.resolution,
                    block_precision);
     feature_map_is_new = true;
 }
 
 void FaceRenderer::State::draw() {
-    if (feature_map_is_new) blocks->set_feature_map(feature_map.features, feature_map.counts);
+    if (feature_map_is_new) blocks->set_feature_map(feature_map.features, feature_map.occupied);
     feature_map_is_new = false;
-    blocks->render(view.picture.mutable_values<float>(), options.mask ? view.mask.mutable_values<float>() : std::span<float>());
-    if (options.depth) std::ranges::copy(feature_map.depths, view.depth.mutable_values<float>().begin());
+    blocks->render(view.image.mutable_values<float>(),
+                   options.mask ? view.mask.mutable_values<float>() : std::span<float>());
+    if (options.depth)
+        std::ranges::copy(feature_map.depths, view.depth.mutable_values<float>().begin());
 }
 
 void FaceRenderer::State::count() {
@@ -193,12 +217,17 @@ void FaceRenderer::State::count() {
     counts.pixels = blocks->counts().pixels;
     counts.pixels_computed = blocks->counts().pixels_computed;
     counts.tiles = feature_map.tiles;
+    // Of a bake no sample is counted.
+    if (options.mode != RenderMode::baked) {
+        view.significant_samples = static_cast<double>(feature_map.significant_samples) /
+                                   static_cast<double>(counts.samples);
+    }
     const DecoderConfig& decoder = model.config().decoder;
     const LayerCount all = layer_count(decoder, decoder.resolution, true);
-    const LayerCount shown_layers = layer_count(decoder, view.picture.shape(0), options.mask);
-    counts.layers = all.field + all.picture;
-    counts.layers_computed =
-        (counts.field_samples > 0 ? shown_layers.field : 0) + (counts.pixels_computed > 0 ? shown_layers.picture : 0);
+    const LayerCount shown_layers = layer_count(decoder, view.image.shape(0), options.mask);
+    counts.layers = all.field + all.image;
+    counts.layers_computed = (counts.field_samples > 0 ? shown_layers.field : 0) +
+                             (counts.pixels_computed > 0 ? shown_layers.image : 0);
 }
 
 View FaceRenderer::State::render_unfolded(const Camera& seen_by) {
@@ -208,7 +237,7 @@ View FaceRenderer::State::render_unfolded(const Camera& seen_by) {
                              .depth = options.depth};
     counts.samples = model.decoder().work(options.resolution).rays * options.samples_per_ray;
     counts.field_samples = counts.samples;
-    return render_view(model, z, 0, seen_by, wanted);
+    return decoded_view(model, z, 0, seen_by, wanted);
 }
 
 FaceRenderer::FaceRenderer(const Model& model, const RendererOptions& options) {
@@ -221,7 +250,8 @@ FaceRenderer::FaceRenderer(FaceRenderer&&) noexcept = default;
 void FaceRenderer::show(const Codes& codes, std::int64_t index) {
     State& state = *state_;
     std::array<bool, code_names.size()> changed{};
-    for (std::size_t group = 0; group < changed.size(); ++group) changed[group] = state.take(codes, index, group);
+    for (std::size_t group = 0; group < changed.size(); ++group)
+        changed[group] = state.take(codes, index, group);
     if (std::ranges::none_of(changed, [](bool group) { return group; })) return;
 
     for (std::size_t group = 0; group < changed.size(); ++group)
@@ -236,7 +266,7 @@ View FaceRenderer::render(const Camera& camera) {
     State& state = *state_;
     if (state.shown.front().empty()) fail<ValueError>("there is no face to render; show one first");
     if (!state.field) return state.render_unfolded(camera);
-    state.look(camera);
+    state.render_field(camera);
     state.draw();
     state.count();
     return state.view;

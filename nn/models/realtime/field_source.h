@@ -15,16 +15,23 @@ struct CameraRays {
     std::int64_t samples_per_ray = 0;
 };
 
-/// What a camera sees of the field: the input of the render blocks, and what is known of every ray besides.
+/// What a camera sees of the field: the input of the render blocks, and what is known of every ray
+/// besides.
 struct FeatureMap {
-    std::vector<float> features;       ///< (rays, feature_channels), after the field's last layer; zeros for an empty ray
-    std::vector<std::uint8_t> counts;  ///< (rays): 0 for an empty ray, else 1
-    std::vector<float> depths;       ///< (rays): expected Euclidean distance; that of the farthest sample of all behind the rest
+    std::vector<float> features;  ///< (rays, feature_channels), after the field's last layer; zeros
+                                  ///< for an empty ray
+    std::vector<std::uint8_t> occupied;  ///< (rays): 0 for an empty ray, else 1
+    std::vector<float> depths;       ///< (rays): expected Euclidean distance; that of the farthest
+                                     ///< sample of all behind the rest
     std::int64_t field_samples = 0;  ///< samples that went through the field
-    std::int64_t tiles = 0;          ///< how many at a time: in so many parts
+    /// Samples whose compositing weight exceeds `significant_weight`, of those that went through
+    /// the field.
+    std::int64_t significant_samples = 0;
+    std::int64_t tiles = 0;  ///< in so many of which the samples went through the field
 };
 
-/// The seam between ways of computing the field, which is all that the modes differ in before the render blocks.
+/// The seam between ways of computing the field. The modes differ in nothing else before the
+/// render blocks.
 class FieldSource {
 public:
     FieldSource() = default;
@@ -35,7 +42,7 @@ public:
     /// The field of another identity or expression.
     virtual void set_field(const FoldedField& field) = 0;
     /// Fills `map`, whose vectors keep what they have allocated.
-    virtual void look(const CameraRays& rays, FeatureMap& map) = 0;
+    virtual void render(const CameraRays& rays, FeatureMap& map) = 0;
 };
 
 /// Distance of the farthest sample of all rays: where the background is.

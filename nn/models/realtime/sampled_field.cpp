@@ -7,27 +7,29 @@
 #include <numeric>
 
 #include "core/parallel.h"
+#include "nn/engine/evaluate_points.h"
+#include "nn/engine/ray_tile.h"
 #include "nn/models/realtime/density_grid.h"
-#include "nn/models/realtime/packed_field.h"
 #include "nn/models/realtime/view_range.h"
 
 namespace stymo {
 namespace {
 
-/// Points of one tile: 16 blocks of rows of the packed product; activations of 256 channels and a layer's weights fill a third of
-/// 2 MiB of second-level cache, and a frame that skips still has tiles enough for every thread.
-constexpr std::int64_t tile_points = 192;
 constexpr std::int64_t rays_per_chunk = 32;
-/// Compositing weight of a ray that the samples without features of their own may have together, in units of the tolerance.
+/// Compositing weight of a ray that the samples without features of their own may have together, in
+/// units of the tolerance.
 constexpr float featureless_share = 0.5F;
 /// The same of a ray that counts as empty.
 constexpr float empty_share = 0.5F;
-/// The same of a ray all of whose samples lie where the lattice is coarse because the density is thin.
+/// The same of a ray all of whose samples lie where the grid is coarse because the density is
+/// thin.
 constexpr double thin_share = 0.5;
-/// Up to this part of 1 / thin_share times the depth between the planes, a ray through thin space has less than the tolerance.
+/// Up to this part of 1 / thin_share times the depth between the planes, a ray through thin space
+/// has less than the tolerance.
 constexpr double thin_rays = 1.9;
 
-/// Calls body(item, thread) for every item; `thread` counts from 0 and is nobody else's at that time.
+/// Calls body(item, thread) for every item; `thread` counts from 0 and is nobody else's at that
+/// time.
 template <class Body>
 void for_each_item(std::int64_t count, const Body& body) {
     std::atomic<std::int64_t> next{0};
@@ -41,13 +43,13 @@ void for_each_item(std::int64_t count, const Body& body) {
 /// Buffers of one thread.
 template <class T>
 struct Scratch {
-    std::vector<float> points;
-    std::vector<float> weights;          ///< of the samples of one ray
-    std::vector<std::int32_t> rows;      ///< of the tile, whose features count
+    RayTile<T> tile;
+    std::vector<float> points;           ///< of one ray
+    std::vector<std::int32_t> rows;      ///< of the tile, whose features are computed
     std::vector<std::int32_t> row_rays;  ///< their rays
     std::vector<float> row_weights;
-    FieldTile<T> tile;
     std::vector<DensityBounds> bounds;
+    std::int64_t significant = 0;  ///< samples with a weight above significant_weight
 };
 
 void append_point(const Ray& ray, double distance, std::vector<float>& points) {
@@ -56,14 +58,33 @@ void append_point(const Ray& ray, double distance, std::vector<float>& points) {
 }
 
 void append_points(const Ray& ray, std::int64_t samples, std::vector<float>& points) {
-    for (std::int64_t k = 0; k < samples; ++k) append_point(ray, sample_distance(ray, k, samples), points);
+    for (std::int64_t k = 0; k < samples; ++k)
+        append_point(ray, sample_distance(ray, k, samples), points);
 }
+
+/// The samples of a camera's rays, at the places and with the intervals of `sample_rays`.
+struct CameraSamples {
+    const CameraRays& rays;
+
+    [[nodiscard]] double distance(std::int64_t ray, std::int32_t sample) const {
+        return sample_distance(rays.rays[static_cast<std::size_t>(ray)], sample,
+                               rays.samples_per_ray);
+    }
+    void append(std::int64_t ray, std::int32_t sample, std::vector<float>& points) const {
+        append_point(rays.rays[static_cast<std::size_t>(ray)], distance(ray, sample), points);
+    }
+    [[nodiscard]] float length(std::int64_t ray, std::int32_t sample) const {
+        return static_cast<float>(distance(ray, sample + 1) - distance(ray, sample));
+    }
+};
 
 float interval(const Ray& ray, std::int64_t samples) {
-    return static_cast<float>((ray.far_distance - ray.near_distance) / static_cast<double>(samples));
+    return static_cast<float>((ray.far_distance - ray.near_distance) /
+                              static_cast<double>(samples));
 }
 
-/// Around all that the model's own camera sees as the head turns, with some room for other distances.
+/// Around all that the model's own camera sees as the head turns, with some room for other
+/// distances.
 DensityGrid make_grid(const ModelConfig& model, double tolerance) {
     const RaySampling& sampling = model.decoder.rays;
     const double reach = std::max(std::abs(sampling.near_z), std::abs(sampling.far_z));
@@ -75,7 +96,7 @@ DensityGrid make_grid(const ModelConfig& model, double tolerance) {
 
 /// A point in each cell of the grid that the usual views see.
 std::vector<float> points_in_reach(const ModelConfig& model, const DensityGrid& grid) {
-    // A little more than pictures show, so that views between these need nothing else.
+    // A little more than images show, so that views between these need nothing else.
     constexpr double wider = 0.9, deeper = 0.4;
     ViewRange range{.camera = model.camera};
     range.camera.intrinsics.focal *= wider;
@@ -93,17 +114,18 @@ public:
     SampledField(const ModelConfig& model, const RendererOptions& options);
 
     void set_field(const FoldedField& field) override;
-    void look(const CameraRays& rays, FeatureMap& map) override;
+    void render(const CameraRays& rays, FeatureMap& map) override;
 
 private:
-    void evaluate(std::span<const float> points, std::span<float> densities);
-    void learn(std::span<const float> points);
+    void evaluate_grid_around(std::span<const float> points);
     void select(const CameraRays& rays);
     [[nodiscard]] bool select_from_grid(const CameraRays& rays);
     void cut_into_tiles();
-    void reserve(std::int64_t samples_per_ray);
-    void trace_tile(std::int64_t first, std::int64_t end, const CameraRays& rays, Scratch<T>& scratch, FeatureMap& map);
-    void composite_ray(std::int64_t ray, std::int64_t first_row, const CameraRays& rays, Scratch<T>& scratch, FeatureMap& map);
+    void reserve();
+    void trace_tile(std::int64_t first, std::int64_t end, const CameraRays& rays,
+                    Scratch<T>& scratch, FeatureMap& map);
+    void finish_ray(std::int64_t ray, const CameraSamples& samples, Scratch<T>& scratch,
+                    FeatureMap& map);
     void finish(FeatureMap& map);
 
     RenderMode mode_;
@@ -123,7 +145,8 @@ private:
 
 template <class T>
 SampledField<T>::SampledField(const ModelConfig& model, const RendererOptions& options)
-    : mode_(options.mode), tolerance_(mode_ == RenderMode::exact ? 0.0F : static_cast<float>(options.tolerance)) {
+    : mode_(options.mode),
+      tolerance_(mode_ == RenderMode::exact ? 0.0F : static_cast<float>(options.tolerance)) {
     if (mode_ != RenderMode::exact) {
         grid_ = make_grid(model, options.tolerance);
         thin_length_ = thin_rays * (model.decoder.rays.near_z - model.decoder.rays.far_z);
@@ -135,53 +158,51 @@ template <class T>
 void SampledField<T>::set_field(const FoldedField& field) {
     field_ = PackedField<T>(field);
     if (mode_ == RenderMode::exact) return;
-    scratch_.resize(static_cast<std::size_t>(thread_count()));
     grid_.forget();
-    learn(reach_);
+    evaluate_grid_around(reach_);
 }
 
 template <class T>
-void SampledField<T>::learn(std::span<const float> points) {
-    grid_.learn(points, [this](std::span<const float> vertices, std::span<float> densities) { evaluate(vertices, densities); });
-}
-
-/// Densities of any number of points, by all threads.
-template <class T>
-void SampledField<T>::evaluate(std::span<const float> points, std::span<float> densities) {
-    const auto count = static_cast<std::int64_t>(densities.size());
-    for_each_item(chunk_count(count, tile_points), [&](std::int64_t item, std::size_t thread) {
-        const std::int64_t first = item * tile_points, size = std::min(tile_points, count - first);
-        FieldTile<T>& tile = scratch_[thread].tile;
-        field_.density(points.subspan(static_cast<std::size_t>(3 * first), static_cast<std::size_t>(3 * size)), tile);
-        std::copy_n(tile.density.begin(), size, densities.begin() + first);
+void SampledField<T>::evaluate_grid_around(std::span<const float> points) {
+    grid_.evaluate_around(points, [this](std::span<const float> vertices, std::span<float> logits) {
+        const auto position_of = [&](std::int64_t i) {
+            return vertices.subspan(static_cast<std::size_t>(3 * i), 3);
+        };
+        evaluate_points(field_, std::ssize(logits), position_of,
+                        [&](std::int64_t first, std::int64_t size, const FieldTile<T>& tile) {
+                            std::copy_n(tile.logits.begin(), size, logits.begin() + first);
+                        });
     });
 }
 
 template <class T>
-void SampledField<T>::look(const CameraRays& rays, FeatureMap& map) {
+void SampledField<T>::render(const CameraRays& rays, FeatureMap& map) {
     const std::size_t count = rays.rays.size();
     scratch_.resize(static_cast<std::size_t>(thread_count()));
     for (Scratch<T>& scratch : scratch_) {
+        scratch.significant = 0;
         scratch.points.reserve(static_cast<std::size_t>(3 * rays.samples_per_ray));
         scratch.bounds.reserve(static_cast<std::size_t>(rays.samples_per_ray));
     }
     composited_.resize(count * static_cast<std::size_t>(field_.width()));
     opacities_.resize(count);
     map.features.resize(count * static_cast<std::size_t>(field_.feature_channels()));
-    map.counts.resize(count);
+    map.occupied.resize(count);
     map.depths.resize(count);
     background_ = static_cast<float>(farthest_sample(rays));
 
     select(rays);
     cut_into_tiles();
-    reserve(rays.samples_per_ray);
-    for_each_item(static_cast<std::int64_t>(tiles_.size()) - 1, [&](std::int64_t tile, std::size_t thread) {
-        const auto index = static_cast<std::size_t>(tile);
-        trace_tile(tiles_[index], tiles_[index + 1], rays, scratch_[thread], map);
-    });
+    reserve();
+    for_each_item(static_cast<std::int64_t>(tiles_.size()) - 1,
+                  [&](std::int64_t tile, std::size_t thread) {
+                      const auto index = static_cast<std::size_t>(tile);
+                      trace_tile(tiles_[index], tiles_[index + 1], rays, scratch_[thread], map);
+                  });
     finish(map);
-    map.field_samples = 0;
-    for (const std::int32_t kept : selection_.counts) map.field_samples += kept;
+    map.field_samples = map.significant_samples = 0;
+    for (const std::int32_t selected : selection_.counts) map.field_samples += selected;
+    for (const Scratch<T>& scratch : scratch_) map.significant_samples += scratch.significant;
     map.tiles = map.field_samples > 0 ? std::ssize(tiles_) - 1 : 0;
 }
 
@@ -194,7 +215,7 @@ void SampledField<T>::select(const CameraRays& rays) {
         std::vector<float>& points = scratch_.front().points;
         points.clear();
         for (const Ray& ray : rays.rays) append_points(ray, rays.samples_per_ray, points);
-        learn(points);
+        evaluate_grid_around(points);
         static_cast<void>(select_from_grid(rays));
     }
 }
@@ -207,12 +228,14 @@ bool SampledField<T>::select_from_grid(const CameraRays& rays) {
     for_each_item(chunk_count(count, rays_per_chunk), [&](std::int64_t chunk, std::size_t thread) {
         Scratch<T>& scratch = scratch_[thread];
         scratch.bounds.resize(static_cast<std::size_t>(samples));
-        for (std::int64_t i = chunk * rays_per_chunk; i < std::min(count, (chunk + 1) * rays_per_chunk); ++i) {
+        for (std::int64_t i = chunk * rays_per_chunk;
+             i < std::min(count, (chunk + 1) * rays_per_chunk); ++i) {
             const Ray& ray = rays.rays[static_cast<std::size_t>(i)];
             scratch.points.clear();
             append_points(ray, samples, scratch.points);
             // Most rays beside a head; what they meet together is below what counts as empty.
-            if (ray.far_distance - ray.near_distance <= thin_length_ && grid_.all_thin(scratch.points)) {
+            if (ray.far_distance - ray.near_distance <= thin_length_ &&
+                grid_.all_thin(scratch.points)) {
                 selection_.keep_none(i);
                 continue;
             }
@@ -223,10 +246,12 @@ bool SampledField<T>::select_from_grid(const CameraRays& rays) {
     return known;
 }
 
-/// Whole rays, so that a tile can composite them; as many tiles for each thread, of the same size as far as rays allow.
+/// Whole rays, so that a tile can composite them; as many tiles for each thread, of the same size
+/// as far as rays allow.
 template <class T>
 void SampledField<T>::cut_into_tiles() {
-    const std::int64_t all = std::accumulate(selection_.counts.begin(), selection_.counts.end(), std::int64_t{0});
+    const std::int64_t all =
+        std::accumulate(selection_.counts.begin(), selection_.counts.end(), std::int64_t{0});
     const std::int64_t rounds = chunk_count(all, tile_points * thread_count()),
                        tiles = std::max<std::int64_t>(rounds, 1) * thread_count();
     tiles_.assign(1, 0);
@@ -246,12 +271,11 @@ void SampledField<T>::cut_into_tiles() {
 
 /// For every thread, because chance decides which of them meets the largest tile.
 template <class T>
-void SampledField<T>::reserve(std::int64_t samples_per_ray) {
+void SampledField<T>::reserve() {
     const auto points = static_cast<std::size_t>(largest_tile_);
     for (Scratch<T>& scratch : scratch_) {
-        field_.reserve(largest_tile_, scratch.tile);
-        scratch.points.reserve(3 * points);
-        scratch.weights.reserve(static_cast<std::size_t>(samples_per_ray));
+        field_.reserve(largest_tile_, scratch.tile.field);
+        scratch.tile.reserve(largest_tile_, std::ssize(selection_.counts));
         scratch.rows.reserve(points);
         scratch.row_rays.reserve(points);
         scratch.row_weights.reserve(points);
@@ -259,78 +283,59 @@ void SampledField<T>::reserve(std::int64_t samples_per_ray) {
 }
 
 template <class T>
-void SampledField<T>::trace_tile(std::int64_t first, std::int64_t end, const CameraRays& rays, Scratch<T>& scratch,
-                                 FeatureMap& map) {
-    scratch.points.clear();
-    for (std::int64_t i = first; i < end; ++i) {
-        const Ray& ray = rays.rays[static_cast<std::size_t>(i)];
-        const auto slot = static_cast<std::size_t>(i * rays.samples_per_ray);
-        for (std::int32_t k = 0; k < selection_.counts[static_cast<std::size_t>(i)]; ++k) {
-            append_point(ray, sample_distance(ray, selection_.samples[slot + static_cast<std::size_t>(k)], rays.samples_per_ray),
-                         scratch.points);
-        }
-    }
-    field_.density(scratch.points, scratch.tile);
+void SampledField<T>::trace_tile(std::int64_t first, std::int64_t end, const CameraRays& rays,
+                                 Scratch<T>& scratch, FeatureMap& map) {
+    const CameraSamples samples{rays};
+    RayTile<T>& tile = scratch.tile;
+    tile.take(selection_, samples, first, end);
+    field_.evaluate(tile.points, tile.field);
+    tile.composite(selection_, samples);
 
     scratch.rows.clear();
     scratch.row_rays.clear();
     scratch.row_weights.clear();
-    std::int64_t row = 0;
-    for (std::int64_t i = first; i < end; ++i) {
-        composite_ray(i, row, rays, scratch, map);
-        row += selection_.counts[static_cast<std::size_t>(i)];
-    }
-    field_.features(scratch.rows, scratch.tile);
+    for (std::int64_t ray = first; ray < end; ++ray) finish_ray(ray, samples, scratch, map);
+    field_.features(scratch.rows, tile.field);
 
     const std::int64_t width = field_.width();
     std::fill(composited_.begin() + first * width, composited_.begin() + end * width, 0.0F);
     for (std::size_t i = 0; i < scratch.rows.size(); ++i) {
-        const float* from = scratch.tile.features.data() + static_cast<std::int64_t>(i) * width;
-        float* to = composited_.data() + scratch.row_rays[i] * width;
-        const float weight = scratch.row_weights[i];
-        for (std::int64_t channel = 0; channel < width; ++channel) to[channel] += weight * from[channel];
+        add_weighted(composited_.data() + scratch.row_rays[i] * width, scratch.row_weights[i],
+                     tile.field.features.data() + static_cast<std::int64_t>(i) * width, width);
     }
 }
 
-/// Weights of one ray from its densities, and the rows of the tile whose features count.
+/// Opacity and depth of one ray from its weights, and the rows of the tile whose features are
+/// computed.
 template <class T>
-void SampledField<T>::composite_ray(std::int64_t ray, std::int64_t first_row, const CameraRays& rays, Scratch<T>& scratch,
-                                    FeatureMap& map) {
+void SampledField<T>::finish_ray(std::int64_t ray, const CameraSamples& samples,
+                                 Scratch<T>& scratch, FeatureMap& map) {
     const auto index = static_cast<std::size_t>(ray);
-    const Ray& line = rays.rays[index];
-    const auto count = static_cast<std::size_t>(selection_.counts[index]);
-    const auto slot = static_cast<std::size_t>(ray * rays.samples_per_ray);
-    const float delta = interval(line, rays.samples_per_ray);
-    scratch.weights.resize(count);
-    float transmittance = 1.0F, opacity = 0.0F, depth = 0.0F;
-    for (std::size_t k = 0; k < count; ++k) {
-        const float density = scratch.tile.density[static_cast<std::size_t>(first_row) + k];
-        const float weight = -transmittance * std::expm1(-(density * delta + selection_.gaps[slot + k]));
-        scratch.weights[k] = weight;
-        transmittance -= weight;
-        opacity += weight;
-        depth += weight * static_cast<float>(sample_distance(line, selection_.samples[slot + k], rays.samples_per_ray));
-    }
-    if (count > 0) {
-        const float weight = -transmittance * std::expm1(-selection_.tails[index]);
-        scratch.weights.back() += weight;
-        opacity += weight;
-        depth += weight * static_cast<float>(sample_distance(line, selection_.samples[slot + count - 1], rays.samples_per_ray));
+    const std::span<const std::int32_t> selected = selection_.samples_of(ray);
+    const std::int64_t first_row = scratch.tile.begin_of(ray);
+    const std::span<const float> weights =
+        std::span(scratch.tile.weights)
+            .subspan(static_cast<std::size_t>(first_row), selected.size());
+    float opacity = 0.0F, depth = 0.0F;
+    for (std::size_t k = 0; k < weights.size(); ++k) {
+        opacity += weights[k];
+        depth += weights[k] * static_cast<float>(samples.distance(ray, selected[k]));
+        if (static_cast<double>(weights[k]) > significant_weight) ++scratch.significant;
     }
     opacities_[index] = opacity;
     map.depths[index] = depth + (1.0F - opacity) * background_;
 
     const bool empty = opacity <= empty_share * tolerance_;
-    map.counts[index] = empty ? 0 : 1;
+    map.occupied[index] = empty ? 0 : 1;
     if (empty) {
         opacities_[index] = 0.0F;
         return;
     }
     // A weight too small for features of its own goes to the next sample that has some.
-    const float least = count == 0 ? 0.0F : featureless_share * tolerance_ / static_cast<float>(count);
+    const float least = featureless_share * tolerance_ / static_cast<float>(weights.size());
     float carried = 0.0F;
-    for (std::size_t k = 0; k < count; ++k) {
-        carried += scratch.weights[k];
+    for (std::size_t k = 0; k < weights.size(); ++k) {
+        carried += weights[k];
         if (carried < least) continue;
         scratch.rows.push_back(static_cast<std::int32_t>(first_row) + static_cast<std::int32_t>(k));
         scratch.row_rays.push_back(static_cast<std::int32_t>(ray));
@@ -342,14 +347,18 @@ void SampledField<T>::composite_ray(std::int64_t ray, std::int64_t first_row, co
 
 template <class T>
 void SampledField<T>::finish(FeatureMap& map) {
-    const auto count = static_cast<std::int64_t>(map.counts.size()), width = field_.width(), channels = field_.feature_channels();
+    const auto count = static_cast<std::int64_t>(map.occupied.size()), width = field_.width(),
+               channels = field_.feature_channels();
     for_each_item(chunk_count(count, rays_per_chunk), [&](std::int64_t chunk, std::size_t) {
-        const std::int64_t first = chunk * rays_per_chunk, size = std::min(rays_per_chunk, count - first);
+        const std::int64_t first = chunk * rays_per_chunk,
+                           size = std::min(rays_per_chunk, count - first);
         const auto part = [&](auto& values, std::int64_t numbers) {
-            return std::span(values).subspan(static_cast<std::size_t>(first * numbers), static_cast<std::size_t>(size * numbers));
+            return std::span(values).subspan(static_cast<std::size_t>(first * numbers),
+                                             static_cast<std::size_t>(size * numbers));
         };
         const auto result = part(map.features, channels);
-        if (std::ranges::any_of(part(map.counts, 1), [](std::uint8_t counts) { return counts != 0; })) {
+        if (std::ranges::any_of(part(map.occupied, 1),
+                                [](std::uint8_t occupied) { return occupied != 0; })) {
             field_.finish(part(composited_, width), part(opacities_, 1), result);
         } else {
             std::ranges::fill(result, 0.0F);
@@ -362,13 +371,18 @@ void SampledField<T>::finish(FeatureMap& map) {
 double farthest_sample(const CameraRays& rays) {
     double farthest = 0.0;
     for (const Ray& ray : rays.rays)
-        farthest = std::max(farthest, sample_distance(ray, rays.samples_per_ray - 1, rays.samples_per_ray));
+        farthest = std::max(farthest,
+                            sample_distance(ray, rays.samples_per_ray - 1, rays.samples_per_ray));
     return farthest;
 }
 
-std::unique_ptr<FieldSource> make_sampled_field(const ModelConfig& model, const RendererOptions& options, Precision precision) {
-    if (precision == Precision::bfloat16) return std::make_unique<SampledField<kernels::BFloat16>>(model, options);
-    if (precision == Precision::float16) return std::make_unique<SampledField<kernels::Float16>>(model, options);
+std::unique_ptr<FieldSource> make_sampled_field(const ModelConfig& model,
+                                                const RendererOptions& options,
+                                                Precision precision) {
+    if (precision == Precision::bfloat16)
+        return std::make_unique<SampledField<kernels::BFloat16>>(model, options);
+    if (precision == Precision::float16)
+        return std::make_unique<SampledField<kernels::Float16>>(model, options);
     return std::make_unique<SampledField<float>>(model, options);
 }
 

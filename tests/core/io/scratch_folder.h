@@ -14,7 +14,8 @@ public:
     ScratchFolder() {
         std::string name = (std::filesystem::temp_directory_path() / "stymo-test-XXXXXX").string();
         if (::mkdtemp(name.data()) == nullptr) {
-            throw std::filesystem::filesystem_error("mkdtemp", name, std::make_error_code(std::errc::io_error));
+            throw std::filesystem::filesystem_error("mkdtemp", name,
+                                                    std::make_error_code(std::errc::io_error));
         }
         path_ = name;
     }
@@ -26,9 +27,12 @@ public:
     }
 
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-    [[nodiscard]] std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
+    [[nodiscard]] std::filesystem::path operator/(const std::string& name) const {
+        return path_ / name;
+    }
     [[nodiscard]] std::ptrdiff_t file_count() const {
-        return std::distance(std::filesystem::directory_iterator(path_), std::filesystem::directory_iterator());
+        return std::distance(std::filesystem::directory_iterator(path_),
+                             std::filesystem::directory_iterator());
     }
 
 private:

@@ -25,7 +25,8 @@ EventFile::Clock stopped_clock() {
 
 std::uint64_t little_endian(std::string_view bytes) {
     std::uint64_t value = 0;
-    for (std::size_t i = bytes.size(); i > 0; --i) value = (value << 8) | static_cast<unsigned char>(bytes[i - 1]);
+    for (std::size_t i = bytes.size(); i > 0; --i)
+        value = (value << 8) | static_cast<unsigned char>(bytes[i - 1]);
     return value;
 }
 
@@ -93,23 +94,27 @@ TEST_CASE("an event file has the bytes that TensorBoard's own writer gives it", 
     }
     REQUIRE(files(folder).size() == 1);
     CHECK(files(folder)[0].filename() == "events.out.tfevents.1700000000.stymo");
-    CHECK(read_text_file(files(folder)[0]) == read_text_file(fs::path(STYMO_SOURCE_DIR) / "tests/golden/event_file.tfevents"));
+    CHECK(read_text_file(files(folder)[0]) ==
+          read_text_file(fs::path(STYMO_SOURCE_DIR) / "tests/golden/event_file.tfevents"));
 }
 
-TEST_CASE("pictures are kept as PNG with their size, and every record can be read while the file grows", "[event_file]") {
+TEST_CASE(
+    "images are kept as PNG with their size, and every record can be read while the file grows",
+    "[event_file]") {
     const ScratchFolder folder;
     const ScratchFolder scratch;
-    Tensor picture = Tensor::full({2, 3, 3}, 1.0);
-    picture.mutable_values<float>()[0] = 0.0F;
+    Tensor image = Tensor::full({2, 3, 3}, 1.0);
+    image.mutable_values<float>()[0] = 0.0F;
     EventFile events(folder.path());
-    events.image(7, "samples", picture);
+    events.image(7, "samples", image);
     const std::vector<std::string> messages = read_records(files(folder)[0]);
     REQUIRE(messages.size() == 2);
     CHECK_THAT(messages[0], Catch::Contains("brain.Event:2"));
-    // Height, width and colour space are the fields 1, 2 and 3, the picture's bytes the field 4.
-    CHECK_THAT(messages[1], Catch::Contains("samples") && Catch::Contains("\x08\x02\x10\x03\x18\x03\x22"));
-    write_text_file(scratch / "picture.png", png_within(messages[1]));
-    CHECK(read_image(scratch / "picture.png").to_vector() == picture.to_vector());
+    // Height, width and colour space are the fields 1, 2 and 3, the image's bytes the field 4.
+    CHECK_THAT(messages[1],
+               Catch::Contains("samples") && Catch::Contains("\x08\x02\x10\x03\x18\x03\x22"));
+    write_text_file(scratch / "image.png", png_within(messages[1]));
+    CHECK(read_image(scratch / "image.png").to_vector() == image.to_vector());
     events.scalar(8, "loss", 1.0);
     CHECK(read_records(files(folder)[0]).size() == 3);
 }
@@ -127,7 +132,9 @@ TEST_CASE("an event file never takes another one's place and comes after it", "[
 
 TEST_CASE("an event file that cannot be written is named in one line", "[event_file]") {
     const ScratchFolder folder;
-    const std::string message = error_message<FileError>([&] { const EventFile events(folder / "absent"); });
+    const std::string message =
+        error_message<FileError>([&] { const EventFile events(folder / "absent"); });
     CHECK(is_one_line(message));
-    CHECK_THAT(message, Catch::Contains((folder / "absent").string()) && Catch::Contains("cannot be written"));
+    CHECK_THAT(message, Catch::Contains((folder / "absent").string()) &&
+                            Catch::Contains("cannot be written"));
 }

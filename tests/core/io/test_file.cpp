@@ -20,7 +20,8 @@ TEST_CASE("a text comes back as it was written and nothing is left beside it") {
 
 TEST_CASE("a missing file and a folder are refused as texts") {
     const ScratchFolder folder;
-    CHECK_THROWS_WITH(read_text_file(folder / "none.txt"), Contains("none.txt: cannot be read (No such file or directory)"));
+    CHECK_THROWS_WITH(read_text_file(folder / "none.txt"),
+                      Contains("none.txt: cannot be read (No such file or directory)"));
     CHECK_THROWS_AS(read_text_file(folder.path()), FileError);
 }
 
@@ -40,7 +41,8 @@ TEST_CASE("a write that fails leaves the old file and no temporary one") {
 
 TEST_CASE("writing into a missing folder is refused") {
     const ScratchFolder folder;
-    CHECK_THROWS_WITH(write_text_file(folder / "none/a.txt", "x"), Contains("cannot be written (No such file or directory)"));
+    CHECK_THROWS_WITH(write_text_file(folder / "none/a.txt", "x"),
+                      Contains("cannot be written (No such file or directory)"));
     CHECK_THROWS_AS(write_text_file(folder.path(), "x"), FileError);
 }
 
@@ -49,7 +51,8 @@ TEST_CASE("files and folders are flushed to the disk; what is not there is named
     write_text_file(folder / "text.txt", "text");
     CHECK_NOTHROW(flush_to_disk(folder / "text.txt"));
     CHECK_NOTHROW(flush_to_disk(folder / "."));
-    CHECK_THROWS_WITH(flush_to_disk(folder / "none"), Contains("none: cannot be written to the disk"));
+    CHECK_THROWS_WITH(flush_to_disk(folder / "none"),
+                      Contains("none: cannot be written to the disk"));
 }
 
 TEST_CASE("a folder is made with its parents unless a file is in the way") {

@@ -25,7 +25,8 @@ std::filesystem::path golden(const std::string& name) {
     return std::filesystem::path(STYMO_SOURCE_DIR) / "tests/golden/images" / name;
 }
 
-void check_values(const Tensor& actual, const Shape& shape, const std::vector<double>& expected, double scale = 1.0) {
+void check_values(const Tensor& actual, const Shape& shape, const std::vector<double>& expected,
+                  double scale = 1.0) {
     REQUIRE(actual.shape() == shape);
     const std::vector<double> values = actual.to_vector();
     for (std::size_t i = 0; i < expected.size(); ++i) {
@@ -72,7 +73,7 @@ TEST_CASE("the class maps of CelebAMask-HQ hold its 19 classes") {
     CHECK(seen.contains(2.0F));  // nose
 }
 
-TEST_CASE("pictures that are no class maps are refused as such") {
+TEST_CASE("images that are no class maps are refused as such") {
     CHECK_THROWS_WITH(read_class_map(golden("rgba.png")), Contains("not a class map"));
     CHECK_THROWS_WITH(read_class_map(golden("rgb_16bit.png")), Contains("not a class map"));
     CHECK_THROWS_WITH(read_class_map(golden("grey_alpha.png")), Contains("not a class map"));
@@ -84,8 +85,10 @@ TEST_CASE("pictures that are no class maps are refused as such") {
 TEST_CASE("every kind of PNG becomes RGB between 0 and 1") {
     check_values(read_image(golden("palette_8bit.png")), {2, 3, 3},
                  {0, 0, 0, 204, 0, 0, 76, 153, 0, 204, 0, 0, 204, 0, 0, 0, 0, 0}, 255.0);
-    check_values(read_image(golden("grey_8bit.png")), {1, 3, 3}, {0, 0, 0, 18, 18, 18, 255, 255, 255}, 255.0);
-    check_values(read_image(golden("grey_alpha.png")), {1, 2, 3}, {200, 200, 200, 40, 40, 40}, 255.0);
+    check_values(read_image(golden("grey_8bit.png")), {1, 3, 3},
+                 {0, 0, 0, 18, 18, 18, 255, 255, 255}, 255.0);
+    check_values(read_image(golden("grey_alpha.png")), {1, 2, 3}, {200, 200, 200, 40, 40, 40},
+                 255.0);
     check_values(read_image(golden("rgba.png")), {1, 2, 3}, {255, 100, 0, 51, 20, 0}, 255.0);
     check_values(read_image(golden("rgb_16bit.png")), {1, 1, 3}, {1, 32768, 65535}, 65535.0);
 }
@@ -110,7 +113,8 @@ TEST_CASE("a JPEG with an orientation is turned upright") {
     const Tensor turned = read_image(folder / "turned.jpg");
     REQUIRE(turned.shape() == Shape{16, 8, 3});
     for (std::int64_t i = 0; i < turned.size(); ++i) {
-        CHECK(turned.values<float>()[static_cast<std::size_t>(i)] == Approx(i < 8 * 8 * 3 ? 1.0 : 0.0).margin(0.02));
+        CHECK(turned.values<float>()[static_cast<std::size_t>(i)] ==
+              Approx(i < 8 * 8 * 3 ? 1.0 : 0.0).margin(0.02));
     }
 }
 
@@ -124,7 +128,8 @@ TEST_CASE("an image comes back from PNG to half a step and from JPEG closely") {
     for (const std::int64_t channels : {1, 3}) {
         const Tensor image = random_image(7, 5, channels);
         write_image(folder / "a.png", image);
-        const Tensor read = channels == 1 ? read_mask(folder / "a.png") : read_image(folder / "a.png");
+        const Tensor read =
+            channels == 1 ? read_mask(folder / "a.png") : read_image(folder / "a.png");
         CHECK(largest_difference(read, image) < 0.5 / 255.0 + 1e-6);
     }
     const Tensor flat = Tensor::full({16, 16, 3}, 0.4);
@@ -148,12 +153,14 @@ TEST_CASE("float files keep their bytes and are clipped when read as images") {
     write_exr(folder / "depth.exr", Tensor::full({2, 3, 1}, 0.75));
     check_values(read_mask(folder / "depth.exr"), {2, 3, 1}, std::vector<double>(6, 0.75));
     const std::string bytes = read_text_file(folder / "depth.exr");
-    CHECK(bytes.find(std::string("Z\0\x02\0\0\0", 6)) != std::string::npos);  // channel Z of 32-bit floats
+    CHECK(bytes.find(std::string("Z\0\x02\0\0\0", 6)) !=
+          std::string::npos);  // channel Z of 32-bit floats
 }
 
 TEST_CASE("what is not a readable image is refused in one line that says why") {
     const ScratchFolder folder;
-    const auto refused = [&](const std::string& name, const std::string& bytes, const std::string& reason) {
+    const auto refused = [&](const std::string& name, const std::string& bytes,
+                             const std::string& reason) {
         std::ofstream(folder / name, std::ios::binary) << bytes;
         try {
             static_cast<void>(read_image(folder / name));
@@ -193,7 +200,8 @@ TEST_CASE("images that cannot be written are refused and leave nothing") {
     CHECK_THROWS_AS(write_exr(folder / "a.png", image), FileError);
     CHECK_THROWS_AS(write_animation(folder / "a.gif", {}, 10.0), ValueError);
     CHECK_THROWS_AS(write_animation(folder / "a.gif", {image}, 0.0), ValueError);
-    CHECK_THROWS_AS(write_animation(folder / "a.gif", {image, random_image(4, 5, 3)}, 10.0), ShapeError);
+    CHECK_THROWS_AS(write_animation(folder / "a.gif", {image, random_image(4, 5, 3)}, 10.0),
+                    ShapeError);
     CHECK_THROWS_AS(write_animation(folder / "a.webm", {image}, 10.0), FileError);
     CHECK(folder.file_count() == 0);
 }
@@ -209,7 +217,8 @@ TEST_CASE("animations repeat without end and hold every frame") {
     CHECK(gif.find(std::string("NETSCAPE2.0\x03\x01\0\0", 15)) != std::string::npos);
     std::size_t frame_count = 0;
     const std::string frame_header("\x21\xf9\x04\x05\x08\0", 6);  // a delay of 8 hundredths
-    for (std::size_t at = gif.find(frame_header); at != std::string::npos; at = gif.find(frame_header, at + 1)) {
+    for (std::size_t at = gif.find(frame_header); at != std::string::npos;
+         at = gif.find(frame_header, at + 1)) {
         ++frame_count;
     }
     CHECK(frame_count == 5);
@@ -221,30 +230,36 @@ TEST_CASE("animations repeat without end and hold every frame") {
 }
 
 TEST_CASE("resampling keeps a constant and averages a fine pattern") {
-    CHECK(largest_difference(resize_image(Tensor::full({9, 7, 3}, 0.3), 4, 20), Tensor::full({4, 20, 3}, 0.3)) < 1e-6);
+    CHECK(largest_difference(resize_image(Tensor::full({9, 7, 3}, 0.3), 4, 20),
+                             Tensor::full({4, 20, 3}, 0.3)) < 1e-6);
     std::vector<float> stripes(32 * 32);
     for (std::size_t i = 0; i < stripes.size(); ++i) {
         stripes[i] = static_cast<float>(i % 2);
     }
-    const Tensor small = resize_image(Tensor::from({32, 32, 1}, std::span<const float>(stripes)), 8, 8);
+    const Tensor small =
+        resize_image(Tensor::from({32, 32, 1}, std::span<const float>(stripes)), 8, 8);
     for (std::int64_t row = 0; row < 8; ++row) {
         for (std::int64_t column = 2; column < 6; ++column) {
-            CHECK(small.values<float>()[static_cast<std::size_t>(row * 8 + column)] == Approx(0.5).margin(0.02));
+            CHECK(small.values<float>()[static_cast<std::size_t>(row * 8 + column)] ==
+                  Approx(0.5).margin(0.02));
         }
     }
     CHECK_THROWS_AS(resize_image(Tensor::zeros({4, 4, 3}), 0, 4), ShapeError);
 }
 
 TEST_CASE("tiles stand in rows and the missing ones are black") {
-    const std::vector<Tensor> images = {Tensor::full({1, 2, 1}, 0.1), Tensor::full({1, 2, 1}, 0.2), Tensor::full({1, 2, 1}, 0.3)};
+    const std::vector<Tensor> images = {Tensor::full({1, 2, 1}, 0.1), Tensor::full({1, 2, 1}, 0.2),
+                                        Tensor::full({1, 2, 1}, 0.3)};
     check_values(tile_images(images, 2), {2, 4, 1}, {0.1, 0.1, 0.2, 0.2, 0.3, 0.3, 0.0, 0.0});
     check_values(tile_images(images, 5), {1, 6, 1}, {0.1, 0.1, 0.2, 0.2, 0.3, 0.3});
-    CHECK_THROWS_AS(tile_images({Tensor::zeros({1, 2, 1}), Tensor::zeros({2, 1, 1})}, 2), ShapeError);
+    CHECK_THROWS_AS(tile_images({Tensor::zeros({1, 2, 1}), Tensor::zeros({2, 1, 1})}, 2),
+                    ShapeError);
 }
 
 TEST_CASE("mirroring swaps left and right and keeps the channels in order") {
     const std::vector<float> values = {1, 2, 3, 4, 5, 6};
-    check_values(mirror_image(Tensor::from({1, 2, 3}, std::span<const float>(values))), {1, 2, 3}, {4, 5, 6, 1, 2, 3});
+    check_values(mirror_image(Tensor::from({1, 2, 3}, std::span<const float>(values))), {1, 2, 3},
+                 {4, 5, 6, 1, 2, 3});
 }
 
 TEST_CASE("a PNG in memory has the bytes of the file") {

@@ -32,7 +32,9 @@ std::string error_of(const std::filesystem::path& path) {
 
 TEST_CASE("the tensors of an ONNX model are read however they are stored") {
     const OnnxGraph graph = read_onnx_file(golden("small.onnx"));
-    const auto values = [&](const std::string& tensor) { return graph.tensors.at(tensor).to_vector(); };
+    const auto values = [&](const std::string& tensor) {
+        return graph.tensors.at(tensor).to_vector();
+    };
     CHECK(graph.tensors.size() == 17);
     CHECK(graph.tensors.at("conv.weight").shape() == Shape{2, 2, 3, 3});
     CHECK(values("conv.weight")[35] == 34.5);
@@ -57,7 +59,8 @@ TEST_CASE("the tensors of an ONNX model are read however they are stored") {
     CHECK(values("shape") == Values{1, -1});
 }
 
-TEST_CASE("the operations of an ONNX model come in their order with inputs, outputs and attributes") {
+TEST_CASE(
+    "the operations of an ONNX model come in their order with inputs, outputs and attributes") {
     const std::vector<OnnxNode> nodes = read_onnx_file(golden("small.onnx")).nodes;
     REQUIRE(nodes.size() == 4);
     CHECK(nodes[0].operation == "Conv");
@@ -65,27 +68,37 @@ TEST_CASE("the operations of an ONNX model come in their order with inputs, outp
     CHECK(nodes[0].inputs == Names{"image", "conv.weight"});
     CHECK(nodes[0].outputs == Names{"a"});
     CHECK(nodes[0].numbers == std::map<std::string, double>{{"group", 1.0}});
-    CHECK(nodes[0].integers == std::map<std::string, std::vector<std::int64_t>>{{"kernel_shape", {3, 3}}, {"strides", {2, 2}}});
+    CHECK(nodes[0].integers == std::map<std::string, std::vector<std::int64_t>>{
+                                   {"kernel_shape", {3, 3}}, {"strides", {2, 2}}});
     CHECK(nodes[1].numbers.at("alpha") == 0.25);
     CHECK(nodes[2].integers.at("perm") == std::vector<std::int64_t>{0, 2, 3, 1});
     CHECK(nodes[3].numbers.at("allowzero") == -1.0);
 }
 
-TEST_CASE("an ONNX model whose weights lie elsewhere, or that holds texts, is refused by the tensor's name") {
-    CHECK_THAT(error_of(golden("external.onnx")),
-               Contains("external.onnx: tensor \"conv.weight\" is kept in another file, \"external.bin\""));
-    CHECK_THAT(error_of(golden("string.onnx")), Contains("tensor \"words\" has the unsupported element type 8"));
+TEST_CASE(
+    "an ONNX model whose weights lie elsewhere, or that holds texts, is refused by the tensor's "
+    "name") {
+    CHECK_THAT(
+        error_of(golden("external.onnx")),
+        Contains(
+            "external.onnx: tensor \"conv.weight\" is kept in another file, \"external.bin\""));
+    CHECK_THAT(error_of(golden("string.onnx")),
+               Contains("tensor \"words\" has the unsupported element type 8"));
 }
 
 TEST_CASE("what is no ONNX model is refused") {
     const ScratchFolder folder;
-    for (const std::string& text : {std::string(), std::string("text"), std::string("\x08\x07", 2), std::string("\x3a\x7f", 2)}) {
+    for (const std::string& text : {std::string(), std::string("text"), std::string("\x08\x07", 2),
+                                    std::string("\x3a\x7f", 2)}) {
         write_text_file(folder / "bad.onnx", text);
-        CHECK_THAT(error_of(folder / "bad.onnx"), Contains("bad.onnx: not a readable ONNX model ("));
+        CHECK_THAT(error_of(folder / "bad.onnx"),
+                   Contains("bad.onnx: not a readable ONNX model ("));
     }
 }
 
-TEST_CASE("an ONNX model that is cut anywhere, or in which a byte is wrong, is read or refused but never worse") {
+TEST_CASE(
+    "an ONNX model that is cut anywhere, or in which a byte is wrong, is read or refused but never "
+    "worse") {
     const ScratchFolder folder;
     const std::string bytes = read_text_file(golden("small.onnx"));
     bool all = true;
@@ -101,7 +114,8 @@ TEST_CASE("an ONNX model that is cut anywhere, or in which a byte is wrong, is r
     for (std::size_t length = 0; length < bytes.size(); ++length) {
         all = all && survives(bytes.substr(0, length));
         std::string changed = bytes;
-        changed[length] = static_cast<char>(static_cast<unsigned char>(changed[length]) ^ (1U << (length % 8)));
+        changed[length] =
+            static_cast<char>(static_cast<unsigned char>(changed[length]) ^ (1U << (length % 8)));
         all = all && survives(changed);
     }
     CHECK(all);

@@ -14,7 +14,8 @@ const std::vector<std::array<std::int32_t, 3>> triangles{{0, 1, 2}, {2, 1, 258}}
 
 Tensor numbers(std::int64_t rows, double first) {
     std::vector<double> values;
-    for (std::int64_t i = 0; i < 3 * rows; ++i) values.push_back(first + 0.25 * static_cast<double>(i));
+    for (std::int64_t i = 0; i < 3 * rows; ++i)
+        values.push_back(first + 0.25 * static_cast<double>(i));
     return Tensor::from({rows, 3}, std::span<const double>(values)).to(DType::float32);
 }
 
@@ -48,16 +49,20 @@ TEST_CASE("a mesh's file has the header and the bytes that PLY 1.0 asks for", "[
     CHECK(float_at(bytes, second + 8) == 0.25F);
     CHECK(float_at(bytes, second + 12) == 7.75F);
     CHECK(bytes.substr(second + 24, 3) == std::string("\xFF\x80\x00", 3));
-    CHECK(bytes.substr(bytes.size() - 13) == std::string("\x03\x02\x00\x00\x00\x01\x00\x00\x00\x02\x01\x00\x00", 13));
+    CHECK(bytes.substr(bytes.size() - 13) ==
+          std::string("\x03\x02\x00\x00\x00\x01\x00\x00\x00\x02\x01\x00\x00", 13));
 
     write_ply(folder / "bare.ply", {vertices, {}, {}, triangles});
-    CHECK(std::filesystem::file_size(folder / "bare.ply") < std::filesystem::file_size(folder / "mesh.ply") - 259 * 15);
+    CHECK(std::filesystem::file_size(folder / "bare.ply") <
+          std::filesystem::file_size(folder / "mesh.ply") - 259 * 15);
 }
 
 TEST_CASE("normals or colours of another number than the vertices are refused", "[ply]") {
     const ScratchFolder folder;
-    CHECK_THROWS_AS(write_ply(folder / "mesh.ply", {numbers(3, 0.0), numbers(2, 0.0), {}, {}}), ShapeError);
-    CHECK_THROWS_AS(write_ply(folder / "mesh.ply", {numbers(3, 0.0), {}, numbers(4, 0.0), {}}), ShapeError);
+    CHECK_THROWS_AS(write_ply(folder / "mesh.ply", {numbers(3, 0.0), numbers(2, 0.0), {}, {}}),
+                    ShapeError);
+    CHECK_THROWS_AS(write_ply(folder / "mesh.ply", {numbers(3, 0.0), {}, numbers(4, 0.0), {}}),
+                    ShapeError);
     CHECK_THROWS_AS(write_ply(folder / "none/mesh.ply", {numbers(3, 0.0), {}, {}, {}}), FileError);
     CHECK_FALSE(std::filesystem::exists(folder / "mesh.ply"));
 }

@@ -22,8 +22,10 @@ std::string file_of(const std::string& header, std::size_t data_length) {
     return bytes + header + std::string(data_length, '\0');
 }
 
-std::string entry(const std::string& name, const std::string& dtype, const std::string& shape, const std::string& offsets) {
-    return "\"" + name + R"(":{"dtype":")" + dtype + R"(","shape":)" + shape + R"(,"data_offsets":)" + offsets + "}";
+std::string entry(const std::string& name, const std::string& dtype, const std::string& shape,
+                  const std::string& offsets) {
+    return "\"" + name + R"(":{"dtype":")" + dtype + R"(","shape":)" + shape +
+           R"(,"data_offsets":)" + offsets + "}";
 }
 
 void check_refused(const std::string& bytes, const std::string& reason) {
@@ -40,7 +42,8 @@ void check_refused(const std::string& bytes, const std::string& reason) {
 }  // namespace
 
 TEST_CASE("a file of the safetensors package is read with every element type") {
-    const TensorFile file = read_tensor_file(std::string(STYMO_SOURCE_DIR) + "/tests/golden/safetensors/types.safetensors");
+    const TensorFile file = read_tensor_file(std::string(STYMO_SOURCE_DIR) +
+                                             "/tests/golden/safetensors/types.safetensors");
     const auto values = [&](const std::string& name) { return file.tensors.at(name).to_vector(); };
     using Values = std::vector<double>;
     CHECK(file.tensors.size() == 15);
@@ -48,7 +51,8 @@ TEST_CASE("a file of the safetensors package is read with every element type") {
     CHECK(values("f32") == Values{-2.5, -1.5, -0.5, 0.5, 1.5, 2.5});
     CHECK(file.tensors.at("f64").dtype() == DType::float64);
     CHECK(values("f64") == Values{3.141592653589793, -1e300});
-    CHECK(values("f16") == Values{0.0, -1.5, 65504.0, 0x1p-24, std::numeric_limits<double>::infinity(), 0.333251953125});
+    CHECK(values("f16") == Values{0.0, -1.5, 65504.0, 0x1p-24,
+                                  std::numeric_limits<double>::infinity(), 0.333251953125});
     CHECK(values("bf16") == Values{1.0, -2.5, 3.140625});
     CHECK(values("i8") == Values{-128, 127});
     CHECK(values("i16") == Values{-32768, 32767});
@@ -62,7 +66,8 @@ TEST_CASE("a file of the safetensors package is read with every element type") {
     CHECK(file.tensors.at("scalar").rank() == 0);
     CHECK(file.tensors.at("scalar").item() == 4.25);
     CHECK(file.tensors.at("empty").shape() == Shape{0, 3});
-    CHECK(file.metadata == std::map<std::string, std::string>{{"origin", "safetensors"}, {"note", "caf\u00e9"}});
+    CHECK(file.metadata ==
+          std::map<std::string, std::string>{{"origin", "safetensors"}, {"note", "caf\u00e9"}});
 }
 
 TEST_CASE("what is written comes back bit for bit, and the tensors are aligned") {
@@ -122,16 +127,22 @@ TEST_CASE("every malformed header of a tensor file is refused") {
     check_refused(file_of("{\"a\":", 0), "not JSON");
     check_refused(file_of("{\"\xff\":1}", 0), "not JSON");
     check_refused(file_of("[]", 0), "not a JSON object");
-    check_refused(file_of("{" + entry("a", "F32", "[1]", "[0,4]") + "," + entry("a", "F32", "[1]", "[4,8]") + "}", 8),
+    check_refused(file_of("{" + entry("a", "F32", "[1]", "[0,4]") + "," +
+                              entry("a", "F32", "[1]", "[4,8]") + "}",
+                          8),
                   "names \"a\" twice");
-    check_refused(file_of(R"({"a":{"dtype":"F32","dtype":"F32","shape":[1],"data_offsets":[0,4]}})", 4), "names \"dtype\" twice");
-    check_refused(file_of(R"({"a":{"dtype":{"x":{}},"shape":[1],"data_offsets":[0,4]}})", 4), "nested too deeply");
+    check_refused(
+        file_of(R"({"a":{"dtype":"F32","dtype":"F32","shape":[1],"data_offsets":[0,4]}})", 4),
+        "names \"dtype\" twice");
+    check_refused(file_of(R"({"a":{"dtype":{"x":{}},"shape":[1],"data_offsets":[0,4]}})", 4),
+                  "nested too deeply");
     check_refused(file_of(R"({"__metadata__":{"a":1}})", 0), "not a map of texts");
     check_refused(file_of(R"({"__metadata__":["a"]})", 0), "not a map of texts");
 }
 
 TEST_CASE("every tensor that does not fit its file is refused") {
-    const auto refused = [](const std::string& entries, std::size_t data_length, const std::string& reason) {
+    const auto refused = [](const std::string& entries, std::size_t data_length,
+                            const std::string& reason) {
         check_refused(file_of("{" + entries + "}", data_length), reason);
     };
     refused(R"("a":7)", 0, "needs exactly");
@@ -142,7 +153,8 @@ TEST_CASE("every tensor that does not fit its file is refused") {
     refused(entry("a", "F33", "[1]", "[0,4]"), 4, "unknown element type \"F33\"");
     refused(entry("a", "F32", "[2]", "[0,8]"), 4, "reaches beyond the file");
     refused(entry("a", "F32", "[1]", "[4,0]"), 4, "reaches beyond the file");
-    refused(entry("a", "F32", "[1]", "[18446744073709551612,18446744073709551615]"), 4, "reaches beyond the file");
+    refused(entry("a", "F32", "[1]", "[18446744073709551612,18446744073709551615]"), 4,
+            "reaches beyond the file");
     refused(entry("a", "F32", "[1]", "[-4,0]"), 4, "not a natural number");
     refused(entry("a", "F32", "[-1]", "[0,4]"), 4, "not a natural number");
     refused(entry("a", "F32", "[1.0]", "[0,4]"), 4, "not a natural number");
@@ -152,9 +164,12 @@ TEST_CASE("every tensor that does not fit its file is refused") {
     refused(entry("a", "F32", "[4294967296,4294967296]", "[0,0]"), 0, "overflow");
     refused(entry("a", "U8", "[9223372036854775808]", "[0,0]"), 0, "overflow");
     refused(entry("a", "F32", "[1,1,1,1,1,1,1]", "[0,4]"), 4, "more than 6 axes");
-    refused(entry("a", "F32", "[2]", "[0,8]") + "," + entry("b", "F32", "[2]", "[4,12]"), 12, "overlaps");
-    refused(entry("a", "F32", "[1]", "[0,4]") + "," + entry("b", "F32", "[1]", "[0,4]"), 4, "overlaps");
-    refused(entry("a", "F32", "[1]", "[0,4]") + "," + entry("b", "F32", "[1]", "[8,12]"), 12, "a hole before tensor \"b\"");
+    refused(entry("a", "F32", "[2]", "[0,8]") + "," + entry("b", "F32", "[2]", "[4,12]"), 12,
+            "overlaps");
+    refused(entry("a", "F32", "[1]", "[0,4]") + "," + entry("b", "F32", "[1]", "[0,4]"), 4,
+            "overlaps");
+    refused(entry("a", "F32", "[1]", "[0,4]") + "," + entry("b", "F32", "[1]", "[8,12]"), 12,
+            "a hole before tensor \"b\"");
     refused(entry("a", "F32", "[1]", "[4,8]"), 8, "a hole before tensor \"a\"");
     refused(entry("a", "F32", "[1]", "[0,4]"), 9, "5 bytes at the end belong to no tensor");
 }

@@ -31,12 +31,15 @@ std::string error_of(const std::filesystem::path& path) {
     return "read";
 }
 
-/// A file of the older format around the pickle of an object (without its end) and the bytes behind the list of storages.
-std::string legacy_file(const std::string& object, const std::string& keys = "]", const std::string& storages = "") {
+/// A file of the older format around the pickle of an object (without its end) and the bytes behind
+/// the list of storages.
+std::string legacy_file(const std::string& object, const std::string& keys = "]",
+                        const std::string& storages = "") {
     const std::string magic("\x80\x02\x8a\x0al\xfc\x9c\x46\xf9 j\xa8P\x19.", 15);
     const std::string version("\x80\x02M\xe9\x03.", 6);
     const std::string machine("\x80\x02}U\x0dlittle_endian\x88s.", 21);
-    return magic + version + machine + "\x80\x02" + object + "." + "\x80\x02" + keys + "." + storages;
+    return magic + version + machine + "\x80\x02" + object + "." + "\x80\x02" + keys + "." +
+           storages;
 }
 
 std::string error_of_bytes(const std::string& bytes) {
@@ -45,16 +48,18 @@ std::string error_of_bytes(const std::string& bytes) {
     return error_of(folder / "bad.pth");
 }
 
-/// Pickle of a float tensor with the given extents, strides and offset (each below 256) in storage "0".
-std::string tensor_pickle(const std::vector<int>& extents, const std::vector<int>& strides, int offset) {
+/// Pickle of a float tensor with the given extents, strides and offset (each below 256) in storage
+/// "0".
+std::string tensor_pickle(const std::vector<int>& extents, const std::vector<int>& strides,
+                          int offset) {
     const auto tuple = [](const std::vector<int>& numbers) {
         std::string text = "(";
         for (const int number : numbers) text += std::string("K") + static_cast<char>(number);
         return text + "t";
     };
     const std::string storage = "(U\x07storagectorch\nFloatStorage\nU\x01\x30U\x03\x63puK\x06NtQ";
-    return "ctorch._utils\n_rebuild_tensor\n(" + storage + "K" + static_cast<char>(offset) + tuple(extents) + tuple(strides) +
-           "tR";
+    return "ctorch._utils\n_rebuild_tensor\n(" + storage + "K" + static_cast<char>(offset) +
+           tuple(extents) + tuple(strides) + "tR";
 }
 
 std::string six_floats() {
@@ -70,13 +75,16 @@ TEST_CASE("every element type of PyTorch is read from either format") {
     for (const char* name : {"types.pth", "types_legacy.pth"}) {
         INFO(name);
         const TensorFile file = read_torch_file(golden(name));
-        const auto values = [&](const std::string& tensor) { return file.tensors.at(tensor).to_vector(); };
+        const auto values = [&](const std::string& tensor) {
+            return file.tensors.at(tensor).to_vector();
+        };
         CHECK(file.tensors.size() == 12);
         CHECK(file.tensors.at("f32").shape() == Shape{1, 3});
         CHECK(values("f32") == Values{0.5, -2.0, 1e-3F});
         CHECK(file.tensors.at("f64").dtype() == DType::float64);
         CHECK(values("f64") == Values{3.141592653589793, -1e300});
-        CHECK(values("f16") == Values{1.5, -65504.0, 0x1p-24, std::numeric_limits<double>::infinity()});
+        CHECK(values("f16") ==
+              Values{1.5, -65504.0, 0x1p-24, std::numeric_limits<double>::infinity()});
         CHECK(values("bf16") == Values{1.0, -2.5, 3.140625});
         CHECK(values("i8") == Values{-128, 127});
         CHECK(values("i16") == Values{-32768, 7});
@@ -90,11 +98,16 @@ TEST_CASE("every element type of PyTorch is read from either format") {
     }
 }
 
-TEST_CASE("views are read by their strides, nested containers give dotted names, and whatever is no tensor is passed over") {
-    for (const char* name : {"views.pth", "views_legacy.pth", "views_protocol4.pth", "views_legacy_protocol4.pth"}) {
+TEST_CASE(
+    "views are read by their strides, nested containers give dotted names, and whatever is no "
+    "tensor is passed over") {
+    for (const char* name :
+         {"views.pth", "views_legacy.pth", "views_protocol4.pth", "views_legacy_protocol4.pth"}) {
         INFO(name);
         const TensorFile file = read_torch_file(golden(name));
-        const auto values = [&](const std::string& tensor) { return file.tensors.at(tensor).to_vector(); };
+        const auto values = [&](const std::string& tensor) {
+            return file.tensors.at(tensor).to_vector();
+        };
         CHECK(file.tensors.size() == 9);
         CHECK(file.tensors.at("state_dict.whole").shape() == Shape{2, 3, 4});
         CHECK(values("state_dict.whole")[23] == 23);
@@ -111,7 +124,9 @@ TEST_CASE("views are read by their strides, nested containers give dotted names,
     }
 }
 
-TEST_CASE("a checkpoint that names anything beyond tensors and containers is refused by that name and does nothing") {
+TEST_CASE(
+    "a checkpoint that names anything beyond tensors and containers is refused by that name and "
+    "does nothing") {
     const std::vector<std::pair<std::string, std::string>> cases = {
         {"system.pth", "posix.system"}, {"system_legacy.pth", "posix.system"},
         {"eval.pth", "builtins.eval"},  {"module.pth", "torch.nn.modules.linear.Linear"},
@@ -119,12 +134,13 @@ TEST_CASE("a checkpoint that names anything beyond tensors and containers is ref
     };
     for (const auto& [name, culprit] : cases) {
         const std::string error = error_of(golden(name));
-        CHECK_THAT(error,
-                   Contains(name + ": refuses to load \"") && Contains(culprit) && Contains("\": not a tensor or container"));
+        CHECK_THAT(error, Contains(name + ": refuses to load \"") && Contains(culprit) &&
+                              Contains("\": not a tensor or container"));
     }
     CHECK_FALSE(std::filesystem::exists("executed"));
     CHECK_THAT(error_of_bytes(legacy_file("cos\nsystem\n(U\x02lstR")), Contains("\"os.system\""));
-    CHECK_THAT(error_of_bytes(legacy_file("(U\x02lsios\nsystem\n")), Contains("not a readable pickle (code 105"));
+    CHECK_THAT(error_of_bytes(legacy_file("(U\x02lsios\nsystem\n")),
+               Contains("not a readable pickle (code 105"));
 }
 
 TEST_CASE("files that are no checkpoints are refused") {
@@ -143,34 +159,44 @@ TEST_CASE("a tensor must lie within its storage") {
     const ScratchFolder folder;
     write_text_file(folder / "good.pth", file(tensor_pickle({2, 2}, {3, 1}, 1)));
     CHECK(read_torch_file(folder / "good.pth").tensors.at("w").to_vector() == Values{1, 2, 4, 5});
-    CHECK_THAT(error_of_bytes(file(tensor_pickle({2, 2}, {3, 1}, 2))), Contains("reaches beyond storage 0"));
-    CHECK_THAT(error_of_bytes(file(tensor_pickle({7}, {1}, 0))), Contains("reaches beyond storage 0"));
+    CHECK_THAT(error_of_bytes(file(tensor_pickle({2, 2}, {3, 1}, 2))),
+               Contains("reaches beyond storage 0"));
+    CHECK_THAT(error_of_bytes(file(tensor_pickle({7}, {1}, 0))),
+               Contains("reaches beyond storage 0"));
     CHECK_THAT(error_of_bytes(file(tensor_pickle({2, 2}, {1}, 0))), Contains("no proper extent"));
     CHECK_THAT(error_of_bytes(file(tensor_pickle({1, 1, 1, 1, 1, 1, 1}, {1, 1, 1, 1, 1, 1, 1}, 0))),
                Contains("more than 6 axes"));
-    CHECK_THAT(error_of_bytes(file(tensor_pickle({255, 255, 255}, {0, 0, 0}, 0))), Contains("too many times over"));
-    CHECK_THAT(error_of_bytes(file(tensor_pickle({255, 255, 255, 255, 255, 255}, {0, 0, 0, 0, 0, 0}, 0))),
+    CHECK_THAT(error_of_bytes(file(tensor_pickle({255, 255, 255}, {0, 0, 0}, 0))),
                Contains("too many times over"));
+    CHECK_THAT(
+        error_of_bytes(file(tensor_pickle({255, 255, 255, 255, 255, 255}, {0, 0, 0, 0, 0, 0}, 0))),
+        Contains("too many times over"));
 }
 
 TEST_CASE("pickles that hold themselves, or the same things over and over, come to an end") {
-    CHECK_THAT(error_of_bytes(legacy_file("}q\x01U\x01\x61h\x01s")), Contains("too many times over"));
+    CHECK_THAT(error_of_bytes(legacy_file("}q\x01U\x01\x61h\x01s")),
+               Contains("too many times over"));
     CHECK_THAT(error_of_bytes(legacy_file("]q\x01h\x01\x61")), Contains("too many times over"));
     const std::string padding = "U\xff" + std::string(255, ' ') + "0";
-    CHECK_THAT(error_of_bytes(legacy_file(padding + "}q\x01U" + std::string(1, '\0') + "h\x01s")), Contains("nested too deeply"));
+    CHECK_THAT(error_of_bytes(legacy_file(padding + "}q\x01U" + std::string(1, '\0') + "h\x01s")),
+               Contains("nested too deeply"));
     std::string doubling = "]q\x01";
-    for (char k = 2; k < 42; ++k) doubling += std::string("h") + char(k - 1) + "h" + char(k - 1) + "\x86q" + k;
+    for (char k = 2; k < 42; ++k)
+        doubling += std::string("h") + char(k - 1) + "h" + char(k - 1) + "\x86q" + k;
     CHECK_THAT(error_of_bytes(legacy_file(doubling)), Contains("too many times over"));
 }
 
 TEST_CASE("malformed pickles are refused") {
     for (const std::string object :
-         {"a", "s", "t", "R", "h\x05", "K\x01K\x02\x86\x52", "}U\x01\x61u", "(K\x01\x64", "\xff", "N}b", "K\x01\x61",
-          "X\xff\xff\xff\xff", "c", "cos", "\x8e\xff\xff\xff\xff\xff\xff\xff\x7f", "\x80\x07", "Q", "(0"})
+         {"a", "s", "t", "R", "h\x05", "K\x01K\x02\x86\x52", "}U\x01\x61u", "(K\x01\x64", "\xff",
+          "N}b", "K\x01\x61", "X\xff\xff\xff\xff", "c", "cos",
+          "\x8e\xff\xff\xff\xff\xff\xff\xff\x7f", "\x80\x07", "Q", "(0"})
         CHECK_THAT(error_of_bytes(legacy_file(object)), Contains("bad.pth: not a readable"));
 }
 
-TEST_CASE("a file that is cut anywhere, or in which a byte is wrong, is read or refused but never worse") {
+TEST_CASE(
+    "a file that is cut anywhere, or in which a byte is wrong, is read or refused but never "
+    "worse") {
     const ScratchFolder folder;
     int number = 0;
     const auto survives = [&](const std::string& bytes) {
@@ -179,7 +205,8 @@ TEST_CASE("a file that is cut anywhere, or in which a byte is wrong, is read or 
         std::ofstream(path, std::ios::binary) << bytes;
         const std::string error = error_of(path);
         std::filesystem::remove(path);
-        return error == "read" || (error.find(".pth: ") != std::string::npos && error.find('\n') == std::string::npos);
+        return error == "read" ||
+               (error.find(".pth: ") != std::string::npos && error.find('\n') == std::string::npos);
     };
     for (const char* name : {"views.pth", "views_legacy.pth"}) {
         const std::string bytes = read_text_file(golden(name));
@@ -187,7 +214,8 @@ TEST_CASE("a file that is cut anywhere, or in which a byte is wrong, is read or 
         for (std::size_t length = 0; length < bytes.size(); ++length) {
             all = all && survives(bytes.substr(0, length));
             std::string changed = bytes;
-            changed[length] = static_cast<char>(changed[length] ^ static_cast<char>(1U << (length % 8)));
+            changed[length] =
+                static_cast<char>(changed[length] ^ static_cast<char>(1U << (length % 8)));
             all = all && survives(changed);
         }
         CHECK(all);

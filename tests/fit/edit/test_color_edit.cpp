@@ -35,32 +35,31 @@ Tensor left_half() {
     return mask;
 }
 
-Tensor plain_picture(double red, double green, double blue) {
-    Tensor picture({side, side, 3});
-    const std::span<float> values = picture.mutable_values<float>();
-    for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<float>(i % 3 == 0 ? red : i % 3 == 1 ? green : blue);
-    return picture;
+Tensor plain_image(double red, double green, double blue) {
+    Tensor image({side, side, 3});
+    const std::span<float> values = image.mutable_values<float>();
+    for (std::size_t i = 0; i < values.size(); ++i)
+        values[i] = static_cast<float>(i % 3 == 0 ? red : i % 3 == 1 ? green : blue);
+    return image;
 }
 
-double length(const Vector3& vector) {
-    return std::hypot(vector[0], vector[1], vector[2]);
-}
-
-double squared_mean(const Tensor& picture, const Vector3& color, const Tensor& mask) {
-    const std::vector<double> pixels = picture.to_vector();
+double squared_mean(const Tensor& image, const Eigen::Vector3d& color, const Tensor& mask) {
+    const std::vector<double> pixels = image.to_vector();
     const std::vector<double> weights = mask.to_vector();
     double total = 0.0;
     double area = 0.0;
     for (std::size_t i = 0; i < weights.size(); ++i) {
         area += weights[i];
-        for (std::size_t c = 0; c < 3; ++c) total += weights[i] * std::pow(2.0 * (pixels[3 * i + c] - color[c]), 2.0);
+        for (std::size_t c = 0; c < 3; ++c)
+            total += weights[i] * std::pow(2.0 * (pixels[3 * i + c] - color[c]), 2.0);
     }
     return total / area;
 }
 
 }  // namespace
 
-TEST_CASE("editing a colour moves the part towards it and keeps all codes but the texture", "[color_edit]") {
+TEST_CASE("editing a colour moves the part towards it and keeps all codes but the texture",
+          "[color_edit]") {
     const Model model = frozen_model();
     const Codes codes = codes_of(7);
     const Camera camera = model_camera(model, 0.1, 0.0, 0.0);
@@ -68,38 +67,51 @@ TEST_CASE("editing a colour moves the part towards it and keeps all codes but th
     // A colour that some texture gives the part.
     Codes other = codes;
     other.groups[2] = codes_of(9).texture();
-    const Vector3 wanted = mean_color(render_view(model, other, 0, camera, {.samples_per_ray = 4}).picture, part);
-    const ColorEdit edit =
-        edit_color(model, codes, camera, part, wanted,
-                   {.steps = 100, .learning_rate = 0.03, .decay = 0.98, .regularizer = 0.0, .rest_weight = 0.0});
+    const Eigen::Vector3d wanted =
+        mean_color(render_view(model, other, 0, camera, {.samples_per_ray = 4}).image, part);
+    const ColorEdit edit = edit_color(model, codes, camera, part, wanted,
+                                      {.steps = 100,
+                                       .learning_rate = 0.03,
+                                       .decay = 0.98,
+                                       .regularizer = 0.0,
+                                       .rest_weight = 0.0});
     REQUIRE(edit.losses.size() == 100);
     CHECK(edit.losses.back() < edit.losses.front());
-    const Vector3 before = mean_color(edit.before, part);
+    const Eigen::Vector3d before = mean_color(edit.before, part);
     CHECK(share_of_way(before, mean_color(edit.after, part), wanted) > 0.8);
-    for (const std::size_t group : {0U, 1U, 3U}) CHECK(identical(edit.codes.groups[group].value(), codes.groups[group].value()));
-    // The pictures are those that a renderer gives of the codes.
-    CHECK(check_close(edit.before, render_view(model, codes, 0, camera, {.samples_per_ray = 4}).picture, 1e-9).passed);
-    CHECK(check_close(edit.after, render_view(model, edit.codes, 0, camera, {.samples_per_ray = 4}).picture, 1e-9).passed);
+    for (const std::size_t group : {0U, 1U, 3U})
+        CHECK(identical(edit.codes.groups[group].value(), codes.groups[group].value()));
+    // The images are those that a renderer gives of the codes.
+    CHECK(check_close(edit.before,
+                      render_view(model, codes, 0, camera, {.samples_per_ray = 4}).image, 1e-9)
+              .passed);
+    CHECK(check_close(edit.after,
+                      render_view(model, edit.codes, 0, camera, {.samples_per_ray = 4}).image, 1e-9)
+              .passed);
 }
 
-TEST_CASE("as the paper has it, the first loss of an edit is the mean squared distance of the part from the colour",
-          "[color_edit]") {
+TEST_CASE(
+    "as the paper has it, the first loss of an edit is the mean squared distance of the part from "
+    "the colour",
+    "[color_edit]") {
     const Model model = frozen_model();
-    const Vector3 wanted{0.9, 0.1, 0.3};
-    const ColorEdit edit = edit_color(model, codes_of(3), model_camera(model, 0.0, 0.0, 0.0), left_half(), wanted,
-                                      {.term = ColorTerm::pixels, .steps = 1});
-    CHECK(edit.losses.front() == Approx(squared_mean(edit.before, wanted, left_half())).epsilon(1e-9));
-}
-
-TEST_CASE("of the mean of a part the first loss is the squared distance of the means, and its shade need not go",
-          "[color_edit]") {
-    const Model model = frozen_model();
-    const Vector3 wanted{0.9, 0.1, 0.3};
-    const ColorEdit edit = edit_color(model, codes_of(3), model_camera(model, 0.0, 0.0, 0.0), left_half(), wanted,
-                                      {.term = ColorTerm::mean, .steps = 1});
-    const Vector3 mean = mean_color(edit.before, left_half());
+    const Eigen::Vector3d wanted{0.9, 0.1, 0.3};
+    const ColorEdit edit = edit_color(model, codes_of(3), model_camera(model, 0.0, 0.0, 0.0),
+                                      left_half(), wanted, {.term = ColorTerm::pixels, .steps = 1});
     CHECK(edit.losses.front() ==
-          Approx(4.0 * std::pow(length({mean[0] - 0.9, mean[1] - 0.1, mean[2] - 0.3}), 2.0)).epsilon(1e-9));
+          Approx(squared_mean(edit.before, wanted, left_half())).epsilon(1e-9));
+}
+
+TEST_CASE(
+    "of the mean of a part the first loss is the squared distance of the means, and its shade need "
+    "not go",
+    "[color_edit]") {
+    const Model model = frozen_model();
+    const Eigen::Vector3d wanted{0.9, 0.1, 0.3};
+    const ColorEdit edit = edit_color(model, codes_of(3), model_camera(model, 0.0, 0.0, 0.0),
+                                      left_half(), wanted, {.term = ColorTerm::mean, .steps = 1});
+    const Eigen::Vector3d mean = mean_color(edit.before, left_half());
+    CHECK(edit.losses.front() == Approx(4.0 * (mean - wanted).squaredNorm()).epsilon(1e-9));
 }
 
 TEST_CASE("what lies outside of a part changes the less the more it weighs", "[color_edit]") {
@@ -108,27 +120,33 @@ TEST_CASE("what lies outside of a part changes the less the more it weighs", "[c
     const Tensor rest = affine(Variable(left_half()), -1.0, 1.0).value();
     std::vector<double> changes;
     for (const double weight : {0.0, 1.0, 100.0}) {
-        const ColorEdit edit = edit_color(model, codes_of(7), camera, left_half(), {0.9, 0.2, 0.2},
-                                          {.steps = 60, .learning_rate = 0.03, .regularizer = 0.0, .rest_weight = weight});
+        const ColorEdit edit = edit_color(
+            model, codes_of(7), camera, left_half(), {0.9, 0.2, 0.2},
+            {.steps = 60, .learning_rate = 0.03, .regularizer = 0.0, .rest_weight = weight});
         changes.push_back(mean_difference(edit.before, edit.after, rest));
     }
     CHECK(changes[1] < changes[0]);
     CHECK(changes[2] < 0.5 * changes[1]);
 }
 
-TEST_CASE("a part without pixels, or of another size than the picture, is refused", "[color_edit]") {
+TEST_CASE("a part without pixels, or of another size than the image, is refused", "[color_edit]") {
     const Model model = frozen_model();
     const Camera camera = model_camera(model, 0.0, 0.0, 0.0);
-    const auto edit = [&](const Tensor& part) { return edit_color(model, codes_of(7), camera, part, {}, {.steps = 1}); };
-    CHECK_THAT(error_message<ValueError>([&] { return edit(Tensor::zeros({side, side, 1})); }), Catch::Contains("no pixels"));
+    const auto edit = [&](const Tensor& part) {
+        return edit_color(model, codes_of(7), camera, part, {}, {.steps = 1});
+    };
+    CHECK_THAT(error_message<ValueError>([&] {
+                   return edit(Tensor::zeros({side, side, 1}));
+               }),
+               Catch::Contains("no pixels"));
     CHECK_THROWS_AS(edit(Tensor::full({8, 8, 1}, 1.0)), ShapeError);
 }
 
 TEST_CASE("means and differences are those of the pixels under the mask", "[color_edit]") {
-    const Tensor a = plain_picture(0.25, 0.5, 0.75);
-    const Tensor b = plain_picture(0.5, 0.5, 0.5);
-    const Vector3 mean = mean_color((Variable(a) * left_half()).value(), left_half());
-    CHECK(length({mean[0] - 0.25, mean[1] - 0.5, mean[2] - 0.75}) < 1e-6);
+    const Tensor a = plain_image(0.25, 0.5, 0.75);
+    const Tensor b = plain_image(0.5, 0.5, 0.5);
+    const Eigen::Vector3d mean = mean_color((Variable(a) * left_half()).value(), left_half());
+    CHECK((mean - Eigen::Vector3d(0.25, 0.5, 0.75)).norm() < 1e-6);
     CHECK(mean_difference(a, b, left_half()) == Approx(0.5 / 3.0));
     CHECK(mean_difference(a, b, Tensor::zeros({side, side, 1})) == 0.0);
     CHECK(share_of_way({0, 0, 0}, {0.3, 0.4, 0}, {0.6, 0.8, 0}) == Approx(0.5));
@@ -138,8 +156,9 @@ TEST_CASE("means and differences are those of the pixels under the mask", "[colo
 
 TEST_CASE("a part is where the parser gave one of its classes", "[color_edit]") {
     const Tensor classes = Tensor::from({1, 4, 1}, std::vector<float>{0, 11, 13, 12});
-    HeadPartSet lips{};
-    lips[static_cast<std::size_t>(HeadPart::upper_lip)] = lips[static_cast<std::size_t>(HeadPart::lower_lip)] = true;
+    ParsingClassSet lips{};
+    lips[static_cast<std::size_t>(ParsingClass::upper_lip)] =
+        lips[static_cast<std::size_t>(ParsingClass::lower_lip)] = true;
     CHECK(part_mask(classes, lips).to_vector() == std::vector<double>{0, 1, 0, 1});
     CHECK(part_mask(classes, head_of_parts()).to_vector() == std::vector<double>{0, 1, 1, 1});
 }

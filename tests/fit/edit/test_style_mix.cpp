@@ -17,7 +17,9 @@ CodeFile face_of(std::uint64_t seed, double yaw) {
 }
 
 Tensor shown(const Model& model, const Codes& codes, const Pose& pose) {
-    return render_view(model, codes, 0, camera_from_pose(pose, model.config().camera.intrinsics), {.samples_per_ray = 4}).picture;
+    return render_view(model, codes, 0, camera_from_pose(pose, model.config().camera.intrinsics),
+                       {.samples_per_ray = 4})
+        .image;
 }
 
 Tensor tile(const Tensor& sheet, std::int64_t row, std::int64_t column) {
@@ -26,7 +28,8 @@ Tensor tile(const Tensor& sheet, std::int64_t row, std::int64_t column) {
 
 }  // namespace
 
-TEST_CASE("a mixed face has the groups that are taken from the source, and the target's others", "[style_mix]") {
+TEST_CASE("a mixed face has the groups that are taken from the source, and the target's others",
+          "[style_mix]") {
     const Codes source = random_codes(2, 1);
     const Codes target = random_codes(2, 2);
     const Codes mixed = mix_codes(target, source, {false, true, false, true});
@@ -38,7 +41,8 @@ TEST_CASE("a mixed face has the groups that are taken from the source, and the t
                Catch::Contains("2 targets"));
 }
 
-TEST_CASE("a sheet of mixed faces has sources down, targets across and a block for each group", "[style_mix]") {
+TEST_CASE("a sheet of mixed faces has sources down, targets across and a block for each group",
+          "[style_mix]") {
     const Model model = tiny_model();
     const std::vector<CodeFile> sources{face_of(1, 0.1), face_of(2, -0.2)};
     const std::vector<CodeFile> targets{face_of(3, 0.0), face_of(4, 0.3), face_of(5, -0.1)};
@@ -49,13 +53,19 @@ TEST_CASE("a sheet of mixed faces has sources down, targets across and a block f
     CHECK(identical(tile(sheet, 2, 4), Tensor::zeros({16, 16, 3})));
     for (std::int64_t row = 0; row < 2; ++row) {
         const CodeFile& source = sources[static_cast<std::size_t>(row)];
-        CHECK(check_close(tile(sheet, row + 1, 0), shown(model, source.codes, source.pose), 1e-6).passed);
+        CHECK(check_close(tile(sheet, row + 1, 0), shown(model, source.codes, source.pose), 1e-6)
+                  .passed);
         for (std::int64_t block = 0; block < 2; ++block)
             for (std::int64_t column = 0; column < 3; ++column) {
                 const CodeFile& target = targets[static_cast<std::size_t>(column)];
-                const Codes mixed = mix_codes(target.codes, source.codes, blocks[static_cast<std::size_t>(block)]);
-                CHECK(check_close(tile(sheet, 0, 1 + 4 * block + column), shown(model, target.codes, target.pose), 1e-6).passed);
-                CHECK(check_close(tile(sheet, row + 1, 1 + 4 * block + column), shown(model, mixed, target.pose), 1e-6).passed);
+                const Codes mixed =
+                    mix_codes(target.codes, source.codes, blocks[static_cast<std::size_t>(block)]);
+                CHECK(check_close(tile(sheet, 0, 1 + 4 * block + column),
+                                  shown(model, target.codes, target.pose), 1e-6)
+                          .passed);
+                CHECK(check_close(tile(sheet, row + 1, 1 + 4 * block + column),
+                                  shown(model, mixed, target.pose), 1e-6)
+                          .passed);
             }
     }
     CHECK_THROWS_AS(mixing_sheet(model, {}, targets, blocks, 4), ValueError);

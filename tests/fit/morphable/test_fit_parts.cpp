@@ -38,24 +38,27 @@ using stymo::Variable;
 
 TEST_CASE("The differentiable camera is the camera") {
     const stymo::Pose pose{0.4, -0.3, 0.2, {1.5, -0.6, 4.8}};
-    const stymo::Vector3 point{0.3, -0.5, 0.9};
+    const Eigen::Vector3d point{0.3, -0.5, 0.9};
     const auto numbers = morphable::pose_numbers(pose);
     const Variable poses(Tensor::from({1, 6}, std::span<const double>(numbers)));
-    const Variable points(Tensor::from({1, 3}, std::span<const double>(point)));
-    const Tensor seen = morphable::image_points(morphable::camera_points(poses, points), {}).value();
-    const stymo::Vector3 expected = stymo::project(stymo::camera_from_pose(pose, {}), point);
+    const Variable points(Tensor::from({1, 3}, std::span(point.data(), 3)));
+    const Tensor seen =
+        morphable::image_points(morphable::camera_points(poses, points), {}).value();
+    const Eigen::Vector3d expected = stymo::project(stymo::camera_from_pose(pose, {}), point);
     CHECK(seen.values<double>()[0] == Approx(expected[0]).epsilon(1e-12));
     CHECK(seen.values<double>()[1] == Approx(expected[1]).epsilon(1e-12));
     const stymo::Pose back = morphable::pose_of(numbers);
-    for (std::size_t axis = 0; axis < 3; ++axis) CHECK(back.translation[axis] == Approx(pose.translation[axis]));
+    for (std::size_t axis = 0; axis < 3; ++axis)
+        CHECK(back.translation[axis] == Approx(pose.translation[axis]));
 }
 
 TEST_CASE("The landmarks' gradient is the slope of their cost") {
     const stymo::MorphableHead& head = own_head();
     const morphable::Contour contour(head);
     morphable::State state = some_state();
-    stymo::Landmarks landmarks{};
-    for (std::size_t k = 0; k < landmarks.size(); ++k) landmarks[k] = {0.4 + 0.002 * static_cast<double>(k), 0.5};
+    stymo::Landmarks landmarks;
+    for (std::size_t k = 0; k < landmarks.size(); ++k)
+        landmarks[k] = {0.4 + 0.002 * static_cast<double>(k), 0.5};
     morphable::LandmarkTerm term(contour, landmarks, {}, {});
     term.hold(state);
     morphable::NormalEquations equations(morphable::state_size);
@@ -68,12 +71,15 @@ TEST_CASE("The landmarks' gradient is the slope of their cost") {
         more[i] += step;
         less[i] -= step;
         INFO("unknown " << i);
-        CHECK(equations.gradient[i] == Approx((term.cost(more) - term.cost(less)) / (2.0 * step)).epsilon(1e-4).margin(1e-3));
+        CHECK(
+            equations.gradient[i] ==
+            Approx((term.cost(more) - term.cost(less)) / (2.0 * step)).epsilon(1e-4).margin(1e-3));
     }
 }
 
 TEST_CASE("Least squares stop at the bounds of the unknowns") {
-    // (x - 1)^2 + (y + 2)^2 + (x y - 3)^2 / 10 with y >= 0 has its minimum at x = 1, y = 0, up to a constant.
+    // (x - 1)^2 + (y + 2)^2 + (x y - 3)^2 / 10 with y >= 0 has its minimum at x = 1, y = 0, up to a
+    // constant.
     morphable::LeastSquaresProblem problem;
     problem.fixed = {false, false, true};
     problem.non_negative = {false, true, false};
@@ -89,7 +95,8 @@ TEST_CASE("Least squares stop at the bounds of the unknowns") {
     CHECK(found[0] == Approx(1.0).margin(1e-6));
     CHECK(found[1] == 0.0);
     CHECK(found[2] == 7.0);
-    CHECK_THROWS_AS(morphable::damped_step(morphable::NormalEquations(2), 0.0, {false, false}), stymo::NumericError);
+    CHECK_THROWS_AS(morphable::damped_step(morphable::NormalEquations(2), 0.0, {false, false}),
+                    stymo::NumericError);
 }
 
 TEST_CASE("The jaw slides on the side that turns away and stays on the other") {
@@ -98,7 +105,8 @@ TEST_CASE("The jaw slides on the side that turns away and stays on the other") {
     const morphable::State neutral(morphable::state_size, 0.0);
     const std::vector<double> points = morphable::table_points(contour.table(), neutral);
     const auto seen_from = [&](double yaw) {
-        return contour.rows(points, stymo::camera_from_pose(stymo::orbit_pose(yaw, 0.0, 0.0, 5.3), {}));
+        return contour.rows(points,
+                            stymo::camera_from_pose(stymo::orbit_pose(yaw, 0.0, 0.0, 5.3), {}));
     };
     const auto depth = [&](std::size_t row) { return points[3 * row + 2]; };
     // The camera at the image's right sees the left cheek as outline.
@@ -119,12 +127,10 @@ TEST_CASE("The affine pose of a distant camera is exact") {
     const stymo::Intrinsics telephoto{400.0, 0.4, 0.6};
     const stymo::Pose pose = stymo::orbit_pose(0.9, -0.3, 0.6, 1000.0);
     const stymo::Camera camera = stymo::camera_from_pose(pose, telephoto);
-    stymo::Landmarks landmarks{};
+    stymo::Landmarks landmarks;
     for (std::size_t k = 0; k < landmarks.size(); ++k) {
-        const float* const p = &contour.table().mean[3 * k];
-        const stymo::Vector3 seen =
-            stymo::project(camera, {static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2])});
-        landmarks[k] = {seen[0], seen[1]};
+        const Eigen::Vector3f point(&contour.table().mean[3 * k]);
+        landmarks[k] = stymo::project(camera, point.cast<double>()).head<2>();
     }
     const auto numbers = morphable::affine_pose(contour, landmarks, telephoto);
     CHECK(numbers[0] == Approx(pose.yaw).margin(1e-3));

@@ -17,7 +17,7 @@
 #include "shared_data.h"
 #include "support/error_message.h"
 #include "support/thread_count.h"
-#include "train/synthetic_faces.h"
+#include "train/data/synthetic_faces.h"
 
 namespace {
 
@@ -33,9 +33,12 @@ constexpr std::int64_t side = 256;
 }
 
 /// Faces of known truth, seen from everywhere.
-[[nodiscard]] stymo::SyntheticFace random_face(const stymo::MorphableHead& head, stymo::Rng rng, double yaw_limit) {
+[[nodiscard]] stymo::SyntheticFace random_face(const stymo::MorphableHead& head, stymo::Rng rng,
+                                               double yaw_limit) {
     stymo::SyntheticFace face = stymo::sample_synthetic_face(head, rng.split("face"));
-    const auto angle = [&](double limit) { return radians_from_degrees(limit * (2.0 * rng.uniform() - 1.0)); };
+    const auto angle = [&](double limit) {
+        return radians_from_degrees(limit * (2.0 * rng.uniform() - 1.0));
+    };
     const double yaw = angle(yaw_limit);
     const double pitch = angle(15.0);
     face.pose = stymo::orbit_pose(yaw, pitch, angle(10.0), 5.3 + 0.2 * rng.normal());
@@ -46,13 +49,17 @@ constexpr std::int64_t side = 256;
     return {face.pose, face.identity, face.expression, face.texture, face.light, 0.0};
 }
 
-/// The rendering with noise, and landmarks that err as a detector's do, by `deviation` in units of the side.
-[[nodiscard]] stymo::MorphableFitTarget target_of(const stymo::MorphableHead& head, const stymo::SyntheticFace& face,
+/// The rendering with noise, and landmarks that err as a detector's do, by `deviation` in units of
+/// the side.
+[[nodiscard]] stymo::MorphableFitTarget target_of(const stymo::MorphableHead& head,
+                                                  const stymo::SyntheticFace& face,
                                                   double deviation, stymo::Rng rng) {
     const stymo::SyntheticImage image = stymo::render_synthetic_face(head, face, {}, side);
-    stymo::MorphableFitTarget target{stymo::fitted_landmarks(head, truth_of(face), {}, side), image.color, image.mask};
+    stymo::MorphableFitTarget target{stymo::fitted_landmarks(head, truth_of(face), {}, side),
+                                     image.color, image.mask};
     for (auto& point : target.landmarks) {
-        for (double& coordinate : point) coordinate += deviation * static_cast<double>(side) * rng.normal();
+        for (double& coordinate : point)
+            coordinate += deviation * static_cast<double>(side) * rng.normal();
     }
     for (float& value : target.image.mutable_values<float>())
         value = std::clamp(value + 0.02F * static_cast<float>(rng.normal()), 0.0F, 1.0F);
@@ -60,12 +67,9 @@ constexpr std::int64_t side = 256;
 }
 
 [[nodiscard]] double degrees_between(const stymo::Pose& a, const stymo::Pose& b) {
-    const stymo::Matrix3 first = stymo::rotation_from_angles(a.yaw, a.pitch, a.roll);
-    const stymo::Matrix3 second = stymo::rotation_from_angles(b.yaw, b.pitch, b.roll);
-    double trace = 0.0;
-    for (std::size_t i = 0; i < 3; ++i) {
-        for (std::size_t k = 0; k < 3; ++k) trace += first[i][k] * second[i][k];
-    }
+    const Eigen::Matrix3d first = stymo::rotation_from_angles(a.yaw, a.pitch, a.roll);
+    const Eigen::Matrix3d second = stymo::rotation_from_angles(b.yaw, b.pitch, b.roll);
+    const double trace = (first * second.transpose()).trace();
     return stymo::degrees_from_radians(std::acos(std::clamp((trace - 1.0) / 2.0, -1.0, 1.0)));
 }
 
@@ -80,8 +84,9 @@ constexpr std::int64_t side = 256;
     return std::sqrt(sum / 68.0);
 }
 
-/// Mean squared difference of the fitted head's colours and the picture's, on the head.
-[[nodiscard]] double color_error(const stymo::MorphableHead& head, const stymo::MorphableFitTarget& target,
+/// Mean squared difference of the fitted head's colours and the image's, on the head.
+[[nodiscard]] double color_error(const stymo::MorphableHead& head,
+                                 const stymo::MorphableFitTarget& target,
                                  const stymo::MorphableFit& fit) {
     const stymo::SyntheticFace face{fit.identity, fit.expression, fit.texture, fit.light, fit.pose};
     const stymo::SyntheticImage image = stymo::render_synthetic_face(head, face, {}, side);
@@ -108,19 +113,23 @@ TEST_CASE("Exact landmarks of a head at large angles bring back its pose") {
     for (const double yaw : {-60.0, -30.0, 0.0, 45.0, 60.0}) {
         for (const double roll : {-40.0, 0.0, 25.0}) {
             stymo::MorphableFit truth{
-                stymo::orbit_pose(radians_from_degrees(yaw), radians_from_degrees(yaw / 6.0), radians_from_degrees(roll), 5.2),
+                stymo::orbit_pose(radians_from_degrees(yaw), radians_from_degrees(yaw / 6.0),
+                                  radians_from_degrees(roll), 5.2),
                 std::vector<float>(100),
                 std::vector<float>(79),
                 std::vector<float>(100),
                 std::vector<float>(27),
                 0.0};
             poses.push_back(truth.pose);
-            targets.push_back({stymo::fitted_landmarks(head, truth, {}, side), Tensor::zeros({side, side, 3}), {}});
+            targets.push_back({stymo::fitted_landmarks(head, truth, {}, side),
+                               Tensor::zeros({side, side, 3}),
+                               {}});
         }
     }
     const auto fits = stymo::fit_morphable(head, targets, {}, {.pixels = false});
     for (std::size_t i = 0; i < fits.size(); ++i) {
-        INFO("yaw " << stymo::degrees_from_radians(poses[i].yaw) << " roll " << stymo::degrees_from_radians(poses[i].roll));
+        INFO("yaw " << stymo::degrees_from_radians(poses[i].yaw) << " roll "
+                    << stymo::degrees_from_radians(poses[i].roll));
         CHECK(degrees_between(fits[i].pose, poses[i]) < 1.0);
         CHECK(fits[i].landmark_error < 0.003);
     }
@@ -141,7 +150,8 @@ TEST_CASE("Noisy landmarks and colours of random heads bring back pose, shape an
     for (std::size_t i = 0; i < faces.size(); ++i) {
         angles.push_back(degrees_between(with_colors[i].pose, faces[i].pose));
         errors.push_back(truth_error(head, faces[i], with_colors[i]));
-        gains.push_back(color_error(head, targets[i], without[i]) / color_error(head, targets[i], with_colors[i]));
+        gains.push_back(color_error(head, targets[i], without[i]) /
+                        color_error(head, targets[i], with_colors[i]));
         for (std::size_t k = 0; k < head.one_sided.size(); ++k)
             CHECK((!head.one_sided[k] || with_colors[i].expression[k] >= 0.0F));
     }
@@ -154,7 +164,8 @@ TEST_CASE("A photo's fit does not depend on its company or the number of threads
     const stymo::MorphableHead& head = own_head();
     std::vector<stymo::MorphableFitTarget> targets;
     for (std::uint64_t i = 0; i < 3; ++i)
-        targets.push_back(target_of(head, random_face(head, stymo::Rng(5).split(i), 30.0), 0.005, stymo::Rng(i)));
+        targets.push_back(
+            target_of(head, random_face(head, stymo::Rng(5).split(i), 30.0), 0.005, stymo::Rng(i)));
     const stymo::MorphableFitOptions short_fit{.landmark_steps = 4, .pixel_steps = 1};
     const auto together = stymo::fit_morphable(head, targets, {}, short_fit);
     const stymo::test::ThreadCount keep_threads;
@@ -168,8 +179,10 @@ TEST_CASE("A photo's fit does not depend on its company or the number of threads
 TEST_CASE("What cannot be fitted is refused in one line") {
     const stymo::MorphableHead& head = own_head();
     const auto refusal = [&](const stymo::MorphableFitTarget& target) {
-        return stymo::test::error_message(
-            [&] { static_cast<void>(stymo::fit_morphable(head, std::span(&target, 1), {}, {.pixels = false})); });
+        return stymo::test::error_message([&] {
+            static_cast<void>(
+                stymo::fit_morphable(head, std::span(&target, 1), {}, {.pixels = false}));
+        });
     };
     stymo::MorphableFitTarget target{{}, Tensor::zeros({4, 5, 3}), {}};
     CHECK_THAT(refusal(target), Catch::Contains("square"));
@@ -182,7 +195,9 @@ TEST_CASE("What cannot be fitted is refused in one line") {
     CHECK_THAT(refusal(target), Catch::Contains("finite"));
 }
 
-TEST_CASE("Scanned heads of known truth are found within 2 degrees and 1.5 percent of the image side", "[slow]") {
+TEST_CASE(
+    "Scanned heads of known truth are found within 2 degrees and 1.5 percent of the image side",
+    "[slow]") {
     const auto path = stymo::shared_data("data/ict_face.safetensors");
     if (!path) return;
     const stymo::MorphableHead head = stymo::read_morphable_head(*path);
@@ -201,10 +216,12 @@ TEST_CASE("Scanned heads of known truth are found within 2 degrees and 1.5 perce
             errors.push_back(truth_error(head, faces[which[i]], fits[i]));
             given_errors.push_back(fits[i].landmark_error);
         }
-        std::cout << landmarks << " landmarks, " << fits.size() << " heads: rotation " << stymo::median(angles)
-                  << " degrees, true landmarks " << 100.0 * stymo::median(errors) << " %, given ones "
+        std::cout << landmarks << " landmarks, " << fits.size() << " heads: rotation "
+                  << stymo::median(angles) << " degrees, true landmarks "
+                  << 100.0 * stymo::median(errors) << " %, given ones "
                   << 100.0 * stymo::median(given_errors) << " % of the side\n";
-        return std::array{stymo::median(angles), stymo::median(errors), stymo::median(given_errors)};
+        return std::array{stymo::median(angles), stymo::median(errors),
+                          stymo::median(given_errors)};
     };
     std::vector<std::size_t> which(faces.size());
     std::iota(which.begin(), which.end(), std::size_t{0});
@@ -213,7 +230,8 @@ TEST_CASE("Scanned heads of known truth are found within 2 degrees and 1.5 perce
     CHECK(error < 0.015);
     CHECK(given_error < 0.015);
     if (!stymo::FaceDetector::available()) return;
-    // What dlib takes for the jaw of a head without neck is a place of its own; the figures are for the record.
+    // What dlib takes for the jaw of a head without neck is a place of its own; the figures are for
+    // the record.
     const stymo::FaceDetector detector;
     std::vector<stymo::MorphableFitTarget> detected;
     which.clear();

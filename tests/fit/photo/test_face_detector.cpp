@@ -9,7 +9,7 @@
 #include "core/error.h"
 #include "core/io/image.h"
 #include "fit/photo/face_detector.h"
-#include "render/head_parts.h"
+#include "render/parsing_classes.h"
 #include "shared_data.h"
 
 using namespace stymo;
@@ -26,28 +26,31 @@ std::optional<fs::path> photos() {
 }
 
 /// The middle of the pixels of one class.
-PicturePoint middle_of(const Tensor& classes, HeadPart part) {
-    PicturePoint sum{};
+Eigen::Vector2d middle_of(const Tensor& classes, ParsingClass part) {
+    Eigen::Vector2d sum = Eigen::Vector2d::Zero();
     double count = 0.0;
     for (std::int64_t i = 0; i < classes.size(); ++i)
-        if (static_cast<int>(classes.values<float>()[static_cast<std::size_t>(i)]) == static_cast<int>(part)) {
+        if (static_cast<int>(classes.values<float>()[static_cast<std::size_t>(i)]) ==
+            static_cast<int>(part)) {
             sum[0] += static_cast<double>(i % classes.shape(1)) + 0.5;
             sum[1] += static_cast<double>(i / classes.shape(1)) + 0.5;
             ++count;
         }
-    return {sum[0] / count, sum[1] / count};
+    return sum / count;
 }
 
-double distance(const PicturePoint& a, const PicturePoint& b) {
-    return std::hypot(a[0] - b[0], a[1] - b[1]);
+double distance(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+    return (a - b).norm();
 }
 
-Tensor on_grey(const Tensor& photo, std::int64_t height, std::int64_t width, std::int64_t top, std::int64_t left) {
+Tensor on_grey(const Tensor& photo, std::int64_t height, std::int64_t width, std::int64_t top,
+               std::int64_t left) {
     Tensor canvas = Tensor::full({height, width, 3}, 0.5);
     const auto from = photo.values<float>();
     const auto to = canvas.mutable_values<float>();
     for (std::int64_t row = 0; row < photo.shape(0); ++row)
-        std::copy_n(from.begin() + row * photo.shape(1) * 3, photo.shape(1) * 3, to.begin() + ((top + row) * width + left) * 3);
+        std::copy_n(from.begin() + row * photo.shape(1) * 3, photo.shape(1) * 3,
+                    to.begin() + ((top + row) * width + left) * 3);
     return canvas;
 }
 
@@ -58,19 +61,25 @@ TEST_CASE("landmarks lie where hand-made parsings have eyes and nose") {
     if (!folder) return;
     const FaceDetector detector;
     for (const char* id : {"00001", "00020", "00040"}) {
-        const auto faces = detector.find(read_image(*folder / "images" / (std::string(id) + ".jpg")));
+        const auto faces =
+            detector.find(read_image(*folder / "images" / (std::string(id) + ".jpg")));
         REQUIRE(faces.size() == 1);
         const Landmarks& landmarks = faces.front().landmarks;
         const Tensor classes = read_class_map(*folder / "parsing" / (std::string(id) + ".png"));
         const double tolerance = 0.12 * inter_ocular_distance(landmarks);
-        // The parsing's left eye is the person's own, on the picture's right.
-        CHECK(distance(mean_landmark(landmarks, 36, 41), middle_of(classes, HeadPart::right_eye)) < tolerance);
-        CHECK(distance(mean_landmark(landmarks, 42, 47), middle_of(classes, HeadPart::left_eye)) < tolerance);
-        CHECK(std::abs(mean_landmark(landmarks, 27, 35)[0] - middle_of(classes, HeadPart::nose)[0]) < 2 * tolerance);
+        // The parsing's left eye is the person's own, on the image's right.
+        CHECK(distance(mean_landmark(landmarks, 36, 41),
+                       middle_of(classes, ParsingClass::right_eye)) < tolerance);
+        CHECK(distance(mean_landmark(landmarks, 42, 47),
+                       middle_of(classes, ParsingClass::left_eye)) < tolerance);
+        CHECK(std::abs(mean_landmark(landmarks, 27, 35)[0] -
+                       middle_of(classes, ParsingClass::nose)[0]) < 2 * tolerance);
     }
 }
 
-TEST_CASE("a face is found in a thumbnail, and in a photo of which it is a small part, at the same place") {
+TEST_CASE(
+    "a face is found in a thumbnail, and in a photo of which it is a small part, at the same "
+    "place") {
     const auto folder = photos();
     if (!folder) return;
     const FaceDetector detector;
@@ -79,20 +88,23 @@ TEST_CASE("a face is found in a thumbnail, and in a photo of which it is a small
     const double tolerance = 0.1 * inter_ocular_distance(landmarks);
     const auto largest_difference = [&](const Landmarks& other) {
         double largest = 0.0;
-        for (std::size_t i = 17; i < landmarks.size(); ++i) largest = std::max(largest, distance(landmarks[i], other[i]));
+        for (std::size_t i = 17; i < landmarks.size(); ++i)
+            largest = std::max(largest, distance(landmarks[i], other[i]));
         return largest;
     };
     const auto in_thumbnail = detector.find(resize_image(photo, 64, 64));
     REQUIRE(in_thumbnail.size() == 1);
-    CHECK(largest_difference(scaled_landmarks(in_thumbnail.front().landmarks, 8.0)) < 2 * tolerance);
-    const auto in_large = detector.find(on_grey(resize_image(photo, 256, 256), 1500, 2000, 900, 1300));
+    CHECK(largest_difference(scaled_landmarks(in_thumbnail.front().landmarks, 8.0)) <
+          2 * tolerance);
+    const auto in_large =
+        detector.find(on_grey(resize_image(photo, 256, 256), 1500, 2000, 900, 1300));
     REQUIRE(in_large.size() == 1);
     Landmarks moved = in_large.front().landmarks;
-    for (PicturePoint& point : moved) point = {(point[0] - 1300) * 2, (point[1] - 900) * 2};
+    for (Eigen::Vector2d& point : moved) point = {(point[0] - 1300) * 2, (point[1] - 900) * 2};
     CHECK(largest_difference(moved) < tolerance);
 }
 
-TEST_CASE("of two faces the larger comes first, and a picture without a face has none") {
+TEST_CASE("of two faces the larger comes first, and an image without a face has none") {
     const auto folder = photos();
     if (!folder) return;
     const FaceDetector detector;
@@ -115,6 +127,8 @@ TEST_CASE("what is no model of landmarks is refused in one line") {
         CHECK_THROWS_WITH(FaceDetector(), Contains("without dlib"));
         return;
     }
-    CHECK_THROWS_WITH(FaceDetector("/nowhere/landmarks.dat"), Contains("/nowhere/landmarks.dat") && Contains("libdlib-data"));
-    CHECK_THROWS_WITH(FaceDetector(fs::path(STYMO_SOURCE_DIR) / "README.md"), Contains("not a model"));
+    CHECK_THROWS_WITH(FaceDetector("/nowhere/landmarks.dat"),
+                      Contains("/nowhere/landmarks.dat") && Contains("libdlib-data"));
+    CHECK_THROWS_WITH(FaceDetector(fs::path(STYMO_SOURCE_DIR) / "README.md"),
+                      Contains("not a model"));
 }

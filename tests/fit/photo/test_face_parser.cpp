@@ -6,7 +6,7 @@
 #include "core/io/file.h"
 #include "fit/photo/face_parser.h"
 #include "fit/photo/onnx_network.h"
-#include "render/head_parts.h"
+#include "render/parsing_classes.h"
 
 using namespace stymo;
 using Catch::Contains;
@@ -19,15 +19,17 @@ fs::path golden(const std::string& name) {
 }
 
 /// Rows of squares, the n-th in the n-th colour of make_face_parsers.py; five to a row.
-Tensor picture_of_parts(std::int64_t square) {
-    Tensor picture({5 * square, 5 * square, 3});
-    const auto values = picture.mutable_values<float>();
+Tensor image_of_parts(std::int64_t square) {
+    Tensor image({5 * square, 5 * square, 3});
+    const auto values = image.mutable_values<float>();
     for (std::int64_t i = 0; i < 25 * square * square; ++i) {
-        const std::int64_t n = (i / (5 * square) / square * 5 + i % (5 * square) / square) % head_part_count;
+        const std::int64_t n =
+            (i / (5 * square) / square * 5 + i % (5 * square) / square) % parsing_class_count;
         const std::array<std::int64_t, 3> color = {n / 9, n / 3 % 3, n % 3};
-        for (std::size_t c = 0; c < 3; ++c) values[static_cast<std::size_t>(i) * 3 + c] = static_cast<float>(color[c]) / 2.0F;
+        for (std::size_t c = 0; c < 3; ++c)
+            values[static_cast<std::size_t>(i) * 3 + c] = static_cast<float>(color[c]) / 2.0F;
     }
-    return picture;
+    return image;
 }
 
 float at_square(const Tensor& classes, std::int64_t n) {
@@ -39,9 +41,10 @@ float at_square(const Tensor& classes, std::int64_t n) {
 
 void check_parts(FaceParser parser) {
     for (const std::int64_t square : {48, 103}) {
-        const Tensor classes = parser.parse(picture_of_parts(square));
+        const Tensor classes = parser.parse(image_of_parts(square));
         REQUIRE(classes.shape() == Shape{5 * square, 5 * square, 1});
-        for (int n = 0; n < head_part_count; ++n) CHECK(at_square(classes, n) == static_cast<float>(n));
+        for (int n = 0; n < parsing_class_count; ++n)
+            CHECK(at_square(classes, n) == static_cast<float>(n));
     }
 }
 
@@ -62,18 +65,21 @@ TEST_CASE("a parser of face-parsing.PyTorch is recognised and its classes are re
 TEST_CASE("what is no face parser is refused in one line") {
     CHECK_THROWS_WITH(FaceParser(golden("missing.onnx")), Contains("missing.onnx"));
     CHECK_THROWS_WITH(FaceParser(golden("face_parser_18_classes.onnx")), Contains("19 classes"));
-    CHECK_THROWS_WITH(FaceParser(golden("face_parser_celebamask.onnx"), FaceParserKind::face_parsing_pytorch),
-                      Contains("not a face parser") && Contains("512 x 512"));
-    CHECK_THROWS_WITH(FaceParser(fs::path(STYMO_SOURCE_DIR) / "README.md"), Contains("not an ONNX network"));
+    CHECK_THROWS_WITH(
+        FaceParser(golden("face_parser_celebamask.onnx"), FaceParserKind::face_parsing_pytorch),
+        Contains("not a face parser") && Contains("512 x 512"));
+    CHECK_THROWS_WITH(FaceParser(fs::path(STYMO_SOURCE_DIR) / "README.md"),
+                      Contains("not an ONNX network"));
 }
 
-TEST_CASE("on a head alone every pixel of the mask is a part of a head, and every other background") {
+TEST_CASE(
+    "on a head alone every pixel of the mask is a part of a head, and every other background") {
     FaceParser parser(golden("face_parser_celebamask.onnx"));
-    const Tensor picture = picture_of_parts(48);
-    const Tensor plain = parser.parse(picture);
+    const Tensor image = image_of_parts(48);
+    const Tensor plain = parser.parse(image);
     Tensor mask = Tensor::full({240, 240, 1}, 0.6);
     for (std::size_t i = 0; i < 240 * 120; ++i) mask.mutable_values<float>()[i] = 0.4F;
-    const Tensor classes = parser.parse_head(picture, mask);
+    const Tensor classes = parser.parse_head(image, mask);
     for (std::size_t i = 0; i < 240 * 240; ++i) {
         const float part = classes.values<float>()[i];
         const float unmasked = plain.values<float>()[i];
@@ -85,5 +91,6 @@ TEST_CASE("on a head alone every pixel of the mask is a part of a head, and ever
             REQUIRE(is_head_class(static_cast<int>(part)));
         }
     }
-    CHECK_THROWS_WITH(parser.parse_head(picture, Tensor::zeros({24, 24, 1})), Contains("does not belong"));
+    CHECK_THROWS_WITH(parser.parse_head(image, Tensor::zeros({24, 24, 1})),
+                      Contains("does not belong"));
 }

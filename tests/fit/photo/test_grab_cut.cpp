@@ -13,7 +13,7 @@
 #include "fit/photo/face_parser.h"
 #include "fit/photo/grab_cut.h"
 #include "fit/photo/head_mask.h"
-#include "render/head_parts.h"
+#include "render/parsing_classes.h"
 #include "shared_data.h"
 
 using namespace stymo;
@@ -24,13 +24,14 @@ constexpr std::int64_t side = 256;
 
 /// Eyes, brows, mouth and the jaw of a face with its eyes at a height of 120 and its chin at 230.
 Landmarks drawn_landmarks() {
-    Landmarks landmarks{};
+    Landmarks landmarks;
     landmarks.fill({128.0, 165.0});
     for (std::size_t i = 0; i <= 16; ++i) {
         const double angle = std::numbers::pi * static_cast<double>(i) / 16.0;
         landmarks[i] = {128.0 - 72.0 * std::cos(angle), 120.0 + 110.0 * std::sin(angle)};
     }
-    for (std::size_t i = 17; i <= 26; ++i) landmarks[i] = {78.0 + 100.0 * static_cast<double>(i - 17) / 9.0, 98.0};
+    for (std::size_t i = 17; i <= 26; ++i)
+        landmarks[i] = {78.0 + 100.0 * static_cast<double>(i - 17) / 9.0, 98.0};
     for (std::size_t i = 36; i <= 41; ++i) landmarks[i] = {98.0, 120.0};
     for (std::size_t i = 42; i <= 47; ++i) landmarks[i] = {158.0, 120.0};
     return landmarks;
@@ -41,7 +42,7 @@ bool in_ellipse(double x, double y, double center_y, double half_width, double h
 }
 
 struct Drawing {
-    Tensor picture{Shape{side, side, 3}};
+    Tensor image{Shape{side, side, 3}};
     Tensor head = Tensor::zeros({side, side, 1});
 };
 
@@ -49,7 +50,7 @@ struct Drawing {
 Drawing drawing() {
     Drawing result;
     Rng random(1);
-    const auto pixels = result.picture.mutable_values<float>();
+    const auto pixels = result.image.mutable_values<float>();
     const auto head = result.head.mutable_values<float>();
     for (std::int64_t i = 0; i < side * side; ++i) {
         const double x = static_cast<double>(i % side) + 0.5;
@@ -61,7 +62,8 @@ Drawing drawing() {
         if (face || neck) color = {0.85, 0.65, 0.55};
         if (hair) color = {0.25, 0.15, 0.10};
         for (std::size_t c = 0; c < 3; ++c)
-            pixels[static_cast<std::size_t>(i) * 3 + c] = static_cast<float>(color[c] + 0.04 * (random.uniform() - 0.5));
+            pixels[static_cast<std::size_t>(i) * 3 + c] =
+                static_cast<float>(color[c] + 0.04 * (random.uniform() - 0.5));
         head[static_cast<std::size_t>(i)] = face || hair ? 1.0F : 0.0F;
     }
     return result;
@@ -70,17 +72,18 @@ Drawing drawing() {
 }  // namespace
 
 TEST_CASE("GrabCut finds a drawn head with its hair and without its neck") {
-    const auto [picture, head] = drawing();
-    const Tensor mask = grab_cut_head_mask(picture, drawn_landmarks());
+    const auto [image, head] = drawing();
+    const Tensor mask = grab_cut_head_mask(image, drawn_landmarks());
     CHECK(intersection_over_union(mask, head) > 0.93);
     CHECK(mask.values<float>()[245 * side + 128] == 0.0F);
     CHECK(mask.values<float>()[20 * side + 128] == 1.0F);
     // The colour models begin at random; the mask may not.
-    CHECK(intersection_over_union(mask, grab_cut_head_mask(picture, drawn_landmarks())) == 1.0);
+    CHECK(intersection_over_union(mask, grab_cut_head_mask(image, drawn_landmarks())) == 1.0);
 }
 
-TEST_CASE("GrabCut mends a parser that takes a part of the wall for head and misses a part of the face") {
-    const auto [picture, head] = drawing();
+TEST_CASE(
+    "GrabCut mends a parser that takes a part of the wall for head and misses a part of the face") {
+    const auto [image, head] = drawing();
     Tensor probability = head;
     const auto values = probability.mutable_values<float>();
     for (std::int64_t row = 0; row < 60; ++row)
@@ -89,15 +92,19 @@ TEST_CASE("GrabCut mends a parser that takes a part of the wall for head and mis
             values[static_cast<std::size_t>((row + 110) * side + column + 110)] = 0.2F;
         }
     const double before = intersection_over_union(probability, head);
-    const Tensor mask = grab_cut_head_mask(picture, drawn_landmarks(), probability);
+    const Tensor mask = grab_cut_head_mask(image, drawn_landmarks(), probability);
     CHECK(before < 0.85);
     CHECK(intersection_over_union(mask, head) > 0.95);
 }
 
 TEST_CASE("GrabCut refuses crops that are not square and landmarks upside down") {
     CHECK_THROWS_AS(grab_cut_head_mask(Tensor::zeros({8, 9, 3}), drawn_landmarks()), ShapeError);
-    CHECK_THROWS_AS(grab_cut_head_mask(Tensor::zeros({8, 8, 3}), Landmarks{}), ValueError);
-    CHECK_THROWS_AS(grab_cut_head_mask(Tensor::zeros({8, 8, 3}), drawn_landmarks(), Tensor::zeros({4, 4, 1})), ShapeError);
+    Landmarks all_at_one_point;
+    all_at_one_point.fill({128.0, 165.0});
+    CHECK_THROWS_AS(grab_cut_head_mask(Tensor::zeros({8, 8, 3}), all_at_one_point), ValueError);
+    CHECK_THROWS_AS(
+        grab_cut_head_mask(Tensor::zeros({8, 8, 3}), drawn_landmarks(), Tensor::zeros({4, 4, 1})),
+        ShapeError);
 }
 
 TEST_CASE("head masks agree with hand-made ones", "[slow]") {
@@ -115,13 +122,16 @@ TEST_CASE("head masks agree with hand-made ones", "[slow]") {
         const auto faces = detector.find(photo);
         if (faces.empty()) continue;
         Tensor truth = read_class_map(photos / "parsing" / (id + ".png"));
-        for (float& value : truth.mutable_values<float>()) value = is_head_class(static_cast<int>(value)) ? 1.0F : 0.0F;
-        by_grab_cut += intersection_over_union(grab_cut_head_mask(photo, faces.front().landmarks), truth);
-        by_parser += intersection_over_union(parser.head_mask(photo, faces.front().landmarks), truth);
+        for (float& value : truth.mutable_values<float>())
+            value = is_head_class(static_cast<int>(value)) ? 1.0F : 0.0F;
+        by_grab_cut +=
+            intersection_over_union(grab_cut_head_mask(photo, faces.front().landmarks), truth);
+        by_parser +=
+            intersection_over_union(parser.head_mask(photo, faces.front().landmarks), truth);
         ++count;
     }
-    std::cout << "head masks of " << count << " photos: IoU " << by_grab_cut / count << " by GrabCut, " << by_parser / count
-              << " by the parser\n";
+    std::cout << "head masks of " << count << " photos: IoU " << by_grab_cut / count
+              << " by GrabCut, " << by_parser / count << " by the parser\n";
     CHECK(count >= 38);
     CHECK(by_grab_cut / count >= 0.80);
     CHECK(by_parser / count >= 0.88);

@@ -3,7 +3,7 @@
 
 #include "core/error.h"
 #include "fit/photo/head_mask.h"
-#include "render/head_parts.h"
+#include "render/parsing_classes.h"
 
 using namespace stymo;
 
@@ -17,15 +17,17 @@ Tensor filled(std::int64_t size, const Function& value) {
     const auto values = result.mutable_values<float>();
     for (std::int64_t row = 0; row < size; ++row)
         for (std::int64_t column = 0; column < size; ++column)
-            values[static_cast<std::size_t>(row * size + column)] = static_cast<float>(value(row, column));
+            values[static_cast<std::size_t>(row * size + column)] =
+                static_cast<float>(value(row, column));
     return result;
 }
 
-bool within(std::int64_t row, std::int64_t column, std::int64_t top, std::int64_t left, std::int64_t bottom, std::int64_t right) {
+bool within(std::int64_t row, std::int64_t column, std::int64_t top, std::int64_t left,
+            std::int64_t bottom, std::int64_t right) {
     return row >= top && row < bottom && column >= left && column < right;
 }
 
-int index_of(HeadPart part) {
+int index_of(ParsingClass part) {
     return static_cast<int>(part);
 }
 
@@ -34,14 +36,14 @@ int index_of(HeadPart part) {
 TEST_CASE("hair loses seven pixels towards the background and none towards the face") {
     // Hair above skin, both in the same columns; the skin keeps its borders.
     const Tensor classes = filled(side, [](std::int64_t row, std::int64_t column) {
-        if (within(row, column, 100, 100, 200, 300)) return index_of(HeadPart::hair);
-        if (within(row, column, 200, 100, 400, 300)) return index_of(HeadPart::skin);
-        return index_of(HeadPart::background);
+        if (within(row, column, 100, 100, 200, 300)) return index_of(ParsingClass::hair);
+        if (within(row, column, 200, 100, 400, 300)) return index_of(ParsingClass::skin);
+        return index_of(ParsingClass::background);
     });
     const Tensor expected = filled(side, [](std::int64_t row, std::int64_t column) {
         if (within(row, column, 107, 107, 200, 293)) return 1;
-        // A hair pixel in the row above the skin touches one pixel of background and one of face, whose mean is not below its
-        // own.
+        // A hair pixel in the row above the skin touches one pixel of background and one of face,
+        // whose mean is not below its own.
         return within(row, column, 200, 100, 400, 300) ? 1 : 0;
     });
     const Tensor mask = head_mask_from_parsing(classes);
@@ -56,15 +58,18 @@ TEST_CASE("hair loses seven pixels towards the background and none towards the f
 
 TEST_CASE("a head mask has neither neck, clothes nor hat, and only one component") {
     const Tensor classes = filled(side, [](std::int64_t row, std::int64_t column) {
-        if (within(row, column, 50, 50, 100, 100)) return index_of(HeadPart::skin);
-        if (within(row, column, 200, 200, 400, 400)) return index_of(HeadPart::skin);
-        if (within(row, column, 400, 200, 450, 400)) return index_of(HeadPart::neck);
-        if (within(row, column, 150, 200, 200, 400)) return index_of(HeadPart::hat);
-        if (within(row, column, 400, 180, 410, 200)) return index_of(HeadPart::earring);  // touches by a corner
-        return index_of(HeadPart::cloth);
+        if (within(row, column, 50, 50, 100, 100)) return index_of(ParsingClass::skin);
+        if (within(row, column, 200, 200, 400, 400)) return index_of(ParsingClass::skin);
+        if (within(row, column, 400, 200, 450, 400)) return index_of(ParsingClass::neck);
+        if (within(row, column, 150, 200, 200, 400)) return index_of(ParsingClass::hat);
+        if (within(row, column, 400, 180, 410, 200))
+            return index_of(ParsingClass::earring);  // touches by a corner
+        return index_of(ParsingClass::cloth);
     });
     const Tensor expected = filled(side, [](std::int64_t row, std::int64_t column) {
-        return within(row, column, 200, 200, 400, 400) || within(row, column, 400, 180, 410, 200) ? 1 : 0;
+        return within(row, column, 200, 200, 400, 400) || within(row, column, 400, 180, 410, 200)
+                   ? 1
+                   : 0;
     });
     CHECK(intersection_over_union(head_mask_from_parsing(classes), expected) == 1.0);
 }
@@ -75,8 +80,9 @@ TEST_CASE("cleaning a mask keeps its largest component and fills its holes") {
         if (within(row, column, 10, 10, 30, 30)) return 0.75;
         return within(row, column, 0, 0, 5, 5) ? 1.0 : 0.0;
     });
-    const Tensor expected =
-        filled(40, [](std::int64_t row, std::int64_t column) { return within(row, column, 10, 10, 30, 30) ? 1 : 0; });
+    const Tensor expected = filled(40, [](std::int64_t row, std::int64_t column) {
+        return within(row, column, 10, 10, 30, 30) ? 1 : 0;
+    });
     const Tensor cleaned = clean_head_mask(mask);
     CHECK(intersection_over_union(cleaned, expected) == 1.0);
     CHECK(covered_share(cleaned) == Approx(400.0 / 1600.0));
@@ -85,8 +91,10 @@ TEST_CASE("cleaning a mask keeps its largest component and fills its holes") {
 }
 
 TEST_CASE("intersection over union counts pixels") {
-    const Tensor left = filled(10, [](std::int64_t, std::int64_t column) { return column < 6 ? 1 : 0; });
-    const Tensor right = filled(10, [](std::int64_t, std::int64_t column) { return column >= 4 ? 1 : 0; });
+    const Tensor left =
+        filled(10, [](std::int64_t, std::int64_t column) { return column < 6 ? 1 : 0; });
+    const Tensor right =
+        filled(10, [](std::int64_t, std::int64_t column) { return column >= 4 ? 1 : 0; });
     CHECK(intersection_over_union(left, right) == Approx(0.2));
     CHECK(intersection_over_union(Tensor::zeros({4, 4, 1}), Tensor::zeros({4, 4, 1})) == 1.0);
     CHECK_THROWS_AS(intersection_over_union(left, Tensor::zeros({4, 4, 1})), ShapeError);

@@ -11,7 +11,7 @@
 #include "fit/photo/photo_preparation.h"
 #include "render/morphable/builtin_head.h"
 #include "support/error_message.h"
-#include "train/synthetic_faces.h"
+#include "train/data/synthetic_faces.h"
 
 using namespace stymo;
 
@@ -31,14 +31,16 @@ RenderedHead rendered_head(std::uint64_t seed, std::int64_t side) {
     return rendered;
 }
 
-/// The picture with black around it, landmarks moved along.
+/// The image with black around it, landmarks moved along.
 RenderedHead with_margin(RenderedHead rendered, std::int64_t margin) {
     const auto widened = [&](const Tensor& from) {
-        const std::int64_t side = from.shape(0), channels = from.shape(2), width = side + 2 * margin;
+        const std::int64_t side = from.shape(0), channels = from.shape(2),
+                           width = side + 2 * margin;
         Tensor to = Tensor::zeros({width, width, channels});
         for (std::int64_t row = 0; row < side; ++row)
-            std::copy_n(from.values<float>().begin() + row * side * channels, side * channels,
-                        to.mutable_values<float>().begin() + ((row + margin) * width + margin) * channels);
+            std::copy_n(
+                from.values<float>().begin() + row * side * channels, side * channels,
+                to.mutable_values<float>().begin() + ((row + margin) * width + margin) * channels);
         return to;
     };
     rendered.image.color = widened(rendered.image.color);
@@ -50,12 +52,14 @@ RenderedHead with_margin(RenderedHead rendered, std::int64_t margin) {
 
 }  // namespace
 
-TEST_CASE("a rendered head with known landmarks and mask is aligned, and its turn is found", "[photo]") {
+TEST_CASE("a rendered head with known landmarks and mask is aligned, and its turn is found",
+          "[photo]") {
     const RenderedHead rendered = with_margin(rendered_head(5, 256), 100);
     PhotoPreparationSettings settings;
     settings.side = 128;
     const PhotoPreparation preparation(settings);
-    std::vector<FaceCrop> crops = preparation.crops(rendered.image.color, {rendered.image.mask, rendered.image.landmarks});
+    std::vector<FaceCrop> crops =
+        preparation.crops(rendered.image.color, {rendered.image.mask, rendered.image.landmarks});
     REQUIRE(crops.size() == 1);
     const FaceCrop& crop = crops.front();
     CHECK(crop.image.shape() == Shape{128, 128, 3});
@@ -64,7 +68,7 @@ TEST_CASE("a rendered head with known landmarks and mask is aligned, and its tur
     CHECK_FALSE(crop.made_mask);
     CHECK_FALSE(crop.mask_agreement);
     // FFHQ has the eyes in the middle of the width, a little above that of the height.
-    const PicturePoint eyes = mean_landmark(crop.landmarks, 36, 47);
+    const Eigen::Vector2d eyes = mean_landmark(crop.landmarks, 36, 47);
     CHECK(eyes[0] == Approx(64.0).margin(6.0));
     CHECK(eyes[1] == Approx(60.0).margin(6.0));
     const std::vector<PreparedFace> faces = preparation.finish(std::move(crops));
@@ -81,19 +85,24 @@ TEST_CASE("masks that are made are compared with known ones", "[photo]") {
     settings.side = 64;
     settings.new_masks = true;
     const PhotoPreparation preparation(settings);
-    const FaceCrop crop = preparation.crops(rendered.image.color, {rendered.image.mask, rendered.image.landmarks}).front();
+    const FaceCrop crop =
+        preparation.crops(rendered.image.color, {rendered.image.mask, rendered.image.landmarks})
+            .front();
     CHECK(crop.made_mask);
     REQUIRE(crop.mask_agreement);
     CHECK(*crop.mask_agreement > 0.5);
 }
 
-TEST_CASE("a photo without a face, or with a mask of other proportions, is refused with the reason", "[photo]") {
+TEST_CASE("a photo without a face, or with a mask of other proportions, is refused with the reason",
+          "[photo]") {
     const PhotoPreparation preparation{PhotoPreparationSettings{}};
     const RenderedHead rendered = rendered_head(5, 64);
     const KnownOfPhoto wrong{Tensor::full({64, 80, 1}, 1.0), rendered.image.landmarks};
-    CHECK(test::error_message<ValueError>([&] { static_cast<void>(preparation.crops(rendered.image.color, wrong)); }) ==
-          "its mask has other proportions");
+    CHECK(test::error_message<ValueError>([&] {
+              static_cast<void>(preparation.crops(rendered.image.color, wrong));
+          }) == "its mask has other proportions");
     if (!FaceDetector::available()) return;
     const Tensor grey = Tensor::full({80, 100, 3}, 0.5);
-    CHECK(test::error_message<ValueError>([&] { static_cast<void>(preparation.crops(grey, {})); }) == "no face was found");
+    CHECK(test::error_message<ValueError>(
+              [&] { static_cast<void>(preparation.crops(grey, {})); }) == "no face was found");
 }

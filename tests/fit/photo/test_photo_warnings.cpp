@@ -30,7 +30,7 @@ TEST_CASE("each thing that looks wrong has a warning of its own", "[photo]") {
     check_only(several, "3 faces were found");
     PhotoFindings small = good();
     small.crop_side = 100.0;
-    check_only(small, "100 pixels a side for 512 wanted");
+    check_only(small, "100 pixels per side, but 512 are wanted");
     PhotoFindings cut = good();
     cut.share_outside = 0.2;
     check_only(cut, "20 percent of the crop lie outside");
@@ -43,7 +43,7 @@ TEST_CASE("each thing that looks wrong has a warning of its own", "[photo]") {
     PhotoFindings full = good();
     full.covered_share = 0.96;
     full.made_mask = false;
-    check_only(full, "covers 96 percent of the picture; give another mask");
+    check_only(full, "covers 96 percent of the image; give another mask");
     PhotoFindings astray = good();
     astray.landmark_error = 0.06;
     check_only(astray, "look at the overlay");

@@ -1,0 +1,190 @@
+#include "apps/bench/peak.h"
+
+#include <algorithm>
+#include <chrono>
+#include <numeric>
+#include <vector>
+
+#include "core/kernels/targets.h"
+#include "core/parallel.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "apps/bench/peak.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+#include "core/kernels/product-inl.h"
+
+// Included once for each instruction set, so what does not depend on it stands below, within
+// HWY_ONCE.
+HWY_BEFORE_NAMESPACE();
+namespace stymo::kernels::HWY_NAMESPACE {
+
+/// AVX-512-BF16, of which Highway 1.0 does not know. Only where 512-bit vectors are.
+struct DotProducts {
+    using Element = float;
+    using Vector = simd::Vec<simd::ScalableTag<float>>;
+    static constexpr std::int64_t word_length = 2;
+
+    static bool available() {
+#if HWY_ARCH_X86 && HWY_MAX_BYTES == 64
+        return __builtin_cpu_supports("avx512bf16") != 0;
+#else
+        return false;
+#endif
+    }
+    static HWY_INLINE Vector left(const float* pairs) {
+        return simd::LoadU(simd::ScalableTag<float>(), pairs);
+    }
+    static HWY_INLINE Vector right(const float* pairs) {
+        return left(pairs);
+    }
+    static HWY_INLINE Vector multiply_add(Vector left, Vector right, Vector sum) {
+#if HWY_ARCH_X86 && HWY_MAX_BYTES == 64
+        __asm__("vdpbf16ps %2, %1, %0" : "+v"(sum.raw) : "v"(left.raw), "v"(right.raw));
+        return sum;
+#else
+        return simd::MulAdd(left, right, sum);
+#endif
+    }
+};
+
+/// AVX-512-FP16, likewise.
+struct HalfProducts {
+    using Element = float;
+    using Vector = simd::Vec<simd::ScalableTag<float>>;
+    static constexpr std::int64_t word_length = 2;
+
+    static bool available() { return HWY_MAX_BYTES == 64 && multiplies_float16(); }
+    static HWY_INLINE Vector left(const float* pairs) {
+        return simd::LoadU(simd::ScalableTag<float>(), pairs);
+    }
+    static HWY_INLINE Vector right(const float* pairs) { return left(pairs); }
+    static HWY_INLINE Vector multiply_add(Vector left, Vector right, Vector sum) {
+#if HWY_ARCH_X86 && HWY_MAX_BYTES == 64
+        __asm__("vfmadd231ph %2, %1, %0" : "+v"(sum.raw) : "v"(left.raw), "v"(right.raw));
+        return sum;
+#else
+        return simd::MulAdd(left, right, sum);
+#endif
+    }
+};
+
+/// Independent chains of one thread; returns the number of operations done. `result` keeps them
+/// from being optimised away.
+template <class Operands>
+double run_chains(std::int64_t length, float* result) {
+    constexpr int chains = 12;
+    const simd::ScalableTag<float> tag;
+    alignas(HWY_MAX_BYTES) const typename Operands::Element numbers[HWY_MAX_BYTES]{};
+    const auto left = Operands::left(numbers);
+    const auto right = Operands::right(numbers);
+    typename Operands::Vector sums[chains];
+    // Equal chains would become one.
+    HWY_UNROLL(12)
+    for (int i = 0; i < chains; ++i) sums[i] = simd::Set(tag, static_cast<float>(i));
+    for (std::int64_t step = 0; step < length; ++step) {
+        HWY_UNROLL(12)
+        for (int i = 0; i < chains; ++i) sums[i] = Operands::multiply_add(left, right, sums[i]);
+    }
+    auto total = simd::Zero(tag);
+    HWY_UNROLL(12)
+    for (int i = 0; i < chains; ++i) total = simd::Add(total, sums[i]);
+    *result = simd::GetLane(simd::SumOfLanes(tag, total));
+    return 2.0 * static_cast<double>(length * chains * static_cast<std::int64_t>(simd::Lanes(tag)) *
+                                     Operands::word_length);
+}
+
+double run_float_chains(std::int64_t length, float* result) {
+    return run_chains<Numbers<float>>(length, result);
+}
+
+/// 0 without the instruction.
+double run_bfloat16_chains(std::int64_t length, float* result) {
+    return DotProducts::available() ? run_chains<DotProducts>(length, result) : 0.0;
+}
+
+double run_float16_chains(std::int64_t length, float* result) {
+    return HalfProducts::available() ? run_chains<HalfProducts>(length, result) : 0.0;
+}
+
+}  // namespace stymo::kernels::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace stymo::kernels {
+
+HWY_EXPORT(run_float_chains);
+HWY_EXPORT(run_bfloat16_chains);
+HWY_EXPORT(run_float16_chains);
+
+namespace {
+
+/// `body` returns an amount of work: amount per second.
+template <class Function>
+double rate(Function body) {
+    const auto start = std::chrono::steady_clock::now();
+    const double amount = body();
+    return amount / std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+template <class Function>
+double best_rate(Function body) {
+    constexpr int runs = 7;
+    double best = 0.0;
+    for (int run = 0; run < runs; ++run) best = std::max(best, rate(body));
+    return best;
+}
+
+/// Runs chains on every thread; returns the number of operations done.
+template <class Chains>
+double run_on_all_threads(Chains chains) {
+    constexpr std::int64_t length = 4'000'000;
+    const std::int64_t threads = thread_count();
+    std::vector<double> work(static_cast<std::size_t>(threads));
+    std::vector<float> results(work.size());
+    parallel_for(threads, 1, [&](std::int64_t index, std::int64_t) {
+        const auto i = static_cast<std::size_t>(index);
+        work[i] = chains(length, &results[i]);
+    });
+    return std::accumulate(work.begin(), work.end(), 0.0);
+}
+
+double float_chains(std::int64_t length, float* result) {
+    return HWY_DYNAMIC_DISPATCH(run_float_chains)(length, result);
+}
+
+double bfloat16_chains(std::int64_t length, float* result) {
+    return HWY_DYNAMIC_DISPATCH(run_bfloat16_chains)(length, result);
+}
+
+double float16_chains(std::int64_t length, float* result) {
+    return HWY_DYNAMIC_DISPATCH(run_float16_chains)(length, result);
+}
+
+double triad_rate() {
+    constexpr std::int64_t size = 1 << 24;
+    constexpr std::int64_t grain = 1 << 16;
+    std::vector<float> a(size), b(size, 1.0F), c(size, 2.0F);
+    return best_rate([&] {
+        parallel_for(size, grain, [&](std::int64_t begin, std::int64_t end) {
+            for (std::int64_t i = begin; i < end; ++i) a[i] = b[i] + 0.5F * c[i];
+        });
+        return 3.0 * static_cast<double>(size * static_cast<std::int64_t>(sizeof(float)));
+    });
+}
+
+}  // namespace
+
+MachinePeak measure_machine_peak() {
+    return {best_rate([] { return run_on_all_threads(float_chains); }),
+            best_rate([] { return run_on_all_threads(bfloat16_chains); }),
+            best_rate([] { return run_on_all_threads(float16_chains); }), triad_rate()};
+}
+
+double measure_multiply_adds() {
+    return rate([] { return run_on_all_threads(float_chains); });
+}
+
+}  // namespace stymo::kernels
+#endif

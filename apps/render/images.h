@@ -1,0 +1,27 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "apps/common/explain.h"
+#include "apps/render/shots.h"
+
+namespace stymo {
+
+/// Renders the shots and writes them to `out`: frames of a .gif or .mp4, tiles of any other image;
+/// with masks beside it as OUT_mask of the same kind, and depths as OUT_depth.exr, of an animation
+/// as OUT_NNNN_depth.exr for each frame. Returns the files; `explainer` gets the counts of the last
+/// one. Throws Error before anything is written if a signal asks the process to stop.
+[[nodiscard]] std::vector<std::filesystem::path> write_images(const std::filesystem::path& out,
+                                                              const RenderOptions& options,
+                                                              const Model& model,
+                                                              const ShotList& list,
+                                                              Explainer& explainer);
+
+/// Names of --mode.
+[[nodiscard]] const std::vector<std::string>& render_mode_names();
+/// One of these names.
+[[nodiscard]] RenderMode render_mode(const std::string& name);
+
+}  // namespace stymo

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <unsupported/Eigen/CXX11/Tensor>
+
+#include "core/error.h"
+#include "core/tensor.h"
+
+/// Tensors as Eigen's matrices and tensors, without a copy, and back. A map is valid as long as the
+/// tensor that it was made of: it does not keep the elements alive. The element type T is float or
+/// double. Every function throws TypeError if the tensor has another one.
+namespace stymo {
+
+template <class T>
+using RowMajorMatrix = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+template <class T, int rank>
+using EigenTensor = Eigen::Tensor<T, rank, Eigen::RowMajor, Eigen::Index>;
+
+namespace tensor_eigen {
+
+/// Of the matrix of the last axis. Throws ShapeError for a tensor without axes.
+inline std::array<Eigen::Index, 2> matrix_extents(const Tensor& tensor) {
+    if (tensor.rank() == 0) fail<ShapeError>("[matrix_map] needs one axis or more, got none");
+    const Eigen::Index columns = tensor.shape(tensor.rank() - 1);
+    Eigen::Index rows = 1;
+    for (int axis = 0; axis + 1 < tensor.rank(); ++axis) rows *= tensor.shape(axis);
+    return {rows, columns};
+}
+
+/// All of them. Throws ShapeError for a tensor of another rank.
+template <int rank>
+std::array<Eigen::Index, rank> extents(const Tensor& tensor) {
+    if (tensor.rank() != rank)
+        fail<ShapeError>("[tensor_map] needs ", rank, " axes, got ", tensor.shape());
+    std::array<Eigen::Index, rank> result{};
+    for (int axis = 0; axis < rank; ++axis)
+        result[static_cast<std::size_t>(axis)] = tensor.shape(axis);
+    return result;
+}
+
+}  // namespace tensor_eigen
+
+/// The matrix of the last axis: its extent is the number of columns, the product of the others the
+/// number of rows. Throws ShapeError for a tensor without axes.
+template <class T>
+[[nodiscard]] Eigen::Map<const RowMajorMatrix<T>> matrix_map(const Tensor& tensor) {
+    const auto values = tensor.values<T>();
+    const auto [rows, columns] = tensor_eigen::matrix_extents(tensor);
+    return {values.data(), rows, columns};
+}
+/// The same to write to. The tensor copies its elements first if another one shares them.
+template <class T>
+[[nodiscard]] Eigen::Map<RowMajorMatrix<T>> mutable_matrix_map(Tensor& tensor) {
+    const auto values = tensor.mutable_values<T>();
+    const auto [rows, columns] = tensor_eigen::matrix_extents(tensor);
+    return {values.data(), rows, columns};
+}
+
+/// All `rank` axes. Throws ShapeError for a tensor of another rank.
+template <class T, int rank>
+[[nodiscard]] Eigen::TensorMap<const EigenTensor<const T, rank>> tensor_map(const Tensor& tensor) {
+    const auto values = tensor.values<T>();
+    return {values.data(), tensor_eigen::extents<rank>(tensor)};
+}
+/// The same to write to. The tensor copies its elements first if another one shares them.
+template <class T, int rank>
+[[nodiscard]] Eigen::TensorMap<EigenTensor<T, rank>> mutable_tensor_map(Tensor& tensor) {
+    const auto values = tensor.mutable_values<T>();
+    return {values.data(), tensor_eigen::extents<rank>(tensor)};
+}
+
+/// The elements of a matrix or of an expression, as (rows, columns), or (size) where its type is a
+/// vector's.
+template <class Derived>
+[[nodiscard]] Tensor tensor_from(const Eigen::DenseBase<Derived>& matrix) {
+    using T = typename Derived::Scalar;
+    Tensor result({matrix.rows(), matrix.cols()}, dtype_of<T>());
+    mutable_matrix_map<T>(result) = matrix.derived();
+    if constexpr (Derived::IsVectorAtCompileTime) return result.reshaped({matrix.size()});
+    return result;
+}
+
+}  // namespace stymo

@@ -1,0 +1,234 @@
+#include "nn/engine/block_step.h"
+
+#include <algorithm>
+
+#include "nn/kernels/upsample.h"
+
+namespace stymo {
+namespace {
+
+/// What a strip keeps of the detail at once: with all that follows from it, half of the
+/// second-level cache.
+constexpr std::int64_t detail_bytes = 256 << 10;
+
+}  // namespace
+
+template <class T>
+std::int64_t BlockStep<T>::detail_pixels() const {
+    const std::int64_t pixel_bytes = 4 * block.in() * static_cast<std::int64_t>(sizeof(T));
+    return std::max(2 * below.side, detail_bytes / pixel_bytes);
+}
+
+template <class T>
+void BlockStep<T>::prepare(StripBuffers<T>& buffers) const {
+    const auto mask_channels = static_cast<std::int64_t>(canvas.logit_weight.size());
+    const std::int64_t pixels = batch_pixels();
+    for (AlignedVector<T>& detail : buffers.detail) grow(detail, detail_pixels() * 4 * block.in());
+    grow(buffers.detail_rows, below.side);
+    grow(buffers.blurred, pixels * block.in());
+    grow(buffers.hidden, pixels * block.out());
+    grow(buffers.features, pixels * block.out());
+    grow(buffers.lateral, above.side * mask_channels);
+    grow(buffers.scratch, (below.side + 2) * std::max(colors, mask_channels));
+    grow(buffers.rgb_row, above.side * colors);
+    grow(buffers.mask_row, above.side * mask_channels);
+}
+
+template <class T>
+void BlockStep<T>::run_background(StripBuffers<T>& buffers) const {
+    const AlignedVector<T>& features = below.background.features;
+    Background<T>& background = above.background;
+    block.detail.apply(buffers.detail[0].data(), features.data(), 1);
+    const kernels::DetailedRow<T> pixel{0, 1, features.data(), buffers.detail[0].data()};
+    const kernels::UpsampledRow<T> upsampled{0, 1, buffers.blurred.data()};
+    kernels::blur_upsampled_rows({pixel, pixel, pixel, {upsampled, {}}, 1, block.in()});
+    block.modulated0.apply(buffers.hidden.data(), buffers.blurred.data(), 1);
+    background.features.resize(static_cast<std::size_t>(block.out()));
+    block.modulated1.apply(background.features.data(), buffers.hidden.data(), 1);
+    background.rgb.assign(colors, 0.0F);
+    kernels::add_colors(background.rgb.data(), background.features.data(), block.rgb_weight.data(),
+                        background.rgb.data(), 1, block.out());
+    background.mask.resize(canvas.logit_weight.size());
+    if (!background.mask.empty())
+        block.lateral.apply(background.mask.data(), background.features.data(), 1);
+}
+
+template <class T>
+void BlockStep<T>::blur_rows(std::int64_t row, std::span<const T* const> detail_rows,
+                             T* out) const {
+    const std::int64_t channels = block.in();
+    const auto detailed = [&](std::int64_t y) {
+        // A row without pixels is read by none; any other stands in for it.
+        if (y < 0 || y >= below.side || below.read[y].size() == 0) y = row;
+        const PixelRow& pixels = below.read[y];
+        return kernels::DetailedRow<T>{pixels.begin, pixels.end,
+                                       below.features.data() + pixels.offset * channels,
+                                       detail_rows[static_cast<std::size_t>(y)]};
+    };
+    const PixelRow &upper = above.occupied[2 * row], &lower = above.occupied[2 * row + 1];
+    if (upper.size() + lower.size() == 0) return;
+    kernels::blur_upsampled_rows(
+        {detailed(row - 1),
+         detailed(row),
+         detailed(row + 1),
+         {kernels::UpsampledRow<T>{upper.begin, upper.end, out},
+          kernels::UpsampledRow<T>{lower.begin, lower.end, out + upper.size() * channels}},
+         below.side,
+         channels});
+}
+
+template <class T>
+void BlockStep<T>::run(std::int64_t begin, std::int64_t end, StripBuffers<T>& buffers) const {
+    const PixelRows& pixels = above.occupied;
+    const auto upsampled_size = [&](std::int64_t row) {
+        return pixels[2 * row].size() + pixels[2 * row + 1].size();
+    };
+    const std::int64_t last_read = std::min(end + 1, below.side);
+    std::int64_t read = std::max<std::int64_t>(begin - 1, 0), done = begin;
+    for (std::size_t turn = 0; done < end; turn ^= 1) {
+        // The rows of the last turn stay, at least two: the last of them was not followed by a row
+        // yet, and needs the one before.
+        std::int64_t count = 0;
+        const std::int64_t first_read = read;
+        for (; read < last_read &&
+               (read < first_read + 2 || count + below.read[read].size() <= detail_pixels());
+             ++read) {
+            buffers.detail_rows[static_cast<std::size_t>(read)] =
+                buffers.detail[turn].data() + count * 4 * block.in();
+            count += below.read[read].size();
+        }
+        block.detail.apply(buffers.detail[turn].data(),
+                           below.features.data() + below.read[first_read].offset * block.in(),
+                           count);
+
+        const std::int64_t ready = read == last_read ? end : read - 1;
+        while (done < ready) {
+            const std::int64_t batch_begin = done;
+            std::int64_t batch = 0;
+            for (; done < ready && batch + upsampled_size(done) <= batch_pixels(); ++done) {
+                blur_rows(done, buffers.detail_rows, buffers.blurred.data() + batch * block.in());
+                batch += upsampled_size(done);
+            }
+            finish_rows(2 * batch_begin, 2 * done, buffers.blurred.data(), buffers);
+        }
+    }
+}
+
+template <class T>
+void BlockStep<T>::run_blurred(std::int64_t begin, std::int64_t end, std::span<const T> blurred,
+                               StripBuffers<T>& buffers) const {
+    const PixelRows& pixels = above.occupied;
+    for (std::int64_t row = 2 * begin; row < 2 * end;) {
+        const std::int64_t batch_begin = row;
+        std::int64_t batch = 0;
+        for (; row < 2 * end && batch + pixels[row].size() <= batch_pixels(); ++row)
+            batch += pixels[row].size();
+        finish_rows(batch_begin, row, blurred.data() + pixels[batch_begin].offset * block.in(),
+                    buffers);
+    }
+}
+
+/// Everything after the blur, for whole rows of the upsampled image.
+template <class T>
+void BlockStep<T>::finish_rows(std::int64_t begin, std::int64_t end, const T* blurred,
+                               StripBuffers<T>& buffers) const {
+    const std::int64_t offset = above.occupied[begin].offset;
+    const std::int64_t count =
+        above.occupied[end - 1].offset + above.occupied[end - 1].size() - offset;
+    block.modulated0.apply(buffers.hidden.data(), blurred, count);
+    if (last) block.modulated1.apply(buffers.features.data(), buffers.hidden.data(), count);
+    for (std::int64_t y = begin; y < end; ++y) {
+        const PixelRow& row = above.occupied[y];
+        const std::int64_t at = (row.offset - offset) * block.out();
+        T* features = last ? buffers.features.data() + at : surround_with_background(y);
+        if (!last) block.modulated1.apply(features, buffers.hidden.data() + at, row.size());
+        finish_rgb_row(y, features, buffers);
+        if (canvas.mask.empty()) continue;
+        block.lateral.apply(buffers.lateral.data(), features, row.size());
+        finish_mask_row(y, buffers);
+    }
+}
+
+/// The next block also reads pixels beside those that are computed. Returns where the latter begin.
+template <class T>
+T* BlockStep<T>::surround_with_background(std::int64_t y) const {
+    const std::int64_t channels = block.out();
+    const PixelRow &occupied = above.occupied[y], &read = above.read[y];
+    T* row = above.features.data() + read.offset * channels;
+    const auto fill = [&](std::int64_t from, std::int64_t to) {
+        for (; from < to; ++from)
+            std::copy_n(above.background.features.data(), channels,
+                        row + (from - read.begin) * channels);
+    };
+    if (occupied.size() == 0) {
+        fill(read.begin, read.end);
+        return row;
+    }
+    fill(read.begin, occupied.begin);
+    fill(occupied.end, read.end);
+    return row + (occupied.begin - read.begin) * channels;
+}
+
+/// A row of the upsampled sum so far, zero where it shows the background.
+template <class T>
+void BlockStep<T>::double_sum(float* to, const AlignedVector<float>& sum, std::int64_t row,
+                              std::int64_t channels, const kernels::UpsampleFilter& filter,
+                              StripBuffers<T>& buffers) const {
+    const PixelRow& shown = above.shown[row];
+    if (first || shown.size() == 0) {
+        std::fill_n(to, above.side * channels, 0.0F);
+        return;
+    }
+    std::fill_n(to, shown.begin * channels, 0.0F);
+    kernels::upsample_row(to + shown.begin * channels, buffers.scratch.data(), sum.data(), row,
+                          shown.begin / 2, shown.end / 2, below.side, channels, filter);
+    std::fill_n(to + shown.end * channels, (above.side - shown.end) * channels, 0.0F);
+}
+
+template <class T>
+void BlockStep<T>::finish_rgb_row(std::int64_t row, const T* features,
+                                  StripBuffers<T>& buffers) const {
+    const std::int64_t length = above.side * colors;
+    if (last && above.shown[row].size() == 0) {
+        std::copy_n(canvas.background_colors.data(), length, canvas.image.data() + row * length);
+        return;
+    }
+    float* to = last ? buffers.rgb_row.data() : above.rgb.data() + row * length;
+    double_sum(to, below.rgb, row, colors, kernels::smooth_upsample, buffers);
+    const PixelRow &pixels = above.occupied[row], &shown = above.shown[row];
+    kernels::add_colors(to + pixels.begin * colors, features, block.rgb_weight.data(),
+                        above.background.rgb.data(), pixels.size(), block.out());
+    if (!last) return;
+    float* image = std::copy_n(canvas.background_colors.data(), shown.begin * colors,
+                               canvas.image.data() + row * length);
+    kernels::color_row(image, to + shown.begin * colors, canvas.background_rgb.data(),
+                       shown.size() * colors);
+    std::copy_n(canvas.background_colors.data(), (above.side - shown.end) * colors,
+                image + shown.size() * colors);
+}
+
+template <class T>
+void BlockStep<T>::finish_mask_row(std::int64_t row, StripBuffers<T>& buffers) const {
+    const auto channels = static_cast<std::int64_t>(canvas.logit_weight.size());
+    if (last && above.shown[row].size() == 0) {
+        std::fill_n(canvas.mask.data() + row * above.side, above.side, canvas.background_mask);
+        return;
+    }
+    float* to = last ? buffers.mask_row.data() : above.mask.data() + row * above.side * channels;
+    double_sum(to, below.mask, row, channels, kernels::bilinear_upsample, buffers);
+    const PixelRow &pixels = above.occupied[row], &shown = above.shown[row];
+    kernels::add_difference(to + pixels.begin * channels, buffers.lateral.data(),
+                            above.background.mask.data(), pixels.size(), channels);
+    if (!last) return;
+    float* mask =
+        std::fill_n(canvas.mask.data() + row * above.side, shown.begin, canvas.background_mask);
+    kernels::mask_row(mask, to + shown.begin * channels, canvas.logit_weight,
+                      canvas.background_logit, shown.size());
+    std::fill_n(mask + shown.size(), above.side - shown.end, canvas.background_mask);
+}
+
+template struct BlockStep<float>;
+template struct BlockStep<kernels::BFloat16>;
+template struct BlockStep<kernels::Float16>;
+
+}  // namespace stymo

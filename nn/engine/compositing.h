@@ -1,0 +1,46 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "nn/engine/softplus.h"
+
+/// Volume rendering of one ray, from front to back (paper, equations (3) to (5)).
+namespace stymo {
+
+/// As in render/composite.cpp: keeps an infinite density times an empty interval from being NaN.
+inline constexpr double largest_density = 1e30;
+
+template <class T>
+[[nodiscard]] T density_of_logit(T logit) {
+    return std::min(softplus_of(logit), static_cast<T>(largest_density));
+}
+
+/// What is left of the light along a ray.
+template <class T>
+class Transmittance {
+public:
+    /// Passes an interval of this optical thickness and returns its compositing weight.
+    [[nodiscard]] T pass(T thickness) {
+        depth_ += static_cast<double>(thickness);
+        // The difference of both transmittances would cancel where the density is thin.
+        const T weight = value_ * -std::expm1(-thickness);
+        value_ = std::exp(static_cast<T>(-depth_));
+        return weight;
+    }
+    [[nodiscard]] T value() const { return value_; }
+
+private:
+    double depth_ = 0.0;
+    T value_ = T(1);
+};
+
+/// sum += weight * features
+template <class T>
+void add_weighted(T* sum, T weight, const T* features, std::int64_t width) {
+#pragma omp simd
+    for (std::int64_t i = 0; i < width; ++i) sum[i] += weight * features[i];
+}
+
+}  // namespace stymo

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <cstdint>
+
+#include "core/tensor.h"
+
+namespace stymo {
+
+/// Vectors of `channels` numbers as mean + coefficients * directions.
+struct FeatureBasis {
+    Tensor mean;        ///< (channels)
+    Tensor directions;  ///< (dimension, channels), orthonormal rows
+};
+
+/// The plane of `dimension` <= channels that lies closest, in the sum of squares, to the rows of
+/// features (rows, channels), float32. A row counts as its weight says (rows), >= 0. Orthogonal
+/// iteration on the covariance (Golub and Van Loan, 8.2): the plane is what counts, its directions
+/// need not be the eigenvectors.
+[[nodiscard]] FeatureBasis principal_plane(const Tensor& features, const Tensor& weights,
+                                           std::int64_t dimension);
+
+}  // namespace stymo

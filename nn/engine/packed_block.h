@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "nn/engine/packed_layer.h"
+#include "nn/layers/mask_branch.h"
+#include "nn/layers/render_block.h"
+
+namespace stymo {
+
+/// A folded render block, with its lateral of the mask branch, in the order in which a renderer
+/// reads it.
+template <class T>
+struct PackedBlock {
+    PackedLayer<T>
+        detail;  ///< output k * channels + c is channel c of sub-pixel k = 2 row + column
+    PackedLayer<T> modulated0;
+    PackedLayer<T> modulated1;
+    std::vector<float> rgb_weight;  ///< (3, out)
+    std::vector<float> rgb_bias;
+    PackedLayer<T> lateral;  ///< empty without a mask
+
+    PackedBlock(const FoldedRenderBlock& block, const FoldedLayer* mask_lateral);
+    /// Takes over the modulated layers.
+    void set_style(const FoldedRenderBlock& block);
+
+    [[nodiscard]] std::int64_t in() const { return modulated0.inputs(); }
+    [[nodiscard]] std::int64_t out() const { return modulated1.outputs(); }
+};
+
+extern template struct PackedBlock<float>;
+extern template struct PackedBlock<kernels::BFloat16>;
+extern template struct PackedBlock<kernels::Float16>;
+
+}  // namespace stymo

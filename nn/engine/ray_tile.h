@@ -1,0 +1,87 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "nn/engine/compositing.h"
+#include "nn/engine/packed_field.h"
+#include "nn/engine/sample_selection.h"
+
+namespace stymo {
+
+/// Whole rays whose selected samples go through a field together, with all buffers. One thread at a
+/// time uses it. Training, fitting and rendering differ in which samples they select and in what
+/// they make of the weights.
+///
+/// Samples has `append(ray, sample, points)`, which appends the 3 coordinates of a sample, and
+/// `length(ray, sample)`, the length of its interval.
+template <class T>
+struct RayTile {
+    FieldTile<T> field;
+    std::int64_t first_ray = 0, end_ray = 0;
+    std::vector<Real<T>> points;
+    std::vector<std::int64_t> begins;     ///< of each ray's points, and the end of the last
+    std::vector<Real<T>> weights;         ///< compositing weight of each point
+    std::vector<Real<T>> transmittances;  ///< behind each point
+
+    [[nodiscard]] std::int64_t count() const { return begins.back(); }
+    [[nodiscard]] std::int64_t begin_of(std::int64_t ray) const {
+        return begins[static_cast<std::size_t>(ray - first_ray)];
+    }
+    [[nodiscard]] std::int64_t end_of(std::int64_t ray) const { return begin_of(ray + 1); }
+    /// Behind all samples of a ray.
+    [[nodiscard]] Real<T> transmittance_of(std::int64_t ray) const {
+        return begin_of(ray) == end_of(ray)
+                   ? Real<T>(1)
+                   : transmittances[static_cast<std::size_t>(end_of(ray) - 1)];
+    }
+
+    void reserve(std::int64_t most_points, std::int64_t most_rays) {
+        points.reserve(static_cast<std::size_t>(3 * most_points));
+        begins.reserve(static_cast<std::size_t>(most_rays + 1));
+        weights.reserve(static_cast<std::size_t>(most_points));
+        transmittances.reserve(static_cast<std::size_t>(most_points));
+    }
+
+    /// Takes the selected samples of rays [first, end).
+    template <class Samples>
+    void take(const SampleSelection& selection, const Samples& samples, std::int64_t first,
+              std::int64_t end) {
+        first_ray = first;
+        end_ray = end;
+        points.clear();
+        begins.assign(1, 0);
+        for (std::int64_t ray = first; ray < end; ++ray) {
+            const std::span<const std::int32_t> selected = selection.samples_of(ray);
+            for (const std::int32_t sample : selected) samples.append(ray, sample, points);
+            begins.push_back(begins.back() + std::ssize(selected));
+        }
+        weights.resize(static_cast<std::size_t>(count()));
+        transmittances.resize(static_cast<std::size_t>(count()));
+    }
+
+    /// Weights and transmittances from the logits in `field`. What the selection left out counts
+    /// with its estimated optical depth towards the sample behind it, or towards the last one.
+    template <class Samples>
+    void composite(const SampleSelection& selection, const Samples& samples) {
+        for (std::int64_t ray = first_ray; ray < end_ray; ++ray) {
+            const std::span<const std::int32_t> selected = selection.samples_of(ray);
+            const std::span<const float> gaps = selection.gaps_of(ray);
+            Transmittance<Real<T>> light;
+            auto at = static_cast<std::size_t>(begin_of(ray));
+            for (std::size_t i = 0; i < selected.size(); ++i, ++at) {
+                weights[at] = light.pass(density_of_logit(field.logits[at]) *
+                                             samples.length(ray, selected[i]) +
+                                         static_cast<Real<T>>(gaps[i]));
+                transmittances[at] = light.value();
+            }
+            const float tail = selection.tails[static_cast<std::size_t>(ray)];
+            if (selected.empty() || tail == 0.0F) continue;
+            weights[at - 1] += light.pass(static_cast<Real<T>>(tail));
+            transmittances[at - 1] = light.value();
+        }
+    }
+};
+
+}  // namespace stymo

@@ -1,0 +1,97 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "core/parallel.h"
+#include "nn/engine/ray_tile.h"
+#include "nn/engine/sine_network.h"
+
+/// What both passes of nn/engine/sine_rays.h share.
+namespace stymo {
+
+/// Rays of one face are cut into so many runs at most. Each run has sums of its own, which are
+/// added in order.
+inline constexpr std::int64_t ray_runs = 16;
+
+struct RayExtents {
+    std::int64_t faces, rays, samples, width, layers;
+
+    RayExtents(const RayPoints& points, const SineNetworkOf<Tensor>& network)
+        : faces(points.deltas.shape(0)),
+          rays(points.deltas.shape(1)),
+          samples(points.deltas.shape(2)),
+          width(network.density_weight.shape(1)),
+          layers(std::ssize(network.layers)) {}
+
+    [[nodiscard]] std::int64_t rays_in_run() const { return chunk_count(rays, ray_runs); }
+    /// Of the result, for each ray.
+    [[nodiscard]] std::int64_t columns() const { return samples + 1 + width; }
+    /// Points of the largest tile, which holds one ray at least.
+    [[nodiscard]] std::int64_t largest_tile() const { return std::max(tile_points, samples); }
+    /// Elements of one layer's arguments of one face.
+    [[nodiscard]] std::int64_t layer_arguments() const { return rays * samples * width; }
+    [[nodiscard]] std::int64_t face_arguments() const { return layers * layer_arguments(); }
+};
+
+/// Samples of the rays of one face.
+template <class T>
+struct FaceSamples {
+    const T* points;
+    const T* deltas;
+    std::int64_t samples_per_ray;
+    SampleSelection selection;
+
+    FaceSamples(const RayPoints& rays, const RayExtents& extents, std::int64_t face)
+        : points(rays.points.values<T>().data() + face * extents.rays * extents.samples * 3),
+          deltas(rays.deltas.values<T>().data() + face * extents.rays * extents.samples),
+          samples_per_ray(extents.samples) {
+        selection.resize(extents.rays, extents.samples);
+        if (!rays.kept.defined()) {
+            selection.keep_all();
+            return;
+        }
+        const T* const kept = rays.kept.values<T>().data() + face * extents.rays * extents.samples;
+        selection.keep_if([=](std::int64_t ray, std::int32_t sample) {
+            return kept[ray * extents.samples + sample] != T(0);
+        });
+    }
+
+    void append(std::int64_t ray, std::int32_t sample, std::vector<T>& to) const {
+        const T* const point = points + 3 * (ray * samples_per_ray + sample);
+        to.insert(to.end(), point, point + 3);
+    }
+    [[nodiscard]] T length(std::int64_t ray, std::int32_t sample) const {
+        return deltas[ray * samples_per_ray + sample];
+    }
+};
+
+/// Calls body(first ray, end ray, run) for all runs of one face, on several threads.
+template <class Body>
+void for_each_run(const RayExtents& extents, const Body& body) {
+    const std::int64_t length = extents.rays_in_run();
+    parallel_for(extents.rays, length,
+                 [&](std::int64_t first, std::int64_t end) { body(first, end, first / length); });
+}
+
+/// Calls body() with the tile's samples for each tile of rays [first, end). A tile takes as many
+/// whole rays as it has room for, so that few selected samples still make long products.
+template <class T, class Body>
+void for_each_tile(const FaceSamples<T>& samples, const RayExtents& extents, std::int64_t first,
+                   std::int64_t end, RayTile<T>& tile, const Body& body) {
+    const auto count = [&](std::int64_t ray) {
+        return samples.selection.counts[static_cast<std::size_t>(ray)];
+    };
+    while (first < end) {
+        std::int64_t stop = first + 1;
+        std::int64_t points = count(first);
+        while (stop < end && points + count(stop) <= extents.largest_tile())
+            points += count(stop++);
+        tile.take(samples.selection, samples, first, stop);
+        body();
+        first = stop;
+    }
+}
+
+}  // namespace stymo

@@ -1,0 +1,385 @@
+#include "nn/kernels/upsample.h"
+
+#include <algorithm>
+#include <utility>
+
+#ifdef __aarch64__
+// Arrays of vectors need vectors of a fixed length.
+#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128)
+#else
+// Nothing here needs what this set adds to AVX3.
+#define HWY_DISABLED_TARGETS HWY_AVX3_DL
+#endif
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "nn/kernels/upsample.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+// Included once for each instruction set, so what does not depend on it stands below, within
+// HWY_ONCE.
+HWY_BEFORE_NAMESPACE();
+namespace stymo::kernels::HWY_NAMESPACE {
+
+namespace simd = hwy::HWY_NAMESPACE;
+
+template <class D>
+HWY_INLINE simd::Vec<D> load(D tag, const float* from) {
+    return simd::LoadU(tag, from);
+}
+
+template <class D>
+HWY_INLINE simd::Vec<D> load(D tag, const BFloat16* from) {
+    const simd::Rebind<std::uint16_t, D> halves;
+    const simd::RebindToUnsigned<D> words;
+    const auto bits = simd::LoadU(halves, reinterpret_cast<const std::uint16_t*>(from));
+    return simd::BitCast(tag, simd::ShiftLeft<16>(simd::PromoteTo(words, bits)));
+}
+
+template <class D>
+HWY_INLINE simd::Vec<D> load(D tag, const Float16* from) {
+    const simd::Rebind<hwy::float16_t, D> halves;
+    return simd::PromoteTo(tag, simd::LoadU(halves, reinterpret_cast<const hwy::float16_t*>(from)));
+}
+
+template <class D>
+HWY_INLINE void store(D tag, simd::Vec<D> x, float* to) {
+    simd::StoreU(x, tag, to);
+}
+
+template <class D>
+HWY_INLINE void store(D tag, simd::Vec<D> x, BFloat16* to) {
+    const simd::Rebind<std::uint16_t, D> halves;
+    const simd::RebindToUnsigned<D> words;
+    const simd::RebindToSigned<D> integers;
+    (void)tag;
+    const auto bits = simd::BitCast(words, x);
+    const auto odd = simd::And(simd::ShiftRight<16>(bits), simd::Set(words, 1));
+    const auto upper =
+        simd::ShiftRight<16>(simd::Add(bits, simd::Add(odd, simd::Set(words, 0x7FFF))));
+    simd::StoreU(simd::DemoteTo(halves, simd::BitCast(integers, upper)), halves,
+                 reinterpret_cast<std::uint16_t*>(to));
+}
+
+template <class D>
+HWY_INLINE void store(D tag, simd::Vec<D> x, Float16* to) {
+    const simd::Rebind<hwy::float16_t, D> halves;
+    (void)tag;
+    simd::StoreU(simd::DemoteTo(halves, x), halves, reinterpret_cast<hwy::float16_t*>(to));
+}
+
+/// One row of the upsampled image, summed over the rows it is blurred with: columns go by once,
+/// from left to right.
+template <class D, class T>
+class BlurredRow {
+public:
+    using Vector = simd::Vec<D>;
+
+    HWY_INLINE BlurredRow(const UpsampledRow<T>& to, std::int64_t channels, std::int64_t channel)
+        : to_(to), channels_(channels), channel_(channel) {}
+
+    /// Before the first column of an image lies the second one.
+    HWY_INLINE void start(Vector column0, Vector column1) {
+        before0_ = column0;
+        before1_ = column1;
+    }
+    /// Columns `x` and x + 1: what lies up to x is known then.
+    HWY_INLINE void add(std::int64_t x, Vector column0, Vector column1) {
+        put(x - 1, before0_, before1_, column0);
+        put(x, before1_, column0, column1);
+        before0_ = column0;
+        before1_ = column1;
+    }
+    /// Beyond the last column, `x`, of an image lies the last but one.
+    HWY_INLINE void finish(std::int64_t x) { put(x, before0_, before1_, before0_); }
+
+private:
+    HWY_INLINE void put(std::int64_t x, Vector left, Vector at, Vector right) {
+        if (x < to_.begin || x >= to_.end) return;
+        const D tag;
+        const auto sum = simd::MulAdd(simd::Set(tag, 2.0F), at, simd::Add(left, right));
+        store(tag, simd::Mul(sum, simd::Set(tag, 0.0625F)),
+              to_.features + (x - to_.begin) * channels_ + channel_);
+    }
+
+    UpsampledRow<T> to_;
+    std::int64_t channels_;
+    std::int64_t channel_;
+    Vector before0_ = simd::Zero(D());
+    Vector before1_ = simd::Zero(D());
+};
+
+/// As many channels as the vector has, from `channel` on.
+template <class D, class T>
+HWY_INLINE void blur_channels(D tag, const RowUpsampling<T>& image, std::int64_t channel) {
+    const std::int64_t channels = image.channels;
+    const auto& [first_row, second_row] = image.upsampled;
+    const bool first_empty = first_row.begin == first_row.end,
+               second_empty = second_row.begin == second_row.end;
+    const std::int64_t begin = first_empty    ? second_row.begin
+                               : second_empty ? first_row.begin
+                                              : std::min(first_row.begin, second_row.begin);
+    const std::int64_t end = std::max(first_row.end, second_row.end);
+    const std::int64_t first = std::max<std::int64_t>(begin - 1, 0) / 2,
+                       last = std::min(end / 2, image.side - 1);
+    // What a row does not have is not read by any pixel that is stored.
+    const auto place = [](const DetailedRow<T>& row, std::int64_t pixel) {
+        return std::min(std::max(pixel, row.begin), row.end - 1) - row.begin;
+    };
+    const auto three = simd::Set(tag, 3.0F);
+    BlurredRow<D, T> upper(first_row, channels, channel), lower(second_row, channels, channel);
+    for (std::int64_t pixel = first; pixel <= last; ++pixel) {
+        const std::int64_t at = pixel - image.middle.begin;
+        const std::int64_t at_above = place(image.above, pixel),
+                           at_below = place(image.below, pixel);
+        const auto center =
+            simd::Mul(three, load(tag, image.middle.features + at * channels + channel));
+        const auto center_above =
+            simd::Add(center, load(tag, image.above.features + at_above * channels + channel));
+        const auto center_below =
+            simd::Add(center, load(tag, image.below.features + at_below * channels + channel));
+        const T* detail = image.middle.detail + at * 4 * channels + channel;
+        const T* detail_above = image.above.detail + (at_above * 4 + 2) * channels + channel;
+        const T* detail_below = image.below.detail + at_below * 4 * channels + channel;
+        simd::Vec<D> columns_above[2], columns_below[2];
+        for (int j = 0; j < 2; ++j) {
+            const auto upper_half = load(tag, detail + j * channels),
+                       lower_half = load(tag, detail + (2 + j) * channels);
+            const auto both = simd::Add(upper_half, lower_half);
+            columns_above[j] =
+                simd::Add(simd::Add(both, upper_half),
+                          simd::Add(center_above, load(tag, detail_above + j * channels)));
+            columns_below[j] =
+                simd::Add(simd::Add(both, lower_half),
+                          simd::Add(center_below, load(tag, detail_below + j * channels)));
+        }
+        if (pixel == 0) {
+            upper.start(columns_above[0], columns_above[1]);
+            lower.start(columns_below[0], columns_below[1]);
+        }
+        upper.add(2 * pixel, columns_above[0], columns_above[1]);
+        lower.add(2 * pixel, columns_below[0], columns_below[1]);
+    }
+    if (last == image.side - 1) {
+        upper.finish(2 * image.side - 1);
+        lower.finish(2 * image.side - 1);
+    }
+}
+
+template <class T>
+void blur(const RowUpsampling<T>& image) {
+    const simd::ScalableTag<float> tag;
+    const auto lanes = static_cast<std::int64_t>(simd::Lanes(tag));
+    std::int64_t channel = 0;
+    for (; channel + lanes <= image.channels; channel += lanes) blur_channels(tag, image, channel);
+    for (; channel < image.channels; ++channel)
+        blur_channels(simd::CappedTag<float, 1>(), image, channel);
+}
+
+void blur_float(const RowUpsampling<float>& image) {
+    blur(image);
+}
+void blur_bfloat16(const RowUpsampling<BFloat16>& image) {
+    blur(image);
+}
+void blur_float16(const RowUpsampling<Float16>& image) {
+    blur(image);
+}
+
+HWY_INLINE float as_float(float x) {
+    return x;
+}
+HWY_INLINE float as_float(BFloat16 x) {
+    return widened(x);
+}
+HWY_INLINE float as_float(Float16 x) {
+    return widened(x);
+}
+
+/// Colours of pixels with this many channels.
+template <class T>
+struct ColorSum {
+    float* to;
+    const T* x;
+    const float* weight;
+    const float* background;
+    std::int64_t channels;
+};
+
+/// Sums of four vectors, in this order in each block of four lanes, as far as that block's lanes
+/// go.
+template <class D, class V>
+HWY_INLINE V sums_in_blocks(D tag, V a, V b, V c, V d) {
+    const simd::RepartitionToWide<D> wide;
+    const auto ab = simd::BitCast(
+        wide, simd::Add(simd::InterleaveLower(tag, a, b), simd::InterleaveUpper(tag, a, b)));
+    const auto cd = simd::BitCast(
+        wide, simd::Add(simd::InterleaveLower(tag, c, d), simd::InterleaveUpper(tag, c, d)));
+    return simd::Add(simd::BitCast(tag, simd::InterleaveLower(wide, ab, cd)),
+                     simd::BitCast(tag, simd::InterleaveUpper(wide, ab, cd)));
+}
+
+template <class D, class V>
+HWY_INLINE auto sum_of_blocks(D, V x) {
+    if constexpr (simd::MaxLanes(D()) <= 4) {
+        return x;
+    } else {
+        const simd::Half<D> half;
+        return sum_of_blocks(half, simd::Add(simd::LowerHalf(half, x), simd::UpperHalf(half, x)));
+    }
+}
+
+/// Colours of four pixels, of the channels that fill vectors.
+template <class T>
+HWY_INLINE void add_colors_of_four(const ColorSum<T>& sum, std::int64_t pixel,
+                                   std::int64_t channels_in_vectors) {
+    const simd::ScalableTag<float> tag;
+    const simd::CappedTag<float, 4> four;
+    const auto lanes = static_cast<std::int64_t>(simd::Lanes(tag));
+    const T* x = sum.x + pixel * sum.channels;
+    simd::Vec<decltype(tag)> sums[3][4];
+    for (auto& color : sums) {
+        for (auto& of_pixel : color) of_pixel = simd::Zero(tag);
+    }
+    for (std::int64_t channel = 0; channel < channels_in_vectors; channel += lanes) {
+        simd::Vec<decltype(tag)> features[4];
+        for (int p = 0; p < 4; ++p) features[p] = load(tag, x + p * sum.channels + channel);
+        for (int c = 0; c < 3; ++c) {
+            const auto weight = simd::LoadU(tag, sum.weight + c * sum.channels + channel);
+            for (int p = 0; p < 4; ++p) sums[c][p] = simd::MulAdd(weight, features[p], sums[c][p]);
+        }
+    }
+    simd::Vec<decltype(four)> colors[3], present[3];
+    float* to = sum.to + 3 * pixel;
+    simd::LoadInterleaved3(four, to, present[0], present[1], present[2]);
+    for (int c = 0; c < 3; ++c) {
+        const auto blocks = sums_in_blocks(tag, sums[c][0], sums[c][1], sums[c][2], sums[c][3]);
+        const auto difference =
+            simd::Sub(sum_of_blocks(tag, blocks), simd::Set(four, sum.background[c]));
+        colors[c] = simd::Add(present[c], difference);
+    }
+    simd::StoreInterleaved3(colors[0], colors[1], colors[2], four, to);
+}
+
+template <class T>
+HWY_INLINE void add_colors_of_one(const ColorSum<T>& sum, std::int64_t pixel,
+                                  std::int64_t first_channel, bool with_background) {
+    const T* x = sum.x + pixel * sum.channels;
+    for (std::int64_t c = 0; c < 3; ++c) {
+        float color = with_background ? -sum.background[c] : 0.0F;
+        for (std::int64_t channel = first_channel; channel < sum.channels; ++channel)
+            color += as_float(x[channel]) * sum.weight[c * sum.channels + channel];
+        sum.to[3 * pixel + c] += color;
+    }
+}
+
+template <class T>
+HWY_INLINE void add_all_colors(const ColorSum<T>& sum, std::int64_t pixels) {
+    const auto lanes = static_cast<std::int64_t>(simd::Lanes(simd::ScalableTag<float>()));
+    const std::int64_t in_vectors = sum.channels / lanes * lanes, in_fours = pixels / 4 * 4;
+    for (std::int64_t pixel = 0; pixel < in_fours; pixel += 4)
+        add_colors_of_four(sum, pixel, in_vectors);
+    for (std::int64_t pixel = 0; pixel < in_fours && in_vectors < sum.channels; ++pixel)
+        add_colors_of_one(sum, pixel, in_vectors, false);
+    for (std::int64_t pixel = in_fours; pixel < pixels; ++pixel)
+        add_colors_of_one(sum, pixel, 0, true);
+}
+
+void add_colors_float(float* to, const float* x, const float* weight, const float* background,
+                      std::int64_t pixels, std::int64_t channels) {
+    add_all_colors(ColorSum<float>{to, x, weight, background, channels}, pixels);
+}
+void add_colors_bfloat16(float* to, const BFloat16* x, const float* weight, const float* background,
+                         std::int64_t pixels, std::int64_t channels) {
+    add_all_colors(ColorSum<BFloat16>{to, x, weight, background, channels}, pixels);
+}
+void add_colors_float16(float* to, const Float16* x, const float* weight, const float* background,
+                        std::int64_t pixels, std::int64_t channels) {
+    add_all_colors(ColorSum<Float16>{to, x, weight, background, channels}, pixels);
+}
+
+/// Vector by vector to another type; what is left one by one, as the vectors would have it.
+template <class From, class To>
+HWY_INLINE void convert(To* out, const From* x, std::int64_t count) {
+    const simd::ScalableTag<float> tag;
+    const simd::CappedTag<float, 1> one;
+    const auto lanes = static_cast<std::int64_t>(simd::Lanes(tag));
+    std::int64_t i = 0;
+    for (; i + lanes <= count; i += lanes) store(tag, load(tag, x + i), out + i);
+    for (; i < count; ++i) store(one, load(one, x + i), out + i);
+}
+
+void narrow_to_bfloat16(BFloat16* out, const float* x, std::int64_t count) {
+    convert(out, x, count);
+}
+void narrow_to_float16(Float16* out, const float* x, std::int64_t count) {
+    convert(out, x, count);
+}
+void widen_bfloat16(float* out, const BFloat16* x, std::int64_t count) {
+    convert(out, x, count);
+}
+void widen_float16(float* out, const Float16* x, std::int64_t count) {
+    convert(out, x, count);
+}
+
+}  // namespace stymo::kernels::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace stymo::kernels {
+
+HWY_EXPORT(blur_float);
+HWY_EXPORT(blur_bfloat16);
+HWY_EXPORT(blur_float16);
+HWY_EXPORT(add_colors_float);
+HWY_EXPORT(add_colors_bfloat16);
+HWY_EXPORT(add_colors_float16);
+HWY_EXPORT(narrow_to_bfloat16);
+HWY_EXPORT(narrow_to_float16);
+HWY_EXPORT(widen_bfloat16);
+HWY_EXPORT(widen_float16);
+
+void blur_upsampled_rows(const RowUpsampling<float>& rows) {
+    HWY_DYNAMIC_DISPATCH(blur_float)(rows);
+}
+void blur_upsampled_rows(const RowUpsampling<BFloat16>& rows) {
+    HWY_DYNAMIC_DISPATCH(blur_bfloat16)(rows);
+}
+void blur_upsampled_rows(const RowUpsampling<Float16>& rows) {
+    HWY_DYNAMIC_DISPATCH(blur_float16)(rows);
+}
+
+void add_colors(float* to, const float* x, const float* weight, const float* background,
+                std::int64_t pixels, std::int64_t channels) {
+    HWY_DYNAMIC_DISPATCH(add_colors_float)(to, x, weight, background, pixels, channels);
+}
+void add_colors(float* to, const BFloat16* x, const float* weight, const float* background,
+                std::int64_t pixels, std::int64_t channels) {
+    HWY_DYNAMIC_DISPATCH(add_colors_bfloat16)(to, x, weight, background, pixels, channels);
+}
+void add_colors(float* to, const Float16* x, const float* weight, const float* background,
+                std::int64_t pixels, std::int64_t channels) {
+    HWY_DYNAMIC_DISPATCH(add_colors_float16)(to, x, weight, background, pixels, channels);
+}
+
+void narrow(float* out, const float* x, std::int64_t count) {
+    std::copy_n(x, count, out);
+}
+void narrow(BFloat16* out, const float* x, std::int64_t count) {
+    HWY_DYNAMIC_DISPATCH(narrow_to_bfloat16)(out, x, count);
+}
+void narrow(Float16* out, const float* x, std::int64_t count) {
+    HWY_DYNAMIC_DISPATCH(narrow_to_float16)(out, x, count);
+}
+
+void widen(float* out, const float* x, std::int64_t count) {
+    std::copy_n(x, count, out);
+}
+void widen(float* out, const BFloat16* x, std::int64_t count) {
+    HWY_DYNAMIC_DISPATCH(widen_bfloat16)(out, x, count);
+}
+void widen(float* out, const Float16* x, std::int64_t count) {
+    HWY_DYNAMIC_DISPATCH(widen_float16)(out, x, count);
+}
+
+}  // namespace stymo::kernels
+#endif

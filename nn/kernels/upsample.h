@@ -1,0 +1,68 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "core/kernels/gemm.h"
+
+/// What a render block does between its products, on the calling thread and for the processor that
+/// runs it. Activations are float, BFloat16 or Float16, sums float.
+namespace stymo::kernels {
+
+/// Pixels [begin, end) of one row of an image that is to be upsampled.
+template <class T>
+struct DetailedRow {
+    std::int64_t begin = 0;
+    std::int64_t end = 0;
+    const T* features = nullptr;  ///< (pixels, channels)
+    const T* detail =
+        nullptr;  ///< (pixels, 4, channels): row i, column j of the upsampled pixel at 2 i + j
+};
+
+/// Pixels [begin, end) of one row of the upsampled image: (pixels, channels).
+template <class T>
+struct UpsampledRow {
+    std::int64_t begin = 0;
+    std::int64_t end = 0;
+    T* features = nullptr;
+};
+
+/// A row of an image of `side` columns, the rows beside it (itself where the image ends), and the
+/// two rows that come of it.
+template <class T>
+struct RowUpsampling {
+    DetailedRow<T> above;
+    DetailedRow<T> middle;
+    DetailedRow<T> below;
+    std::array<UpsampledRow<T>, 2> upsampled;
+    std::int64_t side = 0;
+    std::int64_t channels = 0;
+};
+
+/// The learnt upsampling (reference: Upsampler), blur(detail + nearest neighbour), of one row. A
+/// pixel of the first upsampled row reads the pixels of `above` and `middle` up to one from its
+/// own, one of the second row those of `middle` and `below`.
+void blur_upsampled_rows(const RowUpsampling<float>& rows);
+void blur_upsampled_rows(const RowUpsampling<BFloat16>& rows);
+void blur_upsampled_rows(const RowUpsampling<Float16>& rows);
+
+/// to (pixels, 3) += x (pixels, channels) times the transpose of weight (3, channels), - background
+/// (3).
+void add_colors(float* to, const float* x, const float* weight, const float* background,
+                std::int64_t pixels, std::int64_t channels);
+void add_colors(float* to, const BFloat16* x, const float* weight, const float* background,
+                std::int64_t pixels, std::int64_t channels);
+void add_colors(float* to, const Float16* x, const float* weight, const float* background,
+                std::int64_t pixels, std::int64_t channels);
+
+/// To the type of activations, rounded to nearest even.
+void narrow(float* out, const float* x, std::int64_t count);
+void narrow(BFloat16* out, const float* x, std::int64_t count);
+void narrow(Float16* out, const float* x, std::int64_t count);
+
+/// From the type of activations.
+void widen(float* out, const float* x, std::int64_t count);
+void widen(float* out, const BFloat16* x, std::int64_t count);
+void widen(float* out, const Float16* x, std::int64_t count);
+
+}  // namespace stymo::kernels

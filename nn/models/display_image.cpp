@@ -1,0 +1,30 @@
+#include "nn/models/display_image.h"
+
+#include "core/ops/elementwise.h"
+#include "core/ops/shape_ops.h"
+
+namespace stymo {
+
+namespace {
+
+Tensor item(const Tensor& batch, std::int64_t index) {
+    return slice(batch, 0, index, index + 1)
+        .value()
+        .reshaped({batch.shape(1), batch.shape(2), batch.shape(3)});
+}
+
+}  // namespace
+
+Tensor display_image(const Tensor& images, std::int64_t index) {
+    return clamp(Variable(item(images, index)) * 0.5 + 0.5, 0.0, 1.0).value();
+}
+
+Tensor display_mask(const Tensor& masks, std::int64_t index) {
+    return item(masks, index);
+}
+
+Tensor masked_image(const Tensor& image, const Tensor& mask) {
+    return (Variable(image) * mask).value();
+}
+
+}  // namespace stymo

@@ -1,0 +1,133 @@
+#include <cmath>
+
+#include "cases/quadrature/quadrature.h"
+#include "core/ops/ops.h"
+#include "render/composite.h"
+#include "render/rays.h"
+
+namespace stymo {
+
+namespace {
+
+void append(Intervals& intervals, const RayProfile& ray, double place, double length) {
+    intervals.density.push_back(ray.density(place));
+    intervals.length.push_back(length);
+    intervals.colour.push_back(ray.colour(place));
+}
+
+/// The renderer's own sampling of a frontal camera's rays, each scaled to the length 1.
+Intervals renderer_cut(std::span<const RayProfile> rays, std::int64_t samples, Rng* jitter) {
+    RaySampling sampling;
+    sampling.samples_per_ray = samples;
+    sampling.rays_per_side = std::llround(std::ceil(std::sqrt(static_cast<double>(rays.size()))));
+    const Camera camera = camera_from_pose({}, {});
+    const RaySamples drawn = sample_rays({camera}, sampling, jitter, DType::float64);
+    const auto depths = drawn.depths.values<double>(), deltas = drawn.deltas.values<double>();
+    const auto count = static_cast<std::size_t>(samples);
+    Intervals intervals;
+    intervals.rays = rays.size();
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+        const auto pixel = static_cast<std::int64_t>(i);
+        const Ray line = camera_ray(camera, sampling, pixel / sampling.rays_per_side,
+                                    pixel % sampling.rays_per_side);
+        const double length = line.far_distance - line.near_distance;
+        for (std::size_t k = i * count; k < (i + 1) * count; ++k)
+            append(intervals, rays[i], (depths[k] - line.near_distance) / length,
+                   deltas[k] / length);
+    }
+    return intervals;
+}
+
+/// Explicit Euler on dT/ds = -sigma T.
+std::vector<RayIntegral> euler(const Intervals& intervals) {
+    std::vector<RayIntegral> integrals;
+    const std::size_t count = intervals.density.size() / intervals.rays;
+    for (std::size_t ray = 0; ray < intervals.rays; ++ray) {
+        RayIntegral sum{.transmittance = 1.0};
+        for (std::size_t k = ray * count; k < (ray + 1) * count; ++k) {
+            const double x = intervals.density[k] * intervals.length[k];
+            sum.colour += sum.transmittance * x * intervals.colour[k];
+            sum.transmittance *= 1.0 - x;
+        }
+        integrals.push_back(sum);
+    }
+    return integrals;
+}
+
+}  // namespace
+
+std::vector<QuadratureRule> quadrature_rules() {
+    return {{.name = "left rectangle", .what = "the renderer's: equations (3) to (5), N intervals"},
+            {.name = "left rectangle, float32",
+             .what = "the same, composited in the renderer's number format",
+             .dtype = DType::float32},
+            {.name = "jittered",
+             .what = "the renderer's in training: every bound moves within its stratum",
+             .places = SamplePlaces::jittered},
+            {.name = "midpoint",
+             .what = "density and colour in the middle of N intervals",
+             .places = SamplePlaces::middle},
+            {.name = "Euler", .what = "explicit Euler on dT/ds = -sigma T", .euler = true}};
+}
+
+Intervals cut(const QuadratureRule& rule, std::span<const RayProfile> rays, std::int64_t samples,
+              const Rng& rng) {
+    Rng jitter = rng;
+    if (rule.places != SamplePlaces::middle)
+        return renderer_cut(rays, samples,
+                            rule.places == SamplePlaces::jittered ? &jitter : nullptr);
+    Intervals intervals;
+    intervals.rays = rays.size();
+    const double length = 1.0 / static_cast<double>(samples);
+    for (const RayProfile& ray : rays)
+        for (std::int64_t i = 0; i < samples; ++i)
+            append(intervals, ray, (static_cast<double>(i) + 0.5) * length, length);
+    return intervals;
+}
+
+std::vector<RayIntegral> integrate(const QuadratureRule& rule, const Intervals& intervals) {
+    if (rule.euler) return euler(intervals);
+    const auto rays = static_cast<std::int64_t>(intervals.rays);
+    const auto tensor = [&](const std::vector<double>& values) {
+        return Tensor::from({1, rays, std::ssize(values) / rays}, values).to(rule.dtype);
+    };
+    const CompositeWeights weights =
+        composite_weights(tensor(intervals.density), tensor(intervals.length));
+    const Tensor colours = tensor(intervals.colour).reshaped({1, std::ssize(intervals.colour), 1});
+    const std::vector<double> values = composite(weights.weights, colours).value().to_vector(),
+                              behind = weights.transmittance.value().to_vector();
+    std::vector<RayIntegral> integrals;
+    for (std::size_t i = 0; i < values.size(); ++i) integrals.push_back({values[i], behind[i]});
+    return integrals;
+}
+
+RayIntegral quadrature_error(std::span<const RayIntegral> integrals,
+                             std::span<const RayProfile> rays) {
+    const auto root_mean_square = [&](double RayIntegral::*quantity) {
+        double sum = 0.0;
+        for (std::size_t i = 0; i < rays.size(); ++i)
+            sum += std::pow(integrals[i].*quantity - rays[i].exact.*quantity, 2);
+        return std::sqrt(sum / static_cast<double>(rays.size()));
+    };
+    return {root_mean_square(&RayIntegral::colour), root_mean_square(&RayIntegral::transmittance)};
+}
+
+std::optional<double> observed_order(std::span<const std::int64_t> counts,
+                                     std::span<const double> errors, double floor) {
+    constexpr std::int64_t first = 64;
+    double n = 0.0, x_sum = 0.0, y_sum = 0.0, xx_sum = 0.0, xy_sum = 0.0;
+    for (std::size_t i = 0; i < counts.size(); ++i) {
+        if (counts[i] < first || !(errors[i] > floor) || !(errors[i] <= 1.0)) continue;
+        const double x = std::log(static_cast<double>(counts[i])), y = std::log(errors[i]);
+        n += 1.0;
+        x_sum += x;
+        y_sum += y;
+        xx_sum += x * x;
+        xy_sum += x * y;
+    }
+    constexpr double least = 3.0;
+    if (n < least) return std::nullopt;
+    return -(n * xy_sum - x_sum * y_sum) / (n * xx_sum - x_sum * x_sum);
+}
+
+}  // namespace stymo

@@ -1,0 +1,115 @@
+#include <limits>
+
+#include "cases/stability/case.h"
+#include "core/ops/ops.h"
+#include "core/rng.h"
+#include "nn/optim/adam.h"
+#include "nn/optim/ema.h"
+#include "train/stage.h"
+
+namespace stymo::stability {
+
+namespace {
+
+/// A parameter after ten steps of Adam at rate 1e-3 from 0, with the same gradient each time, then
+/// ten with gradients of 1.
+StabilityResult stepped(DType dtype, double gradient) {
+    ParameterStore store;
+    const Parameter x = store.create("x", Tensor::zeros({3}, dtype));
+    Adam adam;
+    StabilityResult result;
+    for (const double slope : {gradient, 1.0}) {
+        for (int step = 0; step < 10; ++step)
+            adam.step(store.all(),
+                      std::vector<Variable>{Tensor::full({3}, static_cast<float>(slope)).to(dtype)},
+                      1e-3);
+        result.values.push_back(x.variable().value());
+    }
+    return result;
+}
+
+std::vector<StabilityCase> adam_cases() {
+    std::vector<StabilityCase> rows;
+    const auto add = [&](std::string name, std::string behaviour, double gradient) {
+        rows.push_back({.name = std::move(name),
+                        .behaviour = std::move(behaviour),
+                        .value_bound = 1e-5,
+                        .run = [=](DType dtype) { return stepped(dtype, gradient); }});
+    };
+    add("Adam, gradient 0", "no step: 0 / (0 + 1e-8)", 0.0);
+    add("Adam, gradient 1e-30", "its square underflows; epsilon decides the step either way",
+        1e-30);
+    add("Adam, gradient 1e18", "a step of the learning rate", 1e18);
+    add("Adam, gradient 1e30", "taken as 1e18, whose square float32 holds; the step is the same",
+        1e30);
+    rows.push_back(refused<NumericError>(
+        "Adam, gradient infinite", "refused before anything changes", "gradient of x",
+        [](DType dtype) { return stepped(dtype, std::numeric_limits<double>::infinity()); }));
+    rows.push_back(refused<NumericError>(
+        "Adam, gradient not a number", "refused before anything changes", "gradient of x",
+        [](DType dtype) { return stepped(dtype, std::numeric_limits<double>::quiet_NaN()); }));
+    return rows;
+}
+
+std::vector<StabilityCase> accumulation_cases() {
+    std::vector<StabilityCase> rows;
+    rows.push_back({.name = "1e6 accumulated micro-steps",
+                    .behaviour = "rounding errors are kept and added (Kahan)",
+                    .value_bound = 1e-6,
+                    .run = [](DType dtype) {
+                        constexpr std::size_t count = 1000000;
+                        GradientMean mean(count);
+                        const std::vector<Variable> gradients{
+                            Rng(1).uniform({4}, 0.5, 1.5).to(dtype)};
+                        for (std::size_t i = 0; i < count; ++i) mean.add(gradients);
+                        return StabilityResult{.values = {mean.gradients().front().value()}};
+                    }});
+    rows.push_back({.name = "1e5 steps of a moving average, decay 0.9999",
+                    .behaviour = "moves by a part of the difference: a constant stays; stops at "
+                                 "most half a rounding / (1 - decay) = 6e-4 short",
+                    .value_bound = 1e-3,
+                    .run = [](DType dtype) {
+                        ParameterStore store;
+                        const Parameter x =
+                            store.create("x", Rng(2).uniform({4}, 0.5, 1.5).to(dtype));
+                        Ema average(store.all());
+                        x.set_value(Rng(3).uniform({4}, 1.5, 2.5).to(dtype));
+                        for (int i = 0; i < 100000; ++i) average.update(0.9999);
+                        average.swap();
+                        return StabilityResult{.values = {x.variable().value()}};
+                    }});
+    rows.push_back(row({"sum of 1e6 equal numbers 0.1",
+                        "16 numbers in each of 32 lanes, then float64",
+                        1e-6,
+                        1e-6,
+                        {Tensor::full({1000000}, 0.1)},
+                        each([](const Variable& x) { return sum(x); })}));
+    rows.push_back(row({"column sums of 1e5 rows of 0.1",
+                        "runs of 1024 rows, each added in the type itself",
+                        1e-4,
+                        1e-6,
+                        {Tensor::full({100000, 2}, 0.1)},
+                        each([](const Variable& x) { return sum(x, {0}); })}));
+    rows.push_back(refused<FileError>(
+        "a weight in a file that is not a number", "refused when it is read", "layer.weight",
+        [](DType dtype) {
+            ParameterStore store;
+            const Parameter weight = store.create("layer.weight", Tensor::zeros({2}, dtype));
+            TensorFile file;
+            file.tensors["layer.weight"] =
+                Tensor::full({2}, std::numeric_limits<double>::quiet_NaN());
+            store.load(file, "model.safetensors");
+            return StabilityResult{.values = {weight.variable().value()}};
+        }));
+    return rows;
+}
+
+}  // namespace
+
+std::vector<StabilityCase> training_cases() {
+    std::vector<StabilityCase> rows = adam_cases();
+    for (StabilityCase& next : accumulation_cases()) rows.push_back(std::move(next));
+    return rows;
+}
+
+}  // namespace stymo::stability

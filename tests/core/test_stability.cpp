@@ -1,0 +1,8 @@
+#include "cases/stability/check.h"
+
+using namespace stymo;
+
+TEST_CASE("Elementary functions: extreme inputs stay within their bounds or are refused by name",
+          "[stability]") {
+    stability::check(stability::activation_cases());
+}

@@ -1,0 +1,123 @@
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "train/generator_gradients.h"
+#include "train/tiny_training.h"
+
+using namespace stymo;
+using namespace stymo::test;
+
+namespace {
+
+FaceBatch batch_in_float64(std::int64_t count) {
+    const Dataset faces = synthetic_dataset();
+    std::vector<Face> chosen;
+    for (std::int64_t i = 0; i < count; ++i) chosen.push_back(faces.load(i));
+    FaceBatch batch = make_batch(chosen);
+    const auto widen = [](Tensor& tensor) { tensor = tensor.to(DType::float64); };
+    widen(batch.input);
+    widen(batch.mask);
+    widen(batch.ray_mask);
+    widen(batch.code_present);
+    for (Tensor& target : batch.targets) widen(target);
+    for (Tensor& codes : batch.codes) widen(codes);
+    return batch;
+}
+
+/// The first step, with the mask loss on.
+TrainingPosition first_position(const TrainConfig& config) {
+    TrainingPosition position = TrainingSchedule(config).position(0);
+    position.mask_loss = true;
+    return position;
+}
+
+/// Every term at once, so that no weight hides another's gradient.
+TrainConfig config_with_all_terms() {
+    TrainConfig config = tiny_train_config();
+    config.loss.code_weights = {0.1, 0.1, 0.1, 0.1};
+    config.loss.mask_weight = 0.5;
+    return config;
+}
+
+}  // namespace
+
+TEST_CASE("the gradient of the whole loss is that of central differences for encoder and decoder",
+          "[reconstruction]") {
+    const TrainConfig config = config_with_all_terms();
+    const FaceBatch batch = batch_in_float64(1);
+    REQUIRE(batch.has_codes());
+    Rng weights(1);
+    Model model(config.model, weights);
+    model.parameters().convert(DType::float64);
+    const std::vector<Parameter> parameters = model.parameters().trainable();
+    const ReconstructionLoss reconstruction(config.model.reconstruction);
+    const auto evaluate = [&](const std::vector<Parameter>& wanted) {
+        Rng jitter(2);
+        return generator_gradients({model, reconstruction, config}, first_position(config), batch,
+                                   wanted, jitter);
+    };
+    const LossAndGradients result = evaluate(parameters);
+    for (const double term :
+         {result.losses["reconstruction"], result.losses["code"], result.losses["mask"],
+          result.losses["opacity"], result.losses["depth_variance"]})
+        CHECK(term > 0.0);
+
+    std::size_t checked = 0;
+    for (const char* name :
+         {"encoder.backbone.conv0.weight", "encoder.backbone.embed.bias", "encoder.heads.expr",
+          "encoder.heads.light", "decoder.mapping.id", "decoder.mapping.tex",
+          "decoder.field.layer0", "decoder.field.density", "decoder.field.feature0",
+          "decoder.field.feature1", "decoder.block64", "decoder.mask"}) {
+        for (std::size_t i = 0; i < parameters.size(); ++i) {
+            if (!parameters[i].name().starts_with(name)) continue;
+            const Tensor value = parameters[i].variable().value();
+            Rng rng = Rng(3).split(parameters[i].name());
+            const std::vector<double> direction =
+                rng.normal(value.shape(), 0.0, 1.0, DType::float64).to_vector();
+            const std::vector<double> gradient = result.gradients[i].value().to_vector();
+            double expected = 0.0;
+            for (std::size_t k = 0; k < direction.size(); ++k)
+                expected += gradient[k] * direction[k];
+
+            const auto loss_at = [&](double step) {
+                std::vector<double> moved = value.to_vector();
+                for (std::size_t k = 0; k < moved.size(); ++k) moved[k] += step * direction[k];
+                parameters[i].set_value(
+                    Tensor::from(value.shape(), std::span<const double>(moved)));
+                return evaluate({}).losses.total;
+            };
+            constexpr double step = 1e-6;
+            const double measured = (loss_at(step) - loss_at(-step)) / (2.0 * step);
+            parameters[i].set_value(value);
+            INFO(parameters[i].name());
+            CHECK(measured == Approx(expected).epsilon(1e-5).margin(1e-8));
+            ++checked;
+            break;
+        }
+    }
+    CHECK(checked == 12);
+}
+
+TEST_CASE("terms without weight, or whose time has not come, are neither computed nor reported",
+          "[reconstruction]") {
+    TrainConfig config = tiny_train_config();
+    config.loss.opacity_weight = 0.0;
+    config.loss.depth_variance_weight = 0.0;
+    config.loss.code_norm_weight = 0.0;
+    config.loss.code_weights = {0.0, 0.0, 0.0, 0.0};
+    const Dataset faces = synthetic_dataset();
+    const FaceBatch batch = make_batch(std::vector{faces.load(0)});
+    Rng weights(1);
+    const Model model(config.model, weights);
+    Rng jitter(2);
+    const ReconstructionLoss reconstruction(config.model.reconstruction);
+    const LossValues losses =
+        generator_gradients({model, reconstruction, config}, TrainingSchedule(config).position(0),
+                            batch, {}, jitter)
+            .losses;
+    CHECK(losses.total == losses["reconstruction"]);
+    CHECK(losses["code"] == 0.0);
+    CHECK(losses["mask"] == 0.0);
+    CHECK(losses["opacity"] == 0.0);
+    CHECK(losses["depth_variance"] == 0.0);
+}

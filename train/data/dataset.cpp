@@ -1,0 +1,311 @@
+#include "train/data/dataset.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <sstream>
+
+#include "core/error.h"
+#include "core/io/image.h"
+#include "core/parallel.h"
+#include "train/data/folder_scan.h"
+
+namespace stymo {
+namespace {
+
+/// Image and mask at the training size, 8 bits a channel.
+struct Pixels {
+    std::vector<std::uint8_t> image;
+    std::vector<std::uint8_t> mask;  ///< empty: the whole frame
+};
+
+/// The decoded pixels of a face, or the reason why there are none.
+struct DecodedFace {
+    std::optional<Pixels> pixels;
+    BrokenFile broken;
+};
+
+std::vector<std::uint8_t> bytes_at_side(const Tensor& image, std::int64_t side) {
+    const Tensor resized =
+        resize_image(central_square(image), static_cast<int>(side), static_cast<int>(side));
+    const std::span<const float> values = resized.values<float>();
+    std::vector<std::uint8_t> bytes(values.size());
+    std::transform(values.begin(), values.end(), bytes.begin(), [](float value) {
+        return static_cast<std::uint8_t>(std::lround(std::clamp(value, 0.0F, 1.0F) * 255.0F));
+    });
+    return bytes;
+}
+
+Tensor tensor_of(const std::vector<std::uint8_t>& bytes, std::int64_t side) {
+    Tensor result({side, side, static_cast<std::int64_t>(bytes.size()) / (side * side)});
+    std::transform(bytes.begin(), bytes.end(), result.mutable_values<float>().begin(),
+                   [](std::uint8_t byte) { return static_cast<float>(byte) / 255.0F; });
+    return result;
+}
+
+DecodedFace decode(const FaceFiles& files, std::int64_t side) {
+    const FaceImage image = read_face_image(files);
+    if (image.broken) return {std::nullopt, *image.broken};
+    Pixels pixels;
+    pixels.image = bytes_at_side(image.image, side);
+    if (image.mask.defined()) pixels.mask = bytes_at_side(image.mask, side);
+    return {std::move(pixels), {}};
+}
+
+bool has_mask(const FaceFiles& files) {
+    return !files.mask.empty() || !files.parsing.empty() || !files.mask_parts.empty();
+}
+
+/// The place of a face's photo in the order of all photos that the folder was made of.
+std::int64_t rank_of(const std::string& id, const std::vector<std::string>& photo_ids) {
+    const auto place = [&](const std::string& photo) {
+        return std::ranges::lower_bound(photo_ids, photo, id_less) - photo_ids.begin();
+    };
+    const auto is_photo = [&](const std::string& photo) {
+        const auto rank = static_cast<std::size_t>(place(photo));
+        return rank < photo_ids.size() && photo_ids[rank] == photo;
+    };
+    // "ID_2" is the second face of the photo "ID".
+    const std::string photo = id.substr(0, id.rfind('_'));
+    const std::int64_t rank = place(!is_photo(id) && is_photo(photo) ? photo : id);
+    return std::min(rank, std::ssize(photo_ids) - 1);
+}
+
+/// The faces of one split.
+std::vector<FaceFiles> faces_of_split(const FolderScan& scan, const DataConfig& config,
+                                      Split split) {
+    if (split == Split::all) return scan.faces;
+    std::vector<std::string> ids = scan.photo_ids;
+    if (ids.empty())
+        for (const FaceFiles& face : scan.faces) ids.push_back(face.id);
+    const auto count = static_cast<std::int64_t>(ids.size());
+    const std::int64_t test = std::min(config.test, count);
+    const std::int64_t validation = std::min(config.validation, count - test);
+    const bool first = config.held_out == "first";
+    std::vector<FaceFiles> faces;
+    for (const FaceFiles& face : scan.faces) {
+        const std::int64_t rank = rank_of(face.id, ids);
+        const std::int64_t from_the_end = first ? rank : count - 1 - rank;
+        const Split own = from_the_end < test                ? Split::test
+                          : from_the_end < test + validation ? Split::validation
+                                                             : Split::training;
+        if (own == split) faces.push_back(face);
+    }
+    if (faces.empty())
+        fail<ConfigError>("data.split: test ", config.test, " and val ", config.validation, " of ",
+                          count,
+                          " faces leave none for this use; set data.split.test and data.split.val "
+                          "to other numbers");
+    return faces;
+}
+
+}  // namespace
+
+void describe(ConfigSchema& schema, DataConfig& config) {
+    schema.integer("data.split.test", config.test, 0, 100000000,
+                   "faces held out for the test, by order of id (paper: 1000)");
+    schema.integer("data.split.val", config.validation, 0, 100000000,
+                   "faces held out for validation, by order of id (paper: 1000)");
+    schema.choice("data.split.held_out", config.held_out, {"first", "last"},
+                  "which ids are held out: first (test, validation, training in order; paper) or "
+                  "last (training, validation, test)");
+    schema.boolean("data.mirror", config.mirror,
+                   "mirror half of the training faces at random; a mirrored face has no code loss");
+    schema.integer(
+        "data.cache_megabytes", config.cache_megabytes, 0, 10000000,
+        "memory for decoded faces at the training size; a larger set is decoded again at each use");
+}
+
+std::string DatasetSummary::text() const {
+    std::ostringstream text;
+    text << faces << (faces == 1 ? " face" : " faces");
+    if (without_mask > 0)
+        text << "; " << without_mask << " without a mask (the whole frame is taken)";
+    if (without_pose > 0) text << "; " << without_pose << " without a pose (frontal is assumed)";
+    if (without_code > 0) text << "; " << without_code << " without a code (no code loss)";
+    if (!refused.empty())
+        text << "; " << refused.size() << " skipped, which the model cannot render";
+    if (!broken.empty()) text << "; " << broken.size() << " broken and skipped";
+    if (!refused.empty() || !broken.empty()) text << ':';
+    for (const std::vector<BrokenFile>* skipped : {&refused, &broken})
+        for (const BrokenFile& item : *skipped) text << '\n' << item.file << ": " << item.reason;
+    return text.str();
+}
+
+struct Dataset::Implementation {
+    std::int64_t side = 0;
+    std::vector<FaceFiles> faces;
+    std::vector<std::string> ids;
+    std::map<std::string, FaceRecord> records;
+    Intrinsics intrinsics;
+    Pose frontal;
+    std::vector<Pixels> cache;  ///< one for each face, or empty
+    mutable std::mutex broken_mutex;
+    mutable std::map<std::int64_t, BrokenFile> broken;  ///< by place in the split
+    std::vector<BrokenFile> refused;
+
+    [[nodiscard]] Pose pose_of(const std::string& id) const;
+    void refuse(const CameraCheck& check);
+    void fill_cache();
+    [[nodiscard]] std::optional<Face> try_load(std::int64_t index) const;
+    [[nodiscard]] Face face(std::int64_t index, const Pixels& pixels) const;
+};
+
+Pose Dataset::Implementation::pose_of(const std::string& id) const {
+    const auto found = records.find(id);
+    return found == records.end() ? frontal : found->second.pose.value_or(frontal);
+}
+
+void Dataset::Implementation::refuse(const CameraCheck& check) {
+    std::erase_if(faces, [&](const FaceFiles& files) {
+        std::optional<std::string> problem = check(pose_of(files.id), intrinsics);
+        if (problem) refused.push_back({files.image.string(), *std::move(problem)});
+        return problem.has_value();
+    });
+}
+
+void Dataset::Implementation::fill_cache() {
+    const auto count = static_cast<std::int64_t>(faces.size());
+    std::vector<DecodedFace> decoded(faces.size());
+    parallel_for(count, 1, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t i = begin; i < end; ++i)
+            decoded[static_cast<std::size_t>(i)] = decode(faces[static_cast<std::size_t>(i)], side);
+    });
+    std::vector<FaceFiles> readable;
+    for (std::size_t i = 0; i < decoded.size(); ++i) {
+        if (decoded[i].pixels) {
+            cache.push_back(std::move(*decoded[i].pixels));
+            readable.push_back(std::move(faces[i]));
+        } else {
+            broken.emplace(static_cast<std::int64_t>(i), std::move(decoded[i].broken));
+        }
+    }
+    faces = std::move(readable);
+}
+
+Face Dataset::Implementation::face(std::int64_t index, const Pixels& pixels) const {
+    const FaceFiles& files = faces[static_cast<std::size_t>(index)];
+    Face face;
+    face.id = files.id;
+    face.image = tensor_of(pixels.image, side);
+    face.has_mask = !pixels.mask.empty();
+    face.mask = face.has_mask ? tensor_of(pixels.mask, side) : Tensor::full({side, side, 1}, 1.0);
+    face.intrinsics = intrinsics;
+    face.pose = pose_of(files.id);
+    if (const auto found = records.find(files.id); found != records.end()) {
+        face.has_pose = found->second.pose.has_value();
+        face.code = found->second.code;
+        face.has_code = !face.code.empty();
+    }
+    return face;
+}
+
+std::optional<Face> Dataset::Implementation::try_load(std::int64_t index) const {
+    if (!cache.empty()) return face(index, cache[static_cast<std::size_t>(index)]);
+    DecodedFace decoded = decode(faces[static_cast<std::size_t>(index)], side);
+    if (decoded.pixels) return face(index, *decoded.pixels);
+    const std::lock_guard lock(broken_mutex);
+    broken.emplace(index, std::move(decoded.broken));
+    return std::nullopt;
+}
+
+Dataset::Dataset(const std::filesystem::path& folder, std::int64_t side, const DataConfig& config,
+                 Split split, const Pose& frontal, const CameraCheck& check)
+    : implementation_(std::make_unique<Implementation>()) {
+    if (side < 1) fail<ValueError>("faces cannot be decoded to a side of ", side);
+    FolderScan scan = scan_folder(folder);
+    Implementation& data = *implementation_;
+    data.side = side;
+    data.frontal = frontal;
+    data.faces = faces_of_split(scan, config, split);
+    data.records = std::move(scan.records);
+    data.intrinsics = scan.intrinsics;
+    if (check) data.refuse(check);
+    constexpr std::int64_t channels = 4;
+    if (static_cast<std::int64_t>(data.faces.size()) * side * side * channels <=
+        config.cache_megabytes * 1000000)
+        data.fill_cache();
+    if (data.faces.empty()) {
+        const BrokenFile& one =
+            data.refused.empty() ? data.broken.begin()->second : data.refused.front();
+        fail<FileError>(folder.string(), ": none of its ", data.broken.size() + data.refused.size(),
+                        data.refused.empty() ? " images can be read" : " images can be used",
+                        "; the first: ", one.file, ": ", one.reason);
+    }
+    for (const FaceFiles& files : data.faces) data.ids.push_back(files.id);
+}
+
+Dataset::~Dataset() = default;
+Dataset::Dataset(Dataset&&) noexcept = default;
+Dataset& Dataset::operator=(Dataset&&) noexcept = default;
+
+std::int64_t Dataset::size() const {
+    return static_cast<std::int64_t>(implementation_->faces.size());
+}
+
+std::int64_t Dataset::side() const {
+    return implementation_->side;
+}
+
+const std::vector<std::string>& Dataset::ids() const {
+    return implementation_->ids;
+}
+
+const FaceFiles& Dataset::files(std::int64_t index) const {
+    if (index < 0 || index >= size())
+        fail<ValueError>("face ", index, " of a data set of ", size());
+    return implementation_->faces[static_cast<std::size_t>(index)];
+}
+
+Face Dataset::load(std::int64_t index) const {
+    if (index < 0 || index >= size())
+        fail<ValueError>("face ", index, " of a data set of ", size());
+    for (std::int64_t step = 0; step < size(); ++step)
+        if (std::optional<Face> face = implementation_->try_load((index + step) % size()))
+            return std::move(*face);
+    const BrokenFile one = summary().broken.front();
+    fail<FileError>("none of the ", size(),
+                    " images of the data set can be read; the first: ", one.file, ": ", one.reason);
+}
+
+Face Dataset::load_exactly(std::int64_t index) const {
+    if (index < 0 || index >= size())
+        fail<ValueError>("face ", index, " of a data set of ", size());
+    if (std::optional<Face> face = implementation_->try_load(index)) return std::move(*face);
+    const std::lock_guard lock(implementation_->broken_mutex);
+    const BrokenFile& broken = implementation_->broken.at(index);
+    fail<FileError>(broken.file, ": ", broken.reason);
+}
+
+std::vector<Face> Dataset::load(std::span<const std::int64_t> indices) const {
+    std::vector<Face> faces(indices.size());
+    parallel_for(
+        static_cast<std::int64_t>(indices.size()), 1, [&](std::int64_t begin, std::int64_t end) {
+            for (std::int64_t i = begin; i < end; ++i)
+                faces[static_cast<std::size_t>(i)] = load(indices[static_cast<std::size_t>(i)]);
+        });
+    return faces;
+}
+
+DatasetSummary Dataset::summary() const {
+    const Implementation& data = *implementation_;
+    const std::lock_guard lock(data.broken_mutex);
+    DatasetSummary summary;
+    for (std::size_t i = 0; i < data.faces.size(); ++i) {
+        // A cached set has no broken faces left, and its records of them have indices from before
+        // they were removed.
+        if (data.cache.empty() && data.broken.contains(static_cast<std::int64_t>(i))) continue;
+        ++summary.faces;
+        if (!has_mask(data.faces[i])) ++summary.without_mask;
+        const auto record = data.records.find(data.faces[i].id);
+        if (record == data.records.end() || !record->second.pose) ++summary.without_pose;
+        if (record == data.records.end() || record->second.code.empty()) ++summary.without_code;
+    }
+    for (const auto& [place, item] : data.broken) summary.broken.push_back(item);
+    summary.refused = data.refused;
+    return summary;
+}
+
+}  // namespace stymo

@@ -1,0 +1,83 @@
+#include "train/discriminator_gradients.h"
+
+#include <algorithm>
+
+#include "core/autograd/grad.h"
+#include "core/error.h"
+#include "core/ops/ops.h"
+#include "nn/adversarial.h"
+
+namespace stymo {
+
+namespace {
+
+/// The photos as the discriminator sees them.
+Tensor real_images(const FaceBatch& batch, const TrainingPosition& position) {
+    const auto found = std::ranges::find(batch.targets, position.phase.resolution,
+                                         [](const Tensor& images) { return images.shape(1); });
+    if (found == batch.targets.end())
+        fail<ShapeError>("the batch has no images of ", position.phase.resolution,
+                         " pixels for this phase of the second stage");
+    return faded_image(*found, position.fade).value();
+}
+
+/// Images of the batch's faces as the discriminator sees them, one face at a time: none needs the
+/// memory of more.
+Tensor fake_images(const GeneratorInputs& inputs, const FaceBatch& batch,
+                   const TrainingPosition& position, Rng& jitter) {
+    const Codes codes = detached(face_codes(inputs.model, batch, inputs.offsets));
+    std::vector<Variable> images;
+    for (std::int64_t i = 0; i < codes.batch(); ++i) {
+        Codes face;
+        std::ranges::transform(codes.groups, face.groups.begin(),
+                               [i](const Variable& g) { return slice(g, 0, i, i + 1); });
+        const Decoded decoded =
+            inputs.model.decoder()(face, {batch.cameras[static_cast<std::size_t>(i)]},
+                                   {.samples_per_ray = position.phase.samples_per_ray,
+                                    .resolution = position.phase.resolution,
+                                    .jitter = &jitter});
+        images.push_back(decoded.images.back().detach());
+    }
+    return faded_image(concat(images, 0), position.fade).value();
+}
+
+}  // namespace
+
+LossAndGradients discriminator_gradients(const GeneratorInputs& inputs,
+                                         const TrainingPosition& position, const FaceBatch& batch,
+                                         const std::vector<Parameter>& parameters, Rng& jitter) {
+    const Tensor real = real_images(batch, position);
+    const Tensor fake = fake_images(inputs, batch, position, jitter);
+    const std::vector<Variable> leaves = variables_of(parameters);
+    LossAndGradients result;
+    // The graph of one term is gone before the other is computed.
+    const auto classify = [&](const Tensor& images, Variable (*loss_of)(const Variable&),
+                              std::string_view logit_name) {
+        const Variable logits = (*inputs.discriminator)(images, position.fade);
+        const Variable loss = loss_of(logits);
+        result.losses.total += loss.value().item();
+        result.losses[logit_name] = mean(logits).value().item();
+        return grad(loss, leaves);
+    };
+    const std::vector<Variable> of_real = classify(real, real_loss, "real_logit");
+    const std::vector<Variable> of_fake = classify(fake, fake_loss, "fake_logit");
+    result.losses["discriminator"] = result.losses.total;
+    for (std::size_t i = 0; i < leaves.size(); ++i)
+        result.gradients.push_back(of_real[i] + of_fake[i]);
+    return result;
+}
+
+LossAndGradients r1_gradients(const Discriminator& discriminator, const TrainingPosition& position,
+                              const FaceBatch& batch, double weight,
+                              const std::vector<Parameter>& parameters) {
+    const Variable penalty =
+        r1_penalty([&](const Variable& images) { return discriminator(images, position.fade); },
+                   real_images(batch, position));
+    LossAndGradients result;
+    result.losses.total = penalty.value().item();
+    result.losses["r1"] = result.losses.total;
+    result.gradients = grad(penalty * weight, variables_of(parameters));
+    return result;
+}
+
+}  // namespace stymo

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <array>
+#include <string_view>
+#include <vector>
+
+#include "train/generator_gradients.h"
+
+namespace stymo {
+
+/// Names of what the discriminator's updates note, in stats.jsonl: the loss, the mean logits of
+/// photos and of rendered images, and R1, E |dD/dx|^2 / 2 without gamma.
+inline constexpr std::array<std::string_view, 4> discriminator_loss_names{
+    "discriminator", "real_logit", "fake_logit", "r1"};
+
+/// One micro-batch of the discriminator's update: real photos on black against the generator's
+/// images of the same faces, which no gradient flows into. Losses are means over the micro-batch,
+/// `total` is the loss. `jitter` as in generator_gradients. The images are rendered one face at a
+/// time; a model whose parameters are frozen meanwhile saves the graph that is otherwise made and
+/// dropped for each of them. Throws ShapeError for a batch without images of the phase's
+/// resolution.
+[[nodiscard]] LossAndGradients discriminator_gradients(const GeneratorInputs& inputs,
+                                                       const TrainingPosition& position,
+                                                       const FaceBatch& batch,
+                                                       const std::vector<Parameter>& parameters,
+                                                       Rng& jitter);
+
+/// One micro-batch of R1: gradients of `weight` * E |dD/dx|^2 / 2 on the real photos; `total` is
+/// the penalty without its weight. Throws as discriminator_gradients.
+[[nodiscard]] LossAndGradients r1_gradients(const Discriminator& discriminator,
+                                            const TrainingPosition& position,
+                                            const FaceBatch& batch, double weight,
+                                            const std::vector<Parameter>& parameters);
+
+}  // namespace stymo

@@ -1,0 +1,47 @@
+#include "train/generator_gradients.h"
+
+#include "core/autograd/grad.h"
+#include "core/ops/elementwise.h"
+#include "train/memory_estimate.h"
+
+namespace stymo {
+
+LossAndGradients generator_gradients(const GeneratorInputs& inputs,
+                                     const TrainingPosition& position, const FaceBatch& batch,
+                                     const std::vector<Parameter>& parameters, Rng& jitter) {
+    TrainingPhase phase = position.phase;
+    Codes codes = face_codes(inputs.model, batch, inputs.offsets);
+    if (phase.stage == 2) codes = detached(codes);
+    phase.micro_batch = codes.batch();
+    const Decoder& decoder = inputs.model.decoder();
+    const Recomputation recomputation =
+        choose_recomputation(inputs.model, inputs.reconstruction, inputs.config, phase);
+    // The mask branch sums up the features of all blocks, so it learns where all of them are there.
+    const bool mask = position.mask_loss && inputs.config.loss.mask_weight > 0.0 &&
+                      phase.resolution == decoder.ladder().largest();
+    const Decoded decoded = decoder(codes, batch.cameras,
+                                    {.samples_per_ray = phase.samples_per_ray,
+                                     .resolution = phase.resolution,
+                                     .mask = mask,
+                                     .keep_field = !recomputation.field,
+                                     .recompute_blocks = recomputation.blocks,
+                                     .jitter = &jitter});
+
+    LossAndGradients result;
+    const LossInputs terms{inputs.config,         position, batch,
+                           inputs.reconstruction, codes,    decoded,
+                           inputs.discriminator};
+    Variable total = Tensor::zeros({}, decoded.images.back().dtype());
+    for (const LossTerm& term : loss_terms()) {
+        const double weight = term.weight(terms);
+        if (weight == 0.0) continue;
+        const Variable value = term.value(terms, result.losses);
+        result.losses[term.name] = value.value().item();
+        total = total + (weight == 1.0 ? value : value * weight);
+    }
+    result.losses.total = total.value().item();
+    result.gradients = grad(total, variables_of(parameters));
+    return result;
+}
+
+}  // namespace stymo

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <vector>
+
+#include "train/code_offsets.h"
+#include "train/loss_terms.h"
+
+namespace stymo {
+
+struct LossAndGradients {
+    LossValues losses;
+    std::vector<Variable> gradients;  ///< one for each of `parameters`, in their order
+};
+
+/// What an update of the generator, that is of encoder and decoder, computes with.
+struct GeneratorInputs {
+    const Model& model;
+    const ReconstructionLoss& reconstruction;
+    const TrainConfig& config;
+    const CodeOffsets* offsets = nullptr;          ///< of the faces' codes, if they learn any
+    const Discriminator* discriminator = nullptr;  ///< needed in the second stage, unless its loss
+                                                   ///< has no weight
+};
+
+/// Forward and backward pass of the generator's update on one micro-batch, in either stage: codes,
+/// decoder with stratified samples, the terms of loss_terms.h. The losses are means over the images
+/// of the micro-batch. In the second stage the codes are constants; so is the discriminator, and
+/// one whose parameters are frozen meanwhile takes less memory for the same gradients. `jitter`
+/// moves on by as much for each image, so that several micro-batches in a row draw what one batch
+/// of all their images would.
+[[nodiscard]] LossAndGradients generator_gradients(const GeneratorInputs& inputs,
+                                                   const TrainingPosition& position,
+                                                   const FaceBatch& batch,
+                                                   const std::vector<Parameter>& parameters,
+                                                   Rng& jitter);
+
+}  // namespace stymo

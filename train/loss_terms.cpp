@@ -1,0 +1,141 @@
+#include "train/loss_terms.h"
+
+#include <algorithm>
+
+#include "core/autograd/recompute.h"
+#include "core/ops/ops.h"
+#include "nn/adversarial.h"
+#include "nn/losses.h"
+
+namespace stymo {
+
+namespace {
+
+/// Its gradient is taken at once, so that the discriminator's graph is gone before that of the
+/// perceptual network is made.
+Variable adversarial_term(const LossInputs& in, LossValues&) {
+    const double fade = in.position.fade;
+    return differentiate_at_once(
+        [&](const Variable& images) {
+            return generator_loss((*in.discriminator)(faded_image(images, fade), fade));
+        },
+        in.decoded.images.back());
+}
+
+Variable reconstruction_term(const LossInputs& in, LossValues& values) {
+    const ReconstructionLoss::Terms terms =
+        in.reconstruction(in.decoded.images,
+                          in.reconstruction.target(in.batch.targets, in.position.phase.resolution));
+    values["photometric"] = terms.photometric.value().item();
+    if (terms.perceptual.defined()) values["perceptual"] = terms.perceptual.value().item();
+    return terms.total;
+}
+
+Variable mask_term(const LossInputs& in, LossValues&) {
+    return mask_loss(in.decoded.mask_logit, in.batch.mask);
+}
+
+Variable opacity_term(const LossInputs& in, LossValues&) {
+    const Variable& transmittance = in.decoded.weights.transmittance;
+    if (transmittance.shape(1) == in.batch.ray_mask.shape(1) * in.batch.ray_mask.shape(2))
+        return opacity_loss(transmittance, in.batch.ray_mask);
+    // A field without render blocks has a ray for each pixel.
+    const int side = static_cast<int>(in.decoded.images.back().shape(1));
+    return opacity_loss(transmittance, resize_box(in.batch.mask, side, side).value());
+}
+
+Variable depth_variance_term(const LossInputs& in, LossValues&) {
+    return depth_variance(in.decoded.weights.weights, in.decoded.samples.depths);
+}
+
+Variable code_term(const LossInputs& in, LossValues&) {
+    return code_loss(in.codes, in.batch.codes,
+                     std::span<const double, 4>(in.config.loss.code_weights),
+                     in.batch.code_present);
+}
+
+Variable code_norm_term(const LossInputs& in, LossValues&) {
+    return squared_length(in.codes) / static_cast<double>(in.codes.batch() * code_size);
+}
+
+/// Of a weight that the configuration gives for both stages.
+template <double LossConfig::*weight>
+double configured(const LossInputs& in) {
+    return in.config.loss.*weight;
+}
+
+/// In the second stage the codes are constants.
+bool codes_learn(const LossInputs& in) {
+    return in.position.phase.stage == 1;
+}
+
+}  // namespace
+
+std::span<const LossTerm> loss_terms() {
+    static const std::vector<LossTerm> terms{
+        {.name = "adversarial",
+         .weight =
+             [](const LossInputs& in) {
+                 return in.position.phase.stage == 2 ? in.config.loss.adversarial_weight : 0.0;
+             },
+         .value = adversarial_term,
+         .second_stage_alone = true},
+        {.name = "reconstruction",
+         .weight = [](const LossInputs&) { return 1.0; },
+         .value = reconstruction_term,
+         .parts = {"photometric", "perceptual"}},
+        {.name = "mask",
+         .weight =
+             [](const LossInputs& in) {
+                 return in.decoded.mask_logit.defined() ? in.config.loss.mask_weight : 0.0;
+             },
+         .value = mask_term},
+        {.name = "opacity",
+         .weight = configured<&LossConfig::opacity_weight>,
+         .value = opacity_term},
+        {.name = "depth_variance",
+         .weight = configured<&LossConfig::depth_variance_weight>,
+         .value = depth_variance_term},
+        // Its weights are those of the four groups, which the function itself applies.
+        {.name = "code",
+         .weight =
+             [](const LossInputs& in) {
+                 return codes_learn(in) && in.batch.has_codes() ? 1.0 : 0.0;
+             },
+         .value = code_term},
+        {.name = "code_norm",
+         .weight =
+             [](const LossInputs& in) {
+                 return codes_learn(in) ? in.config.loss.code_norm_weight : 0.0;
+             },
+         .value = code_norm_term},
+    };
+    return terms;
+}
+
+std::vector<std::string_view> loss_names(int stage) {
+    std::vector<std::string_view> names;
+    for (const LossTerm& term : loss_terms()) {
+        if (term.second_stage_alone && stage == 1) continue;
+        names.push_back(term.name);
+        std::ranges::copy(term.parts, std::back_inserter(names));
+    }
+    return names;
+}
+
+double LossValues::operator[](std::string_view name) const {
+    const auto found = std::ranges::find(values_, name, &std::pair<std::string, double>::first);
+    return found == values_.end() ? 0.0 : found->second;
+}
+
+double& LossValues::operator[](std::string_view name) {
+    const auto found = std::ranges::find(values_, name, &std::pair<std::string, double>::first);
+    return found == values_.end() ? values_.emplace_back(name, 0.0).second : found->second;
+}
+
+void LossValues::accumulate(const LossValues& other, double part) {
+    total += part * other.total;
+    for (const auto& [name, value] : other.values_) (*this)[name] += part * value;
+}
+
+}  // namespace stymo

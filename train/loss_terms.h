@@ -1,0 +1,61 @@
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "nn/models/discriminator.h"
+#include "nn/models/face_batch.h"
+#include "nn/models/reconstruction.h"
+#include "train/schedule.h"
+
+namespace stymo {
+
+/// Named values of a loss, in the order in which they were first noted.
+class LossValues {
+public:
+    double total = 0.0;  ///< the weighted sum of the terms
+
+    /// 0 for a name that was never noted.
+    [[nodiscard]] double operator[](std::string_view name) const;
+    /// Notes 0 for a name that was never noted.
+    double& operator[](std::string_view name);
+    /// Adds `part` of each of another's values and of its total.
+    void accumulate(const LossValues& other, double part);
+
+private:
+    std::vector<std::pair<std::string, double>> values_;
+};
+
+/// What the terms of the generator's loss are computed from: one micro-batch, and what the model
+/// made of it.
+struct LossInputs {
+    const TrainConfig& config;
+    const TrainingPosition& position;
+    const FaceBatch& batch;
+    const ReconstructionLoss& reconstruction;
+    const Codes& codes;
+    const Decoded& decoded;
+    const Discriminator* discriminator;  ///< null without an adversarial term
+};
+
+/// A term of the generator's loss. To add one: write its function in nn/losses.h, add it to the
+/// list in loss_terms.cpp, and its weight to LossConfig (train_config.h).
+struct LossTerm {
+    std::string_view name;  ///< in stats.jsonl and TensorBoard
+    /// 0: the term is not computed.
+    double (*weight)(const LossInputs& inputs);
+    /// The term without its weight, a mean over the micro-batch. Notes the values of its `parts`.
+    Variable (*value)(const LossInputs& inputs, LossValues& values);
+    std::vector<std::string_view> parts{};  ///< names of further values that it notes
+    bool second_stage_alone = false;
+};
+
+/// All terms, in the order in which they are added up.
+[[nodiscard]] std::span<const LossTerm> loss_terms();
+/// The names of the terms of this stage and of their parts.
+[[nodiscard]] std::vector<std::string_view> loss_names(int stage);
+
+}  // namespace stymo

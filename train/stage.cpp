@@ -1,0 +1,85 @@
+#include "train/stage.h"
+
+#include <cmath>
+
+#include "core/ops/elementwise.h"
+
+namespace stymo {
+
+void GradientMean::add(const std::vector<Variable>& gradients) {
+    const bool first = gradients_.empty();
+    for (std::size_t i = 0; i < gradients.size(); ++i) {
+        const Variable share = gradients[i] * part_;
+        if (first) {
+            gradients_.push_back(share);
+            if (compensated_) excess_.push_back(Tensor::zeros(share.shape(), share.dtype()));
+        } else if (compensated_) {
+            const Variable corrected = share - excess_[i];
+            const Variable total = gradients_[i] + corrected;
+            excess_[i] = (total - gradients_[i]) - corrected;
+            gradients_[i] = total;
+        } else {
+            gradients_[i] = gradients_[i] + share;
+        }
+    }
+}
+
+std::optional<std::string> non_finite(const LossAndGradients& update,
+                                      const std::vector<Parameter>& parameters) {
+    if (const std::optional<std::string> name = first_non_finite(parameters, update.gradients))
+        return name;
+    return std::isfinite(update.losses.total) ? std::nullopt
+                                              : std::optional<std::string>("the loss");
+}
+
+std::vector<Parameter> unfreeze_only(ParameterStore& parameters,
+                                     const std::vector<std::string>& prefixes) {
+    parameters.set_trainable("", false);
+    for (const std::string& prefix : prefixes) parameters.set_trainable(prefix, true);
+    return parameters.trainable();
+}
+
+std::vector<std::string> trained_decoder_prefixes(const Model& model,
+                                                  const TrainingPosition& position) {
+    std::vector<std::string> prefixes{"decoder.mapping.", "decoder.field."};
+    const ResolutionLadder ladder = model.decoder().ladder().up_to(position.phase.resolution);
+    for (const std::int64_t side : ladder.sides())
+        prefixes.push_back("decoder.block" + std::to_string(side) + ".");
+    if (position.mask_loss) prefixes.emplace_back("decoder.mask.");
+    return prefixes;
+}
+
+void update_generator(const TrainingParts& parts, const TrainingPosition& position,
+                      const Discriminator* discriminator, const std::vector<Parameter>& parameters,
+                      Adam& adam, const GeneratorRates& rates, StepReport& report) {
+    const GeneratorInputs inputs{parts.model, parts.reconstruction, parts.config, parts.offsets,
+                                 discriminator};
+    Rng jitter = step_jitter(parts, position, "jitter");
+    const LossAndGradients mean =
+        mean_over_micro_batches(parts, position, [&](const FaceBatch& batch) {
+            return generator_gradients(inputs, position, batch, parameters, jitter);
+        });
+    report.losses.accumulate(mean.losses, 1.0);
+    report.learning_rate = rates.learning_rate;
+    report.non_finite = non_finite(mean, parameters);
+    if (report.non_finite) return;
+    for (const bool with_prefix : {false, true}) {
+        std::vector<Parameter> group;
+        std::vector<Variable> gradients;
+        for (std::size_t i = 0; i < parameters.size(); ++i) {
+            if (parameters[i].name().starts_with(rates.prefix) != with_prefix) continue;
+            group.push_back(parameters[i]);
+            gradients.push_back(mean.gradients[i]);
+        }
+        adam.step(group, gradients,
+                  rates.learning_rate * (with_prefix ? rates.prefix_factor : 1.0));
+    }
+}
+
+Rng step_jitter(const TrainingParts& parts, const TrainingPosition& position,
+                std::string_view purpose) {
+    return parts.rng.split(purpose).split(
+        static_cast<std::uint64_t>(position.phase.first_step + position.step));
+}
+
+}  // namespace stymo
