@@ -1,6 +1,8 @@
 # Where CMAKE_UNITY_BUILD is on, compiles the files of each folder of a target together, a few at a
 # time. CMake leaves files that have compiler options of their own alone.
 function(stymo_compile_folders_together target)
+  # GCC takes the source files of such a group for headers, and warns of their anonymous namespaces.
+  target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
   set(largest_group 8)
   get_target_property(sources ${target} SOURCES)
   get_target_property(folder ${target} SOURCE_DIR)

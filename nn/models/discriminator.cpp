@@ -16,7 +16,7 @@ namespace stymo {
 namespace {
 
 constexpr std::int64_t smallest_side = 64;
-constexpr std::int64_t largest_side = 1024;
+constexpr std::int64_t largest_image_side = 1024;
 constexpr std::int64_t final_side = 4;
 /// Blocks that every resolution shares: 32, 16 and 8 pixels.
 constexpr std::size_t shared_blocks = 3;
@@ -94,7 +94,7 @@ namespace {
 
 ResolutionLadder ladder_to(std::int64_t resolution) {
     try {
-        static_cast<void>(ResolutionLadder(smallest_side, largest_side).up_to(resolution));
+        static_cast<void>(ResolutionLadder(smallest_side, largest_image_side).up_to(resolution));
         return {smallest_side, resolution};
     } catch (const ValueError&) {
         fail<ConfigError>("a discriminator needs a resolution of 64, 128, 256, 512 or 1024, got ",

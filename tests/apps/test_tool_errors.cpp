@@ -190,16 +190,20 @@ TEST_CASE(
          "decoder.field_width = 0: must be an integer in [1, 4096]"},
         {train + "decoder.field_width=wide", "decoder.field_width"},
         {train + "decoder.field_width", "key=value"},
-        {train + "decoder.rays_per_side=16", "decoder.rays_per_side = 16"},
+        {train + "decoder.rays_per_side=16", "decoder.block_channels"},
+        {train + "decoder.rays_per_side=16 --set decoder.block_channels=[8,8] "
+                 "--set reconstruction.resolution_weights=[1,1] --set stage2.resolutions=[32,64]",
+         "decoder.rays_per_side = 16"},
         {train + "decoder.near_z=-5", "decoder.near_z = -5"},
-        {train + "decoder.resolution=128", "reconstruction.resolution_weights"},
+        {train + "decoder.resolution=96", "decoder.resolution 96"},
+        {train + "decoder.resolution=128 --set decoder.block_channels=[8,8]",
+         "reconstruction.resolution_weights"},
         {train + "stage1.micro_batch=3", "stage1.micro_batch = 3"},
         {train + "data.split.test=12", "data.split"},
         {train + "encoder.backbone=vgg", "mobilefacenet, small_conv"},
         {train + "loss.code_weights=[1]", "loss.code_weights"},
     };
     check_refused(calls, failed);
-    check_refused({{train + "decoder.resolution=96", "decoder.resolution 96"}}, failed, 1);
 }
 
 TEST_CASE("Resuming what is not there, or with another seed, leaves no run folder behind") {

@@ -15,10 +15,21 @@ struct ToolOutcome {
     std::string err;
 };
 
-/// A tool that runs in a process of its own, in `folder`, on one thread. The process is a copy of a
-/// small part of this program, because loading the libraries anew takes longer than most tests.
-/// stymo-bench, which starts itself, and any tool with --version are run as executables of the
-/// build folder.
+/// A new, empty file in the folder for temporary files, deleted at the end.
+class TemporaryFile {
+public:
+    TemporaryFile();
+    ~TemporaryFile();
+    TemporaryFile(const TemporaryFile&) = delete;
+    TemporaryFile& operator=(const TemporaryFile&) = delete;
+
+    [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+
+private:
+    std::filesystem::path path_;
+};
+
+/// An executable of the build folder that runs in `folder`, on one thread.
 class RunningTool {
 public:
     RunningTool(const std::filesystem::path& folder, const std::string& tool,
@@ -40,11 +51,13 @@ private:
     pid_t process_ = -1;
     int status_ = 0;
     bool ended_ = false;
-    std::filesystem::path out_;
-    std::filesystem::path err_;
+    TemporaryFile out_;
+    TemporaryFile err_;
 };
 
-/// Runs "stymo-render --out x.png", say: words without spaces in them.
+/// Runs a command such as "stymo-render --out x.png" in `folder`, on one thread unless it says
+/// otherwise. No word of it can hold a space. The tool's main function is called in this process,
+/// because starting an executable takes longer than most tests.
 [[nodiscard]] ToolOutcome run_tool(const std::filesystem::path& folder, const std::string& command);
 /// The words of a line.
 [[nodiscard]] std::vector<std::string> words(const std::string& line);

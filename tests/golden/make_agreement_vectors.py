@@ -87,7 +87,7 @@ SMALL = {
     "decoder": Case(DecoderSize(16, 8, 4, 6, 2, (5, 4), 3, 2, rays_per_side=4), 2, 5, 8, "", Numbers(9)),
     "stage1": Case(DecoderSize(64, 8, 2, 8, 3, (6, 5), 2, 2, rays_per_side=16), 2, 5, 8, "squeezenet1_1", Numbers(3)),
     "stage2": Case(DecoderSize(64, 8, 2, 8, 3, (6,), 2, 2), 4, 5, 8, "squeezenet1_1", Numbers(3)),
-    "stage2_fading": Case(DecoderSize(128, 8, 2, 8, 3, (6, 5), 2, 2), 4, 5, 8, "", Numbers(1)),
+    "stage2_fading": Case(DecoderSize(128, 8, 2, 8, 3, (6, 5), 2, 2), 4, 5, 8, "", Numbers(271)),
 }
 PAPER = DecoderSize(64, 256, 8, 256, 10, (128,), 16, 4)
 FULL = {

@@ -95,7 +95,7 @@ TEST_CASE(
     "128 fades in",
     "[agreement]") {
     AgreementCase agreement =
-        small_agreement("stage2_fading", 1, {128, 8, 2, 8, 3, {6, 5}, 2, 2, 32});
+        small_agreement("stage2_fading", 271, {128, 8, 2, 8, 3, {6, 5}, 2, 2, 32});
     agreement.batch = 4;
     for (const DType dtype : {DType::float64, DType::float32})
         second_stage_agrees(agreement, 0.3, true, dtype);
