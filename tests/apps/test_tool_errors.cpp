@@ -192,7 +192,7 @@ TEST_CASE(
         {train + "decoder.field_width", "key=value"},
         {train + "decoder.rays_per_side=16", "decoder.block_channels"},
         {train + "decoder.rays_per_side=16 --set decoder.block_channels=[8,8] "
-                 "--set reconstruction.resolution_weights=[1,1] --set stage2.resolutions=[32,64]",
+                 "--set reconstruction.resolution_weights=[1,1] --set stage2.resolutions=[64]",
          "decoder.rays_per_side = 16"},
         {train + "decoder.near_z=-5", "decoder.near_z = -5"},
         {train + "decoder.resolution=96", "decoder.resolution 96"},
