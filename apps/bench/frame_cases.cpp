@@ -154,7 +154,7 @@ std::vector<BenchCase> frame_cases() {
         {"radiance-field", "render", "the field of an exact frame alone", radiance_field},
         {"skip-frame", "render", "frame that skips empty samples, float32",
          [](const BenchRun& run) { return reduced_frame(run, RenderMode::skip); }, "render"},
-        {"bf16-frame", "render", "the same with weights and activations of 16 bits",
+        {"half-frame", "render", "the same with weights and activations of 16 bits",
          [](const BenchRun& run) { return reduced_frame(run, RenderMode::half); }, "render"},
         {"first-frame", "render", "new codes and their first frame", first_frame},
         {"edit-exact", "edit", "texture and light of a shown view, every pixel",

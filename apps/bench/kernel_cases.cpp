@@ -60,7 +60,7 @@ std::vector<BenchCase> kernel_cases() {
          [](const BenchRun& run) { return layer<float>(run, Activation::none, Limit::float32); }},
         {"sine-layer", "kernels", "the same with bias and sine",
          [](const BenchRun& run) { return layer<float>(run, Activation::sine, Limit::float32); }},
-        {"sine-layer-bf16", "kernels", "the same in the faster type of 16 bits", half_layer},
+        {"sine-layer-half", "kernels", "the same in the faster type of 16 bits", half_layer},
     };
 }
 

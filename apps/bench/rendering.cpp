@@ -31,7 +31,7 @@ std::vector<Way> ways_of(const BenchOptions& bench) {
         ways.push_back({"samples per ray", std::to_string(fewer.samples_per_ray), fewer});
     }
     for (const auto& [mode, name] : {std::pair{RenderMode::skip, "tolerance, float32"},
-                                     {RenderMode::half, "tolerance, bf16"}}) {
+                                     {RenderMode::half, "tolerance, half"}}) {
         for (const double tolerance : {0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.005}) {
             RendererOptions skipping = exact;
             skipping.mode = mode;
@@ -125,7 +125,7 @@ void write_rendering(Page& page, const StudyInputs& inputs) {
         std::to_string(subject.codes.batch()) + " faces from " + std::to_string(bench.views) +
         " views each, compared with the exact frames of the same codes. A time is the median; "
         "every frame shows another view than the one before. The worst pixel is the largest "
-        "difference in any colour of any image (white is 1). The mode bf16 skips samples by "
+        "difference in any colour of any image (white is 1). The mode half skips samples by "
         "the same tolerance.");
     const auto plot = [&](const char* name, const char* title, const char* label, const char* key,
                           PlotScale scale) {
