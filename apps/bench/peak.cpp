@@ -20,55 +20,33 @@
 HWY_BEFORE_NAMESPACE();
 namespace stymo::kernels::HWY_NAMESPACE {
 
-/// AVX-512-BF16, of which Highway 1.0 does not know. Only where 512-bit vectors are.
-struct DotProducts {
+/// Operands whose words hold two numbers of 16 bits; instructions of which Highway 1.0 does not
+/// know multiply them. Only where 512-bit vectors are.
+struct PackedPairs {
     using Element = float;
     using Vector = simd::Vec<simd::ScalableTag<float>>;
     static constexpr std::int64_t word_length = 2;
 
-    static bool available() {
-#if HWY_ARCH_X86 && HWY_MAX_BYTES == 64
-        return __builtin_cpu_supports("avx512bf16") != 0;
-#else
-        return false;
-#endif
-    }
-    static HWY_INLINE Vector left(const float* pairs) {
-        return simd::LoadU(simd::ScalableTag<float>(), pairs);
-    }
-    static HWY_INLINE Vector right(const float* pairs) {
-        return left(pairs);
-    }
-    static HWY_INLINE Vector multiply_add(Vector left, Vector right, Vector sum) {
-#if HWY_ARCH_X86 && HWY_MAX_BYTES == 64
-        __asm__("vdpbf16ps %2, %1, %0" : "+v"(sum.raw) : "v"(left.raw), "v"(right.raw));
-        return sum;
-#else
-        return simd::MulAdd(left, right, sum);
-#endif
-    }
-};
-
-/// AVX-512-FP16, likewise.
-struct HalfProducts {
-    using Element = float;
-    using Vector = simd::Vec<simd::ScalableTag<float>>;
-    static constexpr std::int64_t word_length = 2;
-
-    static bool available() { return HWY_MAX_BYTES == 64 && multiplies_float16(); }
     static HWY_INLINE Vector left(const float* pairs) {
         return simd::LoadU(simd::ScalableTag<float>(), pairs);
     }
     static HWY_INLINE Vector right(const float* pairs) { return left(pairs); }
-    static HWY_INLINE Vector multiply_add(Vector left, Vector right, Vector sum) {
+};
+
 #if HWY_ARCH_X86 && HWY_MAX_BYTES == 64
-        __asm__("vfmadd231ph %2, %1, %0" : "+v"(sum.raw) : "v"(left.raw), "v"(right.raw));
+struct DotProducts : PackedPairs {
+    static HWY_INLINE Vector multiply_add(Vector left, Vector right, Vector sum) {
+        __asm__("vdpbf16ps %2, %1, %0" : "+v"(sum.raw) : "v"(left.raw), "v"(right.raw));
         return sum;
-#else
-        return simd::MulAdd(left, right, sum);
-#endif
     }
 };
+struct HalfProducts : PackedPairs {
+    static HWY_INLINE Vector multiply_add(Vector left, Vector right, Vector sum) {
+        __asm__("vfmadd231ph %2, %1, %0" : "+v"(sum.raw) : "v"(left.raw), "v"(right.raw));
+        return sum;
+    }
+};
+#endif
 
 /// Independent chains of one thread; returns the number of operations done. `result` keeps them
 /// from being optimised away.
@@ -100,12 +78,18 @@ double run_float_chains(std::int64_t length, float* result) {
 }
 
 /// 0 without the instruction.
-double run_bfloat16_chains(std::int64_t length, float* result) {
-    return DotProducts::available() ? run_chains<DotProducts>(length, result) : 0.0;
+double run_bfloat16_chains([[maybe_unused]] std::int64_t length, [[maybe_unused]] float* result) {
+#if HWY_ARCH_X86 && HWY_MAX_BYTES == 64
+    if (__builtin_cpu_supports("avx512bf16")) return run_chains<DotProducts>(length, result);
+#endif
+    return 0.0;
 }
 
-double run_float16_chains(std::int64_t length, float* result) {
-    return HalfProducts::available() ? run_chains<HalfProducts>(length, result) : 0.0;
+double run_float16_chains([[maybe_unused]] std::int64_t length, [[maybe_unused]] float* result) {
+#if HWY_ARCH_X86 && HWY_MAX_BYTES == 64
+    if (multiplies_float16()) return run_chains<HalfProducts>(length, result);
+#endif
+    return 0.0;
 }
 
 }  // namespace stymo::kernels::HWY_NAMESPACE
@@ -153,11 +137,9 @@ double run_on_all_threads(Chains chains) {
 double float_chains(std::int64_t length, float* result) {
     return HWY_DYNAMIC_DISPATCH(run_float_chains)(length, result);
 }
-
 double bfloat16_chains(std::int64_t length, float* result) {
     return HWY_DYNAMIC_DISPATCH(run_bfloat16_chains)(length, result);
 }
-
 double float16_chains(std::int64_t length, float* result) {
     return HWY_DYNAMIC_DISPATCH(run_float16_chains)(length, result);
 }

@@ -205,10 +205,6 @@ std::string milliseconds(const Value& seconds) {
     });
 }
 
-std::string microseconds(const Value& seconds) {
-    return number_text(seconds, [](double number) { return decimal(number * 1e6, 0); });
-}
-
 std::string mebibytes(const Value& bytes) {
     constexpr double mebibyte = 1048576.0;
     return number_text(bytes, [](double number) { return decimal(number / mebibyte, 0); });

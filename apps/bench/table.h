@@ -65,7 +65,6 @@ struct PlotColumns {
 template <int digits>
 [[nodiscard]] std::string fixed(const Value& value);
 [[nodiscard]] std::string milliseconds(const Value& seconds);
-[[nodiscard]] std::string microseconds(const Value& seconds);
 [[nodiscard]] std::string mebibytes(const Value& bytes);
 [[nodiscard]] std::string percent(const Value& share);
 /// "equal" for infinity, which equal images have.

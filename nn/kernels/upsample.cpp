@@ -205,6 +205,7 @@ struct ColorSum {
     std::int64_t channels;
 };
 
+#if HWY_TARGET != HWY_SCALAR
 /// Sums of four vectors, in this order in each block of four lanes, as far as that block's lanes
 /// go.
 template <class D, class V>
@@ -259,6 +260,7 @@ HWY_INLINE void add_colors_of_four(const ColorSum<T>& sum, std::int64_t pixel,
     }
     simd::StoreInterleaved3(colors[0], colors[1], colors[2], four, to);
 }
+#endif
 
 template <class T>
 HWY_INLINE void add_colors_of_one(const ColorSum<T>& sum, std::int64_t pixel,
@@ -275,9 +277,11 @@ HWY_INLINE void add_colors_of_one(const ColorSum<T>& sum, std::int64_t pixel,
 template <class T>
 HWY_INLINE void add_all_colors(const ColorSum<T>& sum, std::int64_t pixels) {
     const auto lanes = static_cast<std::int64_t>(simd::Lanes(simd::ScalableTag<float>()));
-    const std::int64_t in_vectors = sum.channels / lanes * lanes, in_fours = pixels / 4 * 4;
-    for (std::int64_t pixel = 0; pixel < in_fours; pixel += 4)
-        add_colors_of_four(sum, pixel, in_vectors);
+    const std::int64_t in_vectors = sum.channels / lanes * lanes;
+    std::int64_t in_fours = 0;
+#if HWY_TARGET != HWY_SCALAR
+    for (; in_fours + 4 <= pixels; in_fours += 4) add_colors_of_four(sum, in_fours, in_vectors);
+#endif
     for (std::int64_t pixel = 0; pixel < in_fours && in_vectors < sum.channels; ++pixel)
         add_colors_of_one(sum, pixel, in_vectors, false);
     for (std::int64_t pixel = in_fours; pixel < pixels; ++pixel)

@@ -33,24 +33,24 @@ TEST_CASE("A table of a page is Markdown for people, CSV and JSON for programs",
     page.title(1, "Title");
     page.add({.name = "rows",
               .columns = {{"what", "what"},
-                          {"seconds", "µs", stymo::microseconds},
+                          {"seconds", "ms", stymo::milliseconds},
                           {"count"},
                           {"x", "|x|"}},
-              .rows = {{"a, \"b\"", 1.0 / 3e6, std::int64_t{7}, "1 | 2"},
+              .rows = {{"a, \"b\"", 1.0 / 3e2, std::int64_t{7}, "1 | 2"},
                        {"µ", {}, std::int64_t{8}, true}}});
     static_cast<void>(page.finish());
     CHECK(read_text_file(folder / "speed_rows.csv") ==
-          "what,seconds,count,x\n\"a, \"\"b\"\"\",3.3333333333333335e-07,7,1 | 2\nµ,,8,true\n");
+          "what,seconds,count,x\n\"a, \"\"b\"\"\",0.0033333333333333335,7,1 | 2\nµ,,8,true\n");
     const json rows = json::parse(read_text_file(folder / "speed.json"))["rows"];
-    CHECK(
-        rows ==
-        json::parse(R"([{"what":"a, \"b\"","seconds":3.3333333333333335e-07,"count":7,"x":"1 | 2"},
+    CHECK(rows ==
+          json::parse(R"([{"what":"a, \"b\"","seconds":0.0033333333333333335,"count":7,"x":"1 | 2"},
                                   {"what":"µ","seconds":null,"count":8,"x":true}])"));
     CHECK(read_text_file(folder / "speed.md") ==
           "# Title\n\n"
-          "| what   | µs  | \\|x\\|  |\n|--------|-----|--------|\n| a, \"b\" | 0   | 1 \\| 2 |\n| "
+          "| what   | ms   | \\|x\\|  |\n|--------|------|--------|\n| a, \"b\" | 3.33 | 1 \\| 2 "
+          "|\n| "
           "µ      "
-          "|     | yes    |\n\n"
+          "|      | yes    |\n\n"
           "Numbers: [speed_rows.csv](speed_rows.csv)\n");
 }
 

@@ -76,7 +76,7 @@ TEST_CASE("The study of rendering holds every frame against the exact one", "[re
 }
 
 TEST_CASE("The study of fitting judges every way by the same loss", "[report][slow]") {
-    const json report = written(fitting_study(), 1.0);
+    const json report = written(fitting_study(), 6.0);
     const json rows = report["fitting"];
     REQUIRE(rows.size() == 7);
     CHECK(rows[0]["times_sooner"].get<double>() >= 1.0);
