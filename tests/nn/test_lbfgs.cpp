@@ -76,13 +76,14 @@ TEST_CASE("The two loops of L-BFGS multiply by BFGS's own matrix", "[lbfgs]") {
     constexpr int n = 4;
     Rng rng(3);
     const auto normal = [&](double deviation) -> Eigen::VectorXd {
-        return Eigen::Vector4d(rng.normal({n}, 0.0, deviation).to_vector().data());
+        return Eigen::VectorXd::Map(rng.normal({n}, 0.0, deviation).to_vector().data(), n);
     };
     std::deque<CurvaturePair> pairs;
     for (int k = 0; k < 6; ++k) {
         const Eigen::VectorXd step = normal(1.0);
         // Changes of the gradient of a quadratic function, with some noise.
-        pairs.push_back({step, Eigen::Vector4d(1, 2, 3, 4).cwiseProduct(step) + normal(0.05)});
+        const Eigen::VectorXd curvature = Eigen::VectorXd::LinSpaced(n, 1.0, n);
+        pairs.push_back({step, curvature.cwiseProduct(step) + normal(0.05)});
     }
     // H <- (I - r s y^T) H (I - r y s^T) + r s s^T with r = 1 / s y
     const CurvaturePair& last = pairs.back();
