@@ -29,13 +29,12 @@ Counters& counters() {
     return instance;
 }
 
-/// Numbers in weights, by network.
-struct Networks {
+struct NamedCounters {
     std::mutex mutex;
-    std::map<std::string, std::int64_t> numbers;
+    std::map<std::string, std::map<std::string, std::int64_t>> groups;
 };
-Networks& networks() {
-    static Networks instance;
+NamedCounters& named_counters() {
+    static NamedCounters instance;
     return instance;
 }
 
@@ -55,7 +54,7 @@ void raise(Count& count, std::int64_t least) {
 
 WorkCounts so_far() {
     const Counters& all = counters();
-    const std::lock_guard lock(networks().mutex);
+    const std::lock_guard lock(named_counters().mutex);
     return {.operations = value(all.operations),
             .gradient_rules = value(all.gradient_rules),
             .gradients = value(all.gradients),
@@ -64,7 +63,7 @@ WorkCounts so_far() {
             .buffers = value(all.buffers),
             .buffer_bytes = value(all.buffer_bytes),
             .peak_bytes = value(all.peak_bytes),
-            .networks = networks().numbers};
+            .named = named_counters().groups};
 }
 
 }  // namespace
@@ -86,8 +85,11 @@ WorkCounts WorkMeter::counts() const {
     counts.parameters -= begin_.parameters;
     counts.buffers -= begin_.buffers;
     counts.buffer_bytes -= begin_.buffer_bytes;
-    for (const auto& [name, numbers] : begin_.networks) counts.networks[name] -= numbers;
-    std::erase_if(counts.networks, [](const auto& network) { return network.second == 0; });
+    for (const auto& [group, before] : begin_.named) {
+        std::map<std::string, std::int64_t>& names = counts.named[group];
+        for (const auto& [name, count] : before) names[name] -= count;
+        std::erase_if(names, [](const auto& named) { return named.second == 0; });
+    }
     return counts;
 }
 
@@ -105,10 +107,12 @@ void count_gradients(std::int64_t tensors) {
 void count_field_points(std::int64_t points) {
     add(counters().field_points, points);
 }
-void count_parameter(std::string_view name, std::int64_t numbers) {
+void count_parameter() {
     add(counters().parameters, 1);
-    const std::lock_guard lock(networks().mutex);
-    networks().numbers[std::string(name.substr(0, name.find('.')))] += numbers;
+}
+void count_named(std::string_view group, std::string_view name, std::int64_t amount) {
+    const std::lock_guard lock(named_counters().mutex);
+    named_counters().groups[std::string(group)][std::string(name)] += amount;
 }
 void count_buffer(std::int64_t bytes) {
     Counters& all = counters();

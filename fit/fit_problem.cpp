@@ -42,8 +42,8 @@ double mean_of(const Tensor& values) {
 
 void require_sound(const FaceBatch& faces, const FitOptions& options) {
     if (faces.targets.empty()) fail<ShapeError>("fitting: no targets");
-    if (options.examination_interval < 1)
-        fail<ValueError>("fitting: samples are examined every ", options.examination_interval,
+    if (options.selection_interval < 1)
+        fail<ValueError>("fitting: samples are selected every ", options.selection_interval,
                          " steps; give at least 1");
 }
 
@@ -94,13 +94,13 @@ std::vector<Camera> FitProblem::cameras() const {
     return cameras;
 }
 
-void FitProblem::examine_samples() {
+void FitProblem::select_samples() {
     if (options_.tolerance <= 0.0) return;
-    decode_.kept_samples =
+    decode_.significant_samples =
         significant_samples(model_.decoder().compositing_weights(
                                 codes(), cameras(), decode_.samples_per_ray, decode_.resolution),
                             options_.tolerance);
-    decode_.keep_field = options_.keep_field || mean_of(decode_.kept_samples) <= few_samples;
+    decode_.keep_field = options_.keep_field || mean_of(decode_.significant_samples) <= few_samples;
 }
 
 bool FitProblem::choose_images(std::int64_t step) {

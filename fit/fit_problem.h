@@ -28,9 +28,9 @@ public:
     /// The poses as orbit parameters (render/tracked_rays.h), or nothing.
     [[nodiscard]] const std::vector<Parameter>& orbits() const { return orbits_.all(); }
 
-    /// Examines all samples with the present codes, and from now on leaves out those below the
-    /// tolerance.
-    void examine_samples();
+    /// Evaluates all samples with the present codes, and from now on leaves out those whose weight
+    /// is below the tolerance.
+    void select_samples();
     /// Chooses the images that this step compares, the coarser ones at first
     /// (FitOptions::coarse_steps). Returns whether they have changed.
     bool choose_images(std::int64_t step);

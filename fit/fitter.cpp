@@ -27,7 +27,7 @@ void fit_by_adam(FitProblem& problem, const FitOptions& options, FitResult& resu
     double learning_rate = options.learning_rate;
     for (std::int64_t step = 0; step < options.steps && !interrupted(); ++step) {
         static_cast<void>(problem.choose_images(step));
-        if (step % options.examination_interval == 0) problem.examine_samples();
+        if (step % options.selection_interval == 0) problem.select_samples();
         const FitProblem::Evaluation evaluation = problem.evaluate();
         if (!std::isfinite(evaluation.loss))
             fail<NumericError>("fitting step ", step,
@@ -104,8 +104,8 @@ void fit_by_lbfgs(FitProblem& problem, const FitOptions& options, FitResult& res
     for (std::int64_t iteration = 0; steps < options.steps && !interrupted(); ++iteration) {
         place = std::max(place, steps);
         const bool other_images = problem.choose_images(place);
-        if (other_images || iteration % options.examination_interval == 0) {
-            problem.examine_samples();
+        if (other_images || iteration % options.selection_interval == 0) {
+            problem.select_samples();
             minimiser.objective_changed();
         }
         const bool moved = minimiser.step(objective, static_cast<int>(options.steps - steps));

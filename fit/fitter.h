@@ -31,14 +31,14 @@ struct FitOptions {
     /// (ReconstructionConfig::fit_regularizer) if negative.
     double regularizer = -1.0;
     std::int64_t samples_per_ray = 0;  ///< 0: the model's own
-    /// Samples whose compositing weight was below it when all were last examined (every
-    /// `examination_interval` steps, from the first on) are left out of image and gradient; 0:
-    /// none. Biases the gradient: docs/results.md has by how much.
+    /// Every `selection_interval` steps, from the first on, all samples are evaluated. Until the
+    /// next time, those of a smaller compositing weight are left out of image and gradient; 0: none
+    /// are. This biases the gradient: docs/results.md has by how much.
     double tolerance = 0.001;
-    std::int64_t examination_interval = 8;
+    std::int64_t selection_interval = 8;
     /// Keeps what the gradient needs of the field instead of computing it once more: faster by a
     /// fifth, for 4 bytes times the field's channels for each sample and sine layer. Done anyway
-    /// where few samples count.
+    /// where few samples are significant.
     bool keep_field = false;
     /// So many steps at the beginning compare the smaller images alone, in equal parts those up to
     /// 64 pixels, to 128 and so on: they cost less. The largest of them has the weight of the
@@ -54,7 +54,7 @@ struct FitOptions {
 };
 
 /// 1 for every sample whose compositing weight is at least the tolerance, 0 for the others:
-/// DecodeOptions::kept_samples.
+/// DecodeOptions::significant_samples.
 [[nodiscard]] Tensor significant_samples(const Tensor& weights, double tolerance);
 
 struct FitResult {

@@ -36,7 +36,8 @@ Parameter ParameterStore::create_constant(std::string name, Tensor value) {
     if (std::ranges::any_of(parameters_,
                             [&](const Parameter& other) { return other.name() == name; }))
         fail<ValueError>("there is already a parameter ", name);
-    work::count_parameter(name, value.size());
+    work::count_parameter();
+    work::count_named("networks", std::string_view(name).substr(0, name.find('.')), value.size());
     parameters_.push_back(Parameter(
         std::make_shared<Parameter::Slot>(Parameter::Slot{std::move(name), std::move(value)})));
     constant_.push_back(true);

@@ -10,9 +10,6 @@
 namespace stymo {
 namespace {
 
-// Prevents NaN for an infinite density times an empty interval, and keeps sums of optical depths
-// finite in float32.
-constexpr double largest_density = 1e30;
 // A ray that is more transparent has no surface whose thickness could be measured.
 constexpr double least_opacity = 1e-3;
 

@@ -4,6 +4,10 @@
 
 namespace stymo {
 
+/// Densities are clamped to [0, this]: an infinite density times an empty interval would be NaN,
+/// and sums of optical depths stay finite in float32.
+inline constexpr double largest_density = 1e30;
+
 struct CompositeWeights {
     Variable weights;        ///< (B, R, N): alpha_i t_i, equation (3)
     Variable transmittance;  ///< (B, R, 1): transmittance behind the last sample; it and the

@@ -2,6 +2,7 @@
 
 #include "core/autograd/grad.h"
 #include "core/ops/elementwise.h"
+#include "core/work_counts.h"
 #include "train/memory_estimate.h"
 
 namespace stymo {
@@ -36,6 +37,7 @@ LossAndGradients generator_gradients(const GeneratorInputs& inputs,
         const double weight = term.weight(terms);
         if (weight == 0.0) continue;
         const Variable value = term.value(terms, result.losses);
+        work::count_named("loss_terms", term.name, 1);
         result.losses[term.name] = value.value().item();
         total = total + (weight == 1.0 ? value : value * weight);
     }

@@ -27,7 +27,7 @@ struct StepMemory {
 
 /// The sum of what the layers of the model and of the loss report (LayerMemory). Of `phase` only
 /// stage, resolution, micro_batch and samples_per_ray are read. Within 25 % of the measured peak
-/// for the model sizes of configs/ (docs/decisions.md has the figures). Not counted: the decoded
+/// for the model sizes of configs/ (`test_train "[memory]"`). Not counted: the decoded
 /// faces that the data set keeps (data.cache_megabytes).
 [[nodiscard]] StepMemory estimate_step_memory(const Model& model, const ReconstructionLoss& loss,
                                               const TrainConfig& config, const TrainingPhase& phase,

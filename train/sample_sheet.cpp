@@ -24,9 +24,10 @@ Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t resol
             make_batch(std::vector{faces.load(index)}, model.decoder().ladder().smallest());
         const Codes codes = face_codes(model, batch, offsets);
         const auto show = [&](const Camera& camera) {
-            const Decoded decoded = model.decoder()(
-                codes, {camera}, {.samples_per_ray = samples_per_ray, .resolution = resolution});
-            tiles.push_back(display_image(decoded.images.back().value(), 0));
+            tiles.push_back(
+                render_view(model, codes, 0, camera,
+                            {.samples_per_ray = samples_per_ray, .resolution = resolution})
+                    .image);
         };
         const auto target = std::ranges::find(batch.targets, resolution,
                                               [](const Tensor& images) { return images.shape(1); });

@@ -76,14 +76,14 @@ private:
         return report_fit(model_, target_, batch_.mask, result, 0).fitted_metrics.psnr;
     }
     /// With respect to all codes, in one row.
-    [[nodiscard]] Tensor gradient(const Codes& at, const Tensor& kept_samples) const {
+    [[nodiscard]] Tensor gradient(const Codes& at, const Tensor& significant) const {
         Codes codes;
         for (std::size_t i = 0; i < codes.groups.size(); ++i)
             codes.groups[i] = Variable::leaf(at.groups[i].value());
         const Decoded decoded = model_.decoder()(codes, target_.cameras,
                                                  {.samples_per_ray = options_.samples,
                                                   .resolution = target_.targets.back().shape(1),
-                                                  .kept_samples = kept_samples});
+                                                  .significant_samples = significant});
         const Variable total = loss_(decoded.images, loss_.target(target_.targets)).total;
         return concat(grad(total, {codes.groups.begin(), codes.groups.end()}), 1).value();
     }

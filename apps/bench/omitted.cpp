@@ -205,7 +205,7 @@ Job edit_of_light(const BenchSubject& subject, const BenchOptions& options) {
         return codes;
     };
     return {"edit of light only",
-            "identity and expression: the field, its lattice and the feature map",
+            "identity and expression: the field, its grid and the feature map",
             [=, &subject, &options](bool everything) {
                 return everything ? first_image(subject, edited(), skip_options(options, false))
                                   : show(edited());

@@ -11,7 +11,7 @@ namespace stymo {
 inline constexpr std::int64_t small_heads = 240;
 
 /// configs/demo-64.json, which is part of the program, with other numbers of steps and of samples
-/// and without the averaged model.
+/// and without the EMA.
 [[nodiscard]] TrainConfig small_training(std::int64_t steps, std::int64_t samples_per_ray);
 /// Writes synthetic heads into an empty folder.
 void write_small_heads(const std::filesystem::path& folder, std::uint64_t seed);

@@ -77,7 +77,7 @@ void write_stability(Page& page, const StudyInputs&) {
         "error is |x32 - x64| / |x64| of the worst tensor of a case, in the Euclidean norm; "
         "numbers below float32's least normal number, 1.2e-38, do not count. A case without "
         "an error is refused by an exception that names the tensor. The cases are also "
-        "tests, in `tests/stability`.");
+        "tests, in `tests/cases/stability`.");
     page.add(summary);
     page.add(table);
 }

@@ -36,7 +36,7 @@ BenchOptions with_one_face(BenchOptions options) {
     return options;
 }
 
-/// Steps are timed in groups that hold one examination of all samples each. A step goes forwards
+/// Steps are timed in groups that hold one evaluation of all samples each. A step goes forwards
 /// and backwards to the codes, which costs as much as forwards again; so does the trunk for the
 /// image, while the photo's features are kept.
 Measurement fit_step(const BenchRun& run, bool perceptual,
@@ -47,7 +47,7 @@ Measurement fit_step(const BenchRun& run, bool perceptual,
     Measurement result;
     double last = 0.0;
     FitOptions fit{.samples_per_ray = run.options.samples, .tolerance = tolerance};
-    const std::int64_t group = tolerance > 0.0 ? fit.examination_interval : 1;
+    const std::int64_t group = tolerance > 0.0 ? fit.selection_interval : 1;
     fit.steps = run.options.repeats * group + 1;
     fit.on_step = [&](const FitStep& step) {
         if ((step.steps - 1) % group != 0) return;

@@ -47,15 +47,23 @@ void Explainer::finish(AppResult& result) {
     count("buffers", work.buffers);
     count("buffer_bytes", work.buffer_bytes);
     count("peak_bytes", work.peak_bytes);
-    const JsonValue networks = shown("networks made, with their number of weights", work.networks);
-    result.json.add("explain", JsonValue::object(
-                                   {{"networks", networks}, {"counts", shown("counts", counts_)}}));
+    const auto named = [&](const std::string& group) {
+        const auto found = work.named.find(group);
+        return found == work.named.end() ? std::map<std::string, std::int64_t>{} : found->second;
+    };
+    const JsonValue networks =
+        shown("networks made, with their number of weights", named("networks"));
+    const JsonValue losses =
+        shown("terms of the loss, with the number of evaluations", named("loss_terms"));
+    result.json.add("explain", JsonValue::object({{"networks", networks},
+                                                  {"loss_terms", losses},
+                                                  {"counts", shown("counts", counts_)}}));
 }
 
 void declare_explain(Command& command, bool& wanted) {
     command.flag("--explain", wanted,
-                 "print on stderr which networks were made, and counts of the work done; also in "
-                 "--json");
+                 "print on stderr which networks were made, which losses were evaluated, and "
+                 "counts of the work done; also in --json");
 }
 
 }  // namespace stymo

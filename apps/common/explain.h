@@ -11,9 +11,9 @@
 
 namespace stymo {
 
-/// --explain: which networks were made and how much was done, counted where it happens. It goes to
-/// stderr after the work and into the result as "explain". The work counts from the construction of
-/// this object on. Without the option it does nothing.
+/// --explain: which networks were made, which losses were evaluated and how much was done, counted
+/// where it happens. It goes to stderr after the work and into the result as "explain". The work
+/// counts from the construction of this object on. Without the option it does nothing.
 class Explainer {
 public:
     explicit Explainer(bool wanted) : wanted_(wanted) {}
@@ -25,7 +25,7 @@ public:
     }
     /// What a renderer counts of its last frame.
     void count(const RenderCounts& counts);
-    /// Shows networks and counts and adds both to the result.
+    /// Shows networks, losses and counts, and adds them to the result.
     void finish(AppResult& result);
 
 private:

@@ -13,6 +13,7 @@
 #include "fit/edit/disentanglement.h"
 #include "fit/edit/style_mix.h"
 #include "nn/models/model.h"
+#include "nn/models/view.h"
 #include "render/morphable/head_source.h"
 #include "train/data/synthetic_faces.h"
 
@@ -77,12 +78,17 @@ private:
         const std::int64_t side = model_.config().decoder.resolution;
         const Tensor image =
             render_synthetic_face(head_, face, model_.config().camera.intrinsics, side).color;
-        return detached(model_.encoder()(Variable(image.reshaped({1, side, side, 3})) * 2.0 - 1.0));
+        return codes_of_image(image);
     }
     [[nodiscard]] Codes of_codes(const Codes& codes, const Camera& camera) const {
-        const DecodeOptions options{.samples_per_ray =
-                                        model_.config().reconstruction.fit_samples_per_ray};
-        return detached(model_.encoder()(model_.decoder()(codes, {camera}, options).images.back()));
+        const ViewOptions options{.samples_per_ray =
+                                      model_.config().reconstruction.fit_samples_per_ray};
+        return codes_of_image(render_view(model_, codes, 0, camera, options).image);
+    }
+    /// The encoder's codes of an image in [0, 1].
+    [[nodiscard]] Codes codes_of_image(const Tensor& image) const {
+        const Shape one{1, image.shape(0), image.shape(1), 3};
+        return detached(model_.encoder()(Variable(image.reshaped(one)) * 2.0 - 1.0));
     }
 
     const Model& model_;

@@ -203,8 +203,8 @@ int stymo_fit(int argc, char** argv) {
     line.option("--samples", options.samples, "samples per ray (default: the model's setting)")
         .range(2, 4096);
     line.option("--tolerance", options.fit.tolerance,
-                "samples with a smaller compositing weight are left out and examined again every 8 "
-                "steps; 0: no sample is left out")
+                "samples with a smaller compositing weight are left out; all are evaluated again "
+                "every 8 steps; 0: no sample is left out")
         .range(0, 1);
     line.flag("--refine-pose", options.fit.refine_pose,
               "also optimise the pose, with a tenth of the learning rate; slower");

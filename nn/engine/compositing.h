@@ -5,12 +5,10 @@
 #include <cstdint>
 
 #include "nn/engine/softplus.h"
+#include "render/composite.h"
 
 /// Volume rendering of one ray, from front to back (paper, equations (3) to (5)).
 namespace stymo {
-
-/// As in render/composite.cpp: keeps an infinite density times an empty interval from being NaN.
-inline constexpr double largest_density = 1e30;
 
 template <class T>
 [[nodiscard]] T density_of_logit(T logit) {

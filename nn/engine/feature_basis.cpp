@@ -1,21 +1,12 @@
 #include "nn/engine/feature_basis.h"
 
-#include <Eigen/QR>
+#include <Eigen/Eigenvalues>
 
 #include "core/kernels/matmul.h"
-#include "core/rng.h"
 #include "core/tensor_eigen.h"
 
 namespace stymo {
 namespace {
-
-constexpr int iterations = 12;
-
-/// Orthonormal columns that span those of `columns`.
-Eigen::MatrixXf orthonormal(const Eigen::MatrixXf& columns) {
-    return Eigen::HouseholderQR<Eigen::MatrixXf>(columns).householderQ() *
-           Eigen::MatrixXf::Identity(columns.rows(), columns.cols());
-}
 
 /// In double precision, because there may be many rows. 0 without weight.
 Eigen::RowVectorXf weighted_mean(const Tensor& features, const Tensor& weights) {
@@ -44,9 +35,9 @@ FeatureBasis principal_plane(const Tensor& features, const Tensor& weights,
         matrix_map<float>(weights).transpose().array().sqrt().col(0);
     const Tensor product = kernels::matmul(deviations, deviations, {.transpose_a = true});
     const auto covariance = matrix_map<float>(product);
-    const Tensor start = Rng(0).normal({dimension, channels}, 0.0, 1.0);
-    Eigen::MatrixXf directions = orthonormal(matrix_map<float>(start).transpose());
-    for (int i = 0; i < iterations; ++i) directions = orthonormal(covariance * directions);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXf> solver(covariance);
+    // Eigen sorts by increasing eigenvalue.
+    const Eigen::MatrixXf directions = solver.eigenvectors().rightCols(dimension);
     return {tensor_from(mean), tensor_from(directions.transpose())};
 }
 

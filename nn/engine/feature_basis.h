@@ -13,9 +13,8 @@ struct FeatureBasis {
 };
 
 /// The plane of `dimension` <= channels that lies closest, in the sum of squares, to the rows of
-/// features (rows, channels), float32. A row counts as its weight says (rows), >= 0. Orthogonal
-/// iteration on the covariance (Golub and Van Loan, 8.2): the plane is what counts, its directions
-/// need not be the eigenvectors.
+/// features (rows, channels), float32. A row counts as its weight says (rows), >= 0. The directions
+/// are eigenvectors of the weighted covariance.
 [[nodiscard]] FeatureBasis principal_plane(const Tensor& features, const Tensor& weights,
                                            std::int64_t dimension);
 

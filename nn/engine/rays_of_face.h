@@ -48,11 +48,12 @@ struct FaceSamples {
           deltas(rays.deltas.values<T>().data() + face * extents.rays * extents.samples),
           samples_per_ray(extents.samples) {
         selection.resize(extents.rays, extents.samples);
-        if (!rays.kept.defined()) {
+        if (!rays.significant.defined()) {
             selection.keep_all();
             return;
         }
-        const T* const kept = rays.kept.values<T>().data() + face * extents.rays * extents.samples;
+        const T* const kept =
+            rays.significant.values<T>().data() + face * extents.rays * extents.samples;
         selection.keep_if([=](std::int64_t ray, std::int32_t sample) {
             return kept[ray * extents.samples + sample] != T(0);
         });

@@ -5,18 +5,10 @@
 
 #include "core/autograd/variable.h"
 #include "nn/layers/linear.h"
+#include "nn/layers/modulated_linear.h"
 
 /// What the field engine is given: layers and samples.
 namespace stymo {
-
-/// Modulated layer activation(demodulation (weight (scale x)) + bias). Value: Variable or Tensor.
-template <class Value>
-struct ModulatedLayerOf {
-    Value weight;        ///< (1, out, in)
-    Value scale;         ///< (B, 1, in)
-    Value demodulation;  ///< (B, out, 1)
-    Value bias;          ///< (out)
-};
 
 /// Radiance field of modulated sine layers of one width on the encoding of points, (x, sin x, cos
 /// x, sin 2x, ...) with 3 + 6 frequencies channels. The last layer gives the features. The density
@@ -29,7 +21,6 @@ struct SineNetworkOf {
     Value density_weight;  ///< (1, width)
     Value density_bias;    ///< (1)
 };
-using ModulatedLayer = ModulatedLayerOf<Variable>;
 using SineNetwork = SineNetworkOf<Variable>;
 
 /// B faces with R rays of N samples each.
@@ -37,7 +28,7 @@ struct RayPoints {
     Tensor points;  ///< (B, R * N, 3)
     Tensor deltas;  ///< (B, R, N)
     /// (B, R, N), 0 where a sample is left out as if its density were 0; undefined: none is.
-    Tensor kept{};
+    Tensor significant{};
 };
 
 /// The field of one face: its style is folded into the weights of every layer.

@@ -3,10 +3,20 @@
 #include <cstdint>
 #include <string>
 
-#include "nn/engine/sine_network.h"
 #include "nn/layers/linear.h"
 
 namespace stymo {
+
+/// Modulated layer activation(demodulation (weight (scale x)) + bias). Value: Variable or Tensor.
+template <class Value>
+struct ModulatedLayerOf {
+    Value weight;        ///< (1, out, in)
+    Value scale;         ///< (B, 1, in)
+    Value demodulation;  ///< (B, out, 1)
+    Value bias;          ///< (out)
+};
+
+using ModulatedLayer = ModulatedLayerOf<Variable>;
 
 /// Weight-demodulated pointwise layer (StyleGAN2's modulated convolution with a 1x1 kernel; paper,
 /// "modulated layer"):

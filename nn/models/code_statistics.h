@@ -10,7 +10,7 @@
 
 namespace stymo {
 
-/// The codes of many faces in Z as one normal distribution over all 306 numbers, from which new
+/// The codes of many faces in Z as one normal distribution over all 306 elements, from which new
 /// faces are drawn. What the groups have in common (an expression that goes with an identity) is
 /// kept.
 class CodeStatistics {

@@ -13,7 +13,7 @@ Variable joined(const Codes& codes) {
 
 Codes split_codes(const Variable& rows) {
     if (rows.rank() != 2 || rows.shape(1) != code_size)
-        fail<ShapeError>("codes have ", code_size, " numbers a row, got ", rows.shape());
+        fail<ShapeError>("codes have ", code_size, " elements a row, got ", rows.shape());
     Codes codes;
     std::int64_t begin = 0;
     for (std::size_t i = 0; i < codes.groups.size(); ++i) {

@@ -8,7 +8,7 @@
 namespace stymo {
 
 /// The four groups of the code in their fixed order, with their sizes (paper: 100, 79, 100, 27; 306
-/// numbers in all).
+/// elements in all).
 inline constexpr std::array<const char*, 4> code_names{"id", "expr", "tex", "light"};
 inline constexpr std::array<std::int64_t, 4> code_sizes{100, 79, 100, 27};
 inline constexpr std::int64_t code_size = 306;
@@ -25,7 +25,7 @@ struct Codes {
     [[nodiscard]] std::int64_t batch() const { return groups[0].shape(0); }
 };
 
-/// All numbers of each face in one row, groups in their order: (B, 306).
+/// All elements of each face in one row, groups in their order: (B, 306).
 [[nodiscard]] Variable joined(const Codes& codes);
 /// The inverse of `joined`. Throws ShapeError for rows of another length.
 [[nodiscard]] Codes split_codes(const Variable& rows);
@@ -33,9 +33,9 @@ struct Codes {
 [[nodiscard]] Codes codes_of_face(const Codes& codes, std::int64_t index);
 /// a + b, group by group.
 [[nodiscard]] Codes add(const Codes& a, const Codes& b);
-/// The same numbers as constants.
+/// The same codes as constants.
 [[nodiscard]] Codes detached(const Codes& codes);
-/// Sum of the squares of all numbers of all faces, a scalar.
+/// Sum of the squares of all elements of all faces, a scalar.
 [[nodiscard]] Variable squared_length(const Codes& codes);
 
 }  // namespace stymo

@@ -7,7 +7,7 @@
 #include "core/autograd/recompute.h"
 #include "core/error.h"
 #include "core/ops/ops.h"
-#include "nn/models/kept_samples.h"
+#include "nn/models/significant_rows.h"
 #include "render/encoding.h"
 
 namespace stymo {
@@ -101,7 +101,7 @@ Variable ConcatenatedField::composited(const Variable& points, const RayPoints& 
                                        const FieldStyle& style) const {
     const std::int64_t count = rays.deltas.shape(1), per_ray = rays.deltas.shape(2);
     const Variable all = reshape(points, {count * per_ray, 3});
-    if (!rays.kept.defined()) {
+    if (!rays.significant.defined()) {
         const Variable values = samples(all, style);
         const CompositeWeights weights =
             composite_weights(reshape(slice(values, 1, 0, 1), rays.deltas.shape()), rays.deltas);
@@ -110,7 +110,7 @@ Variable ConcatenatedField::composited(const Variable& points, const RayPoints& 
         return concat(
             {weights.weights, weights.transmittance, composite(weights.weights, features)}, 2);
     }
-    const RowIndices rows = kept_rows(rays, 0);
+    const RowIndices rows = significant_rows(rays, 0);
     if (rows.empty()) {
         // Nothing to compute with: clear rays.
         const std::int64_t width = config_.colors ? config_.channels : feature_width(config_);
@@ -137,8 +137,9 @@ RenderedFeatures ConcatenatedField::render_tracked(const Variable& points, const
         std::vector<Variable> tiles;
         for (std::int64_t begin = 0; begin < count; begin += at_once) {
             const std::int64_t end = std::min(count, begin + at_once);
-            const RayPoints tile{
-                {}, of_rays(rays.deltas, face, begin, end), of_rays(rays.kept, face, begin, end)};
+            const RayPoints tile{{},
+                                 of_rays(rays.deltas, face, begin, end),
+                                 of_rays(rays.significant, face, begin, end)};
             tiles.push_back(recompute(
                 [field = *this, tile](std::span<const Variable> inputs) {
                     return field.composited(inputs[0], tile, {inputs[1], inputs[2]});

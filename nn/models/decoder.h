@@ -57,7 +57,7 @@ struct DecodeOptions {
     bool mask = false;  ///< also the head mask, at the side of the largest image
     /// (B, rays, samples_per_ray), 0 where a sample is left out as if it were empty; undefined:
     /// none is.
-    Tensor kept_samples{};
+    Tensor significant_samples{};
     /// Keeps what the backward pass needs of the field, layers * width numbers for each sample,
     /// instead of computing it once more. A field with concatenated codes keeps nothing either way.
     bool keep_field = false;
@@ -65,8 +65,8 @@ struct DecodeOptions {
     /// instead of keeping what it needs of them. Changes results by rounding.
     bool recompute_blocks = false;
     /// (B, 6), orbit parameters (render/tracked_rays.h) of the very poses of the cameras, which
-    /// gradients flow to; undefined: to none. Much slower than without; kept_samples decide by how
-    /// much.
+    /// gradients flow to; undefined: to none. Much slower than without; significant_samples decide
+    /// by how much.
     Variable orbits{};
     Rng* jitter = nullptr;  ///< stratified samples (training); null: fixed samples
 };

@@ -9,7 +9,7 @@
 #include "core/ops/reduce.h"
 #include "core/ops/shape_ops.h"
 #include "core/work_counts.h"
-#include "nn/models/kept_samples.h"
+#include "nn/models/significant_rows.h"
 #include "render/encoding.h"
 
 namespace stymo {
@@ -35,7 +35,7 @@ FieldSamples evaluate(const Variable& points, const SineNetwork& network, bool d
 Variable composed_rays(const RayPoints& rays, const SineNetwork& network) {
     const FieldSamples samples = evaluate(rays.points, network, false);
     Variable density = reshape(samples.density, rays.deltas.shape());
-    if (rays.kept.defined()) density = density * Variable(rays.kept);
+    if (rays.significant.defined()) density = density * Variable(rays.significant);
     const CompositeWeights weights = composite_weights(density, rays.deltas);
     return concat(
         {weights.weights, weights.transmittance, composite(weights.weights, samples.features)}, 2);
@@ -130,8 +130,8 @@ RenderedRays RadianceField::render_tracked(const Variable& points, const RayPoin
                                            const Variable& style) const {
     std::vector<Variable> weights, transmittance, sums;
     for (std::int64_t face = 0; face < points.shape(0); ++face) {
-        // A face without any sample that counts would leave nothing to compute with.
-        RowIndices rows = kept_rows(rays, face);
+        // A face without significant samples would leave nothing to compute with.
+        RowIndices rows = significant_rows(rays, face);
         if (rows.empty()) rows.push_back(0);
         const Variable own = reshape(slice(points, 0, face, face + 1), {points.shape(1), 3});
         const Variable samples =

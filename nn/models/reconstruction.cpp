@@ -5,6 +5,7 @@
 #include "core/autograd/recompute.h"
 #include "core/error.h"
 #include "core/ops/ops.h"
+#include "core/work_counts.h"
 #include "nn/losses.h"
 
 namespace stymo {
@@ -77,10 +78,12 @@ ReconstructionLoss::Terms ReconstructionLoss::operator()(const std::vector<Varia
                                                          const Target& target) const {
     Terms terms;
     terms.photometric = photometric_loss(images, target.images, target.weights);
+    work::count_named("loss_terms", "photometric", 1);
     terms.total = terms.photometric * config_.photometric_weight;
     if (lpips_) {
         terms.perceptual =
             perceptual_loss(*lpips_, images.back(), target, config_.perceptual_resolution);
+        work::count_named("loss_terms", "perceptual", 1);
         terms.total = terms.total + terms.perceptual * config_.perceptual_weight;
     }
     return terms;

@@ -56,8 +56,8 @@ void check(const RayPoints& rays, const SineNetwork& network) {
     const std::int64_t batch = rays.deltas.shape(0),
                        points = rays.deltas.shape(1) * rays.deltas.shape(2);
     require(rays.points.shape() == Shape{batch, points, 3}, "points", rays.points.shape());
-    require(!rays.kept.defined() || rays.kept.shape() == rays.deltas.shape(), "kept",
-            rays.kept.shape());
+    require(!rays.significant.defined() || rays.significant.shape() == rays.deltas.shape(),
+            "significant", rays.significant.shape());
     if (network.layers.size() < 2)
         fail<ShapeError>("[sine_rays] needs a layer before that of the features");
     if (network.skip_layer + 1 >= network.layers.size())

@@ -44,6 +44,7 @@ TEST_CASE(
     CHECK_FALSE(made(plain, "discriminator"));
     CHECK_FALSE(made(plain, "lpips"));
     const json& counts = plain["counts"];
+    CHECK(plain["loss_terms"].empty());
     CHECK(counts["gradient_rules"] == 0);
     CHECK(counts["gradients"] == 0);
     CHECK(counts["samples_of_the_last_frame"] == 4 * 1024);
@@ -66,11 +67,14 @@ TEST_CASE("A fit makes LPIPS only for its weight or for a metric, and has gradie
     CHECK(made(without, "encoder"));
     CHECK_FALSE(made(without, "lpips"));
     CHECK(without["counts"]["steps"] == 2);
+    CHECK(without["loss_terms"].contains("photometric"));
+    CHECK_FALSE(without["loss_terms"].contains("perceptual"));
     CHECK(without["counts"]["gradients"] == 2 * 4);
 
     const json with = explanation(
         fit + "--steps 2 --perceptual-weight 0.1 --lpips-trunk random --lpips-heads random");
     CHECK(made(with, "lpips"));
+    CHECK(with["loss_terms"].contains("perceptual"));
     CHECK(without["counts"]["parameters_made"] < with["counts"]["parameters_made"]);
     CHECK(without["counts"]["gradient_rules"] < with["counts"]["gradient_rules"]);
     CHECK(without["counts"]["peak_bytes"] < with["counts"]["peak_bytes"]);
@@ -83,6 +87,8 @@ TEST_CASE("A training without a second stage makes no discriminator", "[explain]
     CHECK(made(explain, "encoder"));
     CHECK_FALSE(made(explain, "discriminator"));
     CHECK_FALSE(made(explain, "lpips"));
+    CHECK(explain["loss_terms"].contains("reconstruction"));
+    CHECK_FALSE(explain["loss_terms"].contains("adversarial"));
     CHECK(explain["counts"]["steps"] == 1);
     CHECK(explain["counts"]["gradients"] > 0);
 }

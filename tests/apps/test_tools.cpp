@@ -174,8 +174,11 @@ TEST_CASE(
         fs::copy_file(entry.path(), folder / "mixed" / entry.path().filename(),
                       fs::copy_options::overwrite_existing);
     stymo::write_image(folder / "mixed/odd.jpg", stymo::Tensor::full({91, 37, 1}, 0.5));
-    for (const std::string& name : names_in(folder / "mixed"))
-        done(std::string(fit) + "--image mixed/" + name + " --as-is --out kinds --steps 1");
+    for (const std::string& name : names_in(folder / "mixed")) {
+        std::string command = fit;
+        done(
+            command.append("--image mixed/").append(name).append(" --as-is --out kinds --steps 1"));
+    }
     const ToolOutcome outcome =
         done("stymo-train --config tiny.json --data mixed --out kinds_run --set data.split.test=0");
     CHECK_THAT(outcome.err,

@@ -124,7 +124,7 @@ TEST_CASE("L-BFGS fits poses and several photos of one person, and stops where n
                              .steps = 40,
                              .regularizer = 1e-4,
                              .tolerance = 1e-4,
-                             .examination_interval = 4,
+                             .selection_interval = 4,
                              .one_person = true,
                              .refine_pose = true};
     const FitResult result = fit_codes(model, loss_of(model), target, options);
@@ -259,7 +259,7 @@ TEST_CASE(
                          {.steps = 12,
                           .learning_rate = 0.03,
                           .tolerance = tolerance,
-                          .examination_interval = 4})
+                          .selection_interval = 4})
             .losses;
     };
     const std::vector<double> exact = fitted(0.0);
@@ -267,9 +267,8 @@ TEST_CASE(
     for (std::size_t i = 0; i < exact.size(); ++i)
         CHECK(close[i] == Approx(exact[i]).epsilon(1e-3));
     CHECK(fitted(0.999)[0] != Approx(exact[0]));
-    CHECK_THROWS_AS(
-        fit_codes(model, loss_of(model), target, {.steps = 1, .examination_interval = 0}),
-        ValueError);
+    CHECK_THROWS_AS(fit_codes(model, loss_of(model), target, {.steps = 1, .selection_interval = 0}),
+                    ValueError);
 }
 
 TEST_CASE("a fit that keeps the field's arguments takes the same steps", "[fitter]") {
@@ -387,7 +386,7 @@ TEST_CASE(
                 .images.back()
                 .value()};
         FitOptions options{
-            .steps = 12, .learning_rate = 0.05, .regularizer = 0.0, .examination_interval = 4};
+            .steps = 12, .learning_rate = 0.05, .regularizer = 0.0, .selection_interval = 4};
         CHECK(is_one_line(error_message<ValueError>(
             [&] { static_cast<void>(fit_codes(model, loss, target, options)); })));
         options.initial = random_codes(1, 5);

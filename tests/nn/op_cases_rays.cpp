@@ -44,7 +44,7 @@ RayPoints ray_points(const Sizes& sizes, bool some_left_out, DType dtype) {
     std::int64_t i = 0;
     for (double& value : kept.mutable_values<double>())
         value = i < samples || i % 4 == 1 ? 0.0 : 1.0, ++i;
-    result.kept = kept.to(dtype);
+    result.significant = kept.to(dtype);
     return result;
 }
 
@@ -70,7 +70,7 @@ Variable composed(const RayPoints& rays, const SineNetwork& network) {
         layer(concat({encoding, layer(encoding, network.layers[0])}, 2), network.layers[1]);
     const Variable logit = sum(x * network.density_weight, {2}) + network.density_bias;
     Variable density = reshape(softplus(logit - 1.0), rays.deltas.shape());
-    if (rays.kept.defined()) density = density * Variable(rays.kept);
+    if (rays.significant.defined()) density = density * Variable(rays.significant);
     const CompositeWeights weights = composite_weights(density, rays.deltas);
     return concat({weights.weights, weights.transmittance,
                    composite(weights.weights, layer(x, network.layers[2]))},
@@ -104,7 +104,8 @@ Array by_loops(const std::vector<Array>& x, bool some_left_out) {
     for_each_index({sizes.faces, sizes.rays}, [&](const Index& at) {
         double transmittance = 1.0;
         for (std::int64_t sample = 0; sample < samples; ++sample) {
-            if (some_left_out && to_array(rays.kept).at({at[0], at[1], sample}) == 0.0) continue;
+            if (some_left_out && to_array(rays.significant).at({at[0], at[1], sample}) == 0.0)
+                continue;
             std::vector<double> encoding;
             for (double (*function)(double) :
                  {+[](double v) { return v; }, +[](double v) { return std::sin(v); },

@@ -37,12 +37,15 @@ TEST_CASE("the adversarial losses are means of softplus of the logits") {
     }
 }
 
-TEST_CASE("R1 of a linear judge is half the squared length of its weights, whatever the images") {
+TEST_CASE(
+    "R1 of a linear discriminator is half the squared length of its weights, whatever the images") {
     Rng rng(1);
     const Variable weight = Variable::leaf(rng.normal({12, 1}, 0.0, 1.0, DType::float64));
     const Tensor images = rng.normal({3, 2, 2, 3}, 0.0, 1.0, DType::float64);
-    const auto judge = [&](const Variable& x) { return matmul(reshape(x, {3, 12}), weight); };
-    const Variable penalty = r1_penalty(judge, images);
+    const auto discriminator = [&](const Variable& x) {
+        return matmul(reshape(x, {3, 12}), weight);
+    };
+    const Variable penalty = r1_penalty(discriminator, images);
     CHECK(penalty.value().item() ==
           Approx(sum(square(weight)).value().item() / 2.0).epsilon(1e-12));
     CHECK(check_close(grad(penalty, weight).value(), weight.value(), 1e-12).passed);
@@ -64,11 +67,11 @@ TEST_CASE("an image that fades in begins as its half resolution") {
 
 namespace {
 
-struct Judge {
+struct TestDiscriminator {
     ParameterStore store;
     Discriminator discriminator;
 
-    Judge()
+    TestDiscriminator()
         : discriminator([&] {
               Rng rng(1);
               return Discriminator({.max_channels = 4}, 64, store, "d", rng);
@@ -85,15 +88,15 @@ TEST_CASE(
     "R1 by double backward is what two gradients of a moved image tell, up to the square of the "
     "step") {
     // d/dtheta |g|^2 / 2 = d/dtheta (g . v) at a fixed v = g, and g . v is D's slope along v.
-    const Judge judge;
+    const TestDiscriminator discriminator;
     const Tensor images = Rng(2).uniform({2, 64, 64, 3}, -1.0, 1.0, DType::float64);
-    const std::vector<Variable> leaves = judge.leaves();
-    const std::vector<Variable> exact = grad(r1_penalty(std::cref(judge), images), leaves);
+    const std::vector<Variable> leaves = discriminator.leaves();
+    const std::vector<Variable> exact = grad(r1_penalty(std::cref(discriminator), images), leaves);
 
     const Variable x = Variable::leaf(images);
-    const Tensor v = grad(sum(judge(x)), x).value();
+    const Tensor v = grad(sum(discriminator(x)), x).value();
     const auto gradients_at = [&](double step) {
-        return grad(sum(judge(Variable(images) + Variable(v) * step)), leaves);
+        return grad(sum(discriminator(Variable(images) + Variable(v) * step)), leaves);
     };
     // So short that no leaky ReLU bends within it: what is left is the curvature of the minibatch
     // deviation and rounding.
@@ -102,20 +105,20 @@ TEST_CASE(
     for (std::size_t i = 0; i < leaves.size(); ++i) {
         const Variable difference = (ahead[i] - behind[i]) * (0.5 / step / 2.0);
         const CloseReport report = check_close(difference.value(), exact[i].value(), 1e-5);
-        INFO(judge.store.all()[i].name() << ": " << report.message);
+        INFO(discriminator.store.all()[i].name() << ": " << report.message);
         CHECK(report.passed);
     }
 }
 
 TEST_CASE("the gradient of R1 is that of central differences of its value") {
-    const Judge judge;
+    const TestDiscriminator discriminator;
     const Tensor images = Rng(2).uniform({2, 64, 64, 3}, -1.0, 1.0, DType::float64);
-    const auto penalty = [&] { return r1_penalty(std::cref(judge), images); };
-    const std::vector<Variable> gradients = grad(penalty(), judge.leaves());
+    const auto penalty = [&] { return r1_penalty(std::cref(discriminator), images); };
+    const std::vector<Variable> gradients = grad(penalty(), discriminator.leaves());
     for (const char* name : {"d.from_rgb64.weight", "d.block64.conv1.weight",
                              "d.block16.skip.weight", "d.epilogue.conv.weight"}) {
         for (std::size_t i = 0; i < gradients.size(); ++i) {
-            const Parameter& parameter = judge.store.all()[i];
+            const Parameter& parameter = discriminator.store.all()[i];
             if (parameter.name() != name) continue;
             const Tensor value = parameter.variable().value();
             const Variable direction =
@@ -134,11 +137,12 @@ TEST_CASE("the gradient of R1 is that of central differences of its value") {
 }
 
 TEST_CASE("nothing of R1's graph outlives it") {
-    const Judge judge;
+    const TestDiscriminator discriminator;
     const LiveNodes nodes;
     {
-        (void)grad(r1_penalty(std::cref(judge), Tensor::zeros({1, 64, 64, 3}, DType::float64)),
-                   judge.leaves());
+        (void)grad(
+            r1_penalty(std::cref(discriminator), Tensor::zeros({1, 64, 64, 3}, DType::float64)),
+            discriminator.leaves());
     }
     CHECK(nodes.added() == 0);
 }

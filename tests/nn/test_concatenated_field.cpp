@@ -52,10 +52,10 @@ struct Case {
     }
 
     void leave_out() {
-        rays.kept = Rng(6).uniform(rays.deltas.shape(), 0.0, 1.0, DType::float64);
+        rays.significant = Rng(6).uniform(rays.deltas.shape(), 0.0, 1.0, DType::float64);
         std::int64_t i = 0;
         // The last rays of the first face keep none, over more than a tile.
-        for (double& value : rays.kept.mutable_values<double>()) {
+        for (double& value : rays.significant.mutable_values<double>()) {
             value = value < 0.6 || (i >= 9 * 40 && i < 9 * 300) ? 0.0 : 1.0;
             ++i;
         }
@@ -91,15 +91,15 @@ TEST_CASE("samples that are left out of a field with concatenated codes count as
         // The oracle: all densities, those left out multiplied by 0.
         const Variable density = reshape(given.field.density(given.rays.points, given.style),
                                          given.rays.deltas.shape()) *
-                                 Variable(given.rays.kept);
+                                 Variable(given.rays.significant);
         const CompositeWeights expected = composite_weights(density, given.rays.deltas);
         CHECK(check_close(result.weights.weights.value(), expected.weights.value(), 1e-12).passed);
         CHECK(
             check_close(result.weights.transmittance.value(), expected.transmittance.value(), 1e-12)
                 .passed);
-        given.rays.kept = Tensor::full(given.rays.deltas.shape(), 1.0, DType::float64);
+        given.rays.significant = Tensor::full(given.rays.deltas.shape(), 1.0, DType::float64);
         const Variable all_kept = given.field.render(given.rays, given.style, false).features;
-        given.rays.kept = {};
+        given.rays.significant = {};
         const Variable none_left_out = given.field.render(given.rays, given.style, false).features;
         CHECK(check_close(all_kept.value(), none_left_out.value(), 1e-12).passed);
     }

@@ -283,8 +283,8 @@ TEST_CASE(
     for (const bool all : {true, false}) {
         DecodeOptions options{.samples_per_ray = 4};
         if (!all) {
-            options.kept_samples = Tensor::full({2, 64, 4}, 1.0, DType::float64);
-            const auto kept = options.kept_samples.mutable_values<double>();
+            options.significant_samples = Tensor::full({2, 64, 4}, 1.0, DType::float64);
+            const auto kept = options.significant_samples.mutable_values<double>();
             for (std::size_t i = 0; i < kept.size(); i += 3) kept[i] = 0.0;
         }
         const Tensor fused = model.decoder(codes, cameras, options).feature_map.value();

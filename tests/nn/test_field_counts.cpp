@@ -40,7 +40,7 @@ TEST_CASE("samples that are left out are not counted", "[work]") {
     Tensor kept = Tensor::zeros({1, rays, samples});
     for (std::size_t i = 0; i < 10; ++i) kept.mutable_values<float>()[7 * i] = 1.0F;
     const WorkMeter meter;
-    static_cast<void>(decoded(model, random_codes(1, 1), {.kept_samples = kept}));
+    static_cast<void>(decoded(model, random_codes(1, 1), {.significant_samples = kept}));
     CHECK(meter.counts().field_points == 10);
 }
 

@@ -161,7 +161,7 @@ TEST_CASE("an average follows its closed form, and swaps with the model and back
                       "state.safetensors: has no tensor ema.b");
 }
 
-TEST_CASE("the averaged model forgets at the rate of StyleGAN2") {
+TEST_CASE("the EMA of the weights forgets at the rate of StyleGAN2") {
     CHECK(ema_decay(32, 10000.0) == Approx(0.99778).epsilon(1e-5));
     CHECK(ema_decay(12, 10000.0) == Approx(0.99917).epsilon(1e-5));
     CHECK(ema_decay(32, 0.0) == 0.0);

@@ -18,7 +18,7 @@ struct Store {
 
 }  // namespace
 
-TEST_CASE("a store counts, freezes and thaws by prefix, and constants stay constants") {
+TEST_CASE("a store counts, freezes and unfreezes by prefix, and constants stay constants") {
     Store s;
     CHECK(s.store.element_count() == 13);
     CHECK(s.store.element_count("a.") == 10);

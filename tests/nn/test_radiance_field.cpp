@@ -51,7 +51,7 @@ struct Case {
         std::int64_t i = 0;
         for (double& value : kept.mutable_values<double>())
             value = value < 0.6 || i++ % 200 < 30 ? 0.0 : 1.0;
-        rays.kept = kept.to(rays.deltas.dtype());
+        rays.significant = kept.to(rays.deltas.dtype());
     }
 
     /// Values, then gradients of a loss that takes in all of the result with different factors.
@@ -161,9 +161,10 @@ TEST_CASE("samples that are left out count as empty space, and a ray without sam
     Case given(DType::float64);
     given.leave_out();
     const RenderedRays result = given.field.render(given.rays, given.style);
-    CHECK(sum(result.weights.weights * (Variable(given.rays.kept) * -1.0 + 1.0)).value().item() ==
-          0.0);
-    const std::vector<double> kept = sum(Variable(given.rays.kept), {2}).value().to_vector();
+    CHECK(sum(result.weights.weights * (Variable(given.rays.significant) * -1.0 + 1.0))
+              .value()
+              .item() == 0.0);
+    const std::vector<double> kept = sum(Variable(given.rays.significant), {2}).value().to_vector();
     const std::vector<double> transmittance = result.weights.transmittance.value().to_vector();
     std::int64_t clear = 0;
     for (std::size_t ray = 0; ray < kept.size(); ++ray) {
@@ -172,6 +173,6 @@ TEST_CASE("samples that are left out count as empty space, and a ray without sam
         ++clear;
     }
     CHECK(clear > 0);
-    given.rays.kept = Tensor::full({2, 40, 8}, 1.0, DType::float64);
+    given.rays.significant = Tensor::full({2, 40, 8}, 1.0, DType::float64);
     CHECK_THROWS_AS(given.field.render(given.rays, given.style), ShapeError);
 }

@@ -17,7 +17,7 @@ struct Face {
     Tensor mask;   ///< (S, S, 1) in [0, 1], 1 on the head; 1 everywhere if there is none
     Pose pose;     ///< frontal if there is none
     Intrinsics intrinsics;
-    std::vector<float> code;  ///< the 306 numbers of a morphable model's fit, or none
+    std::vector<float> code;  ///< the 306 elements of a morphable model's fit, or none
     bool has_mask = false;
     bool has_pose = false;
     bool has_code = false;

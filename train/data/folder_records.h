@@ -14,7 +14,7 @@ namespace stymo {
 /// One line of `faces.jsonl`.
 struct FaceRecord {
     std::optional<Pose> pose;
-    std::vector<float> code;  ///< identity, expression, texture, light: 306 numbers, or none
+    std::vector<float> code;  ///< identity, expression, texture, light: 306 elements, or none
     std::vector<Eigen::Vector2d> landmarks;  ///< 68 points in pixels of the stored image, or none
 };
 

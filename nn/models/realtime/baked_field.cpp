@@ -111,7 +111,7 @@ BakedField::Marched BakedField::march(const Ray& ray, std::int64_t samples_per_r
     }
     const std::int64_t down = grid.index(0, 1, 0), back = grid.index(0, 0, 1);
     const auto least_transmittance = static_cast<float>(neglected_share * options_.tolerance);
-    // A sample that counts less than this may as well have the mean feature.
+    // A sample of less weight may as well have the mean feature.
     const float least_weight = least_transmittance;
     Marched seen;
     Transmittance<float> light;

@@ -28,7 +28,6 @@ constexpr int refinements = 2;
 constexpr std::int64_t cells_unit = 1 << refinements;
 constexpr std::int64_t lane_count = 16;
 constexpr std::size_t basis_points = 8192;
-constexpr std::int64_t points_per_tile = 256;
 
 std::int64_t rounded_up(std::int64_t value, std::int64_t unit) {
     return (value + unit - 1) / unit * unit;

@@ -133,7 +133,7 @@ private:
     double thin_length_ = 0.0;  ///< of a ray through thin cells alone that may be left out
     PackedField<T> field_;
     DensityGrid grid_;
-    std::vector<float> reach_;  ///< points around which a new head's density is learnt at once
+    std::vector<float> reach_;  ///< points around which a new head's density is evaluated at once
     SampleSelection selection_;
     std::vector<std::int64_t> tiles_;  ///< first ray of each, and the end of the last
     std::int64_t largest_tile_ = 0;    ///< points

@@ -1,15 +1,15 @@
-#include "nn/models/kept_samples.h"
+#include "nn/models/significant_rows.h"
 
 #include "core/ops/elementwise.h"
 #include "core/ops/shape_ops.h"
 
 namespace stymo {
 
-RowIndices kept_rows(const RayPoints& rays, std::int64_t index) {
+RowIndices significant_rows(const RayPoints& rays, std::int64_t index) {
     const std::int64_t count = rays.deltas.shape(1) * rays.deltas.shape(2);
     RowIndices rows;
     const std::vector<double> kept =
-        rays.kept.defined() ? rays.kept.to_vector() : std::vector<double>();
+        rays.significant.defined() ? rays.significant.to_vector() : std::vector<double>();
     for (std::int64_t i = 0; i < count; ++i)
         if (kept.empty() || kept[static_cast<std::size_t>(index * count + i)] != 0.0)
             rows.push_back(i);
