@@ -24,6 +24,7 @@ function(stymo_compile_folders_together target)
     math(EXPR count "${count} + 1")
     set(previous ${name})
     string(MAKE_C_IDENTIFIER "${name}_${part}" group)
-    set_source_files_properties(${source} TARGET_DIRECTORY ${target} PROPERTIES UNITY_GROUP ${group})
+    set_source_files_properties(${source} TARGET_DIRECTORY ${target} PROPERTIES
+      UNITY_GROUP ${group})
   endforeach()
 endfunction()

@@ -1,30 +1,38 @@
 """PyTorch peer of the StyleMorpheus decoder, fitter and stage-1 step: what a user would run today.
 
-Written from the paper and HeadNeRF's published figures; random weights. Times the same work as stymo-bench on the same
-machine (batch 1, float32), and is never an oracle for values. Debian: python3-torch python3-torchvision.
-usage: torch_peer.py [--threads 2] [--width 256] [--layers 8] [--res 512] render|fit|fit-lpips|train|train-lpips|disc|r1 ...
-(disc and r1: one update of the discriminator on --batch images, without and with the R1 penalty alone)
+Written from the paper and HeadNeRF's published figures; random weights. Times the same work as
+stymo-bench on the same machine (batch 1, float32), and is never an oracle for values. Debian:
+python3-torch python3-torchvision. usage: torch_peer.py [--threads 2] [--width 256] [--layers 8]
+[--res 512] render|fit|fit-lpips|train|train-lpips|disc|r1 ... (disc and r1: one update of the
+discriminator on --batch images, without and with the R1 penalty alone)
 """
+
 import argparse, math, time
 import torch, torch.nn as nn, torch.nn.functional as F
 
 
 class ModConv(nn.Module):
-    """1x1 modulated convolution with weight demodulation (StyleGAN2), batch-1 fast path by folding."""
+    """1x1 modulated convolution with weight demodulation (StyleGAN2), batch-1 fast path by
+    folding."""
+
     def __init__(self, cin, cout, sdim, demod=True):
         super().__init__()
         self.w = nn.Parameter(torch.randn(cout, cin) / math.sqrt(cin))
         self.b = nn.Parameter(torch.zeros(cout))
-        self.aff = nn.Linear(sdim, cin); nn.init.ones_(self.aff.bias)
+        self.aff = nn.Linear(sdim, cin)
+        nn.init.ones_(self.aff.bias)
         self.demod = demod
+
     def fold(self, s):
         w = self.w[None] * self.aff(s)[:, None, :]
         if self.demod:
             w = w * torch.rsqrt(w.pow(2).sum(-1, keepdim=True) + 1e-8)
         return w
-    def points(self, x, s):            # x [B, P, cin]
+
+    def points(self, x, s):  # x [B, P, cin]
         return torch.baddbmm(self.b[None, None], x, self.fold(s).transpose(1, 2))
-    def forward(self, x, s):           # x [B, cin, H, W]
+
+    def forward(self, x, s):  # x [B, cin, H, W]
         w = self.fold(s)
         if x.shape[0] == 1:
             return F.conv2d(x, w[0, :, :, None, None], self.b)
@@ -36,41 +44,58 @@ class ModConv(nn.Module):
 class Nerf(nn.Module):
     def __init__(self, width=256, layers=8, sdim=179, feat=256, freqs=10):
         super().__init__()
-        self.freqs = freqs; d = 3 + 6 * freqs
+        self.freqs = freqs
+        d = 3 + 6 * freqs
         self.skip = layers // 2
-        self.layers = nn.ModuleList([ModConv(d if i == 0 else width + (d if i == self.skip else 0), width, sdim) for i in range(layers)])
+        self.layers = nn.ModuleList(
+            [
+                ModConv(d if i == 0 else width + (d if i == self.skip else 0), width, sdim)
+                for i in range(layers)
+            ]
+        )
         self.sigma = nn.Linear(width, 1)
         self.feat = ModConv(width, feat, sdim)
+
     def encode(self, p):
         f = 2.0 ** torch.arange(self.freqs, dtype=p.dtype)
         a = (p[..., None, :] * f[:, None]).flatten(-2)
         return torch.cat([p, a.sin(), a.cos()], -1)
+
     def forward(self, p, s):
-        e = self.encode(p); x = e
+        e = self.encode(p)
+        x = e
         for i, l in enumerate(self.layers):
-            if i == self.skip: x = torch.cat([x, e], -1)
+            if i == self.skip:
+                x = torch.cat([x, e], -1)
             x = torch.sin(l.points(x, s))
         return F.softplus(self.sigma(x)), self.feat.points(x, s)
 
 
 def blur(x):
-    k = x.new_tensor([1., 2., 1.]); k = (k[:, None] * k[None]) / 16
-    return F.conv2d(F.pad(x, (1, 1, 1, 1), mode='replicate'), k.expand(x.shape[1], 1, 3, 3), groups=x.shape[1])
+    k = x.new_tensor([1.0, 2.0, 1.0])
+    k = (k[:, None] * k[None]) / 16
+    return F.conv2d(
+        F.pad(x, (1, 1, 1, 1), mode="replicate"), k.expand(x.shape[1], 1, 3, 3), groups=x.shape[1]
+    )
 
 
 class Block(nn.Module):
     def __init__(self, cin, cout, sdim):
         super().__init__()
-        self.u1 = nn.Conv2d(cin, cin * 2, 1); self.u2 = nn.Conv2d(cin * 2, cin * 4, 1)
-        self.m1 = ModConv(cin, cout, sdim); self.m2 = ModConv(cout, cout, sdim)
+        self.u1 = nn.Conv2d(cin, cin * 2, 1)
+        self.u2 = nn.Conv2d(cin * 2, cin * 4, 1)
+        self.m1 = ModConv(cin, cout, sdim)
+        self.m2 = ModConv(cout, cout, sdim)
         self.rgb = nn.Conv2d(cout, 3, 1)
+
     def forward(self, x, s, rgb):
-        y = F.leaky_relu(self.u2(F.leaky_relu(self.u1(x), .2)), .2) + x.repeat(1, 4, 1, 1)
+        y = F.leaky_relu(self.u2(F.leaky_relu(self.u1(x), 0.2)), 0.2) + x.repeat(1, 4, 1, 1)
         x = blur(F.pixel_shuffle(y, 2))
-        x = F.leaky_relu(self.m1(x, s), .2); x = F.leaky_relu(self.m2(x, s), .2)
+        x = F.leaky_relu(self.m1(x, s), 0.2)
+        x = F.leaky_relu(self.m2(x, s), 0.2)
         c = self.rgb(x)
         if rgb is not None:
-            c = c + blur(F.interpolate(rgb, scale_factor=2, mode='bilinear', align_corners=False))
+            c = c + blur(F.interpolate(rgb, scale_factor=2, mode="bilinear", align_corners=False))
         return x, c
 
 
@@ -80,24 +105,41 @@ class Decoder(nn.Module):
         self.nerf = Nerf(width, layers, 179, feat)
         ch = [feat, 128, 64, 32, 32][: int(math.log2(res)) - 4]
         self.blocks = nn.ModuleList([Block(ch[i], ch[i + 1], 127) for i in range(len(ch) - 1)])
-        self.map = nn.ModuleList([nn.Sequential(*[m for _ in range(4) for m in (nn.Linear(d, d), nn.LeakyReLU(.2))]) for d in (100, 79, 100, 27)])
+        self.map = nn.ModuleList(
+            [
+                nn.Sequential(*[m for _ in range(4) for m in (nn.Linear(d, d), nn.LeakyReLU(0.2))])
+                for d in (100, 79, 100, 27)
+            ]
+        )
+
     def rays(self, B, N, R=32):
-        y, x = torch.meshgrid(torch.arange(R), torch.arange(R), indexing='ij')
-        d = torch.stack([(x - 16.1) / 128.36, -(y - 16.5) / 128.36, -torch.ones(R, R)], -1).view(-1, 3).float()
+        y, x = torch.meshgrid(torch.arange(R), torch.arange(R), indexing="ij")
+        d = (
+            torch.stack([(x - 16.1) / 128.36, -(y - 16.5) / 128.36, -torch.ones(R, R)], -1)
+            .view(-1, 3)
+            .float()
+        )
         t = torch.linspace(9.5, 15.5, N + 1)
-        p = torch.tensor([0., 0., 12.]) + d[:, None] * t[None, :N, None]
-        return p.view(1, R * R * N, 3).expand(B, -1, -1), torch.full((N,), 6. / N)
+        p = torch.tensor([0.0, 0.0, 12.0]) + d[:, None] * t[None, :N, None]
+        return p.view(1, R * R * N, 3).expand(B, -1, -1), torch.full((N,), 6.0 / N)
+
     def forward(self, z, N):
         zi, ze, zt, zl = [m(v) for m, v in zip(self.map, z)]
         ws, wa = torch.cat([zi, ze], -1), torch.cat([zt, zl], -1)
-        B = ws.shape[0]; p, dl = self.rays(B, N)
+        B = ws.shape[0]
+        p, dl = self.rays(B, N)
         sg, r = self.nerf(p, ws)
-        sg = sg.view(B, 1024, N); tau = sg * dl
-        T = torch.exp(-(torch.cumsum(tau, -1) - tau)); w = T * (1 - torch.exp(-tau))
-        f = torch.einsum('brn,brnk->brk', w, r.view(B, 1024, N, -1))
-        x = f.transpose(1, 2).reshape(B, -1, 32, 32); rgb = None; outs = []
+        sg = sg.view(B, 1024, N)
+        tau = sg * dl
+        T = torch.exp(-(torch.cumsum(tau, -1) - tau))
+        w = T * (1 - torch.exp(-tau))
+        f = torch.einsum("brn,brnk->brk", w, r.view(B, 1024, N, -1))
+        x = f.transpose(1, 2).reshape(B, -1, 32, 32)
+        rgb = None
+        outs = []
         for b in self.blocks:
-            x, rgb = b(x, wa, rgb); outs.append(rgb)
+            x, rgb = b(x, wa, rgb)
+            outs.append(rgb)
         return outs
 
 
@@ -105,92 +147,158 @@ class Lpips(nn.Module):
     def __init__(self):
         super().__init__()
         import torchvision
+
         self.f = torchvision.models.vgg16(weights=None).features.eval()
-        for p in self.parameters(): p.requires_grad_(False)
+        for p in self.parameters():
+            p.requires_grad_(False)
         self.taps = {3, 8, 15, 22, 29}
+
     def feats(self, x):
         o = []
         for i, l in enumerate(self.f):
             x = l(x)
-            if i in self.taps: o.append(x / (x.pow(2).sum(1, keepdim=True).sqrt() + 1e-10))
-            if i == 29: break
+            if i in self.taps:
+                o.append(x / (x.pow(2).sum(1, keepdim=True).sqrt() + 1e-10))
+            if i == 29:
+                break
         return o
-    def forward(self, fx, fy): return sum(((a - b) ** 2).mean() for a, b in zip(fx, fy))
+
+    def forward(self, fx, fy):
+        return sum(((a - b) ** 2).mean() for a, b in zip(fx, fy))
 
 
 class Disc(nn.Module):
     """StyleGAN2 residual discriminator, channel multiplier 2."""
+
     def __init__(self, res):
         super().__init__()
         ch = lambda r: {4: 512, 8: 512, 16: 512, 32: 512, 64: 512, 128: 256, 256: 128, 512: 64}[r]
-        self.rgb = nn.Conv2d(3, ch(res), 1); self.b = nn.ModuleList(); r = res
-        k = torch.tensor([1., 3., 3., 1.]); self.register_buffer('k', (k[:, None] * k[None] / 64)[None, None])
+        self.rgb = nn.Conv2d(3, ch(res), 1)
+        self.b = nn.ModuleList()
+        r = res
+        k = torch.tensor([1.0, 3.0, 3.0, 1.0])
+        self.register_buffer("k", (k[:, None] * k[None] / 64)[None, None])
         while r > 4:
             i, o = ch(r), ch(r // 2)
-            self.b.append(nn.ModuleList([nn.Conv2d(i, i, 3, padding=1), nn.Conv2d(i, o, 3, stride=2), nn.Conv2d(i, o, 1, stride=2, bias=False)])); r //= 2
-        self.c = nn.Conv2d(513, 512, 3, padding=1); self.f = nn.Linear(8192, 512); self.o = nn.Linear(512, 1)
-    def blur(self, x, p): return F.conv2d(F.pad(x, (p, p, p, p)), self.k.expand(x.shape[1], 1, 4, 4), groups=x.shape[1])
+            self.b.append(
+                nn.ModuleList(
+                    [
+                        nn.Conv2d(i, i, 3, padding=1),
+                        nn.Conv2d(i, o, 3, stride=2),
+                        nn.Conv2d(i, o, 1, stride=2, bias=False),
+                    ]
+                )
+            )
+            r //= 2
+        self.c = nn.Conv2d(513, 512, 3, padding=1)
+        self.f = nn.Linear(8192, 512)
+        self.o = nn.Linear(512, 1)
+
+    def blur(self, x, p):
+        return F.conv2d(
+            F.pad(x, (p, p, p, p)), self.k.expand(x.shape[1], 1, 4, 4), groups=x.shape[1]
+        )
+
     def forward(self, x):
-        a = lambda v: F.leaky_relu(v, .2) * math.sqrt(2); x = a(self.rgb(x))
+        a = lambda v: F.leaky_relu(v, 0.2) * math.sqrt(2)
+        x = a(self.rgb(x))
         for c1, c2, sk in self.b:
             x = (a(c2(self.blur(a(c1(x)), 2))) + sk(self.blur(x, 1))) / math.sqrt(2)
-        B = x.shape[0]; g = min(B, 4); s = x.view(g, B // g, *x.shape[1:]); s = (s.var(0, unbiased=False) + 1e-8).sqrt().mean((1, 2, 3))
+        B = x.shape[0]
+        g = min(B, 4)
+        s = x.view(g, B // g, *x.shape[1:])
+        s = (s.var(0, unbiased=False) + 1e-8).sqrt().mean((1, 2, 3))
         x = torch.cat([x, s.repeat(g)[:, None, None, None].expand(B, 1, 4, 4)], 1)
         return self.o(a(self.f(a(self.c(x)).flatten(1))))
 
 
 def timed(f, n):
-    f(); ts = []
+    f()
+    ts = []
     for _ in range(n):
-        t = time.perf_counter(); f(); ts.append(time.perf_counter() - t)
+        t = time.perf_counter()
+        f()
+        ts.append(time.perf_counter() - t)
     return sorted(ts)[len(ts) // 2]
 
 
 def main():
-    a = argparse.ArgumentParser(); a.add_argument('what', nargs='+'); a.add_argument('--threads', type=int, default=2)
-    a.add_argument('--width', type=int, default=256); a.add_argument('--layers', type=int, default=8)
-    a.add_argument('--samples', type=int, default=64); a.add_argument('--res', type=int, default=512)
-    a.add_argument('--batch', type=int, default=1); a.add_argument('-n', type=int, default=3)
-    o = a.parse_args(); torch.set_num_threads(o.threads); torch.manual_seed(0)
+    a = argparse.ArgumentParser()
+    a.add_argument("what", nargs="+")
+    a.add_argument("--threads", type=int, default=2)
+    a.add_argument("--width", type=int, default=256)
+    a.add_argument("--layers", type=int, default=8)
+    a.add_argument("--samples", type=int, default=64)
+    a.add_argument("--res", type=int, default=512)
+    a.add_argument("--batch", type=int, default=1)
+    a.add_argument("-n", type=int, default=3)
+    o = a.parse_args()
+    torch.set_num_threads(o.threads)
+    torch.manual_seed(0)
     G = Decoder(o.width, o.layers, o.res)
-    z = [torch.randn(o.batch, d) * .1 for d in (100, 79, 100, 27)]
+    z = [torch.randn(o.batch, d) * 0.1 for d in (100, 79, 100, 27)]
     tgt = torch.rand(o.batch, 3, o.res, o.res) * 2 - 1
-    tg = [F.interpolate(tgt, size=2 ** k, mode='bicubic', antialias=True) if 2 ** k < o.res else tgt for k in range(6, int(math.log2(o.res)) + 1)]
-    gam = [.01, .1, .5, 1.][-len(tg):]
+    tg = [
+        F.interpolate(tgt, size=2**k, mode="bicubic", antialias=True) if 2**k < o.res else tgt
+        for k in range(6, int(math.log2(o.res)) + 1)
+    ]
+    gam = [0.01, 0.1, 0.5, 1.0][-len(tg) :]
     for w in o.what:
-        if w == 'render':
+        if w == "render":
+
             def f():
-                with torch.no_grad(): G(z, o.samples)
-        elif w in ('disc', 'r1'):
-            D = Disc(o.res); x = torch.rand(o.batch, 3, o.res, o.res); opt = torch.optim.Adam(D.parameters(), lr=1e-4, betas=(0, .99))
+                with torch.no_grad():
+                    G(z, o.samples)
+
+        elif w in ("disc", "r1"):
+            D = Disc(o.res)
+            x = torch.rand(o.batch, 3, o.res, o.res)
+            opt = torch.optim.Adam(D.parameters(), lr=1e-4, betas=(0, 0.99))
+
             def f():
-                opt.zero_grad(); xr = x.clone().requires_grad_(w == 'r1'); d = D(xr)
-                if w == 'r1':
-                    g, = torch.autograd.grad(d.sum(), xr, create_graph=True); loss = 5 * g.pow(2).flatten(1).sum(1).mean()
+                opt.zero_grad()
+                xr = x.clone().requires_grad_(w == "r1")
+                d = D(xr)
+                if w == "r1":
+                    (g,) = torch.autograd.grad(d.sum(), xr, create_graph=True)
+                    loss = 5 * g.pow(2).flatten(1).sum(1).mean()
                 else:
                     loss = F.softplus(-d).mean()
-                loss.backward(); opt.step()
-        elif w.startswith('fit') or w.startswith('train'):
-            train = w.startswith('train'); N = 32 if train else o.samples
-            for p in G.parameters(): p.requires_grad_(train)
+                loss.backward()
+                opt.step()
+
+        elif w.startswith("fit") or w.startswith("train"):
+            train = w.startswith("train")
+            N = 32 if train else o.samples
+            for p in G.parameters():
+                p.requires_grad_(train)
             dz = [torch.zeros_like(v, requires_grad=True) for v in z]
             opt = torch.optim.Adam(G.parameters() if train else dz, lr=1e-4 if train else 1e-2)
-            L = Lpips() if 'lpips' in w else None
+            L = Lpips() if "lpips" in w else None
             ft = None
             if L and not train:
-                with torch.no_grad(): ft = L.feats(tgt)
+                with torch.no_grad():
+                    ft = L.feats(tgt)
+
             def f():
                 feats = ft
                 opt.zero_grad()
                 outs = G([v + d for v, d in zip(z, dz)], N)
                 loss = sum(g * (x - t).abs().mean() for g, x, t in zip(gam, outs, tg))
                 if L:
-                    if train:                       # another target in every step: its features are part of the step
-                        with torch.no_grad(): feats = L.feats(tgt)
-                    loss = loss + .1 * L(L.feats(outs[-1]), feats)
-                loss = loss + sum((d ** 2).sum() for d in dz)
-                loss.backward(); opt.step()
-        print(f'{w}: {timed(f, o.n) * 1e3:.1f} ms  (threads {o.threads}, N {o.samples}, width {o.width}x{o.layers}, res {o.res}, batch {o.batch})', flush=True)
+                    if train:  # another target in every step: its features are part of the step
+                        with torch.no_grad():
+                            feats = L.feats(tgt)
+                    loss = loss + 0.1 * L(L.feats(outs[-1]), feats)
+                loss = loss + sum((d**2).sum() for d in dz)
+                loss.backward()
+                opt.step()
+
+        print(
+            f"{w}: {timed(f, o.n) * 1e3:.1f} ms  (threads {o.threads}, N {o.samples}, "
+            f"width {o.width}x{o.layers}, res {o.res}, batch {o.batch})",
+            flush=True,
+        )
 
 
 main()

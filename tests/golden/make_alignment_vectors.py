@@ -1,7 +1,9 @@
-"""Writes alignment_vectors.json beside this file: squares cut out of a formula's picture by FFHQ's recipe, with Pillow and SciPy.
+"""Writes alignment_vectors.json beside this file: squares cut out of a formula's image by FFHQ's
+recipe, with Pillow and SciPy.
 
-The picture is the closed form `picture` below, which tests/fit/photo/test_alignment.cpp repeats, so only the results are stored.
-Needs numpy, pillow, scipy (the values stored were made with 2.4, 13.0, 1.17): pip install numpy pillow scipy
+The image is the closed form `image` below, which tests/fit/photo/test_alignment.cpp repeats, so
+only the results are stored. Needs numpy, pillow, scipy (the values stored were made with 2.4, 13.0,
+1.17): pip install numpy pillow scipy
 """
 
 import json
@@ -12,21 +14,28 @@ import PIL.Image
 from scipy.ndimage import gaussian_filter
 
 
-def picture(height, width):
-    row, column, channel = numpy.meshgrid(numpy.arange(height), numpy.arange(width), numpy.arange(3), indexing="ij")
-    wave = numpy.sin(0.05 * row + 0.01 * column * (channel + 1)) * numpy.cos(0.03 * column + 0.3 * channel)
+def image(height, width):
+    row, column, channel = numpy.meshgrid(
+        numpy.arange(height), numpy.arange(width), numpy.arange(3), indexing="ij"
+    )
+    wave = numpy.sin(0.05 * row + 0.01 * column * (channel + 1)) * numpy.cos(
+        0.03 * column + 0.3 * channel
+    )
     return numpy.uint8(numpy.floor(255 * (0.5 + 0.45 * wave) + 0.5))
 
 
 def landmarks_at(center, interocular, degrees, mouth_drop):
-    """68 points of which only eyes and mouth corners count; positions of pixel centres are whole numbers."""
+    """68 points of which only eyes and mouth corners count; positions of pixel centres are whole
+    numbers."""
     points = numpy.zeros((68, 2))
     points[36:42] = [-0.5, 0]
     points[42:48] = [0.5, 0]
     points[48] = [-0.4, mouth_drop]
     points[54] = [0.4, mouth_drop]
     angle = numpy.deg2rad(degrees)
-    rotation = numpy.array([[numpy.cos(angle), -numpy.sin(angle)], [numpy.sin(angle), numpy.cos(angle)]])
+    rotation = numpy.array(
+        [[numpy.cos(angle), -numpy.sin(angle)], [numpy.sin(angle), numpy.cos(angle)]]
+    )
     return points @ rotation.T * interocular + center
 
 
@@ -52,9 +61,12 @@ def aligned(image, points, side):
     image = PIL.Image.fromarray(image)
     shrink = int(numpy.floor(size / side * 0.5))
     if shrink > 1:
-        # FFHQ's own program loses half of a reduced pixel here, and up to a pixel where the factor does not divide the size.
+        # FFHQ's own program loses half of a reduced pixel here, and up to a pixel where the factor
+        # does not divide the size.
         whole = [length // shrink * shrink for length in image.size]
-        image = image.crop((0, 0, *whole)).resize([length // shrink for length in whole], PIL.Image.LANCZOS)
+        image = image.crop((0, 0, *whole)).resize(
+            [length // shrink for length in whole], PIL.Image.LANCZOS
+        )
         quad = (quad + 0.5) / shrink - 0.5
         size /= shrink
     border = max(int(numpy.rint(size * 0.1)), 3)
@@ -63,7 +75,15 @@ def aligned(image, points, side):
     image = image.crop(box)
     quad = quad - box[:2]
     low_x, low_y, high_x, high_y = bounds(quad)
-    pad = numpy.maximum([border - low_x, border - low_y, high_x - image.size[0] + border, high_y - image.size[1] + border], 0)
+    pad = numpy.maximum(
+        [
+            border - low_x,
+            border - low_y,
+            high_x - image.size[0] + border,
+            high_y - image.size[1] + border,
+        ],
+        0,
+    )
     if pad.max() > border - 4:
         left, top, right, bottom = pad = numpy.maximum(pad, int(numpy.rint(size * 0.3)))
         values = numpy.pad(numpy.float32(image), ((top, bottom), (left, right), (0, 0)), "reflect")
@@ -77,22 +97,58 @@ def aligned(image, points, side):
         values += (numpy.median(values, axis=(0, 1)) - values) * numpy.clip(outside, 0, 1)
         image = PIL.Image.fromarray(numpy.uint8(numpy.clip(numpy.rint(values), 0, 255)))
         quad = quad + [left, top]
-    large = image.transform((4 * side, 4 * side), PIL.Image.QUAD, (quad + 0.5).flatten(), PIL.Image.BILINEAR)
+    large = image.transform(
+        (4 * side, 4 * side), PIL.Image.QUAD, (quad + 0.5).flatten(), PIL.Image.BILINEAR
+    )
     return numpy.asarray(large.resize((side, side), PIL.Image.LANCZOS))
 
 
 CASES = [
-    {"height": 160, "width": 200, "center": [100.3, 70.2], "interocular": 24.0, "degrees": 0.0, "mouth_drop": 1.0, "side": 16},
-    {"height": 160, "width": 200, "center": [92.7, 75.9], "interocular": 21.5, "degrees": 17.0, "mouth_drop": 1.2, "side": 20},
-    {"height": 160, "width": 200, "center": [50.1, 110.4], "interocular": 30.0, "degrees": -12.0, "mouth_drop": 0.9, "side": 24},
-    {"height": 200, "width": 130, "center": [64.0, 60.0], "interocular": 40.0, "degrees": 5.0, "mouth_drop": 1.1, "side": 16},
+    {
+        "height": 160,
+        "width": 200,
+        "center": [100.3, 70.2],
+        "interocular": 24.0,
+        "degrees": 0.0,
+        "mouth_drop": 1.0,
+        "side": 16,
+    },
+    {
+        "height": 160,
+        "width": 200,
+        "center": [92.7, 75.9],
+        "interocular": 21.5,
+        "degrees": 17.0,
+        "mouth_drop": 1.2,
+        "side": 20,
+    },
+    {
+        "height": 160,
+        "width": 200,
+        "center": [50.1, 110.4],
+        "interocular": 30.0,
+        "degrees": -12.0,
+        "mouth_drop": 0.9,
+        "side": 24,
+    },
+    {
+        "height": 200,
+        "width": 130,
+        "center": [64.0, 60.0],
+        "interocular": 40.0,
+        "degrees": 5.0,
+        "mouth_drop": 1.1,
+        "side": 16,
+    },
 ]
 
 for case in CASES:
     points = landmarks_at(case["center"], case["interocular"], case["degrees"], case["mouth_drop"])
     center, x, _ = square(points)
     case["square"] = [*(center + 0.5).tolist(), *x.tolist()]
-    case["pixels"] = aligned(picture(case["height"], case["width"]), points, case["side"]).flatten().tolist()
+    case["pixels"] = (
+        aligned(image(case["height"], case["width"]), points, case["side"]).flatten().tolist()
+    )
 
 path = pathlib.Path(__file__).with_name("alignment_vectors.json")
 path.write_text("[\n" + ",\n".join(json.dumps(case) for case in CASES) + "\n]\n")

@@ -1,5 +1,6 @@
-"""Writes what PyTorch makes of the decoders that the paper compares with, in float64, to baseline_vectors.safetensors beside this
-script; every tensor is folded to 16 numbers. Needs torch, numpy and safetensors. Weights and inputs as in make_agreement_vectors.py.
+"""Writes what PyTorch makes of the decoders that the paper compares with, in float64, to
+baseline_vectors.safetensors beside this script; every tensor is folded to 16 numbers. Needs torch,
+numpy and safetensors. Weights and inputs as in make_agreement_vectors.py.
 """
 
 import functools
@@ -21,7 +22,9 @@ def main():
     results = agreement.Results(folded=True, fold=16)
     for name, (network, size) in NETWORKS.items():
         agreement.CASES[name] = functools.partial(agreement.decoder_case, network=network)
-        nearest = agreement.nearest_kink(name, results, agreement.Case(size, 2, 5, 8, "", Numbers(1)))
+        nearest = agreement.nearest_kink(
+            name, results, agreement.Case(size, 2, 5, 8, "", Numbers(1))
+        )
         print(f"{name}: nearest kink {nearest:.1e}")
     save_file(results.tensors, pathlib.Path(__file__).with_name("baseline_vectors.safetensors"))
 

@@ -1,9 +1,11 @@
-"""Writes what PyTorch makes of the discriminator and of R1, in float64, for the C++ tests tagged "agreement".
+"""Writes what PyTorch makes of the discriminator and of R1, in float64, for the C++ tests tagged
+"agreement".
 
-Without arguments: small ones, discriminator_vectors.safetensors beside this script; every tensor is folded to at most 32 numbers.
-With --out DIR [--side 256]: one of the paper's width, into DIR/discriminator_vectors.safetensors, unfolded.
-Needs torch, numpy and safetensors. All weights and images are functions of their names (torch_model.Numbers), so that they need not
-be stored: the C++ side makes the same ones.
+Without arguments: small ones, discriminator_vectors.safetensors beside this script; every tensor is
+folded to at most 32 numbers. With --out DIR [--side 256]: one of the paper's width, into
+DIR/discriminator_vectors.safetensors, unfolded. Needs torch, numpy and safetensors. All weights and
+images are functions of their names (torch_model.Numbers), so that they need not be stored: the C++
+side makes the same ones.
 """
 
 import argparse
@@ -17,24 +19,35 @@ from torch_discriminator import Discriminator, discriminator_loss, faded, r1_pen
 from torch_model import Numbers, Parameters
 
 
-def picture(numbers, name, batch, side):
+def image(numbers, name, batch, side):
     """(B, C, H, W) in [-1, 1]; the C++ side makes (B, H, W, C)."""
-    return (numbers(name, batch, side, side, 3).double() / 1.75).float().to(numbers.dtype).permute(0, 3, 1, 2)
+    return (
+        (numbers(name, batch, side, side, 3).double() / 1.75)
+        .float()
+        .to(numbers.dtype)
+        .permute(0, 3, 1, 2)
+    )
 
 
 def case(results, name, resolution, side, batch, fade, dtype=torch.float64, **size):
     numbers = Numbers(1, dtype)
     parameters = Parameters(numbers)
     discriminator = Discriminator(parameters, "discriminator", resolution, **size)
-    real = faded(picture(numbers, "discriminator.real", batch, side), fade).detach().requires_grad_()
-    fake = faded(picture(numbers, "discriminator.fake", batch, side), fade)
+    real = (
+        faded(image(numbers, "discriminator.real", batch, side), fade).detach().requires_grad_()
+    )
+    fake = faded(image(numbers, "discriminator.fake", batch, side), fade)
     real_logits, fake_logits = discriminator(real, fade), discriminator(fake, fade)
     (dlogits_dx,) = torch.autograd.grad(real_logits.sum(), real, retain_graph=True)
     loss = discriminator_loss(real_logits, fake_logits)
-    first_order = gradients(loss, parameters.tensors) | {"dlogits_dx": dlogits_dx.permute(0, 2, 3, 1)}
+    first_order = gradients(loss, parameters.tensors) | {
+        "dlogits_dx": dlogits_dx.permute(0, 2, 3, 1)
+    }
     results.put_all(f"{name}/loss_gradient", first_order)
     # The graph of the loss is gone before that of R1 is made.
-    real, real_logits, fake_logits, loss = (value.detach() for value in (real, real_logits, fake_logits, loss))
+    real, real_logits, fake_logits, loss = (
+        value.detach() for value in (real, real_logits, fake_logits, loss)
+    )
     penalty = r1_penalty(lambda images: discriminator(images, fade), real)
     results.put_all(
         f"{name}/value",
@@ -50,10 +63,16 @@ def case(results, name, resolution, side, batch, fade, dtype=torch.float64, **si
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=pathlib.Path, help="folder for the vectors of the full width")
     parser.add_argument("--side", type=int, default=256, help="resolution of the full one")
-    parser.add_argument("--float32", action="store_true", help="print the errors of PyTorch's own float32 against those vectors")
+    parser.add_argument(
+        "--float32",
+        action="store_true",
+        help="print the errors of PyTorch's own float32 against those vectors",
+    )
     arguments = parser.parse_args()
     results = Results(folded=arguments.out is None)
     if arguments.out is None:

@@ -13,7 +13,11 @@ WALL_TIME = 1700000000.25
 
 
 def scalar(step, tag, value):
-    return Event(wall_time=WALL_TIME, step=step, summary=Summary(value=[Summary.Value(tag=tag, simple_value=value)]))
+    return Event(
+        wall_time=WALL_TIME,
+        step=step,
+        summary=Summary(value=[Summary.Value(tag=tag, simple_value=value)]),
+    )
 
 
 EVENTS = [

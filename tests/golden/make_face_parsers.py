@@ -1,6 +1,8 @@
-"""Writes onnx/face_parser_*.onnx with the package onnx (1.23): parsers that take each part of a head for the one whose colour it has.
+"""Writes onnx/face_parser_*.onnx with the package onnx (1.23): parsers that take each part of a
+head for the one whose colour it has.
 
-The n-th part of CelebAMask-HQ has the n-th of the colours below; each network gives the parts in its own convention's order, by name.
+The n-th part of CelebAMask-HQ has the n-th of the colours below; each network gives the parts in
+its own convention's order, by name.
 """
 
 import pathlib
@@ -9,8 +11,14 @@ import numpy
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-CELEBAMASK = "background skin nose glasses l_eye r_eye l_brow r_brow l_ear r_ear mouth u_lip l_lip hair hat earring necklace neck cloth".split()
-BISENET = "background skin l_brow r_brow l_eye r_eye glasses l_ear r_ear earring nose mouth u_lip l_lip neck necklace cloth hair hat".split()
+CELEBAMASK = (
+    "background skin nose glasses l_eye r_eye l_brow r_brow l_ear r_ear mouth u_lip l_lip hair hat "
+    "earring necklace neck cloth"
+).split()
+BISENET = (
+    "background skin l_brow r_brow l_eye r_eye glasses l_ear r_ear earring nose mouth u_lip l_lip "
+    "neck necklace cloth hair hat"
+).split()
 IMAGENET = numpy.array([[0.485, 0.456, 0.406], [0.229, 0.224, 0.225]])
 folder = pathlib.Path(__file__).parent / "onnx"
 
@@ -22,7 +30,8 @@ def color(name):
 
 
 def parser(names, side, mean, deviation, outputs):
-    """Logits 2 c.x - c.c of the mean x of each block of 16 pixels: largest for the nearest colour c."""
+    """Logits 2 c.x - c.c of the mean x of each block of 16 pixels: largest for the nearest colour
+    c."""
     blocks = side // 16
     colors = numpy.stack([color(name) for name in names])
     weight = 2 * colors * deviation
@@ -33,7 +42,9 @@ def parser(names, side, mean, deviation, outputs):
         numpy_helper.from_array(numpy.array([1, len(names), blocks, blocks]), "extents"),
     ]
     nodes = [
-        helper.make_node("AveragePool", ["image"], ["mean"], kernel_shape=[16, 16], strides=[16, 16]),
+        helper.make_node(
+            "AveragePool", ["image"], ["mean"], kernel_shape=[16, 16], strides=[16, 16]
+        ),
         helper.make_node("Conv", ["mean", "weight", "bias"], ["logits"], kernel_shape=[1, 1]),
         # The extents are constants, as in networks that were exported for one size.
         helper.make_node("Reshape", ["logits", "extents"], ["out"]),
@@ -43,7 +54,11 @@ def parser(names, side, mean, deviation, outputs):
     image = helper.make_tensor_value_info("image", TensorProto.FLOAT, [1, 3, side, side])
     extents = [1, len(names), blocks, blocks]
     graph = helper.make_graph(
-        nodes, "graph", [image], [helper.make_tensor_value_info(name, TensorProto.FLOAT, extents) for name in results], tensors
+        nodes,
+        "graph",
+        [image],
+        [helper.make_tensor_value_info(name, TensorProto.FLOAT, extents) for name in results],
+        tensors,
     )
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
 

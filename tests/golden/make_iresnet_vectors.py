@@ -1,10 +1,13 @@
-"""Writes a tiny iresnet as PyTorch computes it: iresnet_vectors.safetensors (weights in insightface's names, embedding, gradients)
-and the same network as two ONNX files, exported as insightface ships its own (batch norms folded into convolutions) and unfolded.
+"""Writes a tiny iresnet as PyTorch computes it: iresnet_vectors.safetensors (weights in
+insightface's names, embedding, gradients) and the same network as two ONNX files, exported as
+insightface ships its own (batch norms folded into convolutions) and unfolded.
 
     python tests/golden/make_iresnet_vectors.py                  the small files in this folder
-    python tests/golden/make_iresnet_vectors.py --large FOLDER   iresnet50.safetensors at true size, 0.7 GB, never committed
+    python tests/golden/make_iresnet_vectors.py --large FOLDER   iresnet50.safetensors at true size,
+    0.7 GB, never committed
 
-Written from the description of the network, independently of the C++ code. Needs torch, numpy, safetensors and onnx.
+Written from the description of the network, independently of the C++ code. Needs torch, numpy,
+safetensors and onnx.
 """
 
 import argparse
@@ -33,7 +36,9 @@ class Block(nn.Module):
         self.conv2 = nn.Conv2d(outputs, outputs, 3, stride=stride, padding=1, bias=False)
         self.bn3 = nn.BatchNorm2d(outputs)
         if stride != 1 or inputs != outputs:
-            self.downsample = nn.Sequential(nn.Conv2d(inputs, outputs, 1, stride=stride, bias=False), nn.BatchNorm2d(outputs))
+            self.downsample = nn.Sequential(
+                nn.Conv2d(inputs, outputs, 1, stride=stride, bias=False), nn.BatchNorm2d(outputs)
+            )
         else:
             self.downsample = None
 
@@ -68,7 +73,8 @@ class Iresnet(nn.Module):
 
 
 def lively(network, side):
-    """Weights as after some training: statistics of real activations, slopes and affine parts that are not the first ones."""
+    """Weights as after some training: statistics of real activations, slopes and affine parts that
+    are not the first ones."""
     with torch.no_grad():
         for name, module in network.named_modules():
             if isinstance(module, nn.Conv2d):
@@ -95,14 +101,22 @@ def channels_last(name, gradient, side):
     if name == "fc.weight":
         rows, columns = gradient.shape
         last = side // 16
-        gradient = gradient.reshape(rows, columns // last**2, last, last).permute(0, 2, 3, 1).reshape(rows, 1, 1, columns)
+        gradient = (
+            gradient.reshape(rows, columns // last**2, last, last)
+            .permute(0, 2, 3, 1)
+            .reshape(rows, 1, 1, columns)
+        )
     elif gradient.dim() == 4:
         gradient = gradient.permute(0, 2, 3, 1)
     return gradient.contiguous()
 
 
 def vectors(network, side, batch):
-    tensors = {name: value.detach().clone() for name, value in network.state_dict().items() if value.dim() > 0}
+    tensors = {
+        name: value.detach().clone()
+        for name, value in network.state_dict().items()
+        if value.dim() > 0
+    }
     network = network.double()
     x = uniform(batch, 3, side, side).requires_grad_()
     y = network(x)
@@ -125,8 +139,18 @@ def small_files():
     save_file(vectors(network, side, 2), here / "iresnet_vectors.safetensors")
     x = torch.zeros(1, 3, side, side)
     (here / "onnx").mkdir(exist_ok=True)
-    for name, mode in {"folded": torch.onnx.TrainingMode.EVAL, "unfolded": torch.onnx.TrainingMode.PRESERVE}.items():
-        torch.onnx.export(network, (x,), here / f"onnx/iresnet_{name}.onnx", training=mode, opset_version=11, dynamo=False)
+    for name, mode in {
+        "folded": torch.onnx.TrainingMode.EVAL,
+        "unfolded": torch.onnx.TrainingMode.PRESERVE,
+    }.items():
+        torch.onnx.export(
+            network,
+            (x,),
+            here / f"onnx/iresnet_{name}.onnx",
+            training=mode,
+            opset_version=11,
+            dynamo=False,
+        )
 
 
 parser = argparse.ArgumentParser()

@@ -1,8 +1,10 @@
-"""Writes lpips_vectors.safetensors: LPIPS with VGG-16, AlexNet and SqueezeNet 1.1 as PyTorch computes it, in float64.
+"""Writes lpips_vectors.safetensors: LPIPS with VGG-16, AlexNet and SqueezeNet 1.1 as PyTorch
+computes it, in float64.
 
-Written from the papers, torchvision's layer tables and the definition of LPIPS v0.1, independently of the C++ code. Weights, heads and
-images are numbers of a formula (`uniform`), so that no weights have to be stored: tests/nn/test_lpips.cpp computes the same ones.
-Needs torch, numpy and safetensors:  python tests/golden/make_lpips_vectors.py
+Written from the papers, torchvision's layer tables and the definition of LPIPS v0.1, independently
+of the C++ code. Weights, heads and images are numbers of a formula (`uniform`), so that no weights
+have to be stored: tests/nn/test_lpips.cpp computes the same ones. Needs torch, numpy and
+safetensors:  python tests/golden/make_lpips_vectors.py
 """
 
 import pathlib
@@ -15,7 +17,8 @@ from torch import nn
 
 
 def uniform(stream, count):
-    """`count` numbers in [0, 1): a 32-bit finaliser (MurmurHash3's) of the index; exact in float64."""
+    """`count` numbers in [0, 1): a 32-bit finaliser (MurmurHash3's) of the index; exact in
+    float64."""
     x = numpy.arange(count, dtype=numpy.uint32) + numpy.uint32((stream << 24) & 0xFFFFFFFF)
     x ^= x >> numpy.uint32(16)
     x *= numpy.uint32(0x85EBCA6B)
@@ -48,19 +51,39 @@ def vgg16():
 
 
 def alexnet():
-    return nn.Sequential(nn.Conv2d(3, 64, 11, stride=4, padding=2), nn.ReLU(), nn.MaxPool2d(3, 2),
-                         nn.Conv2d(64, 192, 5, padding=2), nn.ReLU(), nn.MaxPool2d(3, 2),
-                         nn.Conv2d(192, 384, 3, padding=1), nn.ReLU(), nn.Conv2d(384, 256, 3, padding=1), nn.ReLU(),
-                         nn.Conv2d(256, 256, 3, padding=1), nn.ReLU()), (1, 4, 7, 9, 11)
+    return nn.Sequential(
+        nn.Conv2d(3, 64, 11, stride=4, padding=2),
+        nn.ReLU(),
+        nn.MaxPool2d(3, 2),
+        nn.Conv2d(64, 192, 5, padding=2),
+        nn.ReLU(),
+        nn.MaxPool2d(3, 2),
+        nn.Conv2d(192, 384, 3, padding=1),
+        nn.ReLU(),
+        nn.Conv2d(384, 256, 3, padding=1),
+        nn.ReLU(),
+        nn.Conv2d(256, 256, 3, padding=1),
+        nn.ReLU(),
+    ), (1, 4, 7, 9, 11)
 
 
 def squeezenet1_1():
     pool = {"kernel_size": 3, "stride": 2, "ceil_mode": True}
-    return nn.Sequential(nn.Conv2d(3, 64, 3, stride=2), nn.ReLU(), nn.MaxPool2d(**pool),
-                         Fire(64, 16, 64), Fire(128, 16, 64), nn.MaxPool2d(**pool),
-                         Fire(128, 32, 128), Fire(256, 32, 128), nn.MaxPool2d(**pool),
-                         Fire(256, 48, 192), Fire(384, 48, 192), Fire(384, 64, 256), Fire(512, 64, 256)
-                         ), (1, 4, 7, 9, 10, 11, 12)
+    return nn.Sequential(
+        nn.Conv2d(3, 64, 3, stride=2),
+        nn.ReLU(),
+        nn.MaxPool2d(**pool),
+        Fire(64, 16, 64),
+        Fire(128, 16, 64),
+        nn.MaxPool2d(**pool),
+        Fire(128, 32, 128),
+        Fire(256, 32, 128),
+        nn.MaxPool2d(**pool),
+        Fire(256, 48, 192),
+        Fire(384, 48, 192),
+        Fire(384, 64, 256),
+        Fire(512, 64, 256),
+    ), (1, 4, 7, 9, 10, 11, 12)
 
 
 def features(network, taps, x):
@@ -86,10 +109,16 @@ def vectors(name, made, shape):
         parameter.copy_((bound * (2.0 * uniform(stream, size) - 1.0)).reshape(parameter.shape))
         stream += 1
     batch, side = shape
-    a, b = ((2.0 * uniform(254 + i, batch * side * side * 3) - 1.0).reshape(batch, side, side, 3) for i in range(2))
+    a, b = (
+        (2.0 * uniform(254 + i, batch * side * side * 3) - 1.0).reshape(batch, side, side, 3)
+        for i in range(2)
+    )
     a.requires_grad_(True)
     terms = []
-    for f, g in zip(features(network, taps, a.permute(0, 3, 1, 2)), features(network, taps, b.permute(0, 3, 1, 2))):
+    for f, g in zip(
+        features(network, taps, a.permute(0, 3, 1, 2)),
+        features(network, taps, b.permute(0, 3, 1, 2)),
+    ):
         head = uniform(stream, f.shape[1]).reshape(1, -1, 1, 1)
         stream += 1
         terms.append((head * (f - g).square()).sum(1).mean((1, 2)))

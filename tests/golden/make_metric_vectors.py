@@ -1,7 +1,8 @@
 """Writes metric_vectors.json beside this file: PSNR and SSIM of scikit-image for two small images.
 
-The images are the closed form `image` below, which tests/core/test_metrics.cpp repeats, so only the results are stored.
-Needs scikit-image (the values stored were made with 0.26.0): pip install scikit-image
+The images are the closed form `image` below, which tests/core/test_metrics.cpp repeats, so only the
+results are stored. Needs scikit-image (the values stored were made with 0.26.0): pip install
+scikit-image
 """
 
 import json
@@ -12,8 +13,12 @@ from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 
 def image(height, width, channels, phase):
-    row, column, channel = numpy.meshgrid(numpy.arange(height), numpy.arange(width), numpy.arange(channels), indexing="ij")
-    wave = numpy.sin(0.37 * row + 0.21 * column * (channel + 1) + phase) * numpy.cos(0.05 * row * column + phase)
+    row, column, channel = numpy.meshgrid(
+        numpy.arange(height), numpy.arange(width), numpy.arange(channels), indexing="ij"
+    )
+    wave = numpy.sin(0.37 * row + 0.21 * column * (channel + 1) + phase) * numpy.cos(
+        0.05 * row * column + phase
+    )
     return 0.5 + 0.45 * wave
 
 
@@ -31,7 +36,13 @@ for case in CASES:
     case["peak_signal_to_noise_ratio"] = float(peak_signal_noise_ratio(a, b, data_range=1.0))
     case["structural_similarity"] = float(
         structural_similarity(
-            a, b, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=1.0, channel_axis=2
+            a,
+            b,
+            gaussian_weights=True,
+            sigma=1.5,
+            use_sample_covariance=False,
+            data_range=1.0,
+            channel_axis=2,
         )
     )
 

@@ -1,4 +1,5 @@
-"""Writes nn_vectors.safetensors: the modulated layer, the upsampler and Adam as PyTorch computes them.
+"""Writes nn_vectors.safetensors: the modulated layer, the upsampler and Adam as PyTorch computes
+them.
 
 The layers are those of torch_model.py, whose whole networks make_agreement_vectors.py compares.
 Needs torch, numpy and safetensors:  python tests/golden/make_nn_vectors.py

@@ -1,4 +1,6 @@
-"""Writes weights/*.onnx with the package onnx (1.23): each way to store a tensor, each kind of attribute that is read."""
+"""Writes weights/*.onnx with the package onnx (1.23): each way to store a tensor, each kind of
+attribute that is read."""
+
 import pathlib
 
 import numpy as np
@@ -15,7 +17,9 @@ def stored(name, kind, shape, values):
 
 
 tensors = [
-    numpy_helper.from_array(np.arange(36, dtype=np.float32).reshape(2, 2, 3, 3) - 0.5, "conv.weight"),
+    numpy_helper.from_array(
+        np.arange(36, dtype=np.float32).reshape(2, 2, 3, 3) - 0.5, "conv.weight"
+    ),
     numpy_helper.from_array(np.array([1.5, -65504.0, 2.0**-24], np.float16), "f16_raw"),
     numpy_helper.from_array(np.array([-1, 1 << 40], np.int64), "i64_raw"),
     numpy_helper.from_array(np.array(4.25), "f64_scalar"),
@@ -33,8 +37,19 @@ tensors = [
     stored("bool", TensorProto.BOOL, [2], [True, False]),
 ]
 nodes = [
-    helper.make_node("Constant", [], ["shape"], value=numpy_helper.from_array(np.array([1, -1], np.int64))),
-    helper.make_node("Conv", ["image", "conv.weight"], ["a"], name="first", kernel_shape=[3, 3], strides=[2, 2], group=1, auto_pad="NOTSET"),
+    helper.make_node(
+        "Constant", [], ["shape"], value=numpy_helper.from_array(np.array([1, -1], np.int64))
+    ),
+    helper.make_node(
+        "Conv",
+        ["image", "conv.weight"],
+        ["a"],
+        name="first",
+        kernel_shape=[3, 3],
+        strides=[2, 2],
+        group=1,
+        auto_pad="NOTSET",
+    ),
     helper.make_node("LeakyRelu", ["a"], ["b"], alpha=0.25),
     helper.make_node("Transpose", ["b"], ["c"], perm=[0, 2, 3, 1]),
     helper.make_node("Reshape", ["c", "shape"], ["out"], allowzero=-1),
@@ -48,8 +63,19 @@ def model(nodes, tensors):
 
 
 onnx.save(model(nodes, tensors), folder / "small.onnx")
-onnx.save(model(nodes[2:3], [helper.make_tensor("words", TensorProto.STRING, [1], [b"text"])]), folder / "string.onnx")
+onnx.save(
+    model(nodes[2:3], [helper.make_tensor("words", TensorProto.STRING, [1], [b"text"])]),
+    folder / "string.onnx",
+)
 
-large = model(nodes[1:2], [numpy_helper.from_array(np.ones((2, 2, 3, 3), np.float32), "conv.weight")])
-onnx.save(large, folder / "external.onnx", save_as_external_data=True, location="external.bin", size_threshold=0)
+large = model(
+    nodes[1:2], [numpy_helper.from_array(np.ones((2, 2, 3, 3), np.float32), "conv.weight")]
+)
+onnx.save(
+    large,
+    folder / "external.onnx",
+    save_as_external_data=True,
+    location="external.bin",
+    size_threshold=0,
+)
 (folder / "external.bin").unlink()

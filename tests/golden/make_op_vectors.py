@@ -1,13 +1,16 @@
 #!/usr/bin/env python3
-"""Writes op_vectors.safetensors: PyTorch's values, first and second gradients for the rows of tests/core/op_cases*.cpp.
+"""Writes op_vectors.safetensors: PyTorch's values, first and second gradients for the rows of
+tests/core/op_cases*.cpp.
 
     python3 -m venv venv && venv/bin/pip install torch numpy safetensors
     venv/bin/python tests/golden/make_op_vectors.py
 
-Each case OP/FORM has float64 tensors: inputs "x0", "x1", ...; the value "y"; "dx0", ...: the gradient for the cotangent
-cos(i + 1) at element i of y; "ddx0", ...: the gradient of the sum over all inputs k of <dxk, sin(i + 1 + k)>.
-Images are NHWC and convolution weights (out, kernel height, kernel width, in), as in the library.
+Each case OP/FORM has float64 tensors: inputs "x0", "x1", ...; the value "y"; "dx0", ...: the
+gradient for the cotangent cos(i + 1) at element i of y; "ddx0", ...: the gradient of the sum over
+all inputs k of <dxk, sin(i + 1 + k)>. Images are NHWC and convolution weights (out, kernel height,
+kernel width, in), as in the library.
 """
+
 import math
 import zlib
 from pathlib import Path
@@ -26,7 +29,8 @@ def case(name, function, *inputs):
 
 
 def uniform(*shape, low=-1.0, high=1.0, spacing=0.0, offset=0.0):
-    """Uniform, or within a tenth of the spacing of the points offset + k spacing, away from kinks between them."""
+    """Uniform, or within a tenth of the spacing of the points offset + k spacing, away from kinks
+    between them."""
     return shape, low, high, spacing, offset
 
 
@@ -53,40 +57,82 @@ WAVES = uniform(low=-6.0, high=6.0)
 
 
 def elementwise():
-    forms = {"same shape": ((2, 3), (2, 3)), "row and column": ((3, 1), (1, 4)),
-             "channels of an image": ((1, 2, 2, 3), (3,)), "scalar left": ((), (2, 2))}
-    binary = {"add": (torch.add, ANY, ANY), "subtract": (torch.sub, ANY, ANY), "multiply": (torch.mul, ANY, ANY),
-              "divide": (torch.div, ANY, POSITIVE), "maximum": (torch.maximum, TICK, TOCK),
-              "minimum": (torch.minimum, TICK, TOCK)}
+    forms = {
+        "same shape": ((2, 3), (2, 3)),
+        "row and column": ((3, 1), (1, 4)),
+        "channels of an image": ((1, 2, 2, 3), (3,)),
+        "scalar left": ((), (2, 2)),
+    }
+    binary = {
+        "add": (torch.add, ANY, ANY),
+        "subtract": (torch.sub, ANY, ANY),
+        "multiply": (torch.mul, ANY, ANY),
+        "divide": (torch.div, ANY, POSITIVE),
+        "maximum": (torch.maximum, TICK, TOCK),
+        "minimum": (torch.minimum, TICK, TOCK),
+    }
     for name, (function, a, b) in binary.items():
         for form, (shape_a, shape_b) in forms.items():
             case(f"{name}/{form}", function, like(a, *shape_a), like(b, *shape_b))
     condition = torch.arange(12).reshape(3, 4) % 3 != 0
-    case("where/same shape", lambda a, b: torch.where(condition, a, b), uniform(3, 4), uniform(3, 4))
-    case("where/row and column", lambda a, b: torch.where(condition, a, b), uniform(3, 1), uniform(1, 4))
-    unary = {"negate": (torch.neg, ANY), "affine": (lambda x: -1.5 * x + 0.25, ANY), "exp": (torch.exp, ANY),
-             "log": (torch.log, POSITIVE), "sin": (torch.sin, WAVES), "cos": (torch.cos, WAVES),
-             "sqrt": (torch.sqrt, POSITIVE), "square": (torch.square, ANY), "abs": (torch.abs, AROUND_ZERO),
-             "clamp": (lambda x: torch.clamp(x, -0.5, 0.7), TICK), "sigmoid": (torch.sigmoid, WIDE),
-             "tanh": (torch.tanh, WIDE), "softplus": (lambda x: F.softplus(x, threshold=1000.0), WIDE),
-             "log_sigmoid": (F.logsigmoid, WIDE), "leaky_relu": (lambda x: F.leaky_relu(x, 0.2), AROUND_ZERO),
-             "relu": (F.relu, AROUND_ZERO)}
+    case(
+        "where/same shape", lambda a, b: torch.where(condition, a, b), uniform(3, 4), uniform(3, 4)
+    )
+    case(
+        "where/row and column",
+        lambda a, b: torch.where(condition, a, b),
+        uniform(3, 1),
+        uniform(1, 4),
+    )
+    unary = {
+        "negate": (torch.neg, ANY),
+        "affine": (lambda x: -1.5 * x + 0.25, ANY),
+        "exp": (torch.exp, ANY),
+        "log": (torch.log, POSITIVE),
+        "sin": (torch.sin, WAVES),
+        "cos": (torch.cos, WAVES),
+        "sqrt": (torch.sqrt, POSITIVE),
+        "square": (torch.square, ANY),
+        "abs": (torch.abs, AROUND_ZERO),
+        "clamp": (lambda x: torch.clamp(x, -0.5, 0.7), TICK),
+        "sigmoid": (torch.sigmoid, WIDE),
+        "tanh": (torch.tanh, WIDE),
+        "softplus": (lambda x: F.softplus(x, threshold=1000.0), WIDE),
+        "log_sigmoid": (F.logsigmoid, WIDE),
+        "leaky_relu": (lambda x: F.leaky_relu(x, 0.2), AROUND_ZERO),
+        "relu": (F.relu, AROUND_ZERO),
+    }
     for name, (function, spec) in unary.items():
         case(f"{name}/elements", function, like(spec, 3, 4))
 
 
 def activations():
-    case("leaky_gate/elements", lambda x, sign: torch.where(sign > 0, x, 0.2 * x), uniform(3, 4),
-         uniform(3, 4, spacing=0.5, offset=0.25))
+    case(
+        "leaky_gate/elements",
+        lambda x, sign: torch.where(sign > 0, x, 0.2 * x),
+        uniform(3, 4),
+        uniform(3, 4, spacing=0.5, offset=0.25),
+    )
     case("prelu/rows", F.prelu, like(AROUND_ZERO, 3, 4), uniform(4))
-    case("prelu/image", lambda x, slope: nhwc(F.prelu(nchw(x), slope)), like(AROUND_ZERO, 2, 2, 2, 3), uniform(3))
+    case(
+        "prelu/image",
+        lambda x, slope: nhwc(F.prelu(nchw(x), slope)),
+        like(AROUND_ZERO, 2, 2, 2, 3),
+        uniform(3),
+    )
     for axis in (-1, 0, 1):
         spec = uniform(2, 3, 4, low=-2.0, high=2.0)
-        case(f"log_sum_exp/axis {axis}", lambda x, a=axis: torch.logsumexp(x, a, keepdim=True), spec)
+        case(
+            f"log_sum_exp/axis {axis}", lambda x, a=axis: torch.logsumexp(x, a, keepdim=True), spec
+        )
         case(f"softmax/axis {axis}", lambda x, a=axis: torch.softmax(x, a), spec)
     # The functional form has no gradient of order 2 for its target.
-    case("binary_cross_entropy_with_logits/elements", lambda x, t: F.softplus(x, threshold=1000.0) - x * t, like(WIDE, 3, 4),
-         uniform(3, 4, low=0.0, high=1.0))
+    case(
+        "binary_cross_entropy_with_logits/elements",
+        lambda x, t: F.softplus(x, threshold=1000.0) - x * t,
+        like(WIDE, 3, 4),
+        uniform(3, 4, low=0.0, high=1.0),
+    )
 
 
 def shapes():
@@ -99,11 +145,19 @@ def shapes():
     case("transpose/batch", lambda x: x.transpose(-1, -2), uniform(2, 3, 4))
     for axis in (0, 1, -1):
         case(f"flip/axis {axis}", lambda x, a=axis: x.flip(a), uniform(2, 3, 4))
-        case(f"slice/axis {axis}", lambda x, a=axis: x.narrow(a, 1, x.shape[a] - 2), uniform(4, 3, 5))
+        case(
+            f"slice/axis {axis}", lambda x, a=axis: x.narrow(a, 1, x.shape[a] - 2), uniform(4, 3, 5)
+        )
         widths = [0, 0] * ((-1 - axis) % 3) + [1, 2]
         case(f"pad/axis {axis}", lambda x, w=widths: F.pad(x, w), uniform(2, 3, 2))
     case("concat/two along axis 0", lambda *x: torch.cat(x, 0), uniform(2, 3), uniform(1, 3))
-    case("concat/three along the last axis", lambda *x: torch.cat(x, -1), uniform(2, 1), uniform(2, 3), uniform(2, 2))
+    case(
+        "concat/three along the last axis",
+        lambda *x: torch.cat(x, -1),
+        uniform(2, 1),
+        uniform(2, 3),
+        uniform(2, 2),
+    )
     case("concat/one", lambda *x: torch.cat(x, 0), uniform(2, 3))
     case("broadcast_to/column", lambda x: x.expand(2, 3, 4), uniform(3, 1))
     case("broadcast_to/scalar", lambda x: x.expand(2, 3), uniform())
@@ -113,7 +167,13 @@ def shapes():
 def reductions():
     case("sum/all", torch.sum, uniform(2, 3, 4))
     case("mean/all", torch.mean, uniform(2, 3, 4))
-    for form, axes in {"axis 0": (0,), "axis 1": (1,), "last axis": (-1,), "axes 0 and 2": (0, 2), "axes 1 and 2": (1, 2)}.items():
+    for form, axes in {
+        "axis 0": (0,),
+        "axis 1": (1,),
+        "last axis": (-1,),
+        "axes 0 and 2": (0, 2),
+        "axes 1 and 2": (1, 2),
+    }.items():
         case(f"sum/{form}", lambda x, a=axes: x.sum(a, keepdim=True), uniform(2, 3, 4))
         case(f"mean/{form}", lambda x, a=axes: x.mean(a, keepdim=True), uniform(2, 3, 4))
     case("sum_to/channels", lambda x: x.sum_to_size(4), uniform(2, 3, 4))
@@ -131,8 +191,11 @@ def some_rows(count, row_count):
 def indexing():
     for form, tail in {"matrix": (3,), "rank 3": (2, 2)}.items():
         case(f"gather_rows/{form}", lambda x: x[some_rows(6, 4)], uniform(4, *tail))
-        case(f"scatter_add_rows/{form}",
-             lambda x: torch.zeros(5, *x.shape[1:], dtype=x.dtype).index_add(0, some_rows(6, 5), x), uniform(6, *tail))
+        case(
+            f"scatter_add_rows/{form}",
+            lambda x: torch.zeros(5, *x.shape[1:], dtype=x.dtype).index_add(0, some_rows(6, 5), x),
+            uniform(6, *tail),
+        )
 
 
 def products():
@@ -140,23 +203,48 @@ def products():
         return x.transpose(-1, -2) if flag else x
 
     def matrix(batch, rows, columns, flag):
-        return uniform(*(() if batch == 0 else (batch,)), *((columns, rows) if flag else (rows, columns)))
+        return uniform(
+            *(() if batch == 0 else (batch,)), *((columns, rows) if flag else (rows, columns))
+        )
 
-    for form, (batch_a, batch_b) in {"matrices": (0, 0), "batch": (2, 2), "one left": (1, 2), "one right": (2, 1)}.items():
+    for form, (batch_a, batch_b) in {
+        "matrices": (0, 0),
+        "batch": (2, 2),
+        "one left": (1, 2),
+        "one right": (2, 1),
+    }.items():
         for ta in (False, True):
             for tb in (False, True):
                 suffix = (" transposed a" if ta else "") + (" transposed b" if tb else "")
-                case(f"matmul/{form}{suffix}", lambda a, b, s=ta, t=tb: torch.matmul(transposed(a, s), transposed(b, t)),
-                     matrix(batch_a, 2, 3, ta), matrix(batch_b, 3, 4, tb))
-    activation = {"plain": lambda x: x, "sine": torch.sin, "leaky relu": lambda x: math.sqrt(2.0) * F.leaky_relu(x, 0.2)}
+                case(
+                    f"matmul/{form}{suffix}",
+                    lambda a, b, s=ta, t=tb: torch.matmul(transposed(a, s), transposed(b, t)),
+                    matrix(batch_a, 2, 3, ta),
+                    matrix(batch_b, 3, 4, tb),
+                )
+    activation = {
+        "plain": lambda x: x,
+        "sine": torch.sin,
+        "leaky relu": lambda x: math.sqrt(2.0) * F.leaky_relu(x, 0.2),
+    }
     for op in ("linear", "linear_reference"):
         for name, f in activation.items():
+
             def layer(x, weight, bias=0.0, f=f):
                 return f(torch.matmul(x, weight.transpose(-1, -2)) + bias)
+
             x, bias = uniform(2, 3, 3, low=-0.5, high=0.5), uniform(4, spacing=2.0, offset=1.0)
             case(f"{op}/{name}", layer, x, uniform(1, 4, 3, low=-0.4, high=0.4), bias)
-            case(f"{op}/{name}, weight of each sample", layer, x, uniform(2, 4, 3, low=-0.4, high=0.4), bias)
-            case(f"{op}/{name}, no bias", layer, uniform(2, 3, 3, low=0.2), uniform(1, 4, 3, low=0.2))
+            case(
+                f"{op}/{name}, weight of each sample",
+                layer,
+                x,
+                uniform(2, 4, 3, low=-0.4, high=0.4),
+                bias,
+            )
+            case(
+                f"{op}/{name}, no bias", layer, uniform(2, 3, 3, low=0.2), uniform(1, 4, 3, low=0.2)
+            )
 
 
 def rays():
@@ -166,26 +254,46 @@ def rays():
         i = torch.arange(math.prod(shape), dtype=torch.float64).reshape(shape)
         return low + (high - low) * (0.5 + 0.5 * torch.sin(1.7 * i + 0.3))
 
-    points, deltas = constant(-1.0, 1.0, faces, count * samples, 3), constant(0.1, 0.5, faces, count, samples)
+    points, deltas = constant(-1.0, 1.0, faces, count * samples, 3), constant(
+        0.1, 0.5, faces, count, samples
+    )
     number = torch.arange(deltas.numel()).reshape(deltas.shape)
     some = torch.where((number < samples) | (number % 4 == 1), 0.0, 1.0).to(torch.float64)
 
     def field(kept, *parts):
         def layer(i, x):
-            weight, scale, demodulation, bias = parts[4 * i:4 * i + 4]
+            weight, scale, demodulation, bias = parts[4 * i : 4 * i + 4]
             return torch.sin(x @ (demodulation * weight * scale).transpose(1, 2) + bias)
+
         encoding = torch.cat([points, points.sin(), points.cos()], -1)
         x = layer(1, torch.cat([encoding, layer(0, encoding)], -1))
-        density = F.softplus((x @ parts[12].T)[..., 0] + parts[13] - 1, threshold=1000.0).reshape(deltas.shape) * kept
+        density = (
+            F.softplus((x @ parts[12].T)[..., 0] + parts[13] - 1, threshold=1000.0).reshape(
+                deltas.shape
+            )
+            * kept
+        )
         depth = torch.cumsum(F.pad(density * deltas, (1, 0)), 2)
         transmittance = torch.exp(-depth)
         weights = transmittance[..., :-1] - transmittance[..., 1:]
         features = layer(2, x).reshape(faces, count, samples, width)
-        return torch.cat([weights, transmittance[..., -1:], (weights[..., None] * features).sum(2)], 2)
+        return torch.cat(
+            [weights, transmittance[..., -1:], (weights[..., None] * features).sum(2)], 2
+        )
 
-    shapes = [shape for inner in (9, 9 + width, width)
-              for shape in ((1, width, inner), (faces, 1, inner), (faces, width, 1), (width,))] + [(1, width), (1,)]
-    inputs = [uniform(*shape, low=0.5, high=1.5) if len(shape) == 3 and shape[0] == faces else uniform(*shape) for shape in shapes]
+    shapes = [
+        shape
+        for inner in (9, 9 + width, width)
+        for shape in ((1, width, inner), (faces, 1, inner), (faces, width, 1), (width,))
+    ] + [(1, width), (1,)]
+    inputs = [
+        (
+            uniform(*shape, low=0.5, high=1.5)
+            if len(shape) == 3 and shape[0] == faces
+            else uniform(*shape)
+        )
+        for shape in shapes
+    ]
     for form, kept in {"every sample": torch.ones_like(deltas), "samples left out": some}.items():
         case(f"sine_rays/{form}", lambda *x, kept=kept: field(kept, *x), *inputs)
 
@@ -199,7 +307,14 @@ def features():
         return x / (x.square().sum(-1, keepdim=True).sqrt() + 1e-10)
 
     def distance(x):
-        return ((normalised(x) - wave_in(-0.5, 0.5, *x.shape)).square() * wave_in(0.1, 1.0, x.shape[3])).mean((1, 2)).sum(1)
+        return (
+            (
+                (normalised(x) - wave_in(-0.5, 0.5, *x.shape)).square()
+                * wave_in(0.1, 1.0, x.shape[3])
+            )
+            .mean((1, 2))
+            .sum(1)
+        )
 
     for op in ("feature_distance", "feature_distance_reference"):
         case(f"{op}/images", distance, uniform(2, 2, 3, 4))
@@ -214,15 +329,18 @@ def nhwc(x):
 
 
 def convolutions():
-    forms = {"3x3, padding 1": ((2, 4, 3, 2), (3, 3, 3, 2), (1, 1, 1)),
-             "3x3, stride 2 with a rest": ((1, 6, 5, 2), (2, 3, 3, 2), (2, 1, 1)),
-             "2x3, no padding": ((1, 4, 4, 2), (2, 2, 3, 2), (1, 0, 1)),
-             "1x1": ((2, 2, 3, 3), (4, 1, 1, 3), (1, 0, 1)),
-             "1x1, stride 2": ((1, 4, 3, 2), (2, 1, 1, 2), (2, 0, 1)),
-             "3x3, 2 groups": ((1, 4, 3, 4), (4, 3, 3, 2), (1, 1, 2)),
-             "3x3, depthwise, stride 2": ((1, 5, 4, 3), (3, 3, 3, 1), (2, 1, 3)),
-             "4x4, padding 2": ((1, 3, 3, 2), (1, 4, 4, 2), (1, 2, 1))}
+    forms = {
+        "3x3, padding 1": ((2, 4, 3, 2), (3, 3, 3, 2), (1, 1, 1)),
+        "3x3, stride 2 with a rest": ((1, 6, 5, 2), (2, 3, 3, 2), (2, 1, 1)),
+        "2x3, no padding": ((1, 4, 4, 2), (2, 2, 3, 2), (1, 0, 1)),
+        "1x1": ((2, 2, 3, 3), (4, 1, 1, 3), (1, 0, 1)),
+        "1x1, stride 2": ((1, 4, 3, 2), (2, 1, 1, 2), (2, 0, 1)),
+        "3x3, 2 groups": ((1, 4, 3, 4), (4, 3, 3, 2), (1, 1, 2)),
+        "3x3, depthwise, stride 2": ((1, 5, 4, 3), (3, 3, 3, 1), (2, 1, 3)),
+        "4x4, padding 2": ((1, 3, 3, 2), (1, 4, 4, 2), (1, 2, 1)),
+    }
     for form, (x_shape, w_shape, (stride, padding, groups)) in forms.items():
+
         def conv(x, w, s=stride, p=padding, g=groups):
             return nhwc(F.conv2d(nchw(x), nchw(w), stride=s, padding=p, groups=g))
 
@@ -238,10 +356,20 @@ def convolutions():
         case(f"conv2d/{form}", conv, uniform(*x_shape), uniform(*w_shape))
         case(f"conv2d_transpose/{form}", transpose, uniform(*y_shape), uniform(*w_shape))
         case(f"conv2d_weight_grad/{form}", weight_grad, uniform(*y_shape), uniform(*x_shape))
-    for form, (slope, stride) in {"bias": (1.0, 1), "bias and leaky relu": (0.2, 1), "bias and relu, stride 2": (0.0, 2)}.items():
-        case(f"conv2d/{form}",
-             lambda x, w, b, slope=slope, s=stride: F.leaky_relu(nhwc(F.conv2d(nchw(x), nchw(w), b, stride=s, padding=1)), slope),
-             uniform(2, 4, 3, 2, low=-0.2, high=0.2), uniform(3, 3, 3, 2, low=-0.2, high=0.2), uniform(3, spacing=2.0, offset=1.0))
+    for form, (slope, stride) in {
+        "bias": (1.0, 1),
+        "bias and leaky relu": (0.2, 1),
+        "bias and relu, stride 2": (0.0, 2),
+    }.items():
+        case(
+            f"conv2d/{form}",
+            lambda x, w, b, slope=slope, s=stride: F.leaky_relu(
+                nhwc(F.conv2d(nchw(x), nchw(w), b, stride=s, padding=1)), slope
+            ),
+            uniform(2, 4, 3, 2, low=-0.2, high=0.2),
+            uniform(3, 3, 3, 2, low=-0.2, high=0.2),
+            uniform(3, spacing=2.0, offset=1.0),
+        )
 
 
 def channels():
@@ -251,18 +379,32 @@ def channels():
 
     for op in ("unit_channels", "unit_channels_reference"):
         case(f"{op}/image", unit, uniform(2, 3, 2, 5))
-    case("mean_squared_difference/image", lambda a, b: (a - b).square().mean((1, 2), keepdim=True),
-         uniform(2, 3, 2, 5), uniform(2, 3, 2, 5))
+    case(
+        "mean_squared_difference/image",
+        lambda a, b: (a - b).square().mean((1, 2), keepdim=True),
+        uniform(2, 3, 2, 5),
+        uniform(2, 3, 2, 5),
+    )
 
 
 def pooling():
-    forms = {"2x2": ((2, 4, 6, 2), (2, 2, False)), "3x3, stride 2 with a rest": ((1, 6, 7, 2), (3, 2, False)),
-             "3x3, stride 2, ceil": ((1, 6, 7, 2), (3, 2, True)), "2x2, stride 3, ceil": ((1, 4, 6, 1), (2, 3, True))}
+    forms = {
+        "2x2": ((2, 4, 6, 2), (2, 2, False)),
+        "3x3, stride 2 with a rest": ((1, 6, 7, 2), (3, 2, False)),
+        "3x3, stride 2, ceil": ((1, 6, 7, 2), (3, 2, True)),
+        "2x2, stride 3, ceil": ((1, 4, 6, 1), (2, 3, True)),
+    }
     for form, (shape, (kernel, stride, ceil)) in forms.items():
-        case(f"max_pool2d/{form}",
-             lambda x, k=kernel, s=stride, c=ceil: nhwc(F.max_pool2d(nchw(x), k, s, ceil_mode=c)), uniform(*shape, low=-500.0, high=500.0))
-    case("max_pool2d/3x3, stride 1, squared", lambda x: nhwc(F.max_pool2d(nchw(x), 3, 1)).square(),
-         uniform(1, 4, 4, 2, low=-500.0, high=500.0))
+        case(
+            f"max_pool2d/{form}",
+            lambda x, k=kernel, s=stride, c=ceil: nhwc(F.max_pool2d(nchw(x), k, s, ceil_mode=c)),
+            uniform(*shape, low=-500.0, high=500.0),
+        )
+    case(
+        "max_pool2d/3x3, stride 1, squared",
+        lambda x: nhwc(F.max_pool2d(nchw(x), 3, 1)).square(),
+        uniform(1, 4, 4, 2, low=-500.0, high=500.0),
+    )
 
 
 def arbitrary_matrix(length):
@@ -279,10 +421,14 @@ def upfirdn(x, taps, up, down, before, after):
     spread = torch.zeros(up, up, dtype=x.dtype)
     spread[0, 0] = 1.0
     x = nchw(x)
-    x = (x[:, :, :, None, :, None] * spread[:, None, :]).reshape(batch, channels, height * up, width * up)
+    x = (x[:, :, :, None, :, None] * spread[:, None, :]).reshape(
+        batch, channels, height * up, width * up
+    )
     taps = torch.tensor(taps, dtype=x.dtype).flip(0)
     kernel = torch.outer(taps, taps).expand(channels, 1, len(taps), len(taps))
-    return nhwc(F.conv2d(F.pad(x, [before, after, before, after]), kernel, stride=down, groups=channels))
+    return nhwc(
+        F.conv2d(F.pad(x, [before, after, before, after]), kernel, stride=down, groups=channels)
+    )
 
 
 def blur(x):
@@ -293,19 +439,31 @@ def blur(x):
 
 
 def resampling():
-    case("resample/arbitrary matrices", lambda x: torch.einsum("ih,jw,bhwc->bijc", arbitrary_matrix(3), arbitrary_matrix(4), x),
-         uniform(2, 3, 4, 2))
-    filters = {"up 2": ((0.25, 0.75, 0.75, 0.25), 2, 1, 2, 1, (1, 3, 2, 2)),
-               "down 2": ((0.125, 0.375, 0.375, 0.125), 1, 2, 1, 1, (1, 4, 5, 2)),
-               "asymmetric filter": ((0.1, 0.2, 0.7), 1, 1, 2, 0, (1, 3, 4, 1)),
-               "up 2, down 3": ((0.3, 0.5, 0.1, 0.1), 2, 3, 3, 2, (1, 4, 3, 2))}
+    case(
+        "resample/arbitrary matrices",
+        lambda x: torch.einsum("ih,jw,bhwc->bijc", arbitrary_matrix(3), arbitrary_matrix(4), x),
+        uniform(2, 3, 4, 2),
+    )
+    filters = {
+        "up 2": ((0.25, 0.75, 0.75, 0.25), 2, 1, 2, 1, (1, 3, 2, 2)),
+        "down 2": ((0.125, 0.375, 0.375, 0.125), 1, 2, 1, 1, (1, 4, 5, 2)),
+        "asymmetric filter": ((0.1, 0.2, 0.7), 1, 1, 2, 0, (1, 3, 4, 1)),
+        "up 2, down 3": ((0.3, 0.5, 0.1, 0.1), 2, 3, 3, 2, (1, 4, 3, 2)),
+    }
     for form, (*arguments, shape) in filters.items():
         case(f"upfirdn2d/{form}", lambda x, a=tuple(arguments): upfirdn(x, *a), uniform(*shape))
     case("blur/image", blur, uniform(1, 4, 3, 2))
 
     def resized(mode, antialias, numerator, denominator):
-        return lambda x: nhwc(F.interpolate(nchw(x), mode=mode, align_corners=False, antialias=antialias, size=[
-            x.shape[1] * numerator // denominator, x.shape[2] * numerator // denominator]))
+        return lambda x: nhwc(
+            F.interpolate(
+                nchw(x),
+                mode=mode,
+                align_corners=False,
+                antialias=antialias,
+                size=[x.shape[1] * numerator // denominator, x.shape[2] * numerator // denominator],
+            )
+        )
 
     case("resize_bilinear/twice the size", resized("bilinear", False, 2, 1), uniform(1, 3, 2, 2))
     case("resize_bilinear/two thirds", resized("bilinear", False, 2, 3), uniform(1, 6, 3, 1))
@@ -316,9 +474,15 @@ def resampling():
     case("resize_box/half", lambda x: nhwc(F.avg_pool2d(nchw(x), 2)), uniform(1, 4, 2, 2))
     case("resize_box/third", lambda x: nhwc(F.avg_pool2d(nchw(x), 3)), uniform(1, 6, 3, 1))
     case("pixel_shuffle/image", lambda x: nhwc(F.pixel_shuffle(nchw(x), 2)), uniform(2, 2, 1, 8))
-    case("pixel_shuffle_onto/image", lambda x, y: nhwc(F.pixel_shuffle(nchw(y), 2) + F.interpolate(nchw(x), scale_factor=2)),
-         uniform(2, 2, 1, 2), uniform(2, 2, 1, 8))
-    case("pixel_unshuffle/image", lambda x: nhwc(F.pixel_unshuffle(nchw(x), 2)), uniform(2, 2, 4, 2))
+    case(
+        "pixel_shuffle_onto/image",
+        lambda x, y: nhwc(F.pixel_shuffle(nchw(y), 2) + F.interpolate(nchw(x), scale_factor=2)),
+        uniform(2, 2, 1, 2),
+        uniform(2, 2, 1, 8),
+    )
+    case(
+        "pixel_unshuffle/image", lambda x: nhwc(F.pixel_unshuffle(nchw(x), 2)), uniform(2, 2, 4, 2)
+    )
 
 
 def wave(function, x, shift):
@@ -333,8 +497,20 @@ def gradients(y, xs, dL_dy):
 
 
 def main():
-    for family in (elementwise, activations, shapes, reductions, indexing, products, convolutions, channels, pooling, resampling, rays,
-                   features):
+    for family in (
+        elementwise,
+        activations,
+        shapes,
+        reductions,
+        indexing,
+        products,
+        convolutions,
+        channels,
+        pooling,
+        resampling,
+        rays,
+        features,
+    ):
         family()
     tensors = {}
     for name, (function, specs) in CASES.items():
@@ -346,9 +522,19 @@ def main():
         second = gradients(contracted, xs, torch.ones_like(contracted))
         tensors[f"{name}/y"] = y
         for k in range(len(xs)):
-            tensors |= {f"{name}/x{k}": xs[k], f"{name}/dx{k}": first[k], f"{name}/ddx{k}": second[k]}
+            tensors |= {
+                f"{name}/x{k}": xs[k],
+                f"{name}/dx{k}": first[k],
+                f"{name}/ddx{k}": second[k],
+            }
     path = Path(__file__).with_name("op_vectors.safetensors")
-    save_file({key: np.array(value.detach().numpy(force=True), order="C") for key, value in tensors.items()}, path)
+    save_file(
+        {
+            key: np.array(value.detach().numpy(force=True), order="C")
+            for key, value in tensors.items()
+        },
+        path,
+    )
     print(f"{path.name}: {len(CASES)} cases, {path.stat().st_size} bytes")
 
 

@@ -1,4 +1,6 @@
-"""Writes safetensors/types.safetensors with the packages safetensors (0.8) and numpy: a tensor of every element type."""
+"""Writes safetensors/types.safetensors with the packages safetensors (0.8) and numpy: a tensor of
+every element type."""
+
 import pathlib
 
 import numpy as np
@@ -28,7 +30,11 @@ tensors = {
 folder = pathlib.Path(__file__).parent / "safetensors"
 folder.mkdir(exist_ok=True)
 described = {
-    name: TensorSpec(dtype=dtype, shape=list(array.shape), data_ptr=array.ctypes.data, data_len=array.nbytes)
+    name: TensorSpec(
+        dtype=dtype, shape=list(array.shape), data_ptr=array.ctypes.data, data_len=array.nbytes
+    )
     for name, (dtype, array) in tensors.items()
 }
-serialize_file(described, str(folder / "types.safetensors"), {"origin": "safetensors", "note": "caf\u00e9"})
+serialize_file(
+    described, str(folder / "types.safetensors"), {"origin": "safetensors", "note": "caf\u00e9"}
+)

@@ -1,4 +1,6 @@
-"""Writes weights/*.pth with PyTorch (2.15) and NumPy (2): what a checkpoint may hold, in both formats, and what it must not."""
+"""Writes weights/*.pth with PyTorch (2.15) and NumPy (2): what a checkpoint may hold, in both
+formats, and what it must not."""
+
 import collections
 import os
 import pathlib
@@ -42,7 +44,10 @@ state["tied"] = state["part"]
 state._metadata = {"": {"version": 1}}
 views = {
     "state_dict": state,
-    "optimizer": {"state": {0: {"step": 12, "moment": torch.tensor([0.25])}}, "groups": [{"lr": 1e-4, "params": [0, 1]}]},
+    "optimizer": {
+        "state": {0: {"step": 12, "moment": torch.tensor([0.25])}},
+        "groups": [{"lr": 1e-4, "params": [0, 1]}],
+    },
     "list": [torch.tensor([1.0]), (torch.tensor([2.0]), "text")],
     "epoch": 3,
     "big": 1 << 80,
@@ -71,7 +76,11 @@ class Malicious:
 
 
 save("system.pth", {"weight": torch.ones(1), "more": Malicious(os.system, "touch executed")})
-save("system_legacy.pth", {"weight": torch.ones(1), "more": Malicious(os.system, "touch executed")}, True)
+save(
+    "system_legacy.pth",
+    {"weight": torch.ones(1), "more": Malicious(os.system, "touch executed")},
+    True,
+)
 save("eval.pth", {"weight": Malicious(eval, "open('executed', 'w')")}, pickle_protocol=4)
 save("numpy_scalar.pth", {"weight": torch.ones(1), "loss": np.float64(0.5)})
 save("module.pth", {"model": torch.nn.Linear(1, 1)})

@@ -1,7 +1,8 @@
-"""What the paper compares with, in plain PyTorch: HeadNeRF's conditioning, and a field that is rendered at full resolution.
+"""What the paper compares with, in plain PyTorch: HeadNeRF's conditioning, and a field that is
+rendered at full resolution.
 
-Written from the description of HeadNeRF, not from the C++ code: the codes are repeated at every sample, and the last layer is
-applied to every sample.
+Written from the description of HeadNeRF, not from the C++ code: the codes are repeated at every
+sample, and the last layer is applied to every sample.
 """
 
 import torch
@@ -11,7 +12,8 @@ from torch_model import ROOT2, Equalised, blur, doubled, leaky
 
 
 class ConcatenatedField:
-    """Plain ReLU layers on [encoded point, identity, expression]; texture and light join the features."""
+    """Plain ReLU layers on [encoded point, identity, expression]; texture and light join the
+    features."""
 
     def __init__(self, create, name, size, channels, colors):
         self.frequencies, self.colors, width = size.frequencies, colors, size.field_width
@@ -36,7 +38,9 @@ class ConcatenatedField:
             x = F.relu(ROOT2 * layer(torch.cat([entering, x], 1) if i == self.skip else x))
         features = torch.cat([self.feature0(x), repeated(appearance, points)], 1)
         features = self.feature2(F.relu(ROOT2 * self.feature1(features)))
-        return F.softplus(self.density(x) - 1.0), torch.sigmoid(features) if self.colors else features
+        return F.softplus(self.density(x) - 1.0), (
+            torch.sigmoid(features) if self.colors else features
+        )
 
 
 def repeated(code, points):
@@ -64,7 +68,9 @@ class HeadNerf:
 
     def __init__(self, create, name, size):
         self.size = size
-        self.field = ConcatenatedField(create, f"{name}.field", size, size.feature_channels, colors=False)
+        self.field = ConcatenatedField(
+            create, f"{name}.field", size, size.feature_channels, colors=False
+        )
         self.blocks, self.laterals = [], []
         inputs, side = size.feature_channels, 2 * size.rays_per_side
         for channels in size.block_channels:
@@ -79,7 +85,9 @@ class HeadNerf:
                     Equalised(create, f"{block}.to_rgb", channels, 3),
                 )
             )
-            self.laterals.append(Equalised(create, f"{name}.mask.lateral{side}", channels, size.mask_channels))
+            self.laterals.append(
+                Equalised(create, f"{name}.mask.lateral{side}", channels, size.mask_channels)
+            )
             inputs, side = channels, 2 * side
         self.logit = Equalised(create, f"{name}.mask.logit", size.mask_channels, 1)
 
@@ -93,7 +101,9 @@ class HeadNerf:
         rgb, total = self.to_rgb_below(x), 0.0
         for (widened, detail, narrowed, to_rgb), lateral in zip(self.blocks, self.laterals):
             detailed = leaky(detail(leaky(widened(x), 1.0)), 1.0)
-            x = leaky(narrowed(blur(F.pixel_shuffle(detailed + x.repeat_interleave(4, dim=1), 2))), ROOT2)
+            x = leaky(
+                narrowed(blur(F.pixel_shuffle(detailed + x.repeat_interleave(4, dim=1), 2))), ROOT2
+            )
             rgb = to_rgb(x) + blur(doubled(rgb))
             result["images"].append(torch.tanh(rgb))
             total = leaky(lateral(x), 1.0) + (doubled(total) if torch.is_tensor(total) else total)
@@ -102,7 +112,8 @@ class HeadNerf:
 
 
 class PixelNerf:
-    """One ray for each pixel of the largest image, with its colour; the mask is the opacity. The smaller image has half its side."""
+    """One ray for each pixel of the largest image, with its colour; the mask is the opacity. The
+    smaller image has half its side."""
 
     def __init__(self, create, name, size):
         self.size = size

@@ -1,7 +1,9 @@
-"""StyleGAN2's residual discriminator and the losses of adversarial training in plain PyTorch, for numbers to compare the C++ code with.
+"""StyleGAN2's residual discriminator and the losses of adversarial training in plain PyTorch, for
+numbers to compare the C++ code with.
 
-Written from the layer list of Karras et al. 2020 (images as N, C, H, W), not from the C++ code: gains after each leaky ReLU, the sum of
-main and skip divided at its end, every blur computed in full. Parameters have the names and shapes of the C++ code.
+Written from the layer list of Karras et al. 2020 (images as N, C, H, W), not from the C++ code:
+gains after each leaky ReLU, the sum of main and skip divided at its end, every blur computed in
+full. Parameters have the names and shapes of the C++ code.
 """
 
 import torch
@@ -57,7 +59,9 @@ def with_deviation(x, group_size):
     batch, channels, height, width = x.shape
     groups = x.reshape(group_size, batch // group_size, channels, height, width)
     deviation = torch.sqrt(groups.var(0, unbiased=False) + 1e-8).mean((1, 2, 3))
-    return torch.cat([x, deviation.repeat(group_size)[:, None, None, None].expand(-1, 1, height, width)], 1)
+    return torch.cat(
+        [x, deviation.repeat(group_size)[:, None, None, None].expand(-1, 1, height, width)], 1
+    )
 
 
 class Discriminator:
@@ -69,9 +73,13 @@ class Discriminator:
         self.from_rgb, self.blocks = {}, {}
         side = 8
         while side <= resolution:
-            self.blocks[side] = Block(create, f"{name}.block{side}", channels(side), channels(side // 2))
+            self.blocks[side] = Block(
+                create, f"{name}.block{side}", channels(side), channels(side // 2)
+            )
             if side >= 64:
-                self.from_rgb[side] = Convolution(create, f"{name}.from_rgb{side}", 3, channels(side), 1)
+                self.from_rgb[side] = Convolution(
+                    create, f"{name}.from_rgb{side}", 3, channels(side), 1
+                )
             side *= 2
         self.conv = Convolution(create, f"{name}.epilogue.conv", channels(4) + 1, channels(4), 3)
         self.hidden = Dense(create, f"{name}.epilogue.hidden", 16 * channels(4), channels(4))
@@ -91,7 +99,9 @@ class Discriminator:
 
 
 def faded(images, fade):
-    return torch.lerp(F.interpolate(F.avg_pool2d(images, 2), scale_factor=2, mode="nearest"), images, fade)
+    return torch.lerp(
+        F.interpolate(F.avg_pool2d(images, 2), scale_factor=2, mode="nearest"), images, fade
+    )
 
 
 def generator_loss(fake_logits):

@@ -1,8 +1,10 @@
-"""The decoder, the encoder and the losses in plain PyTorch, for numbers to compare the C++ code with.
+"""The decoder, the encoder and the losses in plain PyTorch, for numbers to compare the C++ code
+with.
 
-Written from the formulas of the paper, of StyleGAN2 and of NeRF, not from the C++ code: modulation as one convolution with a group
-for each sample, compositing as a running product, the last layer of the field applied to every sample. Images are (N, C, H, W).
-Parameters have the names and shapes of docs/models.md.
+Written from the formulas of the paper, of StyleGAN2 and of NeRF, not from the C++ code: modulation
+as one convolution with a group for each sample, compositing as a running product, the last layer of
+the field applied to every sample. Images are (N, C, H, W). Parameters have the names and shapes of
+docs/models.md.
 """
 
 import dataclasses
@@ -16,7 +18,8 @@ ROOT2 = 2**0.5
 
 
 class Philox:
-    """Philox4x32-10 (Salmon et al. 2011) with keys derived from names: the random numbers of core/rng.h."""
+    """Philox4x32-10 (Salmon et al. 2011) with keys derived from names: the random numbers of
+    core/rng.h."""
 
     def __init__(self, key):
         self.key, self.counter = key, 0
@@ -50,12 +53,17 @@ class Philox:
         count = int(numpy.prod(shape))
         index = numpy.arange(self.counter, self.counter + count, dtype=numpy.uint64)
         self.counter += count
-        bits = self.block([index & numpy.uint64(0xFFFFFFFF), index >> numpy.uint64(32), 0, 0], self.key)
-        return torch.from_numpy((bits >> numpy.uint64(11)).astype(numpy.float64) * 2.0**-53).reshape(shape)
+        bits = self.block(
+            [index & numpy.uint64(0xFFFFFFFF), index >> numpy.uint64(32), 0, 0], self.key
+        )
+        return torch.from_numpy(
+            (bits >> numpy.uint64(11)).astype(numpy.float64) * 2.0**-53
+        ).reshape(shape)
 
 
 class Numbers:
-    """Weights and inputs that both sides make: functions of a seed and a name (tests/support/golden.h)."""
+    """Weights and inputs that both sides make: functions of a seed and a name
+    (tests/support/golden.h)."""
 
     def __init__(self, seed, dtype=torch.float64):
         self.random, self.dtype = Philox(seed), dtype
@@ -72,7 +80,9 @@ class Parameters:
         self.numbers, self.tensors = numbers, {}
 
     def __call__(self, name, *shape, scale=1.0, offset=0.0):
-        values = (self.numbers(name, *shape).double() * scale + offset).float().to(self.numbers.dtype)
+        values = (
+            (self.numbers(name, *shape).double() * scale + offset).float().to(self.numbers.dtype)
+        )
         self.tensors[name] = values.requires_grad_()
         return self.tensors[name]
 
@@ -92,7 +102,11 @@ class Equalised:
     def __call__(self, x):  # (B, C) or (B, C, H, W)
         weight = self.weight * (self.multiplier / self.weight.shape[1] ** 0.5)
         bias = self.bias * self.multiplier
-        return F.linear(x, weight, bias) if x.dim() == 2 else F.conv2d(x, weight[:, :, None, None], bias)
+        return (
+            F.linear(x, weight, bias)
+            if x.dim() == 2
+            else F.conv2d(x, weight[:, :, None, None], bias)
+        )
 
 
 class Modulated:
@@ -109,7 +123,11 @@ class Modulated:
         outputs = self.weight.shape[0]
         weight = self.weight[None] / inputs**0.5 * self.style(w)[:, None, :]
         weight = weight * torch.rsqrt(weight.square().sum(2, keepdim=True) + 1e-8)
-        y = F.conv2d(x.reshape(1, batch * inputs, height, width), weight.reshape(batch * outputs, inputs, 1, 1), groups=batch)
+        y = F.conv2d(
+            x.reshape(1, batch * inputs, height, width),
+            weight.reshape(batch * outputs, inputs, 1, 1),
+            groups=batch,
+        )
         y = y.reshape(batch, outputs, height, width)
         bias = self.bias[None, :, None, None]
         if self.activation == "sine":
@@ -145,10 +163,11 @@ def rotation(yaw, pitch, roll):
 
 
 def sample_rays(poses, side, samples, uniforms=None):
-    """Rays through the middles of the pixels, sampled between the world planes z = 2.5 and z = -3.5.
+    """Rays through the middles of the pixels, sampled between the world planes z = 2.5 and z =
+    -3.5.
 
-    `poses` (B, 6): yaw, pitch, roll, centre; `uniforms` (B, R, N + 1) moves each depth within its stratum. Returns points
-    (B, 3, R, N), and deltas and depths (B, 1, R, N).
+    `poses` (B, 6): yaw, pitch, roll, centre; `uniforms` (B, R, N + 1) moves each depth within its
+    stratum. Returns points (B, 3, R, N), and deltas and depths (B, 1, R, N).
     """
     points, deltas, depths = [], [], []
     inverse_k = numpy.linalg.inv(numpy.array([[2.03, 0, 0.5], [0, 2.03, 0.5], [0, 0, 1]]))
@@ -158,14 +177,18 @@ def sample_rays(poses, side, samples, uniforms=None):
         world_from_camera = rotation(yaw, pitch, roll) @ numpy.diag([1.0, -1.0, -1.0])
         directions = (world_from_camera @ inverse_k @ pixels).T
         directions /= numpy.linalg.norm(directions, axis=1, keepdims=True)
-        z = numpy.linspace(center[2] - 2.5, center[2] + 3.5, samples + 1)[None].repeat(side * side, 0)
+        z = numpy.linspace(center[2] - 2.5, center[2] + 3.5, samples + 1)[None].repeat(
+            side * side, 0
+        )
         if uniforms is not None:
             middles = (z[:, 1:] + z[:, :-1]) / 2
             lower = numpy.concatenate([z[:, :1], middles], 1)
             upper = numpy.concatenate([middles, z[:, -1:]], 1)
             z = lower + (upper - lower) * uniforms[i].numpy()
         lengths = z / -directions[:, 2:]
-        points.append(numpy.array(center)[:, None, None] + directions.T[:, :, None] * lengths[None, :, :-1])
+        points.append(
+            numpy.array(center)[:, None, None] + directions.T[:, :, None] * lengths[None, :, :-1]
+        )
         deltas.append(numpy.diff(lengths, axis=1)[None])
         depths.append(lengths[None, :, :-1])
     return tuple(torch.from_numpy(numpy.stack(each)) for each in (points, deltas, depths))
@@ -187,7 +210,10 @@ class DecoderSize:
 
 class Mapping:
     def __init__(self, create, name, size, layers, multiplier):
-        self.layers = [Equalised(create, f"{name}.layer{i}", size, size, multiplier=multiplier) for i in range(layers)]
+        self.layers = [
+            Equalised(create, f"{name}.layer{i}", size, size, multiplier=multiplier)
+            for i in range(layers)
+        ]
 
     def __call__(self, z):
         for layer in self.layers[:-1]:
@@ -225,7 +251,13 @@ class Decoder:
     def __init__(self, create, name, size):
         self.size = size
         self.mapping = {
-            group: Mapping(create, f"{name}.mapping.{group}", length, size.mapping_layers, size.mapping_multiplier)
+            group: Mapping(
+                create,
+                f"{name}.mapping.{group}",
+                length,
+                size.mapping_layers,
+                size.mapping_multiplier,
+            )
             for group, length in CODES.items()
         }
         self.field = Field(create, f"{name}.field", size)
@@ -243,12 +275,15 @@ class Decoder:
                     Equalised(create, f"{block}.to_rgb", channels, 3),
                 )
             )
-            self.laterals.append(Equalised(create, f"{name}.mask.lateral{side}", channels, size.mask_channels))
+            self.laterals.append(
+                Equalised(create, f"{name}.mask.lateral{side}", channels, size.mask_channels)
+            )
             inputs, side = channels, 2 * side
         self.logit = Equalised(create, f"{name}.mask.logit", size.mask_channels, 1)
 
     def __call__(self, z, rays):
-        """Everything that the losses see: images, mask_logit, feature_map, weights, transmittance and depths."""
+        """Everything that the losses see: images, mask_logit, feature_map, weights, transmittance
+        and depths."""
         w = {group: mapping(z[group]) for group, mapping in self.mapping.items()}
         appearance = torch.cat([w["tex"], w["light"]], 1)
         side = self.size.rays_per_side
@@ -258,7 +293,12 @@ class Decoder:
         passed = torch.cumprod(1.0 - alpha, 3)
         weights = alpha * torch.cat([torch.ones_like(alpha[..., :1]), passed[..., :-1]], 3)
         x = (weights * features).sum(3).reshape(len(points), -1, side, side)
-        result = {"feature_map": x, "weights": weights[:, 0], "transmittance": passed[:, 0, :, -1:], "depths": depths[:, 0]}
+        result = {
+            "feature_map": x,
+            "weights": weights[:, 0],
+            "transmittance": passed[:, 0, :, -1:],
+            "depths": depths[:, 0],
+        }
         result["images"] = []
         rgb = total = None
         for (upsampler, first, second, to_rgb), lateral in zip(self.blocks, self.laterals):
@@ -303,23 +343,32 @@ class Encoder:
     def __call__(self, image):
         embedding = self.backbone(image)
         return {
-            group: code(leaky(narrow(leaky(wide(embedding), ROOT2)), ROOT2)) for group, (wide, narrow, code) in self.heads.items()
+            group: code(leaky(narrow(leaky(wide(embedding), ROOT2)), ROOT2))
+            for group, (wide, narrow, code) in self.heads.items()
         }
 
 
 def photometric_loss(images, targets, weights):
-    return sum(weight * F.l1_loss(image, target) for image, target, weight in zip(images, targets, weights))
+    return sum(
+        weight * F.l1_loss(image, target) for image, target, weight in zip(images, targets, weights)
+    )
 
 
 def code_loss(z, codes, present, weights):
     """Squared distances; a mean over the batch to which a face without a code adds 0."""
-    return sum(weight * (present[:, None] * (z[g] - codes[g]).square()).sum() / len(present) for g, weight in weights.items())
+    return sum(
+        weight * (present[:, None] * (z[g] - codes[g]).square()).sum() / len(present)
+        for g, weight in weights.items()
+    )
 
 
 def opacity_loss(transmittance, mask):
     """Cross-entropy of the opacity of each ray, both logarithms lifted by 1e-3."""
     mask = mask.reshape(transmittance.shape)
-    return -(mask * torch.log(1.0 - transmittance + 1e-3) + (1.0 - mask) * torch.log(transmittance + 1e-3)).mean()
+    return -(
+        mask * torch.log(1.0 - transmittance + 1e-3)
+        + (1.0 - mask) * torch.log(transmittance + 1e-3)
+    ).mean()
 
 
 def depth_variance(weights, depths):

@@ -1,4 +1,5 @@
-"""Reads the event files of a run folder with TensorBoard's own reader and lists what it finds; fails where that stops early.
+"""Reads the event files of a run folder with TensorBoard's own reader and lists what it finds;
+fails where that stops early.
 
 Needs tensorboard:  python tests/tools/read_events.py RUN
 """
@@ -33,11 +34,14 @@ events = EventAccumulator(str(folder), size_guidance={"scalars": 0, "images": 0}
 events.Reload()
 for tag in events.Tags()["scalars"]:
     points = events.Scalars(tag)
-    print(f"scalar {tag}: {len(points)} points, steps {points[0].step} to {points[-1].step}, last {points[-1].value:g}")
+    print(
+        f"scalar {tag}: {len(points)} points, steps {points[0].step} to {points[-1].step}, "
+        f"last {points[-1].value:g}"
+    )
 for tag in events.Tags()["images"]:
     images = events.Images(tag)
     sizes = sorted({(image.width, image.height) for image in images})
     signed = all(image.encoded_image_string.startswith(b"\x89PNG") for image in images)
-    print(f"image {tag}: {len(images)} pictures, sides {sizes}, PNG: {signed}")
+    print(f"image {tag}: {len(images)} images, sides {sizes}, PNG: {signed}")
 if not events.Tags()["scalars"]:
     sys.exit(f"{folder}: no scalars")
