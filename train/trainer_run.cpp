@@ -20,6 +20,14 @@ std::string step_text(const LossValues& losses) {
     return text.str();
 }
 
+/// Random weights are also worth a line for whoever watches.
+void announce_lpips(const Lpips* lpips, const RunFolder& folder, Progress& progress) {
+    if (lpips == nullptr) return;
+    const std::string line = "LPIPS: " + lpips->label();
+    folder.log(line);
+    if (lpips->random()) progress.message(line);
+}
+
 bool is_due(std::int64_t step, std::int64_t interval) {
     return interval > 0 && step % interval == 0;
 }
@@ -41,11 +49,7 @@ TrainingOutcome Trainer::run(const RunFolder& folder, const TrainingLimits& limi
                        .first = first_image,
                        .unit = "images",
                        .time_limit = limits.minutes * 60.0});
-    if (const Lpips* lpips = reconstruction_.lpips(); lpips != nullptr) {
-        const std::string line = "LPIPS: " + lpips->label();
-        folder.log(line);
-        if (lpips->random()) progress.message(line);
-    }
+    announce_lpips(reconstruction_.lpips(), folder, progress);
     TrainingOutcome outcome;
     Tick tick;
     const auto time_is_up = [&] {

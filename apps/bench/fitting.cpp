@@ -202,7 +202,20 @@ double mean_at(const std::vector<FitCurve>& curves, double seconds, double FitPo
                    [&](const FitCurve& curve) { return point_at(curve.points, seconds).*number; });
 }
 
-/// What a way has come to, with the paper's way beside it.
+std::vector<Column> summary_columns() {
+    return {{"way", "way"},
+            {"what", "what"},
+            {"seconds_per_step", "ms a step", milliseconds},
+            {"seconds", "seconds", fixed<2>},
+            {"loss", "loss at the end", fixed<4>},
+            {"psnr_db", "PSNR dB", fixed<2>},
+            {"faces_there", "faces that get there"},
+            {"steps_there", "steps", fixed<0>},
+            {"seconds_there", "seconds", fixed<2>},
+            {"times_sooner", "times sooner", fixed<1>}};
+}
+
+/// What a way has come to, with the paper's way beside it: `summary_columns` from the third on.
 Row summary(const std::vector<FitCurve>& curves, const std::vector<FitCurve>& paper) {
     const double seconds = mean_of(curves, [](const FitCurve& curve) { return curve.seconds; });
     const double steps = mean_of(curves, [](const FitCurve& curve) { return curve.steps; });
@@ -270,18 +283,7 @@ void write_fitting(Page& page, const StudyInputs& inputs) {
                             add_means(means, way.name, curves);
                             return summary(curves, papers_curves);
                         }});
-    const Table ways = run_study({.name = "fitting",
-                                  .columns = {{"way", "way"},
-                                              {"what", "what"},
-                                              {"seconds_per_step", "ms a step", milliseconds},
-                                              {"seconds", "seconds", fixed<2>},
-                                              {"loss", "loss at the end", fixed<4>},
-                                              {"psnr_db", "PSNR dB", fixed<2>},
-                                              {"faces_there", "faces that get there"},
-                                              {"steps_there", "steps", fixed<0>},
-                                              {"seconds_there", "seconds", fixed<2>},
-                                              {"times_sooner", "times sooner", fixed<1>}}},
-                                 rows);
+    const Table ways = run_study({.name = "fitting", .columns = summary_columns()}, rows);
 
     const DecoderConfig& decoder = model.config().decoder;
     page.text("The model: " + std::to_string(decoder.resolution) + " pixels, a field of " +

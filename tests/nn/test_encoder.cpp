@@ -16,6 +16,7 @@
 #include "nn/layers/conv_layer.h"
 #include "nn/models/encoder.h"
 #include "shared_data.h"
+#include "support/error_message.h"
 
 using namespace stymo;
 
@@ -50,15 +51,6 @@ Variable image_of(std::int64_t batch, std::int64_t side, std::uint64_t seed,
                   DType dtype = DType::float32) {
     Rng rng(seed);
     return Variable(rng.uniform({batch, side, side, 3}, -1.0, 1.0, dtype));
-}
-
-std::string message_of(const std::function<void()>& body) {
-    try {
-        body();
-    } catch (const Error& error) {
-        return error.what();
-    }
-    return {};
 }
 
 double largest(const Tensor& tensor) {
@@ -317,7 +309,8 @@ TEST_CASE("what is wrong with the backbone or its weights is said in one line wi
     ParameterStore store;
     Rng rng(14);
     const auto made = [&](const EncoderConfig& config) {
-        return message_of([&] { const Encoder encoder(config, store, "encoder", rng); });
+        return test::error_message<Error>(
+            [&] { const Encoder encoder(config, store, "encoder", rng); });
     };
 
     const std::string unknown = made({.backbone = "resnet"});
@@ -335,13 +328,15 @@ TEST_CASE("published weights of the wrong network or shape are refused by name",
     ParameterStore store;
     Rng rng(15);
     const auto mobile = make_backbone("mobilefacenet", store, "mobile.", rng);
-    CHECK_THAT(message_of([&] { mobile->load_pretrained({}, "empty.safetensors"); }),
-               Catch::Contains("empty.safetensors") && Catch::Contains("conv1.0.weight"));
+    CHECK_THAT(
+        test::error_message<Error>([&] { mobile->load_pretrained({}, "empty.safetensors"); }),
+        Catch::Contains("empty.safetensors") && Catch::Contains("conv1.0.weight"));
     TensorFile transposed;
     transposed.tensors["conv1.0.weight"] = Tensor::zeros({64, 3, 3, 5});
-    CHECK_THAT(message_of([&] { mobile->load_pretrained(transposed, "x.safetensors"); }),
-               Catch::Contains("conv1.0.weight") && Catch::Contains("(64, 3, 3, 5)") &&
-                   Catch::Contains("(64, 3, 3, 3)"));
+    CHECK_THAT(
+        test::error_message<Error>([&] { mobile->load_pretrained(transposed, "x.safetensors"); }),
+        Catch::Contains("conv1.0.weight") && Catch::Contains("(64, 3, 3, 5)") &&
+            Catch::Contains("(64, 3, 3, 3)"));
     const auto small = make_backbone("small_conv", store, "small.", rng);
     CHECK_THROWS_AS(small->load_pretrained({}, "x.safetensors"), ConfigError);
 }

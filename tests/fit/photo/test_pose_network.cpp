@@ -16,6 +16,7 @@
 #include "fit/photo/network_poses.h"
 #include "fit/photo/pose_network.h"
 #include "shared_data.h"
+#include "support/error_message.h"
 
 using namespace stymo;
 namespace fs = std::filesystem;
@@ -42,15 +43,6 @@ Eigen::Vector3d degrees_of(const Eigen::Matrix3d& rotation) {
 void check_angles(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& expected) {
     const Eigen::Vector3d angles = degrees_of(rotation);
     for (std::size_t i = 0; i < 3; ++i) CHECK(angles[i] == Approx(expected[i]).margin(1e-4));
-}
-
-std::string message_of(const std::function<void()>& action) {
-    try {
-        action();
-    } catch (const Error& error) {
-        return error.what();
-    }
-    return "";
 }
 
 }  // namespace
@@ -132,12 +124,13 @@ TEST_CASE("a file that is not a pose network is refused in one line", "[photo]")
     const ScratchFolder folder;
     write_text_file(folder.path() / "net.onnx", "not a network");
     CHECK_THROWS_AS(PoseNetwork(folder.path() / "none.onnx"), FileError);
-    CHECK_THAT(message_of([&] { PoseNetwork(folder.path() / "net.onnx"); }),
+    CHECK_THAT(test::error_message<Error>([&] { PoseNetwork(folder.path() / "net.onnx"); }),
                Catch::Contains("not an ONNX network"));
     const auto shared = shared_data();
     if (!shared) return;
-    CHECK_THAT(message_of([&] { PoseNetwork(*shared / "weights/face_parser_unet.onnx"); }),
-               Catch::Contains("not a known pose network"));
+    CHECK_THAT(
+        test::error_message<Error>([&] { PoseNetwork(*shared / "weights/face_parser_unet.onnx"); }),
+        Catch::Contains("not a known pose network"));
 }
 
 TEST_CASE("the network finds the yaw of real photos, and mirrored poses in mirrored photos",

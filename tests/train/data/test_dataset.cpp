@@ -1,5 +1,4 @@
 #include <OpenImageIO/imageio.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <catch2/catch.hpp>
@@ -14,10 +13,12 @@
 #include "core/error.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
+#include "core/io/scratch_folder.h"
 #include "core/parallel.h"
 #include "core/rng.h"
 #include "render/parsing_classes.h"
 #include "shared_data.h"
+#include "support/error_message.h"
 #include "train/data/dataset.h"
 #include "train/data/folder_scan.h"
 
@@ -26,27 +27,12 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// A folder that is removed with all that a test put into it.
-class TemporaryFolder {
-public:
-    TemporaryFolder()
-        : path_(fs::temp_directory_path() / ("stymo_dataset_" + std::to_string(::getpid()))) {
-        fs::remove_all(path_);
-        fs::create_directories(path_);
-    }
-    ~TemporaryFolder() { fs::remove_all(path_); }
-    TemporaryFolder(const TemporaryFolder&) = delete;
-    TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-
-    /// A path inside, its folder created.
+/// Makes the folders of the paths that a test asks for.
+struct TemporaryFolder : ScratchFolder {
     [[nodiscard]] fs::path operator/(const fs::path& name) const {
-        fs::create_directories((path_ / name).parent_path());
-        return path_ / name;
+        fs::create_directories((path() / name).parent_path());
+        return path() / name;
     }
-    [[nodiscard]] const fs::path& path() const { return path_; }
-
-private:
-    fs::path path_;
 };
 
 using Rgb = std::array<float, 3>;
@@ -108,16 +94,12 @@ Dataset open(const TemporaryFolder& folder, std::int64_t side = 64) {
     return Dataset(folder.path(), side, nothing_held_out(), Split::all);
 }
 
+/// The message of an error that must be one line.
 template <class ErrorType, class Body>
-std::string message_of(Body body) {
-    try {
-        body();
-    } catch (const ErrorType& error) {
-        CHECK(std::string(error.what()).find('\n') == std::string::npos);
-        return error.what();
-    }
-    FAIL("no error was thrown");
-    return {};
+std::string line_of(Body body) {
+    const std::string message = test::error_message<ErrorType>(body);
+    CHECK(test::is_one_line(message));
+    return message;
 }
 
 bool same(const Tensor& a, const Tensor& b) {
@@ -348,16 +330,16 @@ TEST_CASE("a broken image or mask is skipped and named, cached or not", "[datase
 
 TEST_CASE("a folder that cannot be used gives one clear line", "[dataset]") {
     const TemporaryFolder folder;
-    CHECK_THAT(message_of<FileError>([&] { open(folder); }),
+    CHECK_THAT(line_of<FileError>([&] { open(folder); }),
                Catch::Contains(folder.path().string()) && Catch::Contains("no images"));
-    CHECK_THAT(message_of<FileError>([&] { Dataset("/nowhere", 64, {}, Split::all); }),
+    CHECK_THAT(line_of<FileError>([&] { Dataset("/nowhere", 64, {}, Split::all); }),
                Catch::Contains("/nowhere: no such folder"));
     std::ofstream(folder / "1.png") << "not an image";
-    CHECK_THAT(message_of<FileError>([&] { open(folder); }),
+    CHECK_THAT(line_of<FileError>([&] { open(folder); }),
                Catch::Contains("none of its 1 images can be read"));
     write_image(folder / "a/2.png", plain(8, 8, grey));
     write_image(folder / "b/2.png", plain(8, 8, grey));
-    CHECK_THAT(message_of<FileError>([&] { open(folder); }),
+    CHECK_THAT(line_of<FileError>([&] { open(folder); }),
                Catch::Contains("two images have the id \"2\""));
 }
 
@@ -368,7 +350,7 @@ TEST_CASE("a malformed line of faces.jsonl is refused with its number", "[datase
         write_text_file(folder / "faces.jsonl", R"({"id":"0"})"
                                                 "\n" +
                                                     line + "\n");
-        return message_of<FileError>([&] { open(folder); });
+        return line_of<FileError>([&] { open(folder); });
     };
     for (const auto& [line, reason] : std::vector<std::pair<std::string, std::string>>{
              {R"({"id":"1")", "not JSON"},
@@ -393,7 +375,7 @@ TEST_CASE("a malformed line of faces.jsonl is refused with its number", "[datase
     }
     fs::remove(folder / "faces.jsonl");
     write_text_file(folder / "camera.json", R"({"focal":0})");
-    CHECK_THAT(message_of<FileError>([&] { open(folder); }),
+    CHECK_THAT(line_of<FileError>([&] { open(folder); }),
                Catch::Contains("camera.json") && Catch::Contains("positive"));
 }
 
@@ -417,7 +399,7 @@ TEST_CASE("the split is by order of id, from the first or from the last", "[data
     CHECK(first_and_last(Split::validation) == "7-8");
     CHECK(first_and_last(Split::test) == "9-11");
     config.test = 1000;
-    CHECK_THAT(message_of<ConfigError>([&] { Dataset(folder.path(), 8, config, Split::training); }),
+    CHECK_THAT(line_of<ConfigError>([&] { Dataset(folder.path(), 8, config, Split::training); }),
                Catch::Contains("data.split") && Catch::Contains("12 faces"));
 }
 
