@@ -5,11 +5,10 @@
 #include <optional>
 #include <utility>
 
-#include "core/autograd/recompute.h"
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "nn/layers/mapping.h"
-#include "nn/layers/plain_render_block.h"
+#include "nn/models/image_stage.h"
 #include "render/tracked_rays.h"
 
 namespace stymo {
@@ -55,23 +54,6 @@ FieldConfig field_config(const DecoderConfig& config) {
             .geometry_size = geometry_size,
             .appearance_size = appearance_size,
             .colors = colors};
-}
-
-std::unique_ptr<UpsampleBlock> make_block(const DecoderConfig& config, ParameterStore& store,
-                                          const std::string& name, std::size_t index, Rng& rng) {
-    const bool first = index == 0;
-    const std::int64_t in = first ? config.feature_channels : config.block_channels[index - 1];
-    const std::int64_t out = config.block_channels[index];
-    if (config.conditioning == "concatenation")
-        return std::make_unique<PlainRenderBlock>(store, name, in, out, first, rng);
-    return std::make_unique<RenderBlock>(store, name, in, out, appearance_size, rng);
-}
-
-/// Logit of the opacity, (B, S * S, 1) -> (B, S, S, 1), bounded where a ray is clear or opaque.
-Variable opacity_logit(const Variable& transmittance, std::int64_t side) {
-    constexpr double lift = 1e-6;
-    const Variable logit = log(affine(transmittance, -1.0, 1.0) + lift) - log(transmittance + lift);
-    return reshape(logit, {transmittance.shape(0), side, side, 1});
 }
 
 Variable geometry_style(const Codes& w) {
@@ -151,8 +133,7 @@ struct Decoder::Layers {
     ResolutionLadder ladder;
     std::vector<Mapping> mappings;
     std::unique_ptr<Field> field;
-    std::vector<std::unique_ptr<UpsampleBlock>> blocks;  ///< one for each image, or none
-    std::optional<MaskBranch> mask;
+    std::unique_ptr<ImageStage> images;
 
     Layers(const DecoderConfig& decoder_config, ParameterStore& store, const std::string& prefix,
            Rng& rng);
@@ -160,8 +141,6 @@ struct Decoder::Layers {
                                           std::int64_t resolution) const;
     [[nodiscard]] RaySamples samples_of(const Codes& w, const std::vector<Camera>& cameras,
                                         const RaySampling& sampling, Rng* jitter) const;
-    /// The images of a field without render blocks.
-    [[nodiscard]] std::vector<Variable> shrunk_images(const Variable& image) const;
 };
 
 Decoder::Layers::Layers(const DecoderConfig& decoder_config, ParameterStore& store,
@@ -174,23 +153,14 @@ Decoder::Layers::Layers(const DecoderConfig& decoder_config, ParameterStore& sto
         mappings.emplace_back(store, prefix + ".mapping." + code_names[i], code_sizes[i],
                               config.mapping_layers, config.mapping_learning_rate_multiplier, rng);
     }
-    std::vector<std::string> names;
-    for (const std::int64_t side : ladder.sides()) {
-        names.push_back(std::to_string(side));
-        if (config.render == "blocks")
-            blocks.push_back(
-                make_block(config, store, prefix + ".block" + names.back(), blocks.size(), rng));
-    }
-    if (blocks.empty()) return;
-    mask.emplace(store, prefix + ".mask", std::span(config.block_channels).first(names.size()),
-                 names, config.mask_channels, rng);
+    images = make_image_stage(config, ladder, store, prefix, appearance_size, rng);
 }
 
 RaySampling Decoder::Layers::sampling_of(std::int64_t samples_per_ray,
                                          std::int64_t resolution) const {
     RaySampling sampling = config.rays;
     sampling.samples_per_ray = samples_per_ray;
-    if (blocks.empty()) sampling.rays_per_side = ladder.up_to(resolution).largest();
+    sampling.rays_per_side = images->rays_per_side(resolution);
     return sampling;
 }
 
@@ -199,16 +169,6 @@ RaySamples Decoder::Layers::samples_of(const Codes& w, const std::vector<Camera>
     if (static_cast<std::int64_t>(cameras.size()) != w.batch())
         fail<ShapeError>(cameras.size(), " cameras for codes of ", w.batch(), " faces");
     return sample_rays(cameras, sampling, jitter, w.identity().dtype());
-}
-
-std::vector<Variable> Decoder::Layers::shrunk_images(const Variable& image) const {
-    std::vector<Variable> images;
-    for (const std::int64_t side : ladder.sides()) {
-        if (side >= image.shape(1)) break;
-        images.push_back(resize_box(image, static_cast<int>(side), static_cast<int>(side)));
-    }
-    images.push_back(image);
-    return images;
 }
 
 Decoder::Decoder(const DecoderConfig& config, ParameterStore& store, const std::string& prefix,
@@ -249,13 +209,11 @@ Decoded Decoder::operator()(const Codes& z, const std::vector<Camera>& cameras,
                   tracked_points(options.orbits, cameras, sampling, samples.depths), points, style)
             : layers_->field->render(points, style, options.keep_field);
     const std::int64_t side = sampling.rays_per_side;
-    const Variable features =
-        layers_->blocks.empty() ? affine(rays.features, 2.0, -1.0) : rays.features;
-
+    const Variable features = layers_->images->feature_values(rays.features);
     Decoded decoded = decode_feature_map(
         reshape(features, {w.batch(), side, side, features.shape(2)}), w, options);
-    if (options.mask && layers_->blocks.empty())
-        decoded.mask_logit = opacity_logit(rays.weights.transmittance, side);
+    if (options.mask && !decoded.mask_logit.defined())
+        decoded.mask_logit = layers_->images->mask_of_rays(rays.weights.transmittance, side);
     decoded.weights = std::move(rays.weights);
     decoded.samples = std::move(samples);
     return decoded;
@@ -265,35 +223,12 @@ Decoded Decoder::decode_feature_map(const Variable& feature_map, const Codes& w,
                                     const DecodeOptions& options) const {
     const std::int64_t side =
         layers_->sampling_of(options.samples_per_ray, options.resolution).rays_per_side;
-    const std::int64_t channels = layers_->blocks.empty() ? 3 : config().feature_channels;
+    const std::int64_t channels = layers_->images->channels();
     if (!(feature_map.shape() == Shape{w.batch(), side, side, channels})) {
         fail<ShapeError>("feature map must be (", w.batch(), ", ", side, ", ", side, ", ", channels,
                          "), got ", feature_map.shape());
     }
-    Decoded decoded;
-    decoded.feature_map = feature_map;
-    if (layers_->blocks.empty()) {
-        decoded.images = layers_->shrunk_images(feature_map);
-        return decoded;
-    }
-    const Variable style = appearance_style(w);
-    std::vector<Variable> features;
-    Rendered rendered{feature_map, {}};
-    for (std::size_t i = 0; i < layers_->ladder.count_up_to(options.resolution); ++i) {
-        rendered = (*layers_->blocks[i])(rendered, style, options.recompute_blocks);
-        decoded.images.push_back(tanh(rendered.rgb));
-        if (options.mask)
-            features.push_back(config().mask_detach ? rendered.features.detach()
-                                                    : rendered.features);
-    }
-    if (options.mask && options.recompute_blocks) {
-        decoded.mask_logit = recompute(
-            [mask = *layers_->mask](std::span<const Variable> inputs) { return mask(inputs); },
-            features);
-    } else if (options.mask) {
-        decoded.mask_logit = (*layers_->mask)(features);
-    }
-    return decoded;
+    return layers_->images->images(feature_map, appearance_style(w), options);
 }
 
 Tensor Decoder::compositing_weights(const Codes& z, const std::vector<Camera>& cameras,
@@ -311,30 +246,16 @@ Variable Decoder::density(const Variable& points, const Codes& w) const {
 
 DecoderWork Decoder::work(std::int64_t resolution) const {
     const std::int64_t side = layers_->sampling_of(2, resolution).rays_per_side;
-    DecoderWork work{.rays = side * side, .field = layers_->field->work()};
-    std::int64_t pixels = work.rays;
-    for (std::size_t i = 0; i < layers_->ladder.count_up_to(resolution) && !layers_->blocks.empty();
-         ++i) {
-        work.blocks += pixels * layers_->blocks[i]->multiply_adds();
-        pixels *= 4;
-    }
-    return work;
+    return {.rays = side * side,
+            .field = layers_->field->work(),
+            .blocks = layers_->images->multiply_adds(resolution)};
 }
 
 LayerMemory Decoder::memory(const DecodeOptions& options, std::int64_t images) const {
     const RaySampling sampling = layers_->sampling_of(options.samples_per_ray, options.resolution);
     const std::int64_t rays = images * sampling.rays_per_side * sampling.rays_per_side;
     LayerMemory memory = layers_->field->memory(rays, options.samples_per_ray, options.keep_field);
-    if (layers_->blocks.empty()) {
-        // The colours and the opacity of each ray, and what the losses keep of them.
-        memory.add({5 * 4 * rays, 0});
-        return memory;
-    }
-    const ResolutionLadder ladder = layers_->ladder.up_to(options.resolution);
-    for (std::size_t i = 0; i < ladder.count(); ++i)
-        memory.add(layers_->blocks[i]->memory(ladder.sides()[i], images, options.recompute_blocks));
-    if (options.mask)
-        memory.add(layers_->mask->memory(ladder.sides(), images, options.recompute_blocks));
+    memory.add(layers_->images->memory(options, images));
     return memory;
 }
 
@@ -348,15 +269,11 @@ FoldedField Decoder::folded_field(const Codes& w) const {
 
 std::vector<FoldedRenderBlock> Decoder::folded_blocks(const Codes& w,
                                                       std::int64_t resolution) const {
-    std::vector<FoldedRenderBlock> blocks;
-    const Variable style = appearance_style(w);
-    for (std::size_t i = 0; i < layers_->ladder.count_up_to(resolution); ++i)
-        blocks.push_back(layers_->blocks[i]->folded(style));
-    return blocks;
+    return layers_->images->folded_blocks(appearance_style(w), resolution);
 }
 
 FoldedMaskBranch Decoder::folded_mask() const {
-    return layers_->mask->folded();
+    return layers_->images->folded_mask();
 }
 
 }  // namespace stymo

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "nn/models/decoder.h"
+
+namespace stymo {
+
+/// The decoder's part behind the rays: from what they bring to images (DecoderConfig::render).
+class ImageStage {
+public:
+    ImageStage() = default;
+    ImageStage(const ImageStage&) = delete;
+    ImageStage& operator=(const ImageStage&) = delete;
+    virtual ~ImageStage() = default;
+
+    /// Rays along one side for images of up to this resolution, 0: the model's own.
+    [[nodiscard]] virtual std::int64_t rays_per_side(std::int64_t resolution) const = 0;
+    /// Channels of the feature map.
+    [[nodiscard]] virtual std::int64_t channels() const = 0;
+    /// The feature map's values from those of the composited rays.
+    [[nodiscard]] virtual Variable feature_values(const Variable& composited) const = 0;
+    /// feature_map (B, rays, rays, channels), style (B, texture and light): Decoded::images,
+    /// feature_map and, where it does not come from the rays, mask_logit.
+    [[nodiscard]] virtual Decoded images(const Variable& feature_map, const Variable& style,
+                                         const DecodeOptions& options) const = 0;
+    /// Decoded::mask_logit where it comes from the rays, of transmittance (B, side * side, 1);
+    /// else undefined.
+    [[nodiscard]] virtual Variable mask_of_rays(const Variable& transmittance,
+                                                std::int64_t side) const = 0;
+    /// Multiply-adds of the matrix products for one image.
+    [[nodiscard]] virtual std::int64_t multiply_adds(std::int64_t resolution) const = 0;
+    [[nodiscard]] virtual LayerMemory memory(const DecodeOptions& options,
+                                             std::int64_t images) const = 0;
+    /// Throw ValueError where there are none.
+    [[nodiscard]] virtual std::vector<FoldedRenderBlock> folded_blocks(
+        const Variable& style, std::int64_t resolution) const = 0;
+    [[nodiscard]] virtual FoldedMaskBranch folded_mask() const = 0;
+};
+
+/// The stage that the configuration names. Creates its parameters under `prefix`.
+[[nodiscard]] std::unique_ptr<ImageStage> make_image_stage(const DecoderConfig& config,
+                                                           const ResolutionLadder& ladder,
+                                                           ParameterStore& store,
+                                                           const std::string& prefix,
+                                                           std::int64_t style_size, Rng& rng);
+
+}  // namespace stymo
