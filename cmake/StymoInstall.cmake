@@ -11,11 +11,15 @@ install(TARGETS stymo EXPORT stymoTargets COMPONENT development
 install(EXPORT stymoTargets NAMESPACE stymo:: DESTINATION ${stymo_cmake_folder}
   COMPONENT development)
 
-# Headers of kernels are not installed, because they include Highway.
+# Headers of kernels are not installed, because they include Highway; nor are those that include
+# them. tests/package looks for an installed header that needs one that is not.
+set(private_headers kernels packed_*.h block_step.h ray_tile.h rays_of_face.h evaluate_points.h
+  baked_*.h)
+list(TRANSFORM private_headers REPLACE "(.+)" "PATTERN;\\1;EXCLUDE" OUTPUT_VARIABLE excluded)
 foreach(folder core nn render train fit)
   if(IS_DIRECTORY ${PROJECT_SOURCE_DIR}/${folder})
     install(DIRECTORY ${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/stymo COMPONENT development
-      FILES_MATCHING PATTERN "*.h" PATTERN "kernels" EXCLUDE)
+      FILES_MATCHING PATTERN "*.h" ${excluded})
   endif()
 endforeach()
 if(IS_DIRECTORY ${PROJECT_SOURCE_DIR}/configs)

@@ -10,6 +10,19 @@ function(run)
 endfunction()
 
 run(${CMAKE_COMMAND} --install ${BUILD_FOLDER} --prefix ${prefix} --component development)
+
+# Every header of the library that an installed header includes is installed too.
+file(GLOB_RECURSE headers ${prefix}/include/stymo/*.h)
+foreach(header ${headers})
+  file(STRINGS ${header} includes REGEX "^#include \"")
+  foreach(include ${includes})
+    string(REGEX REPLACE "^#include \"(.*)\".*" "\\1" include "${include}")
+    if(NOT EXISTS ${prefix}/include/stymo/${include})
+      message(SEND_ERROR "${header} includes ${include}, which is not installed")
+    endif()
+  endforeach()
+endforeach()
+
 run(${CMAKE_COMMAND} -S ${SOURCE_FOLDER} -B ${work}/build -DCMAKE_PREFIX_PATH=${prefix}
   -DCMAKE_CXX_COMPILER=${CXX} -DCMAKE_CXX_FLAGS=${EXTRA_FLAGS})
 run(${CMAKE_COMMAND} --build ${work}/build)

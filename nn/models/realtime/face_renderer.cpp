@@ -29,14 +29,7 @@ void require_valid(const Model& model, const RendererOptions& options) {
     if (options.mode != RenderMode::exact && !model.decoder().folds())
         fail<ValueError>("a model with decoder.conditioning = ", decoder.conditioning,
                          " is rendered in mode exact alone; skip, half and baked need modulation");
-    std::string sides;
-    for (std::int64_t side = 2 * decoder.rays.rays_per_side; side <= decoder.resolution;
-         side *= 2) {
-        if (options.resolution == 0 || side == options.resolution) return;
-        sides += (sides.empty() ? "" : ", ") + std::to_string(side);
-    }
-    fail<ValueError>("this model renders images with a side of ", sides, ", not ",
-                     options.resolution);
+    static_cast<void>(model.decoder().ladder().count_up_to(options.resolution));  // throws
 }
 
 /// Null for a model that is rendered as it is trained.
@@ -76,8 +69,9 @@ LayerCount layer_count(const DecoderConfig& decoder, std::int64_t resolution, bo
     constexpr std::int64_t of_block = 4,
                            beside_sine_layers = 3;  // FoldedRenderBlock; density and features
     LayerCount count{decoder.field_layers + beside_sine_layers, mask ? 1 : 0};
-    for (std::int64_t side = decoder.rays.rays_per_side; side < resolution; side *= 2)
-        count.image += of_block + (mask ? 1 : 0);
+    const auto blocks =
+        static_cast<std::int64_t>(resolution_ladder(decoder).count_up_to(resolution));
+    count.image += blocks * (of_block + (mask ? 1 : 0));
     return count;
 }
 
