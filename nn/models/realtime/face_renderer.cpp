@@ -65,12 +65,11 @@ struct LayerCount {
     std::int64_t image = 0;  ///< render blocks and mask branch
 };
 
-LayerCount layer_count(const DecoderConfig& decoder, std::int64_t resolution, bool mask) {
+LayerCount layer_count(const Decoder& decoder, std::int64_t resolution, bool mask) {
     constexpr std::int64_t of_block = 4,
                            beside_sine_layers = 3;  // FoldedRenderBlock; density and features
-    LayerCount count{decoder.field_layers + beside_sine_layers, mask ? 1 : 0};
-    const auto blocks =
-        static_cast<std::int64_t>(resolution_ladder(decoder).count_up_to(resolution));
+    LayerCount count{decoder.config().field_layers + beside_sine_layers, mask ? 1 : 0};
+    const auto blocks = static_cast<std::int64_t>(decoder.ladder().count_up_to(resolution));
     count.image += blocks * (of_block + (mask ? 1 : 0));
     return count;
 }
@@ -216,8 +215,8 @@ void FaceRenderer::State::count() {
         view.significant_samples = static_cast<double>(feature_map.significant_samples) /
                                    static_cast<double>(counts.samples);
     }
-    const DecoderConfig& decoder = model.config().decoder;
-    const LayerCount all = layer_count(decoder, decoder.resolution, true);
+    const Decoder& decoder = model.decoder();
+    const LayerCount all = layer_count(decoder, decoder.ladder().largest(), true);
     const LayerCount shown_layers = layer_count(decoder, view.image.shape(0), options.mask);
     counts.layers = all.field + all.image;
     counts.layers_computed = (counts.field_samples > 0 ? shown_layers.field : 0) +
