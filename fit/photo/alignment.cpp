@@ -217,7 +217,9 @@ Placed padded(Placed placed, std::int64_t border) {
 
 /// side x side samples of the square, bilinear.
 Tensor sampled_square(const Placed& placed, std::int64_t side) {
-    const auto& [image, square] = placed;
+    // No structured binding: Clang 14 cannot capture one.
+    const auto& image = placed.image;
+    const auto& square = placed.square;
     const std::int64_t channels = image.shape(2);
     const double last_row = static_cast<double>(image.shape(0) - 1);
     const double last_column = static_cast<double>(image.shape(1) - 1);
