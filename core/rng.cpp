@@ -87,6 +87,10 @@ Rng Rng::split(std::uint64_t index) const {
     return Rng(joined(words[0], words[1]));
 }
 
+Rng Rng::skipped(std::int64_t numbers) const {
+    return Rng(State{state_.key, state_.counter + static_cast<std::uint64_t>(numbers)});
+}
+
 std::uint64_t Rng::bits() {
     const Words words = block(state_.key, state_.counter++, 0, draw_domain);
     return joined(words[0], words[1]);

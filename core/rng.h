@@ -32,6 +32,9 @@ public:
     /// An independent generator for item `index`, with the same properties.
     [[nodiscard]] Rng split(std::uint64_t index) const;
 
+    /// This generator after so many more numbers of any kind but `below`.
+    [[nodiscard]] Rng skipped(std::int64_t numbers) const;
+
     [[nodiscard]] std::uint64_t bits();
     /// Uniform in [0, 1), 53 random bits.
     [[nodiscard]] double uniform();

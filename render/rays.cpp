@@ -107,9 +107,10 @@ RaySamples sample_rays(const std::vector<Camera>& cameras, const RaySampling& sa
                        samples = sampling.samples_per_ray;
 
     // Drawn before the threads start, so that their number does not change what is drawn.
-    const Tensor uniforms = jitter == nullptr ? Tensor()
-                                              : jitter->uniform({camera_count, rays, samples + 1},
-                                                                0.0, 1.0, DType::float64);
+    const Tensor uniforms = jitter == nullptr
+                                ? Tensor()
+                                : jitter->uniform({camera_count, rays, jitter_numbers(samples)},
+                                                  0.0, 1.0, DType::float64);
     RaySamples result{Tensor({camera_count, rays * samples, 3}, dtype),
                       Tensor({camera_count, rays, samples}, dtype),
                       Tensor({camera_count, rays, samples}, dtype)};

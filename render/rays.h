@@ -59,6 +59,11 @@ struct RaySamples {
     Tensor depths;  ///< (B, R, N), Euclidean distance from the camera's centre
 };
 
+/// Random numbers that jitter takes for each ray.
+[[nodiscard]] constexpr std::int64_t jitter_numbers(std::int64_t samples_per_ray) {
+    return samples_per_ray + 1;
+}
+
 /// N + 1 uniform depths between the planes bound N intervals; the sample stands at the start of its
 /// interval. With `jitter` each of the N + 1 moves uniformly within its stratum (training), so the
 /// last interval may end short of the far plane. A near plane behind the camera is moved to the

@@ -72,12 +72,12 @@ void AdversarialStage::update_discriminator(const TrainingPosition& position, St
     const std::vector<Parameter> parameters = unfreeze_discriminator(position);
     const GeneratorInputs inputs{parts_.model, parts_.reconstruction, parts_.config, parts_.offsets,
                                  &discriminator_->network};
-    Rng jitter = step_jitter(parts_, position, "discriminator jitter");
-    apply(mean_over_micro_batches(parts_, position,
-                                  [&](const FaceBatch& batch) {
-                                      return discriminator_gradients(inputs, position, batch,
-                                                                     parameters, jitter);
-                                  }),
+    apply(mean_over_micro_batches(
+              parts_, position,
+              [&](const FaceBatch& batch, std::int64_t first_image) {
+                  Rng jitter = step_jitter(parts_, position, "discriminator jitter", first_image);
+                  return discriminator_gradients(inputs, position, batch, parameters, jitter);
+              }),
           parameters, report);
 }
 
@@ -89,7 +89,7 @@ void AdversarialStage::regularize_discriminator(const TrainingPosition& position
     const std::vector<Parameter> parameters = unfreeze_discriminator(position);
     const double weight = gamma * static_cast<double>(interval);
     apply(mean_over_micro_batches(parts_, position,
-                                  [&](const FaceBatch& batch) {
+                                  [&](const FaceBatch& batch, std::int64_t) {
                                       return r1_gradients(discriminator_->network, position, batch,
                                                           weight, parameters);
                                   }),

@@ -1,11 +1,26 @@
 #include "train/generator_gradients.h"
 
+#include <algorithm>
+
 #include "core/autograd/grad.h"
 #include "core/ops/elementwise.h"
 #include "core/work_counts.h"
 #include "train/memory_estimate.h"
 
 namespace stymo {
+
+namespace {
+
+/// Share of the elements that are at least `threshold`.
+double share_above(const Tensor& x, double threshold) {
+    return dispatch(x.dtype(), [&]<class T>(T) {
+        const auto above = std::ranges::count_if(
+            x.values<T>(), [least = static_cast<T>(threshold)](T value) { return value >= least; });
+        return static_cast<double>(above) / static_cast<double>(x.size());
+    });
+}
+
+}  // namespace
 
 LossAndGradients generator_gradients(const GeneratorInputs& inputs,
                                      const TrainingPosition& position, const FaceBatch& batch,
@@ -16,7 +31,7 @@ LossAndGradients generator_gradients(const GeneratorInputs& inputs,
     phase.micro_batch = codes.batch();
     const Decoder& decoder = inputs.model.decoder();
     const Recomputation recomputation =
-        choose_recomputation(inputs.model, inputs.reconstruction, inputs.config, phase);
+        choose_execution(inputs.model, inputs.reconstruction, inputs.config, phase).recomputation;
     // The mask branch sums up the features of all blocks, so it learns where all of them are there.
     const bool mask = position.mask_loss && inputs.config.loss.mask_weight > 0.0 &&
                       phase.resolution == decoder.ladder().largest();
@@ -24,11 +39,14 @@ LossAndGradients generator_gradients(const GeneratorInputs& inputs,
                                     {.samples_per_ray = phase.samples_per_ray,
                                      .resolution = phase.resolution,
                                      .mask = mask,
+                                     .gradient_tolerance = inputs.config.optimizer.sample_tolerance,
                                      .keep_field = !recomputation.field,
                                      .recompute_blocks = recomputation.blocks,
                                      .jitter = &jitter});
 
     LossAndGradients result;
+    result.losses[significant_share] =
+        share_above(decoded.weights.weights.value(), inputs.config.optimizer.sample_tolerance);
     const LossInputs terms{inputs.config,         position, batch,
                            inputs.reconstruction, codes,    decoded,
                            inputs.discriminator};

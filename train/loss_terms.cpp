@@ -120,6 +120,7 @@ std::vector<std::string_view> loss_names(int stage) {
         names.push_back(term.name);
         std::ranges::copy(term.parts, std::back_inserter(names));
     }
+    names.push_back(significant_share);
     return names;
 }
 

@@ -53,9 +53,13 @@ struct LossTerm {
     bool second_stage_alone = false;
 };
 
+/// Name under which the share of samples that take part in the backward pass is noted beside the
+/// losses.
+inline constexpr std::string_view significant_share = "significant_samples";
+
 /// All terms, in the order in which they are added up.
 [[nodiscard]] std::span<const LossTerm> loss_terms();
-/// The names of the terms of this stage and of their parts.
+/// The names of the terms of this stage and of their parts, and `significant_share`.
 [[nodiscard]] std::vector<std::string_view> loss_names(int stage);
 
 }  // namespace stymo

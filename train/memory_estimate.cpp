@@ -4,6 +4,8 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/parallel.h"
+#include "train/gradient_tree.h"
 
 namespace stymo {
 
@@ -18,23 +20,31 @@ constexpr double heap_factor = 1.15;
 /// A step that is chosen to fit a budget stays within it where the estimate is too low by as much.
 constexpr double estimate_margin = 1.25;
 
+std::int64_t micro_batches_of(const TrainingPhase& phase) {
+    return std::max<std::int64_t>(1, phase.micro_batches());
+}
+
 bool has_discriminator(const TrainConfig& config, const TrainingPhase& phase) {
     return phase.stage == 2 && config.loss.adversarial_weight > 0.0;
 }
 
-/// Weights; of those that are trained gradient, mean gradient and both moments; the EMA of all.
+/// Weights; of those that are trained gradients, their sums and both moments; the EMA of all.
 std::int64_t lasting_numbers(const Model& model, const ReconstructionLoss& loss,
-                             const TrainConfig& config, const TrainingPhase& phase) {
+                             const TrainConfig& config, const TrainingPhase& phase,
+                             std::int64_t at_once) {
+    const std::int64_t gradients =
+        std::max<std::int64_t>(2, GradientTree::most_sets(micro_batches_of(phase), at_once));
     const std::int64_t all = model.parameters().element_count();
     const std::int64_t decoder = model.parameters().element_count("decoder.");
     const double half_life =
         phase.stage == 1 ? config.stage1.average_half_life : config.stage2.average_half_life;
-    std::int64_t numbers = (half_life > 0.0 ? 2 : 1) * all + 4 * (phase.stage == 1 ? all : decoder);
+    std::int64_t numbers =
+        (half_life > 0.0 ? 2 : 1) * all + (2 + gradients) * (phase.stage == 1 ? all : decoder);
     if (loss.lpips() != nullptr) numbers += loss.lpips()->element_count();
     // Of the discriminator three more, for the state that a failed step goes back to.
     if (has_discriminator(config, phase))
-        numbers += 8 * Discriminator::element_count(config.discriminator,
-                                                    model.decoder().ladder().largest());
+        numbers += (6 + gradients) * Discriminator::element_count(
+                                         config.discriminator, model.decoder().ladder().largest());
     return numbers;
 }
 
@@ -68,20 +78,27 @@ std::int64_t generator_numbers(const Model& model, const ReconstructionLoss& los
 
 }  // namespace
 
+std::int64_t StepExecution::at_once(const TrainingPhase& phase) const {
+    return side_by_side && micro_batches_of(phase) >= thread_count() ? thread_count() : 1;
+}
+
 std::int64_t StepMemory::peak() const {
     return lasting + std::max({generator, discriminator, regularizer});
 }
 
 StepMemory estimate_step_memory(const Model& model, const ReconstructionLoss& loss,
                                 const TrainConfig& config, const TrainingPhase& phase,
-                                const Recomputation& recomputation) {
-    const auto heap_bytes = [](std::int64_t numbers) {
+                                const StepExecution& execution) {
+    const std::int64_t at_once = execution.at_once(phase);
+    const auto heap_bytes = [at_once](std::int64_t numbers) {
         return static_cast<std::int64_t>(heap_factor *
-                                         static_cast<double>(bytes_per_number * numbers));
+                                         static_cast<double>(bytes_per_number * at_once * numbers));
     };
     StepMemory memory;
-    memory.lasting = program_bytes + bytes_per_number * lasting_numbers(model, loss, config, phase);
-    memory.generator = heap_bytes(generator_numbers(model, loss, config, phase, recomputation));
+    memory.lasting =
+        program_bytes + bytes_per_number * lasting_numbers(model, loss, config, phase, at_once);
+    memory.generator =
+        heap_bytes(generator_numbers(model, loss, config, phase, execution.recomputation));
     if (has_discriminator(config, phase)) {
         const LayerMemory discriminator = discriminator_memory(config, phase);
         memory.discriminator = heap_bytes(discriminator.saved + discriminator.passing);
@@ -90,16 +107,18 @@ StepMemory estimate_step_memory(const Model& model, const ReconstructionLoss& lo
     return memory;
 }
 
-Recomputation choose_recomputation(const Model& model, const ReconstructionLoss& loss,
-                                   const TrainConfig& config, const TrainingPhase& phase) {
+StepExecution choose_execution(const Model& model, const ReconstructionLoss& loss,
+                               const TrainConfig& config, const TrainingPhase& phase) {
     const double budget = config.memory.budget_gibibytes;
-    if (budget == 0.0) return {};
+    const StepExecution fastest{.recomputation = {}, .side_by_side = true};
+    if (budget == 0.0) return fastest;
     double needed = 0.0;
-    for (const Recomputation& recomputation : {Recomputation{}, Recomputation{.blocks = true},
-                                               Recomputation{.blocks = true, .field = true}}) {
-        const StepMemory memory = estimate_step_memory(model, loss, config, phase, recomputation);
+    for (const StepExecution& execution :
+         {fastest, StepExecution{}, StepExecution{.recomputation = {.blocks = true}},
+          StepExecution{.recomputation = {.blocks = true, .field = true}}}) {
+        const StepMemory memory = estimate_step_memory(model, loss, config, phase, execution);
         needed = estimate_margin * static_cast<double>(memory.peak()) / gibibyte;
-        if (needed <= budget) return recomputation;
+        if (needed <= budget) return execution;
     }
     fail<ConfigError>("memory.budget_gibibytes = ", budget, " is too little for stage ",
                       phase.stage, " at ", phase.resolution, " pixels with ", phase.micro_batch,

@@ -14,8 +14,18 @@ struct Recomputation {
     bool field = false;   ///< the field, tile by tile
 };
 
+/// How the micro-batches of a step are computed.
+struct StepExecution {
+    Recomputation recomputation;
+    bool side_by_side = false;  ///< one on each thread, where there are as many (train/stage.h)
+
+    /// Micro-batches of this phase that are computed at the same time.
+    [[nodiscard]] std::int64_t at_once(const TrainingPhase& phase) const;
+};
+
 /// Estimated peak of one training step, in bytes: what lasts from step to step, and what each part
-/// of the step needs beyond it for one micro-batch. The parts follow one another.
+/// of the step needs beyond it for the micro-batches that are computed at once. The parts follow
+/// one another.
 struct StepMemory {
     std::int64_t lasting = 0;        ///< weights, their gradients, the optimisers' moments, EMA
     std::int64_t generator = 0;      ///< encoder, decoder and losses, forward and backward
@@ -26,18 +36,18 @@ struct StepMemory {
 };
 
 /// The sum of what the layers of the model and of the loss report (LayerMemory). Of `phase` only
-/// stage, resolution, micro_batch and samples_per_ray are read. Within 25 % of the measured peak
-/// for the model sizes of configs/ (`test_train "[memory]"`). Not counted: the decoded
-/// faces that the data set keeps (data.cache_megabytes).
+/// stage, resolution, batch, micro_batch and samples_per_ray are read. Within 25 % of the measured
+/// peak for the model sizes of configs/ (`test_train "[memory]"`). Not counted: the decoded faces
+/// that the data set keeps (data.cache_megabytes).
 [[nodiscard]] StepMemory estimate_step_memory(const Model& model, const ReconstructionLoss& loss,
                                               const TrainConfig& config, const TrainingPhase& phase,
-                                              const Recomputation& recomputation);
+                                              const StepExecution& execution);
 
-/// The least recomputation with which 1.25 times the estimate for this phase fits
-/// memory.budget_gibibytes: none, the render blocks, or the field too. Throws ConfigError naming
-/// the key and the smallest budget that would do.
-[[nodiscard]] Recomputation choose_recomputation(const Model& model, const ReconstructionLoss& loss,
-                                                 const TrainConfig& config,
-                                                 const TrainingPhase& phase);
+/// The first of these with which 1.25 times the estimate for this phase fits
+/// memory.budget_gibibytes: micro-batches side by side, one after the other, so with the render
+/// blocks computed twice, with the field too. None of them changes results beyond rounding. Throws
+/// ConfigError naming the key and the smallest budget that would do.
+[[nodiscard]] StepExecution choose_execution(const Model& model, const ReconstructionLoss& loss,
+                                             const TrainConfig& config, const TrainingPhase& phase);
 
 }  // namespace stymo

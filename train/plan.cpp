@@ -53,9 +53,11 @@ std::string network_of(const Lpips* lpips) {
     return lpips == nullptr ? "" : lpips->label();
 }
 
-std::string recomputation_text(const Recomputation& recomputation) {
-    if (recomputation.field) return ", render blocks and field computed twice";
-    return recomputation.blocks ? ", render blocks computed twice" : "";
+std::string execution_text(const StepExecution& execution, const TrainingPhase& phase) {
+    if (execution.recomputation.field) return ", render blocks and field computed twice";
+    if (execution.recomputation.blocks) return ", render blocks computed twice";
+    const std::int64_t at_once = execution.at_once(phase);
+    return at_once > 1 ? ", " + std::to_string(at_once) + " micro-batches side by side" : "";
 }
 
 }  // namespace
@@ -73,11 +75,10 @@ TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config, const Dat
         const double images = static_cast<double>(phase.steps * phase.batch);
         PhasePlan& part = plan.phases.emplace_back(
             PhasePlan{.phase = phase, .epochs = images / static_cast<double>(plan.images)});
-        part.recomputation =
-            choose_recomputation(trainer.model(), trainer.reconstruction(), config, phase);
+        part.execution = choose_execution(trainer.model(), trainer.reconstruction(), config, phase);
         part.estimated_megabytes =
             static_cast<double>(estimate_step_memory(trainer.model(), trainer.reconstruction(),
-                                                     config, phase, part.recomputation)
+                                                     config, phase, part.execution)
                                     .peak()) /
             1048576.0;
         const bool at_an_end = &phase == &phases.front() || &phase == &phases.back();
@@ -103,7 +104,7 @@ std::string plan_text(const TrainingPlan& plan) {
              << phase.steps << " steps of " << phase.batch << " images (" << phase.micro_batch
              << " at once), " << phase.samples_per_ray << " samples per ray, " << part.epochs
              << " epochs\n  memory      about " << std::llround(part.estimated_megabytes) << " MiB"
-             << recomputation_text(part.recomputation) << '\n';
+             << execution_text(part.execution, phase) << '\n';
         if (!part.measured) continue;
         text << "  one step    " << part.step_seconds << " s, loss " << part.step_loss
              << ", peak memory " << part.peak_megabytes << " MiB\n  all steps   "
@@ -115,17 +116,19 @@ std::string plan_text(const TrainingPlan& plan) {
 JsonValue to_json(const TrainingPlan& plan) {
     std::vector<JsonValue> phases;
     for (const PhasePlan& part : plan.phases) {
-        JsonValue phase = JsonValue::object({{"stage", part.phase.stage},
-                                             {"resolution", part.phase.resolution},
-                                             {"first_step", part.phase.first_step},
-                                             {"steps", part.phase.steps},
-                                             {"batch", part.phase.batch},
-                                             {"micro_batch", part.phase.micro_batch},
-                                             {"samples_per_ray", part.phase.samples_per_ray},
-                                             {"epochs", part.epochs},
-                                             {"recomputed_blocks", part.recomputation.blocks},
-                                             {"recomputed_field", part.recomputation.field},
-                                             {"estimated_megabytes", part.estimated_megabytes}});
+        JsonValue phase =
+            JsonValue::object({{"stage", part.phase.stage},
+                               {"resolution", part.phase.resolution},
+                               {"first_step", part.phase.first_step},
+                               {"steps", part.phase.steps},
+                               {"batch", part.phase.batch},
+                               {"micro_batch", part.phase.micro_batch},
+                               {"samples_per_ray", part.phase.samples_per_ray},
+                               {"epochs", part.epochs},
+                               {"side_by_side", part.execution.at_once(part.phase)},
+                               {"recomputed_blocks", part.execution.recomputation.blocks},
+                               {"recomputed_field", part.execution.recomputation.field},
+                               {"estimated_megabytes", part.estimated_megabytes}});
         if (part.measured) {
             phase.add("step_seconds", part.step_seconds);
             phase.add("step_loss", part.step_loss);

@@ -13,7 +13,7 @@ namespace stymo {
 struct PhasePlan {
     TrainingPhase phase;
     double epochs = 0.0;  ///< passes over the training images
-    Recomputation recomputation{};
+    StepExecution execution{};
     double estimated_megabytes = 0.0;  ///< peak memory of a step
     bool measured = false;
     double step_seconds =

@@ -6,13 +6,6 @@
 
 namespace stymo {
 
-std::vector<std::int64_t> TrainingPosition::micro_batches() const {
-    std::vector<std::int64_t> first_images;
-    for (std::int64_t done = 0; done < phase.batch; done += phase.micro_batch)
-        first_images.push_back(first_image + done);
-    return first_images;
-}
-
 TrainingSchedule::TrainingSchedule(const TrainConfig& config) {
     const StageConfig& first = config.stage1;
     phases_.push_back({.resolution = stage1_resolution(config),

@@ -20,6 +20,9 @@ struct TrainingPhase {
     std::int64_t samples_per_ray = 0;
     std::int64_t fade_images = 0;  ///< while the discriminator's new block fades in
     double r1_gamma = 0.0;
+
+    /// Of each step.
+    [[nodiscard]] std::int64_t micro_batches() const { return batch / micro_batch; }
 };
 
 /// Where a step stands in its run.
@@ -29,9 +32,6 @@ struct TrainingPosition {
     double fade = 1.0;      ///< of the resolution's block in the discriminator, in (0, 1]
     std::int64_t first_image = 0;
     bool mask_loss = false;  ///< whether the mask loss is on by now, as the trainer decides
-
-    /// The number of the first image of each of the step's micro-batches.
-    [[nodiscard]] std::vector<std::int64_t> micro_batches() const;
 };
 
 /// The position of each step, a pure function of the configuration. So a checkpoint continues at

@@ -2,26 +2,21 @@
 
 #include <cmath>
 
-#include "core/ops/elementwise.h"
+#include "core/parallel.h"
+#include "render/rays.h"
+#include "train/memory_estimate.h"
 
 namespace stymo {
 
-void GradientMean::add(const std::vector<Variable>& gradients) {
-    const bool first = gradients_.empty();
-    for (std::size_t i = 0; i < gradients.size(); ++i) {
-        const Variable share = gradients[i] * part_;
-        if (first) {
-            gradients_.push_back(share);
-            if (compensated_) excess_.push_back(Tensor::zeros(share.shape(), share.dtype()));
-        } else if (compensated_) {
-            const Variable corrected = share - excess_[i];
-            const Variable total = gradients_[i] + corrected;
-            excess_[i] = (total - gradients_[i]) - corrected;
-            gradients_[i] = total;
-        } else {
-            gradients_[i] = gradients_[i] + share;
-        }
-    }
+void for_each_micro_batch(std::int64_t count, bool side_by_side,
+                          const std::function<void(std::int64_t)>& body) {
+    const std::int64_t together = side_by_side ? count - count % thread_count() : 0;
+    parallel_for(together, 1, [&](std::int64_t i, std::int64_t) { body(i); });
+    for (std::int64_t i = together; i < count; ++i) body(i);
+}
+
+bool side_by_side(const TrainingParts& parts, const TrainingPhase& phase) {
+    return choose_execution(parts.model, parts.reconstruction, parts.config, phase).side_by_side;
 }
 
 std::optional<std::string> non_finite(const LossAndGradients& update,
@@ -54,9 +49,9 @@ void update_generator(const TrainingParts& parts, const TrainingPosition& positi
                       Adam& adam, const GeneratorRates& rates, StepReport& report) {
     const GeneratorInputs inputs{parts.model, parts.reconstruction, parts.config, parts.offsets,
                                  discriminator};
-    Rng jitter = step_jitter(parts, position, "jitter");
-    const LossAndGradients mean =
-        mean_over_micro_batches(parts, position, [&](const FaceBatch& batch) {
+    const LossAndGradients mean = mean_over_micro_batches(
+        parts, position, [&](const FaceBatch& batch, std::int64_t first_image) {
+            Rng jitter = step_jitter(parts, position, "jitter", first_image);
             return generator_gradients(inputs, position, batch, parameters, jitter);
         });
     report.losses.accumulate(mean.losses, 1.0);
@@ -77,9 +72,12 @@ void update_generator(const TrainingParts& parts, const TrainingPosition& positi
 }
 
 Rng step_jitter(const TrainingParts& parts, const TrainingPosition& position,
-                std::string_view purpose) {
-    return parts.rng.split(purpose).split(
-        static_cast<std::uint64_t>(position.phase.first_step + position.step));
+                std::string_view purpose, std::int64_t image) {
+    const TrainingPhase& phase = position.phase;
+    const std::int64_t rays = parts.model.decoder().work(phase.resolution).rays;
+    return parts.rng.split(purpose)
+        .split(static_cast<std::uint64_t>(phase.first_step + position.step))
+        .skipped(image * rays * jitter_numbers(phase.samples_per_ray));
 }
 
 }  // namespace stymo

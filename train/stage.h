@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -9,6 +10,7 @@
 #include "nn/optim/adam.h"
 #include "train/data/training_images.h"
 #include "train/generator_gradients.h"
+#include "train/gradient_tree.h"
 
 namespace stymo {
 
@@ -50,45 +52,35 @@ public:
     virtual void load(const TensorFile& file, const std::string& source) = 0;
 };
 
-/// Gradients of a batch as the mean of those of its micro-batches, equally large.
-class GradientMean {
-public:
-    explicit GradientMean(std::size_t micro_batches)
-        : part_(1.0 / static_cast<double>(micro_batches)),
-          compensated_(micro_batches > most_plain_sums) {}
+/// Calls body(i) for each i below `count`. Side by side, as many calls as there are threads run at
+/// a time, each on one thread; what is left over, or everything else, runs one after the other,
+/// each call on all threads.
+void for_each_micro_batch(std::int64_t count, bool side_by_side,
+                          const std::function<void(std::int64_t)>& body);
+/// Whether a step of this phase computes its micro-batches side by side.
+[[nodiscard]] bool side_by_side(const TrainingParts& parts, const TrainingPhase& phase);
 
-    /// Of each micro-batch in all.
-    [[nodiscard]] double part() const { return part_; }
-    void add(const std::vector<Variable>& gradients);
-    [[nodiscard]] const std::vector<Variable>& gradients() const { return gradients_; }
-
-private:
-    /// With more, the rounding errors of float32 could exceed 4e-6.
-    static constexpr std::size_t most_plain_sums = 64;
-
-    double part_;
-    bool compensated_;
-    std::vector<Variable> gradients_;
-    std::vector<Variable>
-        excess_;  ///< by which each sum is too large (Kahan 1965); empty unless compensated
-};
-
-/// Means of `gradients_of(batch)` over the micro-batches of a step.
+/// Means of `gradients_of(batch, number of its first image within the step)` over the micro-batches
+/// of a step. It is called on several threads.
 template <class GradientsOf>
 [[nodiscard]] LossAndGradients mean_over_micro_batches(const TrainingParts& parts,
                                                        const TrainingPosition& position,
                                                        GradientsOf gradients_of) {
-    const std::vector<std::int64_t> micro_batches = position.micro_batches();
-    GradientMean mean(micro_batches.size());
-    LossAndGradients result;
-    for (const std::int64_t first_image : micro_batches) {
-        const LossAndGradients one =
-            gradients_of(parts.images.batch(first_image, position.phase.micro_batch));
-        result.losses.accumulate(one.losses, mean.part());
-        mean.add(one.gradients);
-    }
-    result.gradients = mean.gradients();
-    return result;
+    const TrainingPhase& phase = position.phase;
+    const std::int64_t count = phase.micro_batches();
+    GradientTree tree(count);
+    std::vector<LossValues> losses(static_cast<std::size_t>(count));
+    for_each_micro_batch(count, side_by_side(parts, phase), [&](std::int64_t i) {
+        const std::int64_t first = i * phase.micro_batch;
+        LossAndGradients one = gradients_of(
+            parts.images.batch(position.first_image + first, phase.micro_batch), first);
+        losses[static_cast<std::size_t>(i)] = std::move(one.losses);
+        tree.add(i, one.gradients);
+    });
+    LossAndGradients mean{.losses = {}, .gradients = tree.mean()};
+    for (const LossValues& one : losses)
+        mean.losses.accumulate(one, 1.0 / static_cast<double>(count));
+    return mean;
 }
 
 /// What is not finite in an update, if anything is.
@@ -120,8 +112,9 @@ void update_generator(const TrainingParts& parts, const TrainingPosition& positi
                       const Discriminator* discriminator, const std::vector<Parameter>& parameters,
                       Adam& adam, const GeneratorRates& rates, StepReport& report);
 
-/// The random numbers of a step's samples, for one purpose.
+/// The random numbers of a step's samples, for one purpose, from the samples of this image of the
+/// step on.
 [[nodiscard]] Rng step_jitter(const TrainingParts& parts, const TrainingPosition& position,
-                              std::string_view purpose);
+                              std::string_view purpose, std::int64_t image);
 
 }  // namespace stymo

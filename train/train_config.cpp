@@ -46,6 +46,9 @@ void describe_optimizer(ConfigSchema& schema, OptimizerConfig& config) {
                   "factor on the learning rate of the encoder's backbone");
     schema.integer("optimizer.backbone_frozen_epochs", config.backbone_frozen_epochs, 0, 1'000'000,
                    "epochs in which the encoder's backbone stays as it is (paper: 1)");
+    schema.number("optimizer.sample_tolerance", config.sample_tolerance, 0.0, 0.5,
+                  "weight of a sample on its ray below which it takes no part in the backward pass "
+                  "(paper: 0, all do)");
     schema.integer("optimizer.failures_allowed", config.failures_allowed, 0, 1'000'000,
                    "steps in a row, of either stage, that may be skipped for a loss or gradient "
                    "that is not finite");
@@ -55,8 +58,9 @@ void describe_stage1(ConfigSchema& schema, StageConfig& config) {
     schema.integer("stage1.steps", config.steps, 0, 100'000'000, "optimiser steps");
     schema.integer("stage1.batch", config.batch, 1, 65536,
                    "images in one optimiser step (paper: 32)");
-    schema.integer("stage1.micro_batch", config.micro_batch, 1, 65536,
-                   "images computed at once; gradients add up to the batch (paper: 8)");
+    schema.integer(
+        "stage1.micro_batch", config.micro_batch, 1, 65536,
+        "images of one pass, computed by one thread where there are enough passes (paper: 8)");
     schema.integer("stage1.samples_per_ray", config.samples_per_ray, 2, 4096, "N (paper: 32)");
     schema.integer("stage1.resolution", config.resolution, 0, 1024,
                    "of the largest image rendered: 64, 128, ... trains the blocks up to it; 0: "
@@ -75,8 +79,7 @@ void describe_stage2(ConfigSchema& schema, AdversarialStageConfig& config) {
                     "of them, while the discriminator's new block fades in (paper: silent)");
     schema.integers("stage2.batch", config.batch, 1, 65536,
                     "images in one optimiser step (paper: 32, 32, 16, 12)");
-    schema.integers("stage2.micro_batch", config.micro_batch, 1, 65536,
-                    "images computed at once; gradients add up to the batch");
+    schema.integers("stage2.micro_batch", config.micro_batch, 1, 65536, "images of one pass");
     schema.numbers("stage2.r1_gamma", config.r1_gamma, 0.0, 1e6,
                    "weight of R1 (paper: silent; StyleGAN2 has 10 at 1024)");
     schema.integer(

@@ -63,7 +63,7 @@ Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Datas
     if (validation != nullptr) require_codes(config, *validation);
     if (config.model.code_source == "morphable_offset") offsets_.emplace(training.ids());
     for (const TrainingPhase& phase : schedule_.phases())
-        static_cast<void>(choose_recomputation(model_, reconstruction_, config, phase));
+        static_cast<void>(choose_execution(model_, reconstruction_, config, phase));
     state_.seed = seed;
     state_.mask_loss = config.loss.mask_start_epoch == 0;
 }

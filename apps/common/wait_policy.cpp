@@ -3,7 +3,9 @@
 #include <unistd.h>
 
 #include <cstdlib>
+#include <filesystem>
 #include <string_view>
+#include <system_error>
 
 namespace stymo {
 
@@ -14,7 +16,10 @@ void shorten_spinning(char** argv) {
         const std::string_view word = *argument;
         if (word == "--help" || word == "-h" || word == "--version") return;
     }
-    if (::setenv("GOMP_SPINCOUNT", "1000", 1) == 0) ::execv("/proc/self/exe", argv);
+    // The link's target, because the process takes its name from the path that it is started by.
+    std::error_code error;
+    const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
+    if (!error && ::setenv("GOMP_SPINCOUNT", "1000", 1) == 0) ::execv(program.c_str(), argv);
 }
 
 }  // namespace stymo

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "core/parallel.h"
@@ -59,12 +61,43 @@ struct FaceSamples {
         });
     }
 
+    /// Leaves out samples whose compositing weight is below the tolerance. Row r of `weights` holds
+    /// those of ray r, rows `stride` apart. What is left out keeps its optical depth, as a gap.
+    void keep_heavy(const T* weights, std::int64_t stride, T tolerance) {
+        selection.keep_if([=](std::int64_t ray, std::int32_t sample) {
+            return weights[ray * stride + sample] >= tolerance;
+        });
+        for (std::size_t ray = 0; ray < selection.counts.size(); ++ray)
+            fill_gaps(static_cast<std::int64_t>(ray),
+                      weights + static_cast<std::int64_t>(ray) * stride);
+    }
+
     void append(std::int64_t ray, std::int32_t sample, std::vector<T>& to) const {
         const T* const point = points + 3 * (ray * samples_per_ray + sample);
         to.insert(to.end(), point, point + 3);
     }
     [[nodiscard]] T length(std::int64_t ray, std::int32_t sample) const {
         return deltas[ray * samples_per_ray + sample];
+    }
+
+private:
+    /// Optical depths of what the selection leaves out of a ray with these weights.
+    void fill_gaps(std::int64_t ray, const T* weights) {
+        const std::span<const std::int32_t> selected = selection.samples_of(ray);
+        float* const gaps = selection.gaps.data() + ray * samples_per_ray;
+        double transmittance = 1.0, gap = 0.0;
+        std::size_t next = 0;
+        for (std::int32_t sample = 0; sample < samples_per_ray; ++sample) {
+            const double behind = transmittance - static_cast<double>(weights[sample]);
+            if (next < selected.size() && selected[next] == sample) {
+                gaps[next++] = static_cast<float>(gap);
+                gap = 0.0;
+            } else if (behind > 0.0) {
+                gap += std::log(transmittance / behind);
+            }
+            transmittance = behind;
+        }
+        selection.tails[static_cast<std::size_t>(ray)] = static_cast<float>(gap);
     }
 };
 

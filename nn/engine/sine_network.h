@@ -29,6 +29,8 @@ struct RayPoints {
     Tensor deltas;  ///< (B, R, N)
     /// (B, R, N), 0 where a sample is left out as if its density were 0; undefined: none is.
     Tensor significant{};
+    /// Samples with a smaller weight take no part in the backward pass. Their optical depth does.
+    double gradient_tolerance = 0.0;
 };
 
 /// The field of one face: its style is folded into the weights of every layer.

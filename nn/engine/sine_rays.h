@@ -18,11 +18,12 @@ struct SineRaysResult {
                                                bool keep_arguments);
 
 /// Gradients of all parts of the network, in their shapes; those of the weights stay undefined
-/// unless wanted. Undefined `arguments` are computed once more. Sums are grouped by runs of rays,
-/// whatever the number of threads.
+/// unless wanted. Arguments that `forward` lacks are computed once more; with a gradient_tolerance
+/// they are, and the forward pass's value tells the samples that count. Sums are grouped by runs of
+/// rays, whatever the number of threads.
 [[nodiscard]] SineNetworkOf<Tensor> sine_rays_backward(const RayPoints& rays,
                                                        const SineNetworkOf<Tensor>& network,
-                                                       const Tensor& arguments, const Tensor& dL_dy,
-                                                       bool with_weights);
+                                                       const SineRaysResult& forward,
+                                                       const Tensor& dL_dy, bool with_weights);
 
 }  // namespace stymo

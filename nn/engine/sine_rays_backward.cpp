@@ -90,14 +90,20 @@ struct BackwardFace {
     const T* dL_dy;
 
     BackwardFace(const RayPoints& rays, const SineNetworkOf<Tensor>& network,
-                 const RayExtents& extents, std::int64_t face, const Tensor& arguments,
+                 const RayExtents& extents, std::int64_t face, const SineRaysResult& forward,
                  const Tensor& dL_dvalues)
         : field(folded(network, face)),
           samples(rays, extents, face),
           density_weight(network.density_weight.values<T>().data()),
-          kept(arguments.defined() ? arguments.values<T>().data() + face * extents.face_arguments()
-                                   : nullptr),
+          kept(forward.arguments.defined()
+                   ? forward.arguments.values<T>().data() + face * extents.face_arguments()
+                   : nullptr),
           dL_dy(dL_dvalues.values<T>().data() + face * extents.rays * extents.columns()) {
+        if (rays.gradient_tolerance > 0.0) {
+            samples.keep_heavy(
+                forward.value.values<T>().data() + face * extents.rays * extents.columns(),
+                extents.columns(), static_cast<T>(rays.gradient_tolerance));
+        }
         for (std::size_t i = 0; i < network.layers.size(); ++i) {
             // The layer of the features reads no encoding.
             layers.emplace_back(network.layers[i], face,
@@ -383,13 +389,13 @@ SineNetworkOf<Tensor> zeros_like(const SineNetworkOf<Tensor>& network, bool with
 
 SineNetworkOf<Tensor> sine_rays_backward(const RayPoints& rays,
                                          const SineNetworkOf<Tensor>& network,
-                                         const Tensor& arguments, const Tensor& dL_dy,
+                                         const SineRaysResult& forward, const Tensor& dL_dy,
                                          bool with_weights) {
     const RayExtents extents(rays, network);
     SineNetworkOf<Tensor> gradients = zeros_like(network, with_weights);
     dispatch(dL_dy.dtype(), [&]<class T>(T) {
         for (std::int64_t index = 0; index < extents.faces; ++index) {
-            const BackwardFace<T> face(rays, network, extents, index, arguments, dL_dy);
+            const BackwardFace<T> face(rays, network, extents, index, forward, dL_dy);
             const NetworkSums<T> sums = sums_of_face(face, extents, with_weights);
             for (std::size_t i = 0; i < face.layers.size(); ++i)
                 add_layer(gradients.layers[i], sums.layers[i], face.layers[i], index);

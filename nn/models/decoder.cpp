@@ -201,7 +201,8 @@ Decoded Decoder::operator()(const Codes& z, const std::vector<Camera>& cameras,
     const Codes w = map(z);
     const RaySampling sampling = layers_->sampling_of(options.samples_per_ray, options.resolution);
     RaySamples samples = layers_->samples_of(w, cameras, sampling, options.jitter);
-    const RayPoints points{samples.points, samples.deltas, options.significant_samples};
+    const RayPoints points{samples.points, samples.deltas, options.significant_samples,
+                           options.gradient_tolerance};
     const FieldStyle style = field_style(w);
     RenderedFeatures rays =
         options.orbits.defined()

@@ -58,6 +58,8 @@ struct DecodeOptions {
     /// (B, rays, samples_per_ray), 0 where a sample is left out as if it were empty; undefined:
     /// none is.
     Tensor significant_samples{};
+    /// Samples of a smaller weight take no part in the backward pass.
+    double gradient_tolerance = 0.0;
     /// Keeps what the backward pass needs of the field, layers * width numbers for each sample,
     /// instead of computing it once more. A field with concatenated codes keeps nothing either way.
     bool keep_field = false;

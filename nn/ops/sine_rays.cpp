@@ -93,8 +93,10 @@ Variable sine_rays(const RayPoints& rays, const SineNetwork& network,
         return network_of<Value>(of, frequencies, skip_layer);
     };
     const bool tracked = std::ranges::any_of(parts, &Variable::tracked);
-    SineRaysResult result =
-        sine_rays_forward(rays, with(values), tracked && arguments == SineArguments::kept);
+    // A backward pass over few samples computes their arguments once more for less than it costs to
+    // store those of all.
+    const bool keep = arguments == SineArguments::kept && rays.gradient_tolerance == 0.0;
+    SineRaysResult result = sine_rays_forward(rays, with(values), tracked && keep);
     if (!tracked) {
         work::count_operation();
         return Variable(std::move(result.value));
@@ -102,9 +104,11 @@ Variable sine_rays(const RayPoints& rays, const SineNetwork& network,
 
     std::vector<Node::Input> inputs;
     for (const Variable& part : parts) inputs.push_back({part.node(), part.value(), part.shape()});
-    return record("sine_rays", std::move(result.value), std::move(inputs),
-                  [rays, composition, with, kept = std::move(result.arguments),
-                   count = parts.size()](const Vjp& v, const std::vector<bool>& needed) {
+    const Tensor value = result.value;
+    if (rays.gradient_tolerance == 0.0) result.value = {};
+    return record("sine_rays", value, std::move(inputs),
+                  [rays, composition, with, forward = std::move(result), count = parts.size()](
+                      const Vjp& v, const std::vector<bool>& needed) {
                       std::vector<Variable> given;
                       // A node of its own for each part: one variable may be several of them.
                       for (std::size_t i = 0; i < count; ++i)
@@ -128,7 +132,7 @@ Variable sine_rays(const RayPoints& rays, const SineNetwork& network,
                           constants.push_back(given[i].value());
                       }
                       const std::vector<Tensor> found = parts_of(sine_rays_backward(
-                          rays, with(constants), kept, v.grad().value(), with_weights));
+                          rays, with(constants), forward, v.grad().value(), with_weights));
                       for (std::size_t i = 0; i < count; ++i)
                           if (needed[i]) gradients[i] = Variable(found[i]);
                       return gradients;

@@ -20,9 +20,10 @@ using SineRaysComposition = std::function<Variable(const RayPoints&, const SineN
 /// samples, the transmittance behind them, the features under the weights. Tile by tile: unless
 /// arguments are kept, what is stored beside the result does not grow with R or N. Where no weight
 /// matrix is tracked, the backward pass makes no product for one: the gradients of scale and
-/// demodulation follow from what passes through. With create_graph the gradients are those of the
-/// composition. Throws ShapeError for extents that do not fit, ValueError for samples that are not
-/// in order.
+/// demodulation follow from what passes through. Samples below the rays' gradient_tolerance are
+/// left out of the backward pass; arguments are not kept then. With create_graph the gradients are
+/// those of the composition. Throws ShapeError for extents that do not fit, ValueError for samples
+/// that are not in order.
 [[nodiscard]] Variable sine_rays(const RayPoints& rays, const SineNetwork& network,
                                  const SineRaysComposition& composition,
                                  SineArguments arguments = SineArguments::recomputed);

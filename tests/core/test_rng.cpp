@@ -37,6 +37,13 @@ TEST_CASE("a generator made of a saved state continues the sequence") {
     CHECK(original.state() == resumed.state());
 }
 
+TEST_CASE("a generator that skips numbers goes on as if it had drawn them") {
+    Rng drawn(42);
+    for (int i = 0; i < 7; ++i) static_cast<void>(drawn.uniform());
+    CHECK(Rng(42).skipped(7).state() == drawn.state());
+    CHECK(Rng(42).skipped(7).bits() == drawn.bits());
+}
+
 TEST_CASE("splitting leaves the parent as it was and gives distinct generators") {
     const Rng parent(7);
     std::set<std::uint64_t> firsts;

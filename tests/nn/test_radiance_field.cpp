@@ -1,5 +1,8 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <cmath>
+#include <optional>
+#include <utility>
 
 #include "core/autograd/grad.h"
 #include "core/error.h"
@@ -55,14 +58,13 @@ struct Case {
     }
 
     /// Values, then gradients of a loss that takes in all of the result with different factors.
-    [[nodiscard]] std::vector<Tensor> values_and_gradients(
-        bool fused, SineArguments arguments = SineArguments::recomputed) const {
+    template <class Render>
+    [[nodiscard]] std::vector<Tensor> values_and_gradients(const Render& render) const {
         std::vector<Variable> xs{Variable::leaf(style)};
         for (const Parameter& parameter : store.trainable())
             if (parameter.name().find("feature1") == std::string::npos)
                 xs.push_back(parameter.variable());
-        const RenderedRays result =
-            fused ? field.render(rays, xs[0], arguments) : field.render_reference(rays, xs[0]);
+        const RenderedRays result = render(xs[0]);
         std::vector<Tensor> all{result.weights.weights.value(),
                                 result.weights.transmittance.value(), result.composited.value()};
         Rng rng(9);
@@ -72,6 +74,51 @@ struct Case {
             loss = loss + sum(part * Variable(rng.normal(part.shape(), 0.0, 1.0, part.dtype())));
         for (const Variable& gradient : grad(loss, xs)) all.push_back(gradient.value());
         return all;
+    }
+    [[nodiscard]] std::vector<Tensor> values_and_gradients(
+        bool fused, SineArguments arguments = SineArguments::recomputed) const {
+        return values_and_gradients([&](const Variable& codes) {
+            return fused ? field.render(rays, codes, arguments)
+                         : field.render_reference(rays, codes);
+        });
+    }
+
+    /// What the backward pass differentiates with a tolerance, as a composition: the optical depth
+    /// of samples with a smaller weight is a constant that belongs to the sample behind them, or to
+    /// the last one.
+    [[nodiscard]] RenderedRays render_heavy(const Variable& codes, double tolerance) const {
+        const Tensor weights = field.render_reference(rays, codes).weights.weights.value();
+        const std::int64_t samples = weights.shape(2);
+        const std::vector<double> weight = weights.to_vector();
+        Tensor heavy = Tensor::zeros(weights.shape(), DType::float64), gaps = heavy, last = heavy;
+        Tensor tails = Tensor::zeros({weights.shape(0), weights.shape(1), 1}, DType::float64);
+        for (std::int64_t ray = 0; ray < tails.size(); ++ray) {
+            double transmittance = 1.0, gap = 0.0;
+            std::optional<std::size_t> latest;
+            for (std::int64_t k = 0; k < samples; ++k) {
+                const auto at = static_cast<std::size_t>(ray * samples + k);
+                const double depth = -std::log1p(-weight[at] / transmittance);
+                transmittance -= weight[at];
+                if (weight[at] < tolerance) {
+                    gap += depth;
+                    continue;
+                }
+                heavy.mutable_values<double>()[at] = 1.0;
+                gaps.mutable_values<double>()[at] = std::exchange(gap, 0.0);
+                latest = at;
+            }
+            if (!latest) continue;
+            last.mutable_values<double>()[*latest] = 1.0;
+            tails.mutable_values<double>()[static_cast<std::size_t>(ray)] = gap;
+        }
+        const FieldSamples at = field(rays.points, codes);
+        const Variable density =
+            reshape(at.density, heavy.shape()) * Variable(heavy) + Variable(gaps) / rays.deltas;
+        CompositeWeights result = composite_weights(density, rays.deltas);
+        const Variable behind = result.transmittance * exp(-Variable(tails));
+        result.weights = result.weights + Variable(last) * (result.transmittance - behind);
+        result.transmittance = behind;
+        return {result, composite(result.weights, at.features)};
     }
 };
 
@@ -98,6 +145,26 @@ TEST_CASE("the fused field has the values and gradients of its composition", "[f
             check_equal(given.values_and_gradients(true), given.values_and_gradients(false), 1e-10);
             check_equal(given.values_and_gradients(true, SineArguments::kept),
                         given.values_and_gradients(false), 1e-10);
+        }
+    }
+}
+
+TEST_CASE("samples of little weight are constants of the backward pass", "[field]") {
+    for (const bool some_left_out : {false, true}) {
+        Case given(DType::float64);
+        if (some_left_out) given.leave_out();
+        const std::vector<Tensor> exact = given.values_and_gradients(true);
+        for (const double tolerance : {1e-9, 0.03, 0.1}) {
+            CAPTURE(some_left_out, tolerance);
+            given.rays.gradient_tolerance = tolerance;
+            const std::vector<Tensor> found = given.values_and_gradients(true, SineArguments::kept);
+            const std::vector<Tensor> expected = given.values_and_gradients(
+                [&](const Variable& codes) { return given.render_heavy(codes, tolerance); });
+            // The forward pass looks at all samples.
+            for (std::size_t i = 0; i < 3; ++i) CHECK(identical(found[i], exact[i]));
+            check_equal({found.begin() + 3, found.end()}, {expected.begin() + 3, expected.end()},
+                        1e-6);
+            given.rays.gradient_tolerance = 0.0;
         }
     }
 }

@@ -55,10 +55,10 @@ struct Estimated {
 
     [[nodiscard]] StepMemory memory(const TrainingPhase& phase,
                                     const Recomputation& recomputation) const {
-        return estimate_step_memory(model, loss, config, phase, recomputation);
+        return estimate_step_memory(model, loss, config, phase, {.recomputation = recomputation});
     }
     [[nodiscard]] Recomputation chosen(const TrainingPhase& phase) const {
-        return choose_recomputation(model, loss, config, phase);
+        return choose_execution(model, loss, config, phase).recomputation;
     }
     [[nodiscard]] double peak(int stage, std::int64_t micro_batch,
                               const Recomputation& recomputation) const {
@@ -259,7 +259,8 @@ TEST_CASE("a training step within a budget has the gradients of one without", "[
     const LossAndGradients kept = result_with(0.0);
     const LossAndGradients recomputed =
         result_with(1.25 * estimated.peak(1, 2, {true, true}) + 1.0);
-    CHECK(choose_recomputation(model, reconstruction, config, phase_of(config, 1, 2)).field);
+    CHECK(choose_execution(model, reconstruction, config, phase_of(config, 1, 2))
+              .recomputation.field);
     CHECK(recomputed.losses.total == Approx(kept.losses.total).epsilon(1e-6));
     for (std::size_t i = 0; i < kept.gradients.size(); ++i) {
         const CloseReport report =

@@ -1,0 +1,66 @@
+#include "train/gradient_tree.h"
+
+#include <algorithm>
+#include <bit>
+#include <utility>
+
+#include "core/ops/elementwise.h"
+#include "core/parallel.h"
+
+namespace stymo {
+
+namespace {
+
+void add_to(Tensor& sum, const Tensor& more) {
+    constexpr std::int64_t grain = 65536;
+    dispatch(sum.dtype(), [&]<class T>(T) {
+        T* const to = sum.mutable_values<T>().data();
+        const T* const from = more.values<T>().data();
+        parallel_for(sum.size(), grain, [=](std::int64_t begin, std::int64_t end) {
+#pragma omp simd
+            for (std::int64_t i = begin; i < end; ++i) to[i] += from[i];
+        });
+    });
+}
+
+}  // namespace
+
+GradientTree::GradientTree(std::int64_t micro_batches) : micro_batches_(micro_batches) {}
+
+void GradientTree::add(std::int64_t micro_batch, const std::vector<Variable>& gradients) {
+    Sum sum;
+    for (const Variable& gradient : gradients) sum.push_back(gradient.value());
+    Place place{0, micro_batch};
+    for (std::int64_t width = micro_batches_; width > 1; width = (width + 1) / 2) {
+        const Place partner{place.first, place.second ^ 1};
+        // The last of an odd number has no partner and moves up alone.
+        if (partner.second < width) {
+            std::unique_lock lock(mutex_);
+            const auto found = waiting_.find(partner);
+            if (found == waiting_.end()) {
+                waiting_.emplace(place, std::move(sum));
+                return;
+            }
+            const Sum other = std::move(found->second);
+            waiting_.erase(found);
+            lock.unlock();
+            for (std::size_t i = 0; i < sum.size(); ++i) add_to(sum[i], other[i]);
+        }
+        place = {place.first + 1, place.second / 2};
+    }
+    root_ = std::move(sum);
+}
+
+std::vector<Variable> GradientTree::mean() const {
+    std::vector<Variable> mean;
+    for (const Tensor& sum : root_)
+        mean.push_back(Variable(sum) * (1.0 / static_cast<double>(micro_batches_)));
+    return mean;
+}
+
+std::int64_t GradientTree::most_sets(std::int64_t micro_batches, std::int64_t at_once) {
+    const auto levels = std::bit_width(static_cast<std::uint64_t>(micro_batches - 1));
+    return std::min<std::int64_t>(micro_batches, levels + at_once);
+}
+
+}  // namespace stymo
