@@ -8,6 +8,7 @@ packages=(
     libopencv-dev libpng-dev zlib1g-dev libzip-dev
     libopenimageio-dev openimageio-tools # the CMake files of libopenimageio-dev refer to the tools
     libdlib-dev libdlib-data             # optional: finds faces in photos
+    libopenmpi-dev openmpi-bin           # optional: training on several machines
 )
 
 missing=()

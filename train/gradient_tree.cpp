@@ -4,7 +4,6 @@
 #include <bit>
 #include <utility>
 
-#include "core/ops/elementwise.h"
 #include "core/parallel.h"
 
 namespace stymo {
@@ -49,13 +48,6 @@ void GradientTree::add(std::int64_t micro_batch, const std::vector<Variable>& gr
         place = {place.first + 1, place.second / 2};
     }
     root_ = std::move(sum);
-}
-
-std::vector<Variable> GradientTree::mean() const {
-    std::vector<Variable> mean;
-    for (const Tensor& sum : root_)
-        mean.push_back(Variable(sum) * (1.0 / static_cast<double>(micro_batches_)));
-    return mean;
 }
 
 std::int64_t GradientTree::most_sets(std::int64_t micro_batches, std::int64_t at_once) {

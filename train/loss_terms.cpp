@@ -1,6 +1,9 @@
 #include "train/loss_terms.h"
 
 #include <algorithm>
+#include <bit>
+#include <cstdint>
+#include <sstream>
 
 #include "core/autograd/recompute.h"
 #include "core/ops/ops.h"
@@ -137,6 +140,25 @@ double& LossValues::operator[](std::string_view name) {
 void LossValues::accumulate(const LossValues& other, double part) {
     total += part * other.total;
     for (const auto& [name, value] : other.values_) (*this)[name] += part * value;
+}
+
+std::string LossValues::text() const {
+    std::ostringstream text;
+    const auto bits = [](double value) { return std::bit_cast<std::uint64_t>(value); };
+    text << "total " << bits(total);
+    for (const auto& [name, value] : values_) text << ' ' << name << ' ' << bits(value);
+    return text.str();
+}
+
+LossValues LossValues::parse(const std::string& text) {
+    LossValues values;
+    std::istringstream words(text);
+    std::string name;
+    std::uint64_t bits = 0;
+    words >> name >> bits;
+    values.total = std::bit_cast<double>(bits);
+    while (words >> name >> bits) values[name] = std::bit_cast<double>(bits);
+    return values;
 }
 
 }  // namespace stymo

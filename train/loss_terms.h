@@ -25,6 +25,10 @@ public:
     /// Adds `part` of each of another's values and of its total.
     void accumulate(const LossValues& other, double part);
 
+    /// One line of names and values from which `parse` makes the same values, bit for bit.
+    [[nodiscard]] std::string text() const;
+    [[nodiscard]] static LossValues parse(const std::string& text);
+
 private:
     std::vector<std::pair<std::string, double>> values_;
 };

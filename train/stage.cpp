@@ -1,7 +1,9 @@
 #include "train/stage.h"
 
 #include <cmath>
+#include <sstream>
 
+#include "core/ops/elementwise.h"
 #include "core/parallel.h"
 #include "render/rays.h"
 #include "train/memory_estimate.h"
@@ -17,6 +19,27 @@ void for_each_micro_batch(std::int64_t count, bool side_by_side,
 
 bool side_by_side(const TrainingParts& parts, const TrainingPhase& phase) {
     return choose_execution(parts.model, parts.reconstruction, parts.config, phase).side_by_side;
+}
+
+LossAndGradients mean_over_ranks(Ranks& ranks, std::int64_t micro_batches,
+                                 const std::vector<LossValues>& losses,
+                                 std::vector<Tensor> gradients) {
+    const double part = 1.0 / static_cast<double>(micro_batches);
+    LossAndGradients mean;
+    if (ranks.size() == 1) {
+        for (const LossValues& one : losses) mean.losses.accumulate(one, part);
+    } else {
+        std::string own;
+        for (const LossValues& one : losses) own += one.text() + '\n';
+        for (const std::string& all : gather(ranks, own)) {
+            std::istringstream lines(all);
+            for (std::string line; std::getline(lines, line);)
+                mean.losses.accumulate(LossValues::parse(line), part);
+        }
+        add_up(ranks, gradients);
+    }
+    for (const Tensor& sum : gradients) mean.gradients.push_back(Variable(sum) * part);
+    return mean;
 }
 
 std::optional<std::string> non_finite(const LossAndGradients& update,

@@ -48,8 +48,9 @@ Dataset faces_for_training(const std::filesystem::path& folder, const TrainConfi
 }
 
 Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Dataset* validation,
-                 std::uint64_t seed)
-    : config_(config),
+                 std::uint64_t seed, Ranks* ranks)
+    : ranks_(ranks != nullptr ? *ranks : alone_),
+      config_(config),
       training_(training),
       validation_(validation),
       rng_(seed),
@@ -62,8 +63,10 @@ Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Datas
     require_codes(config, training);
     if (validation != nullptr) require_codes(config, *validation);
     if (config.model.code_source == "morphable_offset") offsets_.emplace(training.ids());
-    for (const TrainingPhase& phase : schedule_.phases())
+    for (const TrainingPhase& phase : schedule_.phases()) {
+        require_share(ranks_, phase.micro_batches(), "stage " + std::to_string(phase.stage));
         static_cast<void>(choose_execution(model_, reconstruction_, config, phase));
+    }
     state_.seed = seed;
     state_.mask_loss = config.loss.mask_start_epoch == 0;
 }
@@ -93,8 +96,8 @@ double Trainer::average_half_life(const TrainingPosition& position) const {
 void Trainer::enter_stage(int stage) {
     if (stage == stage_number_) return;
     stage_number_ = stage;
-    const TrainingParts parts{config_, images_, reconstruction_,
-                              rng_,    model_,  offsets_ ? &*offsets_ : nullptr};
+    const TrainingParts parts{
+        config_, images_, reconstruction_, rng_, model_, offsets_ ? &*offsets_ : nullptr, ranks_};
     if (stage == 1) {
         stage_ = std::make_unique<ReconstructionStage>(parts);
     } else {

@@ -45,9 +45,10 @@ public:
     /// `validation` may be null: then no best model is chosen, and the sample sheets show training
     /// images. Both must outlive the trainer. Throws what Model and ReconstructionLoss throw, and
     /// ConfigError if codes are to come from the data and faces have none, if the weights of the
-    /// backbone are missing, or if no recomputation makes a step fit the memory budget.
+    /// backbone are missing, or if no recomputation makes a step fit the memory budget. `ranks` may
+    /// be null: then this process trains alone. Throws what `require_share` throws.
     Trainer(const TrainConfig& config, const Dataset& training, const Dataset* validation,
-            std::uint64_t seed);
+            std::uint64_t seed, Ranks* ranks = nullptr);
     ~Trainer();
     Trainer(const Trainer&) = delete;
     Trainer& operator=(const Trainer&) = delete;
@@ -59,7 +60,12 @@ public:
     /// Trains until the configured steps are done, the time is up or the process is asked to stop;
     /// writes checkpoints on the way, at the end of each phase and at the end. Throws NumericError
     /// after too many steps in a row without a finite gradient.
-    TrainingOutcome run(const RunFolder& folder, const TrainingLimits& limits);
+    TrainingOutcome run(const RunFolder& folder, const TrainingLimits& limits) {
+        return run_steps(&folder, limits);
+    }
+    /// The same steps on a rank that does not lead. Writes nothing; the leading rank's limits
+    /// count.
+    TrainingOutcome follow() { return run_steps(nullptr, {}); }
     /// One optimiser step that counts; without any output. For plans and tests.
     StepReport step();
     /// Goes on from this step with the weights as they are, for plans.
@@ -91,6 +97,8 @@ private:
     [[nodiscard]] const CodeOffsets* shown_offsets() const {
         return validation_ == nullptr && offsets_ ? &*offsets_ : nullptr;
     }
+    /// `folder`: null on a rank that does not lead.
+    TrainingOutcome run_steps(const RunFolder* folder, const TrainingLimits& limits);
     /// The phase that the model has come out of, which is what it is good for.
     [[nodiscard]] TrainingPhase phase_done() const;
     [[nodiscard]] double epochs_at(std::int64_t step) const {
@@ -104,6 +112,8 @@ private:
     /// Also scores the model on the validation images, if there are any.
     void save_checkpoint(const RunFolder& folder);
 
+    OneRank alone_;
+    Ranks& ranks_;
     TrainConfig config_;
     const Dataset& training_;
     const Dataset* validation_;

@@ -34,7 +34,7 @@ bool is_due(std::int64_t step, std::int64_t interval) {
 
 }  // namespace
 
-TrainingOutcome Trainer::run(const RunFolder& folder, const TrainingLimits& limits) {
+TrainingOutcome Trainer::run_steps(const RunFolder* folder, const TrainingLimits& limits) {
     const InterruptGuard guard;
     const OutputConfig& output = config_.output;
     const double start = seconds_now();
@@ -43,19 +43,21 @@ TrainingOutcome Trainer::run(const RunFolder& folder, const TrainingLimits& limi
     std::int64_t saved_step = -1;
     double tick_start = start;
     std::int64_t tick_first_image = first_image;
-    folder.forget_statistics_after(state_.step);
+    if (folder != nullptr) folder->forget_statistics_after(state_.step);
     Progress progress({.title = "train",
                        .total = schedule_.images_before(schedule_.steps()),
                        .first = first_image,
                        .unit = "images",
                        .time_limit = limits.minutes * 60.0});
-    announce_lpips(reconstruction_.lpips(), folder, progress);
+    if (folder != nullptr) announce_lpips(reconstruction_.lpips(), *folder, progress);
     TrainingOutcome outcome;
     Tick tick;
+    // All ranks stop before the same step.
     const auto time_is_up = [&] {
-        return limits.minutes > 0.0 && seconds_now() - start >= limits.minutes * 60.0;
+        const bool late = limits.minutes > 0.0 && seconds_now() - start >= limits.minutes * 60.0;
+        return any(ranks_, late || interrupted());
     };
-    while (state_.step < schedule_.steps() && !interrupted() && !time_is_up()) {
+    while (state_.step < schedule_.steps() && !time_is_up()) {
         const TrainingPosition position = schedule_.position(state_.step);
         const StepReport report = step();
         const std::int64_t images = schedule_.images_before(state_.step);
@@ -67,26 +69,29 @@ TrainingOutcome Trainer::run(const RunFolder& folder, const TrainingLimits& limi
         if (is_due(state_.step, output.tick_steps)) {
             const double rate =
                 static_cast<double>(images - tick_first_image) / (seconds_now() - tick_start);
-            folder.statistics(tick.json(state_.step, position, images_.epochs(images), rate));
-            folder.log("step " + std::to_string(state_.step) + ": " + tick.text());
+            if (folder != nullptr) {
+                folder->statistics(tick.json(state_.step, position, images_.epochs(images), rate));
+                folder->log("step " + std::to_string(state_.step) + ": " + tick.text());
+            }
             outcome.last_tick = tick.losses();
             tick = {};
             tick_start = seconds_now();
             tick_first_image = images;
         }
         progress.update(images, step_text(report.losses));
+        if (folder == nullptr) continue;
         if (is_due(state_.step, output.sample_steps)) {
             const EvaluationScope evaluation(*this);
-            folder.sample(state_.step,
-                          sample_sheet(model_, shown_faces(), position.phase.resolution,
-                                       position.phase.samples_per_ray, shown_offsets()));
+            folder->sample(state_.step,
+                           sample_sheet(model_, shown_faces(), position.phase.resolution,
+                                        position.phase.samples_per_ray, shown_offsets()));
         }
         const bool time_to_save =
             output.checkpoint_minutes > 0.0 &&
             seconds_now() - last_checkpoint >= output.checkpoint_minutes * 60.0;
         const bool phase_is_over = position.step + 1 == position.phase.steps;
         if (time_to_save || phase_is_over || is_due(state_.step, output.checkpoint_steps)) {
-            save_checkpoint(folder);
+            save_checkpoint(*folder);
             saved_step = state_.step;
             last_checkpoint = seconds_now();
         }
@@ -98,10 +103,11 @@ TrainingOutcome Trainer::run(const RunFolder& folder, const TrainingLimits& limi
         std::max(1e-9, outcome.seconds);
     outcome.finished = state_.step >= schedule_.steps();
     if (tick.steps() > 0 && outcome.last_tick.total == 0.0) outcome.last_tick = tick.losses();
-    if (saved_step != state_.step) save_checkpoint(folder);
+    if (folder == nullptr) return outcome;
+    if (saved_step != state_.step) save_checkpoint(*folder);
     // Only at the end, because the statistics take as long as many steps; and after the checkpoint,
     // in case the process is killed meanwhile.
-    for (const std::filesystem::path& model : {folder.model_file(), folder.best_file()})
+    for (const std::filesystem::path& model : {folder->model_file(), folder->best_file()})
         add_code_statistics(model, training_, output.statistics_images);
     progress.finish(step_text(outcome.last_tick));
     return outcome;

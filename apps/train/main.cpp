@@ -1,11 +1,14 @@
 #include <filesystem>
 #include <iostream>
+#include <memory>
 #include <optional>
 
 #include "apps/common/command_line.h"
 #include "apps/common/explain.h"
 #include "apps/common/face_input.h"
 #include "apps/common/tools.h"
+#include "apps/train/mpi_ranks.h"
+#include "apps/train/ranked_run.h"
 #include "core/error.h"
 #include "train/plan.h"
 #include "train/trainer.h"
@@ -30,49 +33,84 @@ stymo::MeasuredPhases measured_phases(const std::string& name) {
     return name == "all" ? stymo::MeasuredPhases::all : stymo::MeasuredPhases::ends;
 }
 
-stymo::AppResult train(const Options& options, const stymo::CommonOptions& common) {
-    if (options.print_keys)
-        return {stymo::configuration_table(),
-                stymo::JsonValue::object({{"table", stymo::configuration_table()}})};
+void require_paths(const Options& options) {
     for (const auto& [name, path] :
          {std::pair{"--config", options.config}, std::pair{"--data", options.data},
           std::pair{"--out", options.out}}) {
         if (path.empty()) stymo::fail<stymo::UsageError>(name, " is required");
     }
-    stymo::TrainConfig config = stymo::load_train_config(options.config, options.set);
-    const stymo::Dataset training =
-        stymo::faces_for_training(options.data, config, stymo::Split::training);
-    config.model.camera.intrinsics = training.load(0).intrinsics;
-    // A run that began before the weights had to be named began with random ones, and its
-    // checkpoint holds what became of them.
-    if (!options.resume.empty() && stymo::lacks_backbone_weights(config.model.encoder))
-        config.model.encoder.backbone_weights = stymo::random_backbone;
+}
+
+/// A run before its first step. Nothing has been written.
+struct PreparedRun {
+    stymo::TrainConfig config;
+    stymo::Dataset training;
     std::optional<stymo::Dataset> validation;
-    if (config.data.validation > 0)
-        validation = stymo::faces_for_training(options.data, config, stymo::Split::validation);
-    std::cerr << "training: " << training.summary().text() << '\n';
-    stymo::Explainer explainer(options.explain);
-    stymo::Trainer trainer(config, training, validation ? &*validation : nullptr, common.seed);
-    if (options.dry_run) {
-        const stymo::TrainingPlan plan =
-            stymo::measure_plan(trainer, config, training, measured_phases(options.measure));
-        stymo::AppResult result{stymo::plan_text(plan), stymo::to_json(plan)};
-        explainer.finish(result);
-        return result;
+    std::optional<stymo::Trainer> trainer;
+
+    PreparedRun(const Options& options, const stymo::CommonOptions& common, stymo::Ranks* ranks)
+        : config(stymo::load_train_config(options.config, options.set)),
+          training(stymo::faces_for_training(options.data, config, stymo::Split::training)) {
+        config.model.camera.intrinsics = training.load(0).intrinsics;
+        // A run that began before the weights had to be named began with random ones, and its
+        // checkpoint holds what became of them.
+        if (!options.resume.empty() && stymo::lacks_backbone_weights(config.model.encoder))
+            config.model.encoder.backbone_weights = stymo::random_backbone;
+        if (config.data.validation > 0)
+            validation = stymo::faces_for_training(options.data, config, stymo::Split::validation);
+        std::cerr << "training: " << training.summary().text() << '\n';
+        trainer.emplace(config, training, validation ? &*validation : nullptr, common.seed, ranks);
+        if (!options.resume.empty() && !options.dry_run)
+            trainer->resume(options.resume == "latest" ? stymo::latest_checkpoint(options.out)
+                                                       : std::filesystem::path(options.resume));
     }
-    // Called before the run folder is created, so that a wrong --resume leaves no folder behind.
-    if (!options.resume.empty())
-        trainer.resume(options.resume == "latest" ? stymo::latest_checkpoint(options.out)
-                                                  : std::filesystem::path(options.resume));
+};
+
+stymo::AppResult plan(const Options& options, PreparedRun& run) {
+    const stymo::TrainingPlan plan = stymo::measure_plan(*run.trainer, run.config, run.training,
+                                                         measured_phases(options.measure));
+    return {stymo::plan_text(plan), stymo::to_json(plan)};
+}
+
+stymo::AppResult lead(const Options& options, PreparedRun& run, stymo::Explainer& explainer) {
     const stymo::RunFolder folder(options.out, !options.resume.empty());
-    if (folder.replace_config(stymo::to_json(config)))
+    if (folder.replace_config(stymo::to_json(run.config)))
         std::cerr << "the configuration differs from that of the run so far; the run goes on with "
                      "the new one\n";
-    const std::size_t known = training.summary().broken.size();
-    const stymo::TrainingOutcome outcome = trainer.run(folder, {.minutes = options.max_minutes});
-    stymo::write_broken_files(std::cerr, training.summary(), known);
-    stymo::AppResult result{stymo::outcome_text(outcome, folder), stymo::to_json(outcome, folder)};
+    const std::size_t known = run.training.summary().broken.size();
+    const stymo::TrainingOutcome outcome =
+        run.trainer->run(folder, {.minutes = options.max_minutes});
+    stymo::write_broken_files(std::cerr, run.training.summary(), known);
     explainer.count("steps", outcome.steps);
+    return {stymo::outcome_text(outcome, folder), stymo::to_json(outcome, folder)};
+}
+
+stymo::AppResult train(const Options& options, const stymo::CommonOptions& common) {
+    if (options.print_keys)
+        return {stymo::configuration_table(),
+                stymo::JsonValue::object({{"table", stymo::configuration_table()}})};
+    require_paths(options);
+    stymo::Explainer explainer(options.explain);
+    if (const std::unique_ptr<stymo::Ranks> ranks = stymo::started_ranks()) {
+        std::optional<PreparedRun> run;
+        return stymo::run_as_rank(
+            *ranks, "stymo-train",
+            {.prepare =
+                 [&] {
+                     if (options.dry_run)
+                         stymo::fail<stymo::UsageError>(
+                             "--dry-run measures one process; start it without mpirun");
+                     run.emplace(options, common, &*ranks);
+                 },
+             .state =
+                 [&] {
+                     return stymo::common_state(run->config, run->training, run->trainer->state());
+                 },
+             .lead = [&] { return lead(options, *run, explainer); },
+             .follow = [&] { static_cast<void>(run->trainer->follow()); }});
+    }
+    PreparedRun run(options, common, nullptr);
+    stymo::AppResult result = options.dry_run ? plan(options, run) : lead(options, run, explainer);
     explainer.finish(result);
     return result;
 }

@@ -48,4 +48,8 @@ bool identical(const Tensor& a, const Tensor& b) {
     });
 }
 
+bool all_identical(const std::vector<Tensor>& a, const std::vector<Tensor>& b) {
+    return std::ranges::equal(a, b, identical);
+}
+
 }  // namespace stymo::test

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "core/tensor.h"
 
@@ -20,5 +21,6 @@ struct CloseReport {
 
 /// True if type, shape and every bit agree.
 [[nodiscard]] bool identical(const Tensor& a, const Tensor& b);
+[[nodiscard]] bool all_identical(const std::vector<Tensor>& a, const std::vector<Tensor>& b);
 
 }  // namespace stymo::test

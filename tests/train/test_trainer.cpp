@@ -58,10 +58,6 @@ std::vector<Tensor> values_of(const Model& model) {
     return values;
 }
 
-bool all_identical(const std::vector<Tensor>& a, const std::vector<Tensor>& b) {
-    return std::ranges::equal(a, b, identical);
-}
-
 Parameter parameter_named(const Model& model, const std::string& name) {
     const auto& all = model.parameters().all();
     const auto found = std::ranges::find(all, name, &Parameter::name);

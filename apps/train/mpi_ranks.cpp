@@ -1,0 +1,105 @@
+#include "apps/train/mpi_ranks.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+
+#include "core/error.h"
+
+#ifdef STYMO_WITH_MPI
+#define OMPI_SKIP_MPICXX 1
+#include <mpi.h>
+#endif
+
+namespace stymo {
+
+namespace {
+
+/// What mpirun and Slurm set in the environment of the processes that they start.
+bool started_as_rank() {
+    for (const char* name : {"OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "PMI_RANK"})
+        if (std::getenv(name) != nullptr) return true;
+    return false;
+}
+
+#ifdef STYMO_WITH_MPI
+
+class MpiRanks final : public Ranks {
+public:
+    MpiRanks() {
+        int provided = 0;
+        MPI_Init_thread(nullptr, nullptr, MPI_THREAD_FUNNELED, &provided);
+        MPI_Comm_rank(MPI_COMM_WORLD, &rank_);
+        MPI_Comm_size(MPI_COMM_WORLD, &size_);
+    }
+    ~MpiRanks() override { MPI_Finalize(); }
+    MpiRanks(const MpiRanks&) = delete;
+    MpiRanks& operator=(const MpiRanks&) = delete;
+
+    [[nodiscard]] int rank() const override { return rank_; }
+    [[nodiscard]] int size() const override { return size_; }
+
+    // An error of a transfer ends all ranks, as is MPI's default.
+    void send(std::span<const std::byte> bytes, int to) override {
+        for_each_piece(bytes, [to](std::span<const std::byte> piece) {
+            MPI_Send(piece.data(), static_cast<int>(piece.size()), MPI_BYTE, to, 0, MPI_COMM_WORLD);
+        });
+    }
+    void receive(std::span<std::byte> bytes, int from) override {
+        for_each_piece(bytes, [from](std::span<std::byte> piece) {
+            MPI_Recv(piece.data(), static_cast<int>(piece.size()), MPI_BYTE, from, 0,
+                     MPI_COMM_WORLD, MPI_STATUS_IGNORE);
+        });
+    }
+
+private:
+    /// MPI counts bytes in an int.
+    template <class Byte, class Body>
+    static void for_each_piece(std::span<Byte> bytes, const Body& body) {
+        constexpr std::size_t piece = 1 << 30;
+        for (std::size_t begin = 0; begin < bytes.size(); begin += piece)
+            body(bytes.subspan(begin, std::min(piece, bytes.size() - begin)));
+    }
+
+    int rank_ = 0;
+    int size_ = 1;
+};
+
+#endif
+
+}  // namespace
+
+std::unique_ptr<Ranks> started_ranks() {
+    if (!started_as_rank()) return nullptr;
+#ifdef STYMO_WITH_MPI
+    return std::make_unique<MpiRanks>();
+#else
+    fail<ValueError>(
+        "built without Open MPI, so it cannot be one of several ranks; install libopenmpi-dev and "
+        "build again, or start it without mpirun");
+#endif
+}
+
+std::string host_name() {
+    std::array<char, 256> name{};
+    return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "unknown host";
+}
+
+void end_all_ranks() {
+#ifdef STYMO_WITH_MPI
+    MPI_Abort(MPI_COMM_WORLD, 1);
+#endif
+    std::_Exit(1);
+}
+
+bool has_mpi() {
+#ifdef STYMO_WITH_MPI
+    return true;
+#else
+    return false;
+#endif
+}
+
+}  // namespace stymo

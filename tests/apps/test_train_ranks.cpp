@@ -1,0 +1,103 @@
+// stymo-train under mpirun, as real processes.
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "apps/common/child_process.h"
+#include "apps/tiny_run.h"
+#include "apps/tool_run.h"
+#include "apps/train/mpi_ranks.h"
+#include "core/io/file.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using stymo::ChildOutcome;
+using stymo::tiny_run;
+
+const std::vector<std::string> as_root{"OMPI_ALLOW_RUN_AS_ROOT=1",
+                                       "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1"};
+
+bool can_run() {
+    const bool can = stymo::has_mpi() && stymo::run_child({"mpirun", "--version"}).exit_code == 0;
+    if (!can) WARN("skipped: no Open MPI");
+    return can;
+}
+
+/// stymo-train on one thread in so many processes; `more` is added to its command, and `of_last`
+/// to that of the last rank alone.
+ChildOutcome train(int ranks, const std::string& out, const std::string& more,
+                   const std::string& of_last = "") {
+    const std::string command = std::string(STYMO_BINARY_DIR) + "/bin/stymo-train --config " +
+                                (tiny_run() / "tiny.json").string() + " --data " +
+                                (tiny_run() / "faces").string() + " --out " +
+                                (tiny_run() / out).string() + " --threads 1 " + more;
+    const int equal = of_last.empty() ? ranks : ranks - 1;
+    std::string line = "mpirun --oversubscribe -n " + std::to_string(equal) + ' ' + command;
+    if (!of_last.empty()) line += " : -n 1 " + command + ' ' + of_last;
+    return stymo::run_child(stymo::words(line), as_root);
+}
+
+/// Lines of stderr that are the tool's own.
+std::vector<std::string> complaints(const ChildOutcome& outcome) {
+    std::vector<std::string> found;
+    for (std::size_t at = outcome.err.find("stymo-train: "); at != std::string::npos;
+         at = outcome.err.find("stymo-train: ", at + 1))
+        found.push_back(outcome.err.substr(at, outcome.err.find('\n', at) - at));
+    return found;
+}
+
+std::string bytes(const std::string& file) {
+    return stymo::read_text_file(tiny_run() / file);
+}
+
+}  // namespace
+
+TEST_CASE("1, 2 and 4 ranks write the same files, and any number resumes") {
+    if (!can_run()) return;
+    const std::string steps =
+        "--set stage1.batch=4 --set stage1.micro_batch=1 --set output.checkpoint_steps=2 ";
+    for (const int ranks : {1, 2, 4})
+        REQUIRE(train(ranks, "ranks" + std::to_string(ranks), steps).exit_code == 0);
+    const std::string state = "/checkpoints/000004/state.safetensors";
+    for (const std::string run : {"ranks2", "ranks4"}) {
+        CHECK(bytes(run + "/model.safetensors") == bytes("ranks1/model.safetensors"));
+        CHECK(bytes(run + state) == bytes("ranks1" + state));
+    }
+    const std::string from = "--resume " + (tiny_run() / "ranks4/checkpoints/000002").string();
+    REQUIRE(train(2, "resumed", steps + from).exit_code == 0);
+    CHECK(bytes("resumed" + state) == bytes("ranks1" + state));
+}
+
+TEST_CASE("Ranks that do not fit together are refused by one line, and nothing is written") {
+    if (!can_run()) return;
+    const auto refused = [](const ChildOutcome& outcome, const std::string& words) {
+        CHECK(outcome.exit_code != 0);
+        REQUIRE(complaints(outcome).size() == 1);
+        CHECK_THAT(complaints(outcome).front(), Catch::Contains(words));
+        CHECK_FALSE(fs::exists(tiny_run() / "refused"));
+    };
+    refused(train(4, "refused", ""), "4 ranks cannot share the 1 micro-batches");
+    const std::string two = "--set stage1.micro_batch=1";
+    refused(train(2, "refused", two, "--seed 3"), "rank 1 has a seed that differs");
+    refused(train(2, "refused", two, "--set stage1.steps=9"),
+            "rank 1 has a configuration that differs");
+    refused(train(2, "refused", two, "--resume /nowhere"), "rank 1 on ");
+    refused(train(2, "refused", two + " --dry-run"), "--dry-run measures one process");
+}
+
+TEST_CASE("A rank that cannot write ends all of them, and the checkpoints stay") {
+    if (!can_run()) return;
+    const std::string steps = "--set stage1.micro_batch=1 --set output.checkpoint_steps=2 ";
+    REQUIRE(train(2, "blocked", steps).exit_code == 0);
+    const std::string state = bytes("blocked/checkpoints/000004/state.safetensors");
+    fs::remove(tiny_run() / "blocked/stats.jsonl");
+    fs::create_directory(tiny_run() / "blocked/stats.jsonl");
+    const ChildOutcome outcome =
+        train(2, "blocked", steps + "--set stage1.steps=20 --resume latest");
+    CHECK(outcome.exit_code != 0);
+    REQUIRE(complaints(outcome).size() == 1);
+    CHECK_THAT(complaints(outcome).front(), Catch::Contains("rank 0 on "));
+    CHECK(bytes("blocked/checkpoints/000004/state.safetensors") == state);
+}

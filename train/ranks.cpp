@@ -1,0 +1,126 @@
+#include "train/ranks.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstdint>
+
+#include "core/error.h"
+
+namespace stymo {
+
+namespace {
+
+template <class T>
+std::span<std::byte> bytes_of(std::vector<T>& values) {
+    return std::as_writable_bytes(std::span(values));
+}
+
+/// From the first rank to all others, along a binomial tree.
+void broadcast(Ranks& ranks, std::span<std::byte> bytes) {
+    const int rank = ranks.rank(), size = ranks.size();
+    const auto all = static_cast<int>(std::bit_ceil(static_cast<unsigned>(size)));
+    for (int step = all / 2; step > 0; step /= 2) {
+        if (rank % (2 * step) == step) ranks.receive(bytes, rank - step);
+        if (rank % (2 * step) == 0 && rank + step < size) ranks.send(bytes, rank + step);
+    }
+}
+
+template <class T>
+void add_up_values(Ranks& ranks, std::vector<T>& sums) {
+    const int rank = ranks.rank(), size = ranks.size();
+    std::vector<T> other;
+    // The last of an odd number of partial sums has no partner and moves up alone.
+    for (int step = 1; step < size && rank % step == 0; step *= 2) {
+        if (rank / step % 2 == 1) {
+            ranks.send(bytes_of(sums), rank - step);
+        } else if (rank + step < size) {
+            other.resize(sums.size());
+            ranks.receive(bytes_of(other), rank + step);
+            for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += other[i];
+        }
+    }
+    broadcast(ranks, bytes_of(sums));
+}
+
+std::string rank_name(std::size_t rank) {
+    return "rank " + std::to_string(rank);
+}
+
+}  // namespace
+
+void add_up(Ranks& ranks, std::vector<Tensor>& tensors) {
+    if (ranks.size() == 1 || tensors.empty()) return;
+    dispatch(tensors.front().dtype(), [&]<class T>(T) {
+        std::vector<T> sums;
+        for (const Tensor& tensor : tensors) {
+            const std::span<const T> values = tensor.values<T>();
+            sums.insert(sums.end(), values.begin(), values.end());
+        }
+        add_up_values(ranks, sums);
+        auto next = sums.begin();
+        for (Tensor& tensor : tensors) {
+            const auto end = next + tensor.size();
+            std::copy(next, end, tensor.mutable_values<T>().begin());
+            next = end;
+        }
+    });
+}
+
+std::vector<std::string> gather(Ranks& ranks, const std::string& own) {
+    const auto count = static_cast<std::size_t>(ranks.size());
+    std::vector<std::string> all(count);
+    all[static_cast<std::size_t>(ranks.rank())] = own;
+    if (count == 1) return all;
+    std::vector<std::uint64_t> lengths(count);
+    const auto bytes = [](std::string& text) {
+        return std::as_writable_bytes(std::span(text.data(), text.size()));
+    };
+    if (!ranks.leads()) {
+        std::vector<std::uint64_t> length{own.size()};
+        ranks.send(bytes_of(length), 0);
+        std::string text = own;
+        ranks.send(bytes(text), 0);
+    } else {
+        lengths[0] = own.size();
+        for (std::size_t rank = 1; rank < count; ++rank) {
+            const std::span<std::uint64_t> length = std::span(lengths).subspan(rank, 1);
+            ranks.receive(std::as_writable_bytes(length), static_cast<int>(rank));
+            all[rank].resize(length.front());
+            ranks.receive(bytes(all[rank]), static_cast<int>(rank));
+        }
+    }
+    broadcast(ranks, bytes_of(lengths));
+    for (std::size_t rank = 0; rank < count; ++rank) {
+        all[rank].resize(lengths[rank]);
+        broadcast(ranks, bytes(all[rank]));
+    }
+    return all;
+}
+
+bool any(Ranks& ranks, bool own) {
+    return std::ranges::count(gather(ranks, own ? "1" : "0"), "1") > 0;
+}
+
+void require_equal(Ranks& ranks, const std::string& what, const std::string& own) {
+    const std::vector<std::string> all = gather(ranks, own);
+    const auto other =
+        std::ranges::find_if(all, [&](const std::string& text) { return text != all.front(); });
+    if (other == all.end()) return;
+    fail<ValueError>(rank_name(static_cast<std::size_t>(other - all.begin())), " has ", what,
+                     " that differs from that of rank 0; start all ranks with the same program, "
+                     "configuration and photos");
+}
+
+void require_share(const Ranks& ranks, std::int64_t micro_batches, const std::string& where) {
+    const std::int64_t size = ranks.size();
+    if (size == 1) return;
+    if (micro_batches % size == 0 &&
+        std::has_single_bit(static_cast<std::uint64_t>(micro_batches / size)))
+        return;
+    fail<ValueError>(size, " ranks cannot share the ", micro_batches, " micro-batches of a step (",
+                     where,
+                     "): each needs 1, 2, 4, 8 or another power of two of them; start "
+                     "fewer ranks or change batch and micro_batch");
+}
+
+}  // namespace stymo
