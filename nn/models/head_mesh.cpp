@@ -34,10 +34,11 @@ Box box_around(const TriangleMesh& mesh, double margin, const Box& limit) {
     const std::span<const float> vertices = mesh.vertices.values<float>();
     for (std::size_t i = 0; i < vertices.size(); ++i) {
         const auto coordinate = static_cast<double>(vertices[i]);
-        double& lower = box.lower[i % 3];
-        double& upper = box.upper[i % 3];
-        lower = std::max(std::min(lower, coordinate - margin), limit.lower[i % 3]);
-        upper = std::min(std::max(upper, coordinate + margin), limit.upper[i % 3]);
+        const auto axis = static_cast<Eigen::Index>(i % 3);
+        double& lower = box.lower[axis];
+        double& upper = box.upper[axis];
+        lower = std::max(std::min(lower, coordinate - margin), limit.lower[axis]);
+        upper = std::min(std::max(upper, coordinate + margin), limit.upper[axis]);
     }
     return box;
 }

@@ -82,8 +82,8 @@ Model Model::load(const std::filesystem::path& path, ModelParts parts) {
     const auto text = file.metadata.find(config_key);
     if (format == file.metadata.end() || format->second != format_name ||
         text == file.metadata.end()) {
-        fail<FileError>(path.string(), ": not a model of stymo (its metadata lack \"format\": \"",
-                        format_name, "\" or \"config\")");
+        fail<FileError>(path.string(), R"(: not a model of stymo (its metadata lack "format": ")",
+                        format_name, R"(" or "config"))");
     }
     ModelConfig config;
     ConfigSchema schema;
