@@ -45,7 +45,8 @@ std::array<double, window_size> gaussian_window() {
     constexpr double deviation = 1.5;
     std::array<double, window_size> window{};
     for (int i = 0; i < window_size; ++i) {
-        const double offset = (i - window_size / 2) / deviation;
+        const int distance = i - window_size / 2;
+        const double offset = distance / deviation;
         window[static_cast<std::size_t>(i)] = std::exp(-0.5 * offset * offset);
     }
     const double total = std::accumulate(window.begin(), window.end(), 0.0);

@@ -108,7 +108,7 @@ private:
                 corner_first[static_cast<std::size_t>(std::countr_zero(alone))];
             add_triangle({cut(i, j), cut(i, k), cut(i, l)}, tetrahedron.mirrored != (count == 3));
         } else if (count == 2) {
-            const auto order = std::ranges::find_if(pair_first, [&](const Order& o) {
+            const auto* const order = std::ranges::find_if(pair_first, [&](const Order& o) {
                 return inside == ((1U << o[0]) | (1U << o[1]));
             });
             const auto [i, j, k, l] = *order;
@@ -138,8 +138,9 @@ private:
             (level_ - corner_values_[lower]) / (corner_values_[upper] - corner_values_[lower]);
         for (std::size_t axis = 0; axis < 3; ++axis) {
             const double along_edge = ((upper ^ lower) >> axis & 1U) != 0 ? part : 0.0;
-            vertices_.push_back(static_cast<float>(
-                origin_[axis] + spacing_ * (static_cast<double>(begin[axis] - 1) + along_edge)));
+            vertices_.push_back(
+                static_cast<float>(origin_[static_cast<Eigen::Index>(axis)] +
+                                   spacing_ * (static_cast<double>(begin[axis] - 1) + along_edge)));
         }
         return vertex;
     }

@@ -34,7 +34,7 @@ void draw(std::int32_t index, const std::array<Eigen::Vector3d, 3>& corners,
           const std::array<const float*, 3>& colors, SampleRows& target) {
     const auto [low_x, high_x] = std::minmax({corners[0][0], corners[1][0], corners[2][0]});
     const auto [low_y, high_y] = std::minmax({corners[0][1], corners[1][1], corners[2][1]});
-    const double bottom = static_cast<double>(target.first_row + target.rows);
+    const auto bottom = static_cast<double>(target.first_row + target.rows);
     if (high_x < 0.0 || low_x > static_cast<double>(target.columns) ||
         high_y < static_cast<double>(target.first_row) || low_y > bottom)
         return;

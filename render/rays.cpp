@@ -64,7 +64,7 @@ void require_valid(const std::vector<Camera>& cameras, const RaySampling& sampli
 Eigen::Vector3d camera_direction(const Intrinsics& intrinsics, const RaySampling& sampling,
                                  std::int64_t row, std::int64_t column) {
     const double offset = sampling.pixel_centers ? 0.5 : 0.0;
-    const double side = static_cast<double>(sampling.rays_per_side);
+    const auto side = static_cast<double>(sampling.rays_per_side);
     const double image_x = (static_cast<double>(column) + offset) / side;
     const double image_y = (static_cast<double>(row) + offset) / side;
     return Eigen::Vector3d((image_x - intrinsics.center_x) / intrinsics.focal,

@@ -51,8 +51,9 @@ void GradientTree::add(std::int64_t micro_batch, const std::vector<Variable>& gr
 }
 
 std::int64_t GradientTree::most_sets(std::int64_t micro_batches, std::int64_t at_once) {
-    const auto levels = std::bit_width(static_cast<std::uint64_t>(micro_batches - 1));
-    return std::min<std::int64_t>(micro_batches, levels + at_once);
+    const auto levels =
+        static_cast<std::int64_t>(std::bit_width(static_cast<std::uint64_t>(micro_batches - 1)));
+    return std::min(micro_batches, levels + at_once);
 }
 
 }  // namespace stymo

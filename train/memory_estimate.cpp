@@ -1,5 +1,7 @@
 #include "train/memory_estimate.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -19,6 +21,13 @@ constexpr std::int64_t program_bytes = 120 << 20;
 constexpr double heap_factor = 1.15;
 /// A step that is chosen to fit a budget stays within it where the estimate is too low by as much.
 constexpr double estimate_margin = 1.25;
+/// Of the machine's memory that micro-batches side by side may take where there is no budget.
+constexpr double machine_part = 0.5;
+
+double machine_gibibytes() {
+    return static_cast<double>(::sysconf(_SC_PHYS_PAGES)) *
+           static_cast<double>(::sysconf(_SC_PAGESIZE)) / gibibyte;
+}
 
 std::int64_t micro_batches_of(const TrainingPhase& phase) {
     return std::max<std::int64_t>(1, phase.micro_batches());
@@ -111,13 +120,18 @@ StepExecution choose_execution(const Model& model, const ReconstructionLoss& los
                                const TrainConfig& config, const TrainingPhase& phase) {
     const double budget = config.memory.budget_gibibytes;
     const StepExecution fastest{.recomputation = {}, .side_by_side = true};
-    if (budget == 0.0) return fastest;
+    const auto gibibytes_of = [&](const StepExecution& execution) {
+        const StepMemory memory = estimate_step_memory(model, loss, config, phase, execution);
+        return estimate_margin * static_cast<double>(memory.peak()) / gibibyte;
+    };
+    if (budget == 0.0)
+        return gibibytes_of(fastest) <= machine_part * machine_gibibytes() ? fastest
+                                                                           : StepExecution{};
     double needed = 0.0;
     for (const StepExecution& execution :
          {fastest, StepExecution{}, StepExecution{.recomputation = {.blocks = true}},
           StepExecution{.recomputation = {.blocks = true, .field = true}}}) {
-        const StepMemory memory = estimate_step_memory(model, loss, config, phase, execution);
-        needed = estimate_margin * static_cast<double>(memory.peak()) / gibibyte;
+        needed = gibibytes_of(execution);
         if (needed <= budget) return execution;
     }
     fail<ConfigError>("memory.budget_gibibytes = ", budget, " is too little for stage ",

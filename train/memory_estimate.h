@@ -45,8 +45,10 @@ struct StepMemory {
 
 /// The first of these with which 1.25 times the estimate for this phase fits
 /// memory.budget_gibibytes: micro-batches side by side, one after the other, so with the render
-/// blocks computed twice, with the field too. None of them changes results beyond rounding. Throws
-/// ConfigError naming the key and the smallest budget that would do.
+/// blocks computed twice, with the field too. Without a budget nothing is computed twice, and
+/// micro-batches are side by side where half the machine's memory holds them. Only computing the
+/// blocks twice changes results, by rounding. Throws ConfigError naming the key and the smallest
+/// budget that would do.
 [[nodiscard]] StepExecution choose_execution(const Model& model, const ReconstructionLoss& loss,
                                              const TrainConfig& config, const TrainingPhase& phase);
 

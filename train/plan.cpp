@@ -72,7 +72,7 @@ TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config, const Dat
                       .side = config.model.decoder.resolution};
     const std::vector<TrainingPhase>& phases = trainer.schedule().phases();
     for (const TrainingPhase& phase : phases) {
-        const double images = static_cast<double>(phase.steps * phase.batch);
+        const auto images = static_cast<double>(phase.steps * phase.batch);
         PhasePlan& part = plan.phases.emplace_back(
             PhasePlan{.phase = phase, .epochs = images / static_cast<double>(plan.images)});
         part.execution = choose_execution(trainer.model(), trainer.reconstruction(), config, phase);

@@ -56,7 +56,7 @@ public:
     /// Continues from a checkpoint of a model of the same shape. Parts that the checkpoint lacks
     /// because its run had no use for them (an EMA of the weights, a discriminator, the second
     /// stage's optimisers) begin here.
-    void resume(const std::filesystem::path& checkpoint);
+    void resume(const std::filesystem::path& folder);
     /// Trains until the configured steps are done, the time is up or the process is asked to stop;
     /// writes checkpoints on the way, at the end of each phase and at the end. Throws NumericError
     /// after too many steps in a row without a finite gradient.

@@ -156,8 +156,7 @@ std::vector<Face> last_faces(const StudyInputs& inputs, const Model& model) {
     const ModelConfig& config = model.config();
     const Dataset data(inputs.fitting.data, config.decoder.resolution, {.cache_megabytes = 0},
                        Split::all, frontal_pose(config.camera));
-    const std::int64_t count =
-        std::min<std::int64_t>({data.size(), inputs.fitting.faces, most_faces});
+    const auto count = std::min<std::int64_t>({data.size(), inputs.fitting.faces, most_faces});
     std::vector<Face> faces;
     for (std::int64_t i = data.size() - count; i < data.size(); ++i) faces.push_back(data.load(i));
     return faces;

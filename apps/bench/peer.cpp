@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <regex>
+#include <utility>
 #include <vector>
 
 #include "apps/common/child_process.h"
@@ -30,12 +31,12 @@ std::string last_line(std::string text) {
 
 }  // namespace
 
-Peer::Peer(const std::filesystem::path& script, const DecoderConfig& decoder, std::int64_t samples)
-    : script_(script), decoder_(decoder), samples_(samples) {
-    if (script.empty()) {
+Peer::Peer(std::filesystem::path script, DecoderConfig decoder, std::int64_t samples)
+    : script_(std::move(script)), decoder_(std::move(decoder)), samples_(samples) {
+    if (script_.empty()) {
         missing_ = "no --peer is named";
-    } else if (!std::filesystem::is_regular_file(script)) {
-        fail<FileError>(script.string(),
+    } else if (!std::filesystem::is_regular_file(script_)) {
+        fail<FileError>(script_.string(),
                         ": no such file; --peer names scripts/torch_peer.py of the project");
     } else if (run_child({python, "-c", "import torch, torchvision"}).exit_code != 0) {
         missing_ = std::string(python) +

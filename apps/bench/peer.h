@@ -18,7 +18,7 @@ class Peer {
 public:
     /// `script` empty, or PyTorch not installed: there is no peer, and `missing` says why.
     /// `decoder` is what it is to imitate.
-    Peer(const std::filesystem::path& script, const DecoderConfig& decoder, std::int64_t samples);
+    Peer(std::filesystem::path script, DecoderConfig decoder, std::int64_t samples);
 
     [[nodiscard]] const std::string& missing() const { return missing_; }
     /// Runs one of the script's measurements; nothing without a peer. Throws Error if the script

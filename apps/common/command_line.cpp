@@ -67,11 +67,18 @@ const char* vector_instructions() {
 #endif
 }
 
+#ifdef STYMO_WITH_MPI
+constexpr const char* several_machines = "Open MPI";
+#else
+constexpr const char* several_machines = "off (built without Open MPI)";
+#endif
+
 std::string version_text(const std::string& program) {
     std::ostringstream text;
     text << program << " " << STYMO_VERSION << "\nthreads: " << thread_count()
          << "\nvector instructions: " << vector_instructions() << "\nfaces in photos: "
-         << (FaceDetector::available() ? "dlib" : "off (built without dlib)");
+         << (FaceDetector::available() ? "dlib" : "off (built without dlib)")
+         << "\nseveral machines: " << several_machines;
     return text.str();
 }
 

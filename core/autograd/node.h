@@ -26,7 +26,7 @@ using JointVjpRule =
 /// longer needs it.
 struct Save {
     bool output = false;
-    std::uint32_t inputs = 0;  ///< bit i: input i
+    std::uint32_t inputs = 0;  ///< bit i: input i; all bits: those beyond the 32nd, too
 
     static constexpr Save none() { return {}; }
     static constexpr Save the_output() { return {true, 0}; }
@@ -36,7 +36,7 @@ struct Save {
         return {output || other.output, inputs | other.inputs};
     }
     [[nodiscard]] constexpr bool has_input(std::size_t i) const {
-        return ((inputs >> i) & 1U) != 0;
+        return i < 32 ? ((inputs >> i) & 1U) != 0 : inputs == ~0U;
     }
 };
 

@@ -367,7 +367,7 @@ private:
             }
             case Opcode::stack_name: {
                 const auto parts = pop_last(2);
-                const Text* module = std::get_if<Text>(&parts[0]);
+                const Text* module = std::get_if<Text>(parts.data());
                 const Text* function = std::get_if<Text>(&parts[1]);
                 if (module == nullptr || function == nullptr) refuse("a name is no text");
                 push_node({.kind = Kind::name, .name = allowed_name(**module, **function)});
@@ -397,7 +397,7 @@ private:
     }
 
     void call(const std::vector<PickleValue>& function_and_arguments) {
-        const auto* function = std::get_if<const PickleNode*>(&function_and_arguments[0]);
+        const auto* function = std::get_if<const PickleNode*>(function_and_arguments.data());
         const auto* arguments = std::get_if<const PickleNode*>(&function_and_arguments[1]);
         if (function == nullptr || (*function)->kind != Kind::name || arguments == nullptr ||
             (*arguments)->kind != Kind::tuple)

@@ -18,7 +18,7 @@ namespace simd = hwy::HWY_NAMESPACE;
 template <class T, int rows, int others>
 HWY_INLINE void multiply_dots_block(const Dots<T>& dots) {
     const simd::ScalableTag<T> tag;
-    const std::int64_t lanes = static_cast<std::int64_t>(simd::Lanes(tag));
+    const auto lanes = static_cast<std::int64_t>(simd::Lanes(tag));
     simd::Vec<simd::ScalableTag<T>> sums[rows][others];
     HWY_UNROLL(4)
     for (int i = 0; i < rows; ++i) {

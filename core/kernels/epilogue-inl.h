@@ -60,7 +60,7 @@ HWY_INLINE void store_result(simd::ScalableTag<float> tag, simd::Vec<simd::Scala
 
 template <class T, class Out>
 HWY_INLINE void for_each_vector(const Activated<T, Out>& block, auto body) {
-    const std::int64_t lanes = static_cast<std::int64_t>(simd::Lanes(simd::ScalableTag<T>()));
+    const auto lanes = static_cast<std::int64_t>(simd::Lanes(simd::ScalableTag<T>()));
     for (std::int64_t row = 0; row < block.rows; ++row) {
         for (std::int64_t column = 0; column < block.columns; column += lanes)
             body(block.sums + row * block.sums_stride + column, row * block.stride + column);

@@ -24,7 +24,7 @@ float widened(Float16 x) {
 Float16 rounded_to_float16(float x) {
     const auto bits = std::bit_cast<std::uint32_t>(x);
     const auto sign = bits >> 16 & 0x8000;
-    const float size = std::bit_cast<float>(bits & 0x7FFFFFFF);
+    const auto size = std::bit_cast<float>(bits & 0x7FFFFFFF);
     std::uint32_t result = 0;
     if (!(size == size)) {
         result = 0x7E00;

@@ -139,7 +139,7 @@ HWY_INLINE void advance(T*& pointer, std::int64_t distance) {
 template <class Operands, int rows, int vectors>
 HWY_INLINE void multiply_block(const Block<Operands>& block) {
     const typename Operands::Tag tag;
-    const std::int64_t lanes = static_cast<std::int64_t>(simd::Lanes(tag));
+    const auto lanes = static_cast<std::int64_t>(simd::Lanes(tag));
     typename Operands::Vector sums[rows][vectors];
     HWY_UNROLL(12)
     for (int row = 0; row < rows; ++row) {

@@ -93,7 +93,8 @@ ResampleMatrix bicubic_matrix(int output_length, int input_length) {
     for (int i = 0; i < output_length; ++i) {
         const double center = (i + 0.5) * scale;
         const int first = std::max(0, static_cast<int>(std::floor(center - 2.0 * stretch + 0.5)));
-        const int last = std::min(input_length, static_cast<int>(std::floor(center + 2.0 * stretch + 0.5)));
+        const int last =
+            std::min(input_length, static_cast<int>(std::floor(center + 2.0 * stretch + 0.5)));
         const std::size_t begin = entries.size();
         double total = 0.0;
         for (int j = first; j < last; ++j) {

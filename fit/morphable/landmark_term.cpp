@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <utility>
 
 #include "core/autograd/grad.h"
 #include "core/error.h"
@@ -19,9 +20,9 @@ constexpr std::size_t jaw_points = 17;
 
 }  // namespace
 
-LandmarkTerm::LandmarkTerm(const Contour& contour, const Landmarks& landmarks,
+LandmarkTerm::LandmarkTerm(const Contour& contour, Landmarks landmarks,
                            const Intrinsics& intrinsics, const MorphableFitOptions& options)
-    : contour_(&contour), landmarks_(landmarks), intrinsics_(intrinsics) {
+    : contour_(&contour), landmarks_(std::move(landmarks)), intrinsics_(intrinsics) {
     for (std::size_t k = 0; k < deviations_.size(); ++k)
         deviations_[k] = k < jaw_points ? options.jaw_deviation : options.landmark_deviation;
 }
@@ -82,8 +83,8 @@ void LandmarkTerm::add_to(NormalEquations& equations, std::span<const double> st
             Eigen::Map<Eigen::RowVectorXd>(&row[identity_begin], shape_size) =
                 Eigen::Map<const Eigen::RowVector3d>(&by_point[3 * k])
                     .lazyProduct(table.shape_rows(rows_[k]).cast<double>());
-            equations.add(row, 0, seen.value().values<double>()[2 * k + axis] - landmarks_[k][axis],
-                          weights_[k]);
+            const double given = landmarks_[k][static_cast<Eigen::Index>(axis)];
+            equations.add(row, 0, seen.value().values<double>()[2 * k + axis] - given, weights_[k]);
         }
     }
 }

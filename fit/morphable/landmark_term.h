@@ -15,7 +15,7 @@ namespace stymo::morphable {
 class LandmarkTerm {
 public:
     /// `landmarks` in units of the image side.
-    LandmarkTerm(const Contour& contour, const Landmarks& landmarks, const Intrinsics& intrinsics,
+    LandmarkTerm(const Contour& contour, Landmarks landmarks, const Intrinsics& intrinsics,
                  const MorphableFitOptions& options);
 
     /// Chooses the points of the outline and the weights for this state, until it is called again.

@@ -51,7 +51,7 @@ std::vector<double> minimized(const LeastSquaresProblem& problem, std::vector<do
             const Eigen::VectorXd direction = damped_step(equations, damping, fixed);
             std::vector<double> candidate = x;
             for (std::size_t i = 0; i < x.size(); ++i) {
-                candidate[i] += direction[i];
+                candidate[i] += direction[static_cast<Eigen::Index>(i)];
                 if (problem.non_negative[i]) candidate[i] = std::max(candidate[i], 0.0);
             }
             improved = problem.cost(candidate) < equations.cost;

@@ -98,7 +98,7 @@ void add_prior(NormalEquations& equations, const State& state) {
 [[nodiscard]] MorphableFit fit_one(const FittedHead& fitted, const MorphableFitTarget& target,
                                    const Intrinsics& intrinsics,
                                    const MorphableFitOptions& options) {
-    const double side = static_cast<double>(target.image.shape(0));
+    const auto side = static_cast<double>(target.image.shape(0));
     const Landmarks given = scaled_landmarks(target.landmarks, 1.0 / side);
     State state(morphable::state_size, 0.0);
     std::ranges::copy(morphable::affine_pose(fitted.contour, given, intrinsics), state.begin());

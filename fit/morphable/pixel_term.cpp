@@ -163,8 +163,9 @@ Variable PixelTerm::photo_at(const Variable& image_points) const {
         const double y = std::floor(places[2 * i + 1]);
         floors.insert(floors.end(), {x, y});
         for (std::size_t corner = 0; corner < 4; ++corner) {
-            const auto dx = static_cast<double>(corner % 2);
-            const auto dy = static_cast<double>(corner / 2);
+            const std::size_t column = corner % 2, row = corner / 2;
+            const auto dx = static_cast<double>(column);
+            const auto dy = static_cast<double>(row);
             const auto pixel =
                 static_cast<std::size_t>(clamped(y + dy) * photo_side + clamped(x + dx));
             corners[corner].insert(corners[corner].end(), &photo[3 * pixel], &photo[3 * pixel] + 3);

@@ -221,18 +221,19 @@ Tensor sampled_square(const Placed& placed, std::int64_t side) {
     const auto& image = placed.image;
     const auto& square = placed.square;
     const std::int64_t channels = image.shape(2);
-    const double last_row = static_cast<double>(image.shape(0) - 1);
-    const double last_column = static_cast<double>(image.shape(1) - 1);
+    const auto last_row = static_cast<double>(image.shape(0) - 1);
+    const auto last_column = static_cast<double>(image.shape(1) - 1);
     Tensor result({side, side, channels});
     const float* from = image.values<float>().data();
     float* const to = result.mutable_values<float>().data();
     constexpr std::int64_t rows_of_a_chunk = 16;
     parallel_for(side, rows_of_a_chunk, [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t i = begin * side; i < end * side; ++i) {
+            const std::int64_t to_row = i / side, to_column = i % side;
             const double u =
-                (2.0 * static_cast<double>(i % side) + 1.0) / static_cast<double>(side) - 1.0;
+                (2.0 * static_cast<double>(to_column) + 1.0) / static_cast<double>(side) - 1.0;
             const double v =
-                (2.0 * static_cast<double>(i / side) + 1.0) / static_cast<double>(side) - 1.0;
+                (2.0 * static_cast<double>(to_row) + 1.0) / static_cast<double>(side) - 1.0;
             const Eigen::Vector2d point = square.point(u, v);
             const double x = std::clamp(point.x() - 0.5, 0.0, last_column);
             const double y = std::clamp(point.y() - 0.5, 0.0, last_row);

@@ -124,7 +124,7 @@ struct FaceDetector::Implementation {
 
     [[nodiscard]] Landmarks landmarks(const Tensor& photo, const DetectedFace& face) const {
         const auto [image, left, top, scale] = surroundings_of(photo, face);
-        const auto pixel = [scale](double length) { return std::lround(length * scale); };
+        const auto pixel = [by = scale](double length) { return std::lround(length * by); };
         const dlib::rectangle box(pixel(face.left - left), pixel(face.top - top),
                                   pixel(face.left + face.width - left) - 1,
                                   pixel(face.top + face.height - top) - 1);

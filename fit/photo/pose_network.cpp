@@ -78,7 +78,7 @@ Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& matrix) {
 Eigen::Matrix3d rotation_from_3ddfa(std::span<const float> outputs) {
     if (outputs.size() < 12)
         fail<ShapeError>("3DDFA_V2 gives at least 12 numbers; got ", outputs.size());
-    const Eigen::Vector3d x = Eigen::Vector3f(&outputs[0]).cast<double>().normalized();
+    const Eigen::Vector3d x = Eigen::Vector3f(outputs.data()).cast<double>().normalized();
     const Eigen::Vector3d y = Eigen::Vector3f(&outputs[4]).cast<double>().normalized();
     Eigen::Matrix3d matrix;
     matrix << x, y, x.cross(y);

@@ -92,7 +92,7 @@ private:
     [[nodiscard]] std::int64_t batch_pixels() const { return 4 * detail_pixels(); }
     void finish_rows(std::int64_t begin, std::int64_t end, const T* blurred,
                      StripBuffers<T>& buffers) const;
-    [[nodiscard]] T* surround_with_background(std::int64_t row) const;
+    [[nodiscard]] T* surround_with_background(std::int64_t y) const;
     void double_sum(float* to, const AlignedVector<float>& sum, std::int64_t row,
                     std::int64_t channels, const kernels::UpsampleFilter& filter,
                     StripBuffers<T>& buffers) const;

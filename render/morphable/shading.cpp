@@ -19,7 +19,8 @@ Tensor shaded_colors(const Tensor& albedo, const Tensor& normals, std::span<cons
         const Eigen::Vector3d received = irradiance(light, normal);
         for (std::size_t channel = 0; channel < 3; ++channel) {
             color_values[vertex + channel] =
-                std::clamp(color_values[vertex + channel] * static_cast<float>(received[channel]),
+                std::clamp(color_values[vertex + channel] *
+                               static_cast<float>(received[static_cast<Eigen::Index>(channel)]),
                            0.01F, 1.0F);
         }
     }

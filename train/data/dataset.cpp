@@ -160,8 +160,8 @@ Pose Dataset::Implementation::pose_of(const std::string& id) const {
 
 void Dataset::Implementation::refuse(const CameraCheck& check) {
     std::erase_if(faces, [&](const FaceFiles& files) {
-        std::optional<std::string> problem = check(pose_of(files.id), intrinsics);
-        if (problem) refused.push_back({files.image.string(), *std::move(problem)});
+        const std::optional<std::string> problem = check(pose_of(files.id), intrinsics);
+        if (problem) refused.push_back({files.image.string(), *problem});
         return problem.has_value();
     });
 }
