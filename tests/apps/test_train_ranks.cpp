@@ -1,6 +1,7 @@
 // stymo-train under mpirun, as real processes.
 #include <catch2/catch.hpp>
 #include <filesystem>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -29,14 +30,14 @@ bool can_run() {
 /// to that of the last rank alone.
 ChildOutcome train(int ranks, const std::string& out, const std::string& more,
                    const std::string& of_last = "") {
-    const std::string command = std::string(STYMO_BINARY_DIR) + "/bin/stymo-train --config " +
-                                (tiny_run() / "tiny.json").string() + " --data " +
-                                (tiny_run() / "faces").string() + " --out " +
-                                (tiny_run() / out).string() + " --threads 1 " + more;
-    const int equal = of_last.empty() ? ranks : ranks - 1;
-    std::string line = "mpirun --oversubscribe -n " + std::to_string(equal) + ' ' + command;
-    if (!of_last.empty()) line += " : -n 1 " + command + ' ' + of_last;
-    return stymo::run_child(stymo::words(line), as_root);
+    const auto in_folder = [](const std::string& name) { return (tiny_run() / name).string(); };
+    std::ostringstream command, line;
+    command << STYMO_BINARY_DIR "/bin/stymo-train --threads 1 --config " << in_folder("tiny.json")
+            << " --data " << in_folder("faces") << " --out " << in_folder(out) << ' ' << more;
+    line << "mpirun --oversubscribe -n " << (of_last.empty() ? ranks : ranks - 1) << ' '
+         << command.str();
+    if (!of_last.empty()) line << " : -n 1 " << command.str() << ' ' << of_last;
+    return stymo::run_child(stymo::words(line.str()), as_root);
 }
 
 /// Lines of stderr that are the tool's own.
