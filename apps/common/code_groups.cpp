@@ -11,7 +11,7 @@ CodeGroups parse_code_groups(const std::string& list) {
     CodeGroups taken{};
     std::istringstream stream(list);
     for (std::string name; std::getline(stream, name, ',');) {
-        const auto found = std::ranges::find(code_names, name);
+        const auto* const found = std::ranges::find(code_names, name);
         if (found == code_names.end())
             fail<UsageError>("--take ", list, ": \"", name,
                              "\" is no group of codes; there are id, expr, tex and light");

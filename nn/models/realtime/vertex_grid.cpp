@@ -23,7 +23,7 @@ Steps strides(const VertexGrid& grid) {
 std::vector<float> least_optical_depth(const VertexGrid& grid, const std::vector<float>& density) {
     std::vector<float> least(density.size(), std::numeric_limits<float>::max());
     const Steps stride = strides(grid);
-    const float half_edge = static_cast<float>(0.5 * grid.spacing);
+    const auto half_edge = static_cast<float>(0.5 * grid.spacing);
     for (int octant = 0; octant < 8; ++octant) {
         const auto along = [&](std::size_t axis, std::int64_t step) {
             return ((octant >> axis) & 1) == 0 ? step : grid.vertices[axis] - 1 - step;
