@@ -62,6 +62,14 @@ TEST_CASE("A graph of gradients is released with its last value", "[graph]") {
     CHECK(live.added() == 0);
 }
 
+TEST_CASE("What is saved of an op is told for any number of inputs", "[graph]") {
+    for (const std::size_t i : {0U, 31U, 32U, 100U}) {
+        CHECK(Save::all_inputs().has_input(i));
+        CHECK_FALSE(Save::none().has_input(i));
+        CHECK(Save::input(31).has_input(i) == (i == 31));
+    }
+}
+
 TEST_CASE("Constants are not recorded", "[graph]") {
     const LiveNodes live;
     const Variable constant(Tensor::scalar(2.0));

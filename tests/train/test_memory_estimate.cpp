@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "support/check_close.h"
+#include "support/thread_count.h"
 #include "train/generator_gradients.h"
 #include "train/memory_estimate.h"
 #include "train/tiny_training.h"
@@ -108,6 +109,32 @@ TEST_CASE("every backbone and perceptual network says what its backward pass nee
     }
     for (const std::string& network : lpips_networks())
         CHECK(Lpips(LpipsConfig{network, "random", "random"}, "").memory(64).passing > 0);
+}
+
+TEST_CASE("micro-batches run side by side where the budget holds them all", "[memory]") {
+    const ThreadCount before;
+    set_thread_count(2);
+    Estimated estimated(paper());
+    TrainingPhase phase = phase_of(estimated.config, 1, 1);
+    phase.batch = 4;
+    const auto peak = [&](bool side_by_side) {
+        const StepMemory memory =
+            estimate_step_memory(estimated.model, estimated.loss, estimated.config, phase,
+                                 {.recomputation = {}, .side_by_side = side_by_side});
+        return static_cast<double>(memory.peak());
+    };
+    const auto chosen = [&](double bytes) {
+        estimated.config.memory.budget_gibibytes = 1.25 * bytes / (1024.0 * mebibyte);
+        return choose_execution(estimated.model, estimated.loss, estimated.config, phase);
+    };
+    REQUIRE(peak(true) > 1.2 * peak(false));
+    CHECK(chosen(1.01 * peak(true)).at_once(phase) == 2);
+    const StepExecution one_by_one = chosen(0.99 * peak(true));
+    CHECK(one_by_one.at_once(phase) == 1);
+    CHECK_FALSE(one_by_one.recomputation.blocks);
+    CHECK(chosen(0.99 * peak(false)).recomputation.blocks);
+    phase.batch = 1;
+    CHECK(chosen(100.0 * peak(true)).at_once(phase) == 1);
 }
 
 TEST_CASE("what lasts is the weights with gradients, moments and averages", "[memory]") {
