@@ -56,9 +56,23 @@ FitReport report_fit(const Model& model, const FaceBatch& target, const Tensor& 
     return report;
 }
 
+void add_tuned(FitReport& report, const Model& tuned, const FaceBatch& target, const Tensor& mask,
+               const FitResult& result, std::int64_t index, const Lpips* lpips) {
+    const View view = render_view(
+        tuned, result.fitted, index, result.cameras[static_cast<std::size_t>(index)],
+        {.samples_per_ray = tuned.config().reconstruction.fit_samples_per_ray,
+         .resolution = target.targets.back().shape(1),
+         .mask = report.mask.defined()});
+    report.tuned = view.image;
+    report.mask = view.mask;
+    report.tuned_metrics =
+        MetricTarget(report.target, display_mask(mask, index), lpips).measure(report.tuned);
+}
+
 JsonValue to_json(const FitReport& report, const FitResult& result, double seconds) {
     JsonValue json = JsonValue::object(
         {{"initial", to_json(report.initial_metrics)}, {"fitted", to_json(report.fitted_metrics)}});
+    if (report.tuned.defined()) json.add("tuned", to_json(report.tuned_metrics));
     if (!report.lpips_network.empty()) json.add("lpips_network", report.lpips_network);
     json.add("steps", result.losses.size());
     json.add("seconds", seconds);
@@ -68,6 +82,7 @@ JsonValue to_json(const FitReport& report, const FitResult& result, double secon
 
 Tensor comparison_sheet(const FitReport& report) {
     std::vector<Tensor> tiles{report.target, report.initial, report.fitted};
+    if (report.tuned.defined()) tiles.push_back(report.tuned);
     if (report.mask.defined())
         tiles.push_back(broadcast_to(Variable(report.mask), report.fitted.shape()).value());
     return tile_images(tiles, static_cast<int>(tiles.size()));

@@ -18,6 +18,8 @@ struct FitReport {
                      ///< the model's resolution and unless asked for
     ImageMetrics initial_metrics;
     ImageMetrics fitted_metrics;
+    Tensor tuned{};  ///< rendered by the tuned decoder; undefined without one
+    ImageMetrics tuned_metrics{};
     double counting_samples = 1.0;  ///< View::significant_samples of the fitted face
     std::string lpips_network;      ///< Lpips::label(); empty: LPIPS was not measured
 };
@@ -28,10 +30,14 @@ struct FitReport {
 [[nodiscard]] FitReport report_fit(const Model& model, const FaceBatch& target, const Tensor& mask,
                                    const FitResult& result, std::int64_t index,
                                    const Lpips* lpips = nullptr, bool with_head_mask = false);
-/// {"initial": {...}, "fitted": {...}, "lpips_network" if it was measured, "steps", "seconds",
-/// "loss": [...]}
+/// Adds the image of the tuned decoder to the report of row `index`, and its mask instead of that
+/// of the fit. The other arguments are those of `report_fit`.
+void add_tuned(FitReport& report, const Model& tuned, const FaceBatch& target, const Tensor& mask,
+               const FitResult& result, std::int64_t index, const Lpips* lpips);
+/// {"initial": {...}, "fitted": {...}, "tuned": {...} if there is one, "lpips_network" if it was
+/// measured, "steps", "seconds", "loss": [...]}
 [[nodiscard]] JsonValue to_json(const FitReport& report, const FitResult& result, double seconds);
-/// target | initial | fitted | mask if there is one
+/// target | initial | fitted | tuned if there is one | mask if there is one
 [[nodiscard]] Tensor comparison_sheet(const FitReport& report);
 
 }  // namespace stymo

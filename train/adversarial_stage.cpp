@@ -11,7 +11,7 @@ namespace {
 constexpr const char* mapping_prefix = "decoder.mapping.";
 constexpr const char* discriminator_name = "discriminator";
 constexpr const char* discriminator_prefix = "discriminator.";
-constexpr const char* generator_adam_prefix = "generator_adam.";
+constexpr const char* generator_prefix = "generator_";
 constexpr const char* discriminator_adam_prefix = "discriminator_adam.";
 
 /// StyleGAN2's correction of Adam's rates for lazy regularization: r steps take r + 1 updates.
@@ -34,7 +34,8 @@ AdversarialStage::TrainedDiscriminator::TrainedDiscriminator(const TrainConfig& 
 
 AdversarialStage::AdversarialStage(const TrainingParts& parts)
     : parts_(parts),
-      adam_({parts.config.stage2.beta1, parts.config.stage2.beta2, parts.config.stage2.epsilon}) {
+      optimizer_({parts.config.stage2.beta1, parts.config.stage2.beta2, parts.config.stage2.epsilon},
+                 false) {
     if (parts.config.loss.adversarial_weight > 0.0)
         discriminator_.emplace(parts.config, parts.rng.split(discriminator_name));
 }
@@ -104,7 +105,7 @@ void AdversarialStage::update_decoder(const TrainingPosition& position, StepRepo
     const std::vector<Parameter> parameters =
         unfreeze_only(parts_.model.parameters(), trained_decoder_prefixes(parts_.model, position));
     update_generator(parts_, position, discriminator_ ? &discriminator_->network : nullptr,
-                     parameters, adam_,
+                     parameters, optimizer_,
                      {config.learning_rate, mapping_prefix, config.mapping_factor}, report);
 }
 
@@ -129,14 +130,14 @@ StepReport AdversarialStage::step(const TrainingPosition& position) {
 }
 
 void AdversarialStage::save(TensorFile& file) const {
-    adam_.save(file, generator_adam_prefix);
+    optimizer_.save(file, generator_prefix);
     if (!discriminator_) return;
     discriminator_->parameters.save(file);
     discriminator_->adam.save(file, discriminator_adam_prefix);
 }
 
 void AdversarialStage::load(const TensorFile& file, const std::string& source) {
-    adam_.load(file, source, generator_adam_prefix);
+    optimizer_.load(file, source, generator_prefix);
     if (!discriminator_ || !has_prefix(file, discriminator_prefix)) return;
     discriminator_->parameters.load(file, source);
     discriminator_->adam.load(file, source, discriminator_adam_prefix);

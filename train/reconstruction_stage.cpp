@@ -10,14 +10,15 @@ namespace stymo {
 namespace {
 
 constexpr const char* backbone_prefix = "encoder.backbone.";
-constexpr const char* adam_prefix = "adam.";
+constexpr const char* optimizer_prefix = "";
 
 }  // namespace
 
 ReconstructionStage::ReconstructionStage(const TrainingParts& parts)
     : parts_(parts),
-      adam_({parts.config.optimizer.beta1, parts.config.optimizer.beta2,
-             parts.config.optimizer.epsilon}) {}
+      optimizer_({parts.config.optimizer.beta1, parts.config.optimizer.beta2,
+                  parts.config.optimizer.epsilon},
+                 parts.config.optimizer.matrices == "muon") {}
 
 std::vector<Parameter> ReconstructionStage::unfreeze(const TrainingPosition& position) {
     const TrainConfig& config = parts_.config;
@@ -47,18 +48,18 @@ double ReconstructionStage::learning_rate(const TrainingPosition& position) cons
 StepReport ReconstructionStage::step(const TrainingPosition& position) {
     StepReport report;
     update_generator(
-        parts_, position, nullptr, unfreeze(position), adam_,
+        parts_, position, nullptr, unfreeze(position), optimizer_,
         {learning_rate(position), backbone_prefix, parts_.config.optimizer.backbone_factor},
         report);
     return report;
 }
 
 void ReconstructionStage::save(TensorFile& file) const {
-    adam_.save(file, adam_prefix);
+    optimizer_.save(file, optimizer_prefix);
 }
 
 void ReconstructionStage::load(const TensorFile& file, const std::string& source) {
-    adam_.load(file, source, adam_prefix);
+    optimizer_.load(file, source, optimizer_prefix);
 }
 
 }  // namespace stymo

@@ -22,7 +22,7 @@ private:
     [[nodiscard]] double learning_rate(const TrainingPosition& position) const;
 
     TrainingParts parts_;
-    Adam adam_;
+    GeneratorOptimizer optimizer_;
 };
 
 }  // namespace stymo

@@ -69,7 +69,8 @@ std::vector<std::string> trained_decoder_prefixes(const Model& model,
 
 void update_generator(const TrainingParts& parts, const TrainingPosition& position,
                       const Discriminator* discriminator, const std::vector<Parameter>& parameters,
-                      Adam& adam, const GeneratorRates& rates, StepReport& report) {
+                      GeneratorOptimizer& optimizer, const GeneratorRates& rates,
+                      StepReport& report) {
     const GeneratorInputs inputs{parts.model, parts.reconstruction, parts.config, parts.offsets,
                                  discriminator};
     const LossAndGradients mean = mean_over_micro_batches(
@@ -81,17 +82,7 @@ void update_generator(const TrainingParts& parts, const TrainingPosition& positi
     report.learning_rate = rates.learning_rate;
     report.non_finite = non_finite(mean, parameters);
     if (report.non_finite) return;
-    for (const bool with_prefix : {false, true}) {
-        std::vector<Parameter> group;
-        std::vector<Variable> gradients;
-        for (std::size_t i = 0; i < parameters.size(); ++i) {
-            if (parameters[i].name().starts_with(rates.prefix) != with_prefix) continue;
-            group.push_back(parameters[i]);
-            gradients.push_back(mean.gradients[i]);
-        }
-        adam.step(group, gradients,
-                  rates.learning_rate * (with_prefix ? rates.prefix_factor : 1.0));
-    }
+    optimizer.step(parameters, mean.gradients, rates);
 }
 
 Rng step_jitter(const TrainingParts& parts, const TrainingPosition& position,

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "core/io/tensor_file.h"
-#include "nn/optim/adam.h"
 #include "train/data/training_images.h"
 #include "train/generator_gradients.h"
+#include "train/generator_optimizer.h"
 #include "train/gradient_tree.h"
 #include "train/ranks.h"
 
@@ -103,19 +103,12 @@ std::vector<Parameter> unfreeze_only(ParameterStore& parameters,
 [[nodiscard]] std::vector<std::string> trained_decoder_prefixes(const Model& model,
                                                                 const TrainingPosition& position);
 
-/// The generator's learning rate; that of the parameters whose name begins with `prefix` is
-/// `prefix_factor` times as large.
-struct GeneratorRates {
-    double learning_rate = 0.0;
-    std::string_view prefix;
-    double prefix_factor = 1.0;
-};
-
 /// One update of the unfrozen `parameters` of the generator, in either stage. Notes losses,
 /// learning rate and what is not finite in the report; in that case nothing has changed.
 void update_generator(const TrainingParts& parts, const TrainingPosition& position,
                       const Discriminator* discriminator, const std::vector<Parameter>& parameters,
-                      Adam& adam, const GeneratorRates& rates, StepReport& report);
+                      GeneratorOptimizer& optimizer, const GeneratorRates& rates,
+                      StepReport& report);
 
 /// The random numbers of a step's samples, for one purpose, from the samples of this image of the
 /// step on.

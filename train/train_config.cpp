@@ -39,6 +39,8 @@ void describe_optimizer(ConfigSchema& schema, OptimizerConfig& config) {
         "epoch: times the decay after each (paper); cosine: to zero over the steps of stage 1");
     schema.number("optimizer.decay", config.decay, 0.0, 1.0,
                   "factor on the learning rate after each epoch (paper: 0.98)");
+    schema.choice("optimizer.matrices", config.matrices, {"adam", "muon"},
+                  "what moves the decoder's matrices in stage 1 (paper: adam); muon learns faster");
     schema.number("optimizer.beta1", config.beta1, 0.0, 0.999999, "Adam's decay of the mean");
     schema.number("optimizer.beta2", config.beta2, 0.0, 0.999999, "Adam's decay of the square");
     schema.number("optimizer.epsilon", config.epsilon, 1e-30, 1.0, "Adam's epsilon");

@@ -8,6 +8,7 @@
 #include <sstream>
 #include <string>
 
+#include "apps/common/model_options.h"
 #include "apps/edit/commands.h"
 #include "core/clock.h"
 #include "core/interrupt.h"
@@ -26,7 +27,7 @@ namespace stymo {
 namespace {
 
 struct ColorOptions {
-    std::filesystem::path model;
+    ModelOptions model;
     std::filesystem::path codes;
     std::filesystem::path parser;
     std::filesystem::path out;
@@ -159,7 +160,7 @@ AppResult color(ColorOptions options) {
     const Eigen::Vector3d target = color_of(options.color);
     const ParsingClassSet parts = parts_of(options.part);
     options.edit.term = options.term == "pixels" ? ColorTerm::pixels : ColorTerm::mean;
-    const Model model = Model::load(options.model);
+    const Model model = load_model(options.model);
     options.edit.samples_per_ray =
         options.samples.value_or(model.config().reconstruction.fit_samples_per_ray);
     const CodeFile face = read_code_file(options.codes);
@@ -208,7 +209,8 @@ void declare_color(CommandLine& line) {
     Command command =
         line.command("color", "Changes the colour of a part of a fitted face and keeps the rest.",
                      [options](const CommonOptions&) { return color(*options); });
-    command.option("--model", options->model, "model.safetensors of a training run").required();
+    declare_model(command, options->model);
+    declare_tuned(command, options->model);
     command.option("--codes", options->codes, "codes.json of a fit").required();
     command
         .option("--part", options->part,

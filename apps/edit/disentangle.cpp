@@ -6,6 +6,7 @@
 #include <sstream>
 #include <vector>
 
+#include "apps/common/model_options.h"
 #include "apps/edit/commands.h"
 #include "core/interrupt.h"
 #include "core/ops/ops.h"
@@ -22,7 +23,7 @@ namespace stymo {
 namespace {
 
 struct DisentangleOptions {
-    std::filesystem::path model;
+    ModelOptions model;
     std::optional<std::filesystem::path> morphable;
     std::int64_t pairs = 64;
 };
@@ -144,7 +145,7 @@ std::string table(const char* title, const GroupMatrix& movements) {
 }
 
 AppResult disentangle(const DisentangleOptions& options, std::uint64_t seed) {
-    const Model model = Model::load(options.model);
+    const Model model = load_model(options.model);
     const MorphableHead head = morphable_head_from(options.morphable);
     const Reader reader(model, head);
     const Rng rng = Rng(seed).split("disentangle");
@@ -180,7 +181,7 @@ void declare_disentangle(CommandLine& line) {
         "the "
         "decoder and in renderings of the heads.",
         [options](const CommonOptions& common) { return disentangle(*options, common.seed); });
-    command.option("--model", options->model, "model.safetensors of a training run").required();
+    declare_model(command, options->model);
     command.option("--pairs", options->pairs, "pairs of random heads").range(1, 1e6);
     command.option(
         "--morphable", options->morphable,

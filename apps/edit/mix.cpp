@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "apps/common/code_groups.h"
+#include "apps/common/model_options.h"
 #include "apps/edit/commands.h"
 #include "core/clock.h"
 #include "core/io/file.h"
@@ -20,7 +21,7 @@ namespace stymo {
 namespace {
 
 struct MixOptions {
-    std::filesystem::path model;
+    ModelOptions model;
     std::vector<std::string> sources;
     std::vector<std::string> targets;
     std::string take;
@@ -59,7 +60,7 @@ std::vector<CodeFile> faces_of(const std::vector<std::string>& files) {
 void add_sampled(const Model& model, MixOptions& options, std::vector<CodeFile>& sources,
                  std::uint64_t seed) {
     if (options.sampled > 0 && !model.code_statistics())
-        fail<FileError>(options.model.string(),
+        fail<FileError>(model_file(options.model).string(),
                         ": holds no statistics of its training codes to draw faces from; train it "
                         "anew, or name a --source");
     Rng rng = Rng(seed).split("mix");
@@ -124,7 +125,7 @@ AppResult mix(MixOptions options, std::uint64_t seed) {
         fail<UsageError>("--take is required: id, expr, tex, light, or several joined with commas");
     if (options.take.empty()) options.take = "expr,tex,light";
     static_cast<void>(parse_code_groups(options.take));
-    const Model model = Model::load(options.model);
+    const Model model = load_model(options.model);
     const ViewOptions view{.samples_per_ray = options.samples.value_or(
                                model.config().reconstruction.fit_samples_per_ray)};
     std::vector<CodeFile> sources = faces_of(options.sources);
@@ -144,7 +145,8 @@ void declare_mix(CommandLine& line) {
         "Gives the target's face some groups of codes of the source, in the target's pose. Several "
         "sources or targets make a sheet: sources down, targets across, one block per group.",
         [options](const CommonOptions& common) { return mix(*options, common.seed); });
-    command.option("--model", options->model, "model.safetensors of a training run").required();
+    declare_model(command, options->model);
+    declare_tuned(command, options->model);
     command.option("--source", options->sources,
                    "codes.json of the face that provides the groups of --take; may be repeated");
     command.option(

@@ -5,6 +5,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/lpips_options.h"
+#include "apps/common/model_options.h"
 #include "apps/common/tools.h"
 #include "apps/eval/evaluate.h"
 #include "apps/eval/pair.h"
@@ -21,7 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Options {
-    fs::path model;
+    stymo::ModelOptions model;
     fs::path data;
     fs::path out;
     std::string split;
@@ -50,12 +51,12 @@ stymo::Settings settings_of(const Options& options) {
         return path.empty() ? std::string() : fs::absolute(path).string();
     };
     std::ostringstream checksum;
-    checksum << std::hex << stymo::crc32c(stymo::read_text_file(options.model));
+    checksum << std::hex << stymo::crc32c(stymo::read_text_file(stymo::model_file(options.model)));
     const stymo::FitOptions& fitting = options.evaluation.fitting;
     const auto or_own = [](const auto& value) {
         return value ? stymo::JsonValue(*value) : stymo::JsonValue("the model's own");
     };
-    return {{"--model", absolute(options.model) + ", CRC-32C " + checksum.str()},
+    return {{"--model", absolute(stymo::model_file(options.model)) + ", CRC-32C " + checksum.str()},
             {"--data", absolute(options.data)},
             {"--split", options.split},
             {"--ids", options.ids},
@@ -77,7 +78,7 @@ stymo::Settings settings_of(const Options& options) {
 stymo::Dataset faces_of(const Options& options, const stymo::ModelConfig& model) {
     const stymo::Split split = stymo::split_called(options.split);
     stymo::DataConfig data;
-    if (split != stymo::Split::all) data = stymo::split_of_run(options.model);
+    if (split != stymo::Split::all) data = stymo::split_of_run(stymo::model_file(options.model));
     data.cache_megabytes = 0;
     return {options.data, model.decoder.resolution, data, split, stymo::frontal_pose(model.camera)};
 }
@@ -101,13 +102,12 @@ stymo::AppResult result_of(const stymo::Evaluation& evaluation, const std::strin
 }
 
 stymo::AppResult evaluate(Options options) {
-    if (options.model.empty()) stymo::fail<stymo::UsageError>("--model is required");
     if (options.data.empty()) stymo::fail<stymo::UsageError>("--data is required");
     stymo::EvaluationOptions& evaluated = options.evaluation;
     evaluated.range = stymo::parse_range(options.ids);
     evaluated.regions = stymo::regions_called(options.region);
     if (options.samples) evaluated.fitting.samples_per_ray = *options.samples;
-    const stymo::Model model = stymo::Model::load(options.model);
+    const stymo::Model model = stymo::load_model(options.model);
     const stymo::Dataset faces = faces_of(options, model.config());
     stymo::FaceRegion face_region(options.parser);
     evaluated.face_region = &face_region;
@@ -154,7 +154,7 @@ int stymo_eval(int argc, char** argv) {
     stymo::CommandLine line("stymo-eval",
                             "Measures L1, LPIPS, SSIM and PSNR of a model on a folder of faces, of "
                             "the head on black over the full frame.");
-    line.option("--model", options.model, "model.safetensors of a training run (required)");
+    stymo::declare_model(line, options.model);
     line.option("--data", options.data,
                 "folder of faces in the FFHQ format or in CelebAMask-HQ's layout (required)");
     line.option("--split", options.split,

@@ -10,6 +10,7 @@
 #include "apps/common/explain.h"
 #include "apps/common/face_input.h"
 #include "apps/common/lpips_options.h"
+#include "apps/common/model_options.h"
 #include "apps/common/preparation_options.h"
 #include "apps/common/tools.h"
 #include "apps/fit/prepared_photos.h"
@@ -19,12 +20,14 @@
 #include "core/io/image.h"
 #include "core/progress.h"
 #include "fit/fit_report.h"
+#include "fit/tuning.h"
 #include "nn/models/code_file.h"
+#include "nn/models/weight_changes.h"
 
 namespace {
 
 struct Options {
-    std::filesystem::path model;
+    stymo::ModelOptions model;
     std::filesystem::path out;
     stymo::FaceSource face;
     std::optional<std::int64_t> samples;
@@ -32,6 +35,7 @@ struct Options {
     stymo::PhotoPreparationSettings preparation;
     stymo::FitOptions fit;
     std::string optimizer = "adam";
+    stymo::TuningOptions tuning;
     bool explain = false;
 };
 
@@ -49,6 +53,7 @@ std::string summary(const stymo::FitReport& report, double seconds) {
          << "     SSIM  PSNR dB\n";
     write_metrics(text, "initial", report.initial_metrics);
     write_metrics(text, "fitted", report.fitted_metrics);
+    if (report.tuned.defined()) write_metrics(text, "tuned", report.tuned_metrics);
     text << std::setprecision(1) << seconds << " s\n";
     if (!report.lpips_network.empty()) text << "LPIPS: " << report.lpips_network << '\n';
     return text.str();
@@ -94,7 +99,8 @@ stymo::JsonValue write_fit(const Photo& photo, const stymo::FitReport& report,
     stymo::JsonValue json = to_json(report, result, seconds);
     if (photo.warnings) json.add("warnings", *photo.warnings);
     stymo::write_image(photo.out / "fit.png", stymo::comparison_sheet(report));
-    stymo::write_image(photo.out / "render.png", report.fitted);
+    stymo::write_image(photo.out / "render.png",
+                       report.tuned.defined() ? report.tuned : report.fitted);
     stymo::write_code_file(
         photo.out / "codes.json", result.fitted, index,
         stymo::pose_from_camera(result.cameras[static_cast<std::size_t>(index)]));
@@ -102,12 +108,45 @@ stymo::JsonValue write_fit(const Photo& photo, const stymo::FitReport& report,
     return json;
 }
 
+[[nodiscard]] bool tunes(const Options& options) {
+    return options.tuning.seconds > 0.0 || options.tuning.steps > 0;
+}
+
+/// Tunes the decoder to the fitted photos and writes the changes of its weights. Returns nothing if
+/// a signal has asked the process to stop.
+std::optional<stymo::Model> tune(const Options& options, const stymo::Model& model,
+                                 const stymo::ReconstructionLoss& loss,
+                                 const stymo::FaceBatch& batch, const stymo::FitResult& fitted) {
+    if (!tunes(options) || stymo::interrupted()) return std::nullopt;
+    stymo::Model tuned = stymo::load_model(options.model, stymo::ModelParts::decoder);
+    stymo::TuningOptions tuning = options.tuning;
+    if (options.samples) tuning.samples_per_ray = *options.samples;
+    // Thousandths of the time where that is the limit.
+    const std::int64_t total = tuning.steps > 0 ? tuning.steps : 1000;
+    stymo::Progress progress(
+        {.title = "tune", .total = total, .unit = tuning.steps > 0 ? "steps" : "parts"});
+    tuning.on_step = [&](const stymo::TuningStep& step) {
+        const auto part =
+            static_cast<std::int64_t>(1000.0 * step.seconds / std::max(tuning.seconds, 1e-3));
+        progress.update(tuning.steps > 0 ? step.steps : std::min(part, total),
+                        "loss " + std::to_string(step.loss));
+    };
+    static_cast<void>(stymo::tune_decoder(model, tuned, loss, batch, fitted.fitted, fitted.cameras,
+                                          tuning));
+    progress.finish();
+    if (stymo::interrupted()) return std::nullopt;
+    const std::filesystem::path file = options.out / "tuned.safetensors";
+    stymo::WeightChanges::between(model, tuned).save(file);
+    // The file's 16 bits are what the other tools will show.
+    return stymo::load_model({options.model.file, file}, stymo::ModelParts::decoder);
+}
+
 stymo::AppResult fit(Options options) {
     stymo::require_photo(options.face);
     if (options.samples) options.fit.samples_per_ray = *options.samples;
     if (options.optimizer == "lbfgs") options.fit.optimizer = stymo::FitOptimizer::lbfgs;
     stymo::Explainer explainer(options.explain);
-    const stymo::Model model = stymo::Model::load(options.model);
+    const stymo::Model model = stymo::load_model(options.model);
     const stymo::ReconstructionConfig config =
         stymo::fitting_config(options.lpips, model.config().reconstruction);
     const stymo::ReconstructionLoss reconstruction(config, "--perceptual-weight 0");
@@ -130,6 +169,7 @@ stymo::AppResult fit(Options options) {
     const stymo::FitResult result = stymo::fit_codes(model, reconstruction, batch, options.fit);
     const double seconds = stymo::seconds_now() - start;
     progress.finish();
+    const std::optional<stymo::Model> tuned = tune(options, model, reconstruction, batch, result);
 
     const stymo::Lpips* lpips = metric ? &*metric : reconstruction.lpips();
     if (lpips == nullptr)
@@ -139,8 +179,9 @@ stymo::AppResult fit(Options options) {
     std::vector<stymo::JsonValue> reports;
     for (std::size_t i = 0; i < photos.size(); ++i) {
         const auto index = static_cast<std::int64_t>(i);
-        const stymo::FitReport report =
+        stymo::FitReport report =
             stymo::report_fit(model, batch, batch.mask, result, index, lpips, true);
+        if (tuned) stymo::add_tuned(report, *tuned, batch, batch.mask, result, index, lpips);
         reports.push_back(write_fit(photos[i], report, result, index, seconds));
         if (photos.size() > 1) done.text += photos[i].face.id + "\n";
         done.text += summary(report, seconds);
@@ -154,6 +195,8 @@ stymo::AppResult fit(Options options) {
     if (steps < options.fit.steps && !result.converged)
         done.incomplete = "interrupted after " + std::to_string(steps) + " of " +
                           std::to_string(options.fit.steps) + " steps";
+    else if (tunes(options) && !tuned)
+        done.incomplete = "interrupted while tuning; the fit is complete";
     return done;
 }
 
@@ -164,7 +207,7 @@ int stymo_fit(int argc, char** argv) {
     stymo::CommandLine line("stymo-fit",
                             "Fits the codes of a model to a photo, or to several photos of one "
                             "person, for rendering the face from any side.");
-    line.option("--model", options.model, "model.safetensors of a training run").required();
+    stymo::declare_model(line, options.model);
     line.option("--image", options.face.images,
                 "photo; its face is found, aligned and masked. Repeat the option to fit photos of "
                 "one person together");
@@ -181,7 +224,7 @@ int stymo_fit(int argc, char** argv) {
     line.option("--id", options.face.id, "id of the photo in --data").needs("--data");
     line.option("--out", options.out,
                 "output folder: fit.png, render.png, codes.json, report.json; also aligned.png and "
-                "overlay.png if the photo is prepared")
+                "overlay.png if the photo is prepared, and tuned.safetensors with --tune")
         .required();
     stymo::declare_preparation_files(line, options.preparation);
     line.option("--steps", options.fit.steps, "optimiser steps").range(0, 1e6);
@@ -208,6 +251,20 @@ int stymo_fit(int argc, char** argv) {
         .range(0, 1);
     line.flag("--refine-pose", options.fit.refine_pose,
               "also optimise the pose, with a tenth of the learning rate; slower");
+    line.option("--tune", options.tuning.seconds,
+                "also tune the decoder to the photo for so many seconds; stymo-render and "
+                "stymo-edit take the result, OUT/tuned.safetensors, with --tuned")
+        .range(0, 86400);
+    line.option("--tune-steps", options.tuning.steps,
+                "end tuning after so many steps, which makes the result repeatable")
+        .range(0, 1e6);
+    line.option("--tune-learning-rate", options.tuning.learning_rate,
+                "highest learning rate of tuning")
+        .range(0, 1);
+    line.option("--locality", options.tuning.locality_weight,
+                "weight of the term that keeps other faces and other views as they were while "
+                "tuning")
+        .range(0, 1e6);
     stymo::declare_perceptual_weight(line, options.lpips);
     stymo::declare_lpips_files(line, options.lpips);
     stymo::declare_explain(line, options.explain);

@@ -48,7 +48,7 @@ stymo::AppResult render(stymo::RenderOptions options, const stymo::CommonOptions
     options.renderer.mode = stymo::render_mode(options.mode);
     stymo::Explainer explainer(options.explain);
     const bool encodes = !options.data.empty();
-    const stymo::Model model = stymo::Model::load(
+    const stymo::Model model = stymo::load_model(
         options.model, encodes ? stymo::ModelParts::all : stymo::ModelParts::decoder);
     std::vector<std::filesystem::path> written;
     if (options.sample > 0) {
@@ -173,7 +173,8 @@ int stymo_render(int argc, char** argv) {
     stymo::RenderOptions options;
     stymo::CommandLine line("stymo-render",
                             "Renders views, orbits, interpolations, new faces and meshes.");
-    line.option("--model", options.model, "model.safetensors of a training run").required();
+    stymo::declare_model(line, options.model);
+    stymo::declare_tuned(line, options.model);
     line.option("--codes", options.codes, "codes.json of a fit; required unless --sample is given");
     line.option(
         "--out", options.out,

@@ -21,7 +21,7 @@ CodeStatistics statistics_of(const RenderOptions& options, const Model& model) {
     if (options.data.empty()) {
         if (model.code_statistics()) return *model.code_statistics();
         fail<FileError>(
-            options.model.string(),
+            model_file(options.model).string(),
             ": has no statistics of codes to draw faces from; name a folder of faces with --data");
     }
     const Dataset faces(options.data, model.config().decoder.resolution, {.cache_megabytes = 0},

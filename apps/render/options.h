@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "apps/common/model_options.h"
 #include "nn/models/head_mesh.h"
 #include "nn/models/realtime/face_renderer.h"
 
@@ -13,7 +14,7 @@ namespace stymo {
 /// The options of stymo-render. `orbit`, `to`, the grids and `sample` exclude each other; without
 /// any of them it is one view.
 struct RenderOptions {
-    std::filesystem::path model;
+    ModelOptions model;
     std::filesystem::path codes;
     std::filesystem::path out;
     std::optional<double> yaw;

@@ -1,7 +1,9 @@
 #include "core/io/tensor_file.h"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <fstream>
@@ -148,14 +150,35 @@ void require_tiling(const fs::path& path, std::vector<Entry>& entries, std::uint
     }
 }
 
-std::string_view type_name_of(DType dtype) {
-    return dtype == DType::float32 ? "F32" : "F64";
+/// How the elements of this type are stored.
+struct StoredType {
+    std::string_view name;
+    std::size_t bytes;
+};
+
+StoredType stored_type(DType dtype, StoredElements stored) {
+    if (stored == StoredElements::float16) return {"F16", sizeof(Eigen::half)};
+    return {dtype == DType::float32 ? "F32" : "F64", size_in_bytes(dtype)};
+}
+
+std::vector<Eigen::half> rounded_to_half(const std::string& name, const Tensor& tensor) {
+    std::vector<Eigen::half> halves;
+    halves.reserve(static_cast<std::size_t>(tensor.size()));
+    dispatch(tensor.dtype(), [&]<class T>(T) {
+        for (const T value : tensor.values<T>()) {
+            halves.emplace_back(static_cast<float>(value));
+            if (!(Eigen::numext::isfinite)(halves.back()) && std::isfinite(value))
+                fail<ValueError>("tensor ", name, ": ", value, " is too large for 16 bits");
+        }
+    });
+    return halves;
 }
 
 /// The header with its length before it and spaces behind it, so that the tensors begin at a
 /// multiple of 8 bytes.
 std::string encoded_header(const TensorFile& contents,
-                           const std::vector<const std::pair<const std::string, Tensor>*>& order) {
+                           const std::vector<const std::pair<const std::string, Tensor>*>& order,
+                           StoredElements stored) {
     json header = json::object();
     if (!contents.metadata.empty()) {
         header["__metadata__"] = contents.metadata;
@@ -163,9 +186,9 @@ std::string encoded_header(const TensorFile& contents,
     std::uint64_t begin = 0;
     for (const auto* item : order) {
         const auto& [name, tensor] = *item;
-        const std::uint64_t end =
-            begin + static_cast<std::uint64_t>(tensor.size()) * size_in_bytes(tensor.dtype());
-        header[name] = {{"dtype", type_name_of(tensor.dtype())},
+        const StoredType type = stored_type(tensor.dtype(), stored);
+        const std::uint64_t end = begin + static_cast<std::uint64_t>(tensor.size()) * type.bytes;
+        header[name] = {{"dtype", type.name},
                         {"shape", json::array()},
                         {"data_offsets", {begin, end}}};
         for (const std::int64_t extent : tensor.shape().extents()) {
@@ -227,7 +250,7 @@ TensorFile read_tensor_file(const fs::path& path) {
     return contents;
 }
 
-void write_tensor_file(const fs::path& path, const TensorFile& contents) {
+void write_tensor_file(const fs::path& path, const TensorFile& contents, StoredElements stored) {
     // Wide elements first, so that every tensor is aligned to its elements.
     std::vector<const std::pair<const std::string, Tensor>*> order;
     for (const auto& item : contents.tensors) {
@@ -243,9 +266,16 @@ void write_tensor_file(const fs::path& path, const TensorFile& contents) {
     write_whole(path, [&](const fs::path& temporary) {
         errno = 0;
         std::ofstream stream(temporary, std::ios::binary);
-        const std::string header = encoded_header(contents, order);
+        const std::string header = encoded_header(contents, order, stored);
         stream.write(header.data(), static_cast<std::streamsize>(header.size()));
         for (const auto* item : order) {
+            if (stored == StoredElements::float16) {
+                const std::vector<Eigen::half> halves =
+                    rounded_to_half(item->first, item->second);
+                stream.write(reinterpret_cast<const char*>(halves.data()),
+                             static_cast<std::streamsize>(halves.size() * sizeof(Eigen::half)));
+                continue;
+            }
             dispatch(item->second.dtype(), [&](auto zero) {
                 const auto bytes = std::as_bytes(item->second.values<decltype(zero)>());
                 stream.write(reinterpret_cast<const char*>(bytes.data()),

@@ -23,8 +23,15 @@ struct TensorFile {
 /// name, and for tensors whose extents do not match their bytes, overlap, leave holes, or reach
 /// beyond the file.
 [[nodiscard]] TensorFile read_tensor_file(const std::filesystem::path& path);
+/// How many bits a file has for each element.
+enum class StoredElements {
+    as_they_are,  ///< F32 or F64
+    float16,      ///< F16, rounded to nearest
+};
+
 /// Writes whole or not at all (temporary file, then rename). Throws FileError if the folder cannot
-/// be written.
-void write_tensor_file(const std::filesystem::path& path, const TensorFile& contents);
+/// be written, and ValueError naming the tensor where float16 is too small for an element.
+void write_tensor_file(const std::filesystem::path& path, const TensorFile& contents,
+                       StoredElements stored = StoredElements::as_they_are);
 
 }  // namespace stymo

@@ -17,6 +17,11 @@ constexpr double demodulation_epsilon = 1e-8;
 /// Relative to rows of magnitude 1. Prevents a division by zero for rows of zeros.
 constexpr double least_epsilon = 1e-30;
 
+Tensor initial_weight(std::int64_t in, std::int64_t out, const Tensor& scale, Rng draws) {
+    Tensor weight = draws.normal({out, in}, 0.0, 1.0);
+    return scale.defined() ? (Variable(weight) * Variable(scale)).value() : weight;
+}
+
 Tensor initial_bias(std::int64_t in, std::int64_t out, Activation activation, Rng draws) {
     if (activation != Activation::sine) return Tensor::zeros({out});
     const double bound = 1.0 / std::sqrt(static_cast<double>(in));
@@ -54,10 +59,10 @@ Variable activate(const Variable& x, Activation activation) {
 
 ModulatedLinear::ModulatedLinear(ParameterStore& store, const std::string& prefix, std::int64_t in,
                                  std::int64_t out, std::int64_t style_size, Activation activation,
-                                 Rng& rng)
+                                 Rng& rng, const Tensor& initial_scale)
     : style_(store, prefix + ".style", style_size, in, {.initial_bias = 1.0}, rng),
       weight_(store.create(prefix + ".weight",
-                           rng.split(prefix + ".weight").normal({out, in}, 0.0, 1.0))),
+                           initial_weight(in, out, initial_scale, rng.split(prefix + ".weight")))),
       bias_(store.create(prefix + ".bias",
                          initial_bias(in, out, activation, rng.split(prefix + ".bias")))),
       activation_(activation),

@@ -31,8 +31,10 @@ using ModulatedLayer = ModulatedLayerOf<Variable>;
 class ModulatedLinear {
 public:
     /// Creates `prefix`.weight (out, in), `prefix`.bias (out) and `prefix`.style.{weight,bias}.
+    /// `initial_scale` (in): factors on the columns of the initial weight; undefined: ones.
     ModulatedLinear(ParameterStore& store, const std::string& prefix, std::int64_t in,
-                    std::int64_t out, std::int64_t style_size, Activation activation, Rng& rng);
+                    std::int64_t out, std::int64_t style_size, Activation activation, Rng& rng,
+                    const Tensor& initial_scale = {});
 
     /// x (B, ..., in) of rank 3 or 4, style (B, style_size) -> (B, ..., out). Throws ShapeError for
     /// shapes that do not fit.

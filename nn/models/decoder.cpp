@@ -27,6 +27,9 @@ Conditioning parse_conditioning(const DecoderConfig& config) {
     if (config.render != "blocks" && config.render != "none")
         fail<ConfigError>("decoder.render must be blocks or none, got ", config.render);
     if (config.conditioning == "concatenation") {
+        if (config.frequency_falloff != 0.0)
+            fail<ConfigError>(
+                "decoder.frequency_falloff needs decoder.conditioning = modulation");
         if (config.render == "none" && config.mask_detach)
             fail<ConfigError>(
                 "decoder.mask_detach needs render blocks; with decoder.render = none the field "
@@ -53,7 +56,8 @@ FieldConfig field_config(const DecoderConfig& config) {
             .channels = colors ? 3 : config.feature_channels,
             .geometry_size = geometry_size,
             .appearance_size = appearance_size,
-            .colors = colors};
+            .colors = colors,
+            .frequency_falloff = config.frequency_falloff};
 }
 
 Variable geometry_style(const Codes& w) {
@@ -88,6 +92,9 @@ void describe(ConfigSchema& schema, DecoderConfig& config) {
                    "channels of the rendered feature map (paper: 256)");
     schema.integer(key("frequencies"), config.frequencies, 0, 16,
                    "number of frequencies of the positional encoding (paper: silent; NeRF has 10)");
+    schema.number(key("frequency_falloff"), config.frequency_falloff, 0.0, 4.0,
+                  "the first weights of frequency 2^k are multiplied by 2^(-k falloff), so that "
+                  "training opens the encoding from coarse to fine (paper: none)");
     schema.integers(key("block_channels"), config.block_channels, 1, 4096,
                     "channels of the render blocks from coarse to fine (paper: silent; HeadNeRF "
                     "has 128, 64, 32, 32)");

@@ -30,6 +30,9 @@ struct DecoderConfig {
         8;  ///< layers before the density head; the encoding enters again in the middle
     std::int64_t feature_channels = 256;  ///< d_f, channels of the rendered feature map
     std::int64_t frequencies = 10;        ///< of the positional encoding
+    /// The first weights of frequency 2^k are multiplied by 2^(-k falloff), so that training opens
+    /// the encoding from coarse to fine.
+    double frequency_falloff = 0.0;
     /// One for each upsampling from 64 on; further ones are left unused.
     std::vector<std::int64_t> block_channels{128, 64, 32, 32};
     std::int64_t mask_channels = 16;

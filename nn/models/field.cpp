@@ -19,7 +19,9 @@ std::unique_ptr<Field> make_field(const FieldConfig& config, ParameterStore& sto
                                                                .width = config.width,
                                                                .layers = config.layers,
                                                                .feature_channels = config.channels,
-                                                               .style_size = config.geometry_size},
+                                                               .style_size = config.geometry_size,
+                                                               .frequency_falloff =
+                                                                   config.frequency_falloff},
                                            store, prefix, rng);
 }
 

@@ -32,6 +32,7 @@ struct FieldConfig {
     /// The samples have colours between 0 and 1, `channels` of them, instead of features; of a
     /// field with concatenation alone.
     bool colors = false;
+    double frequency_falloff = 0.0;  ///< see DecoderConfig; of a modulated field alone
 };
 
 /// The codes that a field may read, in W.

@@ -1,6 +1,7 @@
 #include "nn/models/radiance_field.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "core/autograd/recompute.h"
 #include "core/error.h"
@@ -41,6 +42,17 @@ Variable composed_rays(const RayPoints& rays, const SineNetwork& network) {
         {weights.weights, weights.transmittance, composite(weights.weights, samples.features)}, 2);
 }
 
+/// Factors on a layer's first weights: those of frequency 2^k are multiplied by 2^(-k falloff).
+Tensor initial_scale(std::int64_t frequencies, double falloff, std::int64_t inputs) {
+    constexpr std::int64_t plain = 3, per_frequency = 6;
+    Tensor scale = Tensor::full({inputs}, 1.0);
+    const std::span<float> values = scale.mutable_values<float>();
+    for (std::int64_t i = 0; i < per_frequency * frequencies; ++i)
+        values[static_cast<std::size_t>(plain + i)] = static_cast<float>(
+            std::exp2(-falloff * static_cast<double>(i / per_frequency)));
+    return scale;
+}
+
 SineNetworkOf<Tensor> values_of(const SineNetwork& network) {
     SineNetworkOf<Tensor> values{.frequencies = network.frequencies,
                                  .skip_layer = network.skip_layer,
@@ -76,8 +88,11 @@ RadianceField::RadianceField(const RadianceFieldConfig& config, ParameterStore& 
     for (std::int64_t i = 0; i < config.layers; ++i) {
         const bool joined = i > 0 && i == skip_layer_of(config.layers);
         const std::int64_t in = i == 0 ? encoding : config.width + (joined ? encoding : 0);
-        layers_.emplace_back(store, prefix + ".layer" + std::to_string(i), in, config.width,
-                             config.style_size, Activation::sine, rng);
+        const bool encoded = i == 0 || joined;
+        layers_.emplace_back(
+            store, prefix + ".layer" + std::to_string(i), in, config.width, config.style_size,
+            Activation::sine, rng,
+            encoded ? initial_scale(config.frequencies, config.frequency_falloff, in) : Tensor());
     }
 }
 

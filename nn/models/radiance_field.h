@@ -16,6 +16,7 @@ struct RadianceFieldConfig {
     std::int64_t layers = 8;
     std::int64_t feature_channels = 256;
     std::int64_t style_size = 179;
+    double frequency_falloff = 0.0;  ///< see DecoderConfig
 };
 
 struct FieldSamples {

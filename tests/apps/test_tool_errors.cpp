@@ -54,7 +54,7 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
     const std::string render = "stymo-render --model run/model.safetensors --codes fit/codes.json ";
     const std::string eval = "stymo-eval --model run/model.safetensors --data faces ";
     const std::vector<BadCall> calls = {
-        {"stymo-eval", "--model"},
+        {"stymo-eval", "--data"},
         {"stymo-eval --model run/model.safetensors", "--data"},
         {"stymo-eval pair whole.jpg", "B"},
         {eval + "--lpips resnet", "--lpips"},
@@ -126,6 +126,10 @@ TEST_CASE("Inputs that are missing, empty or something else are named") {
         {"stymo-render --model run/model.safetensors --codes fit/codes.json --out out.png --size "
          "128",
          "64, not 128"},
+        {"stymo-render --model run/model.safetensors --codes fit/codes.json --out out.png --tuned "
+         "run/model.safetensors",
+         "run/model.safetensors: not the weight changes"},
+        {"stymo-weights compact text.png out.safetensors", "text.png: "},
         {"stymo-eval --model none --data faces", "none: "},
         {"stymo-eval --model run/model.safetensors --data empty", "empty: "},
         {"stymo-eval --model run/model.safetensors --data faces --ids 12 --out out", "--ids"},

@@ -277,6 +277,40 @@ TEST_CASE("LPIPS is measured where it was asked for, and random weights are call
     CHECK(report["lpips_network"] == "vgg16, random weights");
 }
 
+TEST_CASE("A tuned face is written beside its codes, and rendered and mixed with them") {
+    const fs::path& folder = stymo::tiny_run();
+    done(std::string(fit) + "--data faces --id 00011 --steps 2 --tune-steps 3 --out tuned");
+    CHECK(names_in(folder / "tuned") == std::set<std::string>{"codes.json", "fit.png", "render.png",
+                                                              "report.json", "tuned.safetensors"});
+    const json report = parsed_file(folder / "tuned/report.json");
+    CHECK(report["tuned"]["psnr"].is_number());
+    CHECK(stymo::read_image(folder / "tuned/fit.png").shape() == stymo::Shape{64, 5 * 64, 3});
+    const std::string face = "--codes tuned/codes.json --out tuned/";
+    const std::string tool = "stymo-render --model run/model.safetensors ";
+    done(tool + face + "plain.png");
+    done(tool + face + "with.png --samples 4 --tuned tuned/tuned.safetensors");
+    const auto pixels = [&](const char* name) {
+        return stymo::read_image(folder / "tuned" / name).to_vector();
+    };
+    CHECK_FALSE(pixels("plain.png") == pixels("with.png"));
+    CHECK((pixels("with.png") == pixels("render.png")));
+    done("stymo-edit mix --model run/model.safetensors --tuned tuned/tuned.safetensors "
+         "--source tuned/codes.json --target fit/codes.json --take id --out tuned/mixed");
+}
+
+TEST_CASE("A model of 16-bit weights is half as large and shows the same face") {
+    const fs::path& folder = stymo::tiny_run();
+    done("stymo-weights compact run/model.safetensors compact.safetensors");
+    CHECK(20 * fs::file_size(folder / "compact.safetensors") <
+          11 * fs::file_size(folder / "run/model.safetensors"));
+    done("stymo-render --model compact.safetensors --codes fit/codes.json --out compact.png");
+    done(std::string(render) + "--out whole.png");
+    const stymo::Tensor a = stymo::read_image(folder / "compact.png"),
+                        b = stymo::read_image(folder / "whole.png");
+    for (std::size_t i = 0; i < a.values<float>().size(); ++i)
+        REQUIRE(std::abs(a.values<float>()[i] - b.values<float>()[i]) < 0.02F);
+}
+
 TEST_CASE("stymo-fit fits by L-BFGS, and lets LPIPS compare smaller images") {
     const std::string options =
         std::string(fit) + "--image faces/images/00001.png --as-is --json --optimizer lbfgs ";

@@ -1,3 +1,4 @@
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstring>
@@ -101,6 +102,27 @@ TEST_CASE("a file without tensors is a file") {
     const ScratchFolder folder;
     write_tensor_file(folder / "a.safetensors", {});
     CHECK(read_tensor_file(folder / "a.safetensors").tensors.empty());
+}
+
+TEST_CASE("elements of 16 bits are rounded to nearest, and those that are too large refused") {
+    const ScratchFolder folder;
+    TensorFile contents;
+    contents.metadata["config"] = "{}";
+    contents.tensors["a"] = Tensor::from({4}, std::array{1.0F, 1.0F / 3.0F, -65504.0F, 1e-9F});
+    contents.tensors["b"] = Tensor::from({1}, std::array{2.0 + 1.0 / 512.0});
+    write_tensor_file(folder / "a.safetensors", contents, StoredElements::float16);
+    const TensorFile read = read_tensor_file(folder / "a.safetensors");
+    // 11 significant bits: a third is 1365 / 4096, and a tie goes to the even neighbour.
+    CHECK(read.tensors.at("a").to_vector() ==
+          std::vector<double>{1.0, 1365.0 / 4096.0, -65504.0, 0.0});
+    CHECK(read.tensors.at("b").to_vector() == std::vector<double>{2.0 + 1.0 / 512.0});
+    CHECK(read.metadata == contents.metadata);
+
+    contents.tensors["b"] = Tensor::from({1}, std::array{7e4});
+    CHECK_THROWS_WITH(
+        write_tensor_file(folder / "b.safetensors", contents, StoredElements::float16),
+        Catch::Contains("tensor b"));
+    CHECK_FALSE(std::filesystem::exists(folder / "b.safetensors"));
 }
 
 TEST_CASE("what cannot be written is refused and leaves nothing") {

@@ -1,0 +1,189 @@
+#include "fit/tuning.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "core/angle.h"
+#include "core/autograd/grad.h"
+#include "core/clock.h"
+#include "core/error.h"
+#include "core/interrupt.h"
+#include "core/ops/ops.h"
+#include "core/parallel.h"
+#include "core/rng.h"
+#include "nn/losses.h"
+#include "nn/models/view.h"
+#include "nn/optim/adam.h"
+
+namespace stymo {
+
+namespace {
+
+/// Share of the time in which the learning rate rises.
+constexpr double rising = 0.05;
+constexpr double sample_tolerance = 1e-3;
+constexpr double largest_yaw = 40.0, largest_pitch = 15.0;
+
+/// What the tuned decoder must go on showing.
+struct Anchor {
+    Codes codes;
+    Camera camera;
+    std::vector<Tensor> images;  ///< of the original decoder
+};
+
+double uniform(Rng& rng, double low, double high) {
+    return low + (high - low) * rng.uniform();
+}
+
+class Tuning {
+public:
+    Tuning(const Model& original, Model& tuned, const ReconstructionLoss& loss,
+           const FaceBatch& faces, const Codes& codes, const std::vector<Camera>& cameras,
+           const TuningOptions& options)
+        : tuned_(tuned),
+          loss_(loss),
+          codes_(codes),
+          cameras_(cameras),
+          options_(options),
+          samples_per_ray_(options.samples_per_ray > 0
+                               ? options.samples_per_ray
+                               : tuned.config().reconstruction.fit_samples_per_ray) {
+        for (std::int64_t i = 0; i < codes.batch(); ++i) {
+            std::vector<Tensor> images;
+            for (const Tensor& images_of_all : faces.targets)
+                images.push_back(slice(Variable(images_of_all), 0, i, i + 1).value());
+            photos_.push_back(loss.kept_target(images));
+        }
+        Rng rng = Rng(options.seed).split("anchors");
+        for (std::int64_t i = 0; i < options.anchors; ++i)
+            anchors_.push_back(make_anchor(original, rng, i));
+        tuned.parameters().set_trainable("", false);
+        for (const char* prefix : {"decoder.field.", "decoder.block"})
+            tuned.parameters().set_trainable(prefix, true);
+        parameters_ = tuned.parameters().trainable();
+    }
+
+    /// The loss of the photo before the step.
+    double step(std::int64_t number, double learning_rate) {
+        const bool anchored = !anchors_.empty() && options_.locality_weight > 0.0;
+        std::array<double, 2> losses{};
+        std::array<std::vector<Variable>, 2> gradients;
+        parallel_for(anchored ? 2 : 1, 1, [&](std::int64_t begin, std::int64_t) {
+            const auto which = static_cast<std::size_t>(begin);
+            const Variable loss = which == 0 ? photo_loss(number) : anchor_loss(number);
+            losses[which] = loss.value().item();
+            gradients[which] = grad(loss, variables_of(parameters_));
+        });
+        if (!std::isfinite(losses[0] + losses[1]))
+            fail<NumericError>("tuning step ", number,
+                               ": the loss is not finite; lower the learning rate");
+        for (std::size_t i = 0; anchored && i < parameters_.size(); ++i)
+            gradients[0][i] = gradients[0][i] + gradients[1][i];
+        adam_.step(parameters_, gradients[0], learning_rate);
+        return losses[0];
+    }
+
+private:
+    [[nodiscard]] DecodeOptions decoding(std::int64_t resolution) const {
+        return {.samples_per_ray = samples_per_ray_,
+                .resolution = resolution,
+                .gradient_tolerance = sample_tolerance,
+                .keep_field = true};
+    }
+
+    [[nodiscard]] Variable photo_loss(std::int64_t number) const {
+        const std::int64_t row = number % codes_.batch();
+        const ReconstructionLoss::Target& photo = photos_[static_cast<std::size_t>(row)];
+        const Decoded decoded =
+            tuned_.decoder()(codes_of_face(codes_, row), {cameras_[static_cast<std::size_t>(row)]},
+                             decoding(photo.images.back().shape(1)));
+        return loss_(decoded.images, photo).total;
+    }
+
+    [[nodiscard]] Variable anchor_loss(std::int64_t number) const {
+        const Anchor& anchor = anchors_[static_cast<std::size_t>(number) % anchors_.size()];
+        const Decoded decoded = tuned_.decoder()(anchor.codes, {anchor.camera},
+                                                 decoding(anchor.images.back().shape(1)));
+        // Whichever image is the largest has the weight of the largest of all.
+        const std::span<const double> weights = photos_.front().weights;
+        return photometric_loss(decoded.images, anchor.images,
+                                weights.last(anchor.images.size())) *
+               options_.locality_weight;
+    }
+
+    [[nodiscard]] Anchor make_anchor(const Model& original, Rng& rng, std::int64_t number) const {
+        const bool neighbour = number % 2 == 0;
+        const std::int64_t row = number / 2 % codes_.batch();
+        Anchor anchor{codes_of_face(codes_, row), {}, {}};
+        if (neighbour) anchor.codes = add(anchor.codes, random_offset(original, rng));
+        const double yaw = uniform(rng, -largest_yaw, largest_yaw);
+        const double pitch = uniform(rng, -largest_pitch, largest_pitch);
+        anchor.camera =
+            model_camera(original, radians_from_degrees(yaw), radians_from_degrees(pitch), 0.0);
+        const Decoder& decoder = original.decoder();
+        const Decoded decoded =
+            decoder(anchor.codes, {anchor.camera},
+                    decoding(neighbour ? decoder.ladder().largest() : decoder.ladder().smallest()));
+        for (const Variable& image : decoded.images) anchor.images.push_back(image.value());
+        return anchor;
+    }
+
+    /// Along the directions in which faces differ, or any if the model does not say.
+    [[nodiscard]] Codes random_offset(const Model& original, Rng& rng) const {
+        const std::optional<CodeStatistics>& statistics = original.code_statistics();
+        const double distance = options_.neighbour_distance;
+        if (!statistics)
+            return split_codes(Variable(rng.normal({1, code_size}, 0.0, 0.1 * distance)));
+        const Variable mean = reshape(Variable(statistics->mean()), {1, code_size});
+        return split_codes(joined(statistics->sample(rng, distance)) - mean);
+    }
+
+    Model& tuned_;
+    const ReconstructionLoss& loss_;
+    const Codes& codes_;
+    const std::vector<Camera>& cameras_;
+    const TuningOptions& options_;
+    std::int64_t samples_per_ray_;
+    std::vector<ReconstructionLoss::Target> photos_;
+    std::vector<Anchor> anchors_;
+    std::vector<Parameter> parameters_;
+    Adam adam_;
+};
+
+/// Share of the tuning that is over.
+double part_done(const TuningOptions& options, std::int64_t step, double seconds) {
+    double part = 0.0;
+    if (options.steps > 0)
+        part = static_cast<double>(step) / static_cast<double>(options.steps);
+    if (options.seconds > 0.0) part = std::max(part, seconds / options.seconds);
+    return part;
+}
+
+}  // namespace
+
+TuningResult tune_decoder(const Model& original, Model& tuned, const ReconstructionLoss& loss,
+                          const FaceBatch& faces, const Codes& codes,
+                          const std::vector<Camera>& cameras, const TuningOptions& options) {
+    if (options.steps <= 0 && options.seconds <= 0.0)
+        fail<ValueError>("tuning needs a limit, seconds or steps");
+    const double start = seconds_now();
+    Tuning tuning(original, tuned, loss, faces, codes, cameras, options);
+    TuningResult result;
+    for (std::int64_t step = 0; !interrupted(); ++step) {
+        const double part = part_done(options, step, seconds_now() - start);
+        if (part >= 1.0) break;
+        const double rate = options.learning_rate *
+                            std::min(1.0, (part + 1e-3) / rising) * 0.5 *
+                            (1.0 + std::cos(std::numbers::pi * part));
+        result.losses.push_back(tuning.step(step, rate));
+        if (options.on_step)
+            options.on_step({step + 1, seconds_now() - start, result.losses.back()});
+    }
+    tuned.parameters().set_trainable("", false);
+    result.seconds = seconds_now() - start;
+    return result;
+}
+
+}  // namespace stymo

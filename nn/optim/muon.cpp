@@ -1,0 +1,78 @@
+#include "nn/optim/muon.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "core/error.h"
+#include "core/ops/elementwise.h"
+#include "core/ops/linalg.h"
+#include "core/ops/reduce.h"
+#include "core/ops/shape_ops.h"
+
+namespace stymo {
+
+namespace {
+
+constexpr double momentum = 0.95;
+constexpr int iterations = 5;
+/// x -> a x + b x^3 + c x^5 on the singular values.
+constexpr std::array quintic{3.4445, -4.7750, 2.0315};
+constexpr std::string_view suffix = ".momentum";
+
+}  // namespace
+
+Tensor orthogonalised(const Tensor& matrix) {
+    if (matrix.rank() != 2)
+        fail<ShapeError>("only a matrix is orthogonalised, not ", matrix.shape());
+    const double norm = std::sqrt(sum(square(Variable(matrix))).value().item());
+    if (norm == 0.0) return matrix;
+    const bool tall = matrix.shape(0) > matrix.shape(1);
+    Variable x = Variable(matrix) * (1.0 / norm);
+    if (tall) x = transpose(x);
+    for (int i = 0; i < iterations; ++i) {
+        const Variable gram = matmul(x, x, {.transpose_b = true});
+        const Variable factor = gram * quintic[1] + matmul(gram, gram) * quintic[2];
+        x = x * quintic[0] + matmul(factor, x);
+    }
+    return tall ? transpose(x).value() : x.value();
+}
+
+void Muon::step(std::span<const Parameter> parameters, std::span<const Variable> gradients,
+                double learning_rate) {
+    if (parameters.size() != gradients.size())
+        fail<ValueError>(gradients.size(), " gradients for ", parameters.size(), " parameters");
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+        const Parameter& parameter = parameters[i];
+        const Tensor& value = parameter.variable().value();
+        const Variable gradient = Variable(gradients[i].value());
+        if (value.rank() != 2 || !(gradient.shape() == value.shape()))
+            fail<ShapeError>("Muon moves matrices; the gradient of ", parameter.name(),
+                             " has shape ", gradient.shape(), ", the parameter ", value.shape());
+        Tensor& memory = momenta_[parameter.name()];
+        if (!memory.defined()) memory = Tensor::zeros(value.shape(), value.dtype());
+        memory = (Variable(memory) * momentum + gradient * (1.0 - momentum)).value();
+        const Variable direction = Variable(memory) * momentum + gradient * (1.0 - momentum);
+        const double length =
+            std::sqrt(static_cast<double>(std::max(value.shape(0), value.shape(1))));
+        parameter.set_value(
+            (Variable(value) - Variable(orthogonalised(direction.value())) * (learning_rate * length))
+                .value());
+    }
+}
+
+void Muon::save(TensorFile& file, const std::string& prefix) const {
+    for (const auto& [name, memory] : momenta_)
+        file.tensors.insert_or_assign(prefix + name + std::string(suffix), memory);
+}
+
+void Muon::load(const TensorFile& file, const std::string& prefix) {
+    momenta_.clear();
+    for (const auto& [name, tensor] : file.tensors) {
+        if (!name.starts_with(prefix) || !name.ends_with(suffix)) continue;
+        momenta_.emplace(name.substr(prefix.size(), name.size() - prefix.size() - suffix.size()),
+                         tensor);
+    }
+}
+
+}  // namespace stymo

@@ -1,0 +1,116 @@
+#include <catch2/catch.hpp>
+
+#include "core/error.h"
+#include "core/ops/ops.h"
+#include "fit/tuning.h"
+#include "nn/models/view.h"
+#include "support/check_close.h"
+#include "support/tiny_model.h"
+
+using namespace stymo;
+using namespace stymo::test;
+
+namespace {
+
+Model frozen_model(std::uint64_t seed) {
+    Model model = tiny_model(seed);
+    model.parameters().set_trainable("", false);
+    return model;
+}
+
+Tensor image_of(const Model& model, const Codes& codes, const Camera& camera) {
+    return model.decoder()(codes, {camera}, {.samples_per_ray = 4}).images.back().value();
+}
+
+double distance(const Tensor& a, const Tensor& b) {
+    return mean(abs(Variable(a) - Variable(b))).value().item();
+}
+
+/// A photo that the model does not know: another model's face.
+struct Case {
+    Model original = frozen_model(1);
+    Codes codes = random_codes(1, 7);
+    Camera camera = model_camera(original, 0.1, 0.0, 0.0);
+    FaceBatch face{};
+    ReconstructionLoss loss{original.config().reconstruction};
+
+    Case() {
+        face.cameras = {camera};
+        face.targets = {image_of(frozen_model(2), random_codes(1, 8), camera)};
+    }
+
+    Model tuned(const TuningOptions& options, TuningResult* result = nullptr) const {
+        Model model = frozen_model(1);
+        TuningResult done =
+            tune_decoder(original, model, loss, face, codes, {camera}, options);
+        if (result != nullptr) *result = std::move(done);
+        return model;
+    }
+};
+
+}  // namespace
+
+TEST_CASE("tuning brings the decoder's image to the photo", "[tuning]") {
+    const Case given;
+    TuningResult result;
+    std::int64_t calls = 0;
+    const Model tuned = given.tuned(
+        {.steps = 60,
+         .learning_rate = 0.02,
+         .locality_weight = 0.0,
+         .on_step = [&](const TuningStep& step) { CHECK(step.steps == ++calls); }},
+        &result);
+    REQUIRE(result.losses.size() == 60);
+    CHECK(calls == 60);
+    const double before =
+        distance(image_of(given.original, given.codes, given.camera), given.face.targets.back());
+    const double after =
+        distance(image_of(tuned, given.codes, given.camera), given.face.targets.back());
+    CHECK(after < 0.5 * before);
+    for (const Parameter& parameter : tuned.parameters().all()) CHECK_FALSE(parameter.trainable());
+}
+
+TEST_CASE("the locality term keeps other faces as they were", "[tuning]") {
+    const Case given;
+    const Codes other = random_codes(1, 11);
+    const Camera side = model_camera(given.original, -0.5, 0.1, 0.0);
+    const auto moved = [&](double weight) {
+        const Model tuned =
+            given.tuned({.steps = 60, .learning_rate = 0.02, .locality_weight = weight});
+        return distance(image_of(tuned, other, side), image_of(given.original, other, side));
+    };
+    CHECK(moved(10.0) < 0.7 * moved(0.0));
+}
+
+TEST_CASE("tuning changes field and render blocks alone", "[tuning]") {
+    const Case given;
+    const Model tuned = given.tuned({.steps = 2});
+    for (std::size_t i = 0; i < tuned.parameters().all().size(); ++i) {
+        const Parameter& parameter = tuned.parameters().all()[i];
+        const bool learns = parameter.name().starts_with("decoder.field.") ||
+                            parameter.name().starts_with("decoder.block");
+        const bool same =
+            identical(parameter.variable().value(),
+                      given.original.parameters().all()[i].variable().value());
+        INFO(parameter.name());
+        if (!learns) CHECK(same);
+        if (parameter.name() == "decoder.field.layer0.weight") CHECK_FALSE(same);
+    }
+}
+
+TEST_CASE("tuning for a number of steps gives the same bits each time", "[tuning]") {
+    const Case given;
+    const TuningOptions options{.steps = 3};
+    const Model one = given.tuned(options), two = given.tuned(options);
+    for (std::size_t i = 0; i < one.parameters().all().size(); ++i)
+        CHECK(identical(one.parameters().all()[i].variable().value(),
+                        two.parameters().all()[i].variable().value()));
+}
+
+TEST_CASE("tuning ends when its time is over, and needs a limit", "[tuning]") {
+    const Case given;
+    TuningResult result;
+    static_cast<void>(given.tuned({.seconds = 0.05}, &result));
+    CHECK_FALSE(result.losses.empty());
+    CHECK_THROWS_AS(given.tuned({}), ValueError);
+}
