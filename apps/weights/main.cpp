@@ -7,6 +7,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/output_file.h"
 #include "apps/common/tools.h"
+#include "nn/models/published_model.h"
 #include "nn/models/weights_import.h"
 
 namespace {
@@ -36,17 +37,13 @@ stymo::AppResult import(const fs::path& in, const fs::path& out) {
                                                   {"values", values}})};
 }
 
-stymo::AppResult compact(const fs::path& in, const fs::path& out) {
+stymo::AppResult publish(const fs::path& in, const fs::path& out) {
     stymo::require_extension(out, {".safetensors"});
-    const stymo::TensorFile file = stymo::read_tensor_file(in);
     stymo::require_folder_of(out);
-    stymo::write_tensor_file(out, file, stymo::StoredElements::float16);
+    stymo::publish_model(in, out);
     const auto bytes = static_cast<std::int64_t>(fs::file_size(out));
-    std::ostringstream text;
-    text << out.string() << ": " << file.tensors.size() << " tensors, " << bytes << " bytes\n";
-    return {text.str(), stymo::JsonValue::object({{"written", out.string()},
-                                                  {"tensors", file.tensors.size()},
-                                                  {"bytes", bytes}})};
+    return {out.string() + ": " + std::to_string(bytes) + " bytes\n",
+            stymo::JsonValue::object({{"written", out.string()}, {"bytes", bytes}})};
 }
 
 double norm(const stymo::Tensor& tensor) {
@@ -99,11 +96,12 @@ int stymo_weights(int argc, char** argv) {
         "Lists names, types, shapes and norms; integers and 16-bit floats are read as float32.",
         [&](const stymo::CommonOptions&) { return show(shown); });
     show_command.option("file", shown, "weights in any of the three formats").required();
-    stymo::Command compact_command = line.command(
-        "compact",
-        "Rounds the numbers of a model or of other weights to 16 bits, which halves the file.",
-        [&](const stymo::CommonOptions&) { return compact(in, out); });
-    compact_command.option("in", in, "file, .safetensors").required();
-    compact_command.option("out", out, "output file, .safetensors").required();
+    stymo::Command publish_command = line.command(
+        "publish",
+        "Makes a model file for other people: 16-bit numbers, no paths of weight files, fitting "
+        "without LPIPS.",
+        [&](const stymo::CommonOptions&) { return publish(in, out); });
+    publish_command.option("in", in, "model.safetensors of a training run").required();
+    publish_command.option("out", out, "output file, .safetensors").required();
     return line.run(argc, argv);
 }

@@ -129,7 +129,7 @@ TEST_CASE("Inputs that are missing, empty or something else are named") {
         {"stymo-render --model run/model.safetensors --codes fit/codes.json --out out.png --tuned "
          "run/model.safetensors",
          "run/model.safetensors: not the weight changes"},
-        {"stymo-weights compact text.png out.safetensors", "text.png: "},
+        {"stymo-weights publish text.png out.safetensors", "text.png: "},
         {"stymo-eval --model none --data faces", "none: "},
         {"stymo-eval --model run/model.safetensors --data empty", "empty: "},
         {"stymo-eval --model run/model.safetensors --data faces --ids 12 --out out", "--ids"},

@@ -9,6 +9,7 @@
 #include "apps/tool_run.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
+#include "nn/models/model.h"
 
 namespace {
 
@@ -298,14 +299,18 @@ TEST_CASE("A tuned face is written beside its codes, and rendered and mixed with
          "--source tuned/codes.json --target fit/codes.json --take id --out tuned/mixed");
 }
 
-TEST_CASE("A model of 16-bit weights is half as large and shows the same face") {
+TEST_CASE("A published model is half as large, names no files and shows the same face") {
     const fs::path& folder = stymo::tiny_run();
-    done("stymo-weights compact run/model.safetensors compact.safetensors");
-    CHECK(20 * fs::file_size(folder / "compact.safetensors") <
+    done("stymo-weights publish run/model.safetensors published.safetensors");
+    CHECK(20 * fs::file_size(folder / "published.safetensors") <
           11 * fs::file_size(folder / "run/model.safetensors"));
-    done("stymo-render --model compact.safetensors --codes fit/codes.json --out compact.png");
+    done("stymo-render --model published.safetensors --codes fit/codes.json --out published.png");
     done(std::string(render) + "--out whole.png");
-    const stymo::Tensor a = stymo::read_image(folder / "compact.png"),
+    const stymo::ModelConfig config =
+        stymo::Model::load(folder / "published.safetensors").config();
+    CHECK(config.reconstruction.perceptual_weight == 0.0);
+    CHECK(config.reconstruction.perceptual.trunk.empty());
+    const stymo::Tensor a = stymo::read_image(folder / "published.png"),
                         b = stymo::read_image(folder / "whole.png");
     for (std::size_t i = 0; i < a.values<float>().size(); ++i)
         REQUIRE(std::abs(a.values<float>()[i] - b.values<float>()[i]) < 0.02F);
