@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
-# Shows the whole pipeline in at most ten minutes on two cores: installs packages, builds, renders
-# synthetic heads, trains a small model on them, fits it to a head that is held out, and renders an
-# orbit of that head.
+# Turns a photo into a face that can be seen from any side: installs packages, builds the tools,
+# fits the model that comes with stymo to the photo, tunes it, and renders an orbit. Without a photo
+# it takes a public-domain portrait from a Debian package, or draws a face if that is not to be had.
 set -euo pipefail
 
-usage="usage: scripts/demo.sh [--out DIR]   (DIR must not exist; default: runs/demo)"
+usage="usage: scripts/demo.sh [PHOTO] [--out DIR]   (DIR must not exist; default: runs/demo)"
+photo=""
 out=""
 while (($#)); do
     case "$1" in
@@ -14,7 +15,13 @@ while (($#)); do
         shift 2
         ;;
     --help | -h) echo "$usage" && exit 0 ;;
-    *) echo "demo.sh: unknown argument $1; $usage" >&2 && exit 2 ;;
+    -*) echo "demo.sh: unknown option $1; $usage" >&2 && exit 2 ;;
+    *)
+        [[ -z "$photo" ]] || { echo "demo.sh: one photo only; $usage" >&2 && exit 2; }
+        [[ -f "$1" ]] || { echo "demo.sh: no file $1" >&2 && exit 1; }
+        photo="$(realpath "$1")"
+        shift
+        ;;
     esac
 done
 
@@ -24,50 +31,50 @@ if [[ -e "$out" ]]; then
     echo "demo.sh: $out exists already; remove it or choose another --out" >&2
     exit 1
 fi
-
-total_seconds=600
-reserve_seconds=75 # for fitting and rendering
-heads=600
+mkdir -p "$out"
 
 say() { printf '\n== %s\n' "$*" >&2; }
+
+# NASA's portrait of Eileen Collins, in the public domain, as scikit-image distributes it.
+fetch_portrait() {
+    local packages portrait=usr/lib/python3/dist-packages/skimage/data/astronaut.png
+    packages="$(mktemp --directory)"
+    (cd "$packages" && apt-get -qq download python3-skimage 2>/dev/null &&
+        dpkg-deb --fsys-tarfile python3-skimage_*.deb |
+        tar --extract --to-stdout "./$portrait" >"$out/photo.png") || true
+    rm -rf "$packages"
+    [[ -s "$out/photo.png" ]] && photo="$out/photo.png"
+}
 
 say "packages and build"
 scripts/install_packages.sh
 cmake --preset release >/dev/null
-cmake --build --preset release --target stymo-synth stymo-train stymo-fit stymo-render
+cmake --build --preset release --target stymo-fit stymo-render
 bin=build/bin
+built=$SECONDS
 
-say "rendering $heads synthetic heads"
-data="$out/data"
-"$bin/stymo-synth" --out "$data" --count "$heads" --size 64 --seed 1
-
-# Training gets the rest of the ten minutes.
-train_seconds=$((total_seconds - reserve_seconds - SECONDS))
-if ((train_seconds < 60)); then
-    echo "demo.sh: the build took so long that training is limited to one minute;" \
-        "run the script again for a better face" >&2
-    train_seconds=60
+[[ -n "$photo" ]] || fetch_portrait || true
+if [[ -n "$photo" ]]; then
+    say "fitting the face in $photo"
+    "$bin/stymo-fit" --image "$photo" --tune 20 --out "$out"
+    face=(--codes "$out/codes.json" --tuned "$out/tuned.safetensors")
+    made="$out/fit.png      photo | first guess | fitted | tuned | mask
+  $out/codes.json   the face as 306 numbers, $out/tuned.safetensors the tuned weights"
+else
+    say "drawing a face, because there is no photo"
+    "$bin/stymo-render" --sample 1 --out "$out/drawn"
+    face=(--codes "$out/drawn/0000.json")
+    made="$out/drawn        the drawn face and its codes"
 fi
-train_minutes="$((train_seconds / 60)).$((train_seconds % 60 * 10 / 60))"
-say "training for $train_minutes minutes"
-"$bin/stymo-train" --config configs/demo-64.json --data "$data" --out "$out/run" \
-    --max-minutes "$train_minutes"
-model="$out/run/model.safetensors"
-
-# The heads with the last ids are held out.
-printf -v id '%05d' "$((heads - 1))"
-say "fitting head $id, which is held out"
-"$bin/stymo-fit" --model "$model" --data "$data" --id "$id" --out "$out/fit"
 
 say "rendering an orbit"
-"$bin/stymo-render" --model "$model" --codes "$out/fit/codes.json" --orbit 24 \
-    --out "$out/orbit.gif"
+"$bin/stymo-render" "${face[@]}" --orbit 48 --mode skip --out "$out/orbit.gif"
+"$bin/stymo-render" "${face[@]}" --grid-yaw -30:30:5 --out "$out/views.png"
 
 cat <<END
 
-Done in $((SECONDS / 60)) min $((SECONDS % 60)) s.
-  $out/fit/fit.png      photo | encoder's first guess | fitted | mask
-  $out/fit/report.json  the metrics above and the loss of every step
-  $out/orbit.gif        an orbit around the fitted head
-  $out/run/samples      the progress of the training
+Done in $((SECONDS / 60)) min $((SECONDS % 60)) s, of which $((SECONDS - built)) s after the build.
+  $out/orbit.gif    the face from all sides
+  $out/views.png    five views
+  $made
 END

@@ -33,6 +33,11 @@ void declare_lpips_files(Command& command, LpipsOptions& options) {
 
 void declare_perceptual_weight(Command& command, LpipsOptions& options) {
     command
+        .option("--perceptual-network", options.perceptual_network,
+                "network that compares images while fitting: one of LPIPS, or the model's own "
+                "encoder, which needs no weight files (default: the model's setting)")
+        .one_of({"encoder", "squeeze", "vgg16", "alex"});
+    command
         .option("--perceptual-weight", options.perceptual_weight,
                 "weight of LPIPS while fitting, 0: no LPIPS (default: the model's setting)")
         .range(0, 1e6);
@@ -44,14 +49,18 @@ void declare_perceptual_weight(Command& command, LpipsOptions& options) {
 }
 
 LpipsConfig metric_config(const LpipsOptions& options, const LpipsConfig& model) {
-    const std::string network =
-        options.metric.empty() ? model.network : network_called(options.metric);
+    const std::string own =
+        model.network == encoder_network ? network_called("squeeze") : model.network;
+    const std::string network = options.metric.empty() ? own : network_called(options.metric);
     return with_files(network == model.network ? model : LpipsConfig{.network = network}, options);
 }
 
 ReconstructionConfig fitting_config(const LpipsOptions& options, ReconstructionConfig model) {
     if (options.perceptual_weight) model.perceptual_weight = *options.perceptual_weight;
     if (options.perceptual_resolution) model.perceptual_resolution = *options.perceptual_resolution;
+    const std::string network = network_called(options.perceptual_network);
+    if (!network.empty() && network != model.perceptual.network)
+        model.perceptual = {.network = network};
     const LpipsConfig metric = metric_config(options, model.perceptual);
     if (metric.network == model.perceptual.network) model.perceptual = metric;
     return model;

@@ -11,6 +11,7 @@ namespace stymo {
 /// The options on LPIPS. Options that are not given keep the model's settings.
 struct LpipsOptions {
     std::string metric;  ///< network of the metric, "squeeze", "vgg16" or "alex"; empty: no metric
+    std::string perceptual_network{};  ///< of the term while fitting, or "encoder"; empty: the model's
     std::optional<double> perceptual_weight;            ///< of the term while fitting
     std::optional<std::int64_t> perceptual_resolution;  ///< of the same
     std::string trunk;
@@ -21,7 +22,7 @@ struct LpipsOptions {
 void declare_lpips_metric(Command& command, LpipsOptions& options);
 /// --lpips-trunk and --lpips-heads
 void declare_lpips_files(Command& command, LpipsOptions& options);
-/// --perceptual-weight and --perceptual-resolution
+/// --perceptual-network, --perceptual-weight and --perceptual-resolution
 void declare_perceptual_weight(Command& command, LpipsOptions& options);
 
 /// The network of the metric with its files: those of the command line, or those of the model if it

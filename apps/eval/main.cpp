@@ -68,6 +68,9 @@ stymo::Settings settings_of(const Options& options) {
             {"--samples", or_own(options.samples)},
             {"--refine-pose", fitting.refine_pose},
             {"--resolution", options.evaluation.resolution},
+            {"--perceptual-network", options.lpips.perceptual_network.empty()
+                                         ? stymo::JsonValue("the model's own")
+                                         : stymo::JsonValue(options.lpips.perceptual_network)},
             {"--perceptual-weight", or_own(options.lpips.perceptual_weight)},
             {"--perceptual-resolution", or_own(options.lpips.perceptual_resolution)},
             {"--lpips", options.lpips.metric},
@@ -114,7 +117,8 @@ stymo::AppResult evaluate(Options options) {
     stymo::ReconstructionConfig config =
         stymo::fitting_config(options.lpips, model.config().reconstruction);
     if (!evaluated.fit) config.perceptual_weight = 0.0;
-    const stymo::ReconstructionLoss loss(config, "--perceptual-weight 0");
+    const stymo::ReconstructionLoss loss(
+        config, "--perceptual-weight 0", model.has_encoder() ? &model.encoder() : nullptr);
     std::optional<stymo::Lpips> own;
     evaluated.lpips =
         metric_network(options.lpips, model.config().reconstruction.perceptual, loss, own);

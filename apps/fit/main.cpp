@@ -149,11 +149,13 @@ stymo::AppResult fit(Options options) {
     const stymo::Model model = stymo::load_model(options.model);
     const stymo::ReconstructionConfig config =
         stymo::fitting_config(options.lpips, model.config().reconstruction);
-    const stymo::ReconstructionLoss reconstruction(config, "--perceptual-weight 0");
+    const stymo::ReconstructionLoss reconstruction(
+        config, "--perceptual-weight 0", model.has_encoder() ? &model.encoder() : nullptr);
     // Files on the command line are read even if the fit does not use the term.
     std::optional<stymo::Lpips> metric;
     if (reconstruction.lpips() == nullptr && !options.lpips.trunk.empty())
-        metric.emplace(config.perceptual, "leave out --lpips-trunk");
+        metric.emplace(stymo::metric_config(options.lpips, config.perceptual),
+                       "leave out --lpips-trunk");
     const std::vector<Photo> photos = photos_of(options, model.config());
     std::vector<stymo::Face> faces;
     for (const Photo& photo : photos) faces.push_back(photo.face);

@@ -31,6 +31,11 @@ public:
     /// image (B, S, S, 3) in [-1, 1], any S; resized to the network's own input. Returns (B,
     /// embedding_size()).
     [[nodiscard]] virtual Variable operator()(const Variable& image) const = 0;
+    /// Whether `activations` is there.
+    [[nodiscard]] virtual bool has_activations() const { return false; }
+    /// Activations of the layers from fine to coarse, (B, h, w, C) each, for an image of at least
+    /// 32 pixels that is not resized. Throws ValueError for a backbone that does not give them.
+    [[nodiscard]] virtual std::vector<Variable> activations(const Variable& image) const;
     [[nodiscard]] virtual std::int64_t embedding_size() const = 0;
     [[nodiscard]] virtual std::int64_t input_side() const = 0;
     /// Numbers that the backward pass of one image needs, measured.

@@ -11,13 +11,28 @@
 namespace stymo {
 
 ReconstructionLoss::ReconstructionLoss(const ReconstructionConfig& config,
-                                       const std::string& off_switch)
+                                       const std::string& off_switch, const Encoder* encoder)
     : config_(config) {
     const std::int64_t side = config.perceptual_resolution;
     if (side < 0 || (side > 0 && !std::has_single_bit(static_cast<std::uint64_t>(side))))
         fail<ConfigError>("reconstruction.perceptual_resolution = ", side,
                           " is no power of two; 0 stands for no limit");
-    if (config.perceptual_weight > 0.0) lpips_.emplace(config.perceptual, off_switch);
+    if (config.perceptual_weight <= 0.0) return;
+    if (config.perceptual.network != encoder_network) {
+        lpips_.emplace(config.perceptual, off_switch);
+    } else if (encoder != nullptr) {
+        encoder_distance_.emplace(*encoder);
+    } else {
+        fail<ConfigError>(
+            "reconstruction.perceptual_network = encoder serves fitting alone; training needs a "
+            "network of LPIPS, or ",
+            off_switch);
+    }
+}
+
+const PerceptualDistance* ReconstructionLoss::perceptual() const {
+    if (encoder_distance_) return &*encoder_distance_;
+    return lpips();
 }
 
 ReconstructionLoss::Target ReconstructionLoss::target(std::span<const Tensor> images,
@@ -38,18 +53,18 @@ Variable compared_image(const Variable& images, std::int64_t i, std::int64_t lar
     return resize_box(image, static_cast<int>(largest_side), static_cast<int>(largest_side));
 }
 
-/// Mean of LPIPS over the batch. Each image's gradient is taken before the next one's features are
+/// Mean of the perceptual distance over the batch. Each image's gradient is taken before the next one's features are
 /// made, since those of a large image take more memory than all else.
-Variable perceptual_loss(const Lpips& lpips, const Variable& images,
+Variable perceptual_loss(const PerceptualDistance& perceptual, const Variable& images,
                          const ReconstructionLoss::Target& target, std::int64_t largest_side) {
     Variable total;
     for (std::int64_t i = 0; i < images.shape(0); ++i) {
-        const Lpips::Features features =
+        const PerceptualDistance::Features features =
             target.features.empty()
-                ? lpips.features(compared_image(target.images.back(), i, largest_side))
+                ? perceptual.features(compared_image(target.images.back(), i, largest_side))
                 : target.features.at(static_cast<std::size_t>(i));
         const auto distance = [&](const Variable& image) {
-            return sum(lpips.distance_to(image, features));
+            return sum(perceptual.distance_to(image, features));
         };
         const Variable one =
             differentiate_at_once(distance, compared_image(images, i, largest_side));
@@ -62,16 +77,17 @@ Variable perceptual_loss(const Lpips& lpips, const Variable& images,
 
 ReconstructionLoss::Target ReconstructionLoss::kept_target(std::span<const Tensor> images) const {
     Target kept = target(images);
-    if (!lpips_ || kept.images.empty()) return kept;
+    if (perceptual() == nullptr || kept.images.empty()) return kept;
     for (std::int64_t i = 0; i < kept.images.back().shape(0); ++i)
         kept.features.push_back(
-            lpips_->features(compared_image(kept.images.back(), i, config_.perceptual_resolution)));
+            perceptual()->features(compared_image(kept.images.back(), i, config_.perceptual_resolution)));
     return kept;
 }
 
 LayerMemory ReconstructionLoss::memory(std::int64_t side) const {
     const std::int64_t limit = config_.perceptual_resolution;
-    return lpips_ ? lpips_->memory(limit > 0 ? std::min(limit, side) : side) : LayerMemory{};
+    if (perceptual() == nullptr) return {};
+    return perceptual()->memory(limit > 0 ? std::min(limit, side) : side);
 }
 
 ReconstructionLoss::Terms ReconstructionLoss::operator()(const std::vector<Variable>& images,
@@ -80,9 +96,9 @@ ReconstructionLoss::Terms ReconstructionLoss::operator()(const std::vector<Varia
     terms.photometric = photometric_loss(images, target.images, target.weights);
     work::count_named("loss_terms", "photometric", 1);
     terms.total = terms.photometric * config_.photometric_weight;
-    if (lpips_) {
+    if (perceptual() != nullptr) {
         terms.perceptual =
-            perceptual_loss(*lpips_, images.back(), target, config_.perceptual_resolution);
+            perceptual_loss(*perceptual(), images.back(), target, config_.perceptual_resolution);
         work::count_named("loss_terms", "perceptual", 1);
         terms.total = terms.total + terms.perceptual * config_.perceptual_weight;
     }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "nn/models/model.h"
+#include "nn/models/perceptual/encoder_distance.h"
 #include "nn/models/perceptual/lpips.h"
 
 namespace stymo {
@@ -17,10 +18,12 @@ class ReconstructionLoss {
 public:
     /// Loads the perceptual network unless its weight is 0; throws what `Lpips` throws, and
     /// ConfigError for a perceptual resolution that is no power of two. `off_switch`: how the user
-    /// turns the perceptual term off.
+    /// turns the perceptual term off. `encoder`: the model's, frozen, which must outlive the loss;
+    /// needed where it is the perceptual network.
     explicit ReconstructionLoss(
         const ReconstructionConfig& config,
-        const std::string& off_switch = "reconstruction.perceptual_weight = 0");
+        const std::string& off_switch = "reconstruction.perceptual_weight = 0",
+        const Encoder* encoder = nullptr);
 
     /// Photos on black with what is computed of them only once.
     struct Target {
@@ -29,7 +32,7 @@ public:
         std::vector<double> weights;  ///< of the photometric loss, at least one for each image
         /// Of each face's largest image, or of what it is reduced to; empty: computed where they
         /// are needed, one face at a time, and let go again.
-        std::vector<Lpips::Features> features;
+        std::vector<PerceptualDistance::Features> features;
     };
     /// `images` up to the side `resolution` (0: all of them), without features: for a target that
     /// is used once.
@@ -49,13 +52,17 @@ public:
     /// For the loss on images up to this side, what the decoder's report holds aside.
     [[nodiscard]] LayerMemory memory(std::int64_t side) const;
 
-    /// Null without the perceptual term.
+    /// Null without the perceptual term, and where the encoder is its network.
     [[nodiscard]] const Lpips* lpips() const { return lpips_ ? &*lpips_ : nullptr; }
     [[nodiscard]] Lpips* lpips() { return lpips_ ? &*lpips_ : nullptr; }
 
 private:
+    /// Null without the perceptual term.
+    [[nodiscard]] const PerceptualDistance* perceptual() const;
+
     ReconstructionConfig config_;
     std::optional<Lpips> lpips_;
+    std::optional<EncoderDistance> encoder_distance_;
 };
 
 }  // namespace stymo

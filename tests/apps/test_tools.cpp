@@ -308,8 +308,10 @@ TEST_CASE("A published model is half as large, names no files and shows the same
     done(std::string(render) + "--out whole.png");
     const stymo::ModelConfig config =
         stymo::Model::load(folder / "published.safetensors").config();
-    CHECK(config.reconstruction.perceptual_weight == 0.0);
+    CHECK(config.reconstruction.perceptual.network == "encoder");
     CHECK(config.reconstruction.perceptual.trunk.empty());
+    done("stymo-fit --model published.safetensors --data faces --id 00011 --steps 2 "
+         "--perceptual-weight 0.1 --out published");
     const stymo::Tensor a = stymo::read_image(folder / "published.png"),
                         b = stymo::read_image(folder / "whole.png");
     for (std::size_t i = 0; i < a.values<float>().size(); ++i)

@@ -26,11 +26,19 @@ public:
 
     [[nodiscard]] Variable operator()(const Variable& image) const override {
         const bool resize = image.shape(1) != image_side || image.shape(2) != image_side;
-        Variable x = resize ? resize_bicubic(image, static_cast<int>(image_side),
-                                             static_cast<int>(image_side))
-                            : image;
-        for (const ConvLayer& layer : layers_) x = layer(x, 0.2) * std::numbers::sqrt2;
+        const Variable x = activations(resize ? resize_bicubic(image, static_cast<int>(image_side),
+                                                               static_cast<int>(image_side))
+                                              : image)
+                               .back();
         return embed_(reshape(x, {x.shape(0), -1}));
+    }
+
+    [[nodiscard]] bool has_activations() const override { return true; }
+    [[nodiscard]] std::vector<Variable> activations(const Variable& image) const override {
+        std::vector<Variable> all;
+        for (const ConvLayer& layer : layers_)
+            all.push_back(layer(all.empty() ? image : all.back(), 0.2) * std::numbers::sqrt2);
+        return all;
     }
 
     [[nodiscard]] std::int64_t embedding_size() const override { return small_conv_channels; }

@@ -103,8 +103,11 @@ std::vector<std::string> lpips_networks() {
 }
 
 void describe(ConfigSchema& schema, LpipsConfig& config, const std::string& prefix) {
-    schema.choice(prefix + "network", config.network, lpips_networks(),
-                  "network of LPIPS (paper: silent; its author uses VGG-16)");
+    std::vector<std::string> networks = lpips_networks();
+    networks.emplace_back(encoder_network);
+    schema.choice(prefix + "network", config.network, networks,
+                  "network of LPIPS (paper: silent; its author uses VGG-16); encoder: the model's "
+                  "own encoder instead of LPIPS, while fitting");
     schema.text(
         prefix + "trunk", config.trunk,
         ".safetensors file with torchvision's weights of that network; random: untrained weights");
