@@ -58,11 +58,11 @@ FitReport report_fit(const Model& model, const FaceBatch& target, const Tensor& 
 
 void add_tuned(FitReport& report, const Model& tuned, const FaceBatch& target, const Tensor& mask,
                const FitResult& result, std::int64_t index, const Lpips* lpips) {
-    const View view = render_view(
-        tuned, result.fitted, index, result.cameras[static_cast<std::size_t>(index)],
-        {.samples_per_ray = tuned.config().reconstruction.fit_samples_per_ray,
-         .resolution = target.targets.back().shape(1),
-         .mask = report.mask.defined()});
+    const View view =
+        render_view(tuned, result.fitted, index, result.cameras[static_cast<std::size_t>(index)],
+                    {.samples_per_ray = tuned.config().reconstruction.fit_samples_per_ray,
+                     .resolution = target.targets.back().shape(1),
+                     .mask = report.mask.defined()});
     report.tuned = view.image;
     report.mask = view.mask;
     report.tuned_metrics =

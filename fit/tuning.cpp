@@ -108,8 +108,7 @@ private:
                                                  decoding(anchor.images.back().shape(1)));
         // Whichever image is the largest has the weight of the largest of all.
         const std::span<const double> weights = photos_.front().weights;
-        return photometric_loss(decoded.images, anchor.images,
-                                weights.last(anchor.images.size())) *
+        return photometric_loss(decoded.images, anchor.images, weights.last(anchor.images.size())) *
                options_.locality_weight;
     }
 
@@ -155,8 +154,7 @@ private:
 /// Share of the tuning that is over.
 double part_done(const TuningOptions& options, std::int64_t step, double seconds) {
     double part = 0.0;
-    if (options.steps > 0)
-        part = static_cast<double>(step) / static_cast<double>(options.steps);
+    if (options.steps > 0) part = static_cast<double>(step) / static_cast<double>(options.steps);
     if (options.seconds > 0.0) part = std::max(part, seconds / options.seconds);
     return part;
 }
@@ -174,8 +172,7 @@ TuningResult tune_decoder(const Model& original, Model& tuned, const Reconstruct
     for (std::int64_t step = 0; !interrupted(); ++step) {
         const double part = part_done(options, step, seconds_now() - start);
         if (part >= 1.0) break;
-        const double rate = options.learning_rate *
-                            std::min(1.0, (part + 1e-3) / rising) * 0.5 *
+        const double rate = options.learning_rate * std::min(1.0, (part + 1e-3) / rising) * 0.5 *
                             (1.0 + std::cos(std::numbers::pi * part));
         result.losses.push_back(tuning.step(step, rate));
         if (options.on_step)

@@ -34,8 +34,9 @@ AdversarialStage::TrainedDiscriminator::TrainedDiscriminator(const TrainConfig& 
 
 AdversarialStage::AdversarialStage(const TrainingParts& parts)
     : parts_(parts),
-      optimizer_({parts.config.stage2.beta1, parts.config.stage2.beta2, parts.config.stage2.epsilon},
-                 false) {
+      optimizer_(
+          {parts.config.stage2.beta1, parts.config.stage2.beta2, parts.config.stage2.epsilon},
+          false) {
     if (parts.config.loss.adversarial_weight > 0.0)
         discriminator_.emplace(parts.config, parts.rng.split(discriminator_name));
 }

@@ -30,9 +30,9 @@ void GeneratorOptimizer::step(std::span<const Parameter> parameters,
     Group plain, prefixed, matrices;
     for (std::size_t i = 0; i < parameters.size(); ++i) {
         const bool muon = with_muon_ && is_hidden_matrix(parameters[i]);
-        Group& group = muon                                               ? matrices
+        Group& group = muon                                             ? matrices
                        : parameters[i].name().starts_with(rates.prefix) ? prefixed
-                                                                          : plain;
+                                                                        : plain;
         group.parameters.push_back(parameters[i]);
         group.gradients.push_back(gradients[i]);
     }

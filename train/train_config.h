@@ -33,7 +33,8 @@ struct OptimizerConfig {
     double epsilon = 1e-8;
     double backbone_factor = 1.0;  ///< on the learning rate of the encoder's backbone
     std::int64_t backbone_frozen_epochs = 1;
-    std::string matrices = "adam";  ///< what moves the decoder's matrices in stage 1: "adam", "muon"
+    std::string matrices =
+        "adam";  ///< what moves the decoder's matrices in stage 1: "adam", "muon"
     double sample_tolerance = 0.0;  ///< compositing weight below which a sample takes no part in
                                     ///< the backward pass
     std::int64_t failures_allowed =

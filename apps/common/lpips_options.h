@@ -11,7 +11,8 @@ namespace stymo {
 /// The options on LPIPS. Options that are not given keep the model's settings.
 struct LpipsOptions {
     std::string metric;  ///< network of the metric, "squeeze", "vgg16" or "alex"; empty: no metric
-    std::string perceptual_network{};  ///< of the term while fitting, or "encoder"; empty: the model's
+    std::string
+        perceptual_network{};  ///< of the term while fitting, or "encoder"; empty: the model's
     std::optional<double> perceptual_weight;            ///< of the term while fitting
     std::optional<std::int64_t> perceptual_resolution;  ///< of the same
     std::string trunk;

@@ -117,8 +117,8 @@ stymo::AppResult evaluate(Options options) {
     stymo::ReconstructionConfig config =
         stymo::fitting_config(options.lpips, model.config().reconstruction);
     if (!evaluated.fit) config.perceptual_weight = 0.0;
-    const stymo::ReconstructionLoss loss(
-        config, "--perceptual-weight 0", model.has_encoder() ? &model.encoder() : nullptr);
+    const stymo::ReconstructionLoss loss(config, "--perceptual-weight 0",
+                                         model.has_encoder() ? &model.encoder() : nullptr);
     std::optional<stymo::Lpips> own;
     evaluated.lpips =
         metric_network(options.lpips, model.config().reconstruction.perceptual, loss, own);

@@ -131,8 +131,8 @@ std::optional<stymo::Model> tune(const Options& options, const stymo::Model& mod
         progress.update(tuning.steps > 0 ? step.steps : std::min(part, total),
                         "loss " + std::to_string(step.loss));
     };
-    static_cast<void>(stymo::tune_decoder(model, tuned, loss, batch, fitted.fitted, fitted.cameras,
-                                          tuning));
+    static_cast<void>(
+        stymo::tune_decoder(model, tuned, loss, batch, fitted.fitted, fitted.cameras, tuning));
     progress.finish();
     if (stymo::interrupted()) return std::nullopt;
     const std::filesystem::path file = options.out / "tuned.safetensors";

@@ -188,9 +188,8 @@ std::string encoded_header(const TensorFile& contents,
         const auto& [name, tensor] = *item;
         const StoredType type = stored_type(tensor.dtype(), stored);
         const std::uint64_t end = begin + static_cast<std::uint64_t>(tensor.size()) * type.bytes;
-        header[name] = {{"dtype", type.name},
-                        {"shape", json::array()},
-                        {"data_offsets", {begin, end}}};
+        header[name] = {
+            {"dtype", type.name}, {"shape", json::array()}, {"data_offsets", {begin, end}}};
         for (const std::int64_t extent : tensor.shape().extents()) {
             header[name]["shape"].push_back(extent);
         }
@@ -270,8 +269,7 @@ void write_tensor_file(const fs::path& path, const TensorFile& contents, StoredE
         stream.write(header.data(), static_cast<std::streamsize>(header.size()));
         for (const auto* item : order) {
             if (stored == StoredElements::float16) {
-                const std::vector<Eigen::half> halves =
-                    rounded_to_half(item->first, item->second);
+                const std::vector<Eigen::half> halves = rounded_to_half(item->first, item->second);
                 stream.write(reinterpret_cast<const char*>(halves.data()),
                              static_cast<std::streamsize>(halves.size() * sizeof(Eigen::half)));
                 continue;

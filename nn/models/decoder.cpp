@@ -28,8 +28,7 @@ Conditioning parse_conditioning(const DecoderConfig& config) {
         fail<ConfigError>("decoder.render must be blocks or none, got ", config.render);
     if (config.conditioning == "concatenation") {
         if (config.frequency_falloff != 0.0)
-            fail<ConfigError>(
-                "decoder.frequency_falloff needs decoder.conditioning = modulation");
+            fail<ConfigError>("decoder.frequency_falloff needs decoder.conditioning = modulation");
         if (config.render == "none" && config.mask_detach)
             fail<ConfigError>(
                 "decoder.mask_detach needs render blocks; with decoder.render = none the field "

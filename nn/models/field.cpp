@@ -15,14 +15,14 @@ std::unique_ptr<Field> make_field(const FieldConfig& config, ParameterStore& sto
                                   const std::string& prefix, Rng& rng) {
     if (config.conditioning == Conditioning::concatenation)
         return std::make_unique<ConcatenatedField>(config, store, prefix, rng);
-    return std::make_unique<RadianceField>(RadianceFieldConfig{.frequencies = config.frequencies,
-                                                               .width = config.width,
-                                                               .layers = config.layers,
-                                                               .feature_channels = config.channels,
-                                                               .style_size = config.geometry_size,
-                                                               .frequency_falloff =
-                                                                   config.frequency_falloff},
-                                           store, prefix, rng);
+    return std::make_unique<RadianceField>(
+        RadianceFieldConfig{.frequencies = config.frequencies,
+                            .width = config.width,
+                            .layers = config.layers,
+                            .feature_channels = config.channels,
+                            .style_size = config.geometry_size,
+                            .frequency_falloff = config.frequency_falloff},
+        store, prefix, rng);
 }
 
 }  // namespace stymo

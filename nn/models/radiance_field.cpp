@@ -48,8 +48,8 @@ Tensor initial_scale(std::int64_t frequencies, double falloff, std::int64_t inpu
     Tensor scale = Tensor::full({inputs}, 1.0);
     const std::span<float> values = scale.mutable_values<float>();
     for (std::int64_t i = 0; i < per_frequency * frequencies; ++i)
-        values[static_cast<std::size_t>(plain + i)] = static_cast<float>(
-            std::exp2(-falloff * static_cast<double>(i / per_frequency)));
+        values[static_cast<std::size_t>(plain + i)] =
+            static_cast<float>(std::exp2(-falloff * static_cast<double>(i / per_frequency)));
     return scale;
 }
 

@@ -53,8 +53,8 @@ Variable compared_image(const Variable& images, std::int64_t i, std::int64_t lar
     return resize_box(image, static_cast<int>(largest_side), static_cast<int>(largest_side));
 }
 
-/// Mean of the perceptual distance over the batch. Each image's gradient is taken before the next one's features are
-/// made, since those of a large image take more memory than all else.
+/// Mean of the perceptual distance over the batch. Each image's gradient is taken before the next
+/// one's features are made, since those of a large image take more memory than all else.
 Variable perceptual_loss(const PerceptualDistance& perceptual, const Variable& images,
                          const ReconstructionLoss::Target& target, std::int64_t largest_side) {
     Variable total;
@@ -79,8 +79,8 @@ ReconstructionLoss::Target ReconstructionLoss::kept_target(std::span<const Tenso
     Target kept = target(images);
     if (perceptual() == nullptr || kept.images.empty()) return kept;
     for (std::int64_t i = 0; i < kept.images.back().shape(0); ++i)
-        kept.features.push_back(
-            perceptual()->features(compared_image(kept.images.back(), i, config_.perceptual_resolution)));
+        kept.features.push_back(perceptual()->features(
+            compared_image(kept.images.back(), i, config_.perceptual_resolution)));
     return kept;
 }
 

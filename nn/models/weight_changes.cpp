@@ -60,8 +60,8 @@ WeightChanges WeightChanges::between(const Model& before, const Model& after) {
             fail<ValueError>("changes of weights are between decoders of the same shape, not ",
                              name, ' ', from.shape(), " and ", new_ones[i].name(), ' ', to.shape());
         if (bytes_of(from.value()) != bytes_of(to.value()))
-            changes.differences_.emplace(
-                name, (Variable(to.value()) - Variable(from.value())).value());
+            changes.differences_.emplace(name,
+                                         (Variable(to.value()) - Variable(from.value())).value());
     }
     return changes;
 }
@@ -72,7 +72,8 @@ WeightChanges WeightChanges::load(const std::filesystem::path& path) {
     const auto model = file.metadata.find(model_key);
     if (format == file.metadata.end() || format->second != format_name ||
         model == file.metadata.end())
-        fail<FileError>(path.string(), ": not the weight changes of a tuned face (its metadata lack ",
+        fail<FileError>(path.string(),
+                        ": not the weight changes of a tuned face (its metadata lack ",
                         "\"format\": \"", format_name, "\" or \"model\")");
     WeightChanges changes;
     changes.model_ = model->second;
@@ -101,8 +102,7 @@ void WeightChanges::apply(Model& model) const {
         if (!(found->second.shape() == value.shape()) || !found->second.all_finite())
             fail<ValueError>("the weight changes of ", parameter.name(), " have shape ",
                              found->second.shape(), ", not ", value.shape(), ", or are not finite");
-        parameter.set_value(
-            (Variable(value) + Variable(found->second.to(value.dtype()))).value());
+        parameter.set_value((Variable(value) + Variable(found->second.to(value.dtype()))).value());
         ++applied;
     }
     if (applied != differences_.size())

@@ -55,9 +55,9 @@ void Muon::step(std::span<const Parameter> parameters, std::span<const Variable>
         const Variable direction = Variable(memory) * momentum + gradient * (1.0 - momentum);
         const double length =
             std::sqrt(static_cast<double>(std::max(value.shape(0), value.shape(1))));
-        parameter.set_value(
-            (Variable(value) - Variable(orthogonalised(direction.value())) * (learning_rate * length))
-                .value());
+        parameter.set_value((Variable(value) -
+                             Variable(orthogonalised(direction.value())) * (learning_rate * length))
+                                .value());
     }
 }
 

@@ -295,8 +295,9 @@ TEST_CASE("A tuned face is written beside its codes, and rendered and mixed with
     };
     CHECK_FALSE(pixels("plain.png") == pixels("with.png"));
     CHECK((pixels("with.png") == pixels("render.png")));
-    done("stymo-edit mix --model run/model.safetensors --tuned tuned/tuned.safetensors "
-         "--source tuned/codes.json --target fit/codes.json --take id --out tuned/mixed");
+    done(
+        "stymo-edit mix --model run/model.safetensors --tuned tuned/tuned.safetensors "
+        "--source tuned/codes.json --target fit/codes.json --take id --out tuned/mixed");
 }
 
 TEST_CASE("A published model is half as large, names no files and shows the same face") {
@@ -306,12 +307,12 @@ TEST_CASE("A published model is half as large, names no files and shows the same
           11 * fs::file_size(folder / "run/model.safetensors"));
     done("stymo-render --model published.safetensors --codes fit/codes.json --out published.png");
     done(std::string(render) + "--out whole.png");
-    const stymo::ModelConfig config =
-        stymo::Model::load(folder / "published.safetensors").config();
+    const stymo::ModelConfig config = stymo::Model::load(folder / "published.safetensors").config();
     CHECK(config.reconstruction.perceptual.network == "encoder");
     CHECK(config.reconstruction.perceptual.trunk.empty());
-    done("stymo-fit --model published.safetensors --data faces --id 00011 --steps 2 "
-         "--perceptual-weight 0.1 --out published");
+    done(
+        "stymo-fit --model published.safetensors --data faces --id 00011 --steps 2 "
+        "--perceptual-weight 0.1 --out published");
     const stymo::Tensor a = stymo::read_image(folder / "published.png"),
                         b = stymo::read_image(folder / "whole.png");
     for (std::size_t i = 0; i < a.values<float>().size(); ++i)

@@ -41,8 +41,7 @@ struct Case {
 
     Model tuned(const TuningOptions& options, TuningResult* result = nullptr) const {
         Model model = frozen_model(1);
-        TuningResult done =
-            tune_decoder(original, model, loss, face, codes, {camera}, options);
+        TuningResult done = tune_decoder(original, model, loss, face, codes, {camera}, options);
         if (result != nullptr) *result = std::move(done);
         return model;
     }
@@ -54,12 +53,12 @@ TEST_CASE("tuning brings the decoder's image to the photo", "[tuning]") {
     const Case given;
     TuningResult result;
     std::int64_t calls = 0;
-    const Model tuned = given.tuned(
-        {.steps = 60,
-         .learning_rate = 0.02,
-         .locality_weight = 0.0,
-         .on_step = [&](const TuningStep& step) { CHECK(step.steps == ++calls); }},
-        &result);
+    const Model tuned =
+        given.tuned({.steps = 60,
+                     .learning_rate = 0.02,
+                     .locality_weight = 0.0,
+                     .on_step = [&](const TuningStep& step) { CHECK(step.steps == ++calls); }},
+                    &result);
     REQUIRE(result.losses.size() == 60);
     CHECK(calls == 60);
     const double before =
@@ -89,9 +88,8 @@ TEST_CASE("tuning changes field and render blocks alone", "[tuning]") {
         const Parameter& parameter = tuned.parameters().all()[i];
         const bool learns = parameter.name().starts_with("decoder.field.") ||
                             parameter.name().starts_with("decoder.block");
-        const bool same =
-            identical(parameter.variable().value(),
-                      given.original.parameters().all()[i].variable().value());
+        const bool same = identical(parameter.variable().value(),
+                                    given.original.parameters().all()[i].variable().value());
         INFO(parameter.name());
         if (!learns) CHECK(same);
         if (parameter.name() == "decoder.field.layer0.weight") CHECK_FALSE(same);

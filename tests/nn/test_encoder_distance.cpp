@@ -40,8 +40,8 @@ TEST_CASE("the encoder's distance is the mean over layers of that of normalised 
         const auto unit = [](const Variable& x) {
             return x / (sqrt(sum(square(x), {3})) + feature_epsilon);
         };
-        expected = expected +
-                   reshape(mean(sum(square(unit(a[i]) - unit(b[i])), {3}), {1, 2}), {2}) / 5.0;
+        expected =
+            expected + reshape(mean(sum(square(unit(a[i]) - unit(b[i])), {3}), {1, 2}), {2}) / 5.0;
     }
     const Variable actual = distance.distance_to(image, distance.features(photo));
     for (std::size_t i = 0; i < 2; ++i)

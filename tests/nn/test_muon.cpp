@@ -15,8 +15,7 @@ namespace {
 
 /// The published polynomial, five times.
 double iterated(double x) {
-    for (int i = 0; i < 5; ++i)
-        x = 3.4445 * x - 4.7750 * std::pow(x, 3) + 2.0315 * std::pow(x, 5);
+    for (int i = 0; i < 5; ++i) x = 3.4445 * x - 4.7750 * std::pow(x, 3) + 2.0315 * std::pow(x, 5);
     return x;
 }
 
@@ -39,8 +38,7 @@ TEST_CASE("orthogonalising maps each singular value by the iteration and keeps t
     for (const auto& [rows, columns] :
          {std::array{5, 5}, std::array{3, 7}, std::array{7, 3}, std::array{1, 4}}) {
         const Eigen::MatrixXd matrix = random_matrix(rows, columns);
-        const Eigen::BDCSVD<Eigen::MatrixXd> svd(matrix,
-                                                 Eigen::ComputeThinU | Eigen::ComputeThinV);
+        const Eigen::BDCSVD<Eigen::MatrixXd> svd(matrix, Eigen::ComputeThinU | Eigen::ComputeThinV);
         const Eigen::VectorXd values = (svd.singularValues() / matrix.norm()).unaryExpr(&iterated);
         const Eigen::MatrixXd expected =
             svd.matrixU() * values.asDiagonal() * svd.matrixV().transpose();
@@ -62,8 +60,7 @@ TEST_CASE("Muon's first step is the orthogonalised gradient, with the learning r
     Muon muon;
     muon.step(store.all(), std::vector<Variable>{tensor_from(gradient)}, 0.25);
     const Eigen::MatrixXd step = matrix_map<double>(parameter.variable().value());
-    const Eigen::MatrixXd direction =
-        matrix_map<double>(orthogonalised(tensor_from(gradient)));
+    const Eigen::MatrixXd direction = matrix_map<double>(orthogonalised(tensor_from(gradient)));
     CHECK((step + 0.25 * 8.0 * direction).norm() < 1e-12);
     CHECK(step.norm() / std::sqrt(32.0 * 64.0) == Approx(0.25).epsilon(0.2));
 }

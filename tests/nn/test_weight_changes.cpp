@@ -3,10 +3,10 @@
 
 #include "core/error.h"
 #include "core/io/file.h"
+#include "core/io/scratch_folder.h"
 #include "core/ops/elementwise.h"
 #include "nn/models/weight_changes.h"
 #include "support/error_message.h"
-#include "core/io/scratch_folder.h"
 #include "support/tiny_model.h"
 
 using namespace stymo;

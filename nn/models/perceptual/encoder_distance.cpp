@@ -26,8 +26,7 @@ Variable EncoderDistance::distance_to(const Variable& images, const Features& ta
                          target.size());
     Variable total;
     for (std::size_t i = 0; i < activations.size(); ++i) {
-        const Tensor ones =
-            Tensor::full({activations[i].shape(3)}, 1.0, activations[i].dtype());
+        const Tensor ones = Tensor::full({activations[i].shape(3)}, 1.0, activations[i].dtype());
         const Variable term = feature_distance(activations[i], target[i].value(), ones);
         total = total.defined() ? total + term : term;
     }

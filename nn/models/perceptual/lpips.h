@@ -45,8 +45,8 @@ public:
     Lpips(Lpips&&) noexcept;
     Lpips& operator=(Lpips&&) noexcept;
 
-    /// Of images of at least smallest_side(). Where all channels are 0, the feature and the gradient
-    /// through its norm are 0 too.
+    /// Of images of at least smallest_side(). Where all channels are 0, the feature and the
+    /// gradient through its norm are 0 too.
     [[nodiscard]] Features features(const Variable& images) const override;
     /// Side of the smallest image that reaches the last tap: 16 for vgg16.
     [[nodiscard]] std::int64_t smallest_side() const;
