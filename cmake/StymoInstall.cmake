@@ -24,7 +24,7 @@ foreach(folder core nn render train fit)
 endforeach()
 if(IS_DIRECTORY ${PROJECT_SOURCE_DIR}/configs)
   install(DIRECTORY configs DESTINATION ${CMAKE_INSTALL_DATADIR}/stymo
-    FILES_MATCHING PATTERN "*.json")
+    FILES_MATCHING PATTERN "*.json" PATTERN "*.safetensors")
 endif()
 
 configure_package_config_file(cmake/stymoConfig.cmake.in ${PROJECT_BINARY_DIR}/stymoConfig.cmake

@@ -10,7 +10,7 @@ namespace {
 
 /// Where the model lies, seen from the folder of the program: in the sources, installed.
 constexpr std::array places{"../../configs/models/faces-256/model.safetensors",
-                            "../share/stymo/models/faces-256/model.safetensors"};
+                            "../share/stymo/configs/models/faces-256/model.safetensors"};
 
 }  // namespace
 
