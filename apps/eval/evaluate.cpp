@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "apps/common/command_line.h"
+#include "apps/eval/identity.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/ops/elementwise.h"
@@ -197,6 +198,10 @@ Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Da
             const FitReport report =
                 report_fit(model, face.batch, face.masks.front(), fit, 0, options.lpips);
             score = score_of(faces.ids()[static_cast<std::size_t>(place)], report, face, options);
+            if (options.identity != nullptr)
+                score.identity = options.identity->measure(
+                    model, face, compared_face(model, faces, (place + 1) % faces.size(), options),
+                    fit);
         } catch (const Error& error) {
             findings.add_failure(place, error.what());
             return;

@@ -12,6 +12,8 @@
 
 namespace stymo {
 
+class IdentityMeasure;
+
 struct FaceRange {
     std::int64_t first = 0;
     std::int64_t last = -1;  ///< inclusive; -1: to the end
@@ -28,7 +30,8 @@ struct EvaluationOptions {
     FitOptions fitting;
     std::int64_t resolution = 0;   ///< side of the compared images; 0: the model's resolution
     const Lpips* lpips = nullptr;  ///< also measures LPIPS with it
-    bool one_by_one = false;       ///< each face on all threads instead of one face on each
+    const IdentityMeasure* identity = nullptr;  ///< also measures whether it is the same person
+    bool one_by_one = false;  ///< each face on all threads instead of one face on each
     ScoreFolder* folder =
         nullptr;  ///< stores scores as they are computed; stored faces are not scored again
 };

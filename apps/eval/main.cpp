@@ -8,6 +8,7 @@
 #include "apps/common/model_options.h"
 #include "apps/common/tools.h"
 #include "apps/eval/evaluate.h"
+#include "apps/eval/identity.h"
 #include "apps/eval/pair.h"
 #include "apps/eval/report_page.h"
 #include "apps/eval/run_split.h"
@@ -29,6 +30,7 @@ struct Options {
     std::string ids;
     std::string region = "head";
     fs::path parser;
+    fs::path identity;
     std::optional<std::int64_t> samples;
     stymo::LpipsOptions lpips;
     stymo::EvaluationOptions evaluation;
@@ -62,6 +64,7 @@ stymo::Settings settings_of(const Options& options) {
             {"--ids", options.ids},
             {"--region", options.region},
             {"--parser", absolute(options.parser)},
+            {"--identity", absolute(options.identity)},
             {"--fit", options.evaluation.fit},
             {"--steps", fitting.steps},
             {"--regularizer", fitting.regularizer},
@@ -122,6 +125,8 @@ stymo::AppResult evaluate(Options options) {
     std::optional<stymo::Lpips> own;
     evaluated.lpips =
         metric_network(options.lpips, model.config().reconstruction.perceptual, loss, own);
+    std::optional<stymo::IdentityMeasure> identity;
+    if (!options.identity.empty()) evaluated.identity = &identity.emplace(options.identity);
     const std::string network = evaluated.lpips != nullptr ? evaluated.lpips->label() : "";
     stymo::require_comparable(faces, evaluated);
 
@@ -176,6 +181,9 @@ int stymo_eval(int argc, char** argv) {
     line.option("--parser", options.parser,
                 "face parser in an ONNX file, for faces without a parsing map in the folder")
         .needs("--region");
+    line.option("--identity", options.identity,
+                "weights of MobileFaceNet, written by stymo-weights import: also measure whether "
+                "the face is the person of the photo, from the front and turned");
     line.flag("--fit", options.evaluation.fit, "also fit each face and measure the fitted codes");
     line.option("--steps", options.evaluation.fitting.steps, "fitting steps").range(0, 1e6);
     line.option("--regularizer", options.evaluation.fitting.regularizer,

@@ -1,6 +1,7 @@
 #include "apps/eval/score.h"
 
 #include <algorithm>
+#include <array>
 #include <iomanip>
 #include <limits>
 #include <nlohmann/json.hpp>
@@ -24,6 +25,16 @@ ImageMetrics parse_metrics(const Json& value) {
                          value.at("ssim").get<double>(), number_or_infinity(value.at("psnr"))};
     if (value.contains("lpips")) metrics.lpips = value["lpips"].get<double>();
     return metrics;
+}
+
+constexpr std::array identity_parts{
+    std::pair{"photo", &IdentityScore::photo}, std::pair{"turned_15", &IdentityScore::turned_15},
+    std::pair{"turned_30", &IdentityScore::turned_30}, std::pair{"other", &IdentityScore::other}};
+
+JsonValue identity_json(const IdentityScore& identity) {
+    JsonValue json = JsonValue::object();
+    for (const auto& [name, part] : identity_parts) json.add(name, identity.*part);
+    return json;
 }
 
 /// {"head": {"initial": ..., "fitted": ...}, ...} of the rows that are means or of those that are
@@ -63,7 +74,9 @@ JsonValue to_json(const FaceScore& score) {
         if (region.fitted) stages.add("fitted", to_json(*region.fitted));
         json.add(name_of(region.region), stages);
     }
-    return json.add("counting_samples", score.counting_samples);
+    json.add("counting_samples", score.counting_samples);
+    if (score.identity) json.add("identity", identity_json(*score.identity));
+    return json;
 }
 
 FaceScore parse_face_score(std::string_view line) {
@@ -77,6 +90,11 @@ FaceScore parse_face_score(std::string_view line) {
             RegionScore& added = score.regions.emplace_back(
                 RegionScore{region, parse_metrics(stages.at("initial"))});
             if (stages.contains("fitted")) added.fitted = parse_metrics(stages["fitted"]);
+        }
+        if (value.contains("identity")) {
+            IdentityScore& identity = score.identity.emplace();
+            for (const auto& [name, part] : identity_parts)
+                identity.*part = value["identity"].at(name).get<double>();
         }
         if (score.regions.empty()) fail<FileError>("no region");
         return score;
@@ -103,6 +121,19 @@ std::vector<SummaryRow> summary(const std::vector<FaceScore>& scores) {
         }
     }
     return rows;
+}
+
+std::optional<IdentityScore> mean_identity(const std::vector<FaceScore>& scores) {
+    IdentityScore sum;
+    double count = 0.0;
+    for (const FaceScore& score : scores) {
+        if (!score.identity) continue;
+        ++count;
+        for (const auto& [name, part] : identity_parts) sum.*part += (*score.identity).*part;
+    }
+    if (count == 0.0) return std::nullopt;
+    for (const auto& [name, part] : identity_parts) sum.*part /= count;
+    return sum;
 }
 
 double mean_counting_samples(const std::vector<FaceScore>& scores) {
@@ -132,6 +163,11 @@ std::string table(const std::vector<FaceScore>& scores) {
     text << std::setprecision(1) << 100.0 * mean_counting_samples(scores)
          << " % of the samples are significant (weight above " << std::defaultfloat
          << significant_weight << ")\n";
+    if (const std::optional<IdentityScore> identity = mean_identity(scores))
+        text << std::fixed << std::setprecision(3) << "cosine of embeddings: photo and face "
+             << identity->photo << ", face turned by 15 degrees " << identity->turned_15
+             << ", by 30 degrees " << identity->turned_30 << ", photos of two people "
+             << identity->other << '\n';
     return text.str();
 }
 
@@ -141,11 +177,13 @@ JsonValue summary_json(const std::vector<FaceScore>& scores,
     std::vector<JsonValue> failures;
     for (const FailedFace& face : failed)
         failures.push_back(JsonValue::object({{"id", face.id}, {"reason", face.reason}}));
-    return JsonValue::object({{"count", scores.size()},
-                              {"mean", rows_json(rows, false)},
-                              {"median", rows_json(rows, true)},
-                              {"counting_samples", mean_counting_samples(scores)},
-                              {"failed", failures}});
+    JsonValue json = JsonValue::object({{"count", scores.size()},
+                                        {"mean", rows_json(rows, false)},
+                                        {"median", rows_json(rows, true)},
+                                        {"counting_samples", mean_counting_samples(scores)}});
+    if (const std::optional<IdentityScore> identity = mean_identity(scores))
+        json.add("identity", identity_json(*identity));
+    return json.add("failed", failures);
 }
 
 }  // namespace stymo

@@ -29,10 +29,19 @@ struct RegionScore {
     [[nodiscard]] const ImageMetrics& last() const { return fitted ? *fitted : initial; }
 };
 
+/// Cosines between embeddings of faces (apps/eval/identity.h).
+struct IdentityScore {
+    double photo = 0.0;      ///< photo and fitted face
+    double turned_15 = 0.0;  ///< fitted face and its views from yaw -15 and 15 degrees, their mean
+    double turned_30 = 0.0;  ///< the same for 30 degrees
+    double other = 0.0;      ///< photo and that of another person
+};
+
 struct FaceScore {
     std::string id;
     std::vector<RegionScore> regions;  ///< at least one; the same for all faces of an evaluation
     double counting_samples = 1.0;     ///< View::significant_samples of the fitted face
+    std::optional<IdentityScore> identity{};  ///< empty: not measured
 };
 
 /// A face that has no score, and why.
@@ -41,7 +50,8 @@ struct FailedFace {
     std::string reason;
 };
 
-/// One line: {"id", "head": {"initial": {...}, "fitted": {...}}, "face": ..., "counting_samples"}.
+/// One line: {"id", "head": {"initial": {...}, "fitted": {...}}, "face": ..., "counting_samples",
+/// "identity": {"photo", "turned_15", "turned_30", "other"} if it was measured}.
 /// Numbers read back to the same value; infinite ones become null.
 [[nodiscard]] JsonValue to_json(const FaceScore& score);
 /// Throws FileError for text that to_json did not write.
@@ -58,12 +68,14 @@ struct SummaryRow {
 
 /// Rows by region, then initial and fitted, then mean and median.
 [[nodiscard]] std::vector<SummaryRow> summary(const std::vector<FaceScore>& scores);
+/// Over the faces where it was measured; nothing if it was nowhere.
+[[nodiscard]] std::optional<IdentityScore> mean_identity(const std::vector<FaceScore>& scores);
 [[nodiscard]] double mean_counting_samples(const std::vector<FaceScore>& scores);
 
 /// The rows as text.
 [[nodiscard]] std::string table(const std::vector<FaceScore>& scores);
 /// {"count", "mean": {"head": {"initial": {...}, "fitted": {...}}, ...}, "median": the same,
-/// "counting_samples", "failed": [{"id", "reason"}]}
+/// "counting_samples", "identity" if it was measured, "failed": [{"id", "reason"}]}
 [[nodiscard]] JsonValue summary_json(const std::vector<FaceScore>& scores,
                                      const std::vector<FailedFace>& failed);
 

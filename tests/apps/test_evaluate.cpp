@@ -5,6 +5,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/eval/evaluate.h"
+#include "apps/eval/identity.h"
 #include "apps/eval/report_page.h"
 #include "apps/eval/run_split.h"
 #include "apps/eval/score_folder.h"
@@ -15,6 +16,7 @@
 #include "core/io/image.h"
 #include "core/io/scratch_folder.h"
 #include "core/parallel.h"
+#include "nn/models/backbones/mobilefacenet.h"
 #include "support/error_message.h"
 #include "support/thread_count.h"
 
@@ -123,16 +125,53 @@ TEST_CASE("A face's score is read back from its line as it was, infinite PSNR in
           {0.1, 1.0 / 3.0, 0.25, 21.0, 0.125},
           ImageMetrics{0.0, 0.0, 1.0, INFINITY, 0.0}},
          {Region::face, {1e-7, 0.2, 0.3, 30.0, 0.5}, ImageMetrics{0.1, 0.2, 0.3, 4.0, 0.25}}},
-        0.28};
+        0.28,
+        IdentityScore{0.75, 1.0 / 3.0, -0.25, 0.125}};
     const std::string line = to_json(score).text();
     const FaceScore again = parse_face_score(line);
     CHECK(to_json(again).text() == line);
     CHECK(again.regions[0].fitted->psnr == INFINITY);
     CHECK(again.regions[0].initial.l1_mean == 1.0 / 3.0);
     CHECK(again.regions[1].region == Region::face);
+    REQUIRE(again.identity);
+    CHECK(again.identity->turned_15 == 1.0 / 3.0);
     for (const char* text : {"", "{}", R"({"id":"a","counting_samples":1})",
                              R"({"id":"a","head":{},"counting_samples":1})", "[1"})
         CHECK_THROWS_AS(parse_face_score(text), FileError);
+}
+
+TEST_CASE("The mean of identities is over the faces that have one") {
+    std::vector<FaceScore> scores = three_scores;
+    CHECK_FALSE(mean_identity(scores));
+    CHECK_THAT(table(scores), !Catch::Contains("cosine"));
+    scores[0].identity = {0.5, 0.25, 0.75, 0.0};
+    scores[2].identity = {1.0, 0.75, 0.25, 0.5};
+    const std::optional<IdentityScore> mean = mean_identity(scores);
+    REQUIRE(mean);
+    CHECK(mean->photo == 0.75);
+    CHECK(mean->turned_15 == 0.5);
+    CHECK(mean->turned_30 == 0.5);
+    CHECK(mean->other == 0.25);
+    CHECK(json::parse(summary_json(scores, {}).text())["identity"]["photo"] == 0.75);
+    CHECK_THAT(table(scores), Catch::Contains("cosine"));
+}
+
+TEST_CASE("A face is as like itself as can be, and the network's weights are read") {
+    const fs::path file = tiny_run() / "mobilefacenet.safetensors";
+    TensorFile weights;
+    Rng rng(1);
+    for (const auto& [name, shape] : mobilefacenet_tensors())
+        weights.tensors.emplace(name, rng.uniform(shape, 0.05, 0.1));
+    write_tensor_file(file, weights);
+    const TinyEvaluation tiny;
+    const IdentityMeasure measure(file);
+    const ComparedFace face = compared_face(tiny.model, tiny.faces, 0, tiny.options);
+    const FitResult fit = fit_codes(tiny.model, tiny.loss, face.batch, {.steps = 0});
+    const IdentityScore score = measure.measure(tiny.model, face, face, fit);
+    CHECK(score.other == Approx(1.0));
+    for (const double value : {score.photo, score.turned_15, score.turned_30})
+        CHECK(std::abs(value) <= 1.0 + 1e-6);
+    CHECK_THROWS_AS(IdentityMeasure(tiny_run() / "run/model.safetensors"), FileError);
 }
 
 TEST_CASE("The sheet shows the best, the median and the worst faces, none of them twice") {

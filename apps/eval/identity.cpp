@@ -1,0 +1,76 @@
+#include "apps/eval/identity.h"
+
+#include <cmath>
+#include <numeric>
+
+#include "core/angle.h"
+#include "core/ops/ops.h"
+#include "nn/models/display_image.h"
+#include "nn/models/encoder.h"
+#include "nn/models/view.h"
+
+namespace stymo {
+
+namespace {
+
+double cosine(const std::vector<double>& a, const std::vector<double>& b) {
+    return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
+}
+
+/// The middle of the FFHQ crop, which the network was trained on.
+Variable recognition_frame(const Variable& image) {
+    constexpr double kept = 0.765;
+    const std::int64_t side = image.shape(1);
+    const auto margin =
+        static_cast<std::int64_t>(std::lround(0.5 * (1.0 - kept) * static_cast<double>(side)));
+    return slice(slice(image, 1, margin, side - margin), 2, margin, side - margin);
+}
+
+}  // namespace
+
+struct IdentityMeasure::Network {
+    ParameterStore parameters;
+    std::unique_ptr<Backbone> backbone;
+};
+
+IdentityMeasure::IdentityMeasure(const std::filesystem::path& weights)
+    : network_(std::make_unique<Network>()) {
+    Rng unused(0);
+    network_->backbone = make_backbone("mobilefacenet", network_->parameters, "", unused);
+    network_->backbone->load_pretrained(read_tensor_file(weights), weights.string());
+    network_->parameters.set_trainable("", false);
+}
+
+IdentityMeasure::~IdentityMeasure() = default;
+
+std::vector<double> IdentityMeasure::embedding(const Tensor& image) const {
+    const Variable input =
+        Variable(image.reshaped({1, image.shape(0), image.shape(1), 3})) * 2.0 - 1.0;
+    std::vector<double> values =
+        (*network_->backbone)(recognition_frame(input)).value().to_vector();
+    const double length = std::sqrt(cosine(values, values));
+    for (double& value : values) value /= length;
+    return values;
+}
+
+IdentityScore IdentityMeasure::measure(const Model& model, const ComparedFace& face,
+                                       const ComparedFace& other, const FitResult& fit) const {
+    const ViewOptions options{.samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
+                              .resolution = face.batch.targets.back().shape(1)};
+    const auto seen_by = [&](const Camera& camera) {
+        return embedding(render_view(model, fit.fitted, 0, camera, options).image);
+    };
+    const std::vector<double> photo = embedding(display_image(face.batch.targets.back(), 0));
+    const std::vector<double> fitted = seen_by(fit.cameras.front());
+    const auto turned = [&](double degrees) {
+        const double yaw = radians_from_degrees(degrees);
+        return 0.5 * (cosine(fitted, seen_by(model_camera(model, yaw, 0.0, 0.0))) +
+                      cosine(fitted, seen_by(model_camera(model, -yaw, 0.0, 0.0))));
+    };
+    return {.photo = cosine(photo, fitted),
+            .turned_15 = turned(15.0),
+            .turned_30 = turned(30.0),
+            .other = cosine(photo, embedding(display_image(other.batch.targets.back(), 0)))};
+}
+
+}  // namespace stymo
