@@ -156,6 +156,8 @@ stymo::AppResult fit(Options options) {
     if (reconstruction.lpips() == nullptr && !options.lpips.trunk.empty())
         metric.emplace(stymo::metric_config(options.lpips, config.perceptual),
                        "leave out --lpips-trunk");
+    // A model of the user's own may have seen anything; that of stymo knows heads of photos.
+    if (options.model.file.empty()) options.preparation.mask_model = &model;
     const std::vector<Photo> photos = photos_of(options, model.config());
     std::vector<stymo::Face> faces;
     for (const Photo& photo : photos) faces.push_back(photo.face);

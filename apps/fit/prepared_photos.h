@@ -19,7 +19,7 @@ struct PreparedPhoto {
 };
 
 /// Finds, aligns and masks the largest face of each photo, with its pose for the model's camera.
-/// `settings`: the files to work with. Throws FileError naming the photo that cannot be read or
+/// Without a face parser the model's own heads guide the masks. `settings`: the files to work with. Throws FileError naming the photo that cannot be read or
 /// used.
 [[nodiscard]] std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
                                                         const ModelConfig& model,

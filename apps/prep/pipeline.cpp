@@ -11,6 +11,7 @@
 #include "core/io/file.h"
 #include "core/io/image.h"
 #include "core/parallel.h"
+#include "nn/models/weight_changes.h"
 #include "train/data/folder_scan.h"
 
 namespace stymo {
@@ -32,16 +33,19 @@ JsonValue settings_json(const fs::path& photos, const PhotoPreparationSettings& 
     const auto absolute = [](const fs::path& path) {
         return path.empty() ? std::string() : fs::absolute(path).string();
     };
-    return JsonValue::object({{"--photos", absolute(photos)},
-                              {"--size", settings.side},
-                              {"--all-faces", settings.all_faces},
-                              {"--new-masks", settings.new_masks},
-                              {"--landmarks", absolute(settings.landmark_model)},
-                              {"--morphable", absolute(settings.morphable)},
-                              {"--parser", absolute(settings.parser)},
-                              {"--pose-net", absolute(settings.pose_network)},
-                              {"--distance", settings.pivot.distance},
-                              {"--pivot-depth", settings.pivot.pivot_depth}});
+    return JsonValue::object(
+        {{"--photos", absolute(photos)},
+         {"--size", settings.side},
+         {"--all-faces", settings.all_faces},
+         {"--new-masks", settings.new_masks},
+         {"--landmarks", absolute(settings.landmark_model)},
+         {"--morphable", absolute(settings.morphable)},
+         {"--parser", absolute(settings.parser)},
+         {"--mask-model", settings.mask_model != nullptr ? decoder_fingerprint(*settings.mask_model)
+                                                         : std::string()},
+         {"--pose-net", absolute(settings.pose_network)},
+         {"--distance", settings.pivot.distance},
+         {"--pivot-depth", settings.pivot.pivot_depth}});
 }
 
 KnownOfPhoto known_of(const std::string& id, const FolderScan& scan, Tensor mask) {

@@ -12,6 +12,7 @@
 #include "fit/photo/face_parser.h"
 #include "fit/photo/grab_cut.h"
 #include "fit/photo/head_mask.h"
+#include "fit/photo/model_mask.h"
 #include "fit/photo/photo_warnings.h"
 #include "fit/photo/pose_network.h"
 #include "render/morphable/head_source.h"
@@ -116,6 +117,8 @@ struct PhotoPreparation::Implementation {
 
     [[nodiscard]] FaceCrop crop(const Tensor& photo, const Tensor& known_mask, const Face& face);
     [[nodiscard]] PreparedFace joined(FaceCrop crop, std::optional<MorphableFit> fit);
+    /// The mask by the model, now that the pose is known, and its agreement with a known one.
+    void complete_mask(FaceCrop& crop, const Pose& pose) const;
     /// Why the face cannot be used; empty if it can.
     [[nodiscard]] std::string failure_of(const FaceCrop& crop,
                                          const std::optional<MorphableFit>& fit) const;
@@ -149,8 +152,7 @@ FaceCrop PhotoPreparation::Implementation::crop(const Tensor& photo, const Tenso
     const Tensor known = known_mask.defined() ? cut(known_mask, mask_side) : Tensor();
     crop.made_mask = settings.new_masks || !known.defined();
     const Tensor mask = crop.made_mask ? made_mask(image, landmarks_at(mask_side)) : known;
-    if (crop.made_mask && known.defined())
-        crop.mask_agreement = intersection_over_union(mask, known);
+    if (crop.made_mask) crop.known_mask = known;
     crop.mask = resized(mask, side);
     crop.fit_target = {landmarks_at(fit_side), resized(image, fit_side), resized(mask, fit_side)};
     if (network) crop.face_box = network->face_box(image);
@@ -167,11 +169,24 @@ std::string PhotoPreparation::Implementation::failure_of(
     return {};
 }
 
+void PhotoPreparation::Implementation::complete_mask(FaceCrop& crop, const Pose& pose) const {
+    if (!crop.made_mask) return;
+    if (settings.mask_model != nullptr && !parser)
+        crop.mask = grab_cut_head_mask(
+            crop.image, crop.landmarks,
+            head_probability(*settings.mask_model, crop.image, pose, settings.intrinsics));
+    if (crop.known_mask.defined())
+        crop.mask_agreement =
+            intersection_over_union(crop.mask, resized(crop.known_mask, settings.side));
+    crop.known_mask = {};
+}
+
 PreparedFace PhotoPreparation::Implementation::joined(FaceCrop crop,
                                                       std::optional<MorphableFit> fit) {
     PreparedFace face;
     face.failure = failure_of(crop, fit);
     face.fit = std::move(fit).value_or(MorphableFit{});
+    if (face.failure.empty()) complete_mask(crop, face.fit.pose);
     double yaw = face.fit.pose.yaw;
     if (network && face.failure.empty()) {
         try {

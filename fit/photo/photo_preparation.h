@@ -12,6 +12,7 @@
 #include "fit/morphable/morphable_fit.h"
 #include "fit/photo/landmarks.h"
 #include "fit/photo/network_poses.h"
+#include "nn/models/model.h"
 #include "render/camera.h"
 #include "render/morphable/head.h"
 
@@ -24,6 +25,9 @@ struct PhotoPreparationSettings {
     bool all_faces = false;        ///< of a photo with several; else the largest
     bool new_masks = false;  ///< masks are made even where one is known, and both are compared
     PivotCamera pivot;       ///< of poses from a network
+    /// Its heads guide GrabCut where there is no face parser (model_mask.h); must outlive the
+    /// preparation. Null: GrabCut goes by the landmarks.
+    const Model* mask_model = nullptr;
     // Optional files; an empty path means that the file is not used.
     std::filesystem::path landmark_model;  ///< in place of libdlib-data's (FaceDetector)
     std::filesystem::path parser;          ///< ONNX of a face parser; GrabCut without one
@@ -46,13 +50,13 @@ struct FaceCrop {
     Landmarks landmarks;  ///< in pixels of `image`
     bool was_aligned = false;
     bool made_mask = false;  ///< whether the mask was made here
-    std::optional<double>
-        mask_agreement;             ///< intersection over union of the mask made and the known one
-    std::int64_t faces = 1;         ///< found in the photo
-    double side_in_photo = 0.0;     ///< in pixels of the photo
-    double share_outside = 0.0;     ///< of the crop, beyond the photo's edges
-    MorphableFitTarget fit_target;  ///< the same at the resolution of the morphable fit
-    Tensor face_box;                ///< for the pose network, if there is one
+    Tensor known_mask;       ///< (512, 512, 1) where the mask was made in its place, until `finish`
+    std::optional<double> mask_agreement;  ///< intersection over union of both, after `finish`
+    std::int64_t faces = 1;                ///< found in the photo
+    double side_in_photo = 0.0;            ///< in pixels of the photo
+    double share_outside = 0.0;            ///< of the crop, beyond the photo's edges
+    MorphableFitTarget fit_target;         ///< the same at the resolution of the morphable fit
+    Tensor face_box;                       ///< for the pose network, if there is one
 };
 
 /// A face with pose and codes.

@@ -11,6 +11,7 @@
 #include "fit/photo/photo_preparation.h"
 #include "render/morphable/builtin_head.h"
 #include "support/error_message.h"
+#include "support/tiny_model.h"
 #include "train/data/synthetic_faces.h"
 
 using namespace stymo;
@@ -84,13 +85,25 @@ TEST_CASE("masks that are made are compared with known ones", "[photo]") {
     PhotoPreparationSettings settings;
     settings.side = 64;
     settings.new_masks = true;
-    const PhotoPreparation preparation(settings);
-    const FaceCrop crop =
-        preparation.crops(rendered.image.color, {rendered.image.mask, rendered.image.landmarks})
-            .front();
-    CHECK(crop.made_mask);
-    REQUIRE(crop.mask_agreement);
-    CHECK(*crop.mask_agreement > 0.5);
+    Model model = test::tiny_model(1);
+    model.parameters().set_trainable("", false);
+    std::vector<std::vector<double>> masks;
+    for (const Model* guide :
+         {static_cast<const Model*>(nullptr), static_cast<const Model*>(&model)}) {
+        settings.mask_model = guide;
+        const PhotoPreparation preparation(settings);
+        const FaceCrop crop =
+            preparation
+                .finish(preparation.crops(rendered.image.color,
+                                          {rendered.image.mask, rendered.image.landmarks}))
+                .front()
+                .crop;
+        CHECK(crop.made_mask);
+        REQUIRE(crop.mask_agreement);
+        masks.push_back(crop.mask.to_vector());
+        if (guide == nullptr) CHECK(*crop.mask_agreement > 0.5);
+    }
+    CHECK_FALSE(masks[0] == masks[1]);
 }
 
 TEST_CASE("a photo without a face, or with a mask of other proportions, is refused with the reason",
