@@ -15,7 +15,7 @@
 #include "core/rng.h"
 #include "nn/losses.h"
 #include "nn/models/view.h"
-#include "nn/optim/adam.h"
+#include "nn/optim/hybrid_optimizer.h"
 
 namespace stymo {
 
@@ -24,6 +24,7 @@ namespace {
 /// Share of the time in which the learning rate rises.
 constexpr double rising = 0.05;
 constexpr double sample_tolerance = 1e-3;
+constexpr double mask_weight = 0.05;
 constexpr double largest_yaw = 40.0, largest_pitch = 15.0;
 
 /// What the tuned decoder must go on showing.
@@ -44,6 +45,7 @@ public:
            const TuningOptions& options)
         : tuned_(tuned),
           loss_(loss),
+          faces_(faces),
           codes_(codes),
           cameras_(cameras),
           options_(options),
@@ -60,7 +62,7 @@ public:
         for (std::int64_t i = 0; i < options.anchors; ++i)
             anchors_.push_back(make_anchor(original, rng, i));
         tuned.parameters().set_trainable("", false);
-        for (const char* prefix : {"decoder.field.", "decoder.block"})
+        for (const char* prefix : {"decoder.field.", "decoder.block", "decoder.mask."})
             tuned.parameters().set_trainable(prefix, true);
         parameters_ = tuned.parameters().trainable();
     }
@@ -81,14 +83,15 @@ public:
                                ": the loss is not finite; lower the learning rate");
         for (std::size_t i = 0; anchored && i < parameters_.size(); ++i)
             gradients[0][i] = gradients[0][i] + gradients[1][i];
-        adam_.step(parameters_, gradients[0], learning_rate);
+        optimizer_.step(parameters_, gradients[0], {learning_rate, "", 1.0});
         return losses[0];
     }
 
 private:
-    [[nodiscard]] DecodeOptions decoding(std::int64_t resolution) const {
+    [[nodiscard]] DecodeOptions decoding(std::int64_t resolution, bool mask = false) const {
         return {.samples_per_ray = samples_per_ray_,
                 .resolution = resolution,
+                .mask = mask,
                 .gradient_tolerance = sample_tolerance,
                 .keep_field = true};
     }
@@ -96,10 +99,17 @@ private:
     [[nodiscard]] Variable photo_loss(std::int64_t number) const {
         const std::int64_t row = number % codes_.batch();
         const ReconstructionLoss::Target& photo = photos_[static_cast<std::size_t>(row)];
+        const std::int64_t side = photo.images.back().shape(1);
+        const bool masked = faces_.mask.defined() && faces_.mask.shape(1) == side &&
+                            side == tuned_.decoder().ladder().largest();
         const Decoded decoded =
             tuned_.decoder()(codes_of_face(codes_, row), {cameras_[static_cast<std::size_t>(row)]},
-                             decoding(photo.images.back().shape(1)));
-        return loss_(decoded.images, photo).total;
+                             decoding(side, masked));
+        const Variable loss = loss_(decoded.images, photo).total;
+        if (!masked) return loss;
+        // The mask branch reads what the render blocks give, which tuning changes.
+        const Tensor mask = slice(Variable(faces_.mask), 0, row, row + 1).value();
+        return loss + mask_loss(decoded.mask_logit, mask) * mask_weight;
     }
 
     [[nodiscard]] Variable anchor_loss(std::int64_t number) const {
@@ -141,6 +151,7 @@ private:
 
     Model& tuned_;
     const ReconstructionLoss& loss_;
+    const FaceBatch& faces_;
     const Codes& codes_;
     const std::vector<Camera>& cameras_;
     const TuningOptions& options_;
@@ -148,7 +159,7 @@ private:
     std::vector<ReconstructionLoss::Target> photos_;
     std::vector<Anchor> anchors_;
     std::vector<Parameter> parameters_;
-    Adam adam_;
+    HybridOptimizer optimizer_{{}, true};
 };
 
 /// Share of the tuning that is over.
@@ -171,7 +182,7 @@ TuningResult tune_decoder(const Model& original, Model& tuned, const Reconstruct
     TuningResult result;
     for (std::int64_t step = 0; !interrupted(); ++step) {
         const double part = part_done(options, step, seconds_now() - start);
-        if (part >= 1.0) break;
+        if (part >= 1.0 && step > 0) break;
         const double rate = options.learning_rate * std::min(1.0, (part + 1e-3) / rising) * 0.5 *
                             (1.0 + std::cos(std::numbers::pi * part));
         result.losses.push_back(tuning.step(step, rate));

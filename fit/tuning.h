@@ -17,11 +17,12 @@ struct TuningStep {
 };
 
 struct TuningOptions {
-    /// Tuning ends after so many seconds or so many steps, whichever comes first; 0: no such limit.
+    /// Tuning ends after so many seconds or so many steps, whichever comes first, but not before
+    /// the first step; 0: no such limit.
     /// The result depends on the machine's speed unless `steps` comes first.
     double seconds = 0.0;
     std::int64_t steps = 0;
-    double learning_rate = 2e-3;  ///< Adam's highest; it rises over the first twentieth of the time
+    double learning_rate = 1e-2;  ///< the highest; it rises over the first twentieth of the time
                                   ///< and then falls to 0 along a cosine
     /// Weight of the locality term: images of the tuned decoder at anchors against those of the
     /// original one. One half of the anchors are neighbouring codes seen from anywhere; the other
@@ -41,8 +42,8 @@ struct TuningResult {
 };
 
 /// Pivotal tuning (Roich et al. 2022), the paper's future work: the decoder learns the photos of
-/// one face, whose codes are fitted and stay as they are, one photo in each step in turn. Field and
-/// render blocks change; mapping networks and mask branch do not. `tuned` begins as a copy of
+/// one face, whose codes are fitted and stay as they are, one photo in each step in turn. Field,
+/// render blocks and mask branch change; the mapping networks do not. `tuned` begins as a copy of
 /// `original` and is frozen afterwards. Throws ValueError without any limit, NumericError if the
 /// loss becomes non-finite.
 [[nodiscard]] TuningResult tune_decoder(const Model& original, Model& tuned,

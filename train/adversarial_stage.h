@@ -40,7 +40,7 @@ private:
     void update_decoder(const TrainingPosition& position, StepReport& report);
 
     TrainingParts parts_;
-    GeneratorOptimizer optimizer_;
+    HybridOptimizer optimizer_;
     std::optional<TrainedDiscriminator> discriminator_;
 };
 

@@ -22,7 +22,7 @@ private:
     [[nodiscard]] double learning_rate(const TrainingPosition& position) const;
 
     TrainingParts parts_;
-    GeneratorOptimizer optimizer_;
+    HybridOptimizer optimizer_;
 };
 
 }  // namespace stymo

@@ -69,8 +69,7 @@ std::vector<std::string> trained_decoder_prefixes(const Model& model,
 
 void update_generator(const TrainingParts& parts, const TrainingPosition& position,
                       const Discriminator* discriminator, const std::vector<Parameter>& parameters,
-                      GeneratorOptimizer& optimizer, const GeneratorRates& rates,
-                      StepReport& report) {
+                      HybridOptimizer& optimizer, const OptimizerRates& rates, StepReport& report) {
     const GeneratorInputs inputs{parts.model, parts.reconstruction, parts.config, parts.offsets,
                                  discriminator};
     const LossAndGradients mean = mean_over_micro_batches(

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "core/io/tensor_file.h"
+#include "nn/optim/hybrid_optimizer.h"
 #include "train/data/training_images.h"
 #include "train/generator_gradients.h"
-#include "train/generator_optimizer.h"
 #include "train/gradient_tree.h"
 #include "train/ranks.h"
 
@@ -107,8 +107,7 @@ std::vector<Parameter> unfreeze_only(ParameterStore& parameters,
 /// learning rate and what is not finite in the report; in that case nothing has changed.
 void update_generator(const TrainingParts& parts, const TrainingPosition& position,
                       const Discriminator* discriminator, const std::vector<Parameter>& parameters,
-                      GeneratorOptimizer& optimizer, const GeneratorRates& rates,
-                      StepReport& report);
+                      HybridOptimizer& optimizer, const OptimizerRates& rates, StepReport& report);
 
 /// The random numbers of a step's samples, for one purpose, from the samples of this image of the
 /// step on.

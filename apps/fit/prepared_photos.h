@@ -19,8 +19,8 @@ struct PreparedPhoto {
 };
 
 /// Finds, aligns and masks the largest face of each photo, with its pose for the model's camera.
-/// Without a face parser the model's own heads guide the masks. `settings`: the files to work with. Throws FileError naming the photo that cannot be read or
-/// used.
+/// `settings`: the files to work with, and the model whose heads guide the masks. Throws FileError
+/// naming the photo that cannot be read or used.
 [[nodiscard]] std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
                                                         const ModelConfig& model,
                                                         PhotoPreparationSettings settings);

@@ -9,23 +9,23 @@
 
 namespace stymo {
 
-/// The generator's learning rate; that of the parameters whose name begins with `prefix` is
-/// `prefix_factor` times as large.
-struct GeneratorRates {
+/// A learning rate; that of the parameters whose name begins with `prefix` is `prefix_factor` times
+/// as large.
+struct OptimizerRates {
     double learning_rate = 0.0;
     std::string_view prefix;
     double prefix_factor = 1.0;
 };
 
-/// Moves the generator's parameters: Adam, or Muon for the decoder's matrices and Adam for the
-/// rest.
-class GeneratorOptimizer {
+/// Adam, or Muon for the decoder's hidden matrices and Adam for the rest: what moves encoder and
+/// decoder in training, and the decoder in tuning.
+class HybridOptimizer {
 public:
-    GeneratorOptimizer(const AdamOptions& adam, bool muon) : adam_(adam), with_muon_(muon) {}
+    HybridOptimizer(const AdamOptions& adam, bool muon) : adam_(adam), with_muon_(muon) {}
 
     /// Throws what Adam::step and Muon::step throw.
     void step(std::span<const Parameter> parameters, std::span<const Variable> gradients,
-              const GeneratorRates& rates);
+              const OptimizerRates& rates);
 
     /// Adds what the next step depends on, under `prefix`adam. and `prefix`muon. .
     void save(TensorFile& file, const std::string& prefix) const;

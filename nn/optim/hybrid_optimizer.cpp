@@ -1,4 +1,4 @@
-#include "train/generator_optimizer.h"
+#include "nn/optim/hybrid_optimizer.h"
 
 #include <algorithm>
 #include <vector>
@@ -25,8 +25,8 @@ struct Group {
 
 }  // namespace
 
-void GeneratorOptimizer::step(std::span<const Parameter> parameters,
-                              std::span<const Variable> gradients, const GeneratorRates& rates) {
+void HybridOptimizer::step(std::span<const Parameter> parameters,
+                           std::span<const Variable> gradients, const OptimizerRates& rates) {
     Group plain, prefixed, matrices;
     for (std::size_t i = 0; i < parameters.size(); ++i) {
         const bool muon = with_muon_ && is_hidden_matrix(parameters[i]);
@@ -41,13 +41,13 @@ void GeneratorOptimizer::step(std::span<const Parameter> parameters,
     muon_.step(matrices.parameters, matrices.gradients, rates.learning_rate);
 }
 
-void GeneratorOptimizer::save(TensorFile& file, const std::string& prefix) const {
+void HybridOptimizer::save(TensorFile& file, const std::string& prefix) const {
     adam_.save(file, prefix + adam_name);
     muon_.save(file, prefix + muon_name);
 }
 
-void GeneratorOptimizer::load(const TensorFile& file, const std::string& source,
-                              const std::string& prefix) {
+void HybridOptimizer::load(const TensorFile& file, const std::string& source,
+                           const std::string& prefix) {
     adam_.load(file, source, prefix + adam_name);
     muon_.load(file, prefix + muon_name);
 }
