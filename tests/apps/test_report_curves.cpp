@@ -80,8 +80,7 @@ TEST_CASE("The study of fitting judges every way by the same loss", "[report][sl
     const json rows = report["fitting"];
     REQUIRE(rows.size() == 7);
     // Nothing where no face gets there in the time, on a slow or busy machine.
-    if (!rows[0]["times_sooner"].is_null())
-        CHECK(rows[0]["times_sooner"].get<double>() >= 1.0);
+    if (!rows[0]["times_sooner"].is_null()) CHECK(rows[0]["times_sooner"].get<double>() >= 1.0);
     std::map<std::string, double> first;
     for (const json& point : report["fitting_curves"])
         if (point["steps"] == 0)

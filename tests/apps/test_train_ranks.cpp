@@ -21,8 +21,8 @@ const std::vector<std::string> as_root{"OMPI_ALLOW_RUN_AS_ROOT=1",
                                        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1"};
 
 bool can_run() {
-    const bool can = stymo::has_mpi() &&
-                     stymo::run_child({"mpirun", "-n", "1", "true"}, as_root).exit_code == 0;
+    const bool can =
+        stymo::has_mpi() && stymo::run_child({"mpirun", "-n", "1", "true"}, as_root).exit_code == 0;
     if (!can) WARN("skipped: no Open MPI, or mpirun cannot start a process here");
     return can;
 }
