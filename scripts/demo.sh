@@ -43,7 +43,7 @@ fetch_portrait() {
         dpkg-deb --fsys-tarfile python3-skimage_*.deb |
         tar --extract --to-stdout "./$portrait" >"$out/photo.png") || true
     rm -rf "$packages"
-    [[ -s "$out/photo.png" ]] && photo="$out/photo.png"
+    if [[ -s "$out/photo.png" ]]; then photo="$out/photo.png"; else rm -f "$out/photo.png"; fi
 }
 
 say "packages and build"
@@ -53,7 +53,7 @@ cmake --build --preset release --target stymo-fit stymo-render
 bin=build/bin
 built=$SECONDS
 
-[[ -n "$photo" ]] || fetch_portrait || true
+[[ -n "$photo" ]] || fetch_portrait
 if [[ -n "$photo" ]]; then
     say "fitting the face in $photo"
     "$bin/stymo-fit" --image "$photo" --optimizer lbfgs --steps 60 --tune 20 --out "$out"

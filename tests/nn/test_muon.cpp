@@ -7,7 +7,10 @@
 #include "core/ops/elementwise.h"
 #include "core/rng.h"
 #include "core/tensor_eigen.h"
+#include "nn/optim/hybrid_optimizer.h"
 #include "nn/optim/muon.h"
+#include "support/check_close.h"
+#include "support/tiny_model.h"
 
 using namespace stymo;
 
@@ -90,4 +93,63 @@ TEST_CASE("Muon refuses what is no matrix or does not fit", "[muon]") {
     CHECK_THROWS_WITH(muon.step(store.all(), std::vector<Variable>{Tensor::zeros({4})}, 0.1),
                       Catch::Contains("gradient of w"));
     CHECK_THROWS_AS(muon.step(store.all(), {}, 0.1), ValueError);
+}
+
+TEST_CASE("the hybrid optimizer moves the decoder's hidden matrices by Muon, all else by Adam",
+          "[muon]") {
+    const std::vector<std::string> names{"decoder.hidden", "decoder.to_rgb", "encoder.hidden",
+                                         "decoder.bias"};
+    const std::vector<Shape> shapes{{16, 20}, {3, 20}, {16, 20}, {16}};
+    ParameterStore store;
+    std::vector<Variable> gradients;
+    for (std::size_t i = 0; i < names.size(); ++i) {
+        store.create(names[i], Tensor::zeros(shapes[i]));
+        gradients.emplace_back(Rng(i).normal(shapes[i], 0.0, 1.0));
+    }
+    const auto value = [&](std::size_t i) { return store.all()[i].variable().value(); };
+    HybridOptimizer hybrid({}, true);
+    hybrid.step(store.all(), gradients, {0.01, "encoder.", 0.5});
+    for (std::size_t i = 0; i < names.size(); ++i) {
+        ParameterStore one;
+        one.create(names[i], Tensor::zeros(shapes[i]));
+        const std::vector<Variable> gradient{gradients[i]};
+        if (i == 0)
+            Muon().step(one.all(), gradient, 0.01);
+        else
+            Adam().step(one.all(), gradient, i == 2 ? 0.005 : 0.01);
+        INFO(names[i]);
+        CHECK(test::identical(value(i), one.all()[0].variable().value()));
+    }
+
+    TensorFile file;
+    hybrid.save(file, "x.");
+    const std::vector<Tensor> before{value(0), value(1)};
+    hybrid.step(store.all(), gradients, {0.01, "encoder.", 0.5});
+    const Tensor matrix = value(0), other = value(1);
+    store.all()[0].set_value(before[0]);
+    store.all()[1].set_value(before[1]);
+    HybridOptimizer resumed({}, true);
+    resumed.load(file, "memory", "x.");
+    resumed.step(store.all(), gradients, {0.01, "encoder.", 0.5});
+    CHECK(test::identical(value(0), matrix));
+    CHECK(test::identical(value(1), other));
+}
+
+TEST_CASE("a falloff scales the first weights of each frequency, and nothing else", "[muon]") {
+    ModelConfig config = test::tiny_model_config();
+    config.decoder.frequency_falloff = 1.5;
+    Rng rng(1);
+    const Model scaled(config, rng), plain = test::tiny_model(1);
+    for (std::size_t i = 0; i < plain.parameters().all().size(); ++i) {
+        const Parameter& parameter = plain.parameters().all()[i];
+        const std::vector<double> a = parameter.variable().value().to_vector(),
+                                  b = scaled.parameters().all()[i].variable().value().to_vector();
+        const bool first = parameter.name() == "decoder.field.layer0.weight";
+        const auto columns = static_cast<std::size_t>(3 + 6 * config.decoder.frequencies);
+        for (std::size_t k = 0; k < a.size(); ++k) {
+            const std::size_t column = k % columns;
+            const double power = first && column >= 3 ? static_cast<double>((column - 3) / 6) : 0.0;
+            REQUIRE(b[k] == Approx(a[k] * std::exp2(-1.5 * power)).epsilon(1e-6));
+        }
+    }
 }
