@@ -9,6 +9,7 @@ packages=(
     libopenimageio-dev openimageio-tools # the CMake files of libopenimageio-dev refer to the tools
     libdlib-dev libdlib-data             # optional: finds faces in photos
     libopenmpi-dev openmpi-bin           # optional: training on several machines
+    libcpp-httplib-dev                   # optional: the viewer in the browser
 )
 
 missing=()

@@ -73,12 +73,18 @@ constexpr const char* several_machines = "Open MPI";
 constexpr const char* several_machines = "off (built without Open MPI)";
 #endif
 
+#ifdef STYMO_WITH_HTTPLIB
+constexpr const char* viewer = "cpp-httplib";
+#else
+constexpr const char* viewer = "off (built without cpp-httplib)";
+#endif
+
 std::string version_text(const std::string& program) {
     std::ostringstream text;
     text << program << " " << STYMO_VERSION << "\nthreads: " << thread_count()
          << "\nvector instructions: " << vector_instructions() << "\nfaces in photos: "
          << (FaceDetector::available() ? "dlib" : "off (built without dlib)")
-         << "\nseveral machines: " << several_machines;
+         << "\nseveral machines: " << several_machines << "\nviewer: " << viewer;
     return text.str();
 }
 

@@ -10,4 +10,5 @@ int stymo_prep(int argc, char** argv);
 int stymo_render(int argc, char** argv);
 int stymo_synth(int argc, char** argv);
 int stymo_train(int argc, char** argv);
+int stymo_view(int argc, char** argv);
 int stymo_weights(int argc, char** argv);

@@ -1,7 +1,6 @@
 #include "apps/render/images.h"
 
 #include <algorithm>
-#include <array>
 #include <iomanip>
 #include <sstream>
 
@@ -65,18 +64,6 @@ std::string numbered(std::size_t frame) {
 }
 
 }  // namespace
-
-const std::vector<std::string>& render_mode_names() {
-    static const std::vector<std::string> names{"exact", "skip", "half", "baked",
-                                                "bf16"};  // bf16: the older name of half
-    return names;
-}
-
-RenderMode render_mode(const std::string& name) {
-    const auto place = std::ranges::find(render_mode_names(), name) - render_mode_names().begin();
-    return std::array{RenderMode::exact, RenderMode::skip, RenderMode::half, RenderMode::baked,
-                      RenderMode::half}[static_cast<std::size_t>(place)];
-}
 
 std::vector<std::filesystem::path> write_images(const std::filesystem::path& out,
                                                 const RenderOptions& options, const Model& model,

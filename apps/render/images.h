@@ -19,9 +19,4 @@ namespace stymo {
                                                               const ShotList& list,
                                                               Explainer& explainer);
 
-/// Names of --mode.
-[[nodiscard]] const std::vector<std::string>& render_mode_names();
-/// One of these names.
-[[nodiscard]] RenderMode render_mode(const std::string& name);
-
 }  // namespace stymo

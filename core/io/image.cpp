@@ -173,6 +173,19 @@ void write_file(const fs::path& path, const OIIO::ImageSpec& spec, const void* p
 
 }  // namespace
 
+void require_image_size(const fs::path& path, std::int64_t most_pixels) {
+    const auto input = OIIO::ImageInput::open(path.string());
+    if (!input) {
+        static_cast<void>(OIIO::geterror());
+        fail<FileError>(path.string(), ": not an image");
+    }
+    const std::int64_t pixels = std::int64_t{input->spec().width} * input->spec().height;
+    if (pixels > most_pixels) {
+        fail<FileError>(path.string(), ": has ", input->spec().width, " x ", input->spec().height,
+                        " pixels; at most ", most_pixels, " are allowed");
+    }
+}
+
 Tensor read_image(const fs::path& path) {
     return rgb_of(read_pixels(path));
 }

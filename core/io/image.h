@@ -14,6 +14,9 @@ namespace stymo {
 /// clipped. Throws FileError with a short reason ("not an image (zero bytes)") if the file is no
 /// readable image.
 [[nodiscard]] Tensor read_image(const std::filesystem::path& path);
+/// Throws FileError for a file that is no image or has more than `most_pixels`, by its header
+/// alone.
+void require_image_size(const std::filesystem::path& path, std::int64_t most_pixels);
 /// Reads one channel as float32 (height, width, 1) in [0, 1]: a mask. A colour image becomes its
 /// luminance.
 [[nodiscard]] Tensor read_mask(const std::filesystem::path& path);

@@ -161,13 +161,16 @@ FaceDetector::FaceDetector(const fs::path& landmark_model) {
     implementation_ = std::move(implementation);
 }
 
-std::vector<DetectedFace> FaceDetector::find(const Tensor& photo) const {
+std::vector<DetectedFace> FaceDetector::find(const Tensor& photo, FaceSearch search) const {
     if (photo.rank() != 3 || photo.size() == 0 || photo.shape(2) != 3)
         fail<ShapeError>("[face detector] a photo is (height, width, 3); got ", photo.shape());
     const auto longer_side = static_cast<double>(std::max(photo.shape(0), photo.shape(1)));
     std::vector<DetectedFace> faces;
     double former_scale = 0.0;
-    for (const auto& [side, confidence] : searches) {
+    const std::array<Search, 2> quick_searches{{{longer_side, 0.0}, {2.0 * longer_side, 0.0}}};
+    const std::span<const Search> chosen =
+        search == FaceSearch::quick ? std::span<const Search>(quick_searches) : searches;
+    for (const auto& [side, confidence] : chosen) {
         // The first search never enlarges the photo, because most small photos are filled by a
         // face.
         const double limit = former_scale == 0.0 ? 1.0 : largest_enlargement;
@@ -202,7 +205,7 @@ FaceDetector::FaceDetector(const std::filesystem::path&) {
         "and build again");
 }
 
-std::vector<DetectedFace> FaceDetector::find(const Tensor&) const {
+std::vector<DetectedFace> FaceDetector::find(const Tensor&, FaceSearch) const {
     return {};
 }
 

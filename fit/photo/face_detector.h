@@ -18,6 +18,12 @@ struct DetectedFace {
     Landmarks landmarks;
 };
 
+/// How long a face is searched for.
+enum class FaceSearch {
+    thorough,  ///< as long as it takes to find small and covered faces, too
+    quick,     ///< for the images of a film: at their own size, and enlarged to twice that size
+};
+
 /// dlib's frontal face detector and its predictor of 68 landmarks.
 class FaceDetector {
 public:
@@ -32,10 +38,11 @@ public:
     FaceDetector(FaceDetector&&) noexcept;
     FaceDetector& operator=(FaceDetector&&) noexcept;
 
-    /// The faces of an upright photo (height, width, 3) in [0, 1], largest first. Photos are
-    /// searched at 640 pixels of their longer side, and at more if nothing is found. May be called
-    /// from several threads at once.
-    [[nodiscard]] std::vector<DetectedFace> find(const Tensor& photo) const;
+    /// The faces of an upright photo (height, width, 3) in [0, 1], largest first. Without haste,
+    /// photos are searched at 640 pixels of their longer side, and at more if nothing is found. May
+    /// be called from several threads at once.
+    [[nodiscard]] std::vector<DetectedFace> find(const Tensor& photo,
+                                                 FaceSearch search = FaceSearch::thorough) const;
 
 private:
     struct Implementation;

@@ -25,7 +25,8 @@ struct BlockRenderer::State {
     virtual void set_style(std::span<const FoldedRenderBlock> blocks) = 0;
     virtual void set_feature_map(std::span<const float> feature_map,
                                  std::span<const std::uint8_t> occupied) = 0;
-    virtual void render(std::span<float> image, std::span<float> mask) = 0;
+    virtual void render(std::span<float> image, std::span<float> mask,
+                        const std::stop_token& stop) = 0;
 
     BlockCounts counts;
 };
@@ -37,7 +38,8 @@ struct BlockRenderer::TypedState final : State {
     void set_style(std::span<const FoldedRenderBlock> folded) override;
     void set_feature_map(std::span<const float> feature_map,
                          std::span<const std::uint8_t> occupied) override;
-    void render(std::span<float> image, std::span<float> mask) override;
+    void render(std::span<float> image, std::span<float> mask,
+                const std::stop_token& stop) override;
 
 private:
     struct Strip {
@@ -237,7 +239,8 @@ void BlockRenderer::TypedState<T>::keep_first_upsample() {
 }
 
 template <class T>
-void BlockRenderer::TypedState<T>::render(std::span<float> image, std::span<float> mask) {
+void BlockRenderer::TypedState<T>::render(std::span<float> image, std::span<float> mask,
+                                          const std::stop_token& stop) {
     if (images_[0].background.features.empty())
         fail<ValueError>("render blocks: no feature map to render");
     if (!mask.empty() && canvas_.logit_weight.empty())
@@ -253,7 +256,8 @@ void BlockRenderer::TypedState<T>::render(std::span<float> image, std::span<floa
     if (!backgrounds_known_) draw_backgrounds();
     if (!first_upsample_kept_) keep_first_upsample();
     for (std::size_t i = 0; i < blocks_.size(); ++i) {
-        parallel_for(std::ssize(strips_[i]), 1, [this, i](std::int64_t index, std::int64_t) {
+        parallel_for(std::ssize(strips_[i]), 1, [this, i, &stop](std::int64_t index, std::int64_t) {
+            if (stop.stop_requested()) return;
             const Strip& strip = strips_[i][static_cast<std::size_t>(index)];
             std::unique_ptr<StripBuffers<T>> buffers = buffers_.take();
             if (i == 0) {
@@ -297,8 +301,9 @@ void BlockRenderer::set_feature_map(std::span<const float> feature_map,
     state_->set_feature_map(feature_map, occupied);
 }
 
-void BlockRenderer::render(std::span<float> image, std::span<float> mask) {
-    state_->render(image, mask);
+void BlockRenderer::render(std::span<float> image, std::span<float> mask,
+                           const std::stop_token& stop) {
+    state_->render(image, mask, stop);
 }
 
 const BlockCounts& BlockRenderer::counts() const {

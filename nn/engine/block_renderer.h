@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <stop_token>
 
 #include "nn/engine/precision.h"
 #include "nn/layers/mask_branch.h"
@@ -44,7 +45,9 @@ public:
     /// Image (resolution, resolution, 3) and, unless that span is empty, mask (resolution,
     /// resolution), both in [0, 1]. Allocates nothing after the first call. Throws ValueError
     /// before the first feature map and for a mask without a branch, ShapeError for other sizes.
-    void render(std::span<float> image, std::span<float> mask = {});
+    /// Returns early, with images of no use, when a stop is requested.
+    void render(std::span<float> image, std::span<float> mask = {},
+                const std::stop_token& stop = {});
     [[nodiscard]] const BlockCounts& counts() const;
 
 private:

@@ -44,9 +44,9 @@ JsonValue row(const Tensor& values, std::int64_t index) {
                                 all.begin() + static_cast<std::ptrdiff_t>(size) * (index + 1))};
 }
 
-Json parsed(const std::filesystem::path& path) {
-    Json json = Json::parse(read_text_file(path), nullptr, false);
-    if (json.is_discarded()) fail<FileError>(path.string(), ": not JSON");
+Json parsed(const std::string& text, const std::string& source) {
+    Json json = Json::parse(text, nullptr, false);
+    if (json.is_discarded()) fail<FileError>(source, ": not JSON");
     return json;
 }
 
@@ -62,12 +62,15 @@ Pose pose_of(const Json& json, const std::string& source) {
 }  // namespace
 
 Pose read_pose(const std::filesystem::path& path) {
-    return pose_of(parsed(path), path.string());
+    return pose_of(parsed(read_text_file(path), path.string()), path.string());
 }
 
 CodeFile read_code_file(const std::filesystem::path& path) {
-    const std::string source = path.string();
-    const Json json = parsed(path);
+    return parse_code_file(read_text_file(path), path.string());
+}
+
+CodeFile parse_code_file(const std::string& text, const std::string& source) {
+    const Json json = parsed(text, source);
     CodeFile result;
     const Json& code = member(json, "code", source);
     for (std::size_t group = 0; group < code_names.size(); ++group) {
@@ -82,13 +85,16 @@ CodeFile read_code_file(const std::filesystem::path& path) {
     return result;
 }
 
-void write_code_file(const std::filesystem::path& path, const Codes& codes, std::int64_t index,
-                     const Pose& pose) {
+std::string code_file_text(const Codes& codes, std::int64_t index, const Pose& pose) {
     JsonValue code = JsonValue::object();
     for (std::size_t group = 0; group < code_names.size(); ++group)
         code.add(code_names[group], row(codes.groups[group].value(), index));
-    write_text_file(path,
-                    JsonValue::object({{"code", code}, {"pose", to_json(pose)}}).text() + "\n");
+    return JsonValue::object({{"code", code}, {"pose", to_json(pose)}}).text() + "\n";
+}
+
+void write_code_file(const std::filesystem::path& path, const Codes& codes, std::int64_t index,
+                     const Pose& pose) {
+    write_text_file(path, code_file_text(codes, index, pose));
 }
 
 }  // namespace stymo

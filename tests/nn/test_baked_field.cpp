@@ -46,7 +46,7 @@ CameraRays rays_of(const Camera& camera, const RaySampling& sampling) {
 
 FeatureMap seen(FieldSource& source, const CameraRays& rays) {
     FeatureMap map;
-    source.render(rays, map);
+    source.render(rays, map, {});
     return map;
 }
 

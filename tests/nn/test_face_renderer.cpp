@@ -9,6 +9,7 @@
 #include "nn/engine/packed_field.h"
 #include "nn/engine/precision.h"
 #include "nn/engine/softplus.h"
+#include "nn/models/realtime/chosen_tolerance.h"
 #include "nn/models/realtime/face_renderer.h"
 #include "support/allocation_count.h"
 #include "support/check_close.h"
@@ -308,4 +309,48 @@ TEST_CASE("the renderer refuses what it cannot render", "[realtime]") {
     CHECK_THROWS_AS(FaceRenderer(model, {.samples_per_ray = 1}), ValueError);
     CHECK_THROWS_AS(FaceRenderer(model, {.tolerance = 1.0}), ValueError);
     CHECK_THROWS_AS(FaceRenderer(model, {.tolerance = -0.1}), ValueError);
+}
+
+TEST_CASE("a frame that is stopped gives nothing, and the next one is what it would have been",
+          "[realtime]") {
+    const Model model = small_model(4);
+    const Codes codes = random_codes(1, 1);
+    const Camera camera = model_camera(model, 0.2, 0.0, 0.0);
+    for (const RenderMode mode : {RenderMode::exact, RenderMode::skip, RenderMode::half}) {
+        const View expected = rendered(model, codes, camera, {.mode = mode});
+        FaceRenderer renderer(model, {.mode = mode});
+        renderer.show(codes);
+        std::stop_source stop;
+        CHECK(renderer.render(camera, stop.get_token()).has_value());
+        stop.request_stop();
+        const Camera other = model_camera(model, -0.2, 0.0, 0.0);
+        CHECK_FALSE(renderer.render(other, stop.get_token()).has_value());
+        CHECK(check_close(renderer.render(camera).image, expected.image, 0.0).passed);
+    }
+}
+
+TEST_CASE("the chosen tolerance is the largest that keeps to the wanted error", "[realtime]") {
+    Model model = small_model(4);
+    add_to_density(model, 1.0);
+    const Codes codes = random_codes(1, 1);
+    const std::vector<Camera> cameras{model_camera(model, 0.0, 0.0, 0.0),
+                                      model_camera(model, 0.4, 0.0, 0.0)};
+    const RendererOptions options{.mode = RenderMode::skip};
+    const ChosenTolerance coarse = choose_tolerance(model, codes, cameras, options, 30.0);
+    const ChosenTolerance fine = choose_tolerance(model, codes, cameras, options, 60.0);
+    CHECK(coarse.tolerance >= fine.tolerance);
+    CHECK(coarse.error.mean_psnr >= 30.0);
+    CHECK(fine.error.mean_psnr >= 60.0);
+    CHECK(fine.error.worst_psnr <= fine.error.mean_psnr);
+    RendererOptions chosen = options;
+    chosen.tolerance = fine.tolerance;
+    CHECK(frame_error(model, codes, cameras, chosen).mean_psnr ==
+          Approx(fine.error.mean_psnr).epsilon(1e-9));
+    if (fine.tolerance < 0.5) {
+        chosen.tolerance = fine.tolerance * std::sqrt(2.0);
+        CHECK(frame_error(model, codes, cameras, chosen).mean_psnr < 60.0);
+    }
+    CHECK(choose_tolerance(model, codes, cameras, {.mode = RenderMode::exact}, 60.0)
+              .error.mean_psnr == 100.0);
+    CHECK_THROWS_AS(choose_tolerance(model, codes, {}, options, 60.0), ValueError);
 }

@@ -64,7 +64,7 @@ void BakedField::mark_empty_blocks() {
     });
 }
 
-void BakedField::render(const CameraRays& rays, FeatureMap& map) {
+void BakedField::render(const CameraRays& rays, FeatureMap& map, const std::stop_token& /*stop*/) {
     const auto count = static_cast<std::int64_t>(rays.rays.size());
     const std::int64_t row_size = samples_.dimension + 1, channels = finish_.outputs();
     map.features.resize(static_cast<std::size_t>(count * channels));

@@ -20,7 +20,8 @@ public:
     BakedField(const RaySampling& rays, const ViewRange& views, const BakeOptions& options);
 
     void set_field(const FoldedField& field) override;
-    void render(const CameraRays& rays, FeatureMap& map) override;
+    /// Too quick to be stopped.
+    void render(const CameraRays& rays, FeatureMap& map, const std::stop_token& stop) override;
 
     [[nodiscard]] const BakedSamples& samples() const { return samples_; }
 

@@ -120,8 +120,8 @@ struct FaceRenderer::State {
                                         std::span<const FoldedLayer> layers) const;
     void fold_field();
     void fold_blocks();
-    void render_field(const Camera& seen_by);
-    void draw();
+    void render_field(const Camera& seen_by, const std::stop_token& stop);
+    void draw(const std::stop_token& stop);
     void count();
     /// As the model is trained, for layers that do not fold.
     [[nodiscard]] View render_unfolded(const Camera& seen_by);
@@ -141,7 +141,7 @@ bool FaceRenderer::State::take(const Codes& codes, std::int64_t index, std::size
     return true;
 }
 
-void FaceRenderer::State::render_field(const Camera& seen_by) {
+void FaceRenderer::State::render_field(const Camera& seen_by, const std::stop_token& stop) {
     if (camera && same(*camera, seen_by)) {
         feature_map.field_samples = feature_map.tiles = 0;
         return;
@@ -151,7 +151,8 @@ void FaceRenderer::State::render_field(const Camera& seen_by) {
         rays.rays[static_cast<std::size_t>(i)] =
             camera_ray(seen_by, sampling, i / sampling.rays_per_side, i % sampling.rays_per_side);
     }
-    field->render(rays, feature_map);
+    field->render(rays, feature_map, stop);
+    if (stop.stop_requested()) return;
     camera = seen_by;
     feature_map_is_new = true;
 }
@@ -196,11 +197,11 @@ void FaceRenderer::State::fold_blocks() {
     feature_map_is_new = true;
 }
 
-void FaceRenderer::State::draw() {
+void FaceRenderer::State::draw(const std::stop_token& stop) {
     if (feature_map_is_new) blocks->set_feature_map(feature_map.features, feature_map.occupied);
     feature_map_is_new = false;
     blocks->render(view.image.mutable_values<float>(),
-                   options.mask ? view.mask.mutable_values<float>() : std::span<float>());
+                   options.mask ? view.mask.mutable_values<float>() : std::span<float>(), stop);
     if (options.depth)
         std::ranges::copy(feature_map.depths, view.depth.mutable_values<float>().begin());
 }
@@ -256,11 +257,17 @@ void FaceRenderer::show(const Codes& codes, std::int64_t index) {
 }
 
 View FaceRenderer::render(const Camera& camera) {
+    return *render(camera, std::stop_token());
+}
+
+std::optional<View> FaceRenderer::render(const Camera& camera, const std::stop_token& stop) {
     State& state = *state_;
     if (state.shown.front().empty()) fail<ValueError>("there is no face to render; show one first");
     if (!state.field) return state.render_unfolded(camera);
-    state.render_field(camera);
-    state.draw();
+    state.render_field(camera, stop);
+    if (stop.stop_requested()) return std::nullopt;
+    state.draw(stop);
+    if (stop.stop_requested()) return std::nullopt;
     state.count();
     return state.view;
 }

@@ -2,6 +2,8 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
+#include <stop_token>
 
 #include "nn/models/model.h"
 #include "nn/models/view.h"
@@ -62,6 +64,10 @@ public:
     void show(const Codes& codes, std::int64_t index = 0);
     /// Throws ValueError before the first `show`.
     [[nodiscard]] View render(const Camera& camera);
+    /// The same, or nothing if a stop is requested before the frame is complete. It is looked for
+    /// before each tile of samples and each strip of rows of a render block, but not in a model
+    /// whose decoder does not fold.
+    [[nodiscard]] std::optional<View> render(const Camera& camera, const std::stop_token& stop);
     [[nodiscard]] const RenderCounts& counts() const;
 
 private:

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <stop_token>
 #include <vector>
 
 #include "nn/models/radiance_field.h"
@@ -41,8 +42,9 @@ public:
 
     /// The field of another identity or expression.
     virtual void set_field(const FoldedField& field) = 0;
-    /// Fills `map`, whose vectors keep what they have allocated.
-    virtual void render(const CameraRays& rays, FeatureMap& map) = 0;
+    /// Fills `map`, whose vectors keep what they have allocated. Returns early, with a map of no
+    /// use, when a stop is requested.
+    virtual void render(const CameraRays& rays, FeatureMap& map, const std::stop_token& stop) = 0;
 };
 
 /// Distance of the farthest sample of all rays: where the background is.

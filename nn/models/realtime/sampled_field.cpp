@@ -114,7 +114,7 @@ public:
     SampledField(const ModelConfig& model, const RendererOptions& options);
 
     void set_field(const FoldedField& field) override;
-    void render(const CameraRays& rays, FeatureMap& map) override;
+    void render(const CameraRays& rays, FeatureMap& map, const std::stop_token& stop) override;
 
 private:
     void evaluate_grid_around(std::span<const float> points);
@@ -176,7 +176,7 @@ void SampledField<T>::evaluate_grid_around(std::span<const float> points) {
 }
 
 template <class T>
-void SampledField<T>::render(const CameraRays& rays, FeatureMap& map) {
+void SampledField<T>::render(const CameraRays& rays, FeatureMap& map, const std::stop_token& stop) {
     const std::size_t count = rays.rays.size();
     scratch_.resize(static_cast<std::size_t>(thread_count()));
     for (Scratch<T>& scratch : scratch_) {
@@ -196,9 +196,11 @@ void SampledField<T>::render(const CameraRays& rays, FeatureMap& map) {
     reserve();
     for_each_item(static_cast<std::int64_t>(tiles_.size()) - 1,
                   [&](std::int64_t tile, std::size_t thread) {
+                      if (stop.stop_requested()) return;
                       const auto index = static_cast<std::size_t>(tile);
                       trace_tile(tiles_[index], tiles_[index + 1], rays, scratch_[thread], map);
                   });
+    if (stop.stop_requested()) return;
     finish(map);
     map.field_samples = map.significant_samples = 0;
     for (const std::int32_t selected : selection_.counts) map.field_samples += selected;

@@ -1,4 +1,4 @@
-#include "apps/fit/prepared_photos.h"
+#include "apps/common/prepared_photos.h"
 
 #include <algorithm>
 #include <filesystem>

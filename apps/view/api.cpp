@@ -1,0 +1,266 @@
+#include "apps/view/api.h"
+
+#include <array>
+
+#include "core/clock.h"
+#include "core/io/jpeg.h"
+#include "core/io/json_writer.h"
+#include "fit/edit/style_mix.h"
+#include "nn/models/weight_changes.h"
+
+namespace stymo::view {
+
+namespace {
+
+constexpr std::array group_labels{"Identity", "Expression", "Texture", "Light"};
+constexpr std::int64_t most_camera_pixels = 1280 * 960;
+
+JsonValue to_json(const std::string& id, const ShelfFace& face) {
+    return JsonValue::object({{"face", id},
+                              {"name", face.name},
+                              {"tuned", face.tuned},
+                              {"codes", text_of_codes(face.face.codes)}});
+}
+
+Answer json(const JsonValue& value) {
+    return {.body = value.text()};
+}
+
+Answer faces_answer(Session& session, const std::string& chosen) {
+    std::vector<JsonValue> faces;
+    for (const auto& [id, face] : session.shelf().all()) faces.push_back(to_json(id, face));
+    JsonValue value = JsonValue::object({{"faces", faces}});
+    if (!chosen.empty()) value.add("face", chosen);
+    return json(value);
+}
+
+Answer job_answer(const Session& session) {
+    const std::optional<JobStatus> status = session.job_status();
+    if (!status) return json(JsonValue::object({{"state", "none"}}));
+    constexpr std::array states{"running", "done", "failed", "cancelled"};
+    return json(JsonValue::object({{"state", states[static_cast<std::size_t>(status->state)]},
+                                   {"phase", status->phase},
+                                   {"done", status->done},
+                                   {"total", status->total},
+                                   {"loss", status->loss},
+                                   {"face", status->face},
+                                   {"note", status->note},
+                                   {"error", status->error},
+                                   {"artifact", status->has_artifact}}));
+}
+
+Answer download(std::string bytes, const std::string& type, const std::string& name) {
+    return {.type = type,
+            .body = std::move(bytes),
+            .headers = {{"Content-Disposition", "attachment; filename=\"" + name + "\""}}};
+}
+
+Codes moved(const Studio& studio, const Codes& codes, const Sliders& sliders) {
+    return moved_along(codes, studio.directions(), sliders);
+}
+
+}  // namespace
+
+Api::Api(Studio& studio, std::size_t most_sessions)
+    : studio_(studio), sessions_(studio, most_sessions) {}
+
+Answer Api::operator()(const Request& request) {
+    const auto failed = [](int status, const std::string& message) {
+        Answer answer = json(JsonValue::object({{"error", message}}));
+        answer.status = status;
+        return answer;
+    };
+    try {
+        return answer(request);
+    } catch (const RequestError& error) {
+        return failed(error.status(), error.what());
+    } catch (const ValueError& error) {
+        return failed(400, error.what());
+    } catch (const FileError& error) {
+        return failed(400, error.what());
+    } catch (const std::exception& error) {
+        return failed(500, error.what());
+    }
+}
+
+Answer Api::answer(const Request& request) {
+    if (request.path == "/api/session") return open_session();
+    const std::shared_ptr<Session> session = sessions_.find(request.session);
+    if (!session) throw RequestError(410, "this session has ended; load the page again");
+    if (!session->allows_request()) throw RequestError(429, "too many requests; wait a moment");
+    const std::string& path = request.path;
+    if (path == "/api/frame") return frame(*session, request);
+    if (path == "/api/faces") return faces_answer(*session, "");
+    if (path == "/api/face") return new_face(*session, request);
+    if (path == "/api/remove") {
+        session->shelf().remove(request.value("face"));
+        return faces_answer(*session, "");
+    }
+    if (path == "/api/photo") return fit(*session, request);
+    if (path == "/api/color") return color(*session, request);
+    if (path == "/api/film") return film_path(*session, request);
+    if (path == "/api/mesh") return make_mesh(*session, request);
+    if (path == "/api/job") return job_answer(*session);
+    if (path == "/api/cancel") {
+        session->cancel();
+        return job_answer(*session);
+    }
+    if (path == "/api/result") {
+        const std::optional<Artifact> artifact = session->artifact();
+        if (!artifact) throw RequestError(404, "there is no result yet");
+        return download(artifact->bytes, artifact->type, artifact->name);
+    }
+    if (path == "/api/codes") return codes_file(*session, request);
+    if (path == "/api/tuned") return tuned_file(*session, request);
+    if (path == "/api/eyes") return eyes(*session, request);
+    if (path == "/api/close") {
+        sessions_.close(request.session);
+        return {};
+    }
+    throw RequestError(404, "there is no " + path);
+}
+
+Answer Api::open_session() {
+    const std::shared_ptr<Session> session = sessions_.open();
+    if (!session) throw RequestError(503, "too many viewers are open; close one and try again");
+    std::vector<JsonValue> groups;
+    for (std::size_t group = 0; group < code_names.size(); ++group) {
+        groups.push_back(JsonValue::object({{"group", code_names[group]},
+                                            {"label", group_labels[group]},
+                                            {"shares", studio_.directions()[group].shares}}));
+    }
+    std::vector<JsonValue> faces;
+    for (const auto& [id, face] : session->shelf().all()) faces.push_back(to_json(id, face));
+    const Model& model = *studio_.model();
+    return json(JsonValue::object({{"session", session->id()},
+                                   {"faces", faces},
+                                   {"groups", groups},
+                                   {"resolution", model.config().decoder.resolution},
+                                   {"psnr", studio_.options().frames.psnr},
+                                   {"draws", model.code_statistics().has_value()},
+                                   {"fits", model.has_encoder() && FaceDetector::available()}}));
+}
+
+Answer Api::frame(Session& session, const Request& request) {
+    const FrameWish wish = frame_wish(request.body, studio_.model()->config().camera);
+    const ShelfFace face = session.shelf().find(wish.face);
+    const double start = seconds_now();
+    const std::optional<Frame> frame = studio_.scheduler().render(
+        session.id(), {face.model, moved(studio_, face.face.codes, wish.sliders), wish.camera,
+                       wish.layer, wish.quality});
+    if (!frame) return {.status = 204, .body = {}};  // a newer one was asked for
+    JsonValue told = JsonValue::object({{"milliseconds", frame->milliseconds},
+                                        {"waited", 1e3 * (seconds_now() - start)},
+                                        {"mode", frame->mode},
+                                        {"tolerance", frame->tolerance}});
+    if (frame->moving_psnr) told.add("psnr", *frame->moving_psnr);
+    return {.type = "image/jpeg", .body = frame->jpeg, .headers = {{"X-Stymo-Frame", told.text()}}};
+}
+
+Answer Api::new_face(Session& session, const Request& request) {
+    const FaceWish wish = face_wish(request.body);
+    ShelfFace face{wish.name, {}, studio_.model()};
+    switch (wish.source) {
+        case FaceWish::Source::drawn:
+            face.face = studio_.drawn_face(wish.seed, wish.truncation);
+            if (face.name.empty()) face.name = "drawn " + std::to_string(wish.seed);
+            break;
+        case FaceWish::Source::codes:
+            face.face = {codes_of_text(wish.codes), frontal_pose(studio_.model()->config().camera)};
+            if (face.name.empty()) face.name = "shared";
+            break;
+        case FaceWish::Source::file:
+            face.face = parse_code_file(wish.codes, "the file");
+            if (face.name.empty()) face.name = "opened";
+            break;
+        case FaceWish::Source::mixed: {
+            const ShelfFace target = session.shelf().find(wish.face),
+                            source = session.shelf().find(wish.other);
+            face.model = target.model;
+            face.tuned = target.tuned;
+            face.face = target.face;
+            face.face.codes = mix_codes(moved(studio_, target.face.codes, wish.sliders),
+                                        source.face.codes, wish.groups);
+            if (face.name.empty()) face.name = target.name + " + " + source.name;
+            break;
+        }
+        case FaceWish::Source::moved: {
+            const ShelfFace target = session.shelf().find(wish.face);
+            face = target;
+            face.face.codes = moved(studio_, target.face.codes, wish.sliders);
+            face.name = wish.name.empty() ? target.name + ", changed" : wish.name;
+            break;
+        }
+    }
+    return faces_answer(session, session.shelf().add(face));
+}
+
+Answer Api::fit(Session& session, const Request& request) {
+    constexpr double longest_tuning = 600.0;
+    const double tune = request.number("tune", 0.0, 0.0, longest_tuning);
+    if (request.body.empty()) throw RequestError(400, "the photo is missing");
+    if (!studio_.model()->has_encoder())
+        throw RequestError(400, "this model has no encoder, so no photo can be fitted");
+    session.start(fit_photo(studio_, session, request.body, "photo", tune));
+    return job_answer(session);
+}
+
+Answer Api::color(Session& session, const Request& request) {
+    const ColorWish wish = color_wish(request.body, studio_.model()->config().camera);
+    static_cast<void>(session.shelf().find(wish.face));
+    session.start(recolor(studio_, session, wish));
+    return job_answer(session);
+}
+
+Answer Api::film_path(Session& session, const Request& request) {
+    const PathWish wish = path_wish(request.body, studio_.model()->config().camera);
+    ShelfFace face = session.shelf().find(wish.face);
+    face.face.codes = moved(studio_, face.face.codes, wish.sliders);
+    session.start(film(studio_, {face, wish.cameras, wish.frames_per_second, wish.extension}));
+    return job_answer(session);
+}
+
+Answer Api::make_mesh(Session& session, const Request& request) {
+    session.start(mesh(studio_, session.shelf().find(request.value("face"))));
+    return job_answer(session);
+}
+
+Answer Api::codes_file(Session& session, const Request& request) {
+    const ShelfFace face = session.shelf().find(request.value("face"));
+    return download(code_file_text(face.face.codes, 0, face.face.pose), "application/json",
+                    "codes.json");
+}
+
+Answer Api::tuned_file(Session& session, const Request& request) {
+    const ShelfFace face = session.shelf().find(request.value("face"));
+    if (!face.tuned) throw RequestError(400, "this face is not tuned");
+    return download(
+        written_bytes(".safetensors",
+                      [&](const std::filesystem::path& file) {
+                          WeightChanges::between(*studio_.model(), *face.model).save(file);
+                      }),
+        "application/octet-stream", "tuned.safetensors");
+}
+
+Answer Api::eyes(Session& session, const Request& request) {
+    EyeCamera camera;
+    camera.field_of_view = request.number("fov", camera.field_of_view, 0.2, 2.6);
+    camera.place = {request.number("x", 0.0, -2.0, 2.0), request.number("y", 0.15, -2.0, 2.0),
+                    request.number("z", 0.0, -2.0, 2.0)};
+    const double start = seconds_now();
+    const std::optional<EyeTracker::Sight> sight =
+        session.see(image_from_jpeg(request.body, most_camera_pixels), camera);
+    JsonValue value = JsonValue::object(
+        {{"found", sight.has_value()}, {"milliseconds", 1e3 * (seconds_now() - start)}});
+    if (sight) {
+        const auto list = [](const Eigen::Vector3d& point) {
+            return std::vector<double>{point[0], point[1], point[2]};
+        };
+        value.add("measured", list(sight->measured));
+        value.add("eye", list(sight->filtered));
+        value.add("lag", 1e3 * sight->lag);
+    }
+    return json(value);
+}
+
+}  // namespace stymo::view

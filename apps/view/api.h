@@ -1,0 +1,47 @@
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "apps/view/request.h"
+#include "apps/view/session.h"
+#include "apps/view/studio.h"
+
+namespace stymo::view {
+
+/// What the server answers.
+struct Answer {
+    int status = 200;
+    std::string type = "application/json";
+    std::string body = "{}";
+    std::vector<std::pair<std::string, std::string>> headers{};
+};
+
+/// The requests of the page under /api, without anything of HTTP but their paths. Thread-safe.
+class Api {
+public:
+    Api(Studio& studio, std::size_t most_sessions);
+
+    /// Errors become answers, too: {"error": one line}. No exception leaves.
+    [[nodiscard]] Answer operator()(const Request& request);
+    [[nodiscard]] const Sessions& sessions() const { return sessions_; }
+
+private:
+    [[nodiscard]] Answer answer(const Request& request);
+    [[nodiscard]] Answer open_session();
+    [[nodiscard]] Answer frame(Session& session, const Request& request);
+    [[nodiscard]] Answer new_face(Session& session, const Request& request);
+    [[nodiscard]] Answer fit(Session& session, const Request& request);
+    [[nodiscard]] Answer color(Session& session, const Request& request);
+    [[nodiscard]] Answer film_path(Session& session, const Request& request);
+    [[nodiscard]] Answer make_mesh(Session& session, const Request& request);
+    [[nodiscard]] Answer codes_file(Session& session, const Request& request);
+    [[nodiscard]] Answer tuned_file(Session& session, const Request& request);
+    [[nodiscard]] Answer eyes(Session& session, const Request& request);
+
+    Studio& studio_;
+    Sessions sessions_;
+};
+
+}  // namespace stymo::view

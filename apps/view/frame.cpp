@@ -1,0 +1,214 @@
+#include "apps/view/frame.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "core/clock.h"
+#include "core/io/image.h"
+#include "core/io/jpeg.h"
+#include "core/metrics.h"
+#include "nn/models/realtime/chosen_tolerance.h"
+#include "nn/models/view.h"
+#include "render/depth_normals.h"
+
+namespace stymo::view {
+
+namespace {
+
+constexpr std::int64_t thumbnail_side = 64;
+constexpr double highest_psnr = 100.0;  ///< of equal frames
+constexpr double least_tolerance = 0.001, largest_tolerance = 0.5;
+/// So much better than wanted, in decibels, and the tolerance may grow.
+constexpr double psnr_to_spare = 3.0;
+
+const char* name_of(RenderMode mode) {
+    constexpr std::array names{"exact", "skip", "half", "baked"};
+    return names[static_cast<std::size_t>(mode)];
+}
+
+Tensor enlarged(const Tensor& map, std::int64_t side) {
+    return resize_image(map, static_cast<int>(side), static_cast<int>(side));
+}
+
+/// Near is yellow, far is violet (OpenCV's map "inferno"), over the depths of the head.
+Tensor depth_picture(const View& view) {
+    const std::int64_t side = view.image.shape(0);
+    const std::vector<double> depths = view.depth.to_vector();
+    const auto [nearest, farthest] = std::ranges::minmax(depths);
+    const double scale = 255.0 / std::max(farthest - nearest, 1e-6);
+    const auto rays = static_cast<int>(view.depth.shape(0));
+    cv::Mat levels(rays, rays, CV_8U);
+    for (int i = 0; i < rays * rays; ++i)
+        levels.at<std::uint8_t>(i / rays, i % rays) = cv::saturate_cast<std::uint8_t>(
+            (farthest - depths[static_cast<std::size_t>(i)]) * scale);
+    cv::Mat colors;
+    cv::applyColorMap(levels, colors, cv::COLORMAP_INFERNO);
+    Tensor picture({rays, rays, 3});
+    const std::span<float> values = picture.mutable_values<float>();
+    for (int i = 0; i < 3 * rays * rays; ++i) {
+        const auto& pixel = colors.at<cv::Vec3b>(i / 3 / rays, i / 3 % rays);
+        values[static_cast<std::size_t>(i)] = static_cast<float>(pixel[2 - i % 3]) / 255.0F;
+    }
+    return enlarged(picture, side);
+}
+
+/// x, y, z of the normals in camera axes as red, green, blue.
+Tensor normals_picture(const View& view, const Camera& camera, const RaySampling& sampling) {
+    Tensor normals = depth_normals(view.depth, camera, sampling);
+    const std::span<float> values = normals.mutable_values<float>();
+    for (std::size_t i = 0; i + 2 < values.size(); i += 3) {
+        const Eigen::Vector3d normal(static_cast<double>(values[i]),
+                                     static_cast<double>(values[i + 1]),
+                                     static_cast<double>(values[i + 2]));
+        const Eigen::Vector3d seen = camera.world_from_camera.transpose() * normal;
+        values[i] = static_cast<float>(0.5 + 0.5 * seen[0]);
+        values[i + 1] = static_cast<float>(0.5 - 0.5 * seen[1]);
+        values[i + 2] = static_cast<float>(0.5 - 0.5 * seen[2]);
+    }
+    return enlarged(normals, view.image.shape(0));
+}
+
+Tensor picture_of(const View& view, const FrameRequest& request) {
+    switch (request.layer) {
+        case Layer::depth:
+            return depth_picture(view);
+        case Layer::mask:
+            return view.mask;
+        case Layer::normals:
+            return normals_picture(view, request.camera, request.model->config().decoder.rays);
+        case Layer::image:
+            break;
+    }
+    return view.image;
+}
+
+RendererOptions options_for(const FrameRequest& request, RenderMode mode, double tolerance) {
+    RendererOptions options;
+    options.mode = request.model->decoder().folds() ? mode : RenderMode::exact;
+    options.tolerance = tolerance;
+    options.samples_per_ray = request.model->config().reconstruction.fit_samples_per_ray;
+    options.mask = request.layer == Layer::mask;
+    options.depth = request.layer == Layer::depth || request.layer == Layer::normals;
+    if (request.quality == Quality::thumbnail)
+        options.resolution = std::min(thumbnail_side, request.model->config().decoder.resolution);
+    return options;
+}
+
+/// A renderer with what it was made for.
+struct Kept {
+    std::shared_ptr<const Model> model;
+    RendererOptions options;
+    std::optional<FaceRenderer> renderer;
+
+    [[nodiscard]] bool suits(const FrameRequest& request, const RendererOptions& wanted) const {
+        return renderer && model == request.model && options.mode == wanted.mode &&
+               options.tolerance == wanted.tolerance && options.mask == wanted.mask &&
+               options.depth == wanted.depth && options.resolution == wanted.resolution;
+    }
+    FaceRenderer& for_request(const FrameRequest& request, const RendererOptions& wanted) {
+        if (!suits(request, wanted)) {
+            renderer.emplace(*request.model, wanted);
+            model = request.model;
+            options = wanted;
+        }
+        renderer->show(request.codes);
+        return *renderer;
+    }
+};
+
+}  // namespace
+
+struct FrameRenderer::State {
+    FrameSettings settings;
+    double tolerance = 0.3;  ///< of moving frames
+    bool tolerance_chosen = false;
+    Kept moving, still, thumbnail;
+
+    [[nodiscard]] Kept& kept(Quality quality) {
+        if (quality == Quality::moving) return moving;
+        return quality == Quality::still ? still : thumbnail;
+    }
+    /// Adapts the tolerance until the moving frame of this view has about the wanted PSNR. Returns
+    /// what it has, or nothing if stopped.
+    [[nodiscard]] std::optional<double> adapt(const FrameRequest& request, const Tensor& exact,
+                                              const std::stop_token& stop);
+};
+
+std::optional<double> FrameRenderer::State::adapt(const FrameRequest& request, const Tensor& exact,
+                                                  const std::stop_token& stop) {
+    if (options_for(request, settings.moving_mode, tolerance).mode == RenderMode::exact)
+        return highest_psnr;
+    const double step = std::sqrt(2.0);
+    constexpr int most_steps = 8;
+    std::optional<double> reached;
+    for (int i = 0; i < most_steps; ++i) {
+        const RendererOptions options = options_for(request, settings.moving_mode, tolerance);
+        const std::optional<View> view =
+            moving.for_request(request, options).render(request.camera, stop);
+        if (!view) return std::nullopt;
+        reached = std::min(peak_signal_to_noise_ratio(view->image, exact), highest_psnr);
+        if (*reached < settings.psnr && tolerance > least_tolerance) {
+            tolerance /= step;
+        } else {
+            // One step in a frame, so that it does not go to and fro.
+            if (i == 0 && *reached > settings.psnr + psnr_to_spare && tolerance < largest_tolerance)
+                tolerance *= step;
+            return reached;
+        }
+    }
+    return reached;
+}
+
+FrameRenderer::FrameRenderer(const FrameSettings& settings) : state_(std::make_unique<State>()) {
+    state_->settings = settings;
+}
+FrameRenderer::~FrameRenderer() = default;
+FrameRenderer::FrameRenderer(FrameRenderer&&) noexcept = default;
+
+std::optional<Frame> FrameRenderer::render(const FrameRequest& request,
+                                           const std::stop_token& stop) {
+    State& state = *state_;
+    const double start = seconds_now();
+    const bool exact = request.quality == Quality::still;
+    const RendererOptions options = options_for(
+        request, exact ? RenderMode::exact : state.settings.moving_mode, state.tolerance);
+    const std::optional<View> view =
+        state.kept(request.quality).for_request(request, options).render(request.camera, stop);
+    if (!view) return std::nullopt;
+    Frame frame;
+    frame.jpeg = jpeg_bytes(picture_of(*view, request), exact ? state.settings.still_jpeg_quality
+                                                              : state.settings.moving_jpeg_quality);
+    frame.milliseconds = 1e3 * (seconds_now() - start);
+    frame.mode = name_of(options.mode);
+    frame.tolerance = options.mode == RenderMode::exact ? 0.0 : options.tolerance;
+    if (exact && request.layer == Layer::image) {
+        frame.moving_psnr = state.adapt(request, view->image, stop);
+        if (!frame.moving_psnr) return std::nullopt;
+    }
+    return frame;
+}
+
+RenderMode fastest_mode(const Model& model, const Codes& codes) {
+    if (!model.decoder().folds()) return RenderMode::exact;
+    RenderMode fastest = RenderMode::skip;
+    double least = 0.0;
+    constexpr int frames = 8;
+    for (const RenderMode mode : {RenderMode::skip, RenderMode::half}) {
+        FaceRenderer renderer(model, {.mode = mode});
+        renderer.show(codes);
+        static_cast<void>(renderer.render(model_camera(model, 0.0, 0.0, 0.0)));
+        const double start = seconds_now();
+        for (int i = 1; i <= frames; ++i)
+            static_cast<void>(renderer.render(model_camera(model, 0.05 * i, 0.0, 0.0)));
+        const double seconds = seconds_now() - start;
+        if (mode == RenderMode::skip || seconds < least) {
+            least = seconds;
+            fastest = mode;
+        }
+    }
+    return fastest;
+}
+
+}  // namespace stymo::view

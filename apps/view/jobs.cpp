@@ -1,0 +1,208 @@
+#include "apps/view/jobs.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "apps/common/prepared_photos.h"
+#include "core/error.h"
+#include "core/io/file.h"
+#include "core/io/image.h"
+#include "core/io/ply_file.h"
+#include "fit/edit/color_edit.h"
+#include "fit/edit/part_mask.h"
+#include "fit/edit/region_at.h"
+#include "fit/fitter.h"
+#include "fit/photo/face_parser.h"
+#include "fit/tuning.h"
+#include "nn/models/head_mesh.h"
+#include "nn/models/mesh_colors.h"
+#include "nn/models/view.h"
+#include "nn/models/weight_changes.h"
+
+namespace stymo::view {
+
+namespace {
+
+using std::chrono_literals::operator""ms;
+
+/// A folder of this process alone, removed at the end.
+class PrivateFolder {
+public:
+    PrivateFolder() {
+        std::string name = (std::filesystem::temp_directory_path() / "stymo-XXXXXX").string();
+        if (mkdtemp(name.data()) == nullptr)
+            fail<FileError>(name, ": cannot be made; set TMPDIR to a folder with room");
+        path_ = name;
+    }
+    ~PrivateFolder() {
+        std::error_code ignored;
+        std::filesystem::remove_all(path_, ignored);
+    }
+    PrivateFolder(const PrivateFolder&) = delete;
+    PrivateFolder& operator=(const PrivateFolder&) = delete;
+
+    [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+
+private:
+    std::filesystem::path path_;
+};
+
+/// Waits for the other jobs that use all threads.
+std::unique_lock<std::timed_mutex> turn(Studio& studio, Job& job) {
+    std::unique_lock lock(studio.heavy_work(), std::defer_lock);
+    while (!lock.try_lock_for(50ms)) job.report("waiting for another job", 0, 0);
+    return lock;
+}
+
+PreparedPhoto prepared(Studio& studio, const std::string& bytes, Job& job) {
+    job.report("finding the face", 0, 0);
+    const PrivateFolder folder;
+    const std::filesystem::path file = folder.path() / "photo";
+    write_text_file(file, bytes);
+    PhotoPreparationSettings settings;
+    settings.mask_model = studio.model()->has_encoder() ? studio.model().get() : nullptr;
+    settings.parser = studio.options().parser;
+    const std::string name = file.string();
+    try {
+        require_image_size(file, studio.options().most_photo_pixels);
+        return prepare_photos(std::span(&name, 1), studio.model()->config(), settings).front();
+    } catch (const FileError& error) {
+        // The user knows nothing of the file's name.
+        std::string text = error.what();
+        if (text.starts_with(name)) text = "the photo" + text.substr(name.size());
+        fail<FileError>(text);
+    }
+}
+
+/// A model of which this face's tuned weights become a part.
+std::shared_ptr<const Model> tuned_model(Studio& studio, const FaceBatch& batch,
+                                         const FitResult& fitted, double seconds, Job& job) {
+    auto tuned = std::make_shared<Model>(load_model(studio.options().model, ModelParts::decoder));
+    TuningOptions options{.seconds = seconds};
+    constexpr std::int64_t parts = 1000;
+    options.on_step = [&](const TuningStep& step) {
+        const auto part = static_cast<std::int64_t>(parts * step.seconds / seconds);
+        job.report("tuning", std::min(part, parts), parts, step.loss);
+    };
+    static_cast<void>(tune_decoder(*studio.model(), *tuned, studio.loss(), batch, fitted.fitted,
+                                   fitted.cameras, options));
+    return tuned;
+}
+
+}  // namespace
+
+std::string written_bytes(const std::string& extension,
+                          const std::function<void(const std::filesystem::path&)>& write) {
+    const PrivateFolder folder;
+    const std::filesystem::path file = folder.path() / ("file" + extension);
+    write(file);
+    return read_text_file(file);
+}
+
+Job::Body fit_photo(Studio& studio, Session& session, std::string photo, const std::string& name,
+                    double tune_seconds) {
+    return [&studio, &session, photo = std::move(photo), name, tune_seconds](Job& job) {
+        const auto lock = turn(studio, job);
+        const Model& model = *studio.model();
+        const PreparedPhoto ready = prepared(studio, photo, job);
+        for (const std::string& warning : ready.warnings) job.set_note(warning);
+        const FaceBatch batch =
+            make_batch(std::span(&ready.face, 1), model.decoder().ladder().smallest());
+        ShelfFace shown{name, {face_codes(model, batch), ready.face.pose}, studio.model()};
+        const std::string id = session.shelf().add(shown);
+        try {
+            job.set_face(id);
+            FitOptions options{.optimizer = FitOptimizer::lbfgs,
+                               .steps = studio.options().fit_steps};
+            options.on_step = [&](const FitStep& step) {
+                shown.face.codes = detached(step.codes);
+                session.shelf().replace(id, shown);
+                job.report("fitting", step.steps, options.steps, step.loss);
+            };
+            const FitResult result = fit_codes(model, studio.loss(), batch, options);
+            shown.face.codes = result.fitted;
+            session.shelf().replace(id, shown);
+            if (tune_seconds > 0.0) {
+                shown.model = tuned_model(studio, batch, result, tune_seconds, job);
+                shown.tuned = true;
+                session.shelf().replace(id, shown);
+            }
+        } catch (...) {
+            session.shelf().remove(id);  // half a face is none
+            throw;
+        }
+    };
+}
+
+Job::Body recolor(Studio& studio, Session& session, const ColorWish& wish) {
+    return [&studio, &session, wish](Job& job) {
+        const auto lock = turn(studio, job);
+        ShelfFace face = session.shelf().find(wish.face);
+        const View view = render_view(*face.model, face.face.codes, 0, wish.camera, {.mask = true});
+        Tensor part;
+        if (studio.options().parser.empty()) {
+            part = region_at(view.image, wish.x, wish.y);
+        } else {
+            FaceParser parser(studio.options().parser);
+            const Tensor classes = parser.parse_head(view.image, view.mask);
+            const auto side = static_cast<double>(classes.shape(0));
+            const auto row = static_cast<std::size_t>(std::min(wish.y, 0.999) * side),
+                       column = static_cast<std::size_t>(std::min(wish.x, 0.999) * side);
+            ParsingClassSet chosen{};
+            chosen[static_cast<std::size_t>(
+                classes.values<float>()[row * static_cast<std::size_t>(side) + column])] = true;
+            part = part_mask(classes, chosen);
+        }
+        ColorEditOptions options{.steps = studio.options().color_steps};
+        options.on_step = [&](std::int64_t step, double loss) {
+            job.report("recolouring", step, options.steps, loss);
+        };
+        const ColorEdit edit =
+            edit_color(*face.model, face.face.codes, wish.camera, part, wish.color, options);
+        face.face.codes = edit.codes;
+        face.name += ", recoloured";
+        job.set_face(session.shelf().add(face));
+    };
+}
+
+Job::Body film(Studio& studio, const FilmWish& wish) {
+    return [&studio, wish](Job& job) {
+        const auto lock = turn(studio, job);
+        const RenderMode mode =
+            wish.face.model->decoder().folds() ? RenderMode::skip : RenderMode::exact;
+        FaceRenderer renderer(*wish.face.model, {.mode = mode, .tolerance = 0.05});
+        renderer.show(wish.face.face.codes);
+        std::vector<Tensor> frames;
+        for (const Camera& camera : wish.cameras) {
+            frames.push_back(renderer.render(camera).image);
+            job.report("rendering the film", std::ssize(frames), std::ssize(wish.cameras));
+        }
+        job.report("writing the film", 0, 0);
+        const std::string bytes =
+            written_bytes(wish.extension, [&](const std::filesystem::path& file) {
+                write_animation(file, frames, wish.frames_per_second);
+            });
+        const bool gif = wish.extension == ".gif";
+        job.set_artifact({bytes, gif ? "image/gif" : "video/mp4", "face" + wish.extension});
+    };
+}
+
+Job::Body mesh(Studio& studio, const ShelfFace& face) {
+    return [&studio, face](Job& job) {
+        const auto lock = turn(studio, job);
+        job.report("making the mesh", 0, 0);
+        const TriangleMesh surface = head_mesh(*face.model, face.face.codes, 0, {});
+        const Tensor normals = vertex_normals(surface.vertices, surface.triangles);
+        job.report("colouring the mesh", 0, 0);
+        const Tensor colors = mesh_colors(*face.model, face.face.codes, surface, normals, {});
+        const std::string bytes = written_bytes(".ply", [&](const std::filesystem::path& file) {
+            write_ply(file, {.vertices = surface.vertices,
+                             .normals = normals,
+                             .colors = colors,
+                             .triangles = surface.triangles});
+        });
+        job.set_artifact({bytes, "application/octet-stream", "face.ply"});
+    };
+}
+
+}  // namespace stymo::view

@@ -1,0 +1,66 @@
+#include <chrono>
+#include <iostream>
+#include <thread>
+
+#include "apps/common/command_line.h"
+#include "apps/common/render_modes.h"
+#include "apps/common/tools.h"
+#include "apps/view/server.h"
+#include "core/interrupt.h"
+
+namespace {
+
+struct Options {
+    stymo::view::StudioOptions studio;
+    stymo::view::ServerOptions server;
+    int most_sessions = 32;
+    std::string mode = "auto";
+};
+
+stymo::AppResult serve(Options options) {
+    using std::chrono_literals::operator""ms;
+    options.studio.chooses_mode = options.mode == "auto";
+    if (!options.studio.chooses_mode)
+        options.studio.frames.moving_mode = stymo::render_mode(options.mode);
+    const stymo::InterruptGuard guard;
+    stymo::view::Studio studio(options.studio);
+    stymo::view::Api api(studio, static_cast<std::size_t>(options.most_sessions));
+    stymo::view::Server server(api, options.server);
+    server.start();
+    std::cerr << "Open " << server.address() << " in a browser. Ctrl-C ends the viewer."
+              << std::endl;
+    while (!stymo::interrupted()) std::this_thread::sleep_for(100ms);
+    server.stop();
+    return {};
+}
+
+}  // namespace
+
+int stymo_view(int argc, char** argv) {
+    Options options;
+    stymo::CommandLine line("stymo-view",
+                            "Shows faces in a web browser: turns, mixes, recolours and fits them. "
+                            "Serves its page on this machine alone.");
+    stymo::declare_model(line, options.studio.model);
+    stymo::declare_tuned(line, options.studio.model);
+    line.option("--codes", options.studio.codes,
+                "codes.json of a face to begin with; may be repeated (default: drawn faces)");
+    line.option("--parser", options.studio.parser,
+                "ONNX file of a face parser, which finds the part to recolour (default: the "
+                "region of similar colour)");
+    line.option("--port", options.server.port, "port of the page; 0: any that is free")
+        .range(0, 65535);
+    line.option("--host", options.server.host,
+                "address to listen on; any but this machine's own needs the token that is printed");
+    line.option("--token", options.server.token, "secret that requests must bring");
+    line.option("--mode", options.mode,
+                "how moving images are rendered; auto: the faster one of skip and half here")
+        .one_of({"auto", "skip", "half", "baked", "exact"});
+    line.option("--psnr", options.studio.frames.psnr,
+                "error of moving images against exact ones, in decibels")
+        .range(20, 90);
+    line.option("--fit-steps", options.studio.fit_steps, "steps of fitting a photo")
+        .range(1, 10000);
+    line.option("--sessions", options.most_sessions, "largest number of open pages").range(1, 1000);
+    return line.run(argc, argv, [&](const stymo::CommonOptions&) { return serve(options); });
+}

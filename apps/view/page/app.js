@@ -1,0 +1,109 @@
+// Starts the page and joins its parts.
+
+import { openSession, post, save } from "/page/api.js";
+import { enableColor, isPicking, setPicking } from "/page/color.js";
+import {
+  addFace, drawNew, enableDrop, fitPhoto, makeGroups, openCodes, setFaces, showFace,
+} from "/page/faces.js";
+import { request, shown } from "/page/frames.js";
+import { cancelJob, job, watchJob } from "/page/job.js";
+import { say } from "/page/message.js";
+import { enableOrbit } from "/page/orbit.js";
+import { addKey, play, stopPlaying } from "/page/path.js";
+import { makeSliders } from "/page/sliders.js";
+import { change, remembered, resetView, state, stateVersion } from "/page/state.js";
+import { followHead, head, stopFollowing, windowIsOn } from "/page/window.js";
+
+const element = (id) => document.getElementById(id);
+
+async function snapshot() {
+  save(await (await post("frame", request("still"))).blob(), "face.jpg");
+}
+
+async function saveOf(path) {
+  const response = await post(path + "?" + new URLSearchParams({ face: state.face }));
+  const name = /filename="([^"]+)"/.exec(response.headers.get("Content-Disposition"))[1];
+  save(await response.blob(), name);
+}
+
+async function saveMesh() {
+  await post("mesh?" + new URLSearchParams({ face: state.face }));
+  await watchJob(false);
+}
+
+function guarded(action) {
+  return () => Promise.resolve(action()).catch((error) => say(error.message));
+}
+
+function keepSliders() {
+  return addFace({ face: state.face, sliders: state.sliders });
+}
+
+function connectButtons() {
+  element("reset").onclick = () => { stopFollowing(); resetView(); };
+  element("snapshot").onclick = guarded(snapshot);
+  element("codes").onclick = guarded(() => saveOf("codes"));
+  element("tuned").onclick = guarded(() => saveOf("tuned"));
+  element("mesh").onclick = guarded(saveMesh);
+  element("draw").onclick = drawNew;
+  element("photo").onchange = (event) => {
+    fitPhoto(event.target.files[0]);
+    event.target.value = "";
+  };
+  element("open").onchange = (event) => {
+    openCodes(event.target.files[0]);
+    event.target.value = "";
+  };
+  element("keep").onclick = keepSliders;
+  element("zero").onclick = () => change({ sliders: {} });
+  element("layer").onchange = (event) => change({ layer: event.target.value });
+}
+
+function connectKeys() {
+  const actions = {
+    n: drawNew, s: guarded(snapshot), c: () => setPicking(!isPicking()), k: addKey, p: play,
+    w: followHead,
+    Escape: () => { cancelJob(); stopFollowing(); stopPlaying(); setPicking(false); },
+  };
+  addEventListener("keydown", (event) => {
+    const typing = /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName) &&
+      event.target.type !== "range" && event.key !== "Escape";
+    if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
+    actions[event.key]?.();
+  });
+}
+
+async function start() {
+  let opened;
+  try {
+    opened = await openSession();
+  } catch (error) {
+    element("told").textContent = error.message;
+    return;
+  }
+  makeGroups(opened.groups);
+  makeSliders(opened.groups);
+  element("draw").disabled = !opened.draws;
+  element("photo").disabled = !opened.fits;
+  connectButtons();
+  connectKeys();
+  enableOrbit((event) => isPicking() || windowIsOn() || event.button !== 0);
+  enableColor();
+  enableDrop();
+  setFaces(opened);
+  const before = remembered();
+  const known = before && opened.faces.find((face) => face.codes === before.codes);
+  if (before) {
+    element("layer").value = before.layer;
+    change({ layer: before.layer, camera: before.camera });
+    if (known) showFace(known.face, before.sliders);
+    else if (!await addFace({ codes: before.codes, name: "shared" }, before.sliders))
+      showFace(opened.faces[0].face);
+  } else {
+    showFace(opened.faces[0].face);
+  }
+  // For the tests in a browser.
+  window.stymo = { state, shown, job, head, stateVersion };
+}
+
+start();

@@ -1,0 +1,165 @@
+// The strip of faces: showing, mixing, drawing, fitting a photo, opening codes.
+
+import { ask, post } from "/page/api.js";
+import { watchJob } from "/page/job.js";
+import { say } from "/page/message.js";
+import { change, state } from "/page/state.js";
+
+const strip = document.getElementById("faces");
+const groupsBar = document.getElementById("groups");
+let faces = [];
+
+export function chosenGroups() {
+  return [...groupsBar.querySelectorAll("input:checked")].map((box) => box.value);
+}
+
+export function makeGroups(groups) {
+  groupsBar.append("Mix:");
+  for (const { group, label } of groups) {
+    const box = document.createElement("label");
+    box.innerHTML = `<input type="checkbox" value="${group}"> ${label}`;
+    box.firstChild.checked = group === "expr" || group === "tex";
+    groupsBar.append(box);
+  }
+}
+
+export function faceOf(id) {
+  return faces.find((face) => face.face === id);
+}
+
+export function showFace(id, sliders = {}) {
+  const face = faceOf(id);
+  if (!face) return;
+  document.getElementById("tuned").hidden = !face.tuned;
+  change({ face: id, codes: face.codes, sliders });
+  mark();
+}
+
+function mark() {
+  for (const card of strip.children) card.classList.toggle("shown", card.dataset.face === state.face);
+}
+
+/// Shows what the program says is on the shelf.
+export function setFaces(answer) {
+  faces = answer.faces;
+  const cards = new Map([...strip.children].map((card) => [card.dataset.face, card]));
+  for (const face of faces) {
+    if (!cards.has(face.face)) strip.append(card(face));
+    cards.delete(face.face);
+  }
+  for (const gone of cards.values()) gone.remove();
+  mark();
+}
+
+function card(face) {
+  const item = document.createElement("div");
+  item.className = "face";
+  item.role = "listitem";
+  item.dataset.face = face.face;
+  item.draggable = true;
+  item.innerHTML = `<button class="show" type="button"><img alt=""></button>
+    <div class="name"></div>
+    <div class="acts"><button class="mix" type="button">Mix</button>
+    <button class="remove" type="button" aria-label="Remove">×</button></div>`;
+  item.querySelector(".name").textContent = face.name;
+  item.querySelector(".show").setAttribute("aria-label", "Show " + face.name);
+  item.querySelector(".show").onclick = () => showFace(face.face);
+  item.querySelector(".mix").onclick = () => mixFrom(face.face);
+  item.querySelector(".remove").onclick = () => remove(face.face);
+  item.ondragstart = (event) => {
+    event.dataTransfer.setData("text/stymo-face", face.face);
+    event.dataTransfer.effectAllowed = "copy";
+  };
+  drawThumbnail(face.face);
+  return item;
+}
+
+let thumbnails = Promise.resolve();  // one after the other
+
+export function drawThumbnail(id) {
+  thumbnails = thumbnails.then(async () => {
+    const image = strip.querySelector(`[data-face="${id}"] img`);
+    if (!image) return;
+    const response = await post("frame", JSON.stringify({ face: id, quality: "thumbnail" }));
+    if (response.status === 204) return;
+    if (image.src) URL.revokeObjectURL(image.src);
+    image.src = URL.createObjectURL(await response.blob());
+  }).catch((error) => say(error.message));
+}
+
+export async function addFace(wish, sliders = {}) {
+  try {
+    const answer = await ask("face", wish);
+    setFaces(answer);
+    showFace(answer.face, sliders);
+    return answer.face;
+  } catch (error) {
+    say(error.message);
+    return null;
+  }
+}
+
+export function drawNew() {
+  return addFace({ seed: Math.floor(Math.random() * 1e9), truncation: 0.7 });
+}
+
+export function mixFrom(source) {
+  const groups = chosenGroups();
+  if (!groups.length) return say("Tick what mixing takes from a face.");
+  return addFace({ face: state.face, source, groups, sliders: state.sliders });
+}
+
+async function remove(id) {
+  if (faces.length < 2) return say("One face must stay.");
+  try {
+    const query = new URLSearchParams({ face: id });
+    const answer = await (await post("remove?" + query)).json();
+    setFaces(answer);
+    if (state.face === id) showFace(faces[0].face);
+  } catch (error) {
+    say(error.message);
+  }
+}
+
+export async function openCodes(file) {
+  if (file) await addFace({ file: await file.text(), name: file.name.slice(0, 60) });
+}
+
+export async function fitPhoto(file) {
+  if (!file) return;
+  const tune = document.getElementById("tune").value;
+  try {
+    await post("photo?tune=" + tune, file);
+  } catch (error) {
+    say(error.message);
+    return;
+  }
+  await watchJob(true);
+}
+
+export async function refreshFaces() {
+  setFaces(await ask("faces"));
+}
+
+export function enableDrop() {
+  const frame = document.getElementById("frame");
+  const drop = document.getElementById("drop");
+  addEventListener("dragover", (event) => {
+    event.preventDefault();
+    drop.hidden = !event.dataTransfer.types.includes("Files");
+  });
+  addEventListener("dragleave", (event) => { if (!event.relatedTarget) drop.hidden = true; });
+  addEventListener("drop", (event) => {
+    event.preventDefault();
+    drop.hidden = true;
+    const face = event.dataTransfer.getData("text/stymo-face");
+    if (face) {
+      if (frame.contains(event.target)) mixFrom(face);
+      return;
+    }
+    const file = event.dataTransfer.files[0];
+    if (!file) return;
+    if (file.name.endsWith(".json")) openCodes(file);
+    else fitPhoto(file);
+  });
+}

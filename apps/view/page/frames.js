@@ -1,0 +1,120 @@
+// Pulls frames: the next one is asked for when the last one is shown. While something changes they
+// are quick ones; when nothing does any more, an exact one follows.
+
+import { post } from "/page/api.js";
+import { onChange, state, stateVersion } from "/page/state.js";
+
+const picture = document.getElementById("picture");
+const told = document.getElementById("told");
+
+const stillAfter = 150;  // milliseconds without a change
+let busy = false;
+let shownVersion = -1;   // of the state that the picture shows
+let shownStill = false;
+let stillAbort = null;
+let stillTimer = 0;
+let refresh = false;     // the face changes although the state does not
+let lastError = 0;
+let movingPsnr = null;
+
+// What tests and the line below the picture look at.
+export const shown = { version: -1, quality: "", yaw: 0, frames: 0, latencies: [] };
+let changedAt = 0;
+
+export function request(quality) {
+  const camera = state.eye ?? state.camera;
+  return JSON.stringify({
+    face: state.face, sliders: state.sliders, camera, layer: state.layer, quality });
+}
+
+export function refreshSoon() {
+  refresh = true;
+  pull();
+}
+
+async function show(response, version, quality, yaw) {
+  if (response.status === 204) return;  // a newer one was asked for
+  const facts = JSON.parse(response.headers.get("X-Stymo-Frame"));
+  const url = URL.createObjectURL(await response.blob());
+  const previous = picture.src;
+  picture.src = url;
+  try {
+    await picture.decode();
+  } catch { /* replaced by a later one */ }
+  if (previous) URL.revokeObjectURL(previous);
+  shownVersion = version;
+  shownStill = quality === "still";
+  Object.assign(shown, { version, quality, yaw, frames: shown.frames + 1 });
+  if (facts.psnr !== undefined) movingPsnr = facts.psnr;
+  tell(facts, quality);
+}
+
+const times = [];
+function tell(facts, quality) {
+  const now = performance.now();
+  times.push(now);
+  while (times.length > 30 || (times.length && now - times[0] > 2000)) times.shift();
+  const rate = times.length > 2 ? (times.length - 1) * 1000 / (now - times[0]) : 0;
+  const parts = [`${facts.milliseconds.toFixed(0)} ms`, facts.mode];
+  if (quality === "moving") {
+    if (rate > 1) parts.unshift(`${rate.toFixed(0)} frames/s`);
+    if (changedAt) {
+      shown.latencies.push(now - changedAt);
+      if (shown.latencies.length > 500) shown.latencies.shift();
+    }
+  }
+  if (movingPsnr !== null) parts.push(`moving: ${movingPsnr.toFixed(1)} dB from exact`);
+  told.textContent = parts.join(" · ");
+}
+
+async function pull() {
+  clearTimeout(stillTimer);
+  if (!state.face) return;
+  if (stillAbort) stillAbort.abort();
+  if (busy) return;
+  busy = true;
+  while (shownVersion !== stateVersion() || refresh) {
+    refresh = false;
+    const version = stateVersion();
+    const yaw = state.camera.yaw;
+    changedAt = lastChange;
+    try {
+      await show(await post("frame", request("moving")), version, "moving", yaw);
+      lastError = 0;
+    } catch (error) {
+      if (error.status === 410) return ended(error);
+      told.textContent = error.message;
+      lastError += 1;
+      if (lastError > 3) break;
+      await new Promise((done) => setTimeout(done, 300 * lastError));
+    }
+  }
+  busy = false;
+  stillTimer = setTimeout(still, stillAfter);
+}
+
+async function still() {
+  if (busy || shownStill && shownVersion === stateVersion()) return;
+  const version = stateVersion();
+  stillAbort = new AbortController();
+  try {
+    const response = await post("frame", request("still"), { signal: stillAbort.signal });
+    // A picture of what is not shown any more is thrown away.
+    if (version === stateVersion() && !busy)
+      await show(response, version, "still", state.camera.yaw);
+  } catch (error) {
+    if (error.status === 410) ended(error);
+    else if (error.name !== "AbortError") told.textContent = error.message;
+  }
+  stillAbort = null;
+}
+
+function ended(error) {
+  told.textContent = error.message;
+}
+
+let lastChange = 0;
+onChange(() => {
+  lastChange = performance.now();
+  pull();
+});

@@ -1,0 +1,75 @@
+// Follows what takes seconds: a fit, a change of colour, a film, a mesh.
+
+import { ask, post, save } from "/page/api.js";
+import { drawThumbnail, faceOf, refreshFaces, showFace } from "/page/faces.js";
+import { refreshSoon } from "/page/frames.js";
+import { say } from "/page/message.js";
+import { state } from "/page/state.js";
+
+const box = document.getElementById("job");
+const progress = document.getElementById("progress");
+const phase = document.getElementById("phase");
+
+export const job = { state: "none", phase: "" };
+
+export function cancelJob() {
+  return ask("cancel").catch((error) => say(error.message));
+}
+
+document.getElementById("cancel").onclick = cancelJob;
+
+/// Until the job ends. `live`: its face changes on the way and is shown.
+export async function watchJob(live) {
+  box.hidden = false;
+  let face = "";
+  let step = -1;
+  while (true) {
+    let status;
+    try {
+      status = await ask("job");
+    } catch (error) {
+      say(error.message);
+      break;
+    }
+    Object.assign(job, status);
+    phase.textContent = status.phase + (status.total ? ` ${status.done} of ${status.total}` : "");
+    if (status.total) progress.value = status.done / status.total;
+    else progress.removeAttribute("value");
+    if (live && status.face && status.state === "running") {
+      if (!face) {
+        face = status.face;
+        await refreshFaces();
+        showFace(face);
+      } else if (status.done !== step && state.face === face) {
+        refreshSoon();
+      }
+      step = status.done;
+    }
+    if (status.state !== "running") {
+      await finish(status, face);
+      break;
+    }
+    await new Promise((done) => setTimeout(done, 120));
+  }
+  box.hidden = true;
+}
+
+async function finish(status, face) {
+  if (status.state === "failed") say(status.error);
+  else if (status.note) say(status.note);
+  await refreshFaces();
+  if (status.state === "cancelled") say("Cancelled.");
+  if (status.state === "done" && status.face) {
+    showFace(status.face);
+    drawThumbnail(status.face);
+    refreshSoon();
+  } else if (face && !faceOf(face)) {
+    showFace(document.querySelector(".face").dataset.face);
+  }
+  if (status.state === "done" && status.artifact) {
+    const response = await post("result");
+    const name = /filename="([^"]+)"/.exec(response.headers.get("Content-Disposition"))[1];
+    save(await response.blob(), name);
+    say(name + " is saved.");
+  }
+}

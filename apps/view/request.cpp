@@ -1,0 +1,248 @@
+#include "apps/view/request.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "core/angle.h"
+#include "render/off_axis_camera.h"
+
+namespace stymo::view {
+
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr int deepest_nesting = 8;
+constexpr double most_deviations = 6.0;  ///< of a slider
+constexpr std::size_t most_keys = 64, most_frames = 600;
+
+template <class... Parts>
+[[noreturn]] void refuse(const Parts&... parts) {
+    std::ostringstream text;
+    (text << ... << parts);
+    throw RequestError(400, text.str());
+}
+
+Json parsed(const std::string& text) {
+    const auto callback = [](int depth, Json::parse_event_t /*event*/, Json& /*value*/) {
+        if (depth > deepest_nesting) refuse("the request is nested too deeply");
+        return true;
+    };
+    Json json = Json::parse(text, callback, false);
+    if (json.is_discarded() || !json.is_object()) refuse("the request is not a JSON object");
+    return json;
+}
+
+double number(const Json& object, const char* key, double usual, double low, double high) {
+    if (!object.contains(key)) return usual;
+    const Json& value = object.at(key);
+    if (!value.is_number()) refuse('"', key, "\" is not a number");
+    const auto result = value.get<double>();
+    if (!(result >= low && result <= high))
+        refuse('"', key, "\" must be from ", low, " to ", high, ", got ", result);
+    return result;
+}
+
+std::string text(const Json& object, const char* key, const std::string& usual = {}) {
+    if (!object.contains(key)) return usual;
+    if (!object.at(key).is_string()) refuse('"', key, "\" is not a text");
+    return object.at(key).get<std::string>();
+}
+
+template <std::size_t count>
+std::size_t choice(const Json& object, const char* key,
+                   const std::array<const char*, count>& choices) {
+    const std::string chosen = text(object, key, choices.front());
+    const auto found = std::ranges::find(choices, chosen);
+    if (found == choices.end()) refuse('"', key, "\": there is no \"", chosen, '"');
+    return static_cast<std::size_t>(found - choices.begin());
+}
+
+const Json& member(const Json& object, const char* key) {
+    if (!object.contains(key)) refuse('"', key, "\" is missing");
+    return object.at(key);
+}
+
+std::vector<double> numbers(const Json& array, const char* key, std::size_t most, double low,
+                            double high) {
+    if (!array.is_array() || array.size() > most)
+        refuse('"', key, "\" must be an array of at most ", most, " numbers");
+    std::vector<double> result;
+    for (const Json& item : array) {
+        if (!item.is_number() || !(item.get<double>() >= low && item.get<double>() <= high))
+            refuse('"', key, "\" must be numbers from ", low, " to ", high);
+        result.push_back(item.get<double>());
+    }
+    return result;
+}
+
+Sliders sliders_of(const Json& object) {
+    Sliders sliders;
+    if (!object.contains("sliders")) return sliders;
+    const Json& all = object.at("sliders");
+    if (!all.is_object()) refuse("\"sliders\" is not an object");
+    constexpr std::size_t most_directions = 64;
+    for (std::size_t group = 0; group < code_names.size(); ++group) {
+        if (all.contains(code_names[group]))
+            sliders[group] = numbers(all.at(code_names[group]), code_names[group], most_directions,
+                                     -most_deviations, most_deviations);
+    }
+    return sliders;
+}
+
+/// The camera of an eye before the screen: lengths in metres from the middle of the picture.
+Camera window_camera(const Json& object, const CameraConfig& model) {
+    const std::vector<double> eye = numbers(object.at("eye"), "eye", 3, -5.0, 5.0);
+    if (eye.size() != 3) refuse("\"eye\" must be three numbers");
+    const double screen = number(object, "screen", 0.2, 0.02, 10.0);
+    // The screen shows what the model's own frontal camera shows at the depth of the face.
+    const Window window{.center = {0.0, 0.0, model.pivot_depth},
+                        .side = (model.distance - model.pivot_depth) / model.intrinsics.focal};
+    const double scale = window.side / screen;
+    constexpr double nearest = 2.0;  // world units before the screen
+    Eigen::Vector3d place = scale * Eigen::Vector3d(eye[0], eye[1], eye[2]);
+    place[2] = std::max(place[2], nearest);
+    return off_axis_camera(window, window.center + place);
+}
+
+Camera camera_of(const Json& object, const CameraConfig& model) {
+    if (!object.is_object()) refuse("\"camera\" is not an object");
+    if (object.contains("eye")) return window_camera(object, model);
+    const double yaw = number(object, "yaw", 0.0, -180.0, 180.0),
+                 pitch = number(object, "pitch", 0.0, -89.0, 89.0),
+                 roll = number(object, "roll", 0.0, -180.0, 180.0);
+    const double distance =
+        number(object, "distance", 1.0, 0.5, 3.0) * (model.distance - model.pivot_depth) +
+        model.pivot_depth;
+    return camera_from_pose(pivot_pose(radians_from_degrees(yaw), radians_from_degrees(pitch),
+                                       radians_from_degrees(roll), distance, model.pivot_depth),
+                            model.intrinsics);
+}
+
+/// Through the keys, with continuous speed (Catmull and Rom 1974); `part` in [0, 1].
+double along(const std::vector<double>& keys, double part) {
+    const double place = part * static_cast<double>(keys.size() - 1);
+    const auto last = std::ssize(keys) - 1;
+    const auto first =
+        std::min(static_cast<std::ptrdiff_t>(place), std::max<std::ptrdiff_t>(last - 1, 0));
+    const double t = place - static_cast<double>(first);
+    const auto key = [&](std::ptrdiff_t i) {
+        return keys[static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(i, 0, last))];
+    };
+    const double a = key(first - 1), b = key(first), c = key(first + 1), d = key(first + 2);
+    return b +
+           0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)));
+}
+
+}  // namespace
+
+const std::string& Request::value(const std::string& name) const {
+    const auto found = query.find(name);
+    if (found == query.end()) refuse('"', name, "\" is missing");
+    return found->second;
+}
+
+double Request::number(const std::string& name, double usual, double low, double high) const {
+    const auto found = query.find(name);
+    if (found == query.end()) return usual;
+    const std::string& text = found->second;
+    double result = 0.0;
+    const char* end = text.data() + text.size();
+    if (std::from_chars(text.data(), end, result).ptr != end || !(result >= low && result <= high))
+        refuse('"', name, "\" must be a number from ", low, " to ", high);
+    return result;
+}
+
+FrameWish frame_wish(const std::string& json, const CameraConfig& camera) {
+    const Json object = parsed(json);
+    FrameWish wish;
+    wish.face = text(object, "face");
+    wish.sliders = sliders_of(object);
+    wish.camera = camera_of(object.value("camera", Json::object()), camera);
+    wish.layer = static_cast<Layer>(
+        choice(object, "layer", std::array{"image", "depth", "mask", "normals"}));
+    wish.quality =
+        static_cast<Quality>(choice(object, "quality", std::array{"moving", "still", "thumbnail"}));
+    return wish;
+}
+
+ColorWish color_wish(const std::string& json, const CameraConfig& camera) {
+    const Json object = parsed(json);
+    ColorWish wish;
+    wish.face = text(object, "face");
+    wish.camera = camera_of(object.value("camera", Json::object()), camera);
+    wish.x = number(object, "x", 0.5, 0.0, 1.0);
+    wish.y = number(object, "y", 0.5, 0.0, 1.0);
+    const std::vector<double> color = numbers(member(object, "color"), "color", 3, 0.0, 1.0);
+    if (color.size() != 3) refuse("\"color\" must be three numbers");
+    wish.color = {color[0], color[1], color[2]};
+    return wish;
+}
+
+FaceWish face_wish(const std::string& json) {
+    const Json object = parsed(json);
+    FaceWish wish;
+    wish.name = text(object, "name");
+    constexpr std::size_t longest_name = 80;
+    if (wish.name.size() > longest_name) refuse("\"name\" is too long");
+    wish.sliders = sliders_of(object);
+    wish.face = text(object, "face");
+    if (object.contains("codes")) {
+        wish.source = FaceWish::Source::codes;
+        wish.codes = text(object, "codes");
+    } else if (object.contains("file")) {
+        wish.source = FaceWish::Source::file;
+        wish.codes = text(object, "file");
+    } else if (object.contains("source")) {
+        wish.source = FaceWish::Source::mixed;
+        wish.other = text(object, "source");
+        for (const Json& group : member(object, "groups")) {
+            const auto found = std::ranges::find(
+                code_names, group.is_string() ? group.get<std::string>() : std::string());
+            if (found == code_names.end()) refuse("\"groups\" are id, expr, tex, light");
+            wish.groups[static_cast<std::size_t>(found - code_names.begin())] = true;
+        }
+    } else if (!wish.face.empty()) {
+        wish.source = FaceWish::Source::moved;
+    } else {
+        wish.seed = static_cast<std::uint64_t>(number(object, "seed", 1.0, 0.0, 4294967295.0));
+        wish.truncation = number(object, "truncation", 0.7, 0.0, 2.0);
+    }
+    return wish;
+}
+
+PathWish path_wish(const std::string& json, const CameraConfig& camera) {
+    const Json object = parsed(json);
+    PathWish wish;
+    wish.face = text(object, "face");
+    wish.sliders = sliders_of(object);
+    wish.frames_per_second = number(object, "fps", 24.0, 1.0, 60.0);
+    wish.extension = choice(object, "format", std::array{"gif", "mp4"}) == 0 ? ".gif" : ".mp4";
+    const Json& keys = member(object, "keys");
+    if (!keys.is_array() || keys.size() < 2 || keys.size() > most_keys)
+        refuse("a path has from 2 to ", most_keys, " keys");
+    std::array<std::vector<double>, 4> tracks;
+    for (const Json& key : keys) {
+        if (!key.is_object()) refuse("a key is an object");
+        tracks[0].push_back(number(key, "yaw", 0.0, -180.0, 180.0));
+        tracks[1].push_back(number(key, "pitch", 0.0, -80.0, 80.0));
+        tracks[2].push_back(number(key, "roll", 0.0, -180.0, 180.0));
+        tracks[3].push_back(number(key, "distance", 1.0, 0.6, 2.5));
+    }
+    const double seconds = number(object, "seconds", 3.0, 0.1, 60.0);
+    const auto frames = std::clamp<std::size_t>(
+        static_cast<std::size_t>(seconds * wish.frames_per_second), 2, most_frames);
+    for (std::size_t i = 0; i < frames; ++i) {
+        const double part = static_cast<double>(i) / static_cast<double>(frames - 1);
+        wish.cameras.push_back(camera_of(Json{{"yaw", along(tracks[0], part)},
+                                              {"pitch", along(tracks[1], part)},
+                                              {"roll", along(tracks[2], part)},
+                                              {"distance", along(tracks[3], part)}},
+                                         camera));
+    }
+    return wish;
+}
+
+}  // namespace stymo::view

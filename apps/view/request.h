@@ -1,0 +1,90 @@
+#pragma once
+
+#include <array>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "apps/view/frame.h"
+#include "apps/view/jobs.h"
+#include "core/error.h"
+#include "nn/models/codes.h"
+
+namespace stymo::view {
+
+/// A request that is not understood, or not allowed, with its status of HTTP.
+class RequestError : public Error {
+public:
+    RequestError(int status, const std::string& message) : Error(message), status_(status) {}
+    [[nodiscard]] int status() const { return status_; }
+
+private:
+    int status_;
+};
+
+/// A request to the server, of whichever HTTP library.
+struct Request {
+    std::string path;  ///< "/api/frame"
+    std::string session{};
+    std::map<std::string, std::string> query{};
+    std::string body{};
+
+    /// Throws RequestError if the query has no such value.
+    [[nodiscard]] const std::string& value(const std::string& name) const;
+    /// A number of the query, or `usual`. Throws RequestError for a text that is no number from low
+    /// to high.
+    [[nodiscard]] double number(const std::string& name, double usual, double low,
+                                double high) const;
+};
+
+/// Amounts of the sliders: standard deviations along each group's directions.
+using Sliders = std::array<std::vector<double>, code_names.size()>;
+
+/// What the page asks to see.
+struct FrameWish {
+    std::string face;
+    Sliders sliders;
+    Camera camera;
+    Layer layer = Layer::image;
+    Quality quality = Quality::moving;
+};
+
+// Each reads the JSON body of a request and throws RequestError for one that is malformed, with
+// numbers out of range, or too large.
+
+[[nodiscard]] FrameWish frame_wish(const std::string& json, const CameraConfig& camera);
+[[nodiscard]] ColorWish color_wish(const std::string& json, const CameraConfig& camera);
+
+/// How a new face is made.
+struct FaceWish {
+    enum class Source {
+        drawn,  ///< {"seed", "truncation"}
+        codes,  ///< {"codes": text_of_codes}
+        file,   ///< {"file": the contents of a codes.json}
+        mixed,  ///< {"face", "source", "groups": ["expr", ...]}
+        moved,  ///< {"face", "sliders"}: the sliders become part of the face
+    };
+    Source source = Source::drawn;
+    std::uint64_t seed = 0;
+    double truncation = 0.7;
+    std::string codes;  ///< or the file
+    std::string name;
+    std::string face;
+    std::string other;
+    std::array<bool, code_names.size()> groups{};
+    Sliders sliders;
+};
+[[nodiscard]] FaceWish face_wish(const std::string& json);
+
+/// {"face", "sliders", "keys": [camera, ...], "seconds", "fps", "format": "gif" or "mp4"}: cameras
+/// along a smooth path through the keys.
+struct PathWish {
+    std::string face;
+    Sliders sliders;
+    std::vector<Camera> cameras;
+    double frames_per_second = 24.0;
+    std::string extension;
+};
+[[nodiscard]] PathWish path_wish(const std::string& json, const CameraConfig& camera);
+
+}  // namespace stymo::view

@@ -1,0 +1,125 @@
+#include "apps/view/session.h"
+
+#include <algorithm>
+#include <random>
+
+#include "core/error.h"
+
+namespace stymo::view {
+
+namespace {
+
+/// Requests that a session may make each second, and at once.
+constexpr double requests_per_second = 200.0, requests_at_once = 400.0;
+/// A session that is idle for so long gives way to a new one.
+constexpr double idle_limit_seconds = 60.0;
+
+}  // namespace
+
+Session::Session(std::string id, Studio& studio)
+    : id_(std::move(id)), studio_(studio), allowance_(requests_at_once) {
+    for (const auto& [name, face] : studio.first_faces())
+        static_cast<void>(shelf_.add({name, face, studio.model()}));
+}
+
+Session::~Session() {
+    job_.reset();
+    studio_.scheduler().forget(id_);
+}
+
+void Session::start(Job::Body body) {
+    const std::lock_guard lock(mutex_);
+    if (job_ && job_->running()) fail<ValueError>("another job is running; cancel it first");
+    job_.reset();
+    job_ = std::make_unique<Job>(std::move(body));
+}
+
+void Session::cancel() {
+    const std::lock_guard lock(mutex_);
+    if (job_) job_->cancel();
+}
+
+std::optional<JobStatus> Session::job_status() const {
+    const std::lock_guard lock(mutex_);
+    if (!job_) return std::nullopt;
+    return job_->status();
+}
+
+std::optional<Artifact> Session::artifact() const {
+    const std::lock_guard lock(mutex_);
+    if (!job_) return std::nullopt;
+    return job_->artifact();
+}
+
+std::optional<EyeTracker::Sight> Session::see(const Tensor& image, const EyeCamera& camera) {
+    const double seconds = std::chrono::duration<double>(Clock::now().time_since_epoch()).count();
+    const std::lock_guard lock(eye_mutex_);
+    if (!eyes_) eyes_.emplace(studio_.face_detector());
+    return eyes_->see(image, camera, seconds);
+}
+
+bool Session::allows_request() {
+    const std::lock_guard lock(rate_mutex_);
+    const Clock::time_point now = Clock::now();
+    const double passed = std::chrono::duration<double>(now - last_used_).count();
+    last_used_ = now;
+    allowance_ = std::min(allowance_ + passed * requests_per_second, requests_at_once);
+    if (allowance_ < 1.0) return false;
+    allowance_ -= 1.0;
+    return true;
+}
+
+double Session::idle_seconds() const {
+    const std::lock_guard lock(rate_mutex_);
+    return std::chrono::duration<double>(Clock::now() - last_used_).count();
+}
+
+Sessions::Sessions(Studio& studio, std::size_t most) : studio_(studio), most_(most) {}
+
+std::shared_ptr<Session> Sessions::open() {
+    std::shared_ptr<Session> leaving;  // ends without the lock, since its job may take a moment
+    const std::lock_guard lock(mutex_);
+    if (sessions_.size() >= most_) {
+        const auto idlest = std::ranges::max_element(
+            sessions_, {}, [](const auto& entry) { return entry.second->idle_seconds(); });
+        if (idlest == sessions_.end() || idlest->second->idle_seconds() < idle_limit_seconds)
+            return nullptr;
+        leaving = std::move(idlest->second);
+        sessions_.erase(idlest);
+    }
+    auto session = std::make_shared<Session>(random_token(), studio_);
+    sessions_.emplace(session->id(), session);
+    return session;
+}
+
+std::shared_ptr<Session> Sessions::find(const std::string& id) const {
+    const std::lock_guard lock(mutex_);
+    const auto found = sessions_.find(id);
+    return found == sessions_.end() ? nullptr : found->second;
+}
+
+void Sessions::close(const std::string& id) {
+    std::shared_ptr<Session> leaving;
+    const std::lock_guard lock(mutex_);
+    const auto found = sessions_.find(id);
+    if (found == sessions_.end()) return;
+    leaving = std::move(found->second);
+    sessions_.erase(found);
+}
+
+std::size_t Sessions::count() const {
+    const std::lock_guard lock(mutex_);
+    return sessions_.size();
+}
+
+std::string random_token() {
+    constexpr const char* digits = "0123456789abcdef";
+    constexpr int length = 32;
+    std::random_device source;
+    std::uniform_int_distribution<int> digit(0, 15);
+    std::string token;
+    for (int i = 0; i < length; ++i) token += digits[digit(source)];
+    return token;
+}
+
+}  // namespace stymo::view

@@ -1,0 +1,81 @@
+#include "apps/view/shelf.h"
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+#include "core/error.h"
+
+namespace stymo::view {
+
+namespace {
+
+constexpr std::size_t most_faces = 64;
+constexpr std::size_t digits_of_element = 4;
+
+}  // namespace
+
+std::string Shelf::add(ShelfFace face) {
+    const std::lock_guard lock(mutex_);
+    if (faces_.size() >= most_faces)
+        fail<ValueError>("there is room for ", most_faces, " faces; remove one first");
+    const std::string id = "f" + std::to_string(++count_);
+    faces_.emplace_back(id, std::move(face));
+    return id;
+}
+
+ShelfFace Shelf::find(const std::string& id) const {
+    const std::lock_guard lock(mutex_);
+    const auto found = std::ranges::find(faces_, id, &std::pair<std::string, ShelfFace>::first);
+    if (found == faces_.end()) fail<ValueError>("there is no face ", id);
+    return found->second;
+}
+
+void Shelf::replace(const std::string& id, ShelfFace face) {
+    const std::lock_guard lock(mutex_);
+    const auto found = std::ranges::find(faces_, id, &std::pair<std::string, ShelfFace>::first);
+    if (found == faces_.end()) fail<ValueError>("there is no face ", id);
+    found->second = std::move(face);
+}
+
+void Shelf::remove(const std::string& id) {
+    const std::lock_guard lock(mutex_);
+    std::erase_if(faces_, [&](const auto& entry) { return entry.first == id; });
+}
+
+std::vector<std::pair<std::string, ShelfFace>> Shelf::all() const {
+    const std::lock_guard lock(mutex_);
+    return faces_;
+}
+
+std::string text_of_codes(const Codes& codes) {
+    constexpr const char* digits = "0123456789abcdef";
+    std::string text;
+    for (const Variable& group : codes.groups) {
+        for (const float value : group.value().values<float>()) {
+            const auto bits = Eigen::numext::bit_cast<std::uint16_t>(Eigen::half(value));
+            for (int shift = 12; shift >= 0; shift -= 4) text += digits[(bits >> shift) & 15];
+        }
+    }
+    return text;
+}
+
+Codes codes_of_text(const std::string& text) {
+    if (text.size() != digits_of_element * static_cast<std::size_t>(code_size))
+        fail<ValueError>("codes are ", digits_of_element * static_cast<std::size_t>(code_size),
+                         " hexadecimal digits, got ", text.size(), " characters");
+    std::vector<float> values;
+    for (std::size_t at = 0; at < text.size(); at += digits_of_element) {
+        std::uint16_t bits = 0;
+        const char* end = text.data() + at + digits_of_element;
+        if (std::from_chars(text.data() + at, end, bits, 16).ptr != end)
+            fail<ValueError>("codes are hexadecimal digits, got \"",
+                             text.substr(at, digits_of_element), '"');
+        values.push_back(static_cast<float>(Eigen::numext::bit_cast<Eigen::half>(bits)));
+        if (!std::isfinite(values.back())) fail<ValueError>("codes must be finite numbers");
+    }
+    return split_codes(Variable(Tensor::from({1, code_size}, std::span<const float>(values))));
+}
+
+}  // namespace stymo::view

@@ -1,0 +1,54 @@
+#include "apps/view/studio.h"
+
+#include "core/error.h"
+#include "core/rng.h"
+#include "nn/models/view.h"
+
+namespace stymo::view {
+
+namespace {
+
+constexpr std::int64_t directions_of_group = 6;
+/// Faces to begin with where the command line names none.
+constexpr std::uint64_t drawn_faces = 6;
+constexpr double usual_truncation = 0.7;
+
+}  // namespace
+
+Studio::Studio(const StudioOptions& options) : options_(options) {
+    model_ = std::make_shared<const Model>(load_model(options.model));
+    if (model_->code_statistics())
+        directions_ = leading_directions(*model_->code_statistics(), directions_of_group);
+    loss_ = std::make_unique<ReconstructionLoss>(
+        model_->config().reconstruction, "a model without a perceptual term",
+        model_->has_encoder() ? &model_->encoder() : nullptr);
+    for (const std::string& file : options.codes)
+        first_faces_.emplace_back(std::filesystem::path(file).stem().string(),
+                                  read_code_file(file));
+    if (first_faces_.empty() && model_->code_statistics()) {
+        for (std::uint64_t seed = 1; seed <= drawn_faces; ++seed)
+            first_faces_.emplace_back("drawn " + std::to_string(seed),
+                                      drawn_face(seed, usual_truncation));
+    }
+    if (first_faces_.empty())
+        fail<UsageError>("--codes is required: the model has no statistics to draw faces from");
+    if (options_.chooses_mode)
+        options_.frames.moving_mode = fastest_mode(*model_, first_faces_.front().second.codes);
+    scheduler_ = std::make_unique<Scheduler>(options_.frames);
+}
+
+CodeFile Studio::drawn_face(std::uint64_t seed, double truncation) const {
+    if (!model_->code_statistics())
+        fail<ValueError>("this model has no statistics to draw faces from");
+    Rng rng = Rng(0).split("new faces").split(seed);
+    return {model_->code_statistics()->sample(rng, truncation),
+            frontal_pose(model_->config().camera)};
+}
+
+std::shared_ptr<const FaceDetector> Studio::face_detector() {
+    const std::lock_guard lock(detector_mutex_);
+    if (!detector_) detector_ = std::make_shared<const FaceDetector>();
+    return detector_;
+}
+
+}  // namespace stymo::view

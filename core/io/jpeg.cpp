@@ -1,0 +1,64 @@
+#include "core/io/jpeg.h"
+
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "core/error.h"
+#include "core/io/image_bytes.h"
+
+namespace stymo {
+
+namespace {
+
+constexpr const char* name = "memory.jpg";  ///< tells OpenImageIO the format
+
+[[noreturn]] void refuse(const std::string& reason) {
+    fail<FileError>("not a JPEG image (", reason.substr(0, reason.find('\n')), ")");
+}
+
+}  // namespace
+
+std::string jpeg_bytes(const Tensor& image, int quality) {
+    require_image(image, "jpeg_bytes");
+    OIIO::ImageSpec spec(static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)),
+                         static_cast<int>(image.shape(2)), OIIO::TypeUInt8);
+    spec.attribute("Compression", "jpeg:" + std::to_string(std::clamp(quality, 1, 100)));
+    OIIO::Filesystem::IOVecOutput memory;
+    const auto output = OIIO::ImageOutput::create(name, &memory);
+    if (!output || !output->open(name, spec) ||
+        !output->write_image(OIIO::TypeUInt8, image_bytes(image).data()) || !output->close()) {
+        fail<FileError>("an image cannot be encoded as JPEG (",
+                        output ? output->geterror() : OIIO::geterror(), ")");
+    }
+    return {memory.buffer().begin(), memory.buffer().end()};
+}
+
+Tensor image_from_jpeg(std::string_view bytes, std::int64_t most_pixels) {
+    OIIO::Filesystem::IOMemReader memory(const_cast<char*>(bytes.data()), bytes.size());
+    const auto input = OIIO::ImageInput::open(name, nullptr, &memory);
+    if (!input) refuse(OIIO::geterror());
+    const OIIO::ImageSpec& spec = input->spec();
+    if (std::int64_t{spec.width} * spec.height > most_pixels)
+        refuse(std::to_string(spec.width) + " x " + std::to_string(spec.height) +
+               " pixels are too many");
+    const auto pixels =
+        static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.height);
+    const auto channels = static_cast<std::size_t>(spec.nchannels);
+    std::vector<float> values(pixels * channels);
+    const bool complete =
+        input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeFloat, values.data());
+    if (const std::string message = input->geterror(); !complete || !message.empty())
+        refuse(message.empty() ? "damaged" : message);
+    Tensor image({spec.height, spec.width, 3});
+    const std::span<float> target = image.mutable_values<float>();
+    for (std::size_t i = 0; i < pixels; ++i) {
+        for (std::size_t channel = 0; channel < 3; ++channel)
+            target[3 * i + channel] = values[channels * i + std::min(channel, channels - 1)];
+    }
+    return image;
+}
+
+}  // namespace stymo

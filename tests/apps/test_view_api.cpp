@@ -1,0 +1,246 @@
+// The requests of stymo-view without HTTP, on the tiny run's model.
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <future>
+
+#include "apps/view/shelf.h"
+#include "apps/view_client.h"
+#include "core/angle.h"
+#include "core/error.h"
+#include "core/io/jpeg.h"
+#include "core/metrics.h"
+#include "nn/models/code_file.h"
+#include "nn/models/view.h"
+#include "support/tiny_model.h"
+
+using namespace stymo;
+using nlohmann::json;
+
+namespace {
+
+json frame_of(const std::string& face, const std::string& quality, double yaw = 0.0) {
+    return {{"face", face}, {"quality", quality}, {"camera", {{"yaw", yaw}}}};
+}
+
+json told(const view::Answer& answer) {
+    const auto found = std::ranges::find(answer.headers, "X-Stymo-Frame",
+                                         &std::pair<std::string, std::string>::first);
+    REQUIRE(found != answer.headers.end());
+    return json::parse(found->second);
+}
+
+Tensor picture(const view::Answer& answer) {
+    INFO(answer.body.substr(0, 200));
+    REQUIRE(answer.status == 200);
+    return image_from_jpeg(answer.body, 1 << 20);
+}
+
+}  // namespace
+
+TEST_CASE("a still frame is the exact view, a moving one is as near as promised", "[view]") {
+    ViewClient client;
+    const std::string face = client.first_face();
+    const view::Answer still = client.ask("frame", frame_of(face, "still", 20.0));
+    const Tensor image = picture(still);
+    const Model& model = *client.studio().model();
+    const Codes codes = client.studio().first_faces().front().second.codes;
+    const Tensor exact =
+        render_view(model, codes, 0, model_camera(model, radians_from_degrees(20.0), 0.0, 0.0),
+                    {.samples_per_ray = 4})
+            .image;
+    CHECK(peak_signal_to_noise_ratio(image, exact) > 33.0);  // what JPEG leaves
+    CHECK(told(still)["mode"] == "exact");
+    CHECK(told(still)["psnr"].get<double>() > client.studio().options().frames.psnr);
+    const view::Answer moving = client.ask("frame", frame_of(face, "moving", 20.0));
+    CHECK(peak_signal_to_noise_ratio(picture(moving), exact) > 28.0);
+    CHECK(told(moving)["mode"] != "exact");
+    CHECK(picture(client.ask("frame", frame_of(face, "thumbnail"))).shape(0) == 64);
+}
+
+TEST_CASE("sliders, layers and the window change the picture", "[view]") {
+    ViewClient client;
+    json wish = frame_of(client.first_face(), "still");
+    const Tensor plain = picture(client.ask("frame", wish));
+    const auto differs = [&](const json& other) {
+        return peak_signal_to_noise_ratio(picture(client.ask("frame", other)), plain) < 60.0;
+    };
+    CHECK_FALSE(differs(wish));
+    for (const char* layer : {"depth", "normals"}) {
+        json other = wish;
+        other["layer"] = layer;
+        INFO(layer);
+        CHECK(differs(other));
+    }
+    for (const char* group : {"id", "expr", "tex", "light"}) {
+        json other = wish;
+        other["sliders"] = {{group, {3.0}}};
+        INFO(group);
+        CHECK(differs(other));
+    }
+    json window = wish;
+    window["camera"] = {{"eye", {0.1, 0.0, 0.4}}, {"screen", 0.2}};
+    CHECK(differs(window));
+}
+
+TEST_CASE("new faces are drawn, opened, shared, mixed and kept", "[view]") {
+    ViewClient client;
+    const std::string first = client.first_face();
+    const auto codes_of = [&](const json& answer) {
+        for (const json& face : answer["faces"]) {
+            if (face["face"] == answer["face"]) return face["codes"].get<std::string>();
+        }
+        return std::string();
+    };
+    const json drawn = client.json("face", {{"seed", 5}, {"truncation", 0.5}});
+    const std::string other = drawn["face"];
+    CHECK(codes_of(client.json("face", {{"seed", 5}, {"truncation", 0.5}})) == codes_of(drawn));
+    CHECK(codes_of(client.json("face", {{"codes", codes_of(drawn)}})) == codes_of(drawn));
+    const view::Answer file = client.send("codes", "", {{"face", other}});
+    CHECK(codes_of(client.json("face", {{"file", file.body}})) == codes_of(drawn));
+
+    const json mixed =
+        client.json("face", {{"face", first}, {"source", other}, {"groups", {"tex"}}});
+    const Codes target = view::codes_of_text(client.opened()["faces"][0]["codes"]),
+                source = view::codes_of_text(codes_of(drawn)),
+                both = view::codes_of_text(codes_of(mixed));
+    CHECK(both.texture().value().to_vector() == source.texture().value().to_vector());
+    CHECK(both.identity().value().to_vector() == target.identity().value().to_vector());
+
+    const json moved = client.json("face", {{"face", other}, {"sliders", {{"light", {1.0}}}}});
+    CHECK(codes_of(moved) != codes_of(drawn));
+    const view::Answer left = client.send("remove", "", {{"face", other}});
+    CHECK(json::parse(left.body)["faces"].size() == client.json("faces")["faces"].size());
+    CHECK(client.ask("frame", frame_of(other, "still")).status == 400);
+}
+
+TEST_CASE("a film, a mesh and a change of colour are made; a job is cancelled", "[view]") {
+    ViewClient client;
+    const std::string face = client.first_face();
+    const json keys = {{{"yaw", -20}}, {{"yaw", 20}}};
+    json film = {{"face", face}, {"keys", keys}, {"seconds", 0.3}, {"fps", 10}, {"format", "gif"}};
+    client.json("film", film);
+    CHECK(client.ended_job()["state"] == "done");
+    const view::Answer gif = client.ask("result");
+    CHECK(gif.type == "image/gif");
+    CHECK(gif.body.starts_with("GIF8"));
+
+    const json color = {{"face", face}, {"x", 0.5}, {"y", 0.5}, {"color", {0.8, 0.2, 0.2}}};
+    client.json("color", color);
+    const json recolored = client.ended_job();
+    INFO(recolored.dump());
+    CHECK(recolored["state"] == "done");
+    CHECK(recolored["face"] != "");
+
+    film["seconds"] = 60;
+    client.json("film", film);
+    CHECK(client.ask("film", film).status == 400);  // one at a time
+    client.json("cancel");
+    CHECK(client.ended_job()["state"] == "cancelled");
+    CHECK(client.ask("result").status == 404);
+}
+
+TEST_CASE("a photo without a face ends the job with a reason and leaves no face", "[view]") {
+    ViewClient client;
+    CHECK(client.ask("photo").status == 400);
+    CHECK(client.send("photo", "no image").status == 200);
+    json job = client.ended_job();
+    CHECK(job["state"] == "failed");
+    CHECK(job["error"] == "the photo: not an image");
+    client.send("photo", jpeg_bytes(Tensor::full({64, 64, 3}, 0.5), 90));
+    job = client.ended_job();
+    CHECK(job["state"] == "failed");
+    CHECK(job["error"].get<std::string>().starts_with("the photo: "));
+    CHECK(client.json("faces")["faces"].size() == client.opened()["faces"].size());
+}
+
+TEST_CASE("requests that are wrong are refused with a reason", "[view]") {
+    ViewClient client;
+    const std::string face = client.first_face();
+    struct Row {
+        const char* path;
+        std::string body;
+        const char* reason;
+    };
+    const std::string nested(10000, '[');
+    const std::vector<Row> rows{
+        {"frame", "", "the request is not a JSON object"},
+        {"frame", "[]", "the request is not a JSON object"},
+        {"frame", "{\"a\":" + nested, "the request is nested too deeply"},
+        {"frame", R"({"face": "f99"})", "there is no face f99"},
+        {"frame", R"({"face": 3})", "\"face\" is not a text"},
+        {"frame", R"({"quality": "best"})", "\"quality\": there is no \"best\""},
+        {"frame", R"({"layer": "x"})", "\"layer\": there is no \"x\""},
+        {"frame", R"({"camera": 1})", "\"camera\" is not an object"},
+        {"frame", R"({"camera": {"yaw": 1e9}})", "\"yaw\" must be from -180 to 180, got 1e+09"},
+        {"frame", R"({"camera": {"yaw": "left"}})", "\"yaw\" is not a number"},
+        {"frame", R"({"camera": {"eye": [0, 1]}})", "\"eye\" must be three numbers"},
+        {"frame", R"({"sliders": {"id": [9]}})", "\"id\" must be numbers from -6 to 6"},
+        {"face", R"({"codes": "12"})", "codes are 1224 hexadecimal digits, got 2 characters"},
+        {"face", R"({"file": "{}"})", "the file: not a code file (\"code\" is missing)"},
+        {"face", R"({"seed": -1})", "\"seed\" must be from 0 to 4.29497e+09, got -1"},
+        {"face", R"({"face": "f1", "source": "f1", "groups": ["nose"]})",
+         "\"groups\" are id, expr, tex, light"},
+        {"color", R"({"face": "f1"})", "\"color\" is missing"},
+        {"film", R"({"face": "f1", "keys": [{}]})", "a path has from 2 to 64 keys"},
+        {"mesh", "", "\"face\" is missing"},
+        {"codes", "", "\"face\" is missing"},
+        {"eyes", "xx", "not a JPEG image"},
+        {"nothing", "", "there is no /api/nothing"},
+        {"result", "", "there is no result yet"},
+    };
+    for (const Row& row : rows) {
+        INFO(row.path << " " << row.body.substr(0, 60));
+        const view::Answer answer = client.send(row.path, row.body);
+        CHECK(answer.status >= 400);
+        CHECK(json::parse(answer.body)["error"].get<std::string>().starts_with(row.reason));
+    }
+    CHECK(client.send("tuned", "", {{"face", face}}).status == 400);
+    CHECK(client.send("photo", "x", {{"tune", "long"}}).status == 400);
+    CHECK(client.api()({.path = "/api/frame", .session = "unknown"}).status == 410);
+}
+
+TEST_CASE("a session is one of a few, and gets no more requests than it may", "[view]") {
+    ViewClient client;  // the first of four
+    for (int i = 0; i < 3; ++i) CHECK(client.api()({.path = "/api/session"}).status == 200);
+    CHECK(client.api()({.path = "/api/session"}).status == 503);
+    CHECK(client.ask("close").status == 200);
+    CHECK(client.ask("faces").status == 410);
+    const view::Answer reopened = client.api()({.path = "/api/session"});
+    REQUIRE(reopened.status == 200);
+    const std::string session = json::parse(reopened.body)["session"];
+    int refused = 0;
+    for (int i = 0; i < 2000; ++i)
+        refused += client.api()({.path = "/api/job", .session = session}).status == 429 ? 1 : 0;
+    CHECK(refused > 0);
+}
+
+TEST_CASE("a newer frame takes the place of one that waits, and none is lost", "[view]") {
+    ViewClient client;
+    const std::string face = client.first_face();
+    std::vector<std::future<view::Answer>> answers;
+    for (int i = 0; i < 24; ++i) {
+        answers.push_back(std::async(std::launch::async, [&, i] {
+            return client.ask("frame", frame_of(face, i % 3 == 0 ? "still" : "moving", double(i)));
+        }));
+    }
+    int shown = 0;
+    for (auto& answer : answers) {
+        const int status = answer.get().status;
+        CHECK((status == 200 || status == 204));
+        shown += status == 200 ? 1 : 0;
+    }
+    CHECK(shown >= 1);
+}
+
+TEST_CASE("codes survive their text to 16 bits", "[view]") {
+    const Codes codes = test::random_codes(1, 4);
+    const std::string text = view::text_of_codes(codes);
+    CHECK(text.size() == 1224);
+    const std::vector<double> before = joined(codes).value().to_vector(),
+                              after = joined(view::codes_of_text(text)).value().to_vector();
+    for (std::size_t i = 0; i < before.size(); ++i)
+        CHECK(after[i] == Approx(before[i]).epsilon(1e-3).margin(1e-4));
+    CHECK(view::text_of_codes(view::codes_of_text(text)) == text);
+    CHECK_THROWS_AS(view::codes_of_text(std::string(1224, 'g')), ValueError);
+    CHECK_THROWS_AS(view::codes_of_text(std::string(1224, 'f')), ValueError);  // NaN
+}

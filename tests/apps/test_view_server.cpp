@@ -1,0 +1,156 @@
+// The HTTP of stymo-view: who is answered and who is not.
+#include <arpa/inet.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <thread>
+
+#include "apps/view/page_files.h"
+#include "apps/view/server.h"
+#include "apps/view_client.h"
+#include "core/error.h"
+
+using namespace stymo;
+
+namespace {
+
+using std::chrono_literals::operator""ms;
+
+/// A connection to this machine that sends and reads bytes as they are.
+class Connection {
+public:
+    explicit Connection(int port) : socket_(::socket(AF_INET, SOCK_STREAM, 0)) {
+        sockaddr_in address{};
+        address.sin_family = AF_INET;
+        address.sin_port = htons(static_cast<std::uint16_t>(port));
+        address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+        REQUIRE(::connect(socket_, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0);
+    }
+    ~Connection() { ::close(socket_); }
+    Connection(const Connection&) = delete;
+    Connection& operator=(const Connection&) = delete;
+
+    void send(const std::string& bytes) const {
+        static_cast<void>(::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL));
+    }
+    /// All that comes until the other side closes or 10 s pass.
+    [[nodiscard]] std::string rest() const {
+        const timeval limit{.tv_sec = 10, .tv_usec = 0};
+        ::setsockopt(socket_, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
+        std::string text;
+        char buffer[4096];
+        for (ssize_t size = 0; (size = ::recv(socket_, buffer, sizeof buffer, 0)) > 0;)
+            text.append(buffer, static_cast<std::size_t>(size));
+        return text;
+    }
+
+private:
+    int socket_;
+};
+
+struct Running {
+    ViewClient client;
+    view::Server server;
+    explicit Running(view::ServerOptions options = {}) : server(client.api(), with_port(options)) {
+        server.start();
+    }
+    static view::ServerOptions with_port(view::ServerOptions options) {
+        options.port = 0;
+        options.threads = 8;
+        options.read_seconds = 0.5;
+        return options;
+    }
+    [[nodiscard]] std::string exchange(const std::string& request) const {
+        const Connection connection(server.port());
+        connection.send(request);
+        return connection.rest();
+    }
+    [[nodiscard]] std::string host() const { return "127.0.0.1:" + std::to_string(server.port()); }
+    /// A request whose headers end with "Connection: close" and the given ones.
+    [[nodiscard]] std::string request(const std::string& line, const std::string& headers = {},
+                                      const std::string& body = {}) const {
+        return line + " HTTP/1.1\r\nHost: " + host() + "\r\nConnection: close\r\n" + headers +
+               "Content-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body;
+    }
+};
+
+bool is_status(const std::string& answer, int status) {
+    return answer.starts_with("HTTP/1.1 " + std::to_string(status));
+}
+
+}  // namespace
+
+TEST_CASE("the page and its files are served, and no file of the machine", "[view]") {
+    if (!view::page_file("index.html")) FAIL("the page is not part of the program");
+    const Running running;
+    CHECK(is_status(running.exchange(running.request("GET /")), 200));
+    CHECK(is_status(running.exchange(running.request("GET /page/app.js")), 200));
+    for (const char* path :
+         {"/page/none.js", "/etc/passwd", "/page/../../etc/passwd", "/page/%2e%2e/server.cpp",
+          "/page/..%2f..%2fetc%2fpasswd", "//etc/passwd", "/api/frame"}) {
+        INFO(path);
+        const std::string answer = running.exchange(running.request("GET " + std::string(path)));
+        CHECK((is_status(answer, 404) || is_status(answer, 400)));
+        CHECK(answer.find("root:") == std::string::npos);
+    }
+}
+
+TEST_CASE("requests of other names and other pages are refused", "[view]") {
+    const Running running;
+    const std::string post = "POST /api/session";
+    CHECK(is_status(running.exchange(running.request(post)), 200));
+    CHECK(is_status(
+        running.exchange(running.request(post, "Origin: http://" + running.host() + "\r\n")), 200));
+    CHECK(
+        is_status(running.exchange(running.request(post, "Origin: http://evil.example\r\n")), 403));
+    CHECK(is_status(running.exchange(post + " HTTP/1.1\r\nHost: evil.example\r\n"
+                                            "Connection: close\r\nContent-Length: 0\r\n\r\n"),
+                    403));
+}
+
+TEST_CASE("a server that is open to others wants its token", "[view]") {
+    const Running running({.host = "0.0.0.0"});
+    const std::string address = running.server.address();
+    const std::size_t at = address.find("?token=");
+    REQUIRE(at != std::string::npos);
+    const std::string token = address.substr(at + 7);
+    CHECK(token.size() == 32);
+    const auto post = [&](const std::string& header) {
+        return running.exchange(running.request("POST /api/session", header));
+    };
+    CHECK(is_status(post(""), 401));
+    CHECK(is_status(post("X-Stymo-Token: " + std::string(32, '0') + "\r\n"), 401));
+    CHECK(is_status(post("X-Stymo-Token: " + token + "\r\n"), 200));
+}
+
+TEST_CASE("malformed and huge requests are answered, and the server goes on", "[view]") {
+    const Running running({.most_body_bytes = 1000});
+    CHECK(is_status(running.exchange("nonsense\r\n\r\n"), 400));
+    static_cast<void>(running.exchange(std::string(20000, 'x').append("\r\n\r\n")));
+    static_cast<void>(running.exchange("POST /api/frame HTTP/1.1\r\nHost: " + running.host() +
+                                       "\r\nContent-Length: -5\r\n\r\n"));
+    const std::string large = "POST /api/photo HTTP/1.1\r\nHost: " + running.host() +
+                              "\r\nConnection: close\r\nContent-Length: 99999999999\r\n\r\n";
+    CHECK(is_status(running.exchange(large), 413));
+    CHECK(is_status(running.exchange(running.request("GET /")), 200));
+}
+
+TEST_CASE("clients that send nothing, or a byte now and then, do not keep others out", "[view]") {
+    const Running running;  // eight connections at once
+    std::vector<std::unique_ptr<Connection>> idle;
+    for (int i = 0; i < 20; ++i) {
+        idle.push_back(std::make_unique<Connection>(running.server.port()));
+        idle.back()->send("POST /api/fr");
+    }
+    CHECK(is_status(running.exchange(running.request("GET /")), 200));
+}
+
+TEST_CASE("a port that is taken is named", "[view]") {
+    Running running;
+    view::ServerOptions options;
+    options.port = running.server.port();
+    view::Server second(running.client.api(), options);
+    CHECK_THROWS_WITH(second.start(), Catch::Contains("cannot be opened"));
+}

@@ -1,0 +1,37 @@
+#!/usr/bin/env bash
+# Tests the viewer's page in Chromium. Needs Debian's chromium and nodejs, and playwright-core of
+# npm, which STYMO_PLAYWRIGHT or NODE_PATH may name as a folder of node_modules.
+# Usage: run.sh STYMO_VIEW [TEST...]. Exits with 77 (skipped) where something is missing.
+set -euo pipefail
+viewer=${1:?usage: run.sh STYMO_VIEW [TEST...]}
+shift
+here=$(cd "$(dirname "$0")" && pwd)
+
+skip() {
+    echo "skipped: $1"
+    exit 77
+}
+command -v node >/dev/null || skip "node is not installed (apt-get install nodejs)"
+chromium=$(command -v chromium || command -v chromium-browser) ||
+    skip "Chromium is not installed (apt-get install chromium)"
+modules=${STYMO_PLAYWRIGHT:-${NODE_PATH:-$here/node_modules}}
+[[ -d "$modules/playwright-core" ]] ||
+    skip "playwright-core is not installed (npm install --prefix tests/browser playwright-core)"
+
+work=$(mktemp -d)
+server=
+cleanup() {
+    [[ -z "$server" ]] || kill "$server" 2>/dev/null || true
+    rm -rf "$work"
+}
+trap cleanup EXIT
+
+"$viewer" --port 0 --fit-steps 12 2>"$work/log" &
+server=$!
+for _ in $(seq 600); do
+    address=$(sed -nE 's/^Open (http[^ ]+) .*/\1/p' "$work/log")
+    [[ -z "$address" ]] || break
+    kill -0 "$server" 2>/dev/null || { cat "$work/log" >&2; exit 1; }
+    sleep 0.1
+done
+node "$here/viewer.mjs" "$address" "$modules" "$chromium" "$work" "$@"

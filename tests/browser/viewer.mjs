@@ -1,0 +1,386 @@
+// The viewer's page in a real browser. Each test opens a page of its own.
+// Usage: node viewer.mjs ADDRESS NODE_MODULES CHROMIUM WORK_FOLDER [TEST...]
+
+import assert from "node:assert/strict";
+import fs from "node:fs";
+import { createRequire } from "node:module";
+import path from "node:path";
+
+import { headFilm } from "./head_film.mjs";
+
+const [address, modules, chromium, work, ...wanted] = process.argv.slice(2);
+const require = createRequire(path.resolve(modules, "package.json"));
+const playwright = require(path.resolve(modules, "playwright-core"));
+const slow = 120000;  // milliseconds, for a machine that is busy
+
+const tests = [];
+function test(name, body, options = {}) {
+  tests.push({ name, body, options });
+}
+
+// ---- what a test looks at ----
+
+const shown = (page) => page.evaluate(() => ({ ...window.stymo.shown, latencies: undefined }));
+const version = (page) => page.evaluate(() => window.stymo.stateVersion());
+
+async function settled(page) {
+  await page.waitForFunction(() => {
+    const { shown, stateVersion } = window.stymo ?? {};
+    return shown && shown.quality === "still" && shown.version === stateVersion();
+  }, null, { timeout: slow });
+}
+
+// Mean colour of a part of the picture, and all of its pixels in a small copy.
+async function pixels(page, side = 32) {
+  return page.evaluate((size) => {
+    const canvas = document.createElement("canvas");
+    canvas.width = canvas.height = size;
+    const context = canvas.getContext("2d");
+    context.drawImage(document.getElementById("picture"), 0, 0, size, size);
+    return [...context.getImageData(0, 0, size, size).data];
+  }, side);
+}
+
+function difference(a, b) {
+  return a.reduce((sum, value, i) => sum + Math.abs(value - b[i]), 0) / a.length;
+}
+
+async function drag(page, x, y, steps = 12) {
+  const box = await page.locator("#frame").boundingBox();
+  const [cx, cy] = [box.x + box.width / 2, box.y + box.height / 2];
+  await page.mouse.move(cx, cy);
+  await page.mouse.down();
+  for (let i = 1; i <= steps; ++i) await page.mouse.move(cx + x * i / steps, cy + y * i / steps);
+  await page.mouse.up();
+}
+
+async function jobEnds(page) {
+  await page.waitForFunction(() => document.getElementById("job").hidden, null, { timeout: slow });
+}
+
+const faceCount = (page) => page.locator(".face").count();
+
+// ---- the tests ----
+
+test("a face is shown, exact when nothing moves", async (page) => {
+  assert.ok(await faceCount(page) >= 6);
+  const all = await pixels(page);
+  assert.ok(Math.max(...all.filter((_, i) => i % 4 === 0)) > 100, "the picture is not dark");
+  assert.match(await page.textContent("#told"), /exact/);
+});
+
+test("dragging turns the face, and no stale picture comes after", async (page) => {
+  const before = await pixels(page);
+  await drag(page, 120, 0);
+  const yaw = await page.evaluate(() => window.stymo.state.camera.yaw);
+  assert.ok(yaw < -5, `yaw ${yaw}`);
+  await settled(page);
+  const after = await pixels(page);
+  assert.ok(difference(before, after) > 2, "the picture has changed");
+  assert.equal((await shown(page)).yaw, yaw);
+  await page.waitForTimeout(500);
+  assert.equal((await shown(page)).version, await version(page));
+  assert.ok(difference(after, await pixels(page)) < 0.5, "and stays");
+  await page.dblclick("#frame");
+  await settled(page);
+  assert.ok(difference(before, await pixels(page)) < 1, "a double click resets");
+});
+
+test("versions of shown pictures never go back", async (page) => {
+  await page.evaluate(() => {
+    window.seen = [];
+    new MutationObserver(() => window.seen.push(window.stymo.shown.version)).observe(
+      document.getElementById("picture"), { attributes: true });
+  });
+  for (let i = 0; i < 5; ++i) {
+    await drag(page, 60 - 30 * i, 20, 8);
+    await page.waitForTimeout(120);
+  }
+  await settled(page);
+  const seen = await page.evaluate(() => window.seen);
+  assert.ok(seen.length > 3);
+  seen.forEach((value, i) => assert.ok(i === 0 || value >= seen[i - 1], seen.join(" ")));
+});
+
+test("the wheel approaches and keys do what the mouse does", async (page) => {
+  await page.focus("#frame");
+  await page.mouse.move(300, 300);
+  await page.mouse.wheel(0, -300);
+  const near = await page.evaluate(() => window.stymo.state.camera.distance);
+  assert.ok(near < 1);
+  for (const key of ["ArrowLeft", "ArrowLeft", "ArrowUp", "-"]) await page.keyboard.press(key);
+  const camera = await page.evaluate(() => window.stymo.state.camera);
+  assert.equal(camera.yaw, 6);
+  assert.equal(camera.pitch, 3);
+  assert.ok(camera.distance > near);
+  await page.keyboard.press("0");
+  assert.deepEqual(await page.evaluate(() => window.stymo.state.camera),
+    { yaw: 0, pitch: 0, roll: 0, distance: 1 });
+});
+
+test("a slider changes the face, its group's reset takes it back", async (page) => {
+  const before = await pixels(page);
+  const slider = page.locator(".group").first().locator("input").first();
+  await slider.evaluate((input) => {
+    input.value = 2.5;
+    input.dispatchEvent(new Event("input"));
+  });
+  await settled(page);
+  assert.ok(difference(before, await pixels(page)) > 1);
+  await page.locator(".group").first().getByRole("button").click();
+  await settled(page);
+  assert.ok(difference(before, await pixels(page)) < 1);
+});
+
+test("mixing makes a new face with the ticked groups of another", async (page) => {
+  const count = await faceCount(page);
+  const before = await page.evaluate(() => window.stymo.state.codes);
+  await page.locator(".face").nth(2).getByRole("button", { name: "Mix" }).click();
+  await page.waitForFunction((n) => document.querySelectorAll(".face").length === n, count + 1);
+  const after = await page.evaluate(() => window.stymo.state.codes);
+  assert.equal(after.slice(0, 400), before.slice(0, 400), "the identity stays");
+  assert.notEqual(after.slice(716, 1116), before.slice(716, 1116), "the texture does not");
+});
+
+test("dragging a face onto the picture mixes, too", async (page) => {
+  const count = await faceCount(page);
+  await page.locator(".face").nth(3).dragTo(page.locator("#frame"));
+  await page.waitForFunction((n) => document.querySelectorAll(".face").length === n, count + 1);
+});
+
+test("depth, mask and normals are shown", async (page) => {
+  const face = await pixels(page);
+  for (const layer of ["depth", "mask", "normals"]) {
+    await page.selectOption("#layer", layer);
+    await settled(page);
+    assert.ok(difference(face, await pixels(page)) > 5, layer);
+  }
+});
+
+test("a reload shows the same face from the same side", async (page) => {
+  await page.locator(".face").nth(1).getByRole("button", { name: "Show" }).click();
+  await drag(page, 60, 30);
+  await settled(page);
+  await page.waitForTimeout(400);
+  const before = await pixels(page);
+  const camera = await page.evaluate(() => window.stymo.state.camera);
+  await page.reload();
+  await settled(page);
+  const after = await page.evaluate(() => window.stymo.state.camera);
+  assert.ok(Math.abs(after.yaw - camera.yaw) < 0.01);
+  assert.ok(difference(before, await pixels(page)) < 1.5);
+});
+
+test("codes, a snapshot, a mesh and films are saved", async (page) => {
+  const saved = async (action) => {
+    const [download] = await Promise.all([page.waitForEvent("download", { timeout: slow }), action()]);
+    return { name: download.suggestedFilename(), bytes: fs.readFileSync(await download.path()) };
+  };
+  const codes = await saved(() => page.click("#codes"));
+  assert.equal(JSON.parse(codes.bytes).code.id.length, 100);
+  const snapshot = await saved(() => page.click("#snapshot"));
+  assert.equal(snapshot.bytes[0], 0xff);
+  const mesh = await saved(() => page.click("#mesh"));
+  assert.equal(mesh.bytes.subarray(0, 3).toString(), "ply");
+  await jobEnds(page);
+  await page.click("#key");
+  await page.focus("#frame");
+  for (let i = 0; i < 5; ++i) await page.keyboard.press("ArrowLeft");
+  await page.keyboard.press("k");
+  await page.fill("#seconds", "1");
+  const gif = await saved(() => page.click("#gif"));
+  assert.equal(gif.bytes.subarray(0, 4).toString(), "GIF8");
+  await jobEnds(page);
+  const mp4 = await saved(() => page.click("#mp4"));
+  assert.equal(mp4.bytes.subarray(4, 8).toString(), "ftyp");
+  await jobEnds(page);
+  await page.click("#play");
+  await page.waitForTimeout(1500);
+  assert.equal(await page.evaluate(() => window.stymo.state.camera.yaw), 15);
+});
+
+async function photoOfAFace(page) {
+  await page.locator(".face").nth(4).getByRole("button", { name: "Show" }).click();
+  await page.evaluate(() => {
+    window.stymo.state.camera.distance = 1.5;
+  });
+  const [download] = await Promise.all([
+    page.waitForEvent("download"), page.click("#snapshot")]);
+  const file = path.join(work, "photo.jpg");
+  await download.saveAs(file);
+  await page.click("#reset");
+  return file;
+}
+
+test("a photo is fitted, picture after picture", async (page) => {
+  const file = await photoOfAFace(page);
+  const count = await faceCount(page);
+  await page.setInputFiles("#photo", file);
+  await page.waitForFunction(() => window.stymo.job.phase === "fitting", null, { timeout: slow });
+  const frames = (await shown(page)).frames;
+  await jobEnds(page);
+  assert.equal(await page.evaluate(() => window.stymo.job.state), "done");
+  assert.equal(await faceCount(page), count + 1);
+  assert.ok((await shown(page)).frames > frames + 2, "pictures came while it was fitted");
+});
+
+test("a fit is cancelled and leaves no face", async (page) => {
+  const file = await photoOfAFace(page);
+  const count = await faceCount(page);
+  await page.selectOption("#tune", "40");
+  await page.setInputFiles("#photo", file);
+  await page.waitForFunction(() => window.stymo.job.phase === "fitting", null, { timeout: slow });
+  await page.click("#cancel");
+  await jobEnds(page);
+  assert.equal(await page.evaluate(() => window.stymo.job.state), "cancelled");
+  assert.equal(await faceCount(page), count);
+  await settled(page);
+});
+
+test("a file that is no photo is refused in one line", async (page) => {
+  const file = path.join(work, "notes.txt");
+  fs.writeFileSync(file, "no photo");
+  await page.setInputFiles("#photo", file);
+  await jobEnds(page);
+  assert.equal(await page.textContent("#message"), "the photo: not an image");
+});
+
+test("a part takes another colour", async (page) => {
+  const before = await pixels(page);
+  const count = await faceCount(page);
+  await page.evaluate(() => {
+    const input = document.getElementById("color");
+    input.value = "#30a040";
+    input.dispatchEvent(new Event("input"));
+  });
+  await page.click("#pick");
+  const box = await page.locator("#frame").boundingBox();
+  await page.mouse.click(box.x + box.width * 0.5, box.y + box.height * 0.3);
+  await jobEnds(page);
+  assert.equal(await faceCount(page), count + 1, await page.textContent("#message"));
+  await settled(page);
+  const after = await pixels(page);
+  const green = (all) => {
+    const at = 4 * (Math.round(32 * 0.3) * 32 + 16);
+    return all[at + 1] - all[at];
+  };
+  assert.ok(green(after) > green(before) + 10, `${green(before)} to ${green(after)}`);
+});
+
+test("the window follows the mouse and lets go", async (page) => {
+  const before = await pixels(page);
+  await page.click("#mouse");
+  const box = await page.locator("#frame").boundingBox();
+  await page.mouse.move(box.x + box.width * 0.9, box.y + box.height * 0.5);
+  await settled(page);
+  assert.ok(difference(before, await pixels(page)) > 1);
+  await page.click("#mouse");
+  await settled(page);
+  assert.ok(difference(before, await pixels(page)) < 1);
+});
+
+test("the window follows a head before the camera", async (page) => {
+  await page.click("#window");
+  const seen = [];
+  const start = Date.now();
+  while (Date.now() - start < 40000) {
+    const measured = await page.evaluate(() => window.stymo.head.measured);
+    if (measured) seen.push(measured);
+    await page.waitForTimeout(100);
+  }
+  assert.ok(seen.length > 20, "a face was seen");
+  const facts = JSON.parse(fs.readFileSync(path.join(work, "head.json")));
+  // The film shows the head on the left, then on the right of the image, at one size.
+  const [least, most] = [0.05, 0.95].map((part) => {
+    const sorted = seen.map((eye) => eye[0]).sort((a, b) => a - b);
+    return sorted[Math.floor(part * (sorted.length - 1))];
+  });
+  const depth = seen.map((eye) => eye[2]).sort((a, b) => a - b)[seen.length >> 1];
+  const focal = 0.5 * facts.width / Math.tan(Math.PI / 6);
+  const known = facts.shift * depth / focal;
+  assert.ok(Math.abs(most - least - known) < 0.12 * known,
+    `moved by ${most - least} m, known ${known} m`);
+  assert.ok(await page.evaluate(() => window.stymo.state.eye !== null));
+  await page.keyboard.press("Escape");
+  assert.equal(await page.evaluate(() => window.stymo.state.eye), null);
+}, { camera: true });
+
+test("two pages have faces of their own; one that is closed does not matter", async (page) => {
+  const other = await page.context().newPage();
+  await other.goto(address);
+  await settled(other);
+  await other.click("#draw");
+  await other.waitForFunction(() => document.querySelectorAll(".face").length === 7);
+  assert.equal(await faceCount(page), 6);
+  await Promise.all([drag(page, 80, 0), drag(other, -80, 0)]);
+  await Promise.all([settled(page), settled(other)]);
+  await other.close();
+  await drag(page, -40, 0);
+  await settled(page);
+});
+
+test("the page is readable at phone width", async (page) => {
+  await page.setViewportSize({ width: 375, height: 740 });
+  await settled(page);
+  const [wide, frame] = await page.evaluate(() => [
+    document.documentElement.scrollWidth, document.getElementById("frame").clientWidth]);
+  assert.ok(wide <= 375, `the page is ${wide} pixels wide`);
+  assert.ok(frame > 300);
+});
+
+test("a moving picture comes often and soon", async (page) => {
+  await drag(page, 200, 0, 60);
+  await page.evaluate(() => {
+    window.stymo.shown.latencies.length = 0;
+    window.stymo.shown.frames = 0;
+  });
+  const start = Date.now();
+  while (Date.now() - start < 4000) await drag(page, 150, 0, 120);
+  const seconds = (Date.now() - start) / 1000;
+  const { frames, latencies } = await page.evaluate(() => window.stymo.shown);
+  latencies.sort((a, b) => a - b);
+  console.log(`  ${(frames / seconds).toFixed(1)} pictures/s, ` +
+    `${latencies[latencies.length >> 1].toFixed(0)} ms from a movement to its picture (median)`);
+  assert.ok(frames > 10);
+});
+
+// ---- running them ----
+
+const plain = ["--no-sandbox", "--disable-dev-shm-usage"];
+const browser = await playwright.chromium.launch({ executablePath: chromium, args: plain });
+
+async function cameraBrowser() {
+  const film = path.join(work, "head.mjpeg");
+  await headFilm(browser, address, film, path.join(work, "head.json"));
+  return playwright.chromium.launch({ executablePath: chromium, args: [...plain,
+    "--use-fake-ui-for-media-stream", "--use-fake-device-for-media-stream",
+    `--use-file-for-fake-video-capture=${film}`] });
+}
+
+let failed = 0;
+for (const { name, body, options } of tests) {
+  if (wanted.length && !wanted.some((part) => name.includes(part))) continue;
+  const own = options.camera ? await cameraBrowser() : browser;
+  const context = await own.newContext({
+    viewport: { width: 1280, height: 900 }, acceptDownloads: true });
+  const page = await context.newPage();
+  const errors = [];
+  page.on("pageerror", (error) => errors.push(error.message));
+  page.setDefaultTimeout(slow);
+  const start = Date.now();
+  try {
+    await page.goto(address);
+    await settled(page);
+    await body(page);
+    assert.deepEqual(errors, []);
+    console.log(`ok ${name} (${((Date.now() - start) / 1000).toFixed(1)} s)`);
+  } catch (error) {
+    failed += 1;
+    console.log(`FAILED ${name}: ${error.message.split("\n").slice(0, 6).join("\n  ")}`);
+    await page.screenshot({ path: path.join(work, `failed-${failed}.png`) }).catch(() => {});
+  }
+  await context.close();
+  if (own !== browser) await own.close();
+}
+await browser.close();
+process.exit(failed ? 1 : 0);
