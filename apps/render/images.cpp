@@ -2,20 +2,42 @@
 
 #include <algorithm>
 #include <iomanip>
+#include <iostream>
 #include <sstream>
 
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/image.h"
 #include "core/progress.h"
+#include "nn/models/realtime/chosen_tolerance.h"
 
 namespace stymo {
 
 namespace {
 
+/// Those of the command line, with the tolerance that --psnr asks for.
+RendererOptions chosen_options(const RenderOptions& options, const Model& model,
+                               const std::vector<Shot>& shots) {
+    RendererOptions chosen = options.renderer;
+    if (!options.psnr) return chosen;
+    constexpr std::size_t most_cameras = 5;
+    std::vector<Camera> cameras;
+    const std::size_t count = std::min(most_cameras, shots.size());
+    for (std::size_t i = 0; i < count; ++i)
+        cameras.push_back(camera_from_pose(shots[i * shots.size() / count].pose,
+                                           model.config().camera.intrinsics));
+    const ChosenTolerance found =
+        choose_tolerance(model, shots.front().codes, cameras, chosen, *options.psnr);
+    chosen.tolerance = found.tolerance;
+    std::cerr << std::setprecision(3) << "tolerance " << found.tolerance << ": "
+              << found.error.mean_psnr << " dB on average, " << found.error.worst_psnr
+              << " at worst over " << count << " views" << std::endl;
+    return chosen;
+}
+
 std::vector<View> views(const RenderOptions& options, const Model& model,
                         const std::vector<Shot>& shots, Explainer& explainer) {
-    FaceRenderer renderer(model, options.renderer);
+    FaceRenderer renderer(model, chosen_options(options, model, shots));
     std::vector<View> result;
     const InterruptGuard guard;
     std::optional<Progress> progress;

@@ -47,6 +47,8 @@ stymo::AppResult render(stymo::RenderOptions options, const stymo::CommonOptions
     require_names(options);
     stymo::require_understood(options);
     options.renderer.mode = stymo::render_mode(options.mode);
+    if (options.psnr && options.mode != "skip" && options.mode != "half")
+        stymo::fail<stymo::UsageError>("--psnr needs --mode skip or half");
     stymo::Explainer explainer(options.explain);
     const bool encodes = !options.data.empty();
     const stymo::Model model = stymo::load_model(
@@ -99,6 +101,11 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
                 "modes skip and half: largest summed compositing weight of consecutive samples "
                 "that are left out")
         .range(0, 0.99);
+    line.option("--psnr", options.psnr,
+                "modes skip and half: choose the largest tolerance with which this face has so "
+                "many decibels against exact images, on average over up to five of the views")
+        .range(20, 90)
+        .excludes("--tolerance");
     line.option("--bake-resolution", options.renderer.bake_resolution,
                 "mode baked: cells along one side of the sampled cube")
         .range(8, 512);

@@ -42,6 +42,7 @@ struct RenderOptions {
 
     std::string mode = "exact";
     RendererOptions renderer;  ///< its mode is that of `mode`
+    std::optional<double> psnr;  ///< that the tolerance is chosen for, in decibels
     bool explain = false;
 
     [[nodiscard]] bool grid() const { return !grid_yaw.empty() || !grid_pitch.empty(); }

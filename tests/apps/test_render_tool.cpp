@@ -6,6 +6,7 @@
 #include "apps/tool_run.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
+#include "core/metrics.h"
 #include "nn/models/code_file.h"
 #include "nn/models/model.h"
 #include "support/check_close.h"
@@ -158,4 +159,16 @@ TEST_CASE("Jobs of stymo-render that do not fit together are refused", "[render_
     refused(one + "--mesh head.obj", 2, "head.obj");
     refused("--sample 2 --truncation nan --out new", 2, "--truncation");
     CHECK_FALSE(fs::exists(tiny_run() / "out.png"));
+}
+
+TEST_CASE("--psnr chooses the tolerance and says what it gives", "[render_tool]") {
+    const ToolOutcome outcome =
+        done(std::string(of_fit) + "--out chosen.png --yaw 20 --mode skip --psnr 50");
+    CHECK_THAT(outcome.err, Catch::StartsWith("tolerance ") && Catch::Contains("dB on average"));
+    done(std::string(of_fit) + "--out exact.png --yaw 20");
+    CHECK(stymo::peak_signal_to_noise_ratio(read_image(tiny_run() / "chosen.png"),
+                                            read_image(tiny_run() / "exact.png")) > 45.0);
+    refused(std::string(of_fit) + "--out x.png --psnr 50", 2, "--mode skip or half");
+    refused(std::string(of_fit) + "--out x.png --mode skip --psnr 50 --tolerance 0.1", 2,
+            "--tolerance");
 }

@@ -17,7 +17,11 @@ import { followHead, head, stopFollowing, windowIsOn } from "/page/window.js";
 const element = (id) => document.getElementById(id);
 
 async function snapshot() {
-  save(await (await post("frame", request("still"))).blob(), "face.jpg");
+  let response;
+  do {
+    response = await post("frame", request("still"));
+  } while (response.status === 204);  // the page has asked for another one in the meantime
+  save(await response.blob(), "face.jpg");
 }
 
 async function saveOf(path) {

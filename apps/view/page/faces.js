@@ -57,7 +57,7 @@ function card(face) {
   item.role = "listitem";
   item.dataset.face = face.face;
   item.draggable = true;
-  item.innerHTML = `<button class="show" type="button"><img alt=""></button>
+  item.innerHTML = `<button class="show" type="button"><img alt="" draggable="false"></button>
     <div class="name"></div>
     <div class="acts"><button class="mix" type="button">Mix</button>
     <button class="remove" type="button" aria-label="Remove">×</button></div>`;

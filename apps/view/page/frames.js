@@ -1,10 +1,11 @@
-// Pulls frames: the next one is asked for when the last one is shown. While something changes they
-// are quick ones; when nothing does any more, an exact one follows.
+// Pulls frames: the next one is asked for when the last one has arrived. While something changes
+// they are quick ones; when nothing does any more, an exact one follows.
 
 import { post } from "/page/api.js";
 import { onChange, state, stateVersion } from "/page/state.js";
 
 const picture = document.getElementById("picture");
+const context = picture.getContext("2d", { alpha: false });
 const told = document.getElementById("told");
 
 const stillAfter = 150;  // milliseconds without a change
@@ -19,7 +20,6 @@ let movingPsnr = null;
 
 // What tests and the line below the picture look at.
 export const shown = { version: -1, quality: "", yaw: 0, frames: 0, latencies: [] };
-let changedAt = 0;
 
 export function request(quality) {
   const camera = state.eye ?? state.camera;
@@ -32,25 +32,23 @@ export function refreshSoon() {
   pull();
 }
 
-async function show(response, version, quality, yaw) {
+async function show(response, version, quality, yaw, since = 0) {
   if (response.status === 204) return;  // a newer one was asked for
   const facts = JSON.parse(response.headers.get("X-Stymo-Frame"));
-  const url = URL.createObjectURL(await response.blob());
-  const previous = picture.src;
-  picture.src = url;
-  try {
-    await picture.decode();
-  } catch { /* replaced by a later one */ }
-  if (previous) URL.revokeObjectURL(previous);
+  const image = await createImageBitmap(await response.blob());
+  if (version < shownVersion) return;
+  if (picture.width !== image.width) picture.width = picture.height = image.width;
+  context.drawImage(image, 0, 0);
+  image.close();
   shownVersion = version;
   shownStill = quality === "still";
   Object.assign(shown, { version, quality, yaw, frames: shown.frames + 1 });
   if (facts.psnr !== undefined) movingPsnr = facts.psnr;
-  tell(facts, quality);
+  tell(facts, quality, since);
 }
 
 const times = [];
-function tell(facts, quality) {
+function tell(facts, quality, since) {
   const now = performance.now();
   times.push(now);
   while (times.length > 30 || (times.length && now - times[0] > 2000)) times.shift();
@@ -58,8 +56,8 @@ function tell(facts, quality) {
   const parts = [`${facts.milliseconds.toFixed(0)} ms`, facts.mode];
   if (quality === "moving") {
     if (rate > 1) parts.unshift(`${rate.toFixed(0)} frames/s`);
-    if (changedAt) {
-      shown.latencies.push(now - changedAt);
+    if (since) {
+      shown.latencies.push(now - since);
       if (shown.latencies.length > 500) shown.latencies.shift();
     }
   }
@@ -73,22 +71,29 @@ async function pull() {
   if (stillAbort) stillAbort.abort();
   if (busy) return;
   busy = true;
-  while (shownVersion !== stateVersion() || refresh) {
+  let asked = shownVersion;
+  let showing = Promise.resolve();
+  while (asked !== stateVersion() || refresh) {
     refresh = false;
-    const version = stateVersion();
+    const version = asked = stateVersion();
     const yaw = state.camera.yaw;
-    changedAt = lastChange;
+    const since = lastChange;
     try {
-      await show(await post("frame", request("moving")), version, "moving", yaw);
+      const response = await post("frame", request("moving"));
+      // While this one is decoded and drawn, the next one is rendered.
+      await showing;
+      showing = show(response, version, "moving", yaw, since);
       lastError = 0;
     } catch (error) {
       if (error.status === 410) return ended(error);
       told.textContent = error.message;
       lastError += 1;
       if (lastError > 3) break;
+      asked = -1;
       await new Promise((done) => setTimeout(done, 300 * lastError));
     }
   }
+  await showing.catch(ended);
   busy = false;
   stillTimer = setTimeout(still, stillAfter);
 }

@@ -10,7 +10,7 @@ const box = document.getElementById("job");
 const progress = document.getElementById("progress");
 const phase = document.getElementById("phase");
 
-export const job = { state: "none", phase: "" };
+export const job = { state: "none", phase: "", ended: 0 };
 
 export function cancelJob() {
   return ask("cancel").catch((error) => say(error.message));
@@ -52,6 +52,7 @@ export async function watchJob(live) {
     await new Promise((done) => setTimeout(done, 120));
   }
   box.hidden = true;
+  job.ended += 1;
 }
 
 async function finish(status, face) {
