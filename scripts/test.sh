@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs packages, builds into build/ and runs the tests. --slow adds the slow tests. The test in a
-# browser is skipped unless Chromium, Node.js and playwright-core are there.
+# Installs packages, builds into build/ and runs the tests. --slow adds the slow tests. The test in
+# a browser is skipped unless Chromium, Node.js and playwright-core are there.
 set -euo pipefail
 
 usage="usage: scripts/test.sh [--slow]   (--slow: run the slow tests too)"

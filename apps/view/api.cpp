@@ -14,6 +14,8 @@ namespace {
 
 constexpr std::array group_labels{"Identity", "Expression", "Texture", "Light"};
 constexpr std::int64_t most_camera_pixels = 1280 * 960;
+/// A film is kept as a whole until it is written, with 12 bytes for each pixel.
+constexpr std::int64_t most_film_pixels = 900 * 256 * 256;
 
 JsonValue to_json(const std::string& id, const ShelfFace& face) {
     return JsonValue::object({{"face", id},
@@ -195,6 +197,13 @@ Answer Api::new_face(Session& session, const Request& request) {
     return faces_answer(session, session.shelf().add(face));
 }
 
+ShelfFace Api::shown_face(Session& session, const Request& request) const {
+    const FrameWish wish = frame_wish(request.body, studio_.model()->config().camera);
+    ShelfFace face = session.shelf().find(wish.face);
+    face.face.codes = moved(studio_, face.face.codes, wish.sliders);
+    return face;
+}
+
 Answer Api::fit(Session& session, const Request& request) {
     constexpr double longest_tuning = 600.0;
     const double tune = request.number("tune", 0.0, 0.0, longest_tuning);
@@ -207,13 +216,17 @@ Answer Api::fit(Session& session, const Request& request) {
 
 Answer Api::color(Session& session, const Request& request) {
     const ColorWish wish = color_wish(request.body, studio_.model()->config().camera);
-    static_cast<void>(session.shelf().find(wish.face));
-    session.start(recolor(studio_, session, wish));
+    ShelfFace face = session.shelf().find(wish.face);
+    face.face.codes = moved(studio_, face.face.codes, wish.sliders);
+    session.start(recolor(studio_, session, face, wish));
     return job_answer(session);
 }
 
 Answer Api::film_path(Session& session, const Request& request) {
     const PathWish wish = path_wish(request.body, studio_.model()->config().camera);
+    const std::int64_t side = studio_.model()->config().decoder.resolution;
+    if (std::ssize(wish.cameras) * side * side > most_film_pixels)
+        throw RequestError(400, "this film is too long for its size; give fewer seconds");
     ShelfFace face = session.shelf().find(wish.face);
     face.face.codes = moved(studio_, face.face.codes, wish.sliders);
     session.start(film(studio_, {face, wish.cameras, wish.frames_per_second, wish.extension}));
@@ -221,12 +234,12 @@ Answer Api::film_path(Session& session, const Request& request) {
 }
 
 Answer Api::make_mesh(Session& session, const Request& request) {
-    session.start(mesh(studio_, session.shelf().find(request.value("face"))));
+    session.start(mesh(studio_, shown_face(session, request)));
     return job_answer(session);
 }
 
 Answer Api::codes_file(Session& session, const Request& request) {
-    const ShelfFace face = session.shelf().find(request.value("face"));
+    const ShelfFace face = shown_face(session, request);
     return download(code_file_text(face.face.codes, 0, face.face.pose), "application/json",
                     "codes.json");
 }

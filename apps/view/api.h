@@ -36,6 +36,8 @@ private:
     [[nodiscard]] Answer color(Session& session, const Request& request);
     [[nodiscard]] Answer film_path(Session& session, const Request& request);
     [[nodiscard]] Answer make_mesh(Session& session, const Request& request);
+    /// The face with its sliders.
+    [[nodiscard]] ShelfFace shown_face(Session& session, const Request& request) const;
     [[nodiscard]] Answer codes_file(Session& session, const Request& request);
     [[nodiscard]] Answer tuned_file(Session& session, const Request& request);
     [[nodiscard]] Answer eyes(Session& session, const Request& request);

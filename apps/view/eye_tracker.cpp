@@ -26,6 +26,7 @@ std::optional<EyeTracker::Sight> EyeTracker::see(const Tensor& image, const EyeC
     const Eigen::Vector3d measured =
         eye_point(faces.front().landmarks, static_cast<double>(image.shape(1)),
                   static_cast<double>(image.shape(0)), camera);
+    if (!measured.allFinite()) return std::nullopt;
     const Eigen::Vector3d filtered = filter_(measured, seconds);
     return Sight{measured, filtered, filter_.lag()};
 }

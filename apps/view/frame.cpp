@@ -87,7 +87,8 @@ Tensor picture_of(const View& view, const FrameRequest& request) {
 RendererOptions options_for(const FrameRequest& request, RenderMode mode, double tolerance) {
     RendererOptions options;
     options.mode = request.model->decoder().folds() ? mode : RenderMode::exact;
-    options.tolerance = tolerance;
+    const bool tolerates = options.mode == RenderMode::skip || options.mode == RenderMode::half;
+    options.tolerance = tolerates ? tolerance : 0.0;
     options.samples_per_ray = request.model->config().reconstruction.fit_samples_per_ray;
     options.mask = request.layer == Layer::mask;
     options.depth = request.layer == Layer::depth || request.layer == Layer::normals;
@@ -123,12 +124,11 @@ struct Kept {
 struct FrameRenderer::State {
     FrameSettings settings;
     double tolerance = 0.3;  ///< of moving frames
-    bool tolerance_chosen = false;
     Kept moving, still, thumbnail;
 
     [[nodiscard]] Kept& kept(Quality quality) {
         if (quality == Quality::moving) return moving;
-        return quality == Quality::still ? still : thumbnail;
+        return quality == Quality::thumbnail ? thumbnail : still;
     }
     /// Adapts the tolerance until the moving frame of this view has about the wanted PSNR. Returns
     /// what it has, or nothing if stopped.
@@ -141,7 +141,7 @@ std::optional<double> FrameRenderer::State::adapt(const FrameRequest& request, c
     if (options_for(request, settings.moving_mode, tolerance).mode == RenderMode::exact)
         return highest_psnr;
     const double step = std::sqrt(2.0);
-    constexpr int most_steps = 8;
+    constexpr int most_steps = 4;
     std::optional<double> reached;
     for (int i = 0; i < most_steps; ++i) {
         const RendererOptions options = options_for(request, settings.moving_mode, tolerance);
@@ -149,8 +149,10 @@ std::optional<double> FrameRenderer::State::adapt(const FrameRequest& request, c
             moving.for_request(request, options).render(request.camera, stop);
         if (!view) return std::nullopt;
         reached = std::min(peak_signal_to_noise_ratio(view->image, exact), highest_psnr);
+        if (options.tolerance == 0.0) return reached;  // a bake has none
         if (*reached < settings.psnr && tolerance > least_tolerance) {
-            tolerance /= step;
+            const bool far = *reached < settings.psnr - psnr_to_spare;
+            tolerance = std::max(tolerance / (far ? 4.0 : step), least_tolerance);
         } else {
             // One step in a frame, so that it does not go to and fro.
             if (i == 0 && *reached > settings.psnr + psnr_to_spare && tolerance < largest_tolerance)
@@ -171,7 +173,7 @@ std::optional<Frame> FrameRenderer::render(const FrameRequest& request,
                                            const std::stop_token& stop) {
     State& state = *state_;
     const double start = seconds_now();
-    const bool exact = request.quality == Quality::still;
+    const bool exact = request.quality == Quality::still || request.quality == Quality::snapshot;
     const RendererOptions options = options_for(
         request, exact ? RenderMode::exact : state.settings.moving_mode, state.tolerance);
     const std::optional<View> view =
@@ -183,10 +185,8 @@ std::optional<Frame> FrameRenderer::render(const FrameRequest& request,
     frame.milliseconds = 1e3 * (seconds_now() - start);
     frame.mode = name_of(options.mode);
     frame.tolerance = options.mode == RenderMode::exact ? 0.0 : options.tolerance;
-    if (exact && request.layer == Layer::image) {
+    if (request.quality == Quality::still && request.layer == Layer::image)
         frame.moving_psnr = state.adapt(request, view->image, stop);
-        if (!frame.moving_psnr) return std::nullopt;
-    }
     return frame;
 }
 

@@ -15,8 +15,9 @@ namespace stymo::view {
 /// What a frame shows of the face.
 enum class Layer { image, depth, mask, normals };
 
-/// `moving`: soon, with a stated error; `still`: exact; `thumbnail`: 64 pixels.
-enum class Quality { moving, still, thumbnail };
+/// `moving`: soon, with a stated error; `still`: exact; `thumbnail`: 64 pixels; `snapshot`: exact,
+/// to be saved.
+enum class Quality { moving, still, thumbnail, snapshot };
 
 struct FrameRequest {
     std::shared_ptr<const Model> model;  ///< the face's own, where it is tuned

@@ -74,6 +74,9 @@ void Job::run(const Body& body) {
     } catch (const std::exception& failure) {
         state = JobStatus::State::failed;
         error = failure.what();
+    } catch (...) {
+        state = JobStatus::State::failed;
+        error = "an unknown error";
     }
     const std::lock_guard lock(mutex_);
     status_.state = state;

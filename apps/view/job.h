@@ -47,7 +47,7 @@ public:
     [[nodiscard]] JobStatus status() const;
     [[nodiscard]] std::optional<Artifact> artifact() const;
 
-    // For the body; each throws what ends it if the job is cancelled.
+    // For the body. All but `set_note` throw what ends it if the job is cancelled.
     void report(const std::string& phase, std::int64_t done, std::int64_t total, double loss = 0.0);
     void set_face(const std::string& id);
     void set_note(const std::string& note);

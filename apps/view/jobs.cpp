@@ -15,6 +15,7 @@
 #include "fit/fitter.h"
 #include "fit/photo/face_parser.h"
 #include "fit/tuning.h"
+#include "nn/models/display_image.h"
 #include "nn/models/head_mesh.h"
 #include "nn/models/mesh_colors.h"
 #include "nn/models/view.h"
@@ -106,6 +107,26 @@ void keep_near_faces(const Model& model, ColorEditOptions& options) {
     options.regularizer = regularizer / variance;
 }
 
+/// 1 on the part of the head that the user points at. Throws ValueError for a point beside it.
+Tensor pointed_part(const Studio& studio, const ShelfFace& face, const ColorWish& wish) {
+    const View view = render_view(*face.model, face.face.codes, 0, wish.camera, {.mask = true});
+    const std::int64_t side = view.mask.shape(0);
+    const auto index = [&](double part) {
+        return std::min(static_cast<std::int64_t>(part * static_cast<double>(side)), side - 1);
+    };
+    const auto pixel = static_cast<std::size_t>(index(wish.y) * side + index(wish.x));
+    const std::span<const float> mask = view.mask.values<float>();
+    if (mask[pixel] < 0.5F * std::ranges::max(mask))
+        fail<ValueError>("there is no head at this place; click on the hair, the skin or the lips");
+    if (studio.options().parser.empty())
+        return masked_image(region_at(view.image, wish.x, wish.y), view.mask);
+    FaceParser parser(studio.options().parser);
+    const Tensor classes = parser.parse_head(view.image, view.mask);
+    ParsingClassSet chosen{};
+    chosen[static_cast<std::size_t>(classes.values<float>()[pixel])] = true;
+    return part_mask(classes, chosen);
+}
+
 }  // namespace
 
 std::string written_bytes(const std::string& extension,
@@ -122,11 +143,15 @@ Job::Body fit_photo(Studio& studio, Session& session, std::string photo, const s
         const auto lock = turn(studio, job);
         const Model& model = *studio.model();
         const PreparedPhoto ready = prepared(studio, photo, job);
-        for (const std::string& warning : ready.warnings) job.set_note(warning);
+        std::string note;
+        for (const std::string& warning : ready.warnings)
+            note += (note.empty() ? "" : "; ") + warning;
+        job.set_note(note);
         const FaceBatch batch =
             make_batch(std::span(&ready.face, 1), model.decoder().ladder().smallest());
         ShelfFace shown{name, {face_codes(model, batch), ready.face.pose}, studio.model()};
         const std::string id = session.shelf().add(shown);
+        FitResult result;
         try {
             job.set_face(id);
             FitOptions options{.optimizer = FitOptimizer::lbfgs,
@@ -136,40 +161,26 @@ Job::Body fit_photo(Studio& studio, Session& session, std::string photo, const s
                 session.shelf().replace(id, shown);
                 job.report("fitting", step.steps, options.steps, step.loss);
             };
-            const FitResult result = fit_codes(model, studio.loss(), batch, options);
-            shown.face.codes = result.fitted;
-            session.shelf().replace(id, shown);
-            if (tune_seconds > 0.0) {
-                shown.model = tuned_model(studio, batch, result, tune_seconds, job);
-                shown.tuned = true;
-                session.shelf().replace(id, shown);
-            }
+            result = fit_codes(model, studio.loss(), batch, options);
         } catch (...) {
             session.shelf().remove(id);  // half a face is none
             throw;
         }
+        shown.face.codes = result.fitted;
+        session.shelf().replace(id, shown);
+        if (tune_seconds > 0.0) {
+            shown.model = tuned_model(studio, batch, result, tune_seconds, job);
+            shown.tuned = true;
+            session.shelf().replace(id, shown);
+        }
     };
 }
 
-Job::Body recolor(Studio& studio, Session& session, const ColorWish& wish) {
-    return [&studio, &session, wish](Job& job) {
+Job::Body recolor(Studio& studio, Session& session, const ShelfFace& shown, const ColorWish& wish) {
+    return [&studio, &session, shown, wish](Job& job) {
         const auto lock = turn(studio, job);
-        ShelfFace face = session.shelf().find(wish.face);
-        const View view = render_view(*face.model, face.face.codes, 0, wish.camera, {.mask = true});
-        Tensor part;
-        if (studio.options().parser.empty()) {
-            part = region_at(view.image, wish.x, wish.y);
-        } else {
-            FaceParser parser(studio.options().parser);
-            const Tensor classes = parser.parse_head(view.image, view.mask);
-            const auto side = static_cast<double>(classes.shape(0));
-            const auto row = static_cast<std::size_t>(std::min(wish.y, 0.999) * side),
-                       column = static_cast<std::size_t>(std::min(wish.x, 0.999) * side);
-            ParsingClassSet chosen{};
-            chosen[static_cast<std::size_t>(
-                classes.values<float>()[row * static_cast<std::size_t>(side) + column])] = true;
-            part = part_mask(classes, chosen);
-        }
+        ShelfFace face = shown;
+        const Tensor part = pointed_part(studio, face, wish);
         ColorEditOptions options{.steps = studio.options().color_steps};
         keep_near_faces(*studio.model(), options);
         options.on_step = [&](std::int64_t step, double loss) {

@@ -20,12 +20,14 @@ namespace stymo::view {
 /// Gives the part of the face at (x, y) of the image, both in [0, 1], another colour.
 struct ColorWish {
     std::string face;
+    std::array<std::vector<double>, code_names.size()> sliders;
     Camera camera;
     double x = 0.5;
     double y = 0.5;
     Eigen::Vector3d color = Eigen::Vector3d::Zero();
 };
-[[nodiscard]] Job::Body recolor(Studio& studio, Session& session, const ColorWish& wish);
+[[nodiscard]] Job::Body recolor(Studio& studio, Session& session, const ShelfFace& shown,
+                                const ColorWish& wish);
 
 /// A film along a path of cameras; `extension` is ".gif" or ".mp4".
 struct FilmWish {

@@ -16,7 +16,7 @@ using Json = nlohmann::json;
 
 constexpr int deepest_nesting = 8;
 constexpr double most_deviations = 6.0;  ///< of a slider
-constexpr std::size_t most_keys = 64, most_frames = 600;
+constexpr std::size_t most_keys = 64, most_frames = 900;
 
 template <class... Parts>
 [[noreturn]] void refuse(const Parts&... parts) {
@@ -121,7 +121,8 @@ Camera camera_of(const Json& object, const CameraConfig& model) {
                             model.intrinsics);
 }
 
-/// Through the keys, with continuous speed (Catmull and Rom 1974); `part` in [0, 1].
+/// Through the keys, with continuous speed (Catmull and Rom 1974), never beyond the outermost ones;
+/// `part` in [0, 1].
 double along(const std::vector<double>& keys, double part) {
     const double place = part * static_cast<double>(keys.size() - 1);
     const auto last = std::ssize(keys) - 1;
@@ -132,8 +133,10 @@ double along(const std::vector<double>& keys, double part) {
         return keys[static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(i, 0, last))];
     };
     const double a = key(first - 1), b = key(first), c = key(first + 1), d = key(first + 2);
-    return b +
-           0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)));
+    const double value =
+        b + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)));
+    const auto [low, high] = std::ranges::minmax(keys);
+    return std::clamp(value, low, high);
 }
 
 }  // namespace
@@ -163,8 +166,8 @@ FrameWish frame_wish(const std::string& json, const CameraConfig& camera) {
     wish.camera = camera_of(object.value("camera", Json::object()), camera);
     wish.layer = static_cast<Layer>(
         choice(object, "layer", std::array{"image", "depth", "mask", "normals"}));
-    wish.quality =
-        static_cast<Quality>(choice(object, "quality", std::array{"moving", "still", "thumbnail"}));
+    wish.quality = static_cast<Quality>(
+        choice(object, "quality", std::array{"moving", "still", "thumbnail", "snapshot"}));
     return wish;
 }
 
@@ -172,6 +175,7 @@ ColorWish color_wish(const std::string& json, const CameraConfig& camera) {
     const Json object = parsed(json);
     ColorWish wish;
     wish.face = text(object, "face");
+    wish.sliders = sliders_of(object);
     wish.camera = camera_of(object.value("camera", Json::object()), camera);
     wish.x = number(object, "x", 0.5, 0.0, 1.0);
     wish.y = number(object, "y", 0.5, 0.0, 1.0);
@@ -232,8 +236,10 @@ PathWish path_wish(const std::string& json, const CameraConfig& camera) {
         tracks[3].push_back(number(key, "distance", 1.0, 0.6, 2.5));
     }
     const double seconds = number(object, "seconds", 3.0, 0.1, 60.0);
-    const auto frames = std::clamp<std::size_t>(
-        static_cast<std::size_t>(seconds * wish.frames_per_second), 2, most_frames);
+    const auto frames =
+        std::max<std::size_t>(static_cast<std::size_t>(seconds * wish.frames_per_second), 2);
+    if (frames > most_frames)
+        refuse("a film of ", frames, " frames is too long; at most ", most_frames, " are made");
     for (std::size_t i = 0; i < frames; ++i) {
         const double part = static_cast<double>(i) / static_cast<double>(frames - 1);
         wish.cameras.push_back(camera_of(Json{{"yaw", along(tracks[0], part)},

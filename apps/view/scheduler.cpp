@@ -2,12 +2,16 @@
 
 #include <algorithm>
 
+#include "core/clock.h"
+
 namespace stymo::view {
 
 namespace {
 
 /// Sessions whose renderers are kept; those of others are made anew when they ask for a frame.
 constexpr std::size_t most_renderers = 8;
+/// Whoever has waited for so long goes before moving frames.
+constexpr double patience_seconds = 0.5;
 
 }  // namespace
 
@@ -31,8 +35,9 @@ std::optional<Frame> Scheduler::render(const std::string& session, FrameRequest 
         const std::lock_guard lock(mutex_);
         if (ends_) return std::nullopt;
         const Quality quality = request.quality;
-        const Key key{session, quality == Quality::thumbnail};
-        Waiting waiting{std::move(request), {}, order_++};
+        const int place = quality == Quality::thumbnail ? 1 : quality == Quality::snapshot ? 2 : 0;
+        const Key key{session, place};
+        Waiting waiting{std::move(request), {}, order_++, seconds_now()};
         answer = waiting.answer.get_future();
         if (const auto old = waiting_.find(key); old != waiting_.end()) {
             old->second.answer.set_value(std::nullopt);
@@ -53,10 +58,13 @@ void Scheduler::forget(const std::string& session) {
     forgotten_.push_back(session);
 }
 
-/// Moving frames first; among equals the one that waits longest.
+/// Moving frames first, and what has waited for long; among equals the one that waits longest.
 std::map<Scheduler::Key, Scheduler::Waiting>::iterator Scheduler::next() {
-    const auto urgency = [](const Waiting& waiting) {
-        return std::pair(waiting.request.quality == Quality::moving ? 0 : 1, waiting.order);
+    const double now = seconds_now();
+    const auto urgency = [&](const Waiting& waiting) {
+        const bool urgent =
+            waiting.request.quality == Quality::moving || now - waiting.since > patience_seconds;
+        return std::pair(urgent ? 0 : 1, waiting.order);
     };
     return std::ranges::min_element(waiting_, {},
                                     [&](const auto& entry) { return urgency(entry.second); });

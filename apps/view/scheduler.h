@@ -17,8 +17,8 @@ namespace stymo::view {
 ///
 /// A session has at most one frame that waits: a newer request takes its place. A request for a
 /// moving frame stops a still frame that is being rendered, of whichever session; that of another
-/// session is rendered again afterwards, and then to its end. Moving frames go before still ones,
-/// and sessions take turns.
+/// session is rendered again afterwards, and then to its end. Moving frames go before others
+/// unless these have waited for long, and sessions take turns.
 class Scheduler {
 public:
     explicit Scheduler(const FrameSettings& settings);
@@ -38,10 +38,12 @@ private:
         FrameRequest request;
         std::promise<std::optional<Frame>> answer;
         std::uint64_t order = 0;
+        double since = 0.0;        ///< seconds, as seconds_now()
         bool was_stopped = false;  ///< for another session; once is enough
     };
-    /// Thumbnails have a place of their own, so that they do not take that of the picture.
-    using Key = std::pair<std::string, bool>;
+    /// A session, and which of its pictures: thumbnails and snapshots have places of their own, so
+    /// that they do not take that of the picture on the page.
+    using Key = std::pair<std::string, int>;
 
     void run();
     [[nodiscard]] std::map<Key, Waiting>::iterator next();

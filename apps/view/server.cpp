@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <thread>
 
@@ -41,10 +42,33 @@ bool equal_tokens(const std::string& a, const std::string& b) {
     return difference == 0;
 }
 
+/// Ends the connection after the answer: what is left of the request, such as its body, must not be
+/// taken for the next one. httplib does so only for a provider of content that gives up.
 void refuse(httplib::Response& response, int status, const std::string& message) {
     response.status = status;
     response.set_header("Connection", "close");
-    response.set_content(JsonValue::object({{"error", message}}).text(), "application/json");
+    const std::string text = JsonValue::object({{"error", message}}).text();
+    response.set_content_provider(
+        text.size(), "application/json",
+        [text](std::size_t /*offset*/, std::size_t /*length*/, httplib::DataSink& sink) {
+            sink.write(text.data(), text.size());
+            return false;
+        });
+}
+
+/// Whether the body is announced as it must be: with its length, and as it is. httplib reads bodies
+/// in chunks, and inflates compressed ones, without a limit.
+bool announces_body(const httplib::Request& request) {
+    return request.has_header("Content-Length") && !request.has_header("Transfer-Encoding") &&
+           !request.has_header("Content-Encoding");
+}
+
+bool is_longer(const httplib::Request& request, std::size_t most_bytes) {
+    const std::string text = request.get_header_value("Content-Length");
+    std::size_t length = 0;
+    const char* end = text.data() + text.size();
+    const auto [last, error] = std::from_chars(text.data(), end, length);
+    return error != std::errc() || last != end || length > most_bytes;
 }
 
 }  // namespace
@@ -72,7 +96,10 @@ bool Server::Implementation::is_own(const std::string& host) const {
     // Where the server is open to a network, its machine has names that it does not know.
     if (!is_loopback(options.host)) return true;
     return std::ranges::any_of(std::array{"127.0.0.1", "localhost", "[::1]"},
-                               [&](const char* name) { return host == name + end; });
+                               [&](const char* name) {
+                                   // Browsers leave out the usual port.
+                                   return host == name + end || (port == 80 && host == name);
+                               });
 }
 
 httplib::Server::HandlerResponse Server::Implementation::guard(const httplib::Request& request,
@@ -90,6 +117,19 @@ httplib::Server::HandlerResponse Server::Implementation::guard(const httplib::Re
     if (request.path.starts_with("/api/") && !options.token.empty() &&
         !equal_tokens(request.get_header_value(token_header), options.token)) {
         refuse(response, 401, "the token is missing or wrong; open the address that was printed");
+        return Handled;
+    }
+    // A range of ranges would multiply the answer.
+    if (request.has_header("Range")) {
+        refuse(response, 416, "parts of files are not served");
+        return Handled;
+    }
+    if (request.method == "POST" && !announces_body(request)) {
+        refuse(response, 411, "a request needs its length and must not be compressed");
+        return Handled;
+    }
+    if (request.has_header("Content-Length") && is_longer(request, options.most_body_bytes)) {
+        refuse(response, 413, "the request is too large");
         return Handled;
     }
     return Unhandled;
@@ -146,10 +186,8 @@ void Server::Implementation::set_up() {
             return guard(request, response);
         });
     http.set_error_handler([](const httplib::Request&, httplib::Response& response) {
-        if (!response.body.empty()) return;
-        const bool large = response.status == 413;
-        refuse(response, response.status,
-               large ? "the request is too large" : "the request is not understood");
+        if (response.body.empty() && !response.has_header("Connection"))
+            refuse(response, response.status, "the request is not understood");
     });
     const auto served = [this](const httplib::Request& request, httplib::Response& response) {
         answer(request, response);

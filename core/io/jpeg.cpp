@@ -13,7 +13,7 @@ namespace stymo {
 
 namespace {
 
-constexpr const char* name = "memory.jpg";  ///< tells OpenImageIO the format
+constexpr const char* jpeg_name = "memory.jpg";  ///< tells OpenImageIO the format
 
 [[noreturn]] void refuse(const std::string& reason) {
     fail<FileError>("not a JPEG image (", reason.substr(0, reason.find('\n')), ")");
@@ -27,8 +27,8 @@ std::string jpeg_bytes(const Tensor& image, int quality) {
                          static_cast<int>(image.shape(2)), OIIO::TypeUInt8);
     spec.attribute("Compression", "jpeg:" + std::to_string(std::clamp(quality, 1, 100)));
     OIIO::Filesystem::IOVecOutput memory;
-    const auto output = OIIO::ImageOutput::create(name, &memory);
-    if (!output || !output->open(name, spec) ||
+    const auto output = OIIO::ImageOutput::create(jpeg_name, &memory);
+    if (!output || !output->open(jpeg_name, spec) ||
         !output->write_image(OIIO::TypeUInt8, image_bytes(image).data()) || !output->close()) {
         fail<FileError>("an image cannot be encoded as JPEG (",
                         output ? output->geterror() : OIIO::geterror(), ")");
@@ -37,10 +37,16 @@ std::string jpeg_bytes(const Tensor& image, int quality) {
 }
 
 Tensor image_from_jpeg(std::string_view bytes, std::int64_t most_pixels) {
+    // OpenImageIO would try its readers of other formats.
+    if (!bytes.starts_with("\xff\xd8\xff")) refuse("another beginning");
     OIIO::Filesystem::IOMemReader memory(const_cast<char*>(bytes.data()), bytes.size());
-    const auto input = OIIO::ImageInput::open(name, nullptr, &memory);
+    const auto input = OIIO::ImageInput::open(jpeg_name, nullptr, &memory);
     if (!input) refuse(OIIO::geterror());
     const OIIO::ImageSpec& spec = input->spec();
+    constexpr int most_channels = 4;
+    if (std::string_view(input->format_name()) != "jpeg" || spec.depth > 1 || spec.deep ||
+        spec.nchannels < 1 || spec.nchannels > most_channels)
+        refuse("another format");
     if (std::int64_t{spec.width} * spec.height > most_pixels)
         refuse(std::to_string(spec.width) + " x " + std::to_string(spec.height) +
                " pixels are too many");

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
 #include <utility>
 #include <vector>
 
@@ -256,7 +257,8 @@ void BlockRenderer::TypedState<T>::render(std::span<float> image, std::span<floa
     if (!backgrounds_known_) draw_backgrounds();
     if (!first_upsample_kept_) keep_first_upsample();
     for (std::size_t i = 0; i < blocks_.size(); ++i) {
-        parallel_for(std::ssize(strips_[i]), 1, [this, i, &stop](std::int64_t index, std::int64_t) {
+        // By reference: a function that holds this much would be allocated.
+        const auto run_strip = [&](std::int64_t index, std::int64_t) {
             if (stop.stop_requested()) return;
             const Strip& strip = strips_[i][static_cast<std::size_t>(index)];
             std::unique_ptr<StripBuffers<T>> buffers = buffers_.take();
@@ -266,7 +268,8 @@ void BlockRenderer::TypedState<T>::render(std::span<float> image, std::span<floa
                 step(i).run(strip.begin, strip.end, *buffers);
             }
             buffers_.give_back(std::move(buffers));
-        });
+        };
+        parallel_for(std::ssize(strips_[i]), 1, std::cref(run_strip));
     }
 }
 

@@ -45,7 +45,12 @@ JsonValue row(const Tensor& values, std::int64_t index) {
 }
 
 Json parsed(const std::string& text, const std::string& source) {
-    Json json = Json::parse(text, nullptr, false);
+    // Deeper values are left out: printing them would exhaust the stack.
+    constexpr int deepest_nesting = 8;
+    const auto kept = [](int depth, Json::parse_event_t /*event*/, Json& /*value*/) {
+        return depth <= deepest_nesting;
+    };
+    Json json = Json::parse(text, kept, false);
     if (json.is_discarded()) fail<FileError>(source, ": not JSON");
     return json;
 }

@@ -137,6 +137,41 @@ TEST_CASE("malformed and huge requests are answered, and the server goes on", "[
     CHECK(is_status(running.exchange(running.request("GET /")), 200));
 }
 
+TEST_CASE("what is left of a refused request is not taken for the next one", "[view]") {
+    const Running running({.most_body_bytes = 1000});
+    const std::string hidden = running.request("POST /api/session");
+    const std::string start = "POST /api/session HTTP/1.1\r\nHost: ";
+    const std::string length = "\r\nContent-Length: " + std::to_string(hidden.size());
+    const std::string chunk = "1000\r\n" + std::string(4096, 'x') + "\r\n";
+    struct Row {
+        const char* why;
+        std::string request;
+        int status;
+    };
+    const std::string own = start + running.host();
+    const std::vector<Row> rows{
+        {"another host", start + "evil.example" + length + "\r\n\r\n" + hidden, 403},
+        {"another page", own + "\r\nOrigin: http://evil.example" + length + "\r\n\r\n" + hidden,
+         403},
+        {"in chunks", own + "\r\nTransfer-Encoding: chunked\r\n\r\n" + chunk, 411},
+        {"without a length", own + "\r\n\r\n" + hidden, 411},
+        {"compressed", own + length + "\r\nContent-Encoding: gzip\r\n\r\n" + hidden, 411},
+        {"too long", own + "\r\nContent-Length: 1001\r\n\r\n" + hidden, 413},
+        {"no length", own + "\r\nContent-Length: many\r\n\r\n" + hidden, 413},
+        {"ranges", own + length + "\r\nRange: bytes=0-1,0-1\r\n\r\n" + hidden, 416},
+        {"no such page", "GET /page/none.js HTTP/1.1\r\nHost: " + running.host() + "\r\n\r\n", 404},
+    };
+    for (const Row& row : rows) {
+        INFO(row.why);
+        const std::string answer = running.exchange(row.request);
+        INFO(answer);
+        CHECK(is_status(answer, row.status));
+        CHECK(answer.find("HTTP/1.1", 8) == std::string::npos);  // one answer
+        CHECK(answer.find("{\"error\":") != std::string::npos);
+    }
+    CHECK(running.client.sessions() == 1);
+}
+
 TEST_CASE("clients that send nothing, or a byte now and then, do not keep others out", "[view]") {
     const Running running;  // eight connections at once
     std::vector<std::unique_ptr<Connection>> idle;

@@ -22,6 +22,7 @@ public:
 
     [[nodiscard]] view::Studio& studio() { return studio_; }
     [[nodiscard]] view::Api& api() { return api_; }
+    [[nodiscard]] std::size_t sessions() const { return api_.sessions().count(); }
     /// What opening the session answered.
     [[nodiscard]] const nlohmann::json& opened() const { return opened_; }
     [[nodiscard]] std::string first_face() const { return opened_["faces"][0]["face"]; }

@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/io/image.h"
 #include "core/io/jpeg.h"
 #include "core/metrics.h"
 
@@ -13,8 +14,8 @@ Tensor smooth_image(std::int64_t height, std::int64_t width) {
     Tensor image({height, width, 3});
     const std::span<float> values = image.mutable_values<float>();
     for (std::size_t i = 0; i < values.size(); ++i) {
-        const auto pixel = static_cast<double>(i / 3);
-        values[i] = static_cast<float>(0.5 + 0.4 * std::sin(0.01 * pixel + double(i % 3)));
+        const auto column = static_cast<double>(i / 3 % static_cast<std::size_t>(width));
+        values[i] = static_cast<float>(0.5 + 0.4 * std::sin(0.1 * column));
     }
     return image;
 }
@@ -36,6 +37,7 @@ TEST_CASE("bytes that are no whole JPEG file, or too many pixels, are refused") 
     const std::string bytes = jpeg_bytes(smooth_image(40, 56), 90);
     CHECK_THROWS_AS(image_from_jpeg("", 1000), FileError);
     CHECK_THROWS_AS(image_from_jpeg("hello", 1000), FileError);
+    CHECK_THROWS_AS(image_from_jpeg(png_bytes(smooth_image(40, 56)), 10000), FileError);
     CHECK_THROWS_AS(image_from_jpeg(bytes.substr(0, bytes.size() / 2), 10000), FileError);
     CHECK_THROWS_AS(image_from_jpeg(bytes, 40 * 56 - 1), FileError);
 }

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
+#include "core/error.h"
 #include "core/io/file.h"
 #include "core/io/scratch_folder.h"
 #include "nn/models/code_file.h"
@@ -111,4 +112,10 @@ TEST_CASE("a code file below a regular file is not written", "[code_file]") {
         write_code_file(folder / "file" / "codes.json", random_codes(1, 1), 0, some_pose);
     })));
     CHECK(folder.file_count() == 1);
+}
+
+TEST_CASE("a code file that is nested deeply is refused") {
+    const std::string deep(200000, '['), end(200000, ']');
+    CHECK_THROWS_AS(parse_code_file("{\"pose\": " + deep + end + "}", "deep"), FileError);
+    CHECK_THROWS_AS(parse_code_file(deep, "deep"), FileError);
 }

@@ -37,6 +37,8 @@ export async function openSession() {
   const opened = await ask("session");
   session = opened.session;
   addEventListener("pagehide", () => { post("close", "", { keepalive: true }).catch(() => {}); });
+  // A page that the browser has kept comes back to a session that has ended.
+  addEventListener("pageshow", (event) => { if (event.persisted) location.reload(); });
   return opened;
 }
 

@@ -11,27 +11,26 @@ import { say } from "/page/message.js";
 import { enableOrbit } from "/page/orbit.js";
 import { addKey, play, stopPlaying } from "/page/path.js";
 import { makeSliders } from "/page/sliders.js";
-import { change, remembered, resetView, state, stateVersion } from "/page/state.js";
+import { change, clamp, remembered, resetView, state, stateVersion } from "/page/state.js";
 import { followHead, head, stopFollowing, windowIsOn } from "/page/window.js";
 
 const element = (id) => document.getElementById(id);
 
 async function snapshot() {
-  let response;
-  do {
-    response = await post("frame", request("still"));
-  } while (response.status === 204);  // the page has asked for another one in the meantime
-  save(await response.blob(), "face.jpg");
+  save(await (await post("frame", request("snapshot"))).blob(), "face.jpg");
 }
 
+const shownFace = () => JSON.stringify({ face: state.face, sliders: state.sliders });
+
 async function saveOf(path) {
-  const response = await post(path + "?" + new URLSearchParams({ face: state.face }));
+  const query = new URLSearchParams({ face: state.face });
+  const response = await post(path + "?" + query, shownFace());
   const name = /filename="([^"]+)"/.exec(response.headers.get("Content-Disposition"))[1];
   save(await response.blob(), name);
 }
 
 async function saveMesh() {
-  await post("mesh?" + new URLSearchParams({ face: state.face }));
+  await post("mesh", shownFace());
   await watchJob(false);
 }
 
@@ -70,11 +69,17 @@ function connectKeys() {
     Escape: () => { cancelJob(); stopFollowing(); stopPlaying(); setPicking(false); },
   };
   addEventListener("keydown", (event) => {
-    const typing = /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName) &&
-      event.target.type !== "range" && event.key !== "Escape";
-    if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
-    actions[event.key]?.();
+    const typing = event.target.matches("select, input[type=number], input[type=color]") &&
+      event.key !== "Escape";
+    if (typing || event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;
+    actions[event.key.length === 1 ? event.key.toLowerCase() : event.key]?.();
   });
+}
+
+function allowedSliders(sliders, groups) {
+  return Object.fromEntries(groups.filter(({ group }) => sliders[group]).map(
+    ({ group, shares }) =>
+      [group, sliders[group].slice(0, shares.length).map((amount) => clamp(amount, -6, 6))]));
 }
 
 async function start() {
@@ -91,21 +96,25 @@ async function start() {
   element("photo").disabled = !opened.fits;
   connectButtons();
   connectKeys();
-  enableOrbit((event) => isPicking() || windowIsOn() || event.button !== 0);
+  enableOrbit((event) => isPicking() || windowIsOn() || event.button !== 0, stopFollowing);
   enableColor();
   enableDrop();
   setFaces(opened);
   const before = remembered();
   const known = before && opened.faces.find((face) => face.codes === before.codes);
   if (before) {
-    element("layer").value = before.layer;
-    change({ layer: before.layer, camera: before.camera });
+    const layers = [...element("layer").options].map((option) => option.value);
+    const layer = layers.includes(before.layer) ? before.layer : "image";
+    element("layer").value = layer;
+    before.sliders = allowedSliders(before.sliders, opened.groups);
+    change({ layer, camera: before.camera });
     if (known) showFace(known.face, before.sliders);
     else if (!await addFace({ codes: before.codes, name: "shared" }, before.sliders))
       showFace(opened.faces[0].face);
   } else {
     showFace(opened.faces[0].face);
   }
+  element("frame").focus();
   // For the tests in a browser.
   window.stymo = { state, shown, job, head, stateVersion };
 }

@@ -25,7 +25,8 @@ async function recolor(x, y) {
   const digits = document.getElementById("color").value;
   const color = [1, 3, 5].map((at) => parseInt(digits.slice(at, at + 2), 16) / 255);
   try {
-    await ask("color", { face: state.face, camera: state.eye ?? state.camera, x, y, color });
+    await ask("color", { face: state.face, sliders: state.sliders,
+      camera: state.eye ?? state.camera, x, y, color });
   } catch (error) {
     return say(error.message);
   }

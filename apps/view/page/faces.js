@@ -36,7 +36,11 @@ export function showFace(id, sliders = {}) {
 }
 
 function mark() {
-  for (const card of strip.children) card.classList.toggle("shown", card.dataset.face === state.face);
+  for (const card of strip.children) {
+    const isShown = card.dataset.face === state.face;
+    card.classList.toggle("shown", isShown);
+    card.querySelector(".show").setAttribute("aria-current", String(isShown));
+  }
 }
 
 /// Shows what the program says is on the shelf.

@@ -33,7 +33,10 @@ export function refreshSoon() {
 }
 
 async function show(response, version, quality, yaw, since = 0) {
-  if (response.status === 204) return;  // a newer one was asked for
+  if (response.status === 204) {  // a newer one was asked for
+    if (quality === "still") stillTimer = setTimeout(still, stillAfter);
+    return;
+  }
   const facts = JSON.parse(response.headers.get("X-Stymo-Frame"));
   const image = await createImageBitmap(await response.blob());
   if (version < shownVersion) return;
@@ -43,7 +46,7 @@ async function show(response, version, quality, yaw, since = 0) {
   shownVersion = version;
   shownStill = quality === "still";
   Object.assign(shown, { version, quality, yaw, frames: shown.frames + 1 });
-  if (facts.psnr !== undefined) movingPsnr = facts.psnr;
+  movingPsnr = facts.psnr ?? null;
   tell(facts, quality, since);
 }
 
@@ -61,7 +64,7 @@ function tell(facts, quality, since) {
       if (shown.latencies.length > 500) shown.latencies.shift();
     }
   }
-  if (movingPsnr !== null) parts.push(`moving: ${movingPsnr.toFixed(1)} dB from exact`);
+  if (movingPsnr !== null) parts.push(`moving: ${movingPsnr.toFixed(1)} dB from this one`);
   told.textContent = parts.join(" · ");
 }
 
@@ -114,8 +117,10 @@ async function still() {
   stillAbort = null;
 }
 
+// The program has been started anew, or the page was idle for long: the address has what is shown.
 function ended(error) {
   told.textContent = error.message;
+  if (error.status === 410) location.reload();
 }
 
 let lastChange = 0;

@@ -21,47 +21,51 @@ document.getElementById("cancel").onclick = cancelJob;
 /// Until the job ends. `live`: its face changes on the way and is shown.
 export async function watchJob(live) {
   box.hidden = false;
-  let face = "";
-  let step = -1;
-  while (true) {
+  const before = state.face;
+  const watched = { face: "", step: -1 };
+  try {
     let status;
-    try {
+    do {
       status = await ask("job");
-    } catch (error) {
-      say(error.message);
-      break;
-    }
-    Object.assign(job, status);
-    phase.textContent = status.phase + (status.total ? ` ${status.done} of ${status.total}` : "");
-    if (status.total) progress.value = status.done / status.total;
-    else progress.removeAttribute("value");
-    if (live && status.face && status.state === "running") {
-      if (!face) {
-        face = status.face;
-        await refreshFaces();
-        showFace(face);
-      } else if (status.done !== step && state.face === face) {
-        refreshSoon();
-      }
-      step = status.done;
-    }
-    if (status.state !== "running") {
-      await finish(status, face);
-      break;
-    }
-    await new Promise((done) => setTimeout(done, 120));
+      Object.assign(job, status);
+      tell(status);
+      if (live && status.face && status.state === "running") await follow(status, watched);
+      await new Promise((done) => setTimeout(done, 120));
+    } while (status.state === "running");
+    await finish(status, watched.face, before);
+  } catch (error) {
+    say(error.message);
+  } finally {
+    box.hidden = true;
+    job.ended += 1;
   }
-  box.hidden = true;
-  job.ended += 1;
 }
 
-async function finish(status, face) {
+function tell(status) {
+  phase.textContent = status.phase + (status.total ? ` ${status.done} of ${status.total}` : "");
+  if (status.total) progress.value = status.done / status.total;
+  else progress.removeAttribute("value");
+}
+
+async function follow(status, watched) {
+  if (!watched.face) {
+    watched.face = status.face;
+    await refreshFaces();
+    showFace(status.face);
+  } else if (status.done !== watched.step && state.face === watched.face) {
+    refreshSoon();
+  }
+  watched.step = status.done;
+}
+
+async function finish(status, face, before) {
   if (status.state === "failed") say(status.error);
   else if (status.note) say(status.note);
   await refreshFaces();
   if (status.state === "cancelled") say("Cancelled.");
   if (status.state === "done" && status.face) {
-    showFace(status.face);
+    // Whoever has chosen another face meanwhile keeps it.
+    if (state.face === face || state.face === before) showFace(status.face);
     drawThumbnail(status.face);
     refreshSoon();
   } else if (face && !faceOf(face)) {

@@ -13,7 +13,7 @@ function distanceOfFingers() {
   return Math.hypot(a.x - b.x, a.y - b.y);
 }
 
-export function enableOrbit(isTaken) {
+export function enableOrbit(isTaken, leaveWindow) {
   frame.addEventListener("pointerdown", (event) => {
     if (isTaken(event)) return;
     frame.setPointerCapture(event.pointerId);
@@ -40,15 +40,16 @@ export function enableOrbit(isTaken) {
     event.preventDefault();
     turn(0, 0, Math.exp(event.deltaY * 0.001));
   }, { passive: false });
-  frame.addEventListener("dblclick", resetView);
+  frame.addEventListener("dblclick", () => { leaveWindow(); resetView(); });
   frame.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
     const step = event.shiftKey ? 10 : 3;
     const moves = {
       ArrowLeft: [step, 0], ArrowRight: [-step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] };
     if (moves[event.key]) turn(...moves[event.key]);
     else if (event.key === "+" || event.key === "=") turn(0, 0, 1 / 1.08);
     else if (event.key === "-") turn(0, 0, 1.08);
-    else if (event.key === "0") resetView();
+    else if (event.key === "0") { leaveWindow(); resetView(); }
     else return;
     event.preventDefault();
   });

@@ -32,7 +32,10 @@ function along(name, part) {
   const t = place - first;
   const at = (i) => keys[Math.min(Math.max(i, 0), keys.length - 1)][name];
   const [a, b, c, d] = [at(first - 1), at(first), at(first + 1), at(first + 2)];
-  return b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)));
+  const value =
+    b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)));
+  const all = keys.map((key) => key[name]);
+  return Math.min(Math.max(value, Math.min(...all)), Math.max(...all));
 }
 
 export function play() {

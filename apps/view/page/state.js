@@ -58,6 +58,7 @@ function rememberSoon() {
 
 function remember() {
   const { camera, sliders } = state;
+  if (!state.codes) return;
   const parts = new URLSearchParams();
   parts.set("y", digits(camera.yaw, 2));
   parts.set("p", digits(camera.pitch, 2));

@@ -14,6 +14,7 @@ const width = 320;  // of the images that are sent
 
 export const head = { following: false, measured: null, eye: null, lag: 0, milliseconds: 0 };
 let stream = null;
+let starting = null;  // the attempt to open the camera that counts
 
 const metres = (id) => Number(document.getElementById(id).value) / 100;
 
@@ -27,18 +28,30 @@ function lookFrom(eye) {
 }
 
 export async function followHead() {
-  if (head.following) return stopFollowing();
+  if (head.following || starting) return stopFollowing();
   stopFollowing();
+  const attempt = starting = Symbol("attempt");
   try {
-    stream = await navigator.mediaDevices.getUserMedia({ video: { width: 640, height: 480 } });
+    if (!navigator.mediaDevices) throw new Error("browsers give it to this machine's pages only");
+    const opened = await navigator.mediaDevices.getUserMedia({ video: { width: 640, height: 480 } });
+    if (starting !== attempt) return stopTracks(opened);
+    stream = opened;
+    video.srcObject = stream;
+    await video.play();
   } catch (error) {
+    if (starting === attempt) stopFollowing();
     return say("There is no camera to be had: " + error.message);
   }
-  video.srcObject = stream;
-  await video.play();
+  if (starting !== attempt) return undefined;
+  starting = null;
   head.following = true;
   button.setAttribute("aria-pressed", "true");
   while (head.following) await followOnce();
+  return undefined;
+}
+
+function stopTracks(opened) {
+  for (const track of opened?.getTracks() ?? []) track.stop();
 }
 
 async function followOnce() {
@@ -71,7 +84,8 @@ async function followOnce() {
 export function stopFollowing() {
   const was = head.following || mouseButton.getAttribute("aria-pressed") === "true";
   head.following = false;
-  for (const track of stream?.getTracks() ?? []) track.stop();
+  starting = null;
+  stopTracks(stream);
   stream = null;
   video.srcObject = null;
   button.setAttribute("aria-pressed", "false");

@@ -28,7 +28,7 @@ struct ChosenTolerance {
 /// root of two, with frames of this face that are at least `psnr` decibels from exact ones on
 /// average over the cameras; the smallest if none is. Modes without a tolerance (exact, baked) keep
 /// that of `options`. Found by bisection, so that it costs one exact frame of each camera and about
-/// four of the mode. Throws ValueError without cameras.
+/// five of the mode. Throws ValueError without cameras.
 [[nodiscard]] ChosenTolerance choose_tolerance(const Model& model, const Codes& codes,
                                                std::span<const Camera> cameras,
                                                const RendererOptions& options, double psnr);
