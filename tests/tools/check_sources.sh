@@ -75,7 +75,8 @@ while IFS= read -r line; do
     violation "$line: more than 100 columns"
 done < <(find CMakeLists.txt cmake core nn render train fit apps tests scripts -type f \
     \( -name '*.h' -o -name '*.cpp' -o -name '*.py' -o -name '*.sh' -o -name '*.cmake*' \
-    -o -name CMakeLists.txt \) -print0 2>/dev/null | sort -z |
+    -o -name '*.js' -o -name '*.mjs' -o -name '*.css' -o -name '*.html' \
+    -o -name CMakeLists.txt \) -not -path '*/node_modules/*' -print0 2>/dev/null | sort -z |
     LC_ALL=C xargs -0 -r awk '
         { text = $0; gsub(/[\200-\277]/, "", text) }
         length(text) > 100 { print FILENAME ":" FNR }')

@@ -33,7 +33,8 @@ export async function followHead() {
   const attempt = starting = Symbol("attempt");
   try {
     if (!navigator.mediaDevices) throw new Error("browsers give it to this machine's pages only");
-    const opened = await navigator.mediaDevices.getUserMedia({ video: { width: 640, height: 480 } });
+    const opened = await navigator.mediaDevices.getUserMedia(
+      { video: { width: 640, height: 480 } });
     if (starting !== attempt) return stopTracks(opened);
     stream = opened;
     video.srcObject = stream;
