@@ -154,6 +154,7 @@ Answer Api::frame(Session& session, const Request& request) {
     JsonValue told = JsonValue::object({{"milliseconds", frame->milliseconds},
                                         {"waited", 1e3 * (seconds_now() - start)},
                                         {"mode", frame->mode},
+                                        {"side", frame->side},
                                         {"tolerance", frame->tolerance}});
     if (frame->moving_psnr) told.add("psnr", *frame->moving_psnr);
     return {.type = "image/jpeg", .body = frame->jpeg, .headers = {{"X-Stymo-Frame", told.text()}}};

@@ -29,6 +29,7 @@ const char* name_of(RenderMode mode) {
 }
 
 Tensor enlarged(const Tensor& map, std::int64_t side) {
+    if (map.shape(0) == side) return map;
     return resize_image(map, static_cast<int>(side), static_cast<int>(side));
 }
 
@@ -123,9 +124,18 @@ struct Kept {
 
 struct FrameRenderer::State {
     FrameSettings settings;
-    double tolerance = 0.3;  ///< of moving frames
+    double tolerance = 0.0;     ///< of moving frames
+    bool half_side = false;     ///< likewise
+    double milliseconds = 0.0;  ///< of a moving frame, on average
     Kept moving, still, thumbnail;
 
+    [[nodiscard]] RendererOptions options_of_moving(const FrameRequest& request) const {
+        RendererOptions options = options_for(request, settings.moving_mode, tolerance);
+        if (half_side) options.resolution = request.model->config().decoder.resolution / 2;
+        return options;
+    }
+    /// Follows the speed of moving frames.
+    void take_time(double taken, const FrameRequest& request);
     [[nodiscard]] Kept& kept(Quality quality) {
         if (quality == Quality::moving) return moving;
         return quality == Quality::thumbnail ? thumbnail : still;
@@ -136,6 +146,20 @@ struct FrameRenderer::State {
                                               const std::stop_token& stop);
 };
 
+void FrameRenderer::State::take_time(double taken, const FrameRequest& request) {
+    constexpr double memory = 0.8;      // of the mean
+    constexpr double whole_side = 4.0;  // times as long, at most, as half of it
+    milliseconds = milliseconds == 0.0 ? taken : memory * milliseconds + (1.0 - memory) * taken;
+    const std::int64_t smallest = request.model->decoder().ladder().smallest();
+    const bool halves = request.model->config().decoder.resolution / 2 >= smallest;
+    const double most = settings.most_moving_milliseconds;
+    const bool slow = !half_side && milliseconds > most,
+               fast = half_side && whole_side * milliseconds < most;
+    if (!halves || !(slow || fast)) return;
+    half_side = slow;
+    milliseconds = 0.0;
+}
+
 std::optional<double> FrameRenderer::State::adapt(const FrameRequest& request, const Tensor& exact,
                                                   const std::stop_token& stop) {
     if (options_for(request, settings.moving_mode, tolerance).mode == RenderMode::exact)
@@ -144,15 +168,16 @@ std::optional<double> FrameRenderer::State::adapt(const FrameRequest& request, c
     constexpr int most_steps = 4;
     std::optional<double> reached;
     for (int i = 0; i < most_steps; ++i) {
-        const RendererOptions options = options_for(request, settings.moving_mode, tolerance);
+        const RendererOptions options = options_of_moving(request);
         const std::optional<View> view =
             moving.for_request(request, options).render(request.camera, stop);
         if (!view) return std::nullopt;
-        reached = std::min(peak_signal_to_noise_ratio(view->image, exact), highest_psnr);
-        if (options.tolerance == 0.0) return reached;  // a bake has none
+        reached = std::min(peak_signal_to_noise_ratio(enlarged(view->image, exact.shape(0)), exact),
+                           highest_psnr);
+        // A bake has no tolerance.
+        if (half_side || options.tolerance == 0.0) return reached;
         if (*reached < settings.psnr && tolerance > least_tolerance) {
-            const bool far = *reached < settings.psnr - psnr_to_spare;
-            tolerance = std::max(tolerance / (far ? 4.0 : step), least_tolerance);
+            tolerance /= step;
         } else {
             // One step in a frame, so that it does not go to and fro.
             if (i == 0 && *reached > settings.psnr + psnr_to_spare && tolerance < largest_tolerance)
@@ -165,6 +190,7 @@ std::optional<double> FrameRenderer::State::adapt(const FrameRequest& request, c
 
 FrameRenderer::FrameRenderer(const FrameSettings& settings) : state_(std::make_unique<State>()) {
     state_->settings = settings;
+    state_->tolerance = settings.tolerance;
 }
 FrameRenderer::~FrameRenderer() = default;
 FrameRenderer::FrameRenderer(FrameRenderer&&) noexcept = default;
@@ -174,8 +200,11 @@ std::optional<Frame> FrameRenderer::render(const FrameRequest& request,
     State& state = *state_;
     const double start = seconds_now();
     const bool exact = request.quality == Quality::still || request.quality == Quality::snapshot;
-    const RendererOptions options = options_for(
-        request, exact ? RenderMode::exact : state.settings.moving_mode, state.tolerance);
+    const bool moving = request.quality == Quality::moving;
+    const RendererOptions options =
+        moving ? state.options_of_moving(request)
+               : options_for(request, exact ? RenderMode::exact : state.settings.moving_mode,
+                             state.tolerance);
     const std::optional<View> view =
         state.kept(request.quality).for_request(request, options).render(request.camera, stop);
     if (!view) return std::nullopt;
@@ -183,6 +212,8 @@ std::optional<Frame> FrameRenderer::render(const FrameRequest& request,
     frame.jpeg = jpeg_bytes(picture_of(*view, request), exact ? state.settings.still_jpeg_quality
                                                               : state.settings.moving_jpeg_quality);
     frame.milliseconds = 1e3 * (seconds_now() - start);
+    if (moving) state.take_time(frame.milliseconds, request);
+    frame.side = view->image.shape(0);
     frame.mode = name_of(options.mode);
     frame.tolerance = options.mode == RenderMode::exact ? 0.0 : options.tolerance;
     if (request.quality == Quality::still && request.layer == Layer::image)

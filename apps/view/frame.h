@@ -33,13 +33,17 @@ struct Frame {
     double milliseconds = 0.0;  ///< of rendering and encoding
     std::string mode;           ///< "exact", "skip", "half", "baked"
     double tolerance = 0.0;
+    std::int64_t side = 0;  ///< in pixels
     /// Of a still frame: the PSNR of the moving frame of the same view, in decibels.
     std::optional<double> moving_psnr{};
 };
 
 struct FrameSettings {
     RenderMode moving_mode = RenderMode::skip;
-    double psnr = 45.0;  ///< that moving frames are to have against exact ones
+    double psnr = 45.0;      ///< that moving frames are to have against exact ones
+    double tolerance = 0.3;  ///< of the first moving frames
+    /// Moving frames that take longer on average are made at half their side.
+    double most_moving_milliseconds = 33.0;
     int moving_jpeg_quality = 80;
     int still_jpeg_quality = 95;
 };
@@ -53,7 +57,8 @@ public:
     FrameRenderer(FrameRenderer&&) noexcept;
 
     /// The frame, or nothing if a stop is requested before it is complete. A still frame measures
-    /// the error of the moving ones at this view and adapts their tolerance to the wanted PSNR.
+    /// the error of the moving ones at this view and adapts their tolerance to the wanted PSNR,
+    /// unless these are at half their side, where the side decides the error.
     [[nodiscard]] std::optional<Frame> render(const FrameRequest& request,
                                               const std::stop_token& stop);
 

@@ -2,6 +2,7 @@
 
 #include "core/error.h"
 #include "core/rng.h"
+#include "nn/models/realtime/chosen_tolerance.h"
 #include "nn/models/view.h"
 
 namespace stymo::view {
@@ -34,7 +35,20 @@ Studio::Studio(const StudioOptions& options) : options_(options) {
         fail<UsageError>("--codes is required: the model has no statistics to draw faces from");
     if (options_.chooses_mode)
         options_.frames.moving_mode = fastest_mode(*model_, first_faces_.front().second.codes);
+    options_.frames.tolerance = chosen_tolerance();
     scheduler_ = std::make_unique<Scheduler>(options_.frames);
+}
+
+double Studio::chosen_tolerance() const {
+    const RenderMode mode = options_.frames.moving_mode;
+    if (mode != RenderMode::skip && mode != RenderMode::half) return options_.frames.tolerance;
+    const std::vector<Camera> cameras{model_camera(*model_, 0.0, 0.0, 0.0),
+                                      model_camera(*model_, 0.4, 0.0, 0.0)};
+    const RendererOptions rendering{
+        .mode = mode, .samples_per_ray = model_->config().reconstruction.fit_samples_per_ray};
+    return choose_tolerance(*model_, first_faces_.front().second.codes, cameras, rendering,
+                            options_.frames.psnr)
+        .tolerance;
 }
 
 CodeFile Studio::drawn_face(std::uint64_t seed, double truncation) const {

@@ -56,6 +56,9 @@ public:
     [[nodiscard]] std::timed_mutex& heavy_work() { return heavy_work_; }
 
 private:
+    /// For the wanted PSNR of the first face.
+    [[nodiscard]] double chosen_tolerance() const;
+
     StudioOptions options_;
     std::shared_ptr<const Model> model_;
     std::vector<std::pair<std::string, CodeFile>> first_faces_;

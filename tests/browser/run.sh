@@ -26,6 +26,7 @@ cleanup() {
 }
 trap cleanup EXIT
 
+: >"$work/log"
 "$viewer" --port 0 --fit-steps 12 2>"$work/log" &
 server=$!
 for _ in $(seq 600); do

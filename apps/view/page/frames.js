@@ -56,7 +56,7 @@ function tell(facts, quality, since) {
   times.push(now);
   while (times.length > 30 || (times.length && now - times[0] > 2000)) times.shift();
   const rate = times.length > 2 ? (times.length - 1) * 1000 / (now - times[0]) : 0;
-  const parts = [`${facts.milliseconds.toFixed(0)} ms`, facts.mode];
+  const parts = [`${facts.milliseconds.toFixed(0)} ms`, `${facts.mode}, ${facts.side} pixels`];
   if (quality === "moving") {
     if (rate > 1) parts.unshift(`${rate.toFixed(0)} frames/s`);
     if (since) {
