@@ -60,7 +60,7 @@ BenchOptions affordable(const StudyInputs& inputs) {
     const double seconds = time_frames(subject, renderer, 1).median();
     // Most frames take a fraction of the exact frame's time; what they save pays for baking.
     const double frames = inputs.seconds / (static_cast<double>(ways.size()) * seconds);
-    const double timed = static_cast<double>(bench.faces * (bench.repeats + 1));
+    const auto timed = static_cast<double>(bench.faces * (bench.repeats + 1));
     bench.views = static_cast<int>(
         std::clamp((frames - timed) / bench.faces, 2.0, static_cast<double>(bench.views)));
     return bench;

@@ -1,4 +1,5 @@
 // Ctrl-C and SIGTERM to the real tools.
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <csignal>
 #include <nlohmann/json.hpp>
@@ -29,9 +30,9 @@ ToolOutcome interrupted(const std::string& command, const std::string& first_wor
 
 /// Files of a killed tool: hidden names with ".part" in them.
 bool leftovers() {
-    for (const auto& entry : fs::directory_iterator(tiny_run()))
-        if (entry.path().filename().string().find(".part") != std::string::npos) return true;
-    return false;
+    return std::ranges::any_of(fs::directory_iterator(tiny_run()), [](const auto& entry) {
+        return entry.path().filename().string().find(".part") != std::string::npos;
+    });
 }
 
 }  // namespace

@@ -43,7 +43,7 @@ std::vector<OpCase> channel_cases() {
                    [](const std::vector<Array>& x) {
                        Array mean = generate({x[0].extents[0], 1, 1, x[0].extents[3]},
                                              [](const Index&) { return 0.0; });
-                       const double pixels = static_cast<double>(x[0].extents[1] * x[0].extents[2]);
+                       const auto pixels = static_cast<double>(x[0].extents[1] * x[0].extents[2]);
                        for_each_index(x[0].extents, [&](const Index& i) {
                            const double difference = x[0].at(i) - x[1].at(i);
                            mean.at({i[0], 0, 0, i[3]}) += difference * difference / pixels;

@@ -54,7 +54,7 @@ struct FilterForm {
 
 /// The definition, step by step: insert zeros, pad, convolve, decimate.
 std::vector<double> upfirdn(const std::vector<double>& x, const FilterForm& form) {
-    const std::size_t before = static_cast<std::size_t>(form.pad_before);
+    const auto before = static_cast<std::size_t>(form.pad_before);
     std::vector<double> padded(before + x.size() * static_cast<std::size_t>(form.up) +
                                    static_cast<std::size_t>(form.pad_after),
                                0.0);
@@ -118,7 +118,7 @@ double mirrored_blur(std::int64_t length, std::int64_t output, std::int64_t inpu
 /// A triangle around the half-pixel centre, cut off at the edges, where the outermost element takes
 /// the rest.
 double triangle(double scale, std::int64_t length, std::int64_t output, std::int64_t input) {
-    const double last = static_cast<double>(length - 1);
+    const auto last = static_cast<double>(length - 1);
     const double position =
         std::min(std::max((static_cast<double>(output) + 0.5) * scale - 0.5, 0.0), last);
     return std::max(0.0, 1.0 - std::abs(position - static_cast<double>(input)));

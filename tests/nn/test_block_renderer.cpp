@@ -61,7 +61,7 @@ Rays make_rays(const Pattern& occupied, std::int64_t channels, std::uint64_t see
     Rays result{rng.normal({1, rays, rays, channels}, 0.0, 1.0), {}};
     const std::span<float> values = result.features.mutable_values<float>();
     for (std::int64_t ray = 0; ray < rays * rays; ++ray) {
-        result.occupied.push_back(occupied(ray / rays, ray % rays));
+        result.occupied.push_back(occupied(ray / rays, ray % rays) ? 1 : 0);
         if (result.occupied.back() == 0)
             std::ranges::copy(empty.values<float>(),
                               values.begin() + static_cast<std::ptrdiff_t>(ray * channels));

@@ -245,7 +245,9 @@ TEST_CASE("a frozen decoder passes gradients to the codes without recording its 
 }
 
 TEST_CASE("a decoder says what does not fit") {
-    const auto build = [](DecoderConfig config) { return Model(config).store.element_count(); };
+    const auto build = [](const DecoderConfig& config) {
+        return Model(config).store.element_count();
+    };
     DecoderConfig config = narrow(64);
     config.resolution = 96;
     CHECK_THROWS_WITH(build(config), Catch::Contains("decoder.resolution 96"));

@@ -99,7 +99,7 @@ TEST_CASE("every parameter of a discriminator comes with exactly one resolution"
         int owners = 0;
         for (const std::int64_t side : {64, 128, 256})
             for (const std::string& prefix : Discriminator::prefixes_of("d", side))
-                owners += parameter.name().starts_with(prefix);
+                owners += parameter.name().starts_with(prefix) ? 1 : 0;
         INFO(parameter.name());
         CHECK(owners == 1);
     }

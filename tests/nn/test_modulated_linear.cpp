@@ -18,7 +18,7 @@ struct Case {
     ModulatedLinear layer;
     Tensor x, style;
 
-    Case(Activation activation, DType dtype) : layer(make(store, activation)), x(), style() {
+    Case(Activation activation, DType dtype) : layer(make(store, activation)) {
         Rng rng(21);
         for (const Parameter& parameter : store.all())
             parameter.set_value(rng.normal(parameter.variable().shape(), 0.3, 1.0));

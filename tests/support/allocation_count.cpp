@@ -13,6 +13,7 @@ std::atomic<std::int64_t> count{0};
 
 // operator new and Tensor both end here.
 extern "C" {
+// NOLINTNEXTLINE(bugprone-reserved-identifier,readability-identifier-naming): glibc's name
 void* __libc_malloc(std::size_t size);
 
 void* malloc(std::size_t size) {
