@@ -248,12 +248,14 @@ Answer Api::codes_file(Session& session, const Request& request) {
 Answer Api::tuned_file(Session& session, const Request& request) {
     const ShelfFace face = session.shelf().find(request.value("face"));
     if (!face.tuned) throw RequestError(400, "this face is not tuned");
-    return download(
-        written_bytes(".safetensors",
-                      [&](const std::filesystem::path& file) {
-                          WeightChanges::between(*studio_.model(), *face.model).save(file);
-                      }),
-        "application/octet-stream", "tuned.safetensors");
+    // The file holds all that the other tools do not have, what --tuned brought included.
+    const Model plain =
+        load_model({.file = studio_.options().model.file, .tuned = {}}, ModelParts::decoder);
+    return download(written_bytes(".safetensors",
+                                  [&](const std::filesystem::path& file) {
+                                      WeightChanges::between(plain, *face.model).save(file);
+                                  }),
+                    "application/octet-stream", "tuned.safetensors");
 }
 
 Answer Api::eyes(Session& session, const Request& request) {

@@ -1,14 +1,15 @@
 #include "apps/view/frame.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "apps/common/render_modes.h"
 #include "core/clock.h"
 #include "core/io/image.h"
 #include "core/io/jpeg.h"
 #include "core/metrics.h"
+#include "nn/models/display_image.h"
 #include "nn/models/realtime/chosen_tolerance.h"
 #include "nn/models/view.h"
 #include "render/depth_normals.h"
@@ -22,11 +23,6 @@ constexpr double highest_psnr = 100.0;  ///< of equal frames
 constexpr double least_tolerance = 0.001, largest_tolerance = 0.5;
 /// So much better than wanted, in decibels, and the tolerance may grow.
 constexpr double psnr_to_spare = 3.0;
-
-const char* name_of(RenderMode mode) {
-    constexpr std::array names{"exact", "skip", "half", "baked"};
-    return names[static_cast<std::size_t>(mode)];
-}
 
 Tensor enlarged(const Tensor& map, std::int64_t side) {
     if (map.shape(0) == side) return map;
@@ -55,7 +51,8 @@ Tensor depth_picture(const View& view) {
     return enlarged(picture, side);
 }
 
-/// x, y, z of the normals in camera axes as red, green, blue.
+/// x, y, z of the normals in camera axes as red, green, blue; black outside the head, where a depth
+/// is that of fog.
 Tensor normals_picture(const View& view, const Camera& camera, const RaySampling& sampling) {
     Tensor normals = depth_normals(view.depth, camera, sampling);
     const std::span<float> values = normals.mutable_values<float>();
@@ -68,7 +65,7 @@ Tensor normals_picture(const View& view, const Camera& camera, const RaySampling
         values[i + 1] = static_cast<float>(0.5 - 0.5 * seen[1]);
         values[i + 2] = static_cast<float>(0.5 - 0.5 * seen[2]);
     }
-    return enlarged(normals, view.image.shape(0));
+    return masked_image(enlarged(normals, view.image.shape(0)), view.mask);
 }
 
 Tensor picture_of(const View& view, const FrameRequest& request) {
@@ -91,7 +88,7 @@ RendererOptions options_for(const FrameRequest& request, RenderMode mode, double
     const bool tolerates = options.mode == RenderMode::skip || options.mode == RenderMode::half;
     options.tolerance = tolerates ? tolerance : 0.0;
     options.samples_per_ray = request.model->config().reconstruction.fit_samples_per_ray;
-    options.mask = request.layer == Layer::mask;
+    options.mask = request.layer == Layer::mask || request.layer == Layer::normals;
     options.depth = request.layer == Layer::depth || request.layer == Layer::normals;
     if (request.quality == Quality::thumbnail)
         options.resolution = std::min(thumbnail_side, request.model->config().decoder.resolution);
@@ -214,8 +211,8 @@ std::optional<Frame> FrameRenderer::render(const FrameRequest& request,
     frame.milliseconds = 1e3 * (seconds_now() - start);
     if (moving) state.take_time(frame.milliseconds, request);
     frame.side = view->image.shape(0);
-    frame.mode = name_of(options.mode);
-    frame.tolerance = options.mode == RenderMode::exact ? 0.0 : options.tolerance;
+    frame.mode = render_mode_name(options.mode);
+    frame.tolerance = options.tolerance;
     if (request.quality == Quality::still && request.layer == Layer::image)
         frame.moving_psnr = state.adapt(request, view->image, stop);
     return frame;
@@ -227,7 +224,9 @@ RenderMode fastest_mode(const Model& model, const Codes& codes) {
     double least = 0.0;
     constexpr int frames = 8;
     for (const RenderMode mode : {RenderMode::skip, RenderMode::half}) {
-        FaceRenderer renderer(model, {.mode = mode});
+        FaceRenderer renderer(
+            model,
+            {.mode = mode, .samples_per_ray = model.config().reconstruction.fit_samples_per_ray});
         renderer.show(codes);
         static_cast<void>(renderer.render(model_camera(model, 0.0, 0.0, 0.0)));
         const double start = seconds_now();

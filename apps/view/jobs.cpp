@@ -109,7 +109,9 @@ void keep_near_faces(const Model& model, ColorEditOptions& options) {
 
 /// 1 on the part of the head that the user points at. Throws ValueError for a point beside it.
 Tensor pointed_part(const Studio& studio, const ShelfFace& face, const ColorWish& wish) {
-    const View view = render_view(*face.model, face.face.codes, 0, wish.camera, {.mask = true});
+    const ViewOptions as_shown{
+        .samples_per_ray = face.model->config().reconstruction.fit_samples_per_ray, .mask = true};
+    const View view = render_view(*face.model, face.face.codes, 0, wish.camera, as_shown);
     const std::int64_t side = view.mask.shape(0);
     const auto index = [&](double part) {
         return std::min(static_cast<std::int64_t>(part * static_cast<double>(side)), side - 1);
@@ -197,9 +199,12 @@ Job::Body recolor(Studio& studio, Session& session, const ShelfFace& shown, cons
 Job::Body film(Studio& studio, const FilmWish& wish) {
     return [&studio, wish](Job& job) {
         const auto lock = turn(studio, job);
-        const RenderMode mode =
-            wish.face.model->decoder().folds() ? RenderMode::skip : RenderMode::exact;
-        FaceRenderer renderer(*wish.face.model, {.mode = mode, .tolerance = 0.05});
+        const Model& model = *wish.face.model;
+        const FrameSettings& settings = studio.options().frames;
+        FaceRenderer renderer(
+            model, {.mode = model.decoder().folds() ? settings.moving_mode : RenderMode::exact,
+                    .samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
+                    .tolerance = settings.tolerance});
         renderer.show(wish.face.face.codes);
         std::vector<Tensor> frames;
         for (const Camera& camera : wish.cameras) {

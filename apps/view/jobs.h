@@ -29,7 +29,7 @@ struct ColorWish {
 [[nodiscard]] Job::Body recolor(Studio& studio, Session& session, const ShelfFace& shown,
                                 const ColorWish& wish);
 
-/// A film along a path of cameras; `extension` is ".gif" or ".mp4".
+/// A film along a path of cameras, rendered as moving frames are; `extension` is ".gif" or ".mp4".
 struct FilmWish {
     ShelfFace face;
     std::vector<Camera> cameras;

@@ -121,6 +121,23 @@ Camera camera_of(const Json& object, const CameraConfig& model) {
                             model.intrinsics);
 }
 
+/// What a request of any kind shows: face and sliders.
+template <class Wish>
+Wish wish_for_face(const Json& object) {
+    Wish wish;
+    wish.face = text(object, "face");
+    wish.sliders = sliders_of(object);
+    return wish;
+}
+
+/// The same as seen by a camera.
+template <class Wish>
+Wish wish_for_view(const Json& object, const CameraConfig& model) {
+    Wish wish = wish_for_face<Wish>(object);
+    wish.camera = camera_of(object.value("camera", Json::object()), model);
+    return wish;
+}
+
 /// Through the keys, with continuous speed (Catmull and Rom 1974), never beyond the outermost ones;
 /// `part` in [0, 1].
 double along(const std::vector<double>& keys, double part) {
@@ -160,10 +177,7 @@ double Request::number(const std::string& name, double usual, double low, double
 
 FrameWish frame_wish(const std::string& json, const CameraConfig& camera) {
     const Json object = parsed(json);
-    FrameWish wish;
-    wish.face = text(object, "face");
-    wish.sliders = sliders_of(object);
-    wish.camera = camera_of(object.value("camera", Json::object()), camera);
+    auto wish = wish_for_view<FrameWish>(object, camera);
     wish.layer = static_cast<Layer>(
         choice(object, "layer", std::array{"image", "depth", "mask", "normals"}));
     wish.quality = static_cast<Quality>(
@@ -173,10 +187,7 @@ FrameWish frame_wish(const std::string& json, const CameraConfig& camera) {
 
 ColorWish color_wish(const std::string& json, const CameraConfig& camera) {
     const Json object = parsed(json);
-    ColorWish wish;
-    wish.face = text(object, "face");
-    wish.sliders = sliders_of(object);
-    wish.camera = camera_of(object.value("camera", Json::object()), camera);
+    auto wish = wish_for_view<ColorWish>(object, camera);
     wish.x = number(object, "x", 0.5, 0.0, 1.0);
     wish.y = number(object, "y", 0.5, 0.0, 1.0);
     const std::vector<double> color = numbers(member(object, "color"), "color", 3, 0.0, 1.0);
@@ -187,12 +198,10 @@ ColorWish color_wish(const std::string& json, const CameraConfig& camera) {
 
 FaceWish face_wish(const std::string& json) {
     const Json object = parsed(json);
-    FaceWish wish;
+    auto wish = wish_for_face<FaceWish>(object);
     wish.name = text(object, "name");
     constexpr std::size_t longest_name = 80;
     if (wish.name.size() > longest_name) refuse("\"name\" is too long");
-    wish.sliders = sliders_of(object);
-    wish.face = text(object, "face");
     if (object.contains("codes")) {
         wish.source = FaceWish::Source::codes;
         wish.codes = text(object, "codes");
@@ -219,9 +228,7 @@ FaceWish face_wish(const std::string& json) {
 
 PathWish path_wish(const std::string& json, const CameraConfig& camera) {
     const Json object = parsed(json);
-    PathWish wish;
-    wish.face = text(object, "face");
-    wish.sliders = sliders_of(object);
+    auto wish = wish_for_face<PathWish>(object);
     wish.frames_per_second = number(object, "fps", 24.0, 1.0, 60.0);
     wish.extension = choice(object, "format", std::array{"gif", "mp4"}) == 0 ? ".gif" : ".mp4";
     const Json& keys = member(object, "keys");

@@ -20,9 +20,6 @@ Studio::Studio(const StudioOptions& options) : options_(options) {
     model_ = std::make_shared<const Model>(load_model(options.model));
     if (model_->code_statistics())
         directions_ = leading_directions(*model_->code_statistics(), directions_of_group);
-    loss_ = std::make_unique<ReconstructionLoss>(
-        model_->config().reconstruction, "a model without a perceptual term",
-        model_->has_encoder() ? &model_->encoder() : nullptr);
     for (const std::string& file : options.codes)
         first_faces_.emplace_back(std::filesystem::path(file).stem().string(),
                                   read_code_file(file));
@@ -59,8 +56,17 @@ CodeFile Studio::drawn_face(std::uint64_t seed, double truncation) const {
             frontal_pose(model_->config().camera)};
 }
 
+const ReconstructionLoss& Studio::loss() {
+    const std::lock_guard lock(made_when_needed_);
+    if (!loss_)
+        loss_ = std::make_unique<ReconstructionLoss>(
+            model_->config().reconstruction, "stymo-fit --perceptual-weight 0",
+            model_->has_encoder() ? &model_->encoder() : nullptr);
+    return *loss_;
+}
+
 std::shared_ptr<const FaceDetector> Studio::face_detector() {
-    const std::lock_guard lock(detector_mutex_);
+    const std::lock_guard lock(made_when_needed_);
     if (!detector_) detector_ = std::make_shared<const FaceDetector>();
     return detector_;
 }

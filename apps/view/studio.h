@@ -31,7 +31,7 @@ struct StudioOptions {
 };
 
 /// What all sessions share: the model and what goes with it. Everything but the scheduler and the
-/// lock stays as it is made.
+/// locks stays as it is made.
 class Studio {
 public:
     /// Throws what loading the model and the faces throws.
@@ -48,7 +48,8 @@ public:
     }
     /// Face `seed` of the model's distribution. Throws ValueError for a model without one.
     [[nodiscard]] CodeFile drawn_face(std::uint64_t seed, double truncation) const;
-    [[nodiscard]] const ReconstructionLoss& loss() const { return *loss_; }
+    /// What fits minimise. Throws FileError if the model needs weights that are not there.
+    [[nodiscard]] const ReconstructionLoss& loss();
     /// Throws Error in a build without dlib.
     [[nodiscard]] std::shared_ptr<const FaceDetector> face_detector();
     [[nodiscard]] Scheduler& scheduler() { return *scheduler_; }
@@ -63,8 +64,8 @@ private:
     std::shared_ptr<const Model> model_;
     std::vector<std::pair<std::string, CodeFile>> first_faces_;
     std::array<GroupDirections, code_names.size()> directions_;
+    std::mutex made_when_needed_;
     std::unique_ptr<ReconstructionLoss> loss_;
-    std::mutex detector_mutex_;
     std::shared_ptr<const FaceDetector> detector_;
     std::timed_mutex heavy_work_;
     std::unique_ptr<Scheduler> scheduler_;

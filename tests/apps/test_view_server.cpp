@@ -5,8 +5,11 @@
 
 #include <catch2/catch.hpp>
 #include <chrono>
+#include <csignal>
 #include <thread>
 
+#include "apps/tiny_run.h"
+#include "apps/tool_run.h"
 #include "apps/view/page_files.h"
 #include "apps/view/server.h"
 #include "apps/view_client.h"
@@ -188,4 +191,19 @@ TEST_CASE("a port that is taken is named", "[view]") {
     options.port = running.server.port();
     view::Server second(running.client.api(), options);
     CHECK_THROWS_WITH(second.start(), Catch::Contains("cannot be opened"));
+}
+
+TEST_CASE("stymo-view says where its page is and ends with the signal", "[view]") {
+    RunningTool running(tiny_run(), "stymo-view",
+                        {"--model", "run/model.safetensors", "--port", "0"});
+    CHECK(running.says("Open http://127.0.0.1:"));
+    running.send(SIGTERM);
+    const ToolOutcome outcome = running.wait();
+    CHECK(outcome.exit_code == 0);
+    CHECK(line_count(outcome.err) == 1);
+    const ToolOutcome refused = run_tool(tiny_run(), "stymo-view --model cut.safetensors");
+    CHECK(refused.exit_code == 1);
+    CHECK(line_count(refused.err) == 1);
+    CHECK_THAT(refused.err,
+               Catch::StartsWith("stymo-view: ") && Catch::Contains("cut.safetensors"));
 }
