@@ -51,7 +51,7 @@ void write_checkpoint_folder(const fs::path& folder,
         repair_checkpoint_folder(folder);
         throw;
     }
-    flush_to_disk(fs::absolute(folder).parent_path());
+    flush_names(fs::absolute(folder).parent_path());
     remove_or_fail(older);
 }
 
@@ -59,6 +59,7 @@ void remove_checkpoint_folder(const fs::path& folder) {
     const fs::path leaving = with_suffix(folder, unfinished);
     remove_or_fail(leaving);
     rename_or_fail(folder, leaving, folder);
+    flush_names(fs::absolute(folder).parent_path());
     remove_or_fail(leaving);
 }
 

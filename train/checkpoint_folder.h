@@ -3,9 +3,9 @@
 #include <filesystem>
 #include <functional>
 
-/// Checkpoint folders that survive a crash at any moment. While `folder` is written, two more can
-/// exist: `folder`.unfinished is being written, and `folder`.replaced is the complete checkpoint
-/// that it takes the place of.
+/// Checkpoint folders that survive a crash or a power cut at any moment. While `folder` is written,
+/// two more can exist: `folder`.unfinished is being written, and `folder`.replaced is the complete
+/// checkpoint that it takes the place of.
 namespace stymo {
 
 /// Calls `write(unfinished)` and puts what it wrote in the place of `folder`. Throws FileError if a

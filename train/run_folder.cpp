@@ -4,7 +4,6 @@
 #include <charconv>
 #include <chrono>
 #include <ctime>
-#include <fstream>
 #include <iomanip>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -25,12 +24,6 @@ std::string numbered(std::int64_t step) {
     std::ostringstream text;
     text << std::setw(6) << std::setfill('0') << step;
     return text.str();
-}
-
-void append_line(const std::filesystem::path& path, std::string_view line) {
-    std::ofstream stream(path, std::ios::app);
-    stream << line << '\n';
-    if (!stream.flush()) fail<FileError>(path.string(), ": cannot write; check space and rights");
 }
 
 std::string time_text() {
@@ -111,11 +104,11 @@ bool RunFolder::replace_config(std::string_view json) const {
 }
 
 void RunFolder::log(std::string_view line) const {
-    append_line(path_ / "log.txt", time_text() + " " + std::string(line));
+    append_line(path_ / "log.txt", time_text() + " " + std::string(line), Survives::nothing);
 }
 
 void RunFolder::statistics(const JsonValue& object) const {
-    append_line(path_ / "stats.jsonl", object.text());
+    append_line(path_ / "stats.jsonl", object.text(), Survives::nothing);
     nlohmann::ordered_json numbers = nlohmann::ordered_json::parse(object.text());
     const std::int64_t step = numbers.value("step", std::int64_t{0});
     numbers.erase("step");
@@ -129,8 +122,9 @@ void RunFolder::forget_statistics_after(std::int64_t step) const {
     std::istringstream lines(read_text_file(file));
     std::string kept;
     for (std::string line; std::getline(lines, line);) {
-        // A crash may have truncated the last line.
-        if (line.ends_with('}') && step_of(line) <= step) kept += line + '\n';
+        // A crash may have cut off or emptied the last lines.
+        const std::int64_t number = step_of(line);
+        if (line.ends_with('}') && number >= 0 && number <= step) kept += line + '\n';
     }
     write_text_file(file, kept);
 }
@@ -141,10 +135,11 @@ void RunFolder::sample(std::int64_t step, const Tensor& image) const {
 }
 
 void RunFolder::finish_checkpoint(std::int64_t step, std::int64_t keep) const {
-    write_whole(path_ / "latest", [&](const std::filesystem::path& temporary) {
-        write_text_file(temporary, numbered(step) + "\n");
-        flush_to_disk(temporary);
-    });
+    // A run that is resumed from this checkpoint does not write its statistics again.
+    const std::filesystem::path statistics = path_ / "stats.jsonl";
+    if (std::filesystem::exists(statistics)) flush_to_disk(statistics);
+    flush_names(path_);
+    write_text_file(path_ / "latest", numbered(step) + "\n");
     repair_checkpoint_folders(path_ / "checkpoints");
     std::vector<std::pair<std::int64_t, std::filesystem::path>> older;
     for (const auto& entry : std::filesystem::directory_iterator(path_ / "checkpoints")) {

@@ -44,7 +44,8 @@ public:
     void forget_statistics_after(std::int64_t step) const;
     /// Writes samples/NNNNNN.png, and the same image to the event file.
     void sample(std::int64_t step, const Tensor& image) const;
-    /// Points `latest` at the checkpoint and removes older ones beyond the last `keep`, and
+    /// Points `latest` at the checkpoint, once the statistics up to it are on the disk, and then
+    /// removes older ones beyond the last `keep`, and
     /// unfinished ones. Checkpoints of later steps, from before a run was resumed further back,
     /// stay until the run gets past them.
     void finish_checkpoint(std::int64_t step, std::int64_t keep) const;

@@ -104,7 +104,7 @@ stymo::JsonValue write_fit(const Photo& photo, const stymo::FitReport& report,
     stymo::write_code_file(
         photo.out / "codes.json", result.fitted, index,
         stymo::pose_from_camera(result.cameras[static_cast<std::size_t>(index)]));
-    stymo::write_text_file(photo.out / "report.json", json.text() + "\n");
+    stymo::write_text_file(photo.out / "report.json", json.text() + "\n", stymo::Survives::nothing);
     return json;
 }
 

@@ -1,9 +1,11 @@
 #include "apps/prep/progress_file.h"
 
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "apps/common/begun_settings.h"
 #include "core/error.h"
+#include "core/io/file.h"
 
 namespace stymo {
 
@@ -21,10 +23,7 @@ ProgressFile::ProgressFile(const std::filesystem::path& folder, const JsonValue&
         if (number > 1) lines_[value.value("file", "")] = offset;
     });
     if (!begun.empty()) require_same_settings(folder, begun, settings.text());
-    stream_.open(path_, std::ios::app | std::ios::binary);
-    stream_.seekp(0, std::ios::end);
-    if (begun.empty()) stream_ << settings.text() << '\n' << std::flush;
-    if (!stream_) fail<FileError>(path_.string(), ": cannot be written");
+    if (begun.empty()) append_line(path_, settings.text(), Survives::crash);
 }
 
 PhotoOutcome ProgressFile::read(const std::string& file) const {
@@ -40,9 +39,8 @@ PhotoOutcome ProgressFile::read(const std::string& file) const {
 }
 
 void ProgressFile::append(const PhotoOutcome& outcome) {
-    const std::streamoff place = stream_.tellp();
-    stream_ << to_json(outcome).text() << '\n' << std::flush;
-    if (!stream_) fail<FileError>(path_.string(), ": cannot be written; is the disk full?");
+    const auto place = static_cast<std::streamoff>(std::filesystem::file_size(path_));
+    append_line(path_, to_json(outcome).text(), Survives::crash);
     lines_[outcome.file] = place;
 }
 

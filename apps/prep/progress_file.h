@@ -2,7 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <fstream>
+#include <ios>
 #include <map>
 #include <string>
 
@@ -29,7 +29,6 @@ public:
 private:
     std::filesystem::path path_;
     std::map<std::string, std::streamoff> lines_;
-    std::ofstream stream_;
 };
 
 }  // namespace stymo

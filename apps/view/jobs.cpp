@@ -60,7 +60,7 @@ PreparedPhoto prepared(Studio& studio, const std::string& bytes, Job& job) {
     job.report("finding the face", 0, 0);
     const PrivateFolder folder;
     const std::filesystem::path file = folder.path() / "photo";
-    write_text_file(file, bytes);
+    write_text_file(file, bytes, Survives::nothing);
     PhotoPreparationSettings settings;
     settings.mask_model = studio.model()->has_encoder() ? studio.model().get() : nullptr;
     settings.parser = studio.options().parser;

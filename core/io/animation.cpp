@@ -90,9 +90,10 @@ void write_animation(const fs::path& path, const std::vector<Tensor>& frames,
     if (!gif && path.extension() != ".mp4") {
         fail<FileError>(path.string(), ": cannot be written (animations end in .gif or .mp4)");
     }
-    write_whole(path, [&](const fs::path& temporary) {
+    const auto write = [&](const fs::path& temporary) {
         (gif ? write_gif : write_mp4)(path, temporary, frames, frames_per_second);
-    });
+    };
+    write_whole(path, write, Survives::nothing);
 }
 
 }  // namespace stymo

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <iterator>
 #include <system_error>
+#include <vector>
 
 #include "core/error.h"
 
@@ -56,6 +57,49 @@ std::ifstream open_for_reading(const fs::path& path) {
     return stream;
 }
 
+/// A file opened by the system, closed at the end of the scope.
+class Descriptor {
+public:
+    Descriptor(const fs::path& path, int flags)
+        : number_(::open(path.c_str(), flags | O_CLOEXEC, 0666)) {}
+    Descriptor(const Descriptor&) = delete;
+    Descriptor& operator=(const Descriptor&) = delete;
+    ~Descriptor() {
+        if (number_ >= 0) ::close(number_);
+    }
+    [[nodiscard]] bool is_open() const { return number_ >= 0; }
+    [[nodiscard]] int number() const { return number_; }
+
+private:
+    int number_;
+};
+
+/// Returns false with errno set if the disk fails.
+bool flushed(const Descriptor& file) {
+    // EINVAL: the file system keeps nothing on a disk.
+    return file.is_open() && (::fsync(file.number()) == 0 || errno == EINVAL);
+}
+
+void flush_one(const fs::path& path) {
+    if (!flushed(Descriptor(path, O_RDONLY)))
+        fail<FileError>(path.string(), ": cannot be written to the disk (", reason_of(errno), ")");
+}
+
+fs::path folder_of(const fs::path& path) {
+    return path.parent_path().empty() ? fs::path(".") : path.parent_path();
+}
+
+/// Returns false with errno set if the system takes fewer bytes.
+bool written(const Descriptor& file, std::string_view bytes) {
+    while (!bytes.empty()) {
+        const ssize_t count = ::write(file.number(), bytes.data(), bytes.size());
+        if (count < 0 && errno == EINTR) continue;
+        if (count <= 0) return false;
+        bytes.remove_prefix(static_cast<std::size_t>(count));
+    }
+    return true;
+}
+
 }  // namespace
 
 std::string read_text_file(const fs::path& path) {
@@ -78,51 +122,67 @@ std::string read_beginning(const fs::path& path, std::size_t count) {
     return text;
 }
 
-void write_whole(const fs::path& path, const std::function<void(const fs::path&)>& write) {
+void write_whole(const fs::path& path, const std::function<void(const fs::path&)>& write,
+                 Survives survives) {
     std::error_code error;
     if (fs::is_directory(path, error)) {
         fail<FileError>(path.string(), ": cannot be written (is a folder)");
     }
     // Several encoders report a missing or read-only folder unclearly or not at all.
-    const fs::path folder = path.parent_path().empty() ? fs::path(".") : path.parent_path();
+    const fs::path folder = folder_of(path);
     if (::access(folder.c_str(), W_OK | X_OK) != 0) {
         fail<FileError>(path.string(), ": cannot be written (", reason_of(errno), ")");
     }
     const TemporaryFile temporary(temporary_beside(path));
     write(temporary.path());
+    // A name must not reach the disk before the bytes that it stands for.
+    if (survives == Survives::crash) flush_one(temporary.path());
     fs::rename(temporary.path(), path, error);
     if (error) {
         fail<FileError>(path.string(), ": cannot be written (", error.message(), ")");
     }
+    if (survives == Survives::crash) flush_names(folder);
 }
 
-void write_text_file(const fs::path& path, std::string_view text) {
-    write_whole(path, [&](const fs::path& temporary) {
-        errno = 0;
-        std::ofstream stream(temporary, std::ios::binary);
-        stream.write(text.data(), static_cast<std::streamsize>(text.size()));
-        stream.close();
-        if (!stream) {
+void write_text_file(const fs::path& path, std::string_view text, Survives survives) {
+    const auto write = [&](const fs::path& temporary) {
+        const Descriptor file(temporary, O_WRONLY | O_CREAT | O_TRUNC);
+        if (!file.is_open() || !written(file, text))
             fail<FileError>(path.string(), ": cannot be written (", reason_of(errno), ")");
-        }
-    });
+    };
+    write_whole(path, write, survives);
+}
+
+void append_line(const fs::path& path, std::string_view line, Survives survives) {
+    const Descriptor file(path, O_WRONLY | O_CREAT | O_APPEND);
+    const off_t end = file.is_open() ? ::lseek(file.number(), 0, SEEK_END) : -1;
+    const bool flush = survives == Survives::crash;
+    if (end < 0 || !written(file, std::string(line) + '\n') || (flush && !flushed(file))) {
+        const int reason = errno;
+        if (end >= 0) static_cast<void>(::ftruncate(file.number(), end) == 0);
+        fail<FileError>(path.string(), ": cannot be written (", reason_of(reason), ")");
+    }
+    if (flush) flush_names(folder_of(path));
 }
 
 void flush_to_disk(const fs::path& path) {
     if (fs::is_directory(path)) {
         for (const fs::directory_entry& entry : fs::directory_iterator(path))
-            if (entry.is_regular_file()) flush_to_disk(entry.path());
+            if (entry.is_regular_file() || entry.is_directory()) flush_to_disk(entry.path());
     }
-    const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-    const bool flushed = descriptor >= 0 && ::fsync(descriptor) == 0;
-    const int error = errno;
-    if (descriptor >= 0) ::close(descriptor);
-    if (!flushed)
-        fail<FileError>(path.string(), ": cannot be written to the disk (", reason_of(error), ")");
+    flush_one(path);
+}
+
+void flush_names(const fs::path& folder) {
+    flush_one(folder);
 }
 
 void require_writable_folder(const fs::path& path) {
     std::error_code error;
+    std::vector<fs::path> missing;
+    for (fs::path at = (path / "").parent_path(); !at.empty() && !fs::exists(at, error);
+         at = at.parent_path())
+        missing.push_back(at);
     fs::create_directories(path, error);
     if (!fs::is_directory(path)) {
         fail<FileError>(path.string(), ": the folder cannot be made (",
@@ -132,6 +192,7 @@ void require_writable_folder(const fs::path& path) {
         fail<FileError>(path.string(), ": the folder cannot be written to (", reason_of(errno),
                         ")");
     }
+    for (const fs::path& made : missing) flush_names(folder_of(made));
 }
 
 }  // namespace stymo

@@ -13,18 +13,33 @@ namespace stymo {
 /// The first bytes of a file, at most `count`, for recognising its format; throws FileError if it
 /// cannot be read.
 [[nodiscard]] std::string read_beginning(const std::filesystem::path& path, std::size_t count);
+/// What a written file survives. A program that is killed never leaves half of a file; a power cut
+/// or a crash of the system does, unless the file was flushed to the disk.
+enum class Survives {
+    crash,    ///< on the disk when the function returns; after a crash before, as it was
+    nothing,  ///< perhaps empty after a crash: for images and reports, which can be made again
+};
+
 /// Calls `write(temporary)` and renames the result to `path`, so that `path` is whole or absent.
 /// The temporary file keeps path's extension and is removed if `write` throws. Throws FileError if
-/// the rename fails.
+/// flushing or renaming fails.
 void write_whole(const std::filesystem::path& path,
-                 const std::function<void(const std::filesystem::path&)>& write);
+                 const std::function<void(const std::filesystem::path&)>& write,
+                 Survives survives = Survives::crash);
 /// Writes a text with `write_whole`.
-void write_text_file(const std::filesystem::path& path, std::string_view text);
-/// Flushes a file, or a folder and the files directly in it, to the disk, so that it survives a
-/// power cut. Throws FileError if the disk fails.
+void write_text_file(const std::filesystem::path& path, std::string_view text,
+                     Survives survives = Survives::crash);
+/// Appends a line and a line break to a file, which is created if it is missing. Throws FileError
+/// if that fails, and removes what was written of the line. A crash can still cut off the line.
+void append_line(const std::filesystem::path& path, std::string_view line, Survives survives);
+/// Flushes a file, or a folder with everything in it, to the disk. Throws FileError if the disk
+/// fails.
 void flush_to_disk(const std::filesystem::path& path);
-/// Creates a folder and its parents; throws FileError if that fails or the folder cannot be written
-/// to.
+/// Flushes the names in a folder to the disk: files that were made, renamed or removed. Throws
+/// FileError if the disk fails.
+void flush_names(const std::filesystem::path& folder);
+/// Creates a folder and its parents, which survive a crash. Throws FileError if that fails or the
+/// folder cannot be written to.
 void require_writable_folder(const std::filesystem::path& path);
 
 }  // namespace stymo

@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <set>
 #include <string>
 #include <system_error>
 #include <vector>
@@ -39,18 +40,26 @@ FolderInProgress::~FolderInProgress() {
 }
 
 void FolderInProgress::finish() {
-    if (!fs::exists(target_)) return rename_or_fail(path_, target_);
+    flush_to_disk(path_);
+    const fs::path parent = path_.parent_path();
+    if (!fs::exists(target_)) {
+        rename_or_fail(path_, target_);
+        return flush_names(parent);
+    }
     std::vector<fs::path> files;
+    std::set<fs::path> folders;
     for (const auto& entry : fs::recursive_directory_iterator(path_)) {
         const fs::path place = target_ / entry.path().lexically_relative(path_);
         if (entry.is_directory()) {
             require_writable_folder(place);
         } else {
             files.push_back(place);
+            folders.insert(place.parent_path());
         }
     }
     for (const fs::path& file : files)
         rename_or_fail(path_ / file.lexically_relative(target_), file);
+    for (const fs::path& folder : folders) flush_names(folder);
 }
 
 }  // namespace stymo

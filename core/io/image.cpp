@@ -160,15 +160,17 @@ OIIO::ImageSpec byte_spec(const Tensor& image) {
     return spec;
 }
 
-void write_file(const fs::path& path, const OIIO::ImageSpec& spec, const void* pixels) {
-    write_whole(path, [&](const fs::path& temporary) {
+void write_file(const fs::path& path, const OIIO::ImageSpec& spec, const void* pixels,
+                Survives survives) {
+    const auto write = [&](const fs::path& temporary) {
         const auto output = OIIO::ImageOutput::create(temporary.string());
         if (!output || !output->open(temporary.string(), spec) ||
             !output->write_image(spec.format, pixels) || !output->close()) {
             fail<FileError>(path.string(), ": cannot be written (",
                             output ? output->geterror() : OIIO::geterror(), ")");
         }
-    });
+    };
+    write_whole(path, write, survives);
 }
 
 }  // namespace
@@ -233,13 +235,13 @@ Tensor read_class_map(const fs::path& path) {
     return result;
 }
 
-void write_image(const fs::path& path, const Tensor& image) {
+void write_image(const fs::path& path, const Tensor& image, Survives survives) {
     require_image(image, "write_image");
     const std::string extension = path.extension().string();
     if (extension != ".png" && extension != ".jpg" && extension != ".jpeg") {
         fail<FileError>(path.string(), ": cannot be written (images end in .png or .jpg)");
     }
-    write_file(path, byte_spec(image), image_bytes(image).data());
+    write_file(path, byte_spec(image), image_bytes(image).data(), survives);
 }
 
 std::string png_bytes(const Tensor& image) {
@@ -264,7 +266,7 @@ void write_exr(const fs::path& path, const Tensor& image) {
     spec.channelnames = image.shape(2) == 1 ? std::vector<std::string>{"Z"}
                                             : std::vector<std::string>{"R", "G", "B"};
     spec.attribute("compression", "zip");
-    write_file(path, spec, image.to(DType::float32).values<float>().data());
+    write_file(path, spec, image.to(DType::float32).values<float>().data(), Survives::nothing);
 }
 
 }  // namespace stymo

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/io/file.h"
 #include "core/tensor.h"
 
 namespace stymo {
@@ -26,7 +27,8 @@ void require_image_size(const std::filesystem::path& path, std::int64_t most_pix
 
 /// Writes (height, width, 1 or 3), values in [0, 1] clipped and rounded to 8 bits. The extension
 /// selects the format (png, jpg). The file appears whole or not at all.
-void write_image(const std::filesystem::path& path, const Tensor& image);
+void write_image(const std::filesystem::path& path, const Tensor& image,
+                 Survives survives = Survives::nothing);
 /// What write_image would write to a .png file.
 [[nodiscard]] std::string png_bytes(const Tensor& image);
 /// Writes 32-bit float channels without clipping to EXR; one channel is named "Z" (depth), three

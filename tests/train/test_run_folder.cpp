@@ -183,12 +183,17 @@ TEST_CASE("statistics beyond the step that a run resumes from are dropped", "[ru
     CHECK(read_text_file(run.path() / "stats.jsonl") == kept);
 }
 
-TEST_CASE("a line of statistics that was cut off by a crash goes too", "[run_folder]") {
+TEST_CASE("a line of statistics that a crash cut off or emptied goes too", "[run_folder]") {
     const ScratchFolder folder;
     const RunFolder run(folder / "run", false);
-    write_text_file(run.path() / "stats.jsonl", "{\"step\":5,\"loss\":1}\n{\"step\":10,\"lo");
-    run.forget_statistics_after(10);
-    CHECK(read_text_file(run.path() / "stats.jsonl") == "{\"step\":5,\"loss\":1}\n");
+    const std::string whole = "{\"step\":5,\"loss\":1}\n";
+    const std::string zeros(8, '\0');
+    for (const std::string& rest :
+         {std::string("{\"step\":10,\"lo"), zeros, zeros + "\"b\":1}\n"}) {
+        write_text_file(run.path() / "stats.jsonl", whole + rest);
+        run.forget_statistics_after(10);
+        CHECK(read_text_file(run.path() / "stats.jsonl") == whole);
+    }
 }
 
 TEST_CASE("a run folder that cannot be written is refused before anything is", "[run_folder]") {

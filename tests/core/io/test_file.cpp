@@ -50,9 +50,24 @@ TEST_CASE("files and folders are flushed to the disk; what is not there is named
     const ScratchFolder folder;
     write_text_file(folder / "text.txt", "text");
     CHECK_NOTHROW(flush_to_disk(folder / "text.txt"));
+    require_writable_folder(folder / "a/b");
     CHECK_NOTHROW(flush_to_disk(folder / "."));
+    CHECK_NOTHROW(flush_names(folder / "a"));
+    CHECK_THROWS_WITH(flush_names(folder / "none"),
+                      Contains("none: cannot be written to the disk"));
     CHECK_THROWS_WITH(flush_to_disk(folder / "none"),
                       Contains("none: cannot be written to the disk"));
+}
+
+TEST_CASE("lines are appended to a file that need not exist; what cannot be written is refused") {
+    const ScratchFolder folder;
+    for (const Survives survives : {Survives::crash, Survives::nothing})
+        append_line(folder / "lines", "one more", survives);
+    CHECK(read_text_file(folder / "lines") == "one more\none more\n");
+    CHECK_THROWS_WITH(append_line(folder.path(), "x", Survives::crash),
+                      Contains("cannot be written (Is a directory)"));
+    CHECK_THROWS_WITH(append_line("/dev/full", "x", Survives::nothing),
+                      Contains("/dev/full: cannot be written (No space left on device)"));
 }
 
 TEST_CASE("a folder is made with its parents unless a file is in the way") {
