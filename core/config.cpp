@@ -6,12 +6,12 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <set>
 #include <sstream>
 #include <variant>
 
 #include "core/error.h"
 #include "core/io/file.h"
+#include "core/io/json_check.h"
 
 namespace stymo {
 
@@ -194,22 +194,10 @@ std::string last_part(const std::string& key) {
     return key.substr(key.rfind('.') + 1);
 }
 
-/// Parses strictly: the same key twice in one object is an error, which the JSON library alone
-/// would accept.
 Json parse_strictly(std::string_view text, const std::string& source) {
-    std::vector<std::set<std::string>> keys;
-    const auto check = [&](int, Json::parse_event_t event, Json& value) {
-        if (event == Json::parse_event_t::object_start) keys.emplace_back();
-        if (event == Json::parse_event_t::object_end) keys.pop_back();
-        if (event == Json::parse_event_t::key &&
-            !keys.back().insert(value.get<std::string>()).second) {
-            fail<ConfigError>(source, ": the key \"", value.get<std::string>(),
-                              "\" is given twice in one object");
-        }
-        return true;
-    };
+    if (const auto fault = json_fault(text)) fail<ConfigError>(source, ": ", *fault);
     try {
-        return Json::parse(text, check);
+        return Json::parse(text);
     } catch (const Json::parse_error& error) {
         const std::string_view before = text.substr(0, error.byte == 0 ? 0 : error.byte - 1);
         fail<ConfigError>(source, ": not JSON at line ", 1 + std::ranges::count(before, '\n'));
@@ -358,6 +346,7 @@ void ConfigSchema::set(std::string_view assignment) {
         fail<ConfigError>("\"", assignment, "\": must be key=value");
     const std::string key(assignment.substr(0, equals));
     const std::string text(assignment.substr(equals + 1));
+    if (const auto fault = json_fault(text)) fail<ConfigError>("command line: ", key, ": ", *fault);
     Json value = Json::parse(text, nullptr, false);
     // A value that is not JSON is a bare word. So is any unquoted value of a text key: a folder may
     // be called 2024.

@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/io/file.h"
+#include "core/io/json_check.h"
 #include "render/camera_matrices.h"
 #include "render/pose_json.h"
 
@@ -89,6 +90,7 @@ std::optional<Json> record_of(const std::string& text, const std::string& id) {
 }
 
 Camera camera_in(const std::string& text, const std::string& id, const Intrinsics& intrinsics) {
+    require_sound_json(text);
     const Json value = Json::parse(text, nullptr, false);
     if (!value.is_discarded()) return camera_from_json(value, id, intrinsics);
     if (const std::optional<Json> record = record_of(text, id))

@@ -23,6 +23,9 @@ Camera valid_camera(const Intrinsics& intrinsics, const Eigen::Matrix3d& world_f
     const Eigen::Matrix3d product = world_from_camera.transpose() * world_from_camera;
     if (!((product - Eigen::Matrix3d::Identity()).array().abs() <= rounding).all())
         fail<ValueError>("its rotation is not orthonormal");
+    constexpr double farthest = 1e6;
+    if (!(center.array().abs() <= farthest).all())
+        fail<ValueError>("its centre is more than ", farthest, " from the origin");
     if (world_from_camera.determinant() < 0.0) fail<ValueError>("its axes are left-handed");
     return {intrinsics, world_from_camera, center};
 }

@@ -7,6 +7,7 @@
 
 #include "core/angle.h"
 #include "core/error.h"
+#include "core/io/json_check.h"
 
 namespace stymo {
 namespace {
@@ -34,6 +35,7 @@ JsonValue to_json(const Pose& pose) {
 }
 
 Pose parse_pose(std::string_view json) {
+    require_sound_json(json);
     const Json pose = Json::parse(json, nullptr, false);
     if (!pose.is_object()) fail<FileError>("\"pose\" is not an object");
     for (const char* key : keys)

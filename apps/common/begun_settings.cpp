@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
+#include "core/io/json_check.h"
 
 namespace stymo {
 
@@ -11,7 +12,7 @@ void require_same_settings(const std::filesystem::path& folder, const std::strin
                            const std::string& wanted) {
     if (begun == wanted) return;
     using Json = nlohmann::json;
-    const Json before = Json::parse(begun, nullptr, false);
+    const Json before = json_fault(begun) ? Json() : Json::parse(begun, nullptr, false);
     const Json now = Json::parse(wanted);
     if (!before.is_object())
         fail<FileError>(folder.string(),

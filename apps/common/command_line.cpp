@@ -53,6 +53,17 @@ CLI::Validator in_range(double low, double high) {
     return {problem, range.str()};
 }
 
+/// What is wrong with a call of a tool that does nothing without a command, and gave none that
+/// exists.
+std::string missing_command(const CLI::App& app, int argc, const char* const* argv) {
+    std::string names;
+    for (const CLI::App* command : app.get_subcommands(nullptr))
+        names += (names.empty() ? "" : ", ") + command->get_name();
+    const std::string first = argc > 1 ? argv[1] : "";
+    if (first.empty() || first.starts_with('-')) return "a command is required: " + names;
+    return "there is no command " + first + "; give one of " + names;
+}
+
 const char* vector_instructions() {
 #if defined(__AVX512F__)
     return "AVX-512";
@@ -224,6 +235,11 @@ int CommandLine::run(int argc, const char* const* argv, const AppBody& body, std
     } catch (const CLI::Success& request) {
         app.exit(request, out, err);
         return exit_done;
+    } catch (const CLI::RequiredError& error) {
+        const bool lacks_command = !body && app.get_subcommands().empty();
+        report((lacks_command ? missing_command(app, argc, argv) : error.what()) + "; see " +
+               app.get_name() + " --help");
+        return exit_wrong_usage;
     } catch (const CLI::Error& error) {
         report(std::string(error.what()) + "; see " + app.get_name() + " --help");
         return exit_wrong_usage;

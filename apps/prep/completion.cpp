@@ -54,6 +54,10 @@ Summary summary_of(const FolderPreparation& folders, const PivotCamera& pivot,
         }
     }
     if (report.ok == 0) return summary;
+    if (!summary.rotations.empty() && summary.rotations.size() != summary.poses.size())
+        fail<FileError>(ProgressFile::path_in(folders.out).string(),
+                        ": the pose network's rotation is missing for some faces; remove the "
+                        "folder and start again");
     report.landmark_error = median(summary.landmark_errors);
     if (const std::vector<double>& all = summary.mask_agreements; !all.empty()) {
         double sum = 0.0;

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
+#include "core/io/json_check.h"
 #include "nn/models/codes.h"
 #include "render/pose_json.h"
 
@@ -41,10 +42,16 @@ FaceOutcome parse_face(const Json& value) {
     FaceOutcome face;
     const Json& record = value.at("face");
     face.id = record.at("id").get<std::string>();
+    if (face.id.find('/') != std::string::npos)
+        fail<FileError>("\"id\" holds ", face.id, ", which is no name of a file");
     face.fit.pose = parse_pose(record.at("pose").dump());
-    for (std::size_t group = 0; group < code_members.size(); ++group)
-        face.fit.*code_members[group] =
-            record.at("code").at(code_names[group]).get<std::vector<float>>();
+    for (std::size_t group = 0; group < code_members.size(); ++group) {
+        std::vector<float>& code = face.fit.*code_members[group];
+        code = record.at("code").at(code_names[group]).get<std::vector<float>>();
+        if (std::ssize(code) != code_sizes[group])
+            fail<FileError>("\"", code_names[group], "\" is not an array of ", code_sizes[group],
+                            " numbers");
+    }
     const auto points = record.at("landmarks").get<std::array<std::array<double, 2>, 68>>();
     std::ranges::transform(points, face.landmarks.begin(),
                            [](const auto& point) { return Eigen::Vector2d(point[0], point[1]); });
@@ -88,6 +95,7 @@ JsonValue to_json(const PhotoOutcome& outcome) {
 
 PhotoOutcome parse_photo_outcome(std::string_view line) {
     try {
+        require_sound_json(line);
         const Json value = Json::parse(line);
         PhotoOutcome outcome{
             value.at("file").get<std::string>(), value.at("failure").get<std::string>(), {}};

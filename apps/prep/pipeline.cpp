@@ -202,12 +202,13 @@ PrepareOutcome prepare_folder(const FolderPreparation& folders, const PhotoPrepa
     if (!std::ranges::all_of(scan.faces,
                              [&](const FaceFiles& files) { return has_landmarks(scan, files); }))
         preparation.require_detector();
-    require_writable_folder(folders.out / "images");
-    require_writable_folder(folders.out / "masks");
+    require_writable_folder(folders.out);
 
     PrepareOutcome outcome;
     outcome.found = std::ssize(scan.faces);
     FolderWork work(folders, preparation, scan);
+    require_writable_folder(folders.out / "images");
+    require_writable_folder(folders.out / "masks");
     const std::int64_t before = outcome.found - work.waiting();
     bool going_on = true;
     do {

@@ -6,6 +6,7 @@
 #include "apps/common/begun_settings.h"
 #include "core/error.h"
 #include "core/io/file.h"
+#include "core/io/json_check.h"
 
 namespace stymo {
 
@@ -17,10 +18,16 @@ ProgressFile::ProgressFile(const std::filesystem::path& folder, const JsonValue&
     : path_(path_in(folder)) {
     std::string begun;
     visit_whole_lines(path_, [&](const std::string& line, int number, std::int64_t offset) {
+        require_sound_json(line);
         const nlohmann::json value = nlohmann::json::parse(line, nullptr, false);
         if (!value.is_object()) fail<FileError>("not JSON");
-        if (number == 1) begun = line;
-        if (number > 1) lines_[value.value("file", "")] = offset;
+        if (number == 1) {
+            begun = line;
+        } else {
+            if (!value.contains("file") || !value["file"].is_string())
+                fail<FileError>("not what became of a photo");
+            lines_[value["file"].get<std::string>()] = offset;
+        }
     });
     if (!begun.empty()) require_same_settings(folder, begun, settings.text());
     if (begun.empty()) append_line(path_, settings.text(), Survives::crash);

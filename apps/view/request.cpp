@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/angle.h"
+#include "core/io/json_check.h"
 #include "render/off_axis_camera.h"
 
 namespace stymo::view {
@@ -14,7 +15,6 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr int deepest_nesting = 8;
 constexpr double most_deviations = 6.0;  ///< of a slider
 constexpr std::size_t most_keys = 64, most_frames = 900;
 
@@ -26,11 +26,8 @@ template <class... Parts>
 }
 
 Json parsed(const std::string& text) {
-    const auto callback = [](int depth, Json::parse_event_t /*event*/, Json& /*value*/) {
-        if (depth > deepest_nesting) refuse("the request is nested too deeply");
-        return true;
-    };
-    Json json = Json::parse(text, callback, false);
+    if (const auto fault = json_fault(text)) refuse("the request: ", *fault);
+    Json json = Json::parse(text, nullptr, false);
     if (json.is_discarded() || !json.is_object()) refuse("the request is not a JSON object");
     return json;
 }

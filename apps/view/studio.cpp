@@ -2,6 +2,7 @@
 
 #include "core/error.h"
 #include "core/rng.h"
+#include "fit/photo/face_parser.h"
 #include "nn/models/realtime/chosen_tolerance.h"
 #include "nn/models/view.h"
 
@@ -18,6 +19,8 @@ constexpr double usual_truncation = 0.7;
 
 Studio::Studio(const StudioOptions& options) : options_(options) {
     model_ = std::make_shared<const Model>(load_model(options.model));
+    // What cannot be read is told now, rather than to the page that needs it.
+    if (!options.parser.empty()) static_cast<void>(FaceParser(options.parser));
     if (model_->code_statistics())
         directions_ = leading_directions(*model_->code_statistics(), directions_of_group);
     for (const std::string& file : options.codes)

@@ -8,13 +8,13 @@
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <set>
 #include <string_view>
 #include <vector>
 
 #include "core/error.h"
 #include "core/io/element_type.h"
 #include "core/io/file.h"
+#include "core/io/json_check.h"
 
 namespace stymo {
 namespace {
@@ -31,28 +31,12 @@ template <class... Parts>
     fail<FileError>(path.string(), ": not a readable safetensors file (", parts..., ")");
 }
 
-/// Parses the header as JSON. nlohmann alone would silently keep the last of two equal names.
 json parse_header(const fs::path& path, std::string_view text) {
-    std::vector<std::set<std::string>> open_objects;
-    const auto check = [&](int, json::parse_event_t event, json& parsed) {
-        if (event == json::parse_event_t::object_start) {
-            // Nesting deeper than the fields of an entry is invalid.
-            if (open_objects.size() == 2) {
-                refuse(path, "the header is nested too deeply");
-            }
-            open_objects.emplace_back();
-        } else if (event == json::parse_event_t::object_end) {
-            open_objects.pop_back();
-        } else if (event == json::parse_event_t::key &&
-                   !open_objects.back().insert(parsed.get<std::string>()).second) {
-            refuse(path, "the header names \"", parsed.get<std::string>(), "\" twice");
-        }
-        return true;
-    };
-    json header;
-    try {
-        header = json::parse(text, check);
-    } catch (const json::exception&) {
+    if (const auto fault = json_fault(text)) {
+        refuse(path, "its header: ", *fault);
+    }
+    json header = json::parse(text, nullptr, false);
+    if (header.is_discarded()) {
         refuse(path, "the header is not JSON");
     }
     if (!header.is_object()) {
@@ -223,7 +207,7 @@ TensorFile read_tensor_file(const fs::path& path) {
     std::uint64_t header_length = 0;
     std::memcpy(&header_length, bytes.data(), length_bytes);
     if (header_length > maximum_header_length) {
-        refuse(path, "a header of ", header_length, " bytes is too long");
+        refuse(path, "it does not begin with the length of a header");
     }
     if (header_length > bytes.size() - length_bytes) {
         refuse(path, "truncated within the header");

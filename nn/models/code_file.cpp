@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "core/io/file.h"
+#include "core/io/json_check.h"
 #include "core/io/json_writer.h"
 #include "render/pose_json.h"
 
@@ -45,12 +46,8 @@ JsonValue row(const Tensor& values, std::int64_t index) {
 }
 
 Json parsed(const std::string& text, const std::string& source) {
-    // Deeper values are left out: printing them would exhaust the stack.
-    constexpr int deepest_nesting = 8;
-    const auto kept = [](int depth, Json::parse_event_t /*event*/, Json& /*value*/) {
-        return depth <= deepest_nesting;
-    };
-    Json json = Json::parse(text, kept, false);
+    if (const auto fault = json_fault(text)) fail<FileError>(source, ": ", *fault);
+    Json json = Json::parse(text, nullptr, false);
     if (json.is_discarded()) fail<FileError>(source, ": not JSON");
     return json;
 }

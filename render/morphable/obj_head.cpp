@@ -11,6 +11,7 @@
 
 #include "core/error.h"
 #include "core/io/file.h"
+#include "core/io/json_check.h"
 #include "core/parallel.h"
 #include "render/morphable/scanned_head.h"
 
@@ -114,7 +115,9 @@ struct Indices {
 };
 
 [[nodiscard]] Indices read_indices(const std::filesystem::path& path, std::size_t vertex_count) {
-    const Json json = Json::parse(read_text_file(path), nullptr, false);
+    const std::string text = read_text_file(path);
+    if (const auto fault = json_fault(text)) fail<FileError>(path.string(), ": ", *fault);
+    const Json json = Json::parse(text, nullptr, false);
     if (!json.is_object()) fail<FileError>(path.string(), ": is not a JSON object");
     const Json names = json.value("expressions", Json());
     if (!names.is_array() || names.empty() ||
@@ -126,6 +129,9 @@ struct Indices {
         if (!name.is_string())
             fail<FileError>(path.string(), ": \"expressions\" holds ", name.dump(),
                             ", which is no name");
+        if (name.get<std::string>().find('/') != std::string::npos)
+            fail<FileError>(path.string(), ": \"expressions\" holds ", name.dump(),
+                            ", which is no name of a file in this folder");
         indices.expressions.push_back(name.get<std::string>());
     }
     const Json landmarks = json.value("idx_to_landmark_verts", Json());

@@ -138,7 +138,7 @@ TEST_CASE("stymo-bench says in one line what it cannot measure") {
         CHECK(stymo::line_count(outcome.err) == 1);
         CHECK_THAT(outcome.err, Catch::StartsWith("stymo-bench: ") && Catch::Contains(culprit));
     };
-    refused("stymo-bench", 2, "subcommand");
+    refused("stymo-bench", 2, "a command is required");
     refused("stymo-bench row hop", 2, "hop");
     refused("stymo-bench render --repeats 0", 2, "--repeats");
     refused("stymo-bench render --model none", 1, "none: ");

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdlib>
 #include <string_view>
 
 #include "core/error.h"
@@ -36,6 +37,15 @@ Tensor merged(Tensor mask, const Tensor& part) {
     return mask;
 }
 
+/// Masks are often smaller than their images, but show the same part of the world; a pixel may be
+/// lost to rounding.
+void require_same_frame(const Tensor& mask, const Tensor& image) {
+    const std::int64_t difference = mask.shape(0) * image.shape(1) - mask.shape(1) * image.shape(0);
+    if (std::abs(difference) > std::max(image.shape(0), image.shape(1)))
+        fail<FileError>("has ", mask.shape(1), " x ", mask.shape(0), " pixels, its image ",
+                        image.shape(1), " x ", image.shape(0), "; the frames must agree");
+}
+
 /// An error's message without the file's name, which is printed before it.
 std::string reason_of(const Error& error, const std::filesystem::path& file) {
     const std::string message = error.what();
@@ -63,6 +73,7 @@ FaceImage read_face_image(const FaceFiles& files) {
                                                   : read_mask(part);
             }
         }
+        if (image.mask.defined()) require_same_frame(image.mask, image.image);
         return image;
     } catch (const Error& error) {
         return {{}, {}, BrokenFile{reading->string(), reason_of(error, *reading)}};

@@ -1,6 +1,7 @@
 #include "train/data/folder_records.h"
 
 #include <algorithm>
+#include <cmath>
 #include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -8,6 +9,7 @@
 
 #include "core/error.h"
 #include "core/io/file.h"
+#include "core/io/json_check.h"
 #include "core/io/json_writer.h"
 #include "nn/models/codes.h"
 #include "render/pose_json.h"
@@ -25,11 +27,18 @@ void require_keys(const Json& object, const char* what,
             fail<FileError>("unknown key \"", member.key(), "\" in ", what);
 }
 
+double finite(const Json& value, const char* what) {
+    const auto number = value.get<double>();
+    if (!std::isfinite(static_cast<float>(number)))
+        fail<FileError>("\"", what, "\" holds ", number, ", which is too large");
+    return number;
+}
+
 double number_at(const Json& object, const char* key, double absent) {
     const auto found = object.find(key);
     if (found == object.end()) return absent;
     if (!found->is_number()) fail<FileError>("\"", key, "\" must be a number");
-    return found->get<double>();
+    return finite(*found, key);
 }
 
 std::vector<double> numbers_of(const Json& value, const char* what, std::size_t count) {
@@ -37,7 +46,9 @@ std::vector<double> numbers_of(const Json& value, const char* what, std::size_t 
         value.is_array() && value.size() == count &&
         std::all_of(value.begin(), value.end(), [](const Json& item) { return item.is_number(); });
     if (!numbers) fail<FileError>("\"", what, "\" must be an array of ", count, " numbers");
-    return value.get<std::vector<double>>();
+    std::vector<double> result;
+    for (const Json& item : value) result.push_back(finite(item, what));
+    return result;
 }
 
 std::vector<float> code_of(const Json& value) {
@@ -66,6 +77,7 @@ std::vector<Eigen::Vector2d> landmarks_of(const Json& value) {
 }
 
 std::pair<std::string, FaceRecord> record_of(const std::string& line) {
+    require_sound_json(line);
     const Json object = Json::parse(line);
     require_keys(object, "the line", {"id", "pose", "code", "landmarks"});
     if (!object.contains("id") || !object["id"].is_string()) fail<FileError>("no \"id\" text");
@@ -105,7 +117,9 @@ std::map<std::string, FaceRecord> read_face_records(const std::filesystem::path&
 }
 
 std::vector<std::string> read_photo_ids(const std::filesystem::path& path) {
-    const Json report = Json::parse(read_text_file(path), nullptr, false);
+    const std::string text = read_text_file(path);
+    if (json_fault(text)) return {};
+    const Json report = Json::parse(text, nullptr, false);
     if (!report.is_object() || !report.contains("photos")) return {};
     const Json& photos = report["photos"];
     const bool are_ids = photos.is_array() && std::ranges::all_of(photos, [](const Json& photo) {
@@ -116,13 +130,19 @@ std::vector<std::string> read_photo_ids(const std::filesystem::path& path) {
 
 Intrinsics read_intrinsics(const std::filesystem::path& path) {
     try {
-        const Json object = Json::parse(read_text_file(path));
+        const std::string text = read_text_file(path);
+        require_sound_json(text);
+        const Json object = Json::parse(text);
         require_keys(object, "the file", {"focal", "cx", "cy"});
         Intrinsics intrinsics;
         intrinsics.focal = number_at(object, "focal", intrinsics.focal);
         intrinsics.center_x = number_at(object, "cx", intrinsics.center_x);
         intrinsics.center_y = number_at(object, "cy", intrinsics.center_y);
-        if (!(intrinsics.focal > 0.0)) fail<FileError>("\"focal\" must be positive");
+        constexpr double largest_focal = 100.0;
+        if (!(intrinsics.focal > 0.0) || intrinsics.focal > largest_focal)
+            fail<FileError>("\"focal\" is ", intrinsics.focal,
+                            ": it must be positive, in units of the image's side, at most ",
+                            largest_focal);
         return intrinsics;
     } catch (const FileError& error) {
         fail<FileError>(path.string(), ": ", error.what());

@@ -143,8 +143,8 @@ TEST_CASE("every malformed header of a tensor file is refused") {
     check_refused(good.substr(0, 20), "truncated within the header");
     std::string overlong = good;
     overlong[5] = 1;
-    check_refused(overlong, "too long");
-    check_refused(std::string(8, '\xff') + good, "too long");
+    check_refused(overlong, "does not begin with the length of a header");
+    check_refused(std::string(8, '\xff') + good, "does not begin with the length of a header");
     check_refused(file_of("", 0), "not JSON");
     check_refused(file_of("{\"a\":", 0), "not JSON");
     check_refused(file_of("{\"\xff\":1}", 0), "not JSON");
@@ -152,12 +152,12 @@ TEST_CASE("every malformed header of a tensor file is refused") {
     check_refused(file_of("{" + entry("a", "F32", "[1]", "[0,4]") + "," +
                               entry("a", "F32", "[1]", "[4,8]") + "}",
                           8),
-                  "names \"a\" twice");
+                  "\"a\" is given twice");
     check_refused(
         file_of(R"({"a":{"dtype":"F32","dtype":"F32","shape":[1],"data_offsets":[0,4]}})", 4),
-        "names \"dtype\" twice");
+        "\"dtype\" is given twice");
     check_refused(file_of(R"({"a":{"dtype":{"x":{}},"shape":[1],"data_offsets":[0,4]}})", 4),
-                  "nested too deeply");
+                  "needs exactly");
     check_refused(file_of(R"({"__metadata__":{"a":1}})", 0), "not a map of texts");
     check_refused(file_of(R"({"__metadata__":["a"]})", 0), "not a map of texts");
 }
