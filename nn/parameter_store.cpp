@@ -25,6 +25,24 @@ std::vector<Variable> variables_of(const std::vector<Parameter>& parameters) {
     return variables;
 }
 
+namespace {
+
+/// The tensor of this name in the file, or FileError.
+const Tensor& stored(const TensorFile& file, const std::string& source, const std::string& name,
+                     const Shape& wanted) {
+    const auto entry = file.tensors.find(name);
+    if (entry == file.tensors.end()) fail<FileError>(source, ": has no tensor ", name);
+    if (!(entry->second.shape() == wanted))
+        fail<FileError>(source, ": ", name, " has shape ", entry->second.shape(),
+                        ", the model needs ", wanted);
+    return entry->second;
+}
+
+}  // namespace
+
+ParameterStore::ParameterStore(const TensorFile& file, std::string source)
+    : file_(&file), source_(std::move(source)) {}
+
 Parameter ParameterStore::create(std::string name, Tensor value) {
     const Parameter parameter = create_constant(std::move(name), std::move(value));
     constant_.back() = false;
@@ -36,6 +54,7 @@ Parameter ParameterStore::create_constant(std::string name, Tensor value) {
     if (std::ranges::any_of(parameters_,
                             [&](const Parameter& other) { return other.name() == name; }))
         fail<ValueError>("there is already a parameter ", name);
+    if (file_ != nullptr) static_cast<void>(stored(*file_, source_, name, value.shape()));
     work::count_parameter();
     work::count_named("networks", std::string_view(name).substr(0, name.find('.')), value.size());
     parameters_.push_back(Parameter(
@@ -82,19 +101,14 @@ void ParameterStore::load(const TensorFile& file, const std::string& source,
     std::vector<std::pair<Parameter, Tensor>> found;
     for (const Parameter& parameter : parameters_) {
         if (!parameter.name().starts_with(prefix)) continue;
-        const auto entry = file.tensors.find(parameter.name());
-        if (entry == file.tensors.end())
-            fail<FileError>(source, ": has no tensor ", parameter.name());
-        const Shape& wanted = parameter.variable().shape();
-        if (!(entry->second.shape() == wanted))
-            fail<FileError>(source, ": ", parameter.name(), " has shape ", entry->second.shape(),
-                            ", the model needs ", wanted);
-        if (!entry->second.all_finite())
+        const Tensor& tensor = stored(file, source, parameter.name(), parameter.variable().shape());
+        if (!tensor.all_finite())
             fail<FileError>(source, ": ", parameter.name(), " holds values that are not finite");
-        found.emplace_back(parameter, entry->second.to(parameter.variable().dtype()));
+        found.emplace_back(parameter, tensor.to(parameter.variable().dtype()));
     }
     // Only once all of them are known to fit, so that a bad file leaves the model as it was.
     for (auto& [parameter, value] : found) parameter.set_value(std::move(value));
+    file_ = nullptr;
 }
 
 void ParameterStore::save(TensorFile& file, std::string_view prefix) const {

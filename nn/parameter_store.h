@@ -42,6 +42,12 @@ private:
 /// ("decoder.field.layer3.weight").
 class ParameterStore {
 public:
+    ParameterStore() = default;
+    /// For the parameters of this file, which must outlive their creation: `create` throws
+    /// FileError, as `load` does, for one that the file does not have. A small file that claims a
+    /// large network is refused at its first layer, before the memory of all of them is taken.
+    ParameterStore(const TensorFile& file, std::string source);
+
     /// A trainable parameter. Throws ValueError if the name is taken.
     Parameter create(std::string name, Tensor value);
     /// A value that is saved and loaded but never trained (batch-norm statistics).
@@ -66,6 +72,8 @@ public:
     void save(TensorFile& file, std::string_view prefix = "") const;
 
 private:
+    const TensorFile* file_ = nullptr;
+    std::string source_;
     std::vector<Parameter> parameters_;
     std::vector<bool> constant_;
 };

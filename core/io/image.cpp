@@ -23,12 +23,30 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view png_signature = "\x89PNG\r\n\x1a\n";
-/// Refuses headers whose size would exhaust the memory before the missing pixels are noticed.
 constexpr std::int64_t maximum_pixels = std::int64_t{1} << 28;
+/// Larger images are refused if they have more pixels for each byte of the file than the formats
+/// can store: a header that lies would take the memory before the missing pixels are noticed.
+constexpr std::int64_t trusted_pixels = std::int64_t{1} << 24;
+constexpr std::int64_t most_pixels_of_a_byte = 10000;
 
 [[noreturn]] void refuse(const fs::path& path, std::string_view reason) {
     // OpenImageIO's messages may have several lines; the first one is the cause.
     fail<FileError>(path.string(), ": cannot be read (", reason.substr(0, reason.find('\n')), ")");
+}
+
+/// Throws for a size that the header of a file of so many bytes cannot mean.
+void require_plausible_size(const fs::path& path, std::int64_t width, std::int64_t height,
+                            std::size_t bytes) {
+    const std::int64_t pixels = width * height;
+    if (pixels > maximum_pixels) {
+        fail<FileError>(path.string(), ": cannot be read (image too large: ", width, " x ", height,
+                        " pixels)");
+    }
+    if (pixels > trusted_pixels &&
+        pixels / most_pixels_of_a_byte > static_cast<std::int64_t>(bytes)) {
+        fail<FileError>(path.string(), ": cannot be read (its ", bytes, " bytes claim ", width,
+                        " x ", height, " pixels)");
+    }
 }
 
 /// What is wrong with the chunks of a PNG file. OpenImageIO lets libpng print to stderr when it
@@ -96,7 +114,7 @@ void turn_upright(Pixels& pixels, int orientation) {
 }
 
 Pixels read_pixels(const fs::path& path) {
-    static_cast<void>(read_image_bytes(path));
+    const std::size_t bytes = read_image_bytes(path).size();
     OIIO::ImageSpec hints;
     // Multiplying here ignores the file's gamma tag.
     hints.attribute("oiio:UnassociatedAlpha", 1);
@@ -109,9 +127,7 @@ Pixels read_pixels(const fs::path& path) {
     if (spec.deep || spec.depth > 1 || spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0) {
         refuse(path, "not a flat image");
     }
-    if (std::int64_t{spec.width} * spec.height > maximum_pixels) {
-        refuse(path, "image too large");
-    }
+    require_plausible_size(path, spec.width, spec.height, bytes);
     Pixels pixels{spec.height,        spec.width, std::min(spec.nchannels, 4),
                   spec.alpha_channel, false,      {}};
     pixels.alpha_multiplied = spec.get_int_attribute("oiio:UnassociatedAlpha", 0) == 0;
@@ -218,10 +234,16 @@ Tensor read_class_map(const fs::path& path) {
     const bool palette = (image.format & PNG_FORMAT_FLAG_COLORMAP) != 0;
     const png_uint_32 more_than_indices =
         PNG_FORMAT_FLAG_COLOR | PNG_FORMAT_FLAG_LINEAR | PNG_FORMAT_FLAG_ALPHA;
-    if ((!palette && (image.format & more_than_indices) != 0) ||
-        std::int64_t{image.width} * image.height > maximum_pixels) {
+    const std::int64_t width = image.width, height = image.height;
+    if (!palette && (image.format & more_than_indices) != 0) {
         png_image_free(&image);
         fail<FileError>(path.string(), ": not a class map (needs an 8-bit palette or grey PNG)");
+    }
+    try {
+        require_plausible_size(path, width, height, bytes.size());
+    } catch (const FileError&) {
+        png_image_free(&image);
+        throw;
     }
     image.format = PNG_FORMAT_RGBA_COLORMAP;
     std::vector<png_byte> indices(PNG_IMAGE_SIZE(image));

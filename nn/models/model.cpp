@@ -55,10 +55,11 @@ std::string to_json(const ModelConfig& config) {
     return schema.to_json();
 }
 
-Model::Model(const ModelConfig& config, Rng& rng) : Model(config, rng, ModelParts::all) {}
+Model::Model(const ModelConfig& config, Rng& rng) : Model(config, rng, ModelParts::all, {}) {}
 
-Model::Model(const ModelConfig& config, Rng& rng, ModelParts parts)
+Model::Model(const ModelConfig& config, Rng& rng, ModelParts parts, ParameterStore parameters)
     : config_(config),
+      parameters_(std::move(parameters)),
       encoder_(
           parts == ModelParts::all && config.code_source == "encoder"
               ? std::optional<Encoder>(std::in_place, config.encoder, parameters_, "encoder", rng)
@@ -93,7 +94,7 @@ Model Model::load(const std::filesystem::path& path, ModelParts parts) {
     // read again.
     config.encoder.backbone_weights.clear();
     Rng unused(0);
-    Model model(config, unused, parts);
+    Model model(config, unused, parts, {file, path.string()});
     model.parameters_.load(file, path.string());
     model.parameters_.set_trainable("", false);
     model.code_statistics_ = CodeStatistics::load(file, path.string());

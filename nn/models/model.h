@@ -83,7 +83,7 @@ public:
     }
 
 private:
-    Model(const ModelConfig& config, Rng& rng, ModelParts parts);
+    Model(const ModelConfig& config, Rng& rng, ModelParts parts, ParameterStore parameters);
 
     ModelConfig config_;
     ParameterStore parameters_;

@@ -25,7 +25,47 @@ def png(name, width, height, depth, colour, rows, extra=()):
     (folder / name).write_bytes(b"\x89PNG\r\n\x1a\n" + body)
 
 
+def one_colour_jpeg(name, components):
+    """8 x 8 pixels of one colour: each component is a single coefficient, its mean. Four components
+    are CMYK, which Adobe's programs store inverted."""
+
+    def segment(marker, data):
+        return bytes([0xFF, marker]) + struct.pack(">H", len(data) + 2) + data
+
+    # One code of 4 bits for each number of bits from 0 to 11, and "no more coefficients" as 0.
+    means = segment(0xC4, bytes([0x00] + [0, 0, 0, 12] + [0] * 12 + list(range(12))))
+    ends = segment(0xC4, bytes([0x10] + [1] + [0] * 15 + [0]))
+    bits = ""
+    for value in components:
+        mean = 8 * (value - 128)  # the quantisation step is 1
+        size = abs(mean).bit_length()
+        bits += format(size, "04b")
+        if size:
+            bits += format(mean if mean > 0 else mean + (1 << size) - 1, f"0{size}b")
+        bits += "0"
+    bits += "1" * (-len(bits) % 8)
+    scan = bytes(int(bits[i : i + 8], 2) for i in range(0, len(bits), 8))
+    scan = scan.replace(b"\xff", b"\xff\0")
+    count = len(components)
+    frame = struct.pack(">BHHB", 8, 8, 8, count)
+    frame += b"".join(bytes([i + 1, 0x11, 0]) for i in range(count))
+    start = bytes([count]) + b"".join(bytes([i + 1, 0]) for i in range(count)) + bytes([0, 63, 0])
+    (folder / name).write_bytes(
+        b"\xff\xd8"
+        + segment(0xEE, b"Adobe\0\x64\0\0\0\0\0")
+        + segment(0xDB, bytes([0] + [1] * 64))
+        + segment(0xC0, frame)
+        + means
+        + ends
+        + segment(0xDA, start)
+        + scan
+        + b"\xff\xd9"
+    )
+
+
 folder.mkdir(exist_ok=True)
+# No cyan, half magenta, all yellow, a quarter of black.
+one_colour_jpeg("cmyk.jpg", [255, 128, 0, 192])
 # Indices 1 and 3 have one colour: only their indices tell them apart.
 palette = (b"PLTE", bytes([0, 0, 0, 204, 0, 0, 76, 153, 0, 204, 0, 0]))
 png("palette_8bit.png", 3, 2, 8, PALETTE, [[0, 1, 2], [3, 3, 0]], [palette])

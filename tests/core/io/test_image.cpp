@@ -191,6 +191,64 @@ TEST_CASE("what is not a readable image is refused in one line that says why") {
     CHECK_THROWS_AS(read_image(folder.path()), FileError);
 }
 
+TEST_CASE("a JPEG in CMYK, the first image of an animation and a single pixel are read as RGB") {
+    const Tensor ink = read_image(golden("cmyk.jpg"));
+    CHECK(ink.shape() == Shape{8, 8, 3});
+    check_values(image_part(ink, 0, 0, 1, 1), {1, 1, 3}, {192, 96, 0}, 255.0);
+    const ScratchFolder folder;
+    write_animation(folder / "a.gif",
+                    {Tensor::full({16, 16, 3}, 1.0), Tensor::full({16, 16, 3}, 0.0)}, 10.0);
+    CHECK(read_image(folder / "a.gif").shape() == Shape{16, 16, 3});
+    CHECK(read_image(folder / "a.gif").to_vector().front() > 0.9);
+    write_image(folder / "pixel.png", Tensor::full({1, 1, 3}, 0.2));
+    check_values(read_image(folder / "pixel.png"), {1, 1, 3}, {51, 51, 51}, 255.0);
+}
+
+TEST_CASE("a header that claims more pixels than its file can hold is refused without reading") {
+    const ScratchFolder folder;
+    write_image(folder / "small.png", random_image(4, 4, 1));
+    write_exr(folder / "small.exr", random_image(4, 4, 3));
+    const auto number = [](std::uint32_t value, bool big_endian) {
+        std::string bytes;
+        for (unsigned i = 0; i < 4; ++i)
+            bytes += static_cast<char>(value >> (8 * (big_endian ? 3 - i : i)));
+        return bytes;
+    };
+    const auto lying_png = [&](std::uint32_t side) {
+        std::string bytes = read_text_file(folder / "small.png");
+        bytes.replace(16, 8, number(side, true) + number(side, true));
+        std::uint32_t sum = 0xFFFFFFFFU;  // of the header's type and data
+        for (std::size_t i = 12; i < 29; ++i) {
+            sum ^= static_cast<unsigned char>(bytes[i]);
+            for (int k = 0; k < 8; ++k) sum = sum >> 1 ^ (sum % 2 == 1 ? 0xEDB88320U : 0U);
+        }
+        return bytes.replace(29, 4, number(~sum, true));
+    };
+    const auto lying_exr = [&](std::uint32_t last) {
+        std::string bytes = read_text_file(folder / "small.exr");
+        for (const char* name : {"dataWindow", "displayWindow"}) {
+            const std::size_t box = bytes.find(name) + std::string(name).size() + 1 + 6 + 4;
+            bytes.replace(box + 8, 8, number(last, false) + number(last, false));
+        }
+        return bytes;
+    };
+    write_text_file(folder / "huge.png", lying_png(30000));
+    write_text_file(folder / "large.png", lying_png(16000));
+    write_text_file(folder / "huge.exr", lying_exr(29999));
+    write_text_file(folder / "large.exr", lying_exr(15999));
+    CHECK_THROWS_WITH(read_image(folder / "huge.png"), Contains("too large: 30000 x 30000 pixels"));
+    CHECK_THROWS_WITH(read_image(folder / "large.png"),
+                      Contains("bytes claim 16000 x 16000 pixels"));
+    // OpenEXR itself misses the lines that the header promises.
+    for (const char* name : {"huge.exr", "large.exr"})
+        CHECK_THROWS_AS(read_image(folder / name), FileError);
+    CHECK_THROWS_WITH(read_class_map(folder / "huge.png"), Contains("too large"));
+    CHECK_THROWS_WITH(read_class_map(folder / "large.png"), Contains("bytes claim"));
+    CHECK_THROWS_WITH(read_mask(folder / "large.png"), Contains("bytes claim"));
+    CHECK_THROWS_WITH(require_image_size(folder / "large.png", 1 << 20),
+                      Contains("has 16000 x 16000 pixels; at most 1048576 are allowed"));
+}
+
 TEST_CASE("images that cannot be written are refused and leave nothing") {
     const ScratchFolder folder;
     const Tensor image = random_image(4, 4, 3);

@@ -86,6 +86,36 @@ TEST_CASE(
                Contains("tensor \"words\" has the unsupported element type 8"));
 }
 
+TEST_CASE("a tensor of an ONNX model that lies about its type, extents or place is refused") {
+    const auto field = [](int tag, const std::string& bytes) {
+        return std::string{static_cast<char>(tag << 3 | 2), static_cast<char>(bytes.size())} +
+               bytes;
+    };
+    const auto number = [](int tag, std::uint64_t value) {
+        std::string bytes(1, static_cast<char>(tag << 3));
+        for (; value > 127; value >>= 7) bytes += static_cast<char>(128 | (value & 127));
+        return bytes + static_cast<char>(value);
+    };
+    const auto error = [&](const std::string& description) {
+        const ScratchFolder folder;
+        write_text_file(folder / "bad.onnx",
+                        field(7, field(5, description + field(8, "w") + field(9, "12345678"))));
+        return error_of(folder / "bad.onnx");
+    };
+    const std::string f32 = number(2, 1);
+    CHECK(error(number(1, 2) + f32) == "read");
+    CHECK_THAT(error(number(1, 3) + f32), Contains("needs 12 bytes by its extents but has 8"));
+    CHECK_THAT(error(number(1, ~std::uint64_t{0}) + f32), Contains("no proper extents"));
+    CHECK_THAT(error(number(1, 1ULL << 62) + number(1, 4) + f32), Contains("no proper extents"));
+    CHECK_THAT(error(number(1, 1ULL << 61 | 1) + f32), Contains("bad.onnx"));
+    CHECK_THAT(error(number(1, 1ULL << 62 | 2) + f32), Contains("bad.onnx"));
+    for (const std::uint64_t type : {0ULL, 8ULL, 14ULL, 17ULL, ~0ULL})
+        CHECK_THAT(error(number(1, 2) + number(2, type)), Contains("unsupported element type"));
+    CHECK_THAT(error(number(1, 2) + f32 + number(14, 1) +
+                     field(13, field(1, "location") + field(2, "../../etc/passwd"))),
+               Contains("kept in another file, \"../../etc/passwd\""));
+}
+
 TEST_CASE("what is no ONNX model is refused") {
     const ScratchFolder folder;
     for (const std::string& text : {std::string(), std::string("text"), std::string("\x08\x07", 2),

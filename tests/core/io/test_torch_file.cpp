@@ -139,6 +139,17 @@ TEST_CASE(
     }
     CHECK_FALSE(std::filesystem::exists("executed"));
     CHECK_THAT(error_of_bytes(legacy_file("cos\nsystem\n(U\x02lstR")), Contains("\"os.system\""));
+    // A chain of getattr, names that the pickle puts together, objects made without a call.
+    CHECK_THAT(error_of_bytes(legacy_file("cbuiltins\ngetattr\n(cos\n__dict__\nU\x06systemtR")),
+               Contains("\"builtins.getattr\""));
+    CHECK_THAT(error_of_bytes(legacy_file("ctorch\nSize\n0U\x02os\x8c\x06system\x93(U\x02lstR")),
+               Contains("\"os.system\""));
+    CHECK_THAT(error_of_bytes(legacy_file("U\x02osq\x01\x30h\x01\x8c\x05popen\x93)\x81")),
+               Contains("\"os.popen\""));
+    CHECK_THAT(error_of_bytes(legacy_file("ctorch\n_utils.os.system\n(U\x02lstR")),
+               Contains("\"torch._utils.os.system\""));
+    CHECK_THAT(error_of_bytes(legacy_file("c__builtin__\neval\n(U\x01\x31tR")),
+               Contains("\"__builtin__.eval\""));
     CHECK_THAT(error_of_bytes(legacy_file("(U\x02lsios\nsystem\n")),
                Contains("not a readable pickle (code 105"));
 }
