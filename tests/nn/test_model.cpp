@@ -121,6 +121,26 @@ TEST_CASE("what is not a model is refused in one line that names the file", "[mo
     static_cast<void>(refusal(folder / "model.safetensors"));
 }
 
+TEST_CASE("a small file that claims a large network is refused before its memory is taken",
+          "[model]") {
+    const ScratchFolder folder;
+    TensorFile file;
+    file.metadata["format"] = "stymo-model-1";
+    for (const char* claim :
+         {R"({"decoder": {"field_width": 4096, "field_layers": 32}})",
+          R"({"decoder": {"field_width": 4096, "field_layers": 32, "feature_channels": 4096,
+                          "block_channels": [4096, 4096, 4096, 4096]},
+              "codes": {"source": "morphable"}})",
+          R"({"encoder": {"backbone": "iresnet50", "head_width": 4096}})"}) {
+        file.metadata["config"] = claim;
+        write_tensor_file(folder / "claim.safetensors", file);
+        CHECK(std::filesystem::file_size(folder / "claim.safetensors") < 1024);
+        const WorkMeter meter;
+        CHECK_THAT(refusal(folder / "claim.safetensors"), Catch::Contains("has no tensor "));
+        CHECK(meter.counts().peak_bytes < std::int64_t{512} << 20);
+    }
+}
+
 TEST_CASE("a model is written whole or not at all", "[model]") {
     const ScratchFolder folder;
     write_text_file(folder / "file", "");

@@ -1,5 +1,6 @@
 #include <Eigen/Geometry>
 #include <catch2/catch.hpp>
+#include <limits>
 #include <cmath>
 #include <numbers>
 
@@ -84,6 +85,12 @@ TEST_CASE("numbers that are no camera are refused", "[camera]") {
     Eigen::Matrix4d left_handed = world_from_camera_matrix(some_camera());
     left_handed.col(0) *= -1.0;
     CHECK_THROWS_AS(camera_from_matrix(left_handed, {}), ValueError);
+    for (const double far : {1e7, 1e300, std::numeric_limits<double>::infinity(),
+                             std::numeric_limits<double>::quiet_NaN()}) {
+        Eigen::Matrix4d away = world_from_camera_matrix(some_camera());
+        away(0, 3) = far;
+        CHECK_THROWS_AS(camera_from_matrix(away, {}), ValueError);
+    }
     Eg3dLabel pixels = eg3d_label(some_camera());
     pixels[16] = pixels[20] = 2985.0;
     CHECK_THROWS_AS(camera_from_eg3d(pixels), ValueError);

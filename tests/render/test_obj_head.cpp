@@ -120,6 +120,17 @@ TEST_CASE("A folder that is no morphable head is refused with the file's name") 
     Files outside = small_model();
     outside["generic_neutral_mesh.obj"] += "f 1 2 71\n";
     CHECK_THAT(refusal(outside), Catch::Contains("vertex 71"));
+    for (const char* corner : {"-71", "0", "9223372036854775807", "-9223372036854775808",
+                               "18446744073709551616", "1.5", "//"}) {
+        Files wrong = small_model();
+        wrong["generic_neutral_mesh.obj"] += std::string("f 1 2 ") + corner + "\n";
+        CHECK_THAT(refusal(wrong), Catch::Contains("generic_neutral_mesh.obj: line "));
+    }
+    Files elsewhere = small_model();
+    elsewhere["vertex_indices.json"] = R"({"expressions": ["../jawOpen"]})";
+    CHECK_THAT(refusal(elsewhere), Catch::Contains("no name of a file in this folder"));
+    elsewhere["vertex_indices.json"] = std::string(1000000, '[');
+    CHECK_THAT(refusal(elsewhere), Catch::Contains("vertex_indices.json: nested deeper"));
     Files landmarks = small_model();
     landmarks["vertex_indices.json"] =
         R"({"expressions": ["jawOpen"], "idx_to_landmark_verts": [1, 2]})";
