@@ -159,6 +159,13 @@ void Trainer::count_epoch(double reconstruction_loss) {
         state_.mask_loss || epochs >= static_cast<double>(config_.loss.mask_start_epoch);
 }
 
+void Trainer::begin_with(const std::filesystem::path& model_file) {
+    // A model's file is checked and converted from 16 bits by loading it.
+    TensorFile weights;
+    Model::load(model_file).parameters().save(weights);
+    model_.parameters().load(weights, model_file.string());
+}
+
 void Trainer::resume(const std::filesystem::path& folder) {
     const Checkpoint checkpoint = read_checkpoint(folder, model_);
     if (checkpoint.state.seed != state_.seed) {

@@ -53,6 +53,9 @@ public:
     Trainer(const Trainer&) = delete;
     Trainer& operator=(const Trainer&) = delete;
 
+    /// Begins with the weights of a model of the same shape instead of random ones. Throws what
+    /// Model::load and ParameterStore::load throw.
+    void begin_with(const std::filesystem::path& model_file);
     /// Continues from a checkpoint of a model of the same shape. Parts that the checkpoint lacks
     /// because its run had no use for them (an EMA of the weights, a discriminator, the second
     /// stage's optimisers) begin here.

@@ -21,6 +21,7 @@ struct Options {
     std::filesystem::path out;
     std::vector<std::string> set;
     std::string resume;
+    std::filesystem::path initial_model;
     double max_minutes = 0.0;
     bool dry_run = false;
     std::string measure = "ends";
@@ -52,14 +53,16 @@ struct PreparedRun {
         : config(stymo::load_train_config(options.config, options.set)),
           training(stymo::faces_for_training(options.data, config, stymo::Split::training)) {
         config.model.camera.intrinsics = training.load(0).intrinsics;
-        // A run that began before the weights had to be named began with random ones, and its
-        // checkpoint holds what became of them.
-        if (!options.resume.empty() && stymo::lacks_backbone_weights(config.model.encoder))
+        // A checkpoint or a model holds what became of the backbone's weights, so that they need
+        // not be named.
+        const bool random_start = options.resume.empty() && options.initial_model.empty();
+        if (!random_start && stymo::lacks_backbone_weights(config.model.encoder))
             config.model.encoder.backbone_weights = stymo::random_backbone;
         if (config.data.validation > 0)
             validation = stymo::faces_for_training(options.data, config, stymo::Split::validation);
         std::cerr << "training: " << training.summary().text() << '\n';
         trainer.emplace(config, training, validation ? &*validation : nullptr, common.seed, ranks);
+        if (!options.initial_model.empty()) trainer->begin_with(options.initial_model);
         if (!options.resume.empty() && !options.dry_run)
             trainer->resume(options.resume == "latest" ? stymo::latest_checkpoint(options.out)
                                                        : std::filesystem::path(options.resume));
@@ -104,7 +107,8 @@ stymo::AppResult train(const Options& options, const stymo::CommonOptions& commo
                  },
              .state =
                  [&] {
-                     return stymo::common_state(run->config, run->training, run->trainer->state());
+                     return stymo::common_state(run->config, run->training, run->trainer->state(),
+                                                options.initial_model);
                  },
              .lead = [&] { return lead(options, *run, explainer); },
              .follow = [&] { static_cast<void>(run->trainer->follow()); }});
@@ -126,6 +130,9 @@ int stymo_train(int argc, char** argv) {
     line.option("--set", options.set,
                 "a.b=value: override one key of the configuration; may be repeated");
     line.option("--resume", options.resume, "'latest' or the folder of a checkpoint");
+    line.option("--initial-model", options.initial_model,
+                "begin a new run with the weights of this model, not with random ones")
+        .excludes("--resume");
     line.option("--max-minutes", options.max_minutes,
                 "stop after so many minutes; 0: when all steps are done")
         .range(0.0, 1e6);

@@ -53,18 +53,20 @@ void require_none(Ranks& ranks, const std::string& problem) {
 }  // namespace
 
 CommonState common_state(const TrainConfig& config, const Dataset& training,
-                         const TrainingState& state) {
+                         const TrainingState& state, const std::filesystem::path& initial_model) {
     std::string photos;
     for (std::int64_t i = 0; i < training.size(); ++i) {
         const std::filesystem::path& image = training.files(i).image;
         photos += image.filename().string() + ' ' +
                   std::to_string(std::filesystem::file_size(image)) + '\n';
     }
-    return {{"a program", checksum(read_text_file("/proc/self/exe"))},
-            {"a configuration", checksum(to_json(config))},
-            {"a seed", std::to_string(state.seed)},
-            {"a folder of photos", checksum(photos)},
-            {"a checkpoint", std::to_string(state.step)}};
+    return {
+        {"a program", checksum(read_text_file("/proc/self/exe"))},
+        {"a configuration", checksum(to_json(config))},
+        {"a seed", std::to_string(state.seed)},
+        {"a folder of photos", checksum(photos)},
+        {"a checkpoint", std::to_string(state.step)},
+        {"an initial model", initial_model.empty() ? "" : checksum(read_text_file(initial_model))}};
 }
 
 AppResult run_as_rank(Ranks& ranks, const std::string& program, const RankedRun& run) {

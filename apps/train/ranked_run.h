@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <functional>
 #include <string>
 #include <utility>
@@ -16,9 +17,11 @@ namespace stymo {
 /// What must be the same on all ranks: a name for messages, and what is compared.
 using CommonState = std::vector<std::pair<std::string, std::string>>;
 
-/// Program, configuration, photos (names and sizes of the files) and position of a run.
+/// Program, configuration, photos (names and sizes of the files), position of a run, and the model
+/// that it begins with, if that is not empty.
 [[nodiscard]] CommonState common_state(const TrainConfig& config, const Dataset& training,
-                                       const TrainingState& state);
+                                       const TrainingState& state,
+                                       const std::filesystem::path& initial_model);
 
 /// The parts of a run that several ranks do together.
 struct RankedRun {

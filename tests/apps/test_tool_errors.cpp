@@ -210,10 +210,17 @@ TEST_CASE(
     check_refused(calls, failed);
 }
 
-TEST_CASE("Resuming what is not there, or with another seed, leaves no run folder behind") {
+TEST_CASE("A run that cannot begin or resume as wanted leaves no run folder behind") {
     const std::string train = "stymo-train --config tiny.json --data faces --out out ";
     check_refused({{train + "--resume latest", "out: no checkpoint to resume from"}}, failed, 1);
     check_refused({{train + "--resume none", "none/"}}, failed, 1);
+    check_refused(
+        {{train + "--initial-model faces/images", "faces/images"},
+         {train + "--initial-model run/model.safetensors --set decoder.field_width=8", "shape"}},
+        failed, 1);
+    check_refused({{train + "--initial-model run/model.safetensors --resume latest",
+                    "--resume excludes --initial-model"}},
+                  failed);
     check_refused({{train + "--resume run/checkpoints/000004 --seed 3", "--seed 0, not 3"}}, failed,
                   1);
     check_refused(
