@@ -23,6 +23,8 @@ public:
     virtual void send(std::span<const std::byte> bytes, int to) = 0;
     /// As many bytes as the other rank sends.
     virtual void receive(std::span<std::byte> bytes, int from) = 0;
+    /// Seconds spent in these two calls so far, waiting for the other rank included.
+    [[nodiscard]] virtual double exchange_seconds() const { return 0.0; }
 
     [[nodiscard]] bool leads() const { return rank() == 0; }
 };

@@ -40,15 +40,16 @@ std::string Tick::text() const {
 }
 
 JsonValue Tick::json(std::int64_t step, const TrainingPosition& position, double epoch,
-                     double images_per_second) const {
+                     const TickSpeed& speed) const {
     const LossValues mean = losses();
     JsonValue object = JsonValue::object({{"step", step},
                                           {"stage", position.phase.stage},
                                           {"resolution", position.phase.resolution},
                                           {"epoch", epoch},
                                           {"learning_rate", learning_rate_},
-                                          {"images_per_second", images_per_second},
+                                          {"images_per_second", speed.images_per_second},
                                           {"loss", mean.total}});
+    if (speed.exchange_share) object.add("exchange_share", *speed.exchange_share);
     for (const std::string_view name : loss_names(position.phase.stage))
         object.add(std::string(name), mean[name]);
     if (position.phase.stage == 1) return object;

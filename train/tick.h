@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "core/io/json_writer.h"
@@ -7,6 +8,14 @@
 #include "train/stage.h"
 
 namespace stymo {
+
+/// How fast the steps of a tick were.
+struct TickSpeed {
+    double images_per_second = 0.0;
+    /// Part of the time in which this rank sent to others, received or waited for them; nothing
+    /// where there is one rank.
+    std::optional<double> exchange_share{};
+};
 
 /// Means over the steps between two lines of statistics.
 class Tick {
@@ -21,7 +30,7 @@ public:
     [[nodiscard]] std::string text() const;
     /// Every term; those of the discriminator only in the second stage.
     [[nodiscard]] JsonValue json(std::int64_t step, const TrainingPosition& position, double epoch,
-                                 double images_per_second) const;
+                                 const TickSpeed& speed) const;
 
 private:
     std::int64_t steps_ = 0;

@@ -42,6 +42,7 @@ TrainingOutcome Trainer::run_steps(const RunFolder* folder, const TrainingLimits
     double last_checkpoint = start;
     std::int64_t saved_step = -1;
     double tick_start = start;
+    double tick_exchange = ranks_.exchange_seconds();
     std::int64_t tick_first_image = first_image;
     if (folder != nullptr) folder->forget_statistics_after(state_.step);
     Progress progress({.title = "train",
@@ -67,15 +68,18 @@ TrainingOutcome Trainer::run_steps(const RunFolder* folder, const TrainingLimits
         }
         tick.add(report);
         if (is_due(state_.step, output.tick_steps)) {
-            const double rate =
-                static_cast<double>(images - tick_first_image) / (seconds_now() - tick_start);
+            const double seconds = seconds_now() - tick_start;
+            TickSpeed speed{static_cast<double>(images - tick_first_image) / seconds};
+            if (ranks_.size() > 1)
+                speed.exchange_share = (ranks_.exchange_seconds() - tick_exchange) / seconds;
             if (folder != nullptr) {
-                folder->statistics(tick.json(state_.step, position, images_.epochs(images), rate));
+                folder->statistics(tick.json(state_.step, position, images_.epochs(images), speed));
                 folder->log("step " + std::to_string(state_.step) + ": " + tick.text());
             }
             outcome.last_tick = tick.losses();
             tick = {};
             tick_start = seconds_now();
+            tick_exchange = ranks_.exchange_seconds();
             tick_first_image = images;
         }
         progress.update(images, step_text(report.losses));

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdlib>
 
+#include "core/clock.h"
 #include "core/error.h"
 
 #ifdef STYMO_WITH_MPI
@@ -43,16 +44,21 @@ public:
 
     // An error of a transfer ends all ranks, as is MPI's default.
     void send(std::span<const std::byte> bytes, int to) override {
+        const double begin = seconds_now();
         for_each_piece(bytes, [to](std::span<const std::byte> piece) {
             MPI_Send(piece.data(), static_cast<int>(piece.size()), MPI_BYTE, to, 0, MPI_COMM_WORLD);
         });
+        exchange_seconds_ += seconds_now() - begin;
     }
     void receive(std::span<std::byte> bytes, int from) override {
+        const double begin = seconds_now();
         for_each_piece(bytes, [from](std::span<std::byte> piece) {
             MPI_Recv(piece.data(), static_cast<int>(piece.size()), MPI_BYTE, from, 0,
                      MPI_COMM_WORLD, MPI_STATUS_IGNORE);
         });
+        exchange_seconds_ += seconds_now() - begin;
     }
+    [[nodiscard]] double exchange_seconds() const override { return exchange_seconds_; }
 
 private:
     /// MPI counts bytes in an int.
@@ -65,6 +71,7 @@ private:
 
     int rank_ = 0;
     int size_ = 1;
+    double exchange_seconds_ = 0.0;
 };
 
 #endif

@@ -88,6 +88,7 @@ namespace stymo::test {
     for (std::string line; std::getline(lines, line);) {
         result.push_back(nlohmann::json::parse(line));
         result.back().erase("images_per_second");
+        result.back().erase("exchange_share");
     }
     return result;
 }
