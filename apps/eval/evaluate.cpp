@@ -16,6 +16,7 @@
 #include "core/parallel.h"
 #include "core/progress.h"
 #include "nn/models/display_image.h"
+#include "nn/models/weight_changes.h"
 
 namespace stymo {
 
@@ -39,12 +40,28 @@ FaceScore score_of(const std::string& id, const FitReport& report, const Compare
         RegionScore& region =
             score.regions.emplace_back(RegionScore{options.regions[k], report.initial_metrics});
         if (options.fit) region.fitted = report.fitted_metrics;
+        if (options.tuning) region.tuned = report.tuned_metrics;
         if (k == 0) continue;
         const MetricTarget measured(report.target, display_mask(face.masks[k], 0), options.lpips);
         region.initial = measured.measure(report.initial);
         if (options.fit) region.fitted = measured.measure(report.fitted);
+        if (options.tuning) region.tuned = measured.measure(report.tuned);
     }
     return score;
+}
+
+/// The decoder tuned to a fitted face, as the tools show it. Nothing after an interruption.
+std::optional<Model> tuned_model(const Model& model, const ReconstructionLoss& loss,
+                                 const ComparedFace& face, const FitResult& fit,
+                                 const std::string& id, const EvaluationOptions& options) {
+    Model tuned = options.another_decoder();
+    static_cast<void>(
+        tune_decoder(model, tuned, loss, face.batch, fit.fitted, fit.cameras, *options.tuning));
+    if (interrupted()) return std::nullopt;
+    if (options.folder == nullptr) return tuned;
+    WeightChanges::between(model, tuned).save(options.folder->tuned_of(id));
+    // The file's 16 bits are what the other tools will show.
+    return options.folder->tuned_model(id, options.another_decoder());
 }
 
 /// The selected positions.
@@ -195,13 +212,22 @@ Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Da
             const ComparedFace face = compared_face(model, faces, place, options);
             fit = fit_codes(model, loss, face.batch, fitting);
             if (std::ssize(fit.losses) < fitting.steps) return;
-            const FitReport report =
+            FitReport report =
                 report_fit(model, face.batch, face.masks.front(), fit, 0, options.lpips);
-            score = score_of(faces.ids()[static_cast<std::size_t>(place)], report, face, options);
-            if (options.identity != nullptr)
-                score.identity = options.identity->measure(
-                    model, face, compared_face(model, faces, (place + 1) % faces.size(), options),
-                    fit);
+            const std::string& id = faces.ids()[static_cast<std::size_t>(place)];
+            const std::optional<Model> tuned =
+                options.tuning ? tuned_model(model, loss, face, fit, id, options) : std::nullopt;
+            if (options.tuning && !tuned) return;
+            if (tuned)
+                add_tuned(report, *tuned, face.batch, face.masks.front(), fit, 0, options.lpips);
+            score = score_of(id, report, face, options);
+            if (options.identity != nullptr) {
+                const ComparedFace other =
+                    compared_face(model, faces, (place + 1) % faces.size(), options);
+                score.identity = options.identity->measure(model, face, other, fit);
+                if (tuned)
+                    score.tuned_identity = options.identity->measure(*tuned, face, other, fit);
+            }
         } catch (const Error& error) {
             findings.add_failure(place, error.what());
             return;
@@ -219,7 +245,7 @@ Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Da
             }
         }
     };
-    if (options.one_by_one)
+    if (options.one_by_one || options.tuning)
         work(0, std::ssize(places));
     else
         parallel_for(std::ssize(places), 1, work);

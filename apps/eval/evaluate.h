@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -8,6 +10,7 @@
 #include "apps/eval/score.h"
 #include "apps/eval/score_folder.h"
 #include "fit/fit_report.h"
+#include "fit/tuning.h"
 #include "train/data/dataset.h"
 
 namespace stymo {
@@ -28,10 +31,14 @@ struct EvaluationOptions {
     FaceRegion* face_region = nullptr;  ///< needed for Region::face
     bool fit = false;
     FitOptions fitting;
+    std::optional<TuningOptions> tuning{};  ///< also tunes the decoder to each fitted face
+    /// Makes another copy of the model's decoder; needed for tuning.
+    std::function<Model()> another_decoder{};
     std::int64_t resolution = 0;   ///< side of the compared images; 0: the model's resolution
     const Lpips* lpips = nullptr;  ///< also measures LPIPS with it
     const IdentityMeasure* identity = nullptr;  ///< also measures whether it is the same person
-    bool one_by_one = false;  ///< each face on all threads instead of one face on each
+    bool one_by_one = false;  ///< each face on all threads instead of one face on each, as in
+                              ///< tuning always
     ScoreFolder* folder =
         nullptr;  ///< stores scores as they are computed; stored faces are not scored again
 };

@@ -24,10 +24,10 @@ public:
     [[nodiscard]] IdentityScore measure(const Model& model, const ComparedFace& face,
                                         const ComparedFace& other, const FitResult& fit) const;
 
-private:
     /// Of length 1, of an image (S, S, 3) in [0, 1], the head on black in FFHQ's frame.
     [[nodiscard]] std::vector<double> embedding(const Tensor& image) const;
 
+private:
     struct Network;
     std::unique_ptr<Network> network_;
 };

@@ -7,6 +7,7 @@
 #include "apps/common/lpips_options.h"
 #include "apps/common/model_options.h"
 #include "apps/common/tools.h"
+#include "apps/eval/drawn.h"
 #include "apps/eval/evaluate.h"
 #include "apps/eval/identity.h"
 #include "apps/eval/pair.h"
@@ -34,6 +35,9 @@ struct Options {
     std::optional<std::int64_t> samples;
     stymo::LpipsOptions lpips;
     stymo::EvaluationOptions evaluation;
+    stymo::TuningOptions tuning;
+
+    [[nodiscard]] bool tunes() const { return tuning.seconds > 0.0 || tuning.steps > 0; }
 };
 
 /// The network of the metric: that of the loss if it is the same, else a separate one that `own`
@@ -70,6 +74,8 @@ stymo::Settings settings_of(const Options& options) {
             {"--regularizer", fitting.regularizer},
             {"--samples", or_own(options.samples)},
             {"--refine-pose", fitting.refine_pose},
+            {"--tune", options.tuning.seconds},
+            {"--tune-steps", options.tuning.steps},
             {"--resolution", options.evaluation.resolution},
             {"--perceptual-network", options.lpips.perceptual_network.empty()
                                          ? stymo::JsonValue("the model's own")
@@ -119,6 +125,13 @@ stymo::AppResult evaluate(Options options) {
     evaluated.face_region = &face_region;
     stymo::ReconstructionConfig config =
         stymo::fitting_config(options.lpips, model.config().reconstruction);
+    if (options.tunes()) {
+        evaluated.tuning = options.tuning;
+        if (options.samples) evaluated.tuning->samples_per_ray = *options.samples;
+        evaluated.another_decoder = [&options] {
+            return stymo::load_model(options.model, stymo::ModelParts::decoder);
+        };
+    }
     if (!evaluated.fit) config.perceptual_weight = 0.0;
     const stymo::ReconstructionLoss loss(config, "--perceptual-weight 0",
                                          model.has_encoder() ? &model.encoder() : nullptr);
@@ -173,8 +186,8 @@ int stymo_eval(int argc, char** argv) {
                 "positions in the order of ids, such as 700-799, within the split if one is given "
                 "(default: all)");
     line.option("--out", options.out,
-                "output folder: scores.jsonl, report.json, report.md, sheet.png and the fitted "
-                "codes. The same command continues an interrupted run");
+                "output folder: scores.jsonl, report.json, report.md, sheet.png, the fitted "
+                "codes and the tuned weights. The same command continues an interrupted run");
     line.option("--region", options.region,
                 "compared region: the head, the face without hair and ears, or both")
         .one_of({"head", "face", "both"});
@@ -185,6 +198,15 @@ int stymo_eval(int argc, char** argv) {
                 "weights of MobileFaceNet, written by stymo-weights import: also measure whether "
                 "the face is the person of the photo, from the front and turned");
     line.flag("--fit", options.evaluation.fit, "also fit each face and measure the fitted codes");
+    line.option("--tune", options.tuning.seconds,
+                "also tune the decoder to each fitted face for so many seconds on all threads, and "
+                "measure the result")
+        .range(0, 86400)
+        .needs("--fit");
+    line.option("--tune-steps", options.tuning.steps,
+                "end tuning after so many steps, which makes the result repeatable")
+        .range(0, 1e6)
+        .needs("--fit");
     line.option("--steps", options.evaluation.fitting.steps, "fitting steps").range(0, 1e6);
     line.option("--regularizer", options.evaluation.fitting.regularizer,
                 "weight of the squared code offsets; negative: the model's setting")
@@ -213,5 +235,19 @@ int stymo_eval(int argc, char** argv) {
     command.option("B", pair.b, "second image").required();
     stymo::declare_lpips_metric(command, pair.lpips);
     stymo::declare_lpips_files(command, pair.lpips);
+
+    stymo::DrawnOptions drawn;
+    command = line.command(
+        "drawn", "Compares faces that are drawn from the model with photos, as a whole.",
+        [&](const stymo::CommonOptions& common) { return evaluate_drawn(drawn, common.seed); });
+    stymo::declare_model(command, drawn.model);
+    command.option("--data", drawn.data, "folder of faces in the FFHQ format (required)");
+    command.option("--ids", drawn.ids, "positions in the order of ids, such as 700-799");
+    command.option("--identity", drawn.identity,
+                   "weights of MobileFaceNet, written by stymo-weights import (required)");
+    command.option("--count", drawn.count, "number of faces to draw").range(2, 100000);
+    command.option("--truncation", drawn.truncation, "1: as varied as the photos; 0: the mean")
+        .range(0, 10);
+    command.option("--sheet", drawn.sheet, "image file for the first 32 drawn faces");
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return evaluate(options); });
 }

@@ -13,7 +13,7 @@ void write_table(std::ostream& page, const std::vector<FaceScore>& scores, bool 
          << "|---|---|---|---|---|" << (lpips ? "---|" : "") << "---|---|\n"
          << std::fixed;
     for (const SummaryRow& row : summary(scores)) {
-        page << "| " << name_of(row.region) << " | " << (row.fitted ? "fitted" : "initial") << " | "
+        page << "| " << name_of(row.region) << " | " << name_of(row.stage) << " | "
              << (row.median ? "median" : "mean") << std::setprecision(4) << " | " << row.metrics.l1
              << " | " << row.metrics.l1_mean;
         if (lpips) page << " | " << row.metrics.lpips.value_or(0.0);
@@ -40,11 +40,11 @@ std::string report_page(const Evaluation& evaluation, const ReportContext& conte
         for (const FailedFace& face : evaluation.failed)
             page << "- " << face.id << ": " << face.reason << '\n';
     }
-    page << "\n## Best, median and worst\n\n![sheet](sheet.png)\n\n"
-         << "Target, initial, fitted, two views from yaw -30 and 30 degrees, error (|fitted - "
-            "target| within the region, mean "
-            "over "
-            "RGB, times 4).\n\n| row | face | | PSNR dB |\n|---|---|---|---|\n";
+    page
+        << "\n## Best, median and worst\n\n![sheet](sheet.png)\n\n"
+        << "Target, initial, fitted, tuned if there is one, two views from yaw -30 and 30 degrees, "
+           "error (|last face - target| within the region, mean over RGB, times 4).\n\n| row | "
+           "face | | PSNR dB |\n|---|---|---|---|\n";
     for (std::size_t i = 0; i < context.rows.size(); ++i) {
         const SheetRow& row = context.rows[i];
         page << "| " << i + 1 << " | " << row.id << " | " << row.kind << " | "

@@ -27,6 +27,12 @@ ImageMetrics parse_metrics(const Json& value) {
     return metrics;
 }
 
+constexpr std::array fit_stages{FitStage::initial, FitStage::fitted, FitStage::tuned};
+
+using IdentityMember = std::optional<IdentityScore> FaceScore::*;
+constexpr std::array identity_members{std::pair{"identity", &FaceScore::identity},
+                                      std::pair{"tuned_identity", &FaceScore::tuned_identity}};
+
 constexpr std::array identity_parts{
     std::pair{"photo", &IdentityScore::photo}, std::pair{"turned_15", &IdentityScore::turned_15},
     std::pair{"turned_30", &IdentityScore::turned_30}, std::pair{"other", &IdentityScore::other}};
@@ -35,6 +41,21 @@ JsonValue identity_json(const IdentityScore& identity) {
     JsonValue json = JsonValue::object();
     for (const auto& [name, part] : identity_parts) json.add(name, identity.*part);
     return json;
+}
+
+/// Over the faces where it was measured; nothing if it was nowhere.
+std::optional<IdentityScore> mean_identity(const std::vector<FaceScore>& scores,
+                                           IdentityMember identity) {
+    IdentityScore sum;
+    double count = 0.0;
+    for (const FaceScore& score : scores) {
+        if (!(score.*identity)) continue;
+        ++count;
+        for (const auto& [name, part] : identity_parts) sum.*part += (*(score.*identity)).*part;
+    }
+    if (count == 0.0) return std::nullopt;
+    for (const auto& [name, part] : identity_parts) sum.*part /= count;
+    return sum;
 }
 
 /// {"head": {"initial": ..., "fitted": ...}, ...} of the rows that are means or of those that are
@@ -46,7 +67,7 @@ JsonValue rows_json(const std::vector<SummaryRow>& rows, bool median) {
         bool any = false;
         for (const SummaryRow& row : rows) {
             if (row.region != region || row.median != median) continue;
-            stages.add(row.fitted ? "fitted" : "initial", to_json(row.metrics));
+            stages.add(name_of(row.stage), to_json(row.metrics));
             any = true;
         }
         if (any) regions.add(name_of(region), stages);
@@ -60,6 +81,24 @@ const char* name_of(Region region) {
     return region == Region::head ? "head" : "face";
 }
 
+const char* name_of(FitStage stage) {
+    switch (stage) {
+        case FitStage::initial:
+            return "initial";
+        case FitStage::fitted:
+            return "fitted";
+        case FitStage::tuned:
+            return "tuned";
+    }
+    return "";
+}
+
+const ImageMetrics* RegionScore::of(FitStage stage) const {
+    if (stage == FitStage::initial) return &initial;
+    const std::optional<ImageMetrics>& metrics = stage == FitStage::fitted ? fitted : tuned;
+    return metrics ? &*metrics : nullptr;
+}
+
 std::vector<Region> regions_called(std::string_view text) {
     if (text == "both") return {Region::head, Region::face};
     for (const Region region : {Region::head, Region::face})
@@ -70,12 +109,15 @@ std::vector<Region> regions_called(std::string_view text) {
 JsonValue to_json(const FaceScore& score) {
     JsonValue json = JsonValue::object({{"id", score.id}});
     for (const RegionScore& region : score.regions) {
-        JsonValue stages = JsonValue::object({{"initial", to_json(region.initial)}});
-        if (region.fitted) stages.add("fitted", to_json(*region.fitted));
+        JsonValue stages = JsonValue::object();
+        for (const FitStage stage : fit_stages)
+            if (const ImageMetrics* metrics = region.of(stage))
+                stages.add(name_of(stage), to_json(*metrics));
         json.add(name_of(region.region), stages);
     }
     json.add("counting_samples", score.counting_samples);
-    if (score.identity) json.add("identity", identity_json(*score.identity));
+    for (const auto& [name, identity] : identity_members)
+        if (score.*identity) json.add(name, identity_json(*(score.*identity)));
     return json;
 }
 
@@ -90,11 +132,13 @@ FaceScore parse_face_score(std::string_view line) {
             RegionScore& added = score.regions.emplace_back(
                 RegionScore{region, parse_metrics(stages.at("initial"))});
             if (stages.contains("fitted")) added.fitted = parse_metrics(stages["fitted"]);
+            if (stages.contains("tuned")) added.tuned = parse_metrics(stages["tuned"]);
         }
-        if (value.contains("identity")) {
-            IdentityScore& identity = score.identity.emplace();
+        for (const auto& [member, identity] : identity_members) {
+            if (!value.contains(member)) continue;
+            IdentityScore& read = (score.*identity).emplace();
             for (const auto& [name, part] : identity_parts)
-                identity.*part = value["identity"].at(name).get<double>();
+                read.*part = value[member].at(name).get<double>();
         }
         if (score.regions.empty()) fail<FileError>("no region");
         return score;
@@ -108,32 +152,17 @@ std::vector<SummaryRow> summary(const std::vector<FaceScore>& scores) {
     const std::size_t regions = scores.empty() ? 0 : scores.front().regions.size();
     for (std::size_t k = 0; k < regions; ++k) {
         const Region region = scores.front().regions[k].region;
-        for (const bool fitted : {false, true}) {
+        for (const FitStage stage : fit_stages) {
             std::vector<ImageMetrics> all;
-            for (const FaceScore& score : scores) {
-                const RegionScore& one = score.regions.at(k);
-                if (!fitted) all.push_back(one.initial);
-                if (fitted && one.fitted) all.push_back(*one.fitted);
-            }
+            for (const FaceScore& score : scores)
+                if (const ImageMetrics* metrics = score.regions.at(k).of(stage))
+                    all.push_back(*metrics);
             if (all.empty()) continue;
-            rows.push_back({region, fitted, false, mean(all)});
-            rows.push_back({region, fitted, true, median(all)});
+            rows.push_back({region, stage, false, mean(all)});
+            rows.push_back({region, stage, true, median(all)});
         }
     }
     return rows;
-}
-
-std::optional<IdentityScore> mean_identity(const std::vector<FaceScore>& scores) {
-    IdentityScore sum;
-    double count = 0.0;
-    for (const FaceScore& score : scores) {
-        if (!score.identity) continue;
-        ++count;
-        for (const auto& [name, part] : identity_parts) sum.*part += (*score.identity).*part;
-    }
-    if (count == 0.0) return std::nullopt;
-    for (const auto& [name, part] : identity_parts) sum.*part /= count;
-    return sum;
 }
 
 double mean_counting_samples(const std::vector<FaceScore>& scores) {
@@ -153,9 +182,9 @@ std::string table(const std::vector<FaceScore>& scores) {
          << std::fixed;
     for (const SummaryRow& row : rows) {
         text << std::left << std::setw(6) << name_of(row.region) << std::setw(9)
-             << (row.fitted ? "fitted" : "initial") << std::setw(7)
-             << (row.median ? "median" : "mean") << std::right << std::setprecision(4)
-             << std::setw(9) << row.metrics.l1 << std::setw(11) << row.metrics.l1_mean;
+             << name_of(row.stage) << std::setw(7) << (row.median ? "median" : "mean") << std::right
+             << std::setprecision(4) << std::setw(9) << row.metrics.l1 << std::setw(11)
+             << row.metrics.l1_mean;
         if (lpips) text << std::setw(9) << row.metrics.lpips.value_or(0.0);
         text << std::setw(9) << row.metrics.ssim << std::setprecision(2) << std::setw(9)
              << row.metrics.psnr << '\n';
@@ -163,11 +192,15 @@ std::string table(const std::vector<FaceScore>& scores) {
     text << std::setprecision(1) << 100.0 * mean_counting_samples(scores)
          << " % of the samples are significant (weight above " << std::defaultfloat
          << significant_weight << ")\n";
-    if (const std::optional<IdentityScore> identity = mean_identity(scores))
-        text << std::fixed << std::setprecision(3) << "cosine of embeddings: photo and face "
+    for (const auto& [name, member] : identity_members) {
+        const std::optional<IdentityScore> identity = mean_identity(scores, member);
+        if (!identity) continue;
+        text << std::fixed << std::setprecision(3) << "cosine of embeddings"
+             << (member == &FaceScore::tuned_identity ? ", tuned" : "") << ": photo and face "
              << identity->photo << ", face turned by 15 degrees " << identity->turned_15
              << ", by 30 degrees " << identity->turned_30 << ", photos of two people "
              << identity->other << '\n';
+    }
     return text.str();
 }
 
@@ -181,8 +214,9 @@ JsonValue summary_json(const std::vector<FaceScore>& scores,
                                         {"mean", rows_json(rows, false)},
                                         {"median", rows_json(rows, true)},
                                         {"counting_samples", mean_counting_samples(scores)}});
-    if (const std::optional<IdentityScore> identity = mean_identity(scores))
-        json.add("identity", identity_json(*identity));
+    for (const auto& [name, member] : identity_members)
+        if (const std::optional<IdentityScore> identity = mean_identity(scores, member))
+            json.add(name, identity_json(*identity));
     return json.add("failed", failures);
 }
 

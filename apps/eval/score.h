@@ -20,13 +20,24 @@ enum class Region {
 /// "head", "face" or "both".
 [[nodiscard]] std::vector<Region> regions_called(std::string_view text);
 
+/// Of the way from the photo to the face that is shown.
+enum class FitStage { initial, fitted, tuned };
+
+[[nodiscard]] const char* name_of(FitStage stage);
+
 struct RegionScore {
     Region region = Region::head;
     ImageMetrics initial;                  ///< of the encoder's codes
     std::optional<ImageMetrics> fitted{};  ///< empty without fitting
+    std::optional<ImageMetrics> tuned{};   ///< of the fitted codes with the decoder tuned to the
+                                           ///< photo; empty without tuning
 
-    /// The metrics that rank a face: those of the fitted codes if there are any.
-    [[nodiscard]] const ImageMetrics& last() const { return fitted ? *fitted : initial; }
+    /// Null if it was not measured.
+    [[nodiscard]] const ImageMetrics* of(FitStage stage) const;
+    /// The metrics that rank a face: those of the last stage.
+    [[nodiscard]] const ImageMetrics& last() const {
+        return tuned ? *tuned : fitted ? *fitted : initial;
+    }
 };
 
 /// Cosines between embeddings of faces (apps/eval/identity.h).
@@ -41,7 +52,8 @@ struct FaceScore {
     std::string id;
     std::vector<RegionScore> regions;  ///< at least one; the same for all faces of an evaluation
     double counting_samples = 1.0;     ///< View::significant_samples of the fitted face
-    std::optional<IdentityScore> identity{};  ///< empty: not measured
+    std::optional<IdentityScore> identity{};        ///< empty: not measured
+    std::optional<IdentityScore> tuned_identity{};  ///< of the tuned decoder
 };
 
 /// A face that has no score, and why.
@@ -50,8 +62,9 @@ struct FailedFace {
     std::string reason;
 };
 
-/// One line: {"id", "head": {"initial": {...}, "fitted": {...}}, "face": ..., "counting_samples",
-/// "identity": {"photo", "turned_15", "turned_30", "other"} if it was measured}.
+/// One line: {"id", "head": {"initial": {...}, "fitted": {...}, "tuned": {...}}, "face": ...,
+/// "counting_samples", "identity": {"photo", "turned_15", "turned_30", "other"},
+/// "tuned_identity": {...}}, of these what was measured.
 /// Numbers read back to the same value; infinite ones become null.
 [[nodiscard]] JsonValue to_json(const FaceScore& score);
 /// Throws FileError for text that to_json did not write.
@@ -61,21 +74,20 @@ struct FailedFace {
 /// stage.
 struct SummaryRow {
     Region region = Region::head;
-    bool fitted = false;
+    FitStage stage = FitStage::initial;
     bool median = false;  ///< else the mean
     ImageMetrics metrics;
 };
 
-/// Rows by region, then initial and fitted, then mean and median.
+/// Rows by region, then stage, then mean and median.
 [[nodiscard]] std::vector<SummaryRow> summary(const std::vector<FaceScore>& scores);
-/// Over the faces where it was measured; nothing if it was nowhere.
-[[nodiscard]] std::optional<IdentityScore> mean_identity(const std::vector<FaceScore>& scores);
 [[nodiscard]] double mean_counting_samples(const std::vector<FaceScore>& scores);
 
 /// The rows as text.
 [[nodiscard]] std::string table(const std::vector<FaceScore>& scores);
 /// {"count", "mean": {"head": {"initial": {...}, "fitted": {...}}, ...}, "median": the same,
-/// "counting_samples", "identity" if it was measured, "failed": [{"id", "reason"}]}
+/// "counting_samples", "identity" and "tuned_identity" if they were measured, as means over the
+/// faces where they were, "failed": [{"id", "reason"}]}
 [[nodiscard]] JsonValue summary_json(const std::vector<FaceScore>& scores,
                                      const std::vector<FailedFace>& failed);
 

@@ -6,6 +6,7 @@
 #include "core/error.h"
 #include "core/io/file.h"
 #include "nn/models/code_file.h"
+#include "nn/models/weight_changes.h"
 
 namespace stymo {
 
@@ -26,6 +27,16 @@ ScoreFolder::ScoreFolder(std::filesystem::path path, const JsonValue& settings)
                         ": holds scores.jsonl but no settings.json; give another --out");
     require_writable_folder(path_);
     write_text_file(settings_file, settings.text() + "\n");
+}
+
+std::filesystem::path ScoreFolder::tuned_of(const std::string& id) const {
+    require_writable_folder(path_ / "tuned");
+    return path_ / "tuned" / (id + ".safetensors");
+}
+
+Model ScoreFolder::tuned_model(const std::string& id, Model decoder) const {
+    WeightChanges::load(tuned_of(id)).apply(decoder);
+    return decoder;
 }
 
 void ScoreFolder::add(const FaceScore& score, const FitResult& fit) {

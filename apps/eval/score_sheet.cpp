@@ -18,10 +18,11 @@ namespace {
 constexpr double error_gain = 4.0;
 
 Tensor error_map(const FitReport& report, const Tensor& mask) {
+    const Tensor& last = report.tuned.defined() ? report.tuned : report.fitted;
     const Variable difference =
-        abs(Variable(masked_image(report.fitted, mask)) - masked_image(report.target, mask));
+        abs(Variable(masked_image(last, mask)) - masked_image(report.target, mask));
     const Variable grey = clamp(mean(difference, {2}) * error_gain, 0.0, 1.0);
-    return broadcast_to(grey, report.fitted.shape()).value();
+    return broadcast_to(grey, last.shape()).value();
 }
 
 /// The initial and the fitted codes of the evaluation.
@@ -64,19 +65,27 @@ std::vector<SheetRow> sheet_rows(const std::vector<FaceScore>& scores) {
 
 Tensor score_sheet(const Model& model, const ReconstructionLoss& loss, const Dataset& faces,
                    const EvaluationOptions& options, const std::vector<SheetRow>& rows) {
-    constexpr int columns = 6;
+    const int columns = options.tuning ? 7 : 6;
     std::vector<Tensor> tiles;
     for (const SheetRow& row : rows) {
         const ComparedFace face = compared_face(model, faces, place_of(faces, row.id), options);
         const FitResult result = result_of(model, loss, face, row.id, options);
-        const FitReport report = report_fit(model, face.batch, face.masks.front(), result, 0);
+        FitReport report = report_fit(model, face.batch, face.masks.front(), result, 0);
         tiles.insert(tiles.end(), {report.target, report.initial, report.fitted});
+        const std::optional<Model> tuned =
+            options.tuning ? options.folder->tuned_model(row.id, options.another_decoder())
+                           : std::optional<Model>();
+        if (tuned) {
+            add_tuned(report, *tuned, face.batch, face.masks.front(), result, 0, nullptr);
+            tiles.push_back(report.tuned);
+        }
         for (const double yaw_degrees : {-30.0, 30.0}) {
             const Camera camera = model_camera(model, radians_from_degrees(yaw_degrees), 0.0, 0.0);
             const ViewOptions view{
                 .samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
                 .resolution = report.target.shape(0)};
-            tiles.push_back(render_view(model, result.fitted, 0, camera, view).image);
+            tiles.push_back(
+                render_view(tuned ? *tuned : model, result.fitted, 0, camera, view).image);
         }
         tiles.push_back(error_map(report, display_mask(face.masks.front(), 0)));
     }

@@ -4,8 +4,10 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/common/command_line.h"
+#include "apps/eval/drawn.h"
 #include "apps/eval/evaluate.h"
 #include "apps/eval/identity.h"
+#include "apps/eval/kernel_distance.h"
 #include "apps/eval/report_page.h"
 #include "apps/eval/run_split.h"
 #include "apps/eval/score_folder.h"
@@ -17,6 +19,10 @@
 #include "core/io/scratch_folder.h"
 #include "core/parallel.h"
 #include "nn/models/backbones/mobilefacenet.h"
+#include "nn/models/code_file.h"
+#include "nn/models/display_image.h"
+#include "nn/models/view.h"
+#include "nn/models/weight_changes.h"
 #include "support/error_message.h"
 #include "support/thread_count.h"
 
@@ -126,13 +132,19 @@ TEST_CASE("A face's score is read back from its line as it was, infinite PSNR in
           ImageMetrics{0.0, 0.0, 1.0, INFINITY, 0.0}},
          {Region::face, {1e-7, 0.2, 0.3, 30.0, 0.5}, ImageMetrics{0.1, 0.2, 0.3, 4.0, 0.25}}},
         0.28,
-        IdentityScore{0.75, 1.0 / 3.0, -0.25, 0.125}};
+        IdentityScore{0.75, 1.0 / 3.0, -0.25, 0.125},
+        IdentityScore{0.8, 0.7, 0.6, 0.125}};
+    score.regions[1].tuned = ImageMetrics{0.05, 0.1, 0.5, 30.0, 0.1};
     const std::string line = to_json(score).text();
     const FaceScore again = parse_face_score(line);
     CHECK(to_json(again).text() == line);
     CHECK(again.regions[0].fitted->psnr == INFINITY);
     CHECK(again.regions[0].initial.l1_mean == 1.0 / 3.0);
     CHECK(again.regions[1].region == Region::face);
+    REQUIRE(again.regions[1].tuned);
+    CHECK(again.regions[1].last().psnr == 30.0);
+    REQUIRE(again.tuned_identity);
+    CHECK(again.tuned_identity->turned_30 == 0.6);
     REQUIRE(again.identity);
     CHECK(again.identity->turned_15 == 1.0 / 3.0);
     for (const char* text : {"", "{}", R"({"id":"a","counting_samples":1})",
@@ -142,18 +154,17 @@ TEST_CASE("A face's score is read back from its line as it was, infinite PSNR in
 
 TEST_CASE("The mean of identities is over the faces that have one") {
     std::vector<FaceScore> scores = three_scores;
-    CHECK_FALSE(mean_identity(scores));
+    CHECK_FALSE(json::parse(summary_json(scores, {}).text()).contains("identity"));
     CHECK_THAT(table(scores), !Catch::Contains("cosine"));
     scores[0].identity = {0.5, 0.25, 0.75, 0.0};
     scores[2].identity = {1.0, 0.75, 0.25, 0.5};
-    const std::optional<IdentityScore> mean = mean_identity(scores);
-    REQUIRE(mean);
-    CHECK(mean->photo == 0.75);
-    CHECK(mean->turned_15 == 0.5);
-    CHECK(mean->turned_30 == 0.5);
-    CHECK(mean->other == 0.25);
-    CHECK(json::parse(summary_json(scores, {}).text())["identity"]["photo"] == 0.75);
-    CHECK_THAT(table(scores), Catch::Contains("cosine"));
+    scores[1].tuned_identity = {0.875, 0.5, 0.5, 0.0};
+    const json mean = json::parse(summary_json(scores, {}).text());
+    CHECK(mean["identity"] ==
+          json{{"photo", 0.75}, {"turned_15", 0.5}, {"turned_30", 0.5}, {"other", 0.25}});
+    CHECK(mean["tuned_identity"]["photo"] == 0.875);
+    CHECK_THAT(table(scores), Catch::Contains("cosine of embeddings: photo and face 0.750") &&
+                                  Catch::Contains("embeddings, tuned: photo and face 0.875"));
 }
 
 TEST_CASE("A face is as like itself as can be, and the network's weights are read") {
@@ -172,6 +183,32 @@ TEST_CASE("A face is as like itself as can be, and the network's weights are rea
     for (const double value : {score.photo, score.turned_15, score.turned_30})
         CHECK(std::abs(value) <= 1.0 + 1e-6);
     CHECK_THROWS_AS(IdentityMeasure(tiny_run() / "run/model.safetensors"), FileError);
+
+    const ScratchFolder folder;
+    DrawnOptions drawn{.model = {tiny_run() / "run/model.safetensors", {}},
+                       .data = tiny_run() / "faces",
+                       .ids = "4-9",
+                       .identity = file,
+                       .count = 5,
+                       .sheet = folder.path() / "sheet.png"};
+    const json result = json::parse(evaluate_drawn(drawn, 1).json.text());
+    CHECK(result["photos"] == 6);
+    CHECK(result["drawn"] == 5);
+    CHECK(std::isfinite(result["kid"].get<double>()));
+    CHECK(json::parse(evaluate_drawn(drawn, 1).json.text()) == result);
+    CHECK(fs::exists(drawn.sheet));
+    drawn.ids = "4-5";
+    CHECK_THROWS_AS(evaluate_drawn(drawn, 1), UsageError);
+}
+
+TEST_CASE("The kernel distance of a few features is what its formula gives by hand") {
+    // Kernels: 27 within the first set, 1 within the second, 1 between them.
+    CHECK(kernel_distance({{2.0, 0.0}, {2.0, 0.0}}, {{0.0, 0.0}, {0.0, 0.0}}) == Approx(26.0));
+    // Within: 1 and (3 / 2 + 1)^3; between: 1, 1, (2 / 2 + 1)^3 and 1.
+    CHECK(kernel_distance({{0.0, 0.0}, {2.0, 0.0}}, {{1.0, 1.0}, {0.0, 3.0}}) ==
+          Approx(1.0 + 15.625 - 2.0 * (1.0 + 1.0 + 8.0 + 1.0) / 4.0));
+    CHECK_THROWS_AS(kernel_distance({{1.0}}, {{1.0}, {2.0}}), ValueError);
+    CHECK_THROWS_AS(kernel_distance({{1.0}, {1.0, 2.0}}, {{1.0}, {2.0}}), ValueError);
 }
 
 TEST_CASE("The sheet shows the best, the median and the worst faces, none of them twice") {
@@ -207,6 +244,35 @@ TEST_CASE("A face's score is the same on one thread and on two, by itself and be
     CHECK(alone == std::vector<std::string>{side_by_side[1]});
     tiny.options.range = {12, -1};
     CHECK_THROWS_AS(tiny.run(), ConfigError);
+}
+
+TEST_CASE("A tuned face is scored as its files show it") {
+    const ScratchFolder scratch;
+    TinyEvaluation tiny;
+    ScoreFolder folder(scratch.path() / "out", JsonValue::object());
+    tiny.options.folder = &folder;
+    tiny.options.range = {0, 0};
+    tiny.options.tuning = TuningOptions{.steps = 3};
+    const fs::path file = tiny_run() / "run/model.safetensors";
+    tiny.options.another_decoder = [&] { return Model::load(file, ModelParts::decoder); };
+    const FaceScore score = tiny.run().scores.front();
+    const RegionScore& head = score.regions.front();
+    REQUIRE(head.tuned);
+    CHECK(head.tuned->l1 != head.fitted->l1);
+
+    Model tuned = Model::load(file, ModelParts::decoder);
+    WeightChanges::load(folder.tuned_of(score.id)).apply(tuned);
+    const CodeFile codes = read_code_file(folder.codes_of(score.id));
+    const ComparedFace face = compared_face(tiny.model, tiny.faces, 0, tiny.options);
+    const View view =
+        render_view(tuned, codes.codes, 0, face.batch.cameras.front(),
+                    {.samples_per_ray = tuned.config().reconstruction.fit_samples_per_ray});
+    const MetricTarget measured(display_image(face.batch.targets.back(), 0),
+                                display_mask(face.masks.front(), 0), nullptr);
+    CHECK(measured.measure(view.image).l1 == Approx(head.tuned->l1).epsilon(1e-4));
+    const Tensor sheet =
+        score_sheet(tiny.model, tiny.loss, tiny.faces, tiny.options, sheet_rows({score}));
+    CHECK(sheet.shape(1) > 7 * 64 - 1);
 }
 
 TEST_CASE("An evaluation goes on where it was stopped, without the line that was cut off") {

@@ -1,0 +1,107 @@
+#include "apps/eval/drawn.h"
+
+#include <algorithm>
+#include <iomanip>
+#include <sstream>
+#include <vector>
+
+#include "apps/eval/evaluate.h"
+#include "apps/eval/identity.h"
+#include "apps/eval/kernel_distance.h"
+#include "core/error.h"
+#include "core/interrupt.h"
+#include "core/io/image.h"
+#include "core/progress.h"
+#include "nn/models/display_image.h"
+#include "nn/models/view.h"
+
+namespace stymo {
+
+namespace {
+
+using Features = std::vector<std::vector<double>>;
+
+/// Embeddings of photos, with the cameras that they were taken by.
+struct Photos {
+    Features features;
+    std::vector<Camera> cameras;
+};
+
+Photos photos_of(const Model& model, const DrawnOptions& options, const IdentityMeasure& measure) {
+    DataConfig data;
+    data.cache_megabytes = 0;
+    const Dataset faces(options.data, model.config().decoder.resolution, data, Split::all,
+                        frontal_pose(model.config().camera));
+    EvaluationOptions selection;
+    selection.range = parse_range(options.ids);
+    const std::int64_t last = selection.range.last < 0
+                                  ? faces.size() - 1
+                                  : std::min(selection.range.last, faces.size() - 1);
+    Photos photos;
+    for (std::int64_t i = selection.range.first; i <= last; ++i) {
+        const ComparedFace face = compared_face(model, faces, i, selection);
+        photos.features.push_back(measure.embedding(display_image(face.batch.targets.back(), 0)));
+        photos.cameras.push_back(face.batch.cameras.front());
+    }
+    constexpr std::size_t least = 4;
+    if (photos.features.size() < least)
+        fail<UsageError>("--ids: drawn faces are compared with at least ", least, " photos");
+    return photos;
+}
+
+double distance_of_halves(const Features& features) {
+    Features halves[2];
+    for (std::size_t i = 0; i < features.size(); ++i) halves[i % 2].push_back(features[i]);
+    return kernel_distance(halves[0], halves[1]);
+}
+
+}  // namespace
+
+AppResult evaluate_drawn(const DrawnOptions& options, std::uint64_t seed) {
+    for (const auto& [name, path] :
+         {std::pair{"--data", options.data}, std::pair{"--identity", options.identity}})
+        if (path.empty()) fail<UsageError>(name, " is required");
+    const Model model = load_model(options.model, ModelParts::decoder);
+    if (!model.code_statistics())
+        fail<ValueError>(model_file(options.model).string(),
+                         ": has no statistics of codes to draw faces from");
+    const IdentityMeasure measure(options.identity);
+    const Photos photos = photos_of(model, options, measure);
+
+    const ViewOptions view{.samples_per_ray = model.config().reconstruction.fit_samples_per_ray};
+    const Rng rng(seed);
+    Features drawn;
+    std::vector<Tensor> tiles;
+    constexpr std::size_t most_tiles = 32;
+    const InterruptGuard guard;
+    Progress progress({.title = "draw", .total = options.count, .unit = "faces"});
+    for (std::int64_t i = 0; i < options.count; ++i) {
+        if (interrupted()) fail<Error>("interrupted; nothing was written");
+        Rng own = rng.split(static_cast<std::uint64_t>(i));
+        const Codes codes = model.code_statistics()->sample(own, options.truncation);
+        const Camera& camera = photos.cameras[static_cast<std::size_t>(i) % photos.cameras.size()];
+        const Tensor image = render_view(model, codes, 0, camera, view).image;
+        drawn.push_back(measure.embedding(image));
+        if (tiles.size() < most_tiles) tiles.push_back(image);
+        progress.update(i + 1, "");
+    }
+    progress.finish();
+    constexpr int columns = 8;
+    if (!options.sheet.empty()) write_image(options.sheet, tile_images(tiles, columns));
+
+    const double distance = kernel_distance(drawn, photos.features);
+    const double halves = distance_of_halves(photos.features);
+    std::ostringstream text;
+    text << std::fixed << std::setprecision(5) << "KID with features of MobileFaceNet: " << distance
+         << " (" << drawn.size() << " drawn faces, truncation " << std::defaultfloat
+         << options.truncation << ", and " << photos.features.size() << " photos); " << std::fixed
+         << halves << " between two halves of the photos\n";
+    return {text.str(), JsonValue::object({{"kid", distance},
+                                           {"kid_of_photos", halves},
+                                           {"features", "MobileFaceNet"},
+                                           {"drawn", drawn.size()},
+                                           {"photos", photos.features.size()},
+                                           {"truncation", options.truncation}})};
+}
+
+}  // namespace stymo
