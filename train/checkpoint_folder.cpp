@@ -1,5 +1,7 @@
 #include "train/checkpoint_folder.h"
 
+#include <charconv>
+#include <string>
 #include <string_view>
 #include <system_error>
 #include <vector>
@@ -34,6 +36,14 @@ void remove_or_fail(const fs::path& folder) {
 }
 
 }  // namespace
+
+std::optional<std::int64_t> checkpoint_step(const fs::path& folder) {
+    const std::string name = folder.filename().string();
+    std::int64_t step = 0;
+    const auto end = std::from_chars(name.data(), name.data() + name.size(), step);
+    if (end.ec != std::errc{} || end.ptr != name.data() + name.size()) return std::nullopt;
+    return step;
+}
 
 void write_checkpoint_folder(const fs::path& folder,
                              const std::function<void(const fs::path&)>& write) {

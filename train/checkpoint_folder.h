@@ -1,13 +1,17 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 
 /// Checkpoint folders that survive a crash or a power cut at any moment. While `folder` is written,
 /// two more can exist: `folder`.unfinished is being written, and `folder`.replaced is the complete
 /// checkpoint that it takes the place of.
 namespace stymo {
 
+/// The step in the name of a checkpoint's folder, or nothing for another name.
+[[nodiscard]] std::optional<std::int64_t> checkpoint_step(const std::filesystem::path& folder);
 /// Calls `write(unfinished)` and puts what it wrote in the place of `folder`. Throws FileError if a
 /// folder cannot be renamed; an older checkpoint of this name is kept then.
 void write_checkpoint_folder(const std::filesystem::path& folder,

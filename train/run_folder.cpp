@@ -6,7 +6,6 @@
 #include <ctime>
 #include <iomanip>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <sstream>
 #include <utility>
 #include <vector>
@@ -44,15 +43,6 @@ std::int64_t step_of(std::string_view line) {
     return step;
 }
 
-/// The step in the name of a checkpoint's folder, or nothing for another name.
-std::optional<std::int64_t> checkpoint_step(const std::filesystem::path& folder) {
-    const std::string name = folder.filename().string();
-    std::int64_t step = 0;
-    const auto end = std::from_chars(name.data(), name.data() + name.size(), step);
-    if (end.ec != std::errc{} || end.ptr != name.data() + name.size()) return std::nullopt;
-    return step;
-}
-
 /// Numbers of a JSON object as scalars; null stands for what is not finite.
 void write_scalars(EventFile& events, std::int64_t step, const std::string& prefix,
                    const nlohmann::ordered_json& object) {
@@ -84,6 +74,8 @@ RunFolder::RunFolder(std::filesystem::path path, bool resume) : path_(std::move(
     require_writable_folder(path_ / "samples");
     require_writable_folder(path_ / "checkpoints");
     repair_checkpoint_folders(path_ / "checkpoints");
+    remove_temporary_files(path_);
+    remove_temporary_files(path_ / "samples");
 }
 
 EventFile& RunFolder::events() const {

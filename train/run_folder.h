@@ -20,7 +20,8 @@ namespace stymo {
 /// latest, model.safetensors.
 class RunFolder {
 public:
-    /// Creates the folders that are missing and repairs checkpoints after a crash. Throws FileError
+    /// Creates the folders that are missing, and after a crash repairs checkpoints and removes
+    /// unfinished files. Throws FileError
     /// if the folder cannot be written, or if it holds a run already and `resume` is false.
     RunFolder(std::filesystem::path path, bool resume);
 

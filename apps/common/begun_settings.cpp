@@ -1,9 +1,11 @@
 #include "apps/common/begun_settings.h"
 
-#include <fstream>
 #include <nlohmann/json.hpp>
+#include <sstream>
+#include <system_error>
 
 #include "core/error.h"
+#include "core/io/file.h"
 #include "core/io/json_check.h"
 
 namespace stymo {
@@ -29,8 +31,8 @@ void require_same_settings(const std::filesystem::path& folder, const std::strin
 void visit_whole_lines(
     const std::filesystem::path& file,
     const std::function<void(const std::string& line, int number, std::int64_t offset)>& visit) {
-    std::ifstream stream(file, std::ios::binary);
-    if (!stream) return;
+    if (!std::filesystem::exists(file)) return;
+    std::istringstream stream(read_text_file(file));
     std::string line;
     std::streamoff whole = 0;
     // The last line is complete only if a line break ends it.
@@ -43,8 +45,9 @@ void visit_whole_lines(
         }
         whole = stream.tellg();
     }
-    stream.close();
-    std::filesystem::resize_file(file, static_cast<std::uintmax_t>(whole));
+    std::error_code error;
+    std::filesystem::resize_file(file, static_cast<std::uintmax_t>(whole), error);
+    if (error) fail<FileError>(file.string(), ": cannot be written (", error.message(), ")");
 }
 
 }  // namespace stymo

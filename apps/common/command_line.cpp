@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <csignal>
 #include <cstdlib>
 #include <iomanip>
 #include <iostream>
@@ -229,6 +230,8 @@ int CommandLine::run(int argc, const char* const* argv, const AppBody& body, std
         err << name << ": " << one_line(message) << "\n";
     };
     tune_allocator();
+    // A file that exceeds the limit of the system is an error like any other.
+    std::signal(SIGXFSZ, SIG_IGN);
     app.require_subcommand(body ? 0 : 1, bodies.empty() ? 0 : 1);
     try {
         app.parse(argc, argv);

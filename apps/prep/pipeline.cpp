@@ -209,6 +209,8 @@ PrepareOutcome prepare_folder(const FolderPreparation& folders, const PhotoPrepa
     FolderWork work(folders, preparation, scan);
     require_writable_folder(folders.out / "images");
     require_writable_folder(folders.out / "masks");
+    for (const fs::path& folder : {folders.out, folders.out / "images", folders.out / "masks"})
+        remove_temporary_files(folder);
     const std::int64_t before = outcome.found - work.waiting();
     bool going_on = true;
     do {

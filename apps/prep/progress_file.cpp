@@ -37,7 +37,7 @@ PhotoOutcome ProgressFile::read(const std::string& file) const {
     std::ifstream stream(path_, std::ios::binary);
     stream.seekg(lines_.at(file));
     std::string line;
-    std::getline(stream, line);
+    if (!std::getline(stream, line)) fail<FileError>(path_.string(), ": cannot be read");
     try {
         return parse_photo_outcome(line);
     } catch (const Error& error) {

@@ -19,8 +19,8 @@ constexpr std::array<std::uint32_t, 256> remainders = [] {
 
 }  // namespace
 
-std::uint32_t crc32c(std::string_view bytes) {
-    std::uint32_t remainder = 0xFFFFFFFF;
+std::uint32_t crc32c(std::string_view bytes, std::uint32_t before) {
+    std::uint32_t remainder = ~before;
     for (const char byte : bytes)
         remainder =
             (remainder >> 8) ^ remainders[(remainder ^ static_cast<unsigned char>(byte)) & 0xFFU];

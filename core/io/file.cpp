@@ -5,9 +5,9 @@
 
 #include <cerrno>
 #include <cstring>
-#include <fstream>
-#include <iterator>
+#include <span>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "core/error.h"
@@ -40,21 +40,17 @@ fs::path temporary_beside(const fs::path& path) {
     return path.parent_path() / name;
 }
 
-const char* reason_of(int error_number) {
-    return std::strerror(error_number);
+/// Whether `temporary_beside` made this name.
+bool is_temporary(const fs::path& path) {
+    const std::string name = path.filename().string();
+    const std::size_t end = name.rfind(".part");
+    const std::size_t number = end == std::string::npos ? end : name.rfind('.', end - 1);
+    return name.starts_with('.') && number != std::string::npos && number > 0 && number + 1 < end &&
+           name.find_first_not_of("0123456789", number + 1) == end;
 }
 
-std::ifstream open_for_reading(const fs::path& path) {
-    std::error_code error;
-    if (fs::is_directory(path, error)) {
-        fail<FileError>(path.string(), ": cannot be read (is a folder)");
-    }
-    errno = 0;
-    std::ifstream stream(path, std::ios::binary);
-    if (!stream) {
-        fail<FileError>(path.string(), ": cannot be read (", reason_of(errno), ")");
-    }
-    return stream;
+const char* reason_of(int error_number) {
+    return std::strerror(error_number);
 }
 
 /// A file opened by the system, closed at the end of the scope.
@@ -62,8 +58,8 @@ class Descriptor {
 public:
     Descriptor(const fs::path& path, int flags)
         : number_(::open(path.c_str(), flags | O_CLOEXEC, 0666)) {}
-    Descriptor(const Descriptor&) = delete;
-    Descriptor& operator=(const Descriptor&) = delete;
+    Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
+    Descriptor& operator=(Descriptor&&) = delete;
     ~Descriptor() {
         if (number_ >= 0) ::close(number_);
     }
@@ -73,6 +69,27 @@ public:
 private:
     int number_;
 };
+
+Descriptor open_for_reading(const fs::path& path) {
+    std::error_code error;
+    if (fs::is_directory(path, error)) {
+        fail<FileError>(path.string(), ": cannot be read (is a folder)");
+    }
+    Descriptor file(path, O_RDONLY);
+    if (!file.is_open())
+        fail<FileError>(path.string(), ": cannot be read (", reason_of(errno), ")");
+    return file;
+}
+
+/// Number of bytes read; 0 at the end of the file, or if there is no room.
+std::size_t read_some(const fs::path& path, const Descriptor& file, std::span<char> room) {
+    ssize_t count = -1;
+    do {
+        count = ::read(file.number(), room.data(), room.size());
+    } while (count < 0 && errno == EINTR);
+    if (count < 0) fail<FileError>(path.string(), ": cannot be read (", reason_of(errno), ")");
+    return static_cast<std::size_t>(count);
+}
 
 /// Returns false with errno set if the disk fails.
 bool flushed(const Descriptor& file) {
@@ -102,23 +119,28 @@ bool written(const Descriptor& file, std::string_view bytes) {
 
 }  // namespace
 
+void read_parts(const fs::path& path, const std::function<void(std::string_view)>& visit) {
+    const Descriptor file = open_for_reading(path);
+    std::vector<char> part(std::size_t{1} << 20U);
+    while (const std::size_t count = read_some(path, file, part)) visit({part.data(), count});
+}
+
 std::string read_text_file(const fs::path& path) {
-    std::ifstream stream = open_for_reading(path);
-    std::string text{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
-    if (stream.bad()) {
-        fail<FileError>(path.string(), ": cannot be read (", reason_of(errno), ")");
-    }
+    std::string text;
+    std::error_code ignored;
+    const std::uintmax_t size = fs::file_size(path, ignored);
+    if (!ignored) text.reserve(size);
+    read_parts(path, [&](std::string_view part) { text += part; });
     return text;
 }
 
 std::string read_beginning(const fs::path& path, std::size_t count) {
-    std::ifstream stream = open_for_reading(path);
+    const Descriptor file = open_for_reading(path);
     std::string text(count, '\0');
-    stream.read(text.data(), static_cast<std::streamsize>(count));
-    if (stream.bad()) {
-        fail<FileError>(path.string(), ": cannot be read (", reason_of(errno), ")");
-    }
-    text.resize(static_cast<std::size_t>(stream.gcount()));
+    std::size_t size = 0;
+    while (const std::size_t more = read_some(path, file, std::span(text).subspan(size)))
+        size += more;
+    text.resize(size);
     return text;
 }
 
@@ -151,6 +173,12 @@ void write_text_file(const fs::path& path, std::string_view text, Survives survi
             fail<FileError>(path.string(), ": cannot be written (", reason_of(errno), ")");
     };
     write_whole(path, write, survives);
+}
+
+void remove_temporary_files(const fs::path& folder) {
+    std::error_code ignored;
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder, ignored))
+        if (is_temporary(entry.path())) fs::remove(entry.path(), ignored);
 }
 
 void append_line(const fs::path& path, std::string_view line, Survives survives) {

@@ -10,6 +10,9 @@ namespace stymo {
 
 /// Whole contents of a file; throws FileError if it cannot be read.
 [[nodiscard]] std::string read_text_file(const std::filesystem::path& path);
+/// Calls `visit` with the contents of a file, part by part; throws FileError if it cannot be read.
+void read_parts(const std::filesystem::path& path,
+                const std::function<void(std::string_view part)>& visit);
 /// The first bytes of a file, at most `count`, for recognising its format; throws FileError if it
 /// cannot be read.
 [[nodiscard]] std::string read_beginning(const std::filesystem::path& path, std::size_t count);
@@ -29,6 +32,9 @@ void write_whole(const std::filesystem::path& path,
 /// Writes a text with `write_whole`.
 void write_text_file(const std::filesystem::path& path, std::string_view text,
                      Survives survives = Survives::crash);
+/// Removes the temporary files in a folder, which processes that were killed leave behind. No other
+/// process may be writing there.
+void remove_temporary_files(const std::filesystem::path& folder);
 /// Appends a line and a line break to a file, which is created if it is missing. Throws FileError
 /// if that fails, and removes what was written of the line. A crash can still cut off the line.
 void append_line(const std::filesystem::path& path, std::string_view line, Survives survives);

@@ -77,6 +77,7 @@ TEST_CASE("CRC-32C gives the checksums of RFC 3720, appendix B.4", "[event_file]
     CHECK(crc32c(ascending) == 0x46DD794E);
     CHECK(crc32c(descending) == 0x113FDB5C);
     CHECK(crc32c("123456789") == 0xE3069283);
+    CHECK(crc32c("56789", crc32c("1234")) == 0xE3069283);
     CHECK(crc32c("") == 0);
 }
 

@@ -39,6 +39,17 @@ TEST_CASE("a write that fails leaves the old file and no temporary one") {
     CHECK(folder.file_count() == 1);
 }
 
+TEST_CASE("what killed processes left half-written is removed, and nothing else") {
+    const ScratchFolder folder;
+    for (const char* name : {".a.12.part.txt", ".a.12.part", "..a.1.2.part.png"})
+        write_text_file(folder / name, "half", Survives::nothing);
+    for (const char* name : {"a.12.part.txt", ".a.part.txt", ".a.x.part", ".part", "a.txt"})
+        write_text_file(folder / name, "kept", Survives::nothing);
+    remove_temporary_files(folder.path());
+    CHECK(folder.file_count() == 5);
+    CHECK_FALSE(std::filesystem::exists(folder / ".a.12.part.txt"));
+}
+
 TEST_CASE("writing into a missing folder is refused") {
     const ScratchFolder folder;
     CHECK_THROWS_WITH(write_text_file(folder / "none/a.txt", "x"),
