@@ -1,14 +1,22 @@
 #include "train/checkpoint.h"
 
+#include <algorithm>
 #include <charconv>
+#include <functional>
+#include <optional>
+#include <system_error>
+#include <utility>
 
 #include "core/error.h"
+#include "train/checkpoint_checksums.h"
 #include "train/checkpoint_folder.h"
 
 namespace stymo {
 
 namespace {
 
+constexpr const char* model_name = "model.safetensors";
+constexpr const char* state_name = "state.safetensors";
 constexpr const char* epoch_losses_name = "state.epoch_losses";
 
 template <class T>
@@ -41,6 +49,45 @@ void for_each_number(State& state, Visit visit) {
     visit("best_resolution", state.best_resolution);
 }
 
+struct CheckpointFiles {
+    TensorFile state;
+    TensorFile weights;
+};
+
+/// Throws FileError if a file is missing or damaged or belongs to another step.
+CheckpointFiles read_files(const std::filesystem::path& folder) {
+    verify_checksums(folder);
+    CheckpointFiles files{read_tensor_file(folder / state_name),
+                          read_tensor_file(folder / model_name)};
+    const auto step = files.state.metadata.find("step");
+    const std::optional<std::int64_t> number = checkpoint_step(folder);
+    if (number && step != files.state.metadata.end() && step->second != std::to_string(*number))
+        fail<FileError>((folder / state_name).string(), ": is of step ", step->second,
+                        ", not of step ", *number);
+    return files;
+}
+
+/// Which checkpoint to resume from instead of a damaged one.
+std::string advice(const std::filesystem::path& damaged) {
+    const std::optional<std::int64_t> number = checkpoint_step(damaged);
+    std::error_code error;
+    std::vector<std::pair<std::int64_t, std::filesystem::path>> older;
+    for (const auto& entry : std::filesystem::directory_iterator(damaged.parent_path(), error)) {
+        const std::optional<std::int64_t> other = checkpoint_step(entry.path());
+        if (number && other && *other < *number) older.emplace_back(*other, entry.path());
+    }
+    std::ranges::sort(older, std::ranges::greater());
+    for (const auto& [step, folder] : older) {
+        try {
+            static_cast<void>(read_files(folder));
+            return "; --resume " + folder.string() + " works";
+        } catch (const FileError&) {
+            continue;
+        }
+    }
+    return "";
+}
+
 }  // namespace
 
 void write_checkpoint(const std::filesystem::path& folder, const Model& model,
@@ -53,16 +100,22 @@ void write_checkpoint(const std::filesystem::path& folder, const Model& model,
     file.tensors[epoch_losses_name] =
         Tensor::from({epochs}, std::span<const double>(checkpoint.state.epoch_losses));
     write_checkpoint_folder(folder, [&](const std::filesystem::path& unfinished) {
-        model.save(unfinished / "model.safetensors");
-        write_tensor_file(unfinished / "state.safetensors", file);
+        model.save(unfinished / model_name);
+        write_tensor_file(unfinished / state_name, file);
+        write_checksums(unfinished);
     });
 }
 
 Checkpoint read_checkpoint(const std::filesystem::path& folder, Model& model) {
     repair_checkpoint_folder(folder);
-    const std::string model_file = (folder / "model.safetensors").string();
-    const std::string source = (folder / "state.safetensors").string();
-    Checkpoint checkpoint{{}, read_tensor_file(source)};
+    CheckpointFiles files;
+    try {
+        files = read_files(folder);
+    } catch (const FileError& error) {
+        fail<FileError>(error.what(), advice(folder));
+    }
+    const std::string source = (folder / state_name).string();
+    Checkpoint checkpoint{{}, std::move(files.state)};
     TensorFile& file = checkpoint.tensors;
     for_each_number(checkpoint.state,
                     [&](const char* key, auto& value) { read_exact(file, source, key, value); });
@@ -74,7 +127,7 @@ Checkpoint read_checkpoint(const std::filesystem::path& folder, Model& model) {
         fail<FileError>(source, ": not a training state (\"", epoch_losses_name, "\" is missing)");
     checkpoint.state.epoch_losses = losses->second.to_vector();
     // Last, so that a state that cannot be read leaves the model as it was.
-    model.parameters().load(read_tensor_file(model_file), model_file);
+    model.parameters().load(files.weights, (folder / model_name).string());
     return checkpoint;
 }
 

@@ -29,12 +29,14 @@ struct Checkpoint {
         tensors;  ///< discriminator, optimisers' moments and EMA of the weights, under prefixes
 };
 
-/// Writes `folder`/{model,state}.safetensors; the folder appears whole or not at all, in place of
-/// an older one of its name. Throws FileError if it cannot be written.
+/// Writes `folder`/{model,state}.safetensors and their checksums; the folder appears whole or not
+/// at all, in place of an older one of its name. Throws FileError if it cannot be written.
 void write_checkpoint(const std::filesystem::path& folder, const Model& model,
                       const Checkpoint& checkpoint);
-/// Reads the weights into `model` and returns the rest. Throws FileError naming what is missing or
-/// does not fit, and leaves the model as it was.
+/// Reads the weights into `model` and returns the rest. Throws FileError naming what is missing,
+/// damaged or does not fit, and leaves the model as it was. If files are missing or damaged, or if
+/// the folder's number is not the state's step, the error names the newest older checkpoint beside
+/// `folder` that is whole.
 [[nodiscard]] Checkpoint read_checkpoint(const std::filesystem::path& folder, Model& model);
 
 }  // namespace stymo

@@ -10,6 +10,8 @@
 #include "apps/train/mpi_ranks.h"
 #include "apps/train/ranked_run.h"
 #include "core/error.h"
+#include "core/io/file.h"
+#include "core/io/folder_lock.h"
 #include "train/plan.h"
 #include "train/trainer.h"
 
@@ -42,8 +44,9 @@ void require_paths(const Options& options) {
     }
 }
 
-/// A run before its first step. Nothing has been written.
+/// A run before its first step. Nothing has been written but the lock of a folder that exists.
 struct PreparedRun {
+    std::optional<stymo::FolderLock> lock;
     stymo::TrainConfig config;
     stymo::Dataset training;
     std::optional<stymo::Dataset> validation;
@@ -52,6 +55,10 @@ struct PreparedRun {
     PreparedRun(const Options& options, const stymo::CommonOptions& common, stymo::Ranks* ranks)
         : config(stymo::load_train_config(options.config, options.set)),
           training(stymo::faces_for_training(options.data, config, stymo::Split::training)) {
+        // Before a checkpoint is read, which another run might be replacing.
+        if (!options.dry_run && (ranks == nullptr || ranks->leads()) &&
+            std::filesystem::is_directory(options.out))
+            lock.emplace(options.out);
         config.model.camera.intrinsics = training.load(0).intrinsics;
         // A checkpoint or a model holds what became of the backbone's weights, so that they need
         // not be named.
@@ -76,6 +83,8 @@ stymo::AppResult plan(const Options& options, PreparedRun& run) {
 }
 
 stymo::AppResult lead(const Options& options, PreparedRun& run, stymo::Explainer& explainer) {
+    stymo::require_writable_folder(options.out);
+    if (!run.lock) run.lock.emplace(options.out);
     const stymo::RunFolder folder(options.out, !options.resume.empty());
     if (folder.replace_config(stymo::to_json(run.config)))
         std::cerr << "the configuration differs from that of the run so far; the run goes on with "

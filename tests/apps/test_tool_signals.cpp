@@ -53,6 +53,23 @@ TEST_CASE("Training that is interrupted saves a checkpoint first, and goes on fr
     CHECK_THAT(second.out, Catch::Contains("stopped early"));
 }
 
+TEST_CASE("A second run in the folder of one that trains is refused in one line") {
+    const std::string train =
+        "stymo-train --config tiny.json --data faces --out shared --set stage1.steps=100000";
+    std::vector<std::string> arguments = stymo::words(train);
+    RunningTool running(tiny_run(), arguments.front(), {arguments.begin() + 1, arguments.end()});
+    REQUIRE(running.says("train "));
+    for (const char* resume : {"", " --resume latest"}) {
+        const ToolOutcome second = stymo::run_tool(tiny_run(), train + resume);
+        CHECK(second.exit_code == 1);
+        CHECK_THAT(second.err, Catch::EndsWith("stymo-train: shared: another process is working in "
+                                               "this folder; wait for it to end or choose another "
+                                               "one\n"));
+    }
+    running.send(SIGTERM);
+    CHECK(running.wait().exit_code == 0);
+}
+
 TEST_CASE("A fit that is interrupted keeps what it has and says so") {
     const std::string fit =
         "stymo-fit --model run/model.safetensors --image faces/images/00000.png --as-is --out "

@@ -65,10 +65,10 @@ TEST_CASE("A training run leaves everything that fitting, resuming and looking b
     CHECK(std::erase_if(names, [](const std::string& name) {
               return name.starts_with("events.out.tfevents.");
           }) == 1);
-    CHECK(names == std::set<std::string>{"checkpoints", "config.json", "latest", "log.txt",
+    CHECK(names == std::set<std::string>{".lock", "checkpoints", "config.json", "latest", "log.txt",
                                          "model.safetensors", "samples", "stats.jsonl"});
     CHECK(names_in(run / "checkpoints/000004") ==
-          std::set<std::string>{"model.safetensors", "state.safetensors"});
+          std::set<std::string>{"checksums.txt", "model.safetensors", "state.safetensors"});
     CHECK(names_in(run / "samples") == std::set<std::string>{"000002.png", "000004.png"});
     CHECK(stymo::read_text_file(run / "latest") == "000004\n");
     CHECK(stymo::line_count(stymo::read_text_file(run / "stats.jsonl")) == 4);

@@ -107,6 +107,8 @@ TEST_CASE("a damaged or foreign checkpoint is refused in one line that names the
     write_checkpoint(checkpoint, tiny_model(), some_checkpoint());
 
     CHECK_THAT(read_error(folder / "nowhere"), Catch::Contains("nowhere"));
+    // As older versions wrote it.
+    fs::remove(checkpoint / "checksums.txt");
 
     SECTION("a state that ends early") {
         cut(state, fs::file_size(state) - 5);
@@ -124,6 +126,7 @@ TEST_CASE("a damaged or foreign checkpoint is refused in one line that names the
         for (const char* key : {"seed", "step", "mask_loss", "epoch_loss_sum", "epoch_loss_count",
                                 "failures", "best_validation", "best_resolution"}) {
             write_checkpoint(checkpoint, tiny_model(), some_checkpoint());
+            fs::remove(checkpoint / "checksums.txt");
             TensorFile file = read_tensor_file(state);
             file.metadata.erase(key);
             write_tensor_file(state, file);
@@ -161,6 +164,58 @@ TEST_CASE("a damaged or foreign checkpoint is refused in one line that names the
         CHECK_THAT(read_error(checkpoint),
                    Catch::Contains("decoder.field.density.weight") && Catch::Contains("(1, 77)"));
     }
+}
+
+TEST_CASE("a damaged checkpoint is refused, and the newest older one that is whole is named",
+          "[checkpoint]") {
+    const ScratchFolder folder;
+    const auto at = [&](std::int64_t step) { return folder / ("0000" + std::to_string(step)); };
+    for (const std::int64_t step : {10, 20, 30}) {
+        Checkpoint checkpoint = some_checkpoint();
+        checkpoint.state.step = step;
+        write_checkpoint(at(step), tiny_model(static_cast<std::uint64_t>(step)), checkpoint);
+    }
+    const fs::path state = at(30) / "state.safetensors";
+    const fs::path weights = at(30) / "model.safetensors";
+    std::string offered = "; --resume " + at(20).string() + " works";
+    std::string named = weights.string() + ": is damaged (checksum and size are ";
+    SECTION("one bit") {
+        std::string bytes = read_text_file(weights);
+        bytes[bytes.size() / 2] ^= '\1';
+        write_text_file(weights, bytes);
+    }
+    SECTION("a file that ends early") {
+        cut(weights, fs::file_size(weights) - 5);
+    }
+    SECTION("a file of another checkpoint") {
+        fs::copy_file(at(20) / "model.safetensors", weights, fs::copy_options::overwrite_existing);
+    }
+    SECTION("a missing file") {
+        fs::remove(weights);
+        named = weights.string() + ": is missing";
+    }
+    SECTION("a missing folder") {
+        fs::remove_all(at(30));
+        named = state.string() + ": cannot be read";
+    }
+    SECTION("another checkpoint") {
+        fs::remove_all(at(30));
+        fs::copy(at(10), at(30));
+        named = state.string() + ": is of step 10, not of step 30";
+    }
+    SECTION("cut checksums") {
+        cut(at(30) / "checksums.txt", 50);
+        named = (at(30) / "checksums.txt").string() + ": is damaged";
+    }
+    SECTION("a state that ends early, and one before it too") {
+        cut(state, 100);
+        cut(at(20) / "state.safetensors", 100);
+        fs::remove(at(30) / "checksums.txt");
+        named = state.string();
+        offered = "; --resume " + at(10).string() + " works";
+    }
+    const std::string message = read_error(at(30));
+    CHECK_THAT(message, Catch::StartsWith(named) && Catch::EndsWith(offered));
 }
 
 TEST_CASE("a checkpoint that cannot be written says so and leaves nothing", "[checkpoint]") {
