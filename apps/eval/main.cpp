@@ -159,9 +159,11 @@ stymo::AppResult evaluate(Options options) {
                            stymo::score_sheet(model, loss, faces, evaluated, rows));
         stymo::JsonValue json = result.json;
         json.add("sheet", sheet_json(rows)).add("settings", settings_json);
-        stymo::write_text_file(options.out / "report.json", json.text() + "\n");
+        stymo::write_text_file(options.out / "report.json", json.text() + "\n",
+                               stymo::Survives::nothing);
         stymo::write_text_file(options.out / "report.md",
-                               stymo::report_page(evaluation, {settings, network, rows}));
+                               stymo::report_page(evaluation, {settings, network, rows}),
+                               stymo::Survives::nothing);
     }
     stymo::JsonValue scores = stymo::JsonValue::object();
     for (const stymo::FaceScore& score : evaluation.scores) scores.add(score.id, to_json(score));

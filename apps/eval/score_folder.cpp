@@ -1,7 +1,5 @@
 #include "apps/eval/score_folder.h"
 
-#include <fstream>
-
 #include "apps/common/begun_settings.h"
 #include "core/error.h"
 #include "core/io/file.h"
@@ -45,9 +43,7 @@ void ScoreFolder::add(const FaceScore& score, const FitResult& fit) {
         write_code_file(codes_of(score.id), fit.fitted, 0, pose_from_camera(fit.cameras.front()));
     }
     // Written after the codes, so that the codes of every line exist.
-    std::ofstream stream(scores_, std::ios::app | std::ios::binary);
-    stream << to_json(score).text() << '\n' << std::flush;
-    if (!stream) fail<FileError>(scores_.string(), ": cannot be written; is the disk full?");
+    append_line(scores_, to_json(score).text(), Survives::crash);
 }
 
 }  // namespace stymo
