@@ -120,6 +120,8 @@ stymo::AppResult evaluate(Options options) {
     evaluated.regions = stymo::regions_called(options.region);
     if (options.samples) evaluated.fitting.samples_per_ray = *options.samples;
     const stymo::Model model = stymo::load_model(options.model);
+    // Throws for a side that the model does not render.
+    static_cast<void>(model.decoder().ladder().count_up_to(evaluated.resolution));
     const stymo::Dataset faces = faces_of(options, model.config());
     stymo::FaceRegion face_region(options.parser);
     evaluated.face_region = &face_region;

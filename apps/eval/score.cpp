@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "core/error.h"
+#include "core/io/json_check.h"
 #include "nn/models/view.h"
 
 namespace stymo {
@@ -123,6 +124,7 @@ JsonValue to_json(const FaceScore& score) {
 
 FaceScore parse_face_score(std::string_view line) {
     try {
+        require_sound_json(line);
         const Json value = Json::parse(line);
         FaceScore score{
             value.at("id").get<std::string>(), {}, value.at("counting_samples").get<double>()};

@@ -17,6 +17,8 @@ ScoreFolder::ScoreFolder(std::filesystem::path path, const JsonValue& settings)
         require_same_settings(path_, begun, settings.text());
         visit_whole_lines(scores_, [&](const std::string& line, int, std::int64_t) {
             known_.push_back(parse_face_score(line));
+            if (known_.back().regions.size() != known_.front().regions.size())
+                fail<FileError>("other regions than in the lines before");
         });
         return;
     }

@@ -67,12 +67,12 @@ struct PreparedRun {
             config.model.encoder.backbone_weights = stymo::random_backbone;
         if (config.data.validation > 0)
             validation = stymo::faces_for_training(options.data, config, stymo::Split::validation);
-        std::cerr << "training: " << training.summary().text() << '\n';
         trainer.emplace(config, training, validation ? &*validation : nullptr, common.seed, ranks);
         if (!options.initial_model.empty()) trainer->begin_with(options.initial_model);
         if (!options.resume.empty() && !options.dry_run)
             trainer->resume(options.resume == "latest" ? stymo::latest_checkpoint(options.out)
                                                        : std::filesystem::path(options.resume));
+        std::cerr << "training: " << training.summary().text() << '\n';
     }
 };
 

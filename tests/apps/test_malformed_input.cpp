@@ -117,6 +117,7 @@ TEST_CASE("Malformed command lines are refused, in one line that says why") {
         {fit + "--optimizer sgd", 2, "--optimizer: sgd not in {adam,lbfgs}"},
         {fit + "--tolerance 2", 2, "--tolerance: 2 is not a number in [0, 1]"},
         {eval + "--resolution 32", 2, "--resolution: 32 is not a number in [64, 4096]"},
+        {eval + "--resolution 96", 1, "this model renders images with a side of 64, not 96"},
         {eval + "--ids 9999999999999999999999", 2,
          "--ids 9999999999999999999999: must be a range of places in the order of ids, such as "
          "700-799"},
@@ -151,6 +152,12 @@ TEST_CASE("Malformed configurations are refused, in one line that says why") {
          "bad/parent_number.json: parent = 7: must be a file name"},
         {"stymo-train --config faces --data faces --out out", 1,
          "faces: cannot be read (is a folder)"},
+        {train + "--set encoder.backbone_weights=text.png", 1,
+         "encoder.backbone_weights: text.png: not a readable safetensors file (it does not begin "
+         "with the length of a header)"},
+        {train + "--set encoder.backbone_weights=none.onnx", 1,
+         "encoder.backbone_weights: no file none.onnx; name an existing file, or set the key to "
+         "random to train the backbone from scratch"},
         {train + "--set stage1.steps=4.5", 1,
          "command line: stage1.steps = 4.5: must be an integer in [0, 100000000]"},
         {train + "--set stage1.steps=1e30", 1,
@@ -164,6 +171,10 @@ TEST_CASE("Malformed configurations are refused, in one line that says why") {
          "command line: stage1.learning_rate: unknown key; did you mean optimizer.learning_rate?"},
         {train + "--set data.mirror=maybe", 1,
          "command line: data.mirror = \"maybe\": must be true or false"},
+        {train + "--resume run", 1,
+         "run/state.safetensors: cannot be read (No such file or directory)"},
+        {train + "--resume text.png", 1,
+         "text.png/state.safetensors: cannot be read (Not a directory)"},
     });
 }
 
