@@ -178,8 +178,12 @@ void multiply_block(int rows, const Block& block) {
 }  // namespace
 
 bool multiplies_float16() {
+#if defined(__clang__) && __clang_major__ < 16
+    return false;  // it does not know the name of the feature
+#else
     static const bool supported = __builtin_cpu_supports("avx512fp16") != 0;
     return supported;
+#endif
 }
 
 void multiply_float16_block(int rows, const Float16Block& block) {
