@@ -231,6 +231,9 @@ struct ConfigSchema::Implementation {
     }
 
     [[noreturn]] void unknown(const std::string& source, const std::string& key) const {
+        constexpr std::size_t longest = 100;  // nothing longer is a misspelt key
+        if (key.size() > longest)
+            fail<ConfigError>(source, ": ", key.substr(0, longest), "...: unknown key");
         // A key without its section, or in a wrong section, counts as near as a misspelt key.
         const auto distance = [&](const Entry& entry) {
             return std::min(edit_distance(entry.key, key),

@@ -11,6 +11,7 @@
 
 using namespace stymo;
 using Catch::Matchers::Contains;
+using Catch::Matchers::EndsWith;
 using Catch::Matchers::Equals;
 
 namespace {
@@ -144,6 +145,12 @@ TEST_CASE("whole numbers are exact up to the ends of 64 bits and refused beyond"
     CHECK_THAT(message_of_text(R"({"seed": 9223372036854775808})"),
                Contains("must be an integer in [-9223372036854775808, 9223372036854775807]"));
     CHECK_THAT(message_of_text(R"({"seed": 1e19})"), Contains("must be an integer"));
+}
+
+TEST_CASE("an unknown key of any length is refused at once") {
+    const std::string key(2000000, 'k');
+    CHECK_THAT(message_of_text("{\"" + key + "\": 1}"),
+               Contains("a.json: kkkk") && EndsWith("kkk...: unknown key"));
 }
 
 TEST_CASE("a key given twice is refused, in whatever spelling") {
