@@ -217,11 +217,12 @@ TEST_CASE("A run that cannot begin or resume as wanted leaves no run folder behi
          {train + "--resume none", "none/"},
          {train + "--initial-model faces/images", "faces/images"},
          {train + "--initial-model run/model.safetensors --set decoder.field_width=8", "shape"},
-         {train + "--initial-model run/model.safetensors --resume latest",
-          "--resume excludes --initial-model"},
          {train + "--resume run/checkpoints/000004 --seed 3", "--seed 0, not 3"},
          {train + "--resume run/checkpoints/000004 --set decoder.field_width=8", "shape"}},
         failed);
+    check_refused({{train + "--initial-model run/model.safetensors --resume latest",
+                    "--resume excludes --initial-model"}},
+                  wrong_usage);
 }
 
 TEST_CASE(
