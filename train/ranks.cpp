@@ -25,8 +25,36 @@ void broadcast(Ranks& ranks, std::span<std::byte> bytes) {
     }
 }
 
+/// By recursive halving and doubling (Thakur, Rabenseifner and Gropp 2005), for a power of two of
+/// ranks: each adds up one part of the numbers, then all parts go round. The sums are those of
+/// `add_up_whole`, bit for bit, since a + b is b + a.
 template <class T>
-void add_up_values(Ranks& ranks, std::vector<T>& sums) {
+void add_up_in_parts(Ranks& ranks, std::span<T> sums) {
+    struct Split {
+        std::span<T> kept, given;
+        int other;
+    };
+    std::vector<Split> splits;
+    std::vector<T> received;
+    for (int step = 1; step < ranks.size(); step *= 2) {
+        const std::size_t half = sums.size() / 2;
+        Split split{sums.first(half), sums.subspan(half), ranks.rank() ^ step};
+        if (ranks.rank() > split.other) std::swap(split.kept, split.given);
+        received.resize(split.kept.size());
+        ranks.exchange(std::as_bytes(split.given), bytes_of(received), split.other);
+        for (std::size_t i = 0; i < received.size(); ++i) split.kept[i] += received[i];
+        splits.push_back(split);
+        sums = split.kept;
+    }
+    for (; !splits.empty(); splits.pop_back()) {
+        const Split& split = splits.back();
+        ranks.exchange(std::as_bytes(split.kept), std::as_writable_bytes(split.given), split.other);
+    }
+}
+
+/// Along a tree that any number of ranks can climb.
+template <class T>
+void add_up_whole(Ranks& ranks, std::vector<T>& sums) {
     const int rank = ranks.rank(), size = ranks.size();
     std::vector<T> other;
     // The last of an odd number of partial sums has no partner and moves up alone.
@@ -48,6 +76,16 @@ std::string rank_name(std::size_t rank) {
 
 }  // namespace
 
+void Ranks::exchange(std::span<const std::byte> sent, std::span<std::byte> received, int other) {
+    if (rank() < other) {
+        send(sent, other);
+        receive(received, other);
+    } else {
+        receive(received, other);
+        send(sent, other);
+    }
+}
+
 void add_up(Ranks& ranks, std::vector<Tensor>& tensors) {
     if (ranks.size() == 1 || tensors.empty()) return;
     dispatch(tensors.front().dtype(), [&]<class T>(T) {
@@ -56,7 +94,10 @@ void add_up(Ranks& ranks, std::vector<Tensor>& tensors) {
             const std::span<const T> values = tensor.values<T>();
             sums.insert(sums.end(), values.begin(), values.end());
         }
-        add_up_values(ranks, sums);
+        if (std::has_single_bit(static_cast<unsigned>(ranks.size())))
+            add_up_in_parts(ranks, std::span(sums));
+        else
+            add_up_whole(ranks, sums);
         auto next = sums.begin();
         for (Tensor& tensor : tensors) {
             const auto end = next + tensor.size();

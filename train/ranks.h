@@ -23,7 +23,10 @@ public:
     virtual void send(std::span<const std::byte> bytes, int to) = 0;
     /// As many bytes as the other rank sends.
     virtual void receive(std::span<std::byte> bytes, int from) = 0;
-    /// Seconds spent in these two calls so far, waiting for the other rank included.
+    /// Both at once; the other rank makes the same call.
+    virtual void exchange(std::span<const std::byte> sent, std::span<std::byte> received,
+                          int other);
+    /// Seconds spent in these calls so far, waiting for the other rank included.
     [[nodiscard]] virtual double exchange_seconds() const { return 0.0; }
 
     [[nodiscard]] bool leads() const { return rank() == 0; }
@@ -40,6 +43,7 @@ public:
 
 /// Replaces the tensors by their sums over all ranks, the same bits on each. Ranks 2k and 2k + 1
 /// are added, then these sums in pairs, and so on: the upper levels of the tree of GradientTree.
+/// Where the ranks are a power of two, each sends and receives every number less than twice.
 void add_up(Ranks& ranks, std::vector<Tensor>& tensors);
 /// The texts of all ranks, in their order, on each.
 [[nodiscard]] std::vector<std::string> gather(Ranks& ranks, const std::string& own);

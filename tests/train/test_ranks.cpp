@@ -57,6 +57,7 @@ public:
     [[nodiscard]] int rank() const override { return rank_; }
     [[nodiscard]] int size() const override { return size_; }
     void send(std::span<const std::byte> bytes, int to) override {
+        bytes_sent_ += bytes.size();
         mailboxes_.put(rank_, to, {bytes.begin(), bytes.end()});
     }
     void receive(std::span<std::byte> bytes, int from) override {
@@ -65,9 +66,12 @@ public:
         std::ranges::copy(message, bytes.begin());
     }
 
+    [[nodiscard]] std::size_t bytes_sent() const { return bytes_sent_; }
+
 private:
     Mailboxes& mailboxes_;
     int rank_, size_;
+    std::size_t bytes_sent_ = 0;
 };
 
 /// Results of all ranks, in their order.
@@ -99,6 +103,18 @@ std::vector<std::vector<Tensor>> shared_sums(int size) {
         std::vector<Tensor> sum = tree.take_sum();
         add_up(ranks, sum);
         return sum;
+    });
+}
+
+/// Bytes that each of so many ranks sends to add up `numbers` float32 numbers.
+std::vector<std::size_t> bytes_sent(int size, std::int64_t numbers) {
+    return on_ranks<std::size_t>(size, [numbers](Ranks& ranks) {
+        std::vector<Tensor> ones{Tensor::full({numbers}, 1.0)};
+        add_up(ranks, ones);
+        const std::vector<double> sums = ones.front().to_vector();
+        const bool right = std::ranges::all_of(
+            sums, [&](double sum) { return sum == static_cast<double>(ranks.size()); });
+        return right ? dynamic_cast<ThreadRank&>(ranks).bytes_sent() : 0;
     });
 }
 
@@ -138,6 +154,19 @@ std::vector<Trained> trained_by(int size) {
 }
 
 }  // namespace
+
+TEST_CASE("A power of two of ranks sends each number less than twice, and all have the sum",
+          "[ranks]") {
+    for (const std::int64_t numbers : {1, 7, 1000})
+        for (const int size : {2, 4, 8})
+            for (const std::size_t sent : bytes_sent(size, numbers)) {
+                INFO(size << " ranks, " << numbers << " numbers");
+                CHECK(sent > 0);
+                // Halves of odd parts are rounded up on one side.
+                CHECK(sent <= sizeof(float) * static_cast<std::size_t>(2 * numbers + 2 * size));
+            }
+    for (const std::size_t sent : bytes_sent(3, 1000)) CHECK(sent > 0);
+}
 
 TEST_CASE("ranks add up to the same bits whatever their number", "[ranks]") {
     const std::vector<Tensor> alone = shared_sums(1).front();
