@@ -3,8 +3,11 @@
 Written from the paper and HeadNeRF's published figures; random weights. Times the same work as
 stymo-bench on the same machine (batch 1, float32), and is never an oracle for values. Debian:
 python3-torch python3-torchvision. usage: torch_peer.py [--threads 2] [--width 256] [--layers 8]
-[--res 512] render|fit|fit-lpips|train|train-lpips|disc|r1 ... (disc and r1: one update of the
+[--res 512] render|fit|fit-lpips|train|train-lpips|disc|r1|
+celeba-64|celeba-128|celeba-256 ... (disc and r1: one update of the
 discriminator on --batch images, without and with the R1 penalty alone)
+celeba-64, celeba-128, celeba-256: a whole stage-1 step of that configuration on eight images, with
+MobileFaceNet as encoder, LPIPS (SqueezeNet), Adam and the EMA of the weights
 """
 
 import argparse, math, time
@@ -100,10 +103,10 @@ class Block(nn.Module):
 
 
 class Decoder(nn.Module):
-    def __init__(self, width=256, layers=8, res=512, feat=256):
+    def __init__(self, width=256, layers=8, res=512, feat=256, channels=None, freqs=10):
         super().__init__()
-        self.nerf = Nerf(width, layers, 179, feat)
-        ch = [feat, 128, 64, 32, 32][: int(math.log2(res)) - 4]
+        self.nerf = Nerf(width, layers, 179, feat, freqs)
+        ch = [feat] + (channels or [128, 64, 32, 32][: int(math.log2(res)) - 5])
         self.blocks = nn.ModuleList([Block(ch[i], ch[i + 1], 127) for i in range(len(ch) - 1)])
         self.map = nn.ModuleList(
             [
@@ -123,7 +126,7 @@ class Decoder(nn.Module):
         p = torch.tensor([0.0, 0.0, 12.0]) + d[:, None] * t[None, :N, None]
         return p.view(1, R * R * N, 3).expand(B, -1, -1), torch.full((N,), 6.0 / N)
 
-    def forward(self, z, N):
+    def forward(self, z, N, with_weights=False):
         zi, ze, zt, zl = [m(v) for m, v in zip(self.map, z)]
         ws, wa = torch.cat([zi, ze], -1), torch.cat([zt, zl], -1)
         B = ws.shape[0]
@@ -140,18 +143,20 @@ class Decoder(nn.Module):
         for b in self.blocks:
             x, rgb = b(x, wa, rgb)
             outs.append(rgb)
-        return outs
+        depths = torch.linspace(9.5, 15.5, N + 1)[:N]
+        return (outs, w, depths) if with_weights else outs
 
 
 class Lpips(nn.Module):
-    def __init__(self):
+    def __init__(self, network="vgg16"):
         super().__init__()
         import torchvision
 
-        self.f = torchvision.models.vgg16(weights=None).features.eval()
+        self.f = getattr(torchvision.models, network)(weights=None).features.eval()
         for p in self.parameters():
             p.requires_grad_(False)
-        self.taps = {3, 8, 15, 22, 29}
+        self.taps = {"vgg16": {3, 8, 15, 22, 29}, "squeezenet1_1": {1, 4, 7, 9, 10, 11, 12}}
+        self.taps = self.taps[network]
 
     def feats(self, x):
         o = []
@@ -159,12 +164,95 @@ class Lpips(nn.Module):
             x = l(x)
             if i in self.taps:
                 o.append(x / (x.pow(2).sum(1, keepdim=True).sqrt() + 1e-10))
-            if i == 29:
+            if i == max(self.taps):
                 break
         return o
 
     def forward(self, fx, fy):
         return sum(((a - b) ** 2).mean() for a, b in zip(fx, fy))
+
+
+class Bottleneck(nn.Module):
+    def __init__(self, cin, cout, stride, t):
+        super().__init__()
+        c = cin * t
+        self.f = nn.Sequential(
+            *(nn.Conv2d(cin, c, 1, bias=False), nn.BatchNorm2d(c), nn.PReLU(c)),
+            *(nn.Conv2d(c, c, 3, stride, 1, groups=c, bias=False), nn.BatchNorm2d(c), nn.PReLU(c)),
+            *(nn.Conv2d(c, cout, 1, bias=False), nn.BatchNorm2d(cout)),
+        )
+        self.adds = stride == 1 and cin == cout
+
+    def forward(self, x):
+        return x + self.f(x) if self.adds else self.f(x)
+
+
+class Encoder(nn.Module):
+    """MobileFaceNet (Chen et al. 2018) on 112x112 pixels, then a head for each group of codes. The
+    statistics of batch normalisation are constants, as in stymo."""
+
+    def __init__(self):
+        super().__init__()
+        conv = lambda i, o, k, s, p, g: [
+            nn.Conv2d(i, o, k, s, p, groups=g, bias=False),
+            nn.BatchNorm2d(o),
+        ]
+        layers = [*conv(3, 64, 3, 2, 1, 1), nn.PReLU(64), *conv(64, 64, 3, 1, 1, 64), nn.PReLU(64)]
+        cin = 64
+        table = [(2, 64, 5, 2), (4, 128, 1, 2), (2, 128, 6, 1), (4, 128, 1, 2), (2, 128, 2, 1)]
+        for t, c, n, s in table:
+            for i in range(n):
+                layers.append(Bottleneck(cin, c, s if i == 0 else 1, t))
+                cin = c
+        layers += [*conv(128, 512, 1, 1, 0, 1), nn.PReLU(512), *conv(512, 512, 7, 1, 0, 512)]
+        layers += [*conv(512, 128, 1, 1, 0, 1), nn.Flatten()]
+        self.backbone = nn.Sequential(*layers).eval()
+        self.heads = nn.ModuleList([nn.Linear(128, d) for d in (100, 79, 100, 27)])
+
+    def forward(self, x):
+        x = F.interpolate(x, size=112, mode="bilinear", align_corners=False)
+        e = 0.3 * F.normalize(self.backbone(x))
+        return [h(e) for h in self.heads]
+
+
+CHANNELS = {"celeba-64": [64], "celeba-128": [64, 32], "celeba-256": [64, 32, 32]}
+WEIGHTS = {"celeba-64": [1.0], "celeba-128": [0.1, 1.0], "celeba-256": [0.05, 0.2, 1.0]}
+
+
+def training_step(name):
+    """A stage-1 step of configs/`name`.json as a function without arguments."""
+    res, B, N = int(name.split("-")[1]), 8, 16
+    E, G = Encoder(), Decoder(64, 4, res, 64, CHANNELS[name], 6)
+    L = Lpips("squeezenet1_1")
+    parameters = [*E.parameters(), *G.parameters()]
+    average = [p.detach().clone() for p in parameters]
+    opt = torch.optim.Adam(parameters, lr=2e-3)
+    photos = torch.rand(B, 3, res, res) * 2 - 1
+    mask = (torch.rand(B, 1024) > 0.5).float()
+
+    def step():
+        targets = [
+            F.interpolate(photos, size=2**k, mode="area") if 2**k < res else photos
+            for k in range(6, int(math.log2(res)) + 1)
+        ]
+        opt.zero_grad()
+        outs, weights, depths = G(E(photos), N, True)
+        loss = sum(g * (x - t).abs().mean() for g, x, t in zip(WEIGHTS[name], outs, targets))
+        with torch.no_grad():
+            wanted = L.feats(photos)
+        loss = loss + 0.1 * L(L.feats(outs[-1]), wanted)
+        opacity = weights.sum(-1)
+        mean = (weights * depths).sum(-1, keepdim=True)
+        variance = (weights * (depths - mean) ** 2).sum(-1).mean()
+        loss = loss + 0.2 * ((opacity - mask) ** 2).mean() + 0.2 * variance
+        loss.backward()
+        opt.step()
+        with torch.no_grad():
+            torch._foreach_lerp_(average, parameters, 0.01) if hasattr(
+                torch, "_foreach_lerp_"
+            ) else [a.lerp_(p, 0.01) for a, p in zip(average, parameters)]
+
+    return step
 
 
 class Disc(nn.Module):
@@ -235,6 +323,10 @@ def main():
     o = a.parse_args()
     torch.set_num_threads(o.threads)
     torch.manual_seed(0)
+    for w in [w for w in o.what if w in CHANNELS]:
+        time_of_step = timed(training_step(w), o.n)
+        print(f"{w}: {time_of_step * 1e3:.1f} ms  (threads {o.threads}, batch 8)", flush=True)
+    o.what = [w for w in o.what if w not in CHANNELS]
     G = Decoder(o.width, o.layers, o.res)
     z = [torch.randn(o.batch, d) * 0.1 for d in (100, 79, 100, 27)]
     tgt = torch.rand(o.batch, 3, o.res, o.res) * 2 - 1

@@ -37,7 +37,7 @@ std::string in_backquotes(const Value& name) {
 
 std::vector<BenchCase> bench_cases() {
     std::vector<BenchCase> all;
-    for (const auto& cases : {frame_cases(), step_cases(), kernel_cases()})
+    for (const auto& cases : {frame_cases(), step_cases(), training_cases(), kernel_cases()})
         std::ranges::copy(cases, std::back_inserter(all));
     return all;
 }

@@ -55,5 +55,6 @@ struct BenchCase {
 [[nodiscard]] std::vector<BenchCase> kernel_cases();
 [[nodiscard]] std::vector<BenchCase> frame_cases();
 [[nodiscard]] std::vector<BenchCase> step_cases();
+[[nodiscard]] std::vector<BenchCase> training_cases();
 
 }  // namespace stymo

@@ -45,6 +45,7 @@ int stymo_bench(int argc, char** argv) {
         {"bake", "Views of a head whose field is sampled once."},
         {"fit", "Steps of fitting."},
         {"train", "Steps of the first training stage."},
+        {"training", "Whole steps of the first stage with the configurations for small models."},
         {"disc", "Updates of the discriminator."},
         {"kernels", "A layer of the field by itself."},
         {"curve", "Error against frame time over samples, tolerance, precision, baked resolution."},

@@ -1,6 +1,6 @@
 #include "apps/bench/small_model.h"
 
-#include "apps/bench/demo_configuration.h"
+#include "apps/bench/embedded_configurations.h"
 #include "core/clock.h"
 #include "core/error.h"
 #include "core/interrupt.h"
@@ -12,13 +12,19 @@
 
 namespace stymo {
 
-TrainConfig small_training(std::int64_t steps, std::int64_t samples_per_ray) {
+TrainConfig embedded_configuration(const std::string& name,
+                                   const std::vector<std::string>& overrides) {
     const FolderInProgress folder(std::filesystem::temp_directory_path() / "stymo-report-config");
-    const std::filesystem::path file = folder.path() / "demo-64.json";
-    write_text_file(file, demo_configuration);
-    return load_train_config(file, {"stage1.steps=" + std::to_string(steps),
-                                    "stage1.samples_per_ray=" + std::to_string(samples_per_ray),
-                                    "stage1.average_half_life=0"});
+    for (const auto& [file, text] : embedded_configurations)
+        write_text_file(folder.path() / file, text);
+    return load_train_config(folder.path() / (name + ".json"), overrides);
+}
+
+TrainConfig small_training(std::int64_t steps, std::int64_t samples_per_ray) {
+    return embedded_configuration("demo-64",
+                                  {"stage1.steps=" + std::to_string(steps),
+                                   "stage1.samples_per_ray=" + std::to_string(samples_per_ray),
+                                   "stage1.average_half_life=0"});
 }
 
 void write_small_heads(const std::filesystem::path& folder, std::uint64_t seed) {

@@ -2,16 +2,22 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include "train/train_config.h"
 
-/// A model that is trained within a minute, on synthetic heads.
+/// Configurations that are part of the program, and a model that is trained within a minute on
+/// synthetic heads.
 namespace stymo {
+
+/// configs/`name`.json with overrides "a.b=value". Throws ConfigError.
+[[nodiscard]] TrainConfig embedded_configuration(const std::string& name,
+                                                 const std::vector<std::string>& overrides);
 
 inline constexpr std::int64_t small_heads = 240;
 
-/// configs/demo-64.json, which is part of the program, with other numbers of steps and of samples
-/// and without the EMA.
+/// demo-64 with other numbers of steps and of samples and without the EMA.
 [[nodiscard]] TrainConfig small_training(std::int64_t steps, std::int64_t samples_per_ray);
 /// Writes synthetic heads into an empty folder.
 void write_small_heads(const std::filesystem::path& folder, std::uint64_t seed);

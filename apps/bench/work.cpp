@@ -32,7 +32,14 @@ double trunk_work(const std::string& network, std::int64_t side) {
     double work = 0.0;
     std::int64_t channels = 3;
     for (const TrunkLayer& layer : description->layers) {
-        if (layer.kind == TrunkLayer::Kind::fire) return 0.0;
+        if (layer.kind == TrunkLayer::Kind::fire) {
+            // 1x1 to the squeezed channels, then 1x1 and 3x3 to half of the output each.
+            constexpr std::int64_t taps = 1 + 3 * 3;
+            work += area(side) *
+                    static_cast<double>(layer.squeezed * (channels + taps * layer.out / 2));
+            channels = layer.out;
+            continue;
+        }
         side = (side + 2 * layer.padding - layer.kernel) / layer.stride + 1;
         if (layer.kind == TrunkLayer::Kind::max_pool) continue;
         work += area(side * layer.kernel) * static_cast<double>(channels * layer.out);

@@ -24,8 +24,7 @@ struct FrameWork {
 
 /// `resolution` 0: the model's own.
 [[nodiscard]] FrameWork frame_work(const Model& model, std::int64_t resolution = 0);
-/// One forward pass of LPIPS' trunk on one square image; 0 for a network that is not a plain stack
-/// of convolutions.
+/// One forward pass of LPIPS' trunk on one square image.
 [[nodiscard]] double trunk_work(const std::string& network, std::int64_t side);
 /// One forward pass of a discriminator of images of this side.
 [[nodiscard]] double discriminator_work(const ParameterStore& discriminator,
