@@ -41,7 +41,7 @@ struct RenderOptions {
     HeadMeshOptions meshing;
 
     std::string mode = "exact";
-    RendererOptions renderer;  ///< its mode is that of `mode`
+    RendererOptions renderer;    ///< its mode is that of `mode`
     std::optional<double> psnr;  ///< that the tolerance is chosen for, in decibels
     bool explain = false;
 

@@ -1,7 +1,7 @@
 #include <Eigen/Geometry>
 #include <catch2/catch.hpp>
-#include <limits>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "core/error.h"
