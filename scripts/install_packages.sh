@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Installs the Debian packages that building and testing need. Does nothing if all are installed.
+# Installs the Debian packages that building and testing need, and those that are named. Does nothing
+# if all are installed. Usage: install_packages.sh [PACKAGE...]
 set -euo pipefail
 
 packages=(
@@ -10,6 +11,7 @@ packages=(
     libdlib-dev libdlib-data             # optional: finds faces in photos
     libopenmpi-dev openmpi-bin           # optional: training on several machines
     libcpp-httplib-dev                   # optional: the viewer in the browser
+    "$@"
 )
 
 missing=()

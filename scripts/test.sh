@@ -1,13 +1,17 @@
 #!/usr/bin/env bash
-# Installs packages, builds into build/ and runs the tests. --slow adds the slow tests. The test in
-# a browser is skipped unless Chromium, Node.js and playwright-core are there.
+# Installs packages, builds into build/ and runs the tests. --slow adds the slow tests, --browser
+# installs what the test of the viewer in Chromium needs. Without it that test is skipped.
 set -euo pipefail
 
-usage="usage: scripts/test.sh [--slow]   (--slow: run the slow tests too)"
+usage="usage: scripts/test.sh [--slow] [--browser]
+--slow: run the slow tests too
+--browser: install Chromium, Node.js and playwright-core, and test the viewer's page in Chromium"
 selection=(--label-exclude slow)
+browser=
 for argument in "$@"; do
     case "$argument" in
     --slow) selection=() ;;
+    --browser) browser=1 ;;
     --help | -h) echo "$usage" && exit 0 ;;
     *) echo "test.sh: unknown argument $argument; $usage" >&2 && exit 2 ;;
     esac
@@ -17,4 +21,9 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 scripts/install_packages.sh
 cmake --preset release
 cmake --build --preset release
+if [[ -n "$browser" ]]; then
+    export STYMO_PLAYWRIGHT=$PWD/build/browser/node_modules
+    scripts/install_browser.sh build/browser ||
+        echo "The test of the viewer in Chromium is skipped: it cannot be installed here."
+fi
 ctest --preset release "${selection[@]}"

@@ -2,6 +2,7 @@
 
 #include <array>
 
+#include "apps/view/private_file.h"
 #include "core/clock.h"
 #include "core/io/jpeg.h"
 #include "core/io/json_writer.h"
@@ -114,6 +115,7 @@ Answer Api::answer(const Request& request) {
     }
     if (path == "/api/codes") return codes_file(*session, request);
     if (path == "/api/tuned") return tuned_file(*session, request);
+    if (path == "/api/weights") return tuned_face(*session, request);
     if (path == "/api/eyes") return eyes(*session, request);
     if (path == "/api/close") {
         sessions_.close(request.session);
@@ -256,6 +258,18 @@ Answer Api::tuned_file(Session& session, const Request& request) {
                                       WeightChanges::between(plain, *face.model).save(file);
                                   }),
                     "application/octet-stream", "tuned.safetensors");
+}
+
+Answer Api::tuned_face(Session& session, const Request& request) {
+    ShelfFace face = session.shelf().find(request.value("face"));
+    if (request.body.empty()) throw RequestError(400, "the tuned file is missing");
+    read_bytes(request.body, "the file", [&](const std::filesystem::path& file) {
+        face.model = std::make_shared<const Model>(
+            load_model({.file = studio_.options().model.file, .tuned = file}, ModelParts::decoder));
+    });
+    face.tuned = true;
+    face.name += ", tuned";
+    return faces_answer(session, session.shelf().add(face));
 }
 
 Answer Api::eyes(Session& session, const Request& request) {

@@ -40,6 +40,8 @@ private:
     [[nodiscard]] ShelfFace shown_face(Session& session, const Request& request) const;
     [[nodiscard]] Answer codes_file(Session& session, const Request& request);
     [[nodiscard]] Answer tuned_file(Session& session, const Request& request);
+    /// The inverse: a new face with the codes of this one and the weights of the body.
+    [[nodiscard]] Answer tuned_face(Session& session, const Request& request);
     [[nodiscard]] Answer eyes(Session& session, const Request& request);
 
     Studio& studio_;

@@ -106,8 +106,10 @@ struct Kept {
                options.tolerance == wanted.tolerance && options.mask == wanted.mask &&
                options.depth == wanted.depth && options.resolution == wanted.resolution;
     }
+    bool is_new = false;  ///< made for the last request
     FaceRenderer& for_request(const FrameRequest& request, const RendererOptions& wanted) {
-        if (!suits(request, wanted)) {
+        is_new = !suits(request, wanted);
+        if (is_new) {
             renderer.emplace(*request.model, wanted);
             model = request.model;
             options = wanted;
@@ -209,7 +211,8 @@ std::optional<Frame> FrameRenderer::render(const FrameRequest& request,
     frame.jpeg = jpeg_bytes(picture_of(*view, request), exact ? state.settings.still_jpeg_quality
                                                               : state.settings.moving_jpeg_quality);
     frame.milliseconds = 1e3 * (seconds_now() - start);
-    if (moving) state.take_time(frame.milliseconds, request);
+    // Making a renderer takes longer than its frames.
+    if (moving && !state.moving.is_new) state.take_time(frame.milliseconds, request);
     frame.side = view->image.shape(0);
     frame.mode = render_mode_name(options.mode);
     frame.tolerance = options.tolerance;

@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "apps/common/prepared_photos.h"
+#include "apps/view/private_file.h"
 #include "core/error.h"
-#include "core/io/file.h"
 #include "core/io/image.h"
 #include "core/io/ply_file.h"
 #include "fit/edit/color_edit.h"
@@ -27,28 +27,6 @@ namespace {
 
 using std::chrono_literals::operator""ms;
 
-/// A folder of this process alone, removed at the end.
-class PrivateFolder {
-public:
-    PrivateFolder() {
-        std::string name = (std::filesystem::temp_directory_path() / "stymo-XXXXXX").string();
-        if (mkdtemp(name.data()) == nullptr)
-            fail<FileError>(name, ": cannot be made; set TMPDIR to a folder with room");
-        path_ = name;
-    }
-    ~PrivateFolder() {
-        std::error_code ignored;
-        std::filesystem::remove_all(path_, ignored);
-    }
-    PrivateFolder(const PrivateFolder&) = delete;
-    PrivateFolder& operator=(const PrivateFolder&) = delete;
-
-    [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-
-private:
-    std::filesystem::path path_;
-};
-
 /// Waits for the other jobs that use all threads.
 std::unique_lock<std::timed_mutex> turn(Studio& studio, Job& job) {
     std::unique_lock lock(studio.heavy_work(), std::defer_lock);
@@ -58,22 +36,16 @@ std::unique_lock<std::timed_mutex> turn(Studio& studio, Job& job) {
 
 PreparedPhoto prepared(Studio& studio, const std::string& bytes, Job& job) {
     job.report("finding the face", 0, 0);
-    const PrivateFolder folder;
-    const std::filesystem::path file = folder.path() / "photo";
-    write_text_file(file, bytes, Survives::nothing);
     PhotoPreparationSettings settings;
     settings.mask_model = studio.model()->has_encoder() ? studio.model().get() : nullptr;
     settings.parser = studio.options().parser;
-    const std::string name = file.string();
-    try {
+    PreparedPhoto photo;
+    read_bytes(bytes, "the photo", [&](const std::filesystem::path& file) {
         require_image_size(file, studio.options().most_photo_pixels);
-        return prepare_photos(std::span(&name, 1), studio.model()->config(), settings).front();
-    } catch (const FileError& error) {
-        // The user knows nothing of the file's name.
-        std::string text = error.what();
-        if (text.starts_with(name)) text = "the photo" + text.substr(name.size());
-        fail<FileError>(text);
-    }
+        const std::string name = file.string();
+        photo = prepare_photos(std::span(&name, 1), studio.model()->config(), settings).front();
+    });
+    return photo;
 }
 
 /// A model of which this face's tuned weights become a part.
@@ -130,14 +102,6 @@ Tensor pointed_part(const Studio& studio, const ShelfFace& face, const ColorWish
 }
 
 }  // namespace
-
-std::string written_bytes(const std::string& extension,
-                          const std::function<void(const std::filesystem::path&)>& write) {
-    const PrivateFolder folder;
-    const std::filesystem::path file = folder.path() / ("file" + extension);
-    write(file);
-    return read_text_file(file);
-}
 
 Job::Body fit_photo(Studio& studio, Session& session, std::string photo, const std::string& name,
                     double tune_seconds) {

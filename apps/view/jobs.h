@@ -41,9 +41,4 @@ struct FilmWish {
 /// The surface of a face as a PLY file.
 [[nodiscard]] Job::Body mesh(Studio& studio, const ShelfFace& face);
 
-/// Calls `write` with the name of a file of its own and returns the file's bytes. The file is
-/// removed again.
-[[nodiscard]] std::string written_bytes(
-    const std::string& extension, const std::function<void(const std::filesystem::path&)>& write);
-
 }  // namespace stymo::view

@@ -12,6 +12,8 @@ namespace stymo::view {
 namespace {
 
 constexpr std::size_t most_faces = 64;
+/// Each has a decoder of its own.
+constexpr std::ptrdiff_t most_tuned_faces = 16;
 constexpr std::size_t digits_of_element = 4;
 
 }  // namespace
@@ -20,6 +22,10 @@ std::string Shelf::add(ShelfFace face) {
     const std::lock_guard lock(mutex_);
     if (faces_.size() >= most_faces)
         fail<ValueError>("there is room for ", most_faces, " faces; remove one first");
+    const auto is_tuned = [](const auto& entry) { return entry.second.tuned; };
+    if (face.tuned && std::ranges::count_if(faces_, is_tuned) >= most_tuned_faces)
+        fail<ValueError>("there is room for ", most_tuned_faces,
+                         " faces with tuned weights; remove one first");
     const std::string id = "f" + std::to_string(++count_);
     faces_.emplace_back(id, std::move(face));
     return id;

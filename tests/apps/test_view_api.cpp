@@ -3,14 +3,18 @@
 #include <catch2/catch.hpp>
 #include <future>
 
+#include "apps/tiny_run.h"
+#include "apps/view/private_file.h"
 #include "apps/view/shelf.h"
 #include "apps/view_client.h"
 #include "core/angle.h"
 #include "core/error.h"
 #include "core/io/jpeg.h"
 #include "core/metrics.h"
+#include "core/ops/elementwise.h"
 #include "nn/models/code_file.h"
 #include "nn/models/view.h"
+#include "nn/models/weight_changes.h"
 #include "support/tiny_model.h"
 
 using namespace stymo;
@@ -114,6 +118,39 @@ TEST_CASE("new faces are drawn, opened, shared, mixed and kept", "[view]") {
     const view::Answer left = client.send("remove", "", {{"face", other}});
     CHECK(json::parse(left.body)["faces"].size() == client.json("faces")["faces"].size());
     CHECK(client.ask("frame", frame_of(other, "still")).status == 400);
+}
+
+TEST_CASE("tuned weights that were saved are opened again, and no others", "[view]") {
+    ViewClient client;
+    const std::string face = client.first_face();
+    const Model& model = *client.studio().model();
+    const Model tuned = Model::load(tiny_run() / "run/model.safetensors", ModelParts::decoder);
+    const Parameter& parameter = tuned.parameters().all().front();
+    parameter.set_value((Variable(parameter.variable().value()) * 1.25).value());
+    const auto bytes_of = [](const WeightChanges& changes) {
+        return view::written_bytes(".safetensors",
+                                   [&](const std::filesystem::path& file) { changes.save(file); });
+    };
+    const std::string weights = bytes_of(WeightChanges::between(model, tuned));
+    const json opened = json::parse(client.send("weights", weights, {{"face", face}}).body);
+    const std::string id = opened["face"];
+    CHECK(opened["faces"].back()["tuned"] == true);
+    CHECK(client.send("tuned", "", {{"face", id}}).body == weights);
+    CHECK(peak_signal_to_noise_ratio(picture(client.ask("frame", frame_of(id, "still"))),
+                                     picture(client.ask("frame", frame_of(face, "still")))) < 50.0);
+
+    const auto reason = [&](const std::string& bytes) {
+        const view::Answer answer = client.send("weights", bytes, {{"face", face}});
+        CHECK(answer.status == 400);
+        return json::parse(answer.body)["error"].get<std::string>();
+    };
+    CHECK_THAT(reason("no weights"), Catch::StartsWith("the file: "));
+    CHECK_THAT(reason(bytes_of(WeightChanges::between(tuned, model))),
+               Catch::StartsWith("the file: these weight changes were made for another model"));
+    CHECK(client.send("weights", "", {{"face", face}}).status == 400);
+    for (int i = 0; i < 20; ++i)
+        static_cast<void>(client.send("weights", weights, {{"face", face}}));
+    CHECK_THAT(reason(weights), Catch::Contains("remove one first"));
 }
 
 TEST_CASE("a film, a mesh and a change of colour are made; a job is cancelled", "[view]") {
@@ -237,6 +274,52 @@ TEST_CASE("a newer frame takes the place of one that waits, and none is lost", "
         shown += status == 200 ? 1 : 0;
     }
     CHECK(shown >= 1);
+}
+
+TEST_CASE("a frame that waits is dropped when a newer one is asked for", "[view]") {
+    ViewClient client;
+    view::Scheduler scheduler({});
+    const Codes codes = client.studio().first_faces().front().second.codes;
+    // Frames of this size take so long that two more requests come while one is rendered.
+    ModelConfig config = test::tiny_model_config();
+    config.decoder.resolution = 512;
+    config.decoder.block_channels = {6, 6, 6, 6, 6, 6};
+    config.reconstruction.resolution_weights = {1, 1, 1, 1, 1, 1};
+    Rng rng(1);
+    const auto model = std::make_shared<const Model>(config, rng);
+    const auto ask = [&](double yaw) {
+        return std::async(std::launch::async, [&, yaw] {
+            return scheduler.render(
+                "page",
+                {.model = model, .codes = codes, .camera = model_camera(*model, yaw, 0.0, 0.0)});
+        });
+    };
+    for (int attempt = 0, dropped = 0; dropped == 0; ++attempt) {
+        REQUIRE(attempt < 50);
+        std::vector<std::future<std::optional<view::Frame>>> frames;
+        for (int i = 0; i < 12; ++i) frames.push_back(ask(0.01 * i));
+        int shown = 0;
+        for (auto& frame : frames) (frame.get() ? shown : dropped) += 1;
+        CHECK(shown >= 1);
+        CHECK(ask(0.2).get());  // and the newest is always rendered
+    }
+}
+
+TEST_CASE("a page that is closed ends its work", "[view]") {
+    ViewClient client;
+    const json keys = {{{"yaw", -20}}, {{"yaw", 20}}};
+    const json film = {{"face", client.first_face()},
+                       {"keys", keys},
+                       {"seconds", 40},
+                       {"fps", 20},
+                       {"format", "gif"}};
+    client.json("film", film);
+    CHECK(client.ask("close").status == 200);
+    CHECK(client.ask("job").status == 410);
+    // The lock of heavy work is free again, so the job is not running.
+    std::timed_mutex& lock = client.studio().heavy_work();
+    REQUIRE(lock.try_lock());
+    lock.unlock();
 }
 
 TEST_CASE("codes survive their text to 16 bits", "[view]") {

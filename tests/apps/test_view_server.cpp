@@ -3,6 +3,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <csignal>
@@ -37,6 +38,11 @@ public:
 
     void send(const std::string& bytes) const {
         static_cast<void>(::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL));
+    }
+    /// The next byte, if one comes within 10 s.
+    [[nodiscard]] bool reads_a_byte() const {
+        char byte = 0;
+        return ::recv(socket_, &byte, 1, 0) == 1;
     }
     /// All that comes until the other side closes or 10 s pass.
     [[nodiscard]] std::string rest() const {
@@ -183,6 +189,53 @@ TEST_CASE("clients that send nothing, or a byte now and then, do not keep others
         idle.back()->send("POST /api/fr");
     }
     CHECK(is_status(running.exchange(running.request("GET /")), 200));
+}
+
+TEST_CASE("clients that read a byte now and then do not keep others out", "[view]") {
+    const Running running;  // eight connections at once
+    // More answers than the buffers of a connection hold, so that the server has to wait.
+    std::string requests;
+    for (int i = 0; i < 4000; ++i)
+        requests += "GET / HTTP/1.1\r\nHost: " + running.host() + "\r\n\r\n";
+    std::vector<std::unique_ptr<Connection>> slow;
+    for (int i = 0; i < 16; ++i)
+        slow.push_back(std::make_unique<Connection>(running.server.port()));
+    std::vector<std::jthread> senders;
+    for (const auto& connection : slow) senders.emplace_back([&] { connection->send(requests); });
+    for (int i = 0; i < 3; ++i) {
+        for (int k = 0; k < 4; ++k) CHECK(slow[static_cast<std::size_t>(k)]->reads_a_byte());
+        CHECK(is_status(running.exchange(running.request("GET /")), 200));
+    }
+    slow.clear();
+}
+
+TEST_CASE("two hundred pages at once are answered, and the picture of others moves on", "[view]") {
+    ViewClient client;
+    view::Api api(client.studio(), 201);
+    const auto ask = [&](const std::string& path, const std::string& session,
+                         const std::string& body) {
+        return api({.path = path, .session = session, .query = {}, .body = body});
+    };
+    const auto open = [&] { return ask("/api/session", "", ""); };
+    const auto frame = [&](const view::Answer& opened, double yaw) {
+        const nlohmann::json page = nlohmann::json::parse(opened.body);
+        const nlohmann::json wish = {
+            {"face", page["faces"][0]["face"]}, {"quality", "moving"}, {"camera", {{"yaw", yaw}}}};
+        return ask("/api/frame", page["session"], wish.dump());
+    };
+    const view::Answer own = open();
+    REQUIRE(own.status == 200);
+    std::atomic<int> answered = 0;
+    std::vector<std::jthread> pages;
+    for (int i = 0; i < 200; ++i)
+        pages.emplace_back([&, i] {
+            const view::Answer opened = open();
+            if (opened.status == 200 && frame(opened, 0.1 * i).status == 200) ++answered;
+        });
+    for (int i = 0; i < 20; ++i) CHECK(frame(own, double(i)).status == 200);
+    pages.clear();
+    CHECK(answered == 200);
+    CHECK(open().status == 503);
 }
 
 TEST_CASE("a port that is taken is named", "[view]") {

@@ -16,7 +16,7 @@ chromium=$(command -v chromium || command -v chromium-browser) ||
     skip "Chromium is not installed (apt-get install chromium)"
 modules=${STYMO_PLAYWRIGHT:-${NODE_PATH:-$here/node_modules}}
 [[ -d "$modules/playwright-core" ]] ||
-    skip "playwright-core is not installed (npm install --prefix tests/browser playwright-core)"
+    skip "playwright-core is not installed (scripts/install_browser.sh tests/browser)"
 
 work=$(mktemp -d)
 server=

@@ -232,6 +232,43 @@ test("a photo is fitted, picture after picture", async (page) => {
   assert.ok((await shown(page)).frames > frames + 2, "pictures came while it was fitted");
 });
 
+test("a tuned face is saved and opened again", async (page) => {
+  const file = await photoOfAFace(page);
+  await page.selectOption("#tune", "10");
+  await page.setInputFiles("#photo", file);
+  assert.equal((await jobEnds(page)).state, "done");
+  await settled(page);
+  const tuned = await pixels(page);
+  const files = [];
+  for (const [button, name] of [["#codes", "codes.json"], ["#tuned", "tuned.safetensors"]]) {
+    const [download] = await Promise.all([page.waitForEvent("download"), page.click(button)]);
+    files.push(path.join(work, name));
+    await download.saveAs(files.at(-1));
+  }
+  await page.locator(".face").nth(0).getByRole("button", { name: "Show" }).click();
+  const count = await faceCount(page);
+  await page.setInputFiles("#open", files);
+  await page.waitForFunction((n) => document.querySelectorAll(".face").length === n, count + 2);
+  await settled(page);
+  assert.ok(difference(tuned, await pixels(page)) < 1, await page.textContent("#message"));
+  assert.ok(await page.locator("#tuned").isVisible());
+});
+
+test("a page that is closed while it fits does not hold up another", async (page) => {
+  const file = await photoOfAFace(page);
+  const other = await page.context().newPage();
+  await other.goto(address);
+  await settled(other);
+  // Longer than a test waits.
+  await other.evaluate(() => document.getElementById("tune").append(new Option("long", "600")));
+  await other.selectOption("#tune", "600");
+  await other.setInputFiles("#photo", file);
+  await other.waitForFunction(() => window.stymo.job.phase === "tuning", null, { timeout: slow });
+  await other.close();
+  await page.setInputFiles("#photo", file);
+  assert.equal((await jobEnds(page)).state, "done");
+});
+
 test("a fit is cancelled and leaves no face", async (page) => {
   const file = await photoOfAFace(page);
   const count = await faceCount(page);

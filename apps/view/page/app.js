@@ -3,7 +3,7 @@
 import { openSession, post, save } from "/page/api.js";
 import { enableColor, isPicking, setPicking } from "/page/color.js";
 import {
-  addFace, drawNew, enableDrop, fitPhoto, makeGroups, openCodes, setFaces, showFace,
+  addFace, drawNew, enableDrop, fitPhoto, makeGroups, openFiles, setFaces, showFace,
 } from "/page/faces.js";
 import { request, shown } from "/page/frames.js";
 import { cancelJob, job, watchJob } from "/page/job.js";
@@ -54,7 +54,7 @@ function connectButtons() {
     event.target.value = "";
   };
   element("open").onchange = (event) => {
-    openCodes(event.target.files[0]);
+    openFiles([...event.target.files]);
     event.target.value = "";
   };
   element("keep").onclick = keepSliders;

@@ -1,4 +1,4 @@
-// The strip of faces: showing, mixing, drawing, fitting a photo, opening codes.
+// The strip of faces: showing, mixing, drawing, fitting a photo, opening files.
 
 import { ask, post } from "/page/api.js";
 import { watchJob } from "/page/job.js";
@@ -125,8 +125,20 @@ async function remove(id) {
   }
 }
 
-export async function openCodes(file) {
-  if (file) await addFace({ file: await file.text(), name: file.name.slice(0, 60) });
+/// Codes, tuned weights, or both of a face.
+export async function openFiles(files) {
+  const weights = files.find((file) => file.name.endsWith(".safetensors"));
+  const codes = files.find((file) => file.name.endsWith(".json"));
+  if (codes && !await addFace({ file: await codes.text(), name: codes.name.slice(0, 60) })) return;
+  if (!weights) return;
+  try {
+    const query = new URLSearchParams({ face: state.face });
+    const answer = await (await post("weights?" + query, weights)).json();
+    setFaces(answer);
+    showFace(answer.face);
+  } catch (error) {
+    say(error.message);
+  }
 }
 
 export async function fitPhoto(file) {
@@ -161,9 +173,8 @@ export function enableDrop() {
       if (frame.contains(event.target)) mixFrom(face);
       return;
     }
-    const file = event.dataTransfer.files[0];
-    if (!file) return;
-    if (file.name.endsWith(".json")) openCodes(file);
-    else fitPhoto(file);
+    const files = [...event.dataTransfer.files];
+    if (files.some((file) => /\.(json|safetensors)$/.test(file.name))) openFiles(files);
+    else fitPhoto(files[0]);
   });
 }
