@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs the Debian packages that building and testing need, and those that are named. Does nothing
-# if all are installed. Usage: install_packages.sh [PACKAGE...]
+# Installs the Debian packages that building and testing need, and those that are named. Does
+# nothing if all are installed. Usage: install_packages.sh [PACKAGE...]
 set -euo pipefail
 
 packages=(
