@@ -187,7 +187,8 @@ Tensor FaceParser::parse_head(const Tensor& crop, const Tensor& mask) {
 
 Tensor FaceParser::head_mask(const Tensor& crop, const Landmarks& landmarks) {
     const Tensor logits = implementation_->logits(crop);
-    const Tensor mask = grab_cut_head_mask(crop, landmarks, head_probability(logits));
+    const Tensor mask = grab_cut_head_mask(
+        crop, landmarks, {.probability = head_probability(logits), .is_sharp = true});
     return head_mask_from_parsing(classes_within(strongest_class(logits), mask));
 }
 

@@ -177,27 +177,34 @@ private:
     cv::Mat cells_;
 };
 
+/// Adds what `known` says to the log odds of the place, each with the share that agrees best with
+/// hand-made masks (docs/results.md).
+void add_probability(cv::Mat& odds, const HeadPrior& known) {
+    // Both sources know of the position, so neither counts in full.
+    const float share_of_place = known.is_sharp ? 0.5F : 0.25F;
+    const float share_of_known = known.is_sharp ? 1.0F : 0.35F;
+    const Tensor small = resize_image(known.probability, side, side);
+    const std::span<const float> probability = small.values<float>();
+    std::transform(odds.begin<float>(), odds.end<float>(), probability.begin(), odds.begin<float>(),
+                   [&](float place, float value) {
+                       const double clamped = std::clamp(static_cast<double>(value), 0.01, 0.99);
+                       return share_of_place * place + share_of_known * log_odds(clamped);
+                   });
+}
+
 /// Log odds that a pixel belongs to the head, regardless of its colour.
 cv::Mat prior_log_odds(const HeadPlace& head, const cv::Mat& face, const cv::Mat& neck,
-                       const Tensor& of_network) {
+                       const HeadPrior& known) {
     cv::Mat odds = log_odds_of_place(head);
-    if (!of_network.defined()) {
+    if (known.probability.defined()) add_probability(odds, known);
+    if (known.is_sharp) {
+        cv::add(odds, cv::Scalar(3.0), odds, face);
+        cv::subtract(odds, cv::Scalar(2.0), odds, neck);
+    } else {
         constexpr double certain = 20.0;
         odds.setTo(certain, face);
         odds.setTo(-certain, neck);
-        return odds;
     }
-    // The network takes the position into account too.
-    constexpr double share_of_place = 0.5;
-    const Tensor small = resize_image(of_network, side, side);
-    const std::span<const float> probability = small.values<float>();
-    std::transform(odds.begin<float>(), odds.end<float>(), probability.begin(), odds.begin<float>(),
-                   [](float place, float network) {
-                       return static_cast<float>(share_of_place) * place +
-                              log_odds(std::clamp(static_cast<double>(network), 0.01, 0.99));
-                   });
-    cv::add(odds, cv::Scalar(3.0), odds, face);
-    cv::subtract(odds, cv::Scalar(2.0), odds, neck);
     return odds;
 }
 
@@ -254,15 +261,14 @@ Tensor cut(const cv::Mat& image, const cv::Mat& probability) {
 
 }  // namespace
 
-Tensor grab_cut_head_mask(const Tensor& crop, const Landmarks& landmarks,
-                          const Tensor& head_probability) {
+Tensor grab_cut_head_mask(const Tensor& crop, const Landmarks& landmarks, const HeadPrior& prior) {
     if (crop.rank() != 3 || crop.size() == 0 || crop.shape(0) != crop.shape(1) ||
         crop.shape(2) != 3)
         fail<ShapeError>("[grab_cut] a crop is (side, side, 3); got ", crop.shape());
-    if (head_probability.defined() &&
-        !(head_probability.shape() == Shape{crop.shape(0), crop.shape(1), 1}))
+    if (prior.probability.defined() &&
+        !(prior.probability.shape() == Shape{crop.shape(0), crop.shape(1), 1}))
         fail<ShapeError>("[grab_cut] a probability for each pixel of ", crop.shape(),
-                         " is wanted; got ", head_probability.shape());
+                         " is wanted; got ", prior.probability.shape());
     const HeadPlace head =
         place_of(scaled_landmarks(landmarks, side / static_cast<double>(crop.shape(0))));
     if (!(head.jaw_width > 0.0 && head.eyes_to_chin > 0.0))
@@ -271,8 +277,8 @@ Tensor grab_cut_head_mask(const Tensor& crop, const Landmarks& landmarks,
     const cv::Mat face = face_of(head);
     cv::Mat neck = neck_of(head);
     neck.setTo(0, face);
-    const cv::Mat prior = prior_log_odds(head, face, neck, head_probability);
-    const Tensor mask = clean_head_mask(cut(image, posterior(image, prior, face, neck)));
+    const cv::Mat odds = prior_log_odds(head, face, neck, prior);
+    const Tensor mask = clean_head_mask(cut(image, posterior(image, odds, face, neck)));
     const auto output_side = static_cast<int>(crop.shape(0));
     return clean_head_mask(resize_image(mask, output_side, output_side));
 }

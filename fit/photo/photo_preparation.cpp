@@ -172,9 +172,10 @@ std::string PhotoPreparation::Implementation::failure_of(
 void PhotoPreparation::Implementation::complete_mask(FaceCrop& crop, const Pose& pose) const {
     if (!crop.made_mask) return;
     if (settings.mask_model != nullptr && !parser)
-        crop.mask = grab_cut_head_mask(
-            crop.image, crop.landmarks,
-            head_probability(*settings.mask_model, crop.image, pose, settings.intrinsics));
+        crop.mask =
+            grab_cut_head_mask(crop.image, crop.landmarks,
+                               {.probability = head_probability(*settings.mask_model, crop.image,
+                                                                pose, settings.intrinsics)});
     if (crop.known_mask.defined())
         crop.mask_agreement =
             intersection_over_union(crop.mask, resized(crop.known_mask, settings.side));

@@ -92,9 +92,23 @@ TEST_CASE(
             values[static_cast<std::size_t>((row + 110) * side + column + 110)] = 0.2F;
         }
     const double before = intersection_over_union(probability, head);
-    const Tensor mask = grab_cut_head_mask(image, drawn_landmarks(), probability);
+    const Tensor mask = grab_cut_head_mask(image, drawn_landmarks(),
+                                           {.probability = probability, .is_sharp = true});
     CHECK(before < 0.85);
     CHECK(intersection_over_union(mask, head) > 0.95);
+}
+
+TEST_CASE("a rough guess of the head does not overrule what the landmarks say") {
+    const auto [image, head] = drawing();
+    // Blurred by so much that a third of the face is below a half, and the wall above it.
+    Tensor guess = Tensor::full({side, side, 1}, 0.6);
+    const auto values = guess.mutable_values<float>();
+    for (std::int64_t row = 150; row < side; ++row)
+        for (std::int64_t column = 0; column < side; ++column)
+            values[static_cast<std::size_t>(row * side + column)] = 0.05F;
+    const Tensor mask = grab_cut_head_mask(image, drawn_landmarks(), {.probability = guess});
+    CHECK(intersection_over_union(guess, head) < 0.5);
+    CHECK(intersection_over_union(mask, head) > 0.9);
 }
 
 TEST_CASE("GrabCut refuses crops that are not square and landmarks upside down") {
@@ -102,9 +116,9 @@ TEST_CASE("GrabCut refuses crops that are not square and landmarks upside down")
     Landmarks all_at_one_point;
     all_at_one_point.fill({128.0, 165.0});
     CHECK_THROWS_AS(grab_cut_head_mask(Tensor::zeros({8, 8, 3}), all_at_one_point), ValueError);
-    CHECK_THROWS_AS(
-        grab_cut_head_mask(Tensor::zeros({8, 8, 3}), drawn_landmarks(), Tensor::zeros({4, 4, 1})),
-        ShapeError);
+    CHECK_THROWS_AS(grab_cut_head_mask(Tensor::zeros({8, 8, 3}), drawn_landmarks(),
+                                       {.probability = Tensor::zeros({4, 4, 1})}),
+                    ShapeError);
 }
 
 TEST_CASE("head masks agree with hand-made ones", "[slow]") {
