@@ -14,6 +14,10 @@ void declare_preparation_files(Command& command, PhotoPreparationSettings& setti
     command.option("--pose-net", settings.pose_network,
                    "pose network in an ONNX file, 3DDFA_V2 or 6DRepNet; its pose replaces that of "
                    "the fitted head");
+    command
+        .option("--max-pixels", settings.most_pixels,
+                "unprepared photos with more pixels are refused")
+        .range(1, 1e12);
 }
 
 }  // namespace stymo

@@ -6,7 +6,7 @@
 namespace stymo {
 
 /// Declares --parser, --morphable, --landmarks and --pose-net, the files for the preparation of
-/// photos.
+/// photos, and --max-pixels.
 void declare_preparation_files(Command& command, PhotoPreparationSettings& settings);
 
 }  // namespace stymo

@@ -14,7 +14,7 @@ namespace {
 constexpr std::int64_t least_aligned_side = 512;
 
 FaceCrop largest_face(const PhotoPreparation& preparation, const std::string& image) {
-    const Tensor photo = read_image(image);
+    const Tensor photo = read_image(image, preparation.settings().most_pixels);
     try {
         return preparation.crops(photo, {}).front();
     } catch (const ValueError& error) {

@@ -36,6 +36,7 @@ JsonValue settings_json(const fs::path& photos, const PhotoPreparationSettings& 
     return JsonValue::object(
         {{"--photos", absolute(photos)},
          {"--size", settings.side},
+         {"--max-pixels", settings.most_pixels},
          {"--all-faces", settings.all_faces},
          {"--new-masks", settings.new_masks},
          {"--landmarks", absolute(settings.landmark_model)},
@@ -66,7 +67,7 @@ struct PhotoInWork {
 PhotoInWork cropped(const FaceFiles& files, const FolderScan& scan,
                     const PhotoPreparation& preparation) {
     PhotoInWork work{&files, {}, {}};
-    FaceImage image = read_face_image(files);
+    FaceImage image = read_face_image(files, preparation.settings().most_pixels);
     if (image.broken) {
         const bool of_photo = image.broken->file == files.image.string();
         work.failure =

@@ -39,9 +39,9 @@ PreparedPhoto prepared(Studio& studio, const std::string& bytes, Job& job) {
     PhotoPreparationSettings settings;
     settings.mask_model = studio.model()->has_encoder() ? studio.model().get() : nullptr;
     settings.parser = studio.options().parser;
+    settings.most_pixels = studio.options().most_photo_pixels;
     PreparedPhoto photo;
     read_bytes(bytes, "the photo", [&](const std::filesystem::path& file) {
-        require_image_size(file, studio.options().most_photo_pixels);
         const std::string name = file.string();
         photo = prepare_photos(std::span(&name, 1), studio.model()->config(), settings).front();
     });

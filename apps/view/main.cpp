@@ -61,6 +61,9 @@ int stymo_view(int argc, char** argv) {
         .range(20, 90);
     line.option("--fit-steps", options.studio.fit_steps, "steps of fitting a photo")
         .range(1, 10000);
+    line.option("--max-pixels", options.studio.most_photo_pixels,
+                "photos with more pixels are refused")
+        .range(1, 1e12);
     line.option("--sessions", options.most_sessions, "largest number of open pages").range(1, 1000);
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return serve(options); });
 }

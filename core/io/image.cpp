@@ -23,7 +23,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view png_signature = "\x89PNG\r\n\x1a\n";
-constexpr std::int64_t maximum_pixels = std::int64_t{1} << 28;
 /// Larger images are refused if they have more pixels for each byte of the file than the formats
 /// can store: a header that lies would take the memory before the missing pixels are noticed.
 constexpr std::int64_t trusted_pixels = std::int64_t{1} << 24;
@@ -36,11 +35,11 @@ constexpr std::int64_t most_pixels_of_a_byte = 10000;
 
 /// Throws for a size that the header of a file of so many bytes cannot mean.
 void require_plausible_size(const fs::path& path, std::int64_t width, std::int64_t height,
-                            std::size_t bytes) {
+                            std::size_t bytes, std::int64_t most_pixels) {
     const std::int64_t pixels = width * height;
-    if (pixels > maximum_pixels) {
+    if (pixels > most_pixels) {
         fail<FileError>(path.string(), ": cannot be read (image too large: ", width, " x ", height,
-                        " pixels)");
+                        " pixels; at most ", most_pixels, " are allowed)");
     }
     if (pixels > trusted_pixels &&
         pixels / most_pixels_of_a_byte > static_cast<std::int64_t>(bytes)) {
@@ -113,7 +112,7 @@ void turn_upright(Pixels& pixels, int orientation) {
     pixels.values = std::move(values);
 }
 
-Pixels read_pixels(const fs::path& path) {
+Pixels read_pixels(const fs::path& path, std::int64_t most_pixels) {
     const std::size_t bytes = read_image_bytes(path).size();
     OIIO::ImageSpec hints;
     // Multiplying here ignores the file's gamma tag.
@@ -127,7 +126,7 @@ Pixels read_pixels(const fs::path& path) {
     if (spec.deep || spec.depth > 1 || spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0) {
         refuse(path, "not a flat image");
     }
-    require_plausible_size(path, spec.width, spec.height, bytes);
+    require_plausible_size(path, spec.width, spec.height, bytes, most_pixels);
     Pixels pixels{spec.height,        spec.width, std::min(spec.nchannels, 4),
                   spec.alpha_channel, false,      {}};
     pixels.alpha_multiplied = spec.get_int_attribute("oiio:UnassociatedAlpha", 0) == 0;
@@ -191,21 +190,8 @@ void write_file(const fs::path& path, const OIIO::ImageSpec& spec, const void* p
 
 }  // namespace
 
-void require_image_size(const fs::path& path, std::int64_t most_pixels) {
-    const auto input = OIIO::ImageInput::open(path.string());
-    if (!input) {
-        static_cast<void>(OIIO::geterror());
-        fail<FileError>(path.string(), ": not an image");
-    }
-    const std::int64_t pixels = std::int64_t{input->spec().width} * input->spec().height;
-    if (pixels > most_pixels) {
-        fail<FileError>(path.string(), ": has ", input->spec().width, " x ", input->spec().height,
-                        " pixels; at most ", most_pixels, " are allowed");
-    }
-}
-
-Tensor read_image(const fs::path& path) {
-    return rgb_of(read_pixels(path));
+Tensor read_image(const fs::path& path, std::int64_t most_pixels) {
+    return rgb_of(read_pixels(path, most_pixels));
 }
 
 Tensor read_mask(const fs::path& path) {
@@ -240,7 +226,7 @@ Tensor read_class_map(const fs::path& path) {
         fail<FileError>(path.string(), ": not a class map (needs an 8-bit palette or grey PNG)");
     }
     try {
-        require_plausible_size(path, width, height, bytes.size());
+        require_plausible_size(path, width, height, bytes.size(), usual_most_pixels);
     } catch (const FileError&) {
         png_image_free(&image);
         throw;

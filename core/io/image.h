@@ -10,14 +10,14 @@
 
 namespace stymo {
 
+inline constexpr std::int64_t usual_most_pixels = std::int64_t{1} << 28;
+
 /// Reads any image as float32 (height, width, 3), RGB in [0, 1], turned upright by its EXIF
 /// orientation. Grey is repeated, alpha is composited over black, integers are scaled, floats
 /// clipped. Throws FileError with a short reason ("not an image (zero bytes)") if the file is no
-/// readable image.
-[[nodiscard]] Tensor read_image(const std::filesystem::path& path);
-/// Throws FileError for a file that is no image or has more than `most_pixels`, by its header
-/// alone.
-void require_image_size(const std::filesystem::path& path, std::int64_t most_pixels);
+/// readable image, or by its header alone if it has more than `most_pixels`.
+[[nodiscard]] Tensor read_image(const std::filesystem::path& path,
+                                std::int64_t most_pixels = usual_most_pixels);
 /// Reads one channel as float32 (height, width, 1) in [0, 1]: a mask. A colour image becomes its
 /// luminance.
 [[nodiscard]] Tensor read_mask(const std::filesystem::path& path);

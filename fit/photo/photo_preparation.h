@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "core/io/image.h"
 #include "core/tensor.h"
 #include "fit/morphable/morphable_fit.h"
 #include "fit/photo/landmarks.h"
@@ -22,7 +23,8 @@ struct PhotoPreparationSettings {
     std::int64_t side = 256;       ///< of images and masks made, in pixels
     std::int64_t wanted_side = 0;  ///< side in pixels below which a crop gets a warning; 0: `side`
     Intrinsics intrinsics;         ///< that the poses are found for
-    bool all_faces = false;        ///< of a photo with several; else the largest
+    std::int64_t most_pixels = usual_most_pixels;  ///< photos with more are refused
+    bool all_faces = false;                        ///< of a photo with several; else the largest
     bool new_masks = false;  ///< masks are made even where one is known, and both are compared
     PivotCamera pivot;       ///< of poses from a network
     /// Its heads guide GrabCut where there is no face parser (model_mask.h); must outlive the

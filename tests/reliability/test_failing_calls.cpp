@@ -199,6 +199,23 @@ TEST_CASE("whichever call fails, a preparation says so, and goes on with the sam
     fail_each(preparation());
 }
 
+TEST_CASE("a file system that is read-only is an error of one line", "[slow]") {
+    // Permissions would not keep a test that runs as root from writing.
+    for (const Job& job : {training(), fitting(), preparation()}) {
+        const ScratchFolder disk;
+        fs::create_directory(disk / "out");
+        for (const fs::path& out : {disk / "out", disk / "new"}) {
+            INFO(job.command << out);
+            const ToolOutcome outcome = disturbed(job, out, {"create", EROFS}, 1, true);
+            INFO(outcome.err);
+            check_says_so(job.command, outcome);
+            CHECK_THAT(outcome.err, Catch::Contains("Read-only file system"));
+            CHECK_THAT(outcome.err, !Catch::Contains("%"));  // before the work
+            CHECK((!fs::exists(out) || fs::is_empty(out)));
+        }
+    }
+}
+
 TEST_CASE("files that may not grow and too few open files are errors of one line", "[slow]") {
     for (const Job& job : {training(), fitting(), preparation()}) {
         // The tool's own messages go to a file too, so the least limit leaves room for them.

@@ -55,11 +55,11 @@ std::string reason_of(const Error& error, const std::filesystem::path& file) {
 
 }  // namespace
 
-FaceImage read_face_image(const FaceFiles& files) {
+FaceImage read_face_image(const FaceFiles& files, std::int64_t most_pixels) {
     const std::filesystem::path* reading = &files.image;
     try {
         FaceImage image;
-        image.image = read_image(files.image);
+        image.image = read_image(files.image, most_pixels);
         if (!files.mask.empty()) {
             reading = &files.mask;
             image.mask = read_mask(files.mask);

@@ -3,6 +3,7 @@
 #include <optional>
 #include <string>
 
+#include "core/io/image.h"
 #include "core/tensor.h"
 #include "train/data/folder_scan.h"
 
@@ -25,7 +26,8 @@ struct FaceImage {
 
 /// Decodes the files of a face. The mask is the head mask, else made from the parsing, else from
 /// the parts. Does not throw for unreadable files.
-[[nodiscard]] FaceImage read_face_image(const FaceFiles& files);
+[[nodiscard]] FaceImage read_face_image(const FaceFiles& files,
+                                        std::int64_t most_pixels = usual_most_pixels);
 
 /// Whether the parsing or the parts tell the face from hair and ears.
 [[nodiscard]] bool tells_face_region(const FaceFiles& files);

@@ -1,11 +1,12 @@
 // Fails one call of a program, for LD_PRELOAD. STYMO_FAIL_CALL names what fails (open, read, write,
-// flush, rename, allocate), STYMO_FAIL_AT which of those calls (from 1 on; 0: none), and
-// STYMO_FAIL_ERROR the error number. Calls on files count if their absolute path, without symbolic
-// links, begins with STYMO_FAIL_PATH; allocations count once the program has opened such a file,
-// because the libraries that it is linked with allocate before its main function. With
-// STYMO_FAIL_EVER the later calls fail, too. The number of calls is written to STYMO_FAIL_COUNT at
-// the end.
+// flush, rename, allocate; create: what a read-only file system refuses), STYMO_FAIL_AT which of
+// those calls (from 1 on; 0: none), and STYMO_FAIL_ERROR the error number. Calls on files count if
+// their absolute path, without symbolic links, begins with STYMO_FAIL_PATH; allocations count once
+// the program has opened such a file, because the libraries that it is linked with allocate before
+// its main function. With STYMO_FAIL_EVER the later calls fail, too. The number of calls is written
+// to STYMO_FAIL_COUNT at the end.
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <sys/uio.h>
 #include <unistd.h>
 
@@ -104,10 +105,18 @@ std::atomic<bool>& has_begun() {
     return begun;
 }
 
-bool fails_to_open(const char* path) {
+bool fails_to_open(const char* path, bool to_write) {
     if (!counts_at(path)) return false;
     has_begun() = true;
-    return wish().counts("open") && fails_now();
+    return (wish().counts("open") || (to_write && wish().counts("create"))) && fails_now();
+}
+
+bool writes(int flags) {
+    return (flags & O_ACCMODE) != O_RDONLY;
+}
+
+bool writes(const char* mode) {
+    return std::strpbrk(mode, "wa+") != nullptr;
 }
 
 bool fails_to_allocate() {
@@ -131,26 +140,26 @@ struct Report {
 // NOLINTBEGIN(bugprone-reserved-identifier,readability-identifier-naming)
 extern "C" {
 
-#define FAIL_OPEN(name)                                                        \
-    int name(const char* path, int flags, ...) {                               \
-        STYMO_NEXT(name);                                                      \
-        va_list rest;                                                          \
-        va_start(rest, flags);                                                 \
-        const mode_t mode = (flags & O_CREAT) != 0 ? va_arg(rest, mode_t) : 0; \
-        va_end(rest);                                                          \
-        return fails_to_open(path) ? -1 : next(path, flags, mode);             \
+#define FAIL_OPEN(name)                                                           \
+    int name(const char* path, int flags, ...) {                                  \
+        STYMO_NEXT(name);                                                         \
+        va_list rest;                                                             \
+        va_start(rest, flags);                                                    \
+        const mode_t mode = (flags & O_CREAT) != 0 ? va_arg(rest, mode_t) : 0;    \
+        va_end(rest);                                                             \
+        return fails_to_open(path, writes(flags)) ? -1 : next(path, flags, mode); \
     }
 FAIL_OPEN(open)
 FAIL_OPEN(open64)
 
 FILE* fopen(const char* path, const char* mode) {
     STYMO_NEXT(fopen);
-    return fails_to_open(path) ? nullptr : next(path, mode);
+    return fails_to_open(path, writes(mode)) ? nullptr : next(path, mode);
 }
 
 FILE* fopen64(const char* path, const char* mode) {
     STYMO_NEXT(fopen64);
-    return fails_to_open(path) ? nullptr : next(path, mode);
+    return fails_to_open(path, writes(mode)) ? nullptr : next(path, mode);
 }
 
 ssize_t read(int descriptor, void* bytes, size_t size) {
@@ -191,6 +200,16 @@ size_t fwrite(const void* bytes, size_t size, size_t items, FILE* stream) {
 int fsync(int descriptor) {
     STYMO_NEXT(fsync);
     return fails("flush", descriptor) ? -1 : next(descriptor);
+}
+
+int access(const char* path, int kind) noexcept {
+    STYMO_NEXT(access);
+    return (kind & W_OK) != 0 && fails("create", path) ? -1 : next(path, kind);
+}
+
+int mkdir(const char* path, mode_t mode) noexcept {
+    STYMO_NEXT(mkdir);
+    return fails("create", path) ? -1 : next(path, mode);
 }
 
 int rename(const char* from, const char* to) noexcept {
