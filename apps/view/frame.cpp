@@ -5,6 +5,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "apps/common/render_modes.h"
+#include "apps/view/moving_side.h"
 #include "core/clock.h"
 #include "core/io/image.h"
 #include "core/io/jpeg.h"
@@ -123,18 +124,23 @@ struct Kept {
 
 struct FrameRenderer::State {
     FrameSettings settings;
-    double tolerance = 0.0;     ///< of moving frames
-    bool half_side = false;     ///< likewise
-    double milliseconds = 0.0;  ///< of a moving frame, on average
+    double tolerance;  ///< of moving frames
+    MovingSide side;
     Kept moving, still, thumbnail;
 
     [[nodiscard]] RendererOptions options_of_moving(const FrameRequest& request) const {
         RendererOptions options = options_for(request, settings.moving_mode, tolerance);
-        if (half_side) options.resolution = request.model->config().decoder.resolution / 2;
+        if (is_half_side(request))
+            options.resolution = request.model->config().decoder.resolution / 2;
         return options;
     }
-    /// Follows the speed of moving frames.
-    void take_time(double taken, const FrameRequest& request);
+    explicit State(const FrameSettings& given)
+        : settings(given), tolerance(given.tolerance), side(given.most_moving_milliseconds) {}
+
+    [[nodiscard]] bool is_half_side(const FrameRequest& request) const {
+        const std::int64_t smallest = request.model->decoder().ladder().smallest();
+        return side.is_half() && request.model->config().decoder.resolution / 2 >= smallest;
+    }
     [[nodiscard]] Kept& kept(Quality quality) {
         if (quality == Quality::moving) return moving;
         return quality == Quality::thumbnail ? thumbnail : still;
@@ -144,20 +150,6 @@ struct FrameRenderer::State {
     [[nodiscard]] std::optional<double> adapt(const FrameRequest& request, const Tensor& exact,
                                               const std::stop_token& stop);
 };
-
-void FrameRenderer::State::take_time(double taken, const FrameRequest& request) {
-    constexpr double memory = 0.8;      // of the mean
-    constexpr double whole_side = 4.0;  // times as long, at most, as half of it
-    milliseconds = milliseconds == 0.0 ? taken : memory * milliseconds + (1.0 - memory) * taken;
-    const std::int64_t smallest = request.model->decoder().ladder().smallest();
-    const bool halves = request.model->config().decoder.resolution / 2 >= smallest;
-    const double most = settings.most_moving_milliseconds;
-    const bool slow = !half_side && milliseconds > most,
-               fast = half_side && whole_side * milliseconds < most;
-    if (!halves || !(slow || fast)) return;
-    half_side = slow;
-    milliseconds = 0.0;
-}
 
 std::optional<double> FrameRenderer::State::adapt(const FrameRequest& request, const Tensor& exact,
                                                   const std::stop_token& stop) {
@@ -174,7 +166,7 @@ std::optional<double> FrameRenderer::State::adapt(const FrameRequest& request, c
         reached = std::min(peak_signal_to_noise_ratio(enlarged(view->image, exact.shape(0)), exact),
                            highest_psnr);
         // A bake has no tolerance.
-        if (half_side || options.tolerance == 0.0) return reached;
+        if (is_half_side(request) || options.tolerance == 0.0) return reached;
         if (*reached < settings.psnr && tolerance > least_tolerance) {
             tolerance /= step;
         } else {
@@ -187,10 +179,8 @@ std::optional<double> FrameRenderer::State::adapt(const FrameRequest& request, c
     return reached;
 }
 
-FrameRenderer::FrameRenderer(const FrameSettings& settings) : state_(std::make_unique<State>()) {
-    state_->settings = settings;
-    state_->tolerance = settings.tolerance;
-}
+FrameRenderer::FrameRenderer(const FrameSettings& settings)
+    : state_(std::make_unique<State>(settings)) {}
 FrameRenderer::~FrameRenderer() = default;
 FrameRenderer::FrameRenderer(FrameRenderer&&) noexcept = default;
 
@@ -212,7 +202,7 @@ std::optional<Frame> FrameRenderer::render(const FrameRequest& request,
                                                               : state.settings.moving_jpeg_quality);
     frame.milliseconds = 1e3 * (seconds_now() - start);
     // Making a renderer takes longer than its frames.
-    if (moving && !state.moving.is_new) state.take_time(frame.milliseconds, request);
+    if (moving && !state.moving.is_new) state.side.take(frame.milliseconds);
     frame.side = view->image.shape(0);
     frame.mode = render_mode_name(options.mode);
     frame.tolerance = options.tolerance;
