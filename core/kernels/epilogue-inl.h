@@ -13,6 +13,7 @@
 #include <numbers>
 
 #include "core/kernels/gemm.h"
+#include "core/kernels/halves-inl.h"
 #include "core/kernels/sine-inl.h"
 
 /// What follows a product, on blocks that are still in the first-level cache.
@@ -30,33 +31,6 @@ struct Activated {
     std::int64_t rows;
     std::int64_t columns;
 };
-
-template <class T>
-HWY_INLINE void store_result(simd::ScalableTag<T> tag, simd::Vec<simd::ScalableTag<T>> x, T* to) {
-    simd::StoreU(x, tag, to);
-}
-
-HWY_INLINE void store_result(simd::ScalableTag<float> tag, simd::Vec<simd::ScalableTag<float>> x,
-                             BFloat16* to) {
-    const simd::RebindToUnsigned<decltype(tag)> words;
-    const simd::RebindToSigned<decltype(tag)> integers;
-    const simd::Rebind<std::uint16_t, decltype(tag)> halves;
-    const auto bits = simd::BitCast(words, x);
-    const auto odd = simd::And(simd::ShiftRight<16>(bits), simd::Set(words, 1));
-    const auto rounded =
-        simd::ShiftRight<16>(simd::Add(bits, simd::Add(odd, simd::Set(words, 0x7FFF))));
-    const auto quiet = simd::ShiftRight<16>(simd::Or(bits, simd::Set(words, 0x400000)));
-    const auto upper = simd::IfThenElse(simd::RebindMask(words, simd::IsNaN(x)), quiet, rounded);
-    // Not through the type's member, which would be an access to one of them only.
-    simd::StoreU(simd::DemoteTo(halves, simd::BitCast(integers, upper)), halves,
-                 reinterpret_cast<std::uint16_t*>(to));
-}
-
-HWY_INLINE void store_result(simd::ScalableTag<float> tag, simd::Vec<simd::ScalableTag<float>> x,
-                             Float16* to) {
-    const simd::Rebind<hwy::float16_t, decltype(tag)> halves;
-    simd::StoreU(simd::DemoteTo(halves, x), halves, reinterpret_cast<hwy::float16_t*>(to));
-}
 
 template <class T, class Out>
 HWY_INLINE void for_each_vector(const Activated<T, Out>& block, auto body) {
@@ -99,7 +73,7 @@ HWY_INLINE void apply_sine(const Activated<float, Out>& block) {
         const auto x = simd::LoadU(tag, sums);
         squares = simd::MulAdd(x, x, squares);
         const auto turns = reduce_half_turns(x);
-        store_result(tag, vector_sine(turns), block.c + index);
+        store_numbers(tag, vector_sine(turns), block.c + index);
         if (with_slope) simd::StoreU(vector_cosine(turns), tag, block.slope + index);
     };
     if (block.slope == nullptr) {
@@ -126,7 +100,7 @@ HWY_INLINE void apply_leaky_relu(const Activated<T, Out>& block) {
     for_each_vector(block, [&](const T* sums, std::int64_t index) {
         const auto x = simd::LoadU(tag, sums);
         const auto factor = simd::IfThenElse(simd::Gt(x, simd::Zero(tag)), gain, leak);
-        store_result(tag, simd::Mul(x, factor), block.c + index);
+        store_numbers(tag, simd::Mul(x, factor), block.c + index);
         if (block.slope != nullptr) simd::StoreU(factor, tag, block.slope + index);
     });
 }
@@ -146,7 +120,7 @@ HWY_INLINE void activate(const Activated<T, Out>& block, Activation activation) 
     }
     const simd::ScalableTag<T> tag;
     for_each_vector(block, [&](const T* sums, std::int64_t index) {
-        store_result(tag, simd::LoadU(tag, sums), block.c + index);
+        store_numbers(tag, simd::LoadU(tag, sums), block.c + index);
         if (block.slope != nullptr) simd::StoreU(simd::Set(tag, T(1)), tag, block.slope + index);
     });
 }

@@ -13,6 +13,7 @@
 
 #include "core/kernels/float16_product.h"
 #include "core/kernels/gemm.h"
+#include "core/kernels/halves-inl.h"
 
 /// The innermost part of a product: a block of the result in registers.
 HWY_BEFORE_NAMESPACE();
@@ -80,11 +81,7 @@ struct Halves {
     static constexpr std::int64_t word_length = 1;
 
     static HWY_INLINE Vector left(const float* word) { return simd::Set(Tag(), *word); }
-    static HWY_INLINE Vector right(const Float16* words) {
-        const simd::Rebind<hwy::float16_t, Tag> halves;
-        return simd::PromoteTo(Tag(),
-                               simd::LoadU(halves, reinterpret_cast<const hwy::float16_t*>(words)));
-    }
+    static HWY_INLINE Vector right(const Float16* words) { return load_numbers(Tag(), words); }
     static HWY_INLINE Vector multiply_add(Vector left, Vector right, Vector sum) {
         return simd::MulAdd(left, right, sum);
     }

@@ -15,57 +15,12 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include "core/kernels/halves-inl.h"
+
 // Included once for each instruction set, so what does not depend on it stands below, within
 // HWY_ONCE.
 HWY_BEFORE_NAMESPACE();
 namespace stymo::kernels::HWY_NAMESPACE {
-
-namespace simd = hwy::HWY_NAMESPACE;
-
-template <class D>
-HWY_INLINE simd::Vec<D> load(D tag, const float* from) {
-    return simd::LoadU(tag, from);
-}
-
-template <class D>
-HWY_INLINE simd::Vec<D> load(D tag, const BFloat16* from) {
-    const simd::Rebind<std::uint16_t, D> halves;
-    const simd::RebindToUnsigned<D> words;
-    const auto bits = simd::LoadU(halves, reinterpret_cast<const std::uint16_t*>(from));
-    return simd::BitCast(tag, simd::ShiftLeft<16>(simd::PromoteTo(words, bits)));
-}
-
-template <class D>
-HWY_INLINE simd::Vec<D> load(D tag, const Float16* from) {
-    const simd::Rebind<hwy::float16_t, D> halves;
-    return simd::PromoteTo(tag, simd::LoadU(halves, reinterpret_cast<const hwy::float16_t*>(from)));
-}
-
-template <class D>
-HWY_INLINE void store(D tag, simd::Vec<D> x, float* to) {
-    simd::StoreU(x, tag, to);
-}
-
-template <class D>
-HWY_INLINE void store(D tag, simd::Vec<D> x, BFloat16* to) {
-    const simd::Rebind<std::uint16_t, D> halves;
-    const simd::RebindToUnsigned<D> words;
-    const simd::RebindToSigned<D> integers;
-    (void)tag;
-    const auto bits = simd::BitCast(words, x);
-    const auto odd = simd::And(simd::ShiftRight<16>(bits), simd::Set(words, 1));
-    const auto upper =
-        simd::ShiftRight<16>(simd::Add(bits, simd::Add(odd, simd::Set(words, 0x7FFF))));
-    simd::StoreU(simd::DemoteTo(halves, simd::BitCast(integers, upper)), halves,
-                 reinterpret_cast<std::uint16_t*>(to));
-}
-
-template <class D>
-HWY_INLINE void store(D tag, simd::Vec<D> x, Float16* to) {
-    const simd::Rebind<hwy::float16_t, D> halves;
-    (void)tag;
-    simd::StoreU(simd::DemoteTo(halves, x), halves, reinterpret_cast<hwy::float16_t*>(to));
-}
 
 /// One row of the upsampled image, summed over the rows it is blurred with: columns go by once,
 /// from left to right.
@@ -97,8 +52,8 @@ private:
         if (x < to_.begin || x >= to_.end) return;
         const D tag;
         const auto sum = simd::MulAdd(simd::Set(tag, 2.0F), at, simd::Add(left, right));
-        store(tag, simd::Mul(sum, simd::Set(tag, 0.0625F)),
-              to_.features + (x - to_.begin) * channels_ + channel_);
+        store_numbers(tag, simd::Mul(sum, simd::Set(tag, 0.0625F)),
+                      to_.features + (x - to_.begin) * channels_ + channel_);
     }
 
     UpsampledRow<T> to_;
@@ -132,25 +87,25 @@ HWY_INLINE void blur_channels(D tag, const RowUpsampling<T>& image, std::int64_t
         const std::int64_t at_above = place(image.above, pixel),
                            at_below = place(image.below, pixel);
         const auto center =
-            simd::Mul(three, load(tag, image.middle.features + at * channels + channel));
-        const auto center_above =
-            simd::Add(center, load(tag, image.above.features + at_above * channels + channel));
-        const auto center_below =
-            simd::Add(center, load(tag, image.below.features + at_below * channels + channel));
+            simd::Mul(three, load_numbers(tag, image.middle.features + at * channels + channel));
+        const auto center_above = simd::Add(
+            center, load_numbers(tag, image.above.features + at_above * channels + channel));
+        const auto center_below = simd::Add(
+            center, load_numbers(tag, image.below.features + at_below * channels + channel));
         const T* detail = image.middle.detail + at * 4 * channels + channel;
         const T* detail_above = image.above.detail + (at_above * 4 + 2) * channels + channel;
         const T* detail_below = image.below.detail + at_below * 4 * channels + channel;
         simd::Vec<D> columns_above[2], columns_below[2];
         for (int j = 0; j < 2; ++j) {
-            const auto upper_half = load(tag, detail + j * channels),
-                       lower_half = load(tag, detail + (2 + j) * channels);
+            const auto upper_half = load_numbers(tag, detail + j * channels),
+                       lower_half = load_numbers(tag, detail + (2 + j) * channels);
             const auto both = simd::Add(upper_half, lower_half);
             columns_above[j] =
                 simd::Add(simd::Add(both, upper_half),
-                          simd::Add(center_above, load(tag, detail_above + j * channels)));
+                          simd::Add(center_above, load_numbers(tag, detail_above + j * channels)));
             columns_below[j] =
                 simd::Add(simd::Add(both, lower_half),
-                          simd::Add(center_below, load(tag, detail_below + j * channels)));
+                          simd::Add(center_below, load_numbers(tag, detail_below + j * channels)));
         }
         if (pixel == 0) {
             upper.start(columns_above[0], columns_above[1]);
@@ -243,7 +198,7 @@ HWY_INLINE void add_colors_of_four(const ColorSum<T>& sum, std::int64_t pixel,
     }
     for (std::int64_t channel = 0; channel < channels_in_vectors; channel += lanes) {
         simd::Vec<decltype(tag)> features[4];
-        for (int p = 0; p < 4; ++p) features[p] = load(tag, x + p * sum.channels + channel);
+        for (int p = 0; p < 4; ++p) features[p] = load_numbers(tag, x + p * sum.channels + channel);
         for (int c = 0; c < 3; ++c) {
             const auto weight = simd::LoadU(tag, sum.weight + c * sum.channels + channel);
             for (int p = 0; p < 4; ++p) sums[c][p] = simd::MulAdd(weight, features[p], sums[c][p]);
@@ -308,8 +263,8 @@ HWY_INLINE void convert(To* out, const From* x, std::int64_t count) {
     const simd::CappedTag<float, 1> one;
     const auto lanes = static_cast<std::int64_t>(simd::Lanes(tag));
     std::int64_t i = 0;
-    for (; i + lanes <= count; i += lanes) store(tag, load(tag, x + i), out + i);
-    for (; i < count; ++i) store(one, load(one, x + i), out + i);
+    for (; i + lanes <= count; i += lanes) store_numbers(tag, load_numbers(tag, x + i), out + i);
+    for (; i < count; ++i) store_numbers(one, load_numbers(one, x + i), out + i);
 }
 
 void narrow_to_bfloat16(BFloat16* out, const float* x, std::int64_t count) {

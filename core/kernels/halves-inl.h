@@ -1,0 +1,112 @@
+// Included once for each instruction set, hence the toggle in place of `#pragma once`.
+#if defined(STYMO_CORE_KERNELS_HALVES_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef STYMO_CORE_KERNELS_HALVES_INL_H
+#undef STYMO_CORE_KERNELS_HALVES_INL_H
+#else
+#define STYMO_CORE_KERNELS_HALVES_INL_H
+#endif
+
+#include <hwy/highway.h>
+
+#include <cstdint>
+
+#include "core/kernels/gemm.h"
+
+/// Vectors of float32 from and to memory that holds numbers of 16 bits. Every instruction set
+/// rounds to the nearest number, the even one of two.
+HWY_BEFORE_NAMESPACE();
+namespace stymo::kernels::HWY_NAMESPACE {
+
+namespace simd = hwy::HWY_NAMESPACE;
+
+template <class D>
+HWY_INLINE simd::Vec<D> load_numbers(D tag, const simd::TFromD<D>* from) {
+    return simd::LoadU(tag, from);
+}
+
+template <class D>
+HWY_INLINE simd::Vec<D> load_numbers(D tag, const BFloat16* from) {
+    const simd::Rebind<std::uint16_t, D> halves;
+    const simd::RebindToUnsigned<D> words;
+    const auto bits = simd::LoadU(halves, reinterpret_cast<const std::uint16_t*>(from));
+    return simd::BitCast(tag, simd::ShiftLeft<16>(simd::PromoteTo(words, bits)));
+}
+
+template <class D>
+HWY_INLINE simd::Vec<D> load_numbers(D tag, const Float16* from) {
+    const simd::Rebind<hwy::float16_t, D> halves;
+    return simd::PromoteTo(tag, simd::LoadU(halves, reinterpret_cast<const hwy::float16_t*>(from)));
+}
+
+/// `words` has a number of 16 bits in each of its lanes. Not stored through the number's type,
+/// whose members would be accesses to one of them only.
+template <class D>
+HWY_INLINE void store_words(D words, simd::Vec<D> x, void* to) {
+    const simd::Rebind<std::uint16_t, D> halves;
+    const simd::RebindToSigned<D> integers;
+    simd::StoreU(simd::DemoteTo(halves, simd::BitCast(integers, x)), halves,
+                 static_cast<std::uint16_t*>(to));
+}
+
+template <class D>
+HWY_INLINE void store_numbers(D tag, simd::Vec<D> x, simd::TFromD<D>* to) {
+    simd::StoreU(x, tag, to);
+}
+
+template <class D>
+HWY_INLINE void store_numbers(D tag, simd::Vec<D> x, BFloat16* to) {
+    (void)tag;
+    const simd::RebindToUnsigned<D> words;
+    const auto bits = simd::BitCast(words, x);
+    const auto odd = simd::And(simd::ShiftRight<16>(bits), simd::Set(words, 1));
+    const auto rounded =
+        simd::ShiftRight<16>(simd::Add(bits, simd::Add(odd, simd::Set(words, 0x7FFF))));
+    const auto quiet = simd::ShiftRight<16>(simd::Or(bits, simd::Set(words, 0x400000)));
+    store_words(words, simd::IfThenElse(simd::RebindMask(words, simd::IsNaN(x)), quiet, rounded),
+                to);
+}
+
+#if HWY_TARGET == HWY_EMU128 || HWY_TARGET == HWY_SCALAR || \
+    (HWY_ARCH_X86 && (HWY_TARGET >= HWY_SSE4 || defined(HWY_DISABLE_F16C)))
+
+/// Highway's own conversion cuts the bits off here, and makes infinity finite.
+template <class D>
+HWY_INLINE void store_numbers(D tag, simd::Vec<D> x, Float16* to) {
+    const simd::RebindToUnsigned<D> words;
+    const auto bits = simd::BitCast(words, x);
+    const auto sign = simd::And(bits, simd::Set(words, 0x80000000U));
+    const auto size = simd::Xor(bits, sign);
+    const auto odd = simd::And(simd::ShiftRight<13>(size), simd::Set(words, 1));
+    const auto rounded = simd::Add(size, simd::Add(odd, simd::Set(words, 0xFFF)));
+    // From an exponent with a bias of 127 to one with a bias of 15.
+    const auto normal =
+        simd::Min(simd::ShiftRight<13>(simd::Sub(rounded, simd::Set(words, 0x38000000U))),
+                  simd::Set(words, 0x7C00U));
+    // Beside 0.5 the last bit of a float32 is the least number of 16 bits, 2^-24.
+    const auto half = simd::Set(tag, 0.5F);
+    const auto subnormal =
+        simd::Sub(simd::BitCast(words, simd::Add(simd::BitCast(tag, size), half)),
+                  simd::BitCast(words, half));
+    const auto is_normal =
+        simd::RebindMask(words, simd::Ge(simd::BitCast(tag, size), simd::Set(tag, 0x1p-14F)));
+    const auto number = simd::IfThenElse(is_normal, normal, subnormal);
+    const auto nan = simd::Set(words, 0x7E00U);
+    const auto result = simd::IfThenElse(simd::RebindMask(words, simd::IsNaN(x)), nan, number);
+    store_words(words, simd::Or(result, simd::ShiftRight<16>(sign)), to);
+}
+
+#else
+
+template <class D>
+HWY_INLINE void store_numbers(D tag, simd::Vec<D> x, Float16* to) {
+    (void)tag;
+    const simd::Rebind<hwy::float16_t, D> halves;
+    simd::StoreU(simd::DemoteTo(halves, x), halves, reinterpret_cast<hwy::float16_t*>(to));
+}
+
+#endif
+
+}  // namespace stymo::kernels::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif
