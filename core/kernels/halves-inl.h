@@ -38,10 +38,10 @@ HWY_INLINE simd::Vec<D> load_numbers(D tag, const Float16* from) {
     return simd::PromoteTo(tag, simd::LoadU(halves, reinterpret_cast<const hwy::float16_t*>(from)));
 }
 
-/// `words` has a number of 16 bits in each of its lanes. Not stored through the number's type,
+/// `x` has a number of 16 bits in each of its lanes of 32. Not stored through the number's type,
 /// whose members would be accesses to one of them only.
 template <class D>
-HWY_INLINE void store_words(D words, simd::Vec<D> x, void* to) {
+HWY_INLINE void store_words(D /*tag*/, simd::Vec<D> x, void* to) {
     const simd::Rebind<std::uint16_t, D> halves;
     const simd::RebindToSigned<D> integers;
     simd::StoreU(simd::DemoteTo(halves, simd::BitCast(integers, x)), halves,

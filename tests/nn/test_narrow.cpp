@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <type_traits>
 #include <vector>
 
 #include "nn/kernels/upsample.h"
@@ -36,28 +37,22 @@ std::vector<float> numbers_to_round() {
 
 }  // namespace
 
-TEST_CASE("Vectors are rounded to half precision as single numbers are, and back") {
+TEMPLATE_TEST_CASE("Vectors are rounded to 16 bits as single numbers are, and back", "", Float16,
+                   BFloat16) {
+    const auto rounded = [](float x) {
+        if constexpr (std::is_same_v<TestType, Float16>)
+            return rounded_to_float16(x);
+        else
+            return rounded_to_bfloat16(x);
+    };
     const std::vector<float> numbers = numbers_to_round();
-    std::vector<Float16> halves(numbers.size());
+    std::vector<TestType> halves(numbers.size());
     narrow(halves.data(), numbers.data(), std::ssize(numbers));
     std::vector<float> back(numbers.size());
     widen(back.data(), halves.data(), std::ssize(numbers));
     for (std::size_t i = 0; i < numbers.size(); ++i) {
         INFO(numbers[i]);
-        REQUIRE(halves[i].bits == rounded_to_float16(numbers[i]).bits);
-        if (std::isfinite(widened(halves[i]))) REQUIRE(back[i] == widened(halves[i]));
-    }
-}
-
-TEST_CASE("Vectors are rounded to bfloat16 as single numbers are, and back") {
-    const std::vector<float> numbers = numbers_to_round();
-    std::vector<BFloat16> halves(numbers.size());
-    narrow(halves.data(), numbers.data(), std::ssize(numbers));
-    std::vector<float> back(numbers.size());
-    widen(back.data(), halves.data(), std::ssize(numbers));
-    for (std::size_t i = 0; i < numbers.size(); ++i) {
-        INFO(numbers[i]);
-        REQUIRE(halves[i].bits == rounded_to_bfloat16(numbers[i]).bits);
+        REQUIRE(halves[i].bits == rounded(numbers[i]).bits);
         REQUIRE(back[i] == widened(halves[i]));
     }
 }
