@@ -22,9 +22,9 @@ void report_step(const FitProblem& problem, const FitOptions& options, const Fit
             {std::ssize(result.losses), result.losses.back(), detached(problem.codes())});
 }
 
-void fit_by_adam(FitProblem& problem, const FitOptions& options, FitResult& result) {
+void fit_by_adam(FitProblem& problem, const FitOptions& options, double learning_rate,
+                 FitResult& result) {
     Adam adam;
-    double learning_rate = options.learning_rate;
     for (std::int64_t step = 0; step < options.steps && !interrupted(); ++step) {
         static_cast<void>(problem.choose_images(step));
         if (step % options.selection_interval == 0) problem.select_samples();
@@ -86,12 +86,13 @@ private:
     double pose_unit_;
 };
 
-void fit_by_lbfgs(FitProblem& problem, const FitOptions& options, FitResult& result) {
+void fit_by_lbfgs(FitProblem& problem, const FitOptions& options, double learning_rate,
+                  FitResult& result) {
     const NumbersOf numbers(problem, options.pose_learning_rate_factor);
     const auto batch = static_cast<double>(problem.initial().batch());
     Eigen::VectorXd start = numbers.values();
     // As far as Adam's first step.
-    const double first_step = options.learning_rate * std::sqrt(static_cast<double>(start.size()));
+    const double first_step = learning_rate * std::sqrt(static_cast<double>(start.size()));
     Lbfgs minimiser(std::move(start), {.first_step = first_step});
     std::int64_t steps = 0;
     const auto objective = [&](const Eigen::VectorXd& point) {
@@ -136,12 +137,15 @@ FitResult fit_codes(const Model& model, const ReconstructionLoss& loss, const Fa
     FitProblem problem(model, loss, faces, options);
     FitResult result;
     result.initial = problem.initial();
+    const double learning_rate = options.learning_rate > 0.0
+                                     ? options.learning_rate
+                                     : model.config().reconstruction.fit_learning_rate;
     switch (options.optimizer) {
         case FitOptimizer::adam:
-            fit_by_adam(problem, options, result);
+            fit_by_adam(problem, options, learning_rate, result);
             break;
         case FitOptimizer::lbfgs:
-            fit_by_lbfgs(problem, options, result);
+            fit_by_lbfgs(problem, options, learning_rate, result);
             break;
     }
     result.cameras = problem.cameras();

@@ -24,9 +24,9 @@ struct FitStep {
 struct FitOptions {
     std::optional<Codes> initial{};  ///< where fitting starts, in Z; none: `face_codes`
     FitOptimizer optimizer = FitOptimizer::adam;
-    std::int64_t steps = 200;  ///< evaluations of loss and gradient
-    double learning_rate = 0.01;
-    double decay = 0.99;  ///< Adam's factor on the learning rate after each step
+    std::int64_t steps = 200;    ///< evaluations of loss and gradient
+    double learning_rate = 0.0;  ///< 0: the model's own (ReconstructionConfig::fit_learning_rate)
+    double decay = 0.99;         ///< Adam's factor on the learning rate after each step
     /// Weight of the sum of squared offsets; the model's own
     /// (ReconstructionConfig::fit_regularizer) if negative.
     double regularizer = -1.0;

@@ -9,6 +9,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/eval/identity.h"
+#include "apps/eval/shape.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/ops/elementwise.h"
@@ -227,6 +228,10 @@ Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Da
                 score.identity = options.identity->measure(model, face, other, fit);
                 if (tuned)
                     score.tuned_identity = options.identity->measure(*tuned, face, other, fit);
+            }
+            if (options.shape != nullptr) {
+                score.shape = options.shape->measure(model, face, fit);
+                if (tuned) score.tuned_shape = options.shape->measure(*tuned, face, fit);
             }
         } catch (const Error& error) {
             findings.add_failure(place, error.what());

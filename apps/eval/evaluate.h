@@ -16,6 +16,7 @@
 namespace stymo {
 
 class IdentityMeasure;
+class ShapeMeasure;
 
 struct FaceRange {
     std::int64_t first = 0;
@@ -37,6 +38,7 @@ struct EvaluationOptions {
     std::int64_t resolution = 0;   ///< side of the compared images; 0: the model's resolution
     const Lpips* lpips = nullptr;  ///< also measures LPIPS with it
     const IdentityMeasure* identity = nullptr;  ///< also measures whether it is the same person
+    const ShapeMeasure* shape = nullptr;        ///< also measures the shape
     bool one_by_one = false;  ///< each face on all threads instead of one face on each, as in
                               ///< tuning always
     ScoreFolder* folder =

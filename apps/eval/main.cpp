@@ -14,10 +14,12 @@
 #include "apps/eval/report_page.h"
 #include "apps/eval/run_split.h"
 #include "apps/eval/score_sheet.h"
+#include "apps/eval/shape.h"
 #include "core/io/checksum.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
 #include "nn/models/view.h"
+#include "render/morphable/head_source.h"
 
 namespace {
 
@@ -32,6 +34,9 @@ struct Options {
     std::string region = "head";
     fs::path parser;
     fs::path identity;
+    bool shape = false;
+    fs::path landmarks;
+    std::optional<fs::path> morphable;
     std::optional<std::int64_t> samples;
     stymo::LpipsOptions lpips;
     stymo::EvaluationOptions evaluation;
@@ -69,8 +74,10 @@ stymo::Settings settings_of(const Options& options) {
             {"--region", options.region},
             {"--parser", absolute(options.parser)},
             {"--identity", absolute(options.identity)},
+            {"--shape", options.shape},
             {"--fit", options.evaluation.fit},
             {"--steps", fitting.steps},
+            {"--learning-rate", fitting.learning_rate},
             {"--regularizer", fitting.regularizer},
             {"--samples", or_own(options.samples)},
             {"--refine-pose", fitting.refine_pose},
@@ -142,6 +149,11 @@ stymo::AppResult evaluate(Options options) {
         metric_network(options.lpips, model.config().reconstruction.perceptual, loss, own);
     std::optional<stymo::IdentityMeasure> identity;
     if (!options.identity.empty()) evaluated.identity = &identity.emplace(options.identity);
+    std::optional<stymo::ShapeMeasure> shape;
+    if (options.shape) {
+        evaluated.shape =
+            &shape.emplace(options.landmarks, stymo::morphable_head_from(options.morphable));
+    }
     const std::string network = evaluated.lpips != nullptr ? evaluated.lpips->label() : "";
     stymo::require_comparable(faces, evaluated);
 
@@ -201,6 +213,17 @@ int stymo_eval(int argc, char** argv) {
     line.option("--identity", options.identity,
                 "weights of MobileFaceNet, written by stymo-weights import: also measure whether "
                 "the face is the person of the photo, from the front and turned");
+    line.flag("--shape", options.shape,
+              "also measure, with dlib's landmarks, where they are as the face turns, and the "
+              "face's depth");
+    line.option("--landmarks", options.landmarks,
+                "dlib's shape_predictor of 68 landmarks (default: the one of Debian's "
+                "libdlib-data)")
+        .needs("--shape");
+    line.option("--morphable", options.morphable,
+                "head model that the folder's codes belong to: a .safetensors file or a folder of "
+                "ICT-FaceKit (default: the built-in head)")
+        .needs("--shape");
     line.flag("--fit", options.evaluation.fit, "also fit each face and measure the fitted codes");
     line.option("--tune", options.tuning.seconds,
                 "also tune the decoder to each fitted face for so many seconds on all threads, and "
@@ -212,6 +235,9 @@ int stymo_eval(int argc, char** argv) {
         .range(0, 1e6)
         .needs("--fit");
     line.option("--steps", options.evaluation.fitting.steps, "fitting steps").range(0, 1e6);
+    line.option("--learning-rate", options.evaluation.fitting.learning_rate,
+                "learning rate of the first fitting step; 0: the model's setting")
+        .range(0, 10);
     line.option("--regularizer", options.evaluation.fitting.regularizer,
                 "weight of the squared code offsets; negative: the model's setting")
         .range(-1, 1e6);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <iomanip>
 #include <limits>
 #include <nlohmann/json.hpp>
@@ -30,33 +31,77 @@ ImageMetrics parse_metrics(const Json& value) {
 
 constexpr std::array fit_stages{FitStage::initial, FitStage::fitted, FitStage::tuned};
 
-using IdentityMember = std::optional<IdentityScore> FaceScore::*;
-constexpr std::array identity_members{std::pair{"identity", &FaceScore::identity},
-                                      std::pair{"tuned_identity", &FaceScore::tuned_identity}};
+/// What is measured of a face as a whole: its members of FaceScore with their names, and its
+/// numbers with theirs.
+template <class Score>
+struct Measured;
 
-constexpr std::array identity_parts{
-    std::pair{"photo", &IdentityScore::photo}, std::pair{"turned_15", &IdentityScore::turned_15},
-    std::pair{"turned_30", &IdentityScore::turned_30}, std::pair{"other", &IdentityScore::other}};
+template <>
+struct Measured<IdentityScore> {
+    static constexpr std::array members{std::pair{"identity", &FaceScore::identity},
+                                        std::pair{"tuned_identity", &FaceScore::tuned_identity}};
+    static constexpr std::array numbers{std::pair{"photo", &IdentityScore::photo},
+                                        std::pair{"turned_15", &IdentityScore::turned_15},
+                                        std::pair{"turned_30", &IdentityScore::turned_30},
+                                        std::pair{"other", &IdentityScore::other}};
+};
 
-JsonValue identity_json(const IdentityScore& identity) {
+template <>
+struct Measured<ShapeScore> {
+    static constexpr std::array members{std::pair{"shape", &FaceScore::shape},
+                                        std::pair{"tuned_shape", &FaceScore::tuned_shape}};
+    static constexpr std::array numbers{std::pair{"landmarks_30", &ShapeScore::landmarks_30},
+                                        std::pair{"found_30", &ShapeScore::found_30},
+                                        std::pair{"depth", &ShapeScore::depth}};
+};
+
+template <class Score>
+JsonValue json_of(const Score& score) {
     JsonValue json = JsonValue::object();
-    for (const auto& [name, part] : identity_parts) json.add(name, identity.*part);
+    for (const auto& [name, number] : Measured<Score>::numbers) json.add(name, score.*number);
     return json;
 }
 
-/// Over the faces where it was measured; nothing if it was nowhere.
-std::optional<IdentityScore> mean_identity(const std::vector<FaceScore>& scores,
-                                           IdentityMember identity) {
-    IdentityScore sum;
-    double count = 0.0;
-    for (const FaceScore& score : scores) {
-        if (!(score.*identity)) continue;
-        ++count;
-        for (const auto& [name, part] : identity_parts) sum.*part += (*(score.*identity)).*part;
+template <class Score>
+void add_json(const FaceScore& score, JsonValue& json) {
+    for (const auto& [name, member] : Measured<Score>::members)
+        if (score.*member) json.add(name, json_of(*(score.*member)));
+}
+
+template <class Score>
+void parse_measured(const Json& value, FaceScore& score) {
+    for (const auto& [name, member] : Measured<Score>::members) {
+        if (!value.contains(name)) continue;
+        Score& read = (score.*member).emplace();
+        for (const auto& [number_name, number] : Measured<Score>::numbers)
+            read.*number = number_or_infinity(value[name].at(number_name));
     }
-    if (count == 0.0) return std::nullopt;
-    for (const auto& [name, part] : identity_parts) sum.*part /= count;
-    return sum;
+}
+
+/// Each number over the faces where it was measured; nothing if there are none.
+template <class Score>
+std::optional<Score> mean_of(const std::vector<FaceScore>& scores,
+                             std::optional<Score> FaceScore::*member) {
+    if (std::ranges::none_of(scores, [&](const FaceScore& score) { return !!(score.*member); }))
+        return std::nullopt;
+    Score mean;
+    for (const auto& [name, number] : Measured<Score>::numbers) {
+        double sum = 0.0, count = 0.0;
+        for (const FaceScore& score : scores) {
+            if (!(score.*member) || !std::isfinite(*(score.*member).*number)) continue;
+            sum += *(score.*member).*number;
+            ++count;
+        }
+        mean.*number = count > 0.0 ? sum / count : std::numeric_limits<double>::infinity();
+    }
+    return mean;
+}
+
+template <class Score>
+void add_means(const std::vector<FaceScore>& scores, JsonValue& json) {
+    for (const auto& [name, member] : Measured<Score>::members)
+        if (const std::optional<Score> mean = mean_of(scores, member))
+            json.add(name, json_of(*mean));
 }
 
 /// {"head": {"initial": ..., "fitted": ...}, ...} of the rows that are means or of those that are
@@ -117,8 +162,8 @@ JsonValue to_json(const FaceScore& score) {
         json.add(name_of(region.region), stages);
     }
     json.add("counting_samples", score.counting_samples);
-    for (const auto& [name, identity] : identity_members)
-        if (score.*identity) json.add(name, identity_json(*(score.*identity)));
+    add_json<IdentityScore>(score, json);
+    add_json<ShapeScore>(score, json);
     return json;
 }
 
@@ -136,12 +181,8 @@ FaceScore parse_face_score(std::string_view line) {
             if (stages.contains("fitted")) added.fitted = parse_metrics(stages["fitted"]);
             if (stages.contains("tuned")) added.tuned = parse_metrics(stages["tuned"]);
         }
-        for (const auto& [member, identity] : identity_members) {
-            if (!value.contains(member)) continue;
-            IdentityScore& read = (score.*identity).emplace();
-            for (const auto& [name, part] : identity_parts)
-                read.*part = value[member].at(name).get<double>();
-        }
+        parse_measured<IdentityScore>(value, score);
+        parse_measured<ShapeScore>(value, score);
         if (score.regions.empty()) fail<FileError>("no region");
         return score;
     } catch (const Json::exception&) {
@@ -194,14 +235,23 @@ std::string table(const std::vector<FaceScore>& scores) {
     text << std::setprecision(1) << 100.0 * mean_counting_samples(scores)
          << " % of the samples are significant (weight above " << std::defaultfloat
          << significant_weight << ")\n";
-    for (const auto& [name, member] : identity_members) {
-        const std::optional<IdentityScore> identity = mean_identity(scores, member);
+    for (const auto& [name, member] : Measured<IdentityScore>::members) {
+        const std::optional<IdentityScore> identity = mean_of(scores, member);
         if (!identity) continue;
         text << std::fixed << std::setprecision(3) << "cosine of embeddings"
              << (member == &FaceScore::tuned_identity ? ", tuned" : "") << ": photo and face "
              << identity->photo << ", face turned by 15 degrees " << identity->turned_15
              << ", by 30 degrees " << identity->turned_30 << ", photos of two people "
              << identity->other << '\n';
+    }
+    for (const auto& [name, member] : Measured<ShapeScore>::members) {
+        const std::optional<ShapeScore> shape = mean_of(scores, member);
+        if (!shape) continue;
+        text << std::fixed << std::setprecision(3) << "in distances of the eyes"
+             << (member == &FaceScore::tuned_shape ? ", tuned" : "")
+             << ": landmarks at 30 degrees off by " << shape->landmarks_30 << " (found in "
+             << std::setprecision(0) << 100.0 * shape->found_30 << " % of the views), depth off by "
+             << std::setprecision(3) << shape->depth << '\n';
     }
     return text.str();
 }
@@ -216,9 +266,8 @@ JsonValue summary_json(const std::vector<FaceScore>& scores,
                                         {"mean", rows_json(rows, false)},
                                         {"median", rows_json(rows, true)},
                                         {"counting_samples", mean_counting_samples(scores)}});
-    for (const auto& [name, member] : identity_members)
-        if (const std::optional<IdentityScore> identity = mean_identity(scores, member))
-            json.add(name, identity_json(*identity));
+    add_means<IdentityScore>(scores, json);
+    add_means<ShapeScore>(scores, json);
     return json.add("failed", failures);
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -48,12 +49,24 @@ struct IdentityScore {
     double other = 0.0;      ///< photo and that of another person
 };
 
+/// In distances of the eyes (apps/eval/shape.h). Infinite: could not be measured.
+struct ShapeScore {
+    /// Between landmarks found in views from yaw -30 and 30 degrees and where those of the fitted
+    /// face have turned to; mean over the points within the jaw and over the views.
+    double landmarks_30 = std::numeric_limits<double>::infinity();
+    double found_30 = 0.0;  ///< share of these views in which a face was found
+    /// Median difference of depth from the linear head's surface, over the face, after a shift.
+    double depth = std::numeric_limits<double>::infinity();
+};
+
 struct FaceScore {
     std::string id;
     std::vector<RegionScore> regions;  ///< at least one; the same for all faces of an evaluation
     double counting_samples = 1.0;     ///< View::significant_samples of the fitted face
     std::optional<IdentityScore> identity{};        ///< empty: not measured
     std::optional<IdentityScore> tuned_identity{};  ///< of the tuned decoder
+    std::optional<ShapeScore> shape{};              ///< empty: not measured
+    std::optional<ShapeScore> tuned_shape{};        ///< of the tuned decoder
 };
 
 /// A face that has no score, and why.
@@ -64,7 +77,8 @@ struct FailedFace {
 
 /// One line: {"id", "head": {"initial": {...}, "fitted": {...}, "tuned": {...}}, "face": ...,
 /// "counting_samples", "identity": {"photo", "turned_15", "turned_30", "other"},
-/// "tuned_identity": {...}}, of these what was measured.
+/// "tuned_identity": {...}, "shape": {"landmarks_30", "found_30", "depth"}, "tuned_shape": {...}},
+/// of these what was measured.
 /// Numbers read back to the same value; infinite ones become null.
 [[nodiscard]] JsonValue to_json(const FaceScore& score);
 /// Throws FileError for text that to_json did not write.
@@ -86,8 +100,8 @@ struct SummaryRow {
 /// The rows as text.
 [[nodiscard]] std::string table(const std::vector<FaceScore>& scores);
 /// {"count", "mean": {"head": {"initial": {...}, "fitted": {...}}, ...}, "median": the same,
-/// "counting_samples", "identity" and "tuned_identity" if they were measured, as means over the
-/// faces where they were, "failed": [{"id", "reason"}]}
+/// "counting_samples", "identity", "tuned_identity", "shape" and "tuned_shape" if they were
+/// measured, as means over the faces where they were, "failed": [{"id", "reason"}]}
 [[nodiscard]] JsonValue summary_json(const std::vector<FaceScore>& scores,
                                      const std::vector<FailedFace>& failed);
 

@@ -236,7 +236,8 @@ int stymo_fit(int argc, char** argv) {
                 "adam (the paper's) or lbfgs, which reaches the same loss in fewer steps; a step "
                 "is one evaluation of loss and gradient")
         .one_of({"adam", "lbfgs"});
-    line.option("--learning-rate", options.fit.learning_rate, "learning rate of the first step")
+    line.option("--learning-rate", options.fit.learning_rate,
+                "learning rate of the first step; 0: the model's setting")
         .range(0, 10);
     line.option("--decay", options.fit.decay, "Adam's factor on the learning rate after each step")
         .range(0, 1);

@@ -46,6 +46,8 @@ void describe(ConfigSchema& schema, ModelConfig& config) {
     schema.number("reconstruction.fit_regularizer", reconstruction.fit_regularizer, 0.0, 1e6,
                   "weight of the squared code offsets while fitting (paper: 1, which keeps the "
                   "offsets near zero)");
+    schema.number("reconstruction.fit_learning_rate", reconstruction.fit_learning_rate, 1e-6, 10.0,
+                  "learning rate of a fit's first step (paper: 0.01)");
 }
 
 std::string to_json(const ModelConfig& config) {

@@ -30,7 +30,8 @@ struct ReconstructionConfig {
     /// it by means. 0: no limit.
     std::int64_t perceptual_resolution = 0;
     std::int64_t fit_samples_per_ray = 64;
-    double fit_regularizer = 1.0;  ///< weight of the sum of squared code offsets
+    double fit_regularizer = 1.0;     ///< weight of the sum of squared code offsets
+    double fit_learning_rate = 0.01;  ///< of a fit's first step
 };
 
 struct ModelConfig {

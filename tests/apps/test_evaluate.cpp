@@ -12,17 +12,22 @@
 #include "apps/eval/run_split.h"
 #include "apps/eval/score_folder.h"
 #include "apps/eval/score_sheet.h"
+#include "apps/eval/shape.h"
 #include "apps/tiny_run.h"
 #include "core/error.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
 #include "core/io/scratch_folder.h"
 #include "core/parallel.h"
+#include "fit/photo/face_detector.h"
 #include "nn/models/backbones/mobilefacenet.h"
 #include "nn/models/code_file.h"
 #include "nn/models/display_image.h"
 #include "nn/models/view.h"
 #include "nn/models/weight_changes.h"
+#include "render/morphable/builtin_head.h"
+#include "render/rasterizer.h"
+#include "render/rays.h"
 #include "support/error_message.h"
 #include "support/thread_count.h"
 
@@ -165,6 +170,74 @@ TEST_CASE("The mean of identities is over the faces that have one") {
     CHECK(mean["tuned_identity"]["photo"] == 0.875);
     CHECK_THAT(table(scores), Catch::Contains("cosine of embeddings: photo and face 0.750") &&
                                   Catch::Contains("embeddings, tuned: photo and face 0.875"));
+}
+
+TEST_CASE("Depth is compared up to a shift, in distances of the eyes") {
+    CHECK(shifted_difference({}) == INFINITY);
+    CHECK(shifted_difference({7.0, 7.0, 7.0}) == 0.0);
+    CHECK(shifted_difference({5.0, 6.0, 7.0, 8.0, 9.0}) == 1.0);
+
+    const MorphableHead head = builtin_head();
+    const std::vector<float> identity(MorphableHead::identity_size, 0.5F),
+        expression(MorphableHead::expression_size, 0.0F);
+    const Tensor vertices = head_vertices(head, identity, expression);
+    const Camera camera = camera_from_pose(orbit_pose(0.2, 0.1, 0.0, 5.3), {});
+    constexpr std::int64_t side = 32;
+    const RasterImage surface =
+        rasterize(vertices, Tensor::zeros(vertices.shape()), head.triangles, camera,
+                  {.width = side, .height = side, .samples_per_side = 1});
+    const RaySampling rays{.rays_per_side = side};
+    const auto depths_with = [&](double left, double right) {
+        Tensor depths({side, side, 1});
+        for (std::int64_t i = 0; i < side * side; ++i) {
+            const double axial = surface.depth.values<float>()[static_cast<std::size_t>(i)];
+            const Eigen::Vector3d direction =
+                camera_direction(camera.intrinsics, rays, i / side, i % side);
+            depths.mutable_values<float>()[static_cast<std::size_t>(i)] =
+                static_cast<float>(axial / direction[2] + (i % side < side / 2 ? left : right));
+        }
+        return depths;
+    };
+    CHECK(depth_difference(head, vertices, camera, depths_with(0.0, 0.0)) < 1e-5);
+    CHECK(depth_difference(head, vertices, camera, depths_with(0.3, 0.3)) < 1e-5);
+    Tensor other = depths_with(0.0, 0.0);
+    for (float& depth : other.mutable_values<float>()) depth *= depth;
+    CHECK(depth_difference(head, vertices, camera, other) > 0.1);
+
+    // The middle of a pixel is where its ray meets the surface.
+    const Tensor depths = depths_with(0.0, 0.0);
+    const Ray ray = camera_ray(camera, rays, 15, 18);
+    const Eigen::Vector3d point =
+        point_at(camera, depths, Eigen::Vector2d(18.5 / side, 15.5 / side));
+    CHECK((point - ray.origin - depths.values<float>()[15 * side + 18] * ray.direction).norm() <
+          1e-5);
+}
+
+TEST_CASE("A face that no detector finds has a depth but no landmarks") {
+    if (!FaceDetector::available()) return;
+    const TinyEvaluation tiny;
+    const ShapeMeasure measure({}, builtin_head());
+    const ComparedFace face = compared_face(tiny.model, tiny.faces, 0, tiny.options);
+    const FitResult fit = fit_codes(tiny.model, tiny.loss, face.batch, {.steps = 0});
+    const ShapeScore score = measure.measure(tiny.model, face, fit);
+    CHECK(score.landmarks_30 == INFINITY);
+    CHECK(score.found_30 == 0.0);
+    CHECK(std::isfinite(score.depth) == face.batch.has_codes());
+
+    FaceScore whole{"a", {{Region::head, {0.1, 0.1, 0.5, 20.0}}}, 1.0};
+    whole.shape = score;
+    whole.tuned_shape = ShapeScore{0.04, 1.0, 0.06};
+    const std::string line = to_json(whole).text();
+    CHECK(to_json(parse_face_score(line)).text() == line);
+    FaceScore second = whole;
+    second.shape = ShapeScore{0.5, 1.0, 0.25};
+    const json mean = json::parse(summary_json({whole, second}, {}).text());
+    CHECK(mean["shape"]["landmarks_30"] == 0.5);
+    CHECK(mean["shape"]["found_30"] == 0.5);
+    CHECK(mean["tuned_shape"]["depth"] == 0.06);
+    CHECK_THAT(table({whole, second}),
+               Catch::Contains("in distances of the eyes: landmarks at 30 degrees off by 0.500 "
+                               "(found in 50 % of the views)"));
 }
 
 TEST_CASE("A face is as like itself as can be, and the network's weights are read") {

@@ -1,0 +1,168 @@
+#include "apps/eval/shape.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+
+#include "core/angle.h"
+#include "nn/models/view.h"
+#include "render/rasterizer.h"
+
+namespace stymo {
+
+namespace {
+
+constexpr std::size_t first_inner = 17;  ///< the jaw's points are on an outline, not on the skin
+constexpr double turned_degrees = 30.0;
+
+/// x right, y down, z forward, of length 1.
+Eigen::Vector3d direction_at(const Intrinsics& intrinsics, const Eigen::Vector2d& place) {
+    return Eigen::Vector3d((place[0] - intrinsics.center_x) / intrinsics.focal,
+                           (place[1] - intrinsics.center_y) / intrinsics.focal, 1.0)
+        .normalized();
+}
+
+/// In units of the image's side.
+std::optional<Landmarks> landmarks_in(const FaceDetector& detector, const Tensor& image) {
+    const std::vector<DetectedFace> faces = detector.find(image);
+    if (faces.empty()) return std::nullopt;
+    return scaled_landmarks(faces.front().landmarks, 1.0 / static_cast<double>(image.shape(1)));
+}
+
+/// How far the landmarks that are found in a turned view are from where the points of the frontal
+/// view have turned to, in units of the image's side.
+double mean_distance(const Landmarks& found, const std::vector<Eigen::Vector3d>& points,
+                     const Camera& camera) {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < points.size(); ++i)
+        sum += (found[first_inner + i] - project(camera, points[i]).head<2>()).norm();
+    return sum / static_cast<double>(points.size());
+}
+
+Eigen::Vector3d vertex_at(const Tensor& vertices, std::int32_t vertex) {
+    const float* values = vertices.values<float>().data() + 3 * std::int64_t{vertex};
+    return {values[0], values[1], values[2]};
+}
+
+/// Distance between the middles of the two eyes.
+double eye_distance(const MorphableHead& head, const Tensor& vertices) {
+    const auto middle = [&](std::size_t first) {
+        Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+        for (std::size_t i = first; i < first + 6; ++i)
+            sum += vertex_at(vertices, head.landmarks[i]);
+        return Eigen::Vector3d(sum / 6.0);
+    };
+    return (middle(36) - middle(42)).norm();
+}
+
+/// The convex hull of the head's 68 points in the image, in units of its side.
+std::vector<cv::Point2f> face_outline(const MorphableHead& head, const Tensor& vertices,
+                                      const Camera& camera) {
+    std::vector<cv::Point2f> points, hull;
+    for (const std::int32_t vertex : head.landmarks) {
+        const Eigen::Vector3d place = project(camera, vertex_at(vertices, vertex));
+        points.emplace_back(static_cast<float>(place[0]), static_cast<float>(place[1]));
+    }
+    cv::convexHull(points, hull);
+    return hull;
+}
+
+double median(std::vector<double> values) {
+    const auto middle = values.begin() + std::ssize(values) / 2;
+    std::ranges::nth_element(values, middle);
+    return *middle;
+}
+
+}  // namespace
+
+double shifted_difference(std::vector<double> depth_minus_expected) {
+    if (depth_minus_expected.empty()) return std::numeric_limits<double>::infinity();
+    const double shift = median(depth_minus_expected);
+    for (double& difference : depth_minus_expected) difference = std::abs(difference - shift);
+    return median(std::move(depth_minus_expected));
+}
+
+double depth_difference(const MorphableHead& head, const Tensor& vertices, const Camera& camera,
+                        const Tensor& depths) {
+    const std::int64_t side = depths.shape(0);
+    const auto extent = static_cast<double>(side);
+    const RasterImage surface =
+        rasterize(vertices, Tensor::zeros(vertices.shape()), head.triangles, camera,
+                  {.width = side, .height = side, .samples_per_side = 1});
+    const std::vector<cv::Point2f> outline = face_outline(head, vertices, camera);
+    std::vector<double> differences;
+    for (std::int64_t i = 0; i < side * side; ++i) {
+        const Eigen::Vector2d place((static_cast<double>(i % side) + 0.5) / extent,
+                                    (static_cast<double>(i / side) + 0.5) / extent);
+        const cv::Point2f point(static_cast<float>(place[0]), static_cast<float>(place[1]));
+        const double axial = surface.depth.values<float>()[static_cast<std::size_t>(i)];
+        if (!std::isfinite(axial) || cv::pointPolygonTest(outline, point, false) < 0.0) continue;
+        const double expected = axial / direction_at(camera.intrinsics, place)[2];
+        differences.push_back(depths.values<float>()[static_cast<std::size_t>(i)] - expected);
+    }
+    return shifted_difference(std::move(differences)) / eye_distance(head, vertices);
+}
+
+Eigen::Vector3d point_at(const Camera& camera, const Tensor& depths, const Eigen::Vector2d& place) {
+    const std::int64_t side = depths.shape(0);
+    std::array<std::int64_t, 2> first{};
+    std::array<double, 2> part{};
+    for (int axis = 0; axis < 2; ++axis) {
+        const double position = std::clamp(place[axis] * static_cast<double>(side) - 0.5, 0.0,
+                                           static_cast<double>(side - 1));
+        const auto index = static_cast<std::size_t>(axis);
+        first[index] = std::min(static_cast<std::int64_t>(position), side - 2);
+        part[index] = position - static_cast<double>(first[index]);
+    }
+    const auto depth = [&](std::int64_t row, std::int64_t column) {
+        return static_cast<double>(depths.values<float>()[static_cast<std::size_t>(
+            (first[1] + row) * side + first[0] + column)]);
+    };
+    const double distance =
+        (1.0 - part[1]) * ((1.0 - part[0]) * depth(0, 0) + part[0] * depth(0, 1)) +
+        part[1] * ((1.0 - part[0]) * depth(1, 0) + part[0] * depth(1, 1));
+    return camera.center +
+           distance * (camera.world_from_camera * direction_at(camera.intrinsics, place));
+}
+
+ShapeMeasure::ShapeMeasure(const std::filesystem::path& landmark_model, MorphableHead head)
+    : detector_(landmark_model), head_(std::move(head)) {}
+
+ShapeScore ShapeMeasure::measure(const Model& model, const ComparedFace& face,
+                                 const FitResult& fit) const {
+    ViewOptions options{.samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
+                        .resolution = face.batch.targets.back().shape(1),
+                        .depth = true};
+    const Camera& camera = fit.cameras.front();
+    const View view = render_view(model, fit.fitted, 0, camera, options);
+    ShapeScore score;
+    if (face.batch.has_codes()) {
+        const auto code = [&](std::size_t group) {
+            return face.batch.codes[group].values<float>();
+        };
+        score.depth =
+            depth_difference(head_, head_vertices(head_, code(0), code(1)), camera, view.depth);
+    }
+    const std::optional<Landmarks> frontal = landmarks_in(detector_, view.image);
+    if (!frontal) return score;
+    std::vector<Eigen::Vector3d> points;
+    for (std::size_t i = first_inner; i < frontal->size(); ++i)
+        points.push_back(point_at(camera, view.depth, (*frontal)[i]));
+    options.depth = false;
+    double sum = 0.0, found = 0.0;
+    for (const double degrees : {-turned_degrees, turned_degrees}) {
+        const Camera turned = model_camera(model, radians_from_degrees(degrees), 0.0, 0.0);
+        const std::optional<Landmarks> seen =
+            landmarks_in(detector_, render_view(model, fit.fitted, 0, turned, options).image);
+        if (!seen) continue;
+        sum += mean_distance(*seen, points, turned);
+        ++found;
+    }
+    score.found_30 = 0.5 * found;
+    if (found > 0.0) score.landmarks_30 = sum / found / inter_ocular_distance(*frontal);
+    return score;
+}
+
+}  // namespace stymo
