@@ -15,6 +15,7 @@ struct TickSpeed {
     /// Part of the time in which this rank sent to others, received or waited for them; nothing
     /// where there is one rank.
     std::optional<double> exchange_share{};
+    double disk_share = 0.0;  ///< part of the threads' time in which they waited for the disk
 };
 
 /// Means over the steps between two lines of statistics.

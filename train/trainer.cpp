@@ -56,7 +56,7 @@ Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Datas
       rng_(seed),
       schedule_(config),
       images_(training, config.data.mirror, rng_,
-              resolution_ladder(config.model.decoder).smallest()),
+              resolution_ladder(config.model.decoder).smallest(), config.stage1.batch),
       model_(initial_model(config.model, rng_)),
       reconstruction_(config.model.reconstruction) {
     if (config.model.code_source == "encoder") require_backbone_weights(config.model.encoder);

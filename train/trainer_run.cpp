@@ -1,9 +1,11 @@
 #include <algorithm>
+#include <cmath>
 #include <iomanip>
 #include <sstream>
 
 #include "core/clock.h"
 #include "core/interrupt.h"
+#include "core/parallel.h"
 #include "core/progress.h"
 #include "train/sample_sheet.h"
 #include "train/trainer.h"
@@ -28,6 +30,16 @@ void announce_lpips(const Lpips* lpips, const RunFolder& folder, Progress& progr
     if (lpips->random()) progress.message(line);
 }
 
+/// A slow disk is worth a line for whoever wonders about the speed.
+void announce_slow_disk(double share, const RunFolder* folder, Progress& progress) {
+    std::ostringstream line;
+    line << "reading photos takes " << std::lround(100.0 * share)
+         << " % of the time: the disk is slow; copy the data to a faster one, or give "
+            "data.cache_megabytes more memory";
+    progress.message(line.str());
+    if (folder != nullptr) folder->log(line.str());
+}
+
 bool is_due(std::int64_t step, std::int64_t interval) {
     return interval > 0 && step % interval == 0;
 }
@@ -43,6 +55,8 @@ TrainingOutcome Trainer::run_steps(const RunFolder* folder, const TrainingLimits
     std::int64_t saved_step = -1;
     double tick_start = start;
     double tick_exchange = ranks_.exchange_seconds();
+    double tick_waiting = images_.waiting_seconds();
+    bool disk_is_slow = false;
     std::int64_t tick_first_image = first_image;
     if (folder != nullptr) folder->forget_statistics_after(state_.step);
     Progress progress({.title = "train",
@@ -72,6 +86,13 @@ TrainingOutcome Trainer::run_steps(const RunFolder* folder, const TrainingLimits
             TickSpeed speed{static_cast<double>(images - tick_first_image) / seconds};
             if (ranks_.size() > 1)
                 speed.exchange_share = (ranks_.exchange_seconds() - tick_exchange) / seconds;
+            speed.disk_share = (images_.waiting_seconds() - tick_waiting) /
+                               (seconds * static_cast<double>(thread_count()));
+            constexpr double slow_from = 0.2;
+            if (speed.disk_share > slow_from && !disk_is_slow) {
+                disk_is_slow = true;
+                announce_slow_disk(speed.disk_share, folder, progress);
+            }
             if (folder != nullptr) {
                 folder->statistics(tick.json(state_.step, position, images_.epochs(images), speed));
                 folder->log("step " + std::to_string(state_.step) + ": " + tick.text());
@@ -80,6 +101,7 @@ TrainingOutcome Trainer::run_steps(const RunFolder* folder, const TrainingLimits
             tick = {};
             tick_start = seconds_now();
             tick_exchange = ranks_.exchange_seconds();
+            tick_waiting = images_.waiting_seconds();
             tick_first_image = images;
         }
         progress.update(images, step_text(report.losses));

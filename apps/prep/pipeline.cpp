@@ -49,11 +49,15 @@ JsonValue settings_json(const fs::path& photos, const PhotoPreparationSettings& 
          {"--pivot-depth", settings.pivot.pivot_depth}});
 }
 
+bool has_landmarks(const FolderScan& scan, const std::string& id) {
+    const FaceEntry* entry = scan.records.find(id);
+    return entry != nullptr && entry->has_landmarks;
+}
+
 KnownOfPhoto known_of(const std::string& id, const FolderScan& scan, Tensor mask) {
     KnownOfPhoto known{std::move(mask), {}};
-    const auto record = scan.records.find(id);
-    if (record != scan.records.end() && !record->second.landmarks.empty())
-        std::ranges::copy(record->second.landmarks, known.landmarks.emplace().begin());
+    if (has_landmarks(scan, id))
+        std::ranges::copy(scan.records.read(id).landmarks, known.landmarks.emplace().begin());
     return known;
 }
 
@@ -188,11 +192,6 @@ private:
     std::vector<const FaceFiles*> waiting_;
 };
 
-bool has_landmarks(const FolderScan& scan, const FaceFiles& files) {
-    const auto record = scan.records.find(files.id);
-    return record != scan.records.end() && !record->second.landmarks.empty();
-}
-
 }  // namespace
 
 PrepareOutcome prepare_folder(const FolderPreparation& folders, const PhotoPreparation& preparation,
@@ -201,7 +200,7 @@ PrepareOutcome prepare_folder(const FolderPreparation& folders, const PhotoPrepa
     require_own_folder(folders.out);
     // Before anything is written.
     if (!std::ranges::all_of(scan.faces,
-                             [&](const FaceFiles& files) { return has_landmarks(scan, files); }))
+                             [&](const FaceFiles& files) { return has_landmarks(scan, files.id); }))
         preparation.require_detector();
     require_writable_folder(folders.out);
 

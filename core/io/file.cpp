@@ -144,6 +144,35 @@ std::string read_beginning(const fs::path& path, std::size_t count) {
     return text;
 }
 
+struct OpenFile::Implementation {
+    fs::path path;
+    Descriptor file;
+};
+
+OpenFile::OpenFile(const fs::path& path)
+    : implementation_(new Implementation{path, open_for_reading(path)}) {}
+
+std::string OpenFile::read(std::int64_t offset, std::int64_t size) const {
+    std::string bytes(static_cast<std::size_t>(size), '\0');
+    for (std::int64_t done = 0; done < size;) {
+        const ssize_t count =
+            ::pread(implementation_->file.number(), bytes.data() + done,
+                    static_cast<std::size_t>(size - done), static_cast<off_t>(offset + done));
+        if (count < 0 && errno == EINTR) continue;
+        if (count <= 0)
+            fail<FileError>(implementation_->path.string(), ": cannot be read (",
+                            count == 0 ? "it ends too early" : reason_of(errno), ")");
+        done += count;
+    }
+    return bytes;
+}
+
+void announce_reading(const fs::path& path) {
+    const Descriptor file(path, O_RDONLY);
+    if (file.is_open())
+        static_cast<void>(::posix_fadvise(file.number(), 0, 0, POSIX_FADV_WILLNEED));
+}
+
 void write_whole(const fs::path& path, const std::function<void(const fs::path&)>& write,
                  Survives survives) {
     std::error_code error;

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <string>
 #include <string_view>
 
@@ -16,6 +18,23 @@ void read_parts(const std::filesystem::path& path,
 /// The first bytes of a file, at most `count`, for recognising its format; throws FileError if it
 /// cannot be read.
 [[nodiscard]] std::string read_beginning(const std::filesystem::path& path, std::size_t count);
+/// A file of which parts are read, by several threads at once if need be. It stays readable when
+/// another file takes its name.
+class OpenFile {
+public:
+    /// Throws FileError if it cannot be opened.
+    explicit OpenFile(const std::filesystem::path& path);
+    /// Throws FileError if the file ends before or cannot be read.
+    [[nodiscard]] std::string read(std::int64_t offset, std::int64_t size) const;
+
+private:
+    struct Implementation;
+    std::shared_ptr<const Implementation> implementation_;
+};
+
+/// Tells the system that a file will be read soon, so that it can fetch it meanwhile. A file that
+/// is missing is ignored.
+void announce_reading(const std::filesystem::path& path);
 /// What a written file survives. A program that is killed never leaves half of a file; a power cut
 /// or a crash of the system does, unless the file was flushed to the disk.
 enum class Survives {

@@ -136,12 +136,12 @@ TEST_CASE("A preparation that was stopped goes on with the next call, as if it h
     // What is done is a data set, whose split is that of the whole folder.
     const stymo::FolderScan so_far = stymo::scan_folder(folder / "in_two");
     CHECK(so_far.faces.size() < 12);
-    CHECK(so_far.records.size() == so_far.faces.size());
+    CHECK(so_far.records.size() == std::ssize(so_far.faces));
     CHECK(so_far.photo_ids.size() == 13);  // one of them is not an image
-    CHECK(so_far.records.contains(
-        stymo::Dataset(folder / "in_two", 32, {.test = 2, .validation = 1}, stymo::Split::test)
-            .ids()
-            .front()));
+    CHECK(so_far.records.find(stymo::Dataset(folder / "in_two", 32, {.test = 2, .validation = 1},
+                                             stymo::Split::test)
+                                  .ids()
+                                  .front()) != nullptr);
     const ToolOutcome other = run_tool(folder, "stymo-prep --photos many --out in_two --size 64");
     CHECK(other.exit_code == 1);
     CHECK_THAT(other.err, Catch::Contains("was begun with other settings (--size was 32, now 64)"));

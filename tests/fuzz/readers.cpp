@@ -5,6 +5,7 @@
 #include "apps/view/request.h"
 #include "core/config.h"
 #include "core/error.h"
+#include "core/io/checksum.h"
 #include "core/io/onnx_file.h"
 #include "core/io/tensor_file.h"
 #include "core/io/torch_file.h"
@@ -15,6 +16,8 @@
 #include "render/morphable/head_file.h"
 #include "render/morphable/obj_head.h"
 #include "support/tiny_model.h"
+#include "train/data/face_index.h"
+#include "train/data/face_records.h"
 #include "train/data/folder_records.h"
 #include "train/train_config.h"
 
@@ -102,7 +105,17 @@ const std::map<std::string, Reader>& readers() {
         {"torch", [=](const auto& b) { static_cast<void>(read_torch_file(path(b))); }},
         {"onnx", [=](const auto& b) { static_cast<void>(read_onnx_file(path(b))); }},
         {"config", read_configuration},
-        {"faces", [=](const auto& b) { static_cast<void>(read_face_records(path(b))); }},
+        {"faces", [=](const auto& b) { static_cast<void>(FaceRecords(path(b))); }},
+        {"face_index",
+         [=](const auto& b) {
+             const std::filesystem::path faces = path("");
+             const FileVersion version = version_of(faces);
+             write_text_file(index_path(faces), "stymo-face-index-1 " +
+                                                    std::to_string(version.size) + " " +
+                                                    std::to_string(version.time) + " " +
+                                                    std::to_string(crc32c(b)) + "\n" + b);
+             static_cast<void>(read_face_index(faces, version));
+         }},
         {"intrinsics", [=](const auto& b) { static_cast<void>(read_intrinsics(path(b))); }},
         {"photo_ids", [=](const auto& b) { static_cast<void>(read_photo_ids(path(b))); }},
         {"codes",

@@ -1,13 +1,16 @@
 #include "train/data/dataset.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <map>
 #include <mutex>
 #include <optional>
 #include <sstream>
 
+#include "core/clock.h"
 #include "core/error.h"
+#include "core/io/file.h"
 #include "core/io/image.h"
 #include "core/parallel.h"
 #include "train/data/folder_scan.h"
@@ -19,6 +22,7 @@ namespace {
 struct Pixels {
     std::vector<std::uint8_t> image;
     std::vector<std::uint8_t> mask;  ///< empty: the whole frame
+    std::vector<float> code;         ///< or none
 };
 
 /// The decoded pixels of a face, or the reason why there are none.
@@ -45,12 +49,14 @@ Tensor tensor_of(const std::vector<std::uint8_t>& bytes, std::int64_t side) {
     return result;
 }
 
-DecodedFace decode(const FaceFiles& files, std::int64_t side) {
+DecodedFace decode(const FaceFiles& files, const FaceRecords& records, std::int64_t side) {
     const FaceImage image = read_face_image(files);
     if (image.broken) return {std::nullopt, *image.broken};
     Pixels pixels;
     pixels.image = bytes_at_side(image.image, side);
     if (image.mask.defined()) pixels.mask = bytes_at_side(image.mask, side);
+    const FaceEntry* entry = records.find(files.id);
+    if (entry != nullptr && entry->has_code) pixels.code = records.read(files.id).code;
     return {std::move(pixels), {}};
 }
 
@@ -138,13 +144,14 @@ struct Dataset::Implementation {
     std::int64_t side = 0;
     std::vector<FaceFiles> faces;
     std::vector<std::string> ids;
-    std::map<std::string, FaceRecord> records;
+    FaceRecords records;
     Intrinsics intrinsics;
     Pose frontal;
     std::vector<Pixels> cache;  ///< one for each face, or empty
     mutable std::mutex broken_mutex;
     mutable std::map<std::int64_t, BrokenFile> broken;  ///< by place in the split
     std::vector<BrokenFile> refused;
+    mutable std::atomic<double> waiting_seconds = 0.0;
 
     [[nodiscard]] Pose pose_of(const std::string& id) const;
     void refuse(const CameraCheck& check);
@@ -154,8 +161,8 @@ struct Dataset::Implementation {
 };
 
 Pose Dataset::Implementation::pose_of(const std::string& id) const {
-    const auto found = records.find(id);
-    return found == records.end() ? frontal : found->second.pose.value_or(frontal);
+    const FaceEntry* entry = records.find(id);
+    return entry == nullptr ? frontal : entry->pose.value_or(frontal);
 }
 
 void Dataset::Implementation::refuse(const CameraCheck& check) {
@@ -171,7 +178,8 @@ void Dataset::Implementation::fill_cache() {
     std::vector<DecodedFace> decoded(faces.size());
     parallel_for(count, 1, [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t i = begin; i < end; ++i)
-            decoded[static_cast<std::size_t>(i)] = decode(faces[static_cast<std::size_t>(i)], side);
+            decoded[static_cast<std::size_t>(i)] =
+                decode(faces[static_cast<std::size_t>(i)], records, side);
     });
     std::vector<FaceFiles> readable;
     for (std::size_t i = 0; i < decoded.size(); ++i) {
@@ -194,17 +202,18 @@ Face Dataset::Implementation::face(std::int64_t index, const Pixels& pixels) con
     face.mask = face.has_mask ? tensor_of(pixels.mask, side) : Tensor::full({side, side, 1}, 1.0);
     face.intrinsics = intrinsics;
     face.pose = pose_of(files.id);
-    if (const auto found = records.find(files.id); found != records.end()) {
-        face.has_pose = found->second.pose.has_value();
-        face.code = found->second.code;
-        face.has_code = !face.code.empty();
-    }
+    const FaceEntry* entry = records.find(files.id);
+    face.has_pose = entry != nullptr && entry->pose.has_value();
+    face.code = pixels.code;
+    face.has_code = !face.code.empty();
     return face;
 }
 
 std::optional<Face> Dataset::Implementation::try_load(std::int64_t index) const {
     if (!cache.empty()) return face(index, cache[static_cast<std::size_t>(index)]);
-    DecodedFace decoded = decode(faces[static_cast<std::size_t>(index)], side);
+    const double start = seconds_now(), computing = thread_seconds();
+    DecodedFace decoded = decode(faces[static_cast<std::size_t>(index)], records, side);
+    waiting_seconds += (seconds_now() - start) - (thread_seconds() - computing);
     if (decoded.pixels) return face(index, *decoded.pixels);
     const std::lock_guard lock(broken_mutex);
     broken.emplace(index, std::move(decoded.broken));
@@ -289,6 +298,17 @@ std::vector<Face> Dataset::load(std::span<const std::int64_t> indices) const {
     return faces;
 }
 
+void Dataset::announce(std::int64_t index) const {
+    if (!implementation_->cache.empty()) return;
+    const FaceFiles& face = files(index);
+    for (const std::filesystem::path* file : {&face.image, &face.mask, &face.parsing})
+        if (!file->empty()) announce_reading(*file);
+}
+
+double Dataset::waiting_seconds() const {
+    return implementation_->waiting_seconds;
+}
+
 DatasetSummary Dataset::summary() const {
     const Implementation& data = *implementation_;
     const std::lock_guard lock(data.broken_mutex);
@@ -299,9 +319,9 @@ DatasetSummary Dataset::summary() const {
         if (data.cache.empty() && data.broken.contains(static_cast<std::int64_t>(i))) continue;
         ++summary.faces;
         if (!has_mask(data.faces[i])) ++summary.without_mask;
-        const auto record = data.records.find(data.faces[i].id);
-        if (record == data.records.end() || !record->second.pose) ++summary.without_pose;
-        if (record == data.records.end() || record->second.code.empty()) ++summary.without_code;
+        const FaceEntry* entry = data.records.find(data.faces[i].id);
+        if (entry == nullptr || !entry->pose) ++summary.without_pose;
+        if (entry == nullptr || !entry->has_code) ++summary.without_code;
     }
     for (const auto& [place, item] : data.broken) summary.broken.push_back(item);
     summary.refused = data.refused;

@@ -79,6 +79,10 @@ public:
     /// `load` for several, on all threads, in the order of `indices`.
     [[nodiscard]] std::vector<Face> load(std::span<const std::int64_t> indices) const;
     [[nodiscard]] DatasetSummary summary() const;
+    /// Tells the system that a face will be loaded soon, if its files are read again at each use.
+    void announce(std::int64_t index) const;
+    /// Of all threads together, in which `load` waited for the disk instead of computing.
+    [[nodiscard]] double waiting_seconds() const;
 
 private:
     struct Implementation;

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <map>
 #include <string_view>
 
 #include "core/error.h"
+#include "train/data/folder_records.h"
 
 namespace stymo {
 namespace {
@@ -139,8 +141,7 @@ FolderScan scan_folder(const fs::path& folder) {
             scan.faces.push_back(std::move(files));
         }
         std::ranges::sort(scan.faces, id_less, &FaceFiles::id);
-        if (fs::exists(folder / "faces.jsonl"))
-            scan.records = read_face_records(folder / "faces.jsonl");
+        if (fs::exists(folder / "faces.jsonl")) scan.records = FaceRecords(folder / "faces.jsonl");
         if (fs::exists(folder / "camera.json"))
             scan.intrinsics = read_intrinsics(folder / "camera.json");
         if (fs::exists(folder / "report.json"))

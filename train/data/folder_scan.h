@@ -1,12 +1,11 @@
 #pragma once
 
 #include <filesystem>
-#include <map>
 #include <string>
 #include <vector>
 
 #include "render/camera.h"
-#include "train/data/folder_records.h"
+#include "train/data/face_records.h"
 
 namespace stymo {
 
@@ -23,8 +22,8 @@ struct FaceFiles {
 /// The files of a data set's folder, not decoded yet.
 struct FolderScan {
     std::vector<FaceFiles> faces;  ///< in order of id: numbers by value, then names by letter
-    std::map<std::string, FaceRecord> records;  ///< of `faces.jsonl`, empty without that file
-    Intrinsics intrinsics;                      ///< of `camera.json`, or the default
+    FaceRecords records;           ///< of `faces.jsonl`, none without that file
+    Intrinsics intrinsics;         ///< of `camera.json`, or the default
     /// In the same order, the ids of all photos that the folder was prepared from, also of those
     /// without a usable face: "photos" of `report.json`; empty if that is not there.
     std::vector<std::string> photo_ids;

@@ -1,5 +1,6 @@
 #include "train/data/training_images.h"
 
+#include <iterator>
 #include <numeric>
 #include <utility>
 
@@ -19,17 +20,29 @@ std::vector<std::int64_t> shuffled(std::int64_t count, Rng rng) {
 
 }  // namespace
 
+std::shared_ptr<const TrainingImages::Order> TrainingImages::order(std::int64_t pass) const {
+    const std::lock_guard lock(mutex_);
+    std::shared_ptr<const Order>& order = orders_[pass];
+    if (!order) {
+        order = std::make_shared<const Order>(
+            shuffled(faces_.size(), rng_.split("order").split(static_cast<std::uint64_t>(pass))));
+    }
+    const std::shared_ptr<const Order> result = order;
+    constexpr std::size_t kept = 2;
+    if (orders_.size() > kept)
+        orders_.erase(orders_.begin()->first == pass ? std::prev(orders_.end()) : orders_.begin());
+    return result;
+}
+
+std::int64_t TrainingImages::face_of(std::int64_t image) const {
+    return (*order(image / faces_.size()))[static_cast<std::size_t>(image % faces_.size())];
+}
+
 FaceBatch TrainingImages::batch(std::int64_t first_image, std::int64_t count) const {
     std::vector<Face> faces;
-    std::int64_t epoch = -1;
-    std::vector<std::int64_t> order;
     for (std::int64_t number = first_image; number < first_image + count; ++number) {
-        if (number / faces_.size() != epoch) {
-            epoch = number / faces_.size();
-            order = shuffled(faces_.size(),
-                             rng_.split("order").split(static_cast<std::uint64_t>(epoch)));
-        }
-        Face face = faces_.load(order[static_cast<std::size_t>(number % faces_.size())]);
+        Face face = faces_.load(face_of(number));
+        if (ahead_ > 0) faces_.announce(face_of(number + ahead_));
         const bool mirror =
             mirror_ && rng_.split("mirror").split(static_cast<std::uint64_t>(number)).below(2) == 1;
         faces.push_back(mirror ? mirrored(face) : std::move(face));
