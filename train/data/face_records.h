@@ -1,30 +1,16 @@
 #pragma once
 
-#include <Eigen/Core>
 #include <cstdint>
 #include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
-#include <string_view>
-#include <vector>
 
 #include "core/io/file.h"
 #include "render/camera.h"
+#include "train/data/folder_records.h"
 
 namespace stymo {
-
-/// One line of `faces.jsonl`.
-struct FaceRecord {
-    std::optional<Pose> pose;
-    std::vector<float> code;  ///< identity, expression, texture, light: 306 elements, or none
-    std::vector<Eigen::Vector2d> landmarks;  ///< 68 points in pixels of the stored image, or none
-};
-
-/// Id and contents of a line: {"id", "pose": {"yaw_deg", "pitch_deg", "roll_deg", "t": [x,y,z]},
-/// "code": {"id", "expr", "tex", "light"}, "landmarks": [[x,y] x68]}, all but the id optional.
-/// Throws FileError for anything else: malformed JSON, an unknown key, a wrong type or length.
-[[nodiscard]] std::pair<std::string, FaceRecord> parse_face_record(std::string_view line);
 
 /// What is in memory of a line.
 struct FaceEntry {

@@ -1,17 +1,43 @@
 #include "train/data/folder_records.h"
 
 #include <algorithm>
+#include <cmath>
+#include <initializer_list>
+#include <nlohmann/json.hpp>
+#include <string_view>
 
 #include "core/error.h"
 #include "core/io/file.h"
 #include "core/io/json_check.h"
 #include "core/io/json_writer.h"
-#include "train/data/json_values.h"
+#include "nn/models/codes.h"
+#include "render/pose_json.h"
 
 namespace stymo {
 namespace {
 
 using Json = nlohmann::json;
+
+void require_keys(const Json& object, const char* what,
+                  std::initializer_list<std::string_view> known) {
+    if (!object.is_object()) fail<FileError>(what, " must be an object");
+    for (const auto& member : object.items())
+        if (std::find(known.begin(), known.end(), member.key()) == known.end())
+            fail<FileError>("unknown key \"", member.key(), "\" in ", what);
+}
+
+double finite_number(const Json& value, const char* what) {
+    const auto number = value.get<double>();
+    if (!std::isfinite(static_cast<float>(number)))
+        fail<FileError>("\"", what, "\" holds ", number, ", which is too large");
+    return number;
+}
+
+std::string plain_message(const Json::exception& error) {
+    const std::string message = error.what();
+    const std::size_t end = message.find("] ");
+    return end == std::string::npos ? message : message.substr(end + 2);
+}
 
 double number_at(const Json& object, const char* key, double absent) {
     const auto found = object.find(key);
@@ -20,7 +46,58 @@ double number_at(const Json& object, const char* key, double absent) {
     return finite_number(*found, key);
 }
 
+std::vector<double> numbers_of(const Json& value, const char* what, std::size_t count) {
+    const bool numbers =
+        value.is_array() && value.size() == count &&
+        std::all_of(value.begin(), value.end(), [](const Json& item) { return item.is_number(); });
+    if (!numbers) fail<FileError>("\"", what, "\" must be an array of ", count, " numbers");
+    std::vector<double> result;
+    for (const Json& item : value) result.push_back(finite_number(item, what));
+    return result;
+}
+
+std::vector<float> code_of(const Json& value) {
+    require_keys(value, "\"code\"", {code_names[0], code_names[1], code_names[2], code_names[3]});
+    std::vector<float> code;
+    for (std::size_t i = 0; i < code_names.size(); ++i) {
+        if (!value.contains(code_names[i]))
+            fail<FileError>("\"code\" lacks \"", code_names[i], "\"");
+        for (const double number : numbers_of(value[code_names[i]], code_names[i],
+                                              static_cast<std::size_t>(code_sizes[i])))
+            code.push_back(static_cast<float>(number));
+    }
+    return code;
+}
+
+std::vector<Eigen::Vector2d> landmarks_of(const Json& value) {
+    constexpr std::size_t count = 68;
+    if (!value.is_array() || value.size() != count)
+        fail<FileError>("\"landmarks\" must be an array of ", count, " points");
+    std::vector<Eigen::Vector2d> landmarks;
+    for (const Json& point : value) {
+        const std::vector<double> xy = numbers_of(point, "landmarks", 2);
+        landmarks.emplace_back(xy[0], xy[1]);
+    }
+    return landmarks;
+}
+
 }  // namespace
+
+std::pair<std::string, FaceRecord> parse_face_record(std::string_view line) {
+    try {
+        require_sound_json(line);
+        const Json object = Json::parse(line);
+        require_keys(object, "the line", {"id", "pose", "code", "landmarks"});
+        if (!object.contains("id") || !object["id"].is_string()) fail<FileError>("no \"id\" text");
+        FaceRecord record;
+        if (object.contains("pose")) record.pose = parse_pose(object["pose"].dump());
+        if (object.contains("code")) record.code = code_of(object["code"]);
+        if (object.contains("landmarks")) record.landmarks = landmarks_of(object["landmarks"]);
+        return {object["id"].get<std::string>(), std::move(record)};
+    } catch (const Json::exception& error) {
+        fail<FileError>("not JSON: ", plain_message(error));
+    }
+}
 
 std::vector<std::string> read_photo_ids(const std::filesystem::path& path) {
     const std::string text = read_text_file(path);

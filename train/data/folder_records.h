@@ -1,12 +1,28 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <filesystem>
+#include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "render/camera.h"
 
 namespace stymo {
+
+/// One line of `faces.jsonl`.
+struct FaceRecord {
+    std::optional<Pose> pose;
+    std::vector<float> code;  ///< identity, expression, texture, light: 306 elements, or none
+    std::vector<Eigen::Vector2d> landmarks;  ///< 68 points in pixels of the stored image, or none
+};
+
+/// Id and contents of a line: {"id", "pose": {"yaw_deg", "pitch_deg", "roll_deg", "t": [x,y,z]},
+/// "code": {"id", "expr", "tex", "light"}, "landmarks": [[x,y] x68]}, all but the id optional.
+/// Throws FileError for anything else: malformed JSON, an unknown key, a wrong type or length.
+[[nodiscard]] std::pair<std::string, FaceRecord> parse_face_record(std::string_view line);
 
 /// Reads "photos" of the `report.json` that stymo-prep writes: the ids of all photos that were
 /// there. Empty for a file of another kind.
