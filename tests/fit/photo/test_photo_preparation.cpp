@@ -119,3 +119,30 @@ TEST_CASE("a photo without a face, or with a mask of other proportions, is refus
     CHECK(test::error_message<ValueError>(
               [&] { static_cast<void>(preparation.crops(grey, {})); }) == "no face was found");
 }
+
+TEST_CASE("a face of few pixels, points that are no face, and a profile are refused", "[photo]") {
+    PhotoPreparationSettings settings;
+    settings.side = 256;
+    const PhotoPreparation preparation(settings);
+    const auto failure_of = [&](const RenderedHead& photo) {
+        return preparation
+            .finish(preparation.crops(photo.image.color, {photo.image.mask, photo.image.landmarks}))
+            .front()
+            .failure;
+    };
+    CHECK(failure_of(with_margin(rendered_head(5, 256), 100)).empty());
+    CHECK_THAT(failure_of(with_margin(rendered_head(5, 40), 100)),
+               Catch::StartsWith("its face is too small (a crop of ") &&
+                   Catch::EndsWith(" pixels a side)"));
+    RenderedHead upside_down = rendered_head(5, 256);
+    std::ranges::reverse(upside_down.image.landmarks);
+    CHECK(failure_of(upside_down) == "the head model does not fit what was found");
+
+    if (!FaceDetector::available()) return;
+    const MorphableHead head = builtin_head();
+    SyntheticFace profile = sample_synthetic_face(head, Rng(5));
+    profile.pose = orbit_pose(85.0 * degree, 0.0, 0.0, 5.3);
+    const Tensor photo = render_synthetic_face(head, profile, {}, 256).color;
+    CHECK(test::error_message<ValueError>(
+              [&] { static_cast<void>(preparation.crops(photo, {})); }) == "no face was found");
+}
