@@ -21,8 +21,8 @@ namespace stymo {
 class RunFolder {
 public:
     /// Creates the folders that are missing, and after a crash repairs checkpoints and removes
-    /// unfinished files. Throws FileError
-    /// if the folder cannot be written, or if it holds a run already and `resume` is false.
+    /// unfinished files. Throws FileError if the folder cannot be written, or if it holds a run
+    /// already and `resume` is false.
     RunFolder(std::filesystem::path path, bool resume);
 
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
@@ -46,9 +46,8 @@ public:
     /// Writes samples/NNNNNN.png, and the same image to the event file.
     void sample(std::int64_t step, const Tensor& image) const;
     /// Points `latest` at the checkpoint, once the statistics up to it are on the disk, and then
-    /// removes older ones beyond the last `keep`, and
-    /// unfinished ones. Checkpoints of later steps, from before a run was resumed further back,
-    /// stay until the run gets past them.
+    /// removes older ones beyond the last `keep`, and unfinished ones. Checkpoints of later steps,
+    /// from before a run was resumed further back, stay until the run gets past them.
     void finish_checkpoint(std::int64_t step, std::int64_t keep) const;
 
 private:
