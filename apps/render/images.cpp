@@ -19,6 +19,7 @@ namespace {
 RendererOptions chosen_options(const RenderOptions& options, const Model& model,
                                const std::vector<Shot>& shots) {
     RendererOptions chosen = options.renderer;
+    chosen.remove_floaters = !options.keep_floaters;
     if (!options.psnr) return chosen;
     constexpr std::size_t most_cameras = 5;
     std::vector<Camera> cameras;

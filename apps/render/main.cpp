@@ -109,6 +109,8 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
     line.option("--bake-resolution", options.renderer.bake_resolution,
                 "mode baked: cells along one side of the sampled cube")
         .range(8, 512);
+    line.flag("--keep-floaters", options.keep_floaters,
+              "also show pieces that float beside the head, which are left out by default");
     line.flag("--mask", options.renderer.mask,
               "also write the head mask, OUT_mask.png, or an animation of masks");
     line.flag(

@@ -43,6 +43,7 @@ struct RenderOptions {
     std::string mode = "exact";
     RendererOptions renderer;    ///< its mode is that of `mode`
     std::optional<double> psnr;  ///< that the tolerance is chosen for, in decibels
+    bool keep_floaters = false;
     bool explain = false;
 
     [[nodiscard]] bool grid() const { return !grid_yaw.empty() || !grid_pitch.empty(); }

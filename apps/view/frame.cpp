@@ -91,6 +91,7 @@ RendererOptions options_for(const FrameRequest& request, RenderMode mode, double
     options.samples_per_ray = request.model->config().reconstruction.fit_samples_per_ray;
     options.mask = request.layer == Layer::mask || request.layer == Layer::normals;
     options.depth = request.layer == Layer::depth || request.layer == Layer::normals;
+    options.remove_floaters = true;
     if (request.quality == Quality::thumbnail)
         options.resolution = std::min(thumbnail_side, request.model->config().decoder.resolution);
     return options;

@@ -168,7 +168,8 @@ Job::Body film(Studio& studio, const FilmWish& wish) {
         FaceRenderer renderer(
             model, {.mode = model.decoder().folds() ? settings.moving_mode : RenderMode::exact,
                     .samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
-                    .tolerance = settings.tolerance});
+                    .tolerance = settings.tolerance,
+                    .remove_floaters = true});
         renderer.show(wish.face.face.codes);
         std::vector<Tensor> frames;
         for (const Camera& camera : wish.cameras) {

@@ -69,6 +69,7 @@ void BakedField::render(const CameraRays& rays, FeatureMap& map, const std::stop
     const std::int64_t row_size = samples_.dimension + 1, channels = finish_.outputs();
     map.features.resize(static_cast<std::size_t>(count * channels));
     map.occupied.resize(rays.rays.size());
+    map.opacities.resize(rays.rays.size());
     map.depths.resize(rays.rays.size());
     map.field_samples = map.significant_samples = map.tiles = 0;
     coefficients_.resize(static_cast<std::size_t>(count * row_size));
@@ -85,6 +86,7 @@ void BakedField::render(const CameraRays& rays, FeatureMap& map, const std::stop
             map.depths[ray] = seen.depth + (1.0F - seen.opacity) * background;
             map.occupied[ray] =
                 static_cast<double>(seen.opacity) > empty_share * options_.tolerance ? 1 : 0;
+            map.opacities[ray] = map.occupied[ray] != 0 ? seen.opacity : 0.0F;
             if (map.occupied[ray] != 0) {
                 row.back() = seen.opacity;
             } else {

@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "nn/engine/block_renderer.h"
 #include "nn/models/realtime/baked_field.h"
+#include "nn/models/realtime/floaters.h"
 #include "nn/models/realtime/sampled_field.h"
 
 namespace stymo {
@@ -89,6 +90,7 @@ struct FaceRenderer::State {
     CameraRays rays;
     std::optional<Camera> camera;  ///< whose feature map is kept
     FeatureMap feature_map;
+    FloaterRemoval floaters;
     bool feature_map_is_new = true;  ///< to the render blocks
     std::optional<BlockRenderer> blocks;
     View view;  ///< buffers of the last frame, which the next one takes unless somebody still holds
@@ -153,6 +155,8 @@ void FaceRenderer::State::render_field(const Camera& seen_by, const std::stop_to
     }
     field->render(rays, feature_map, stop);
     if (stop.stop_requested()) return;
+    if (options.remove_floaters)
+        floaters.apply(feature_map, sampling.rays_per_side, farthest_sample(rays));
     camera = seen_by;
     feature_map_is_new = true;
 }

@@ -31,6 +31,9 @@ struct RendererOptions {
     std::int64_t bake_resolution = 96;  ///< cells along one side of the baked cube
     bool mask = false;
     bool depth = false;
+    /// Empties rays that show pieces beside the head (floaters.h). Not of a model whose decoder
+    /// does not fold.
+    bool remove_floaters = false;
 };
 
 /// What the last frame did and left out.

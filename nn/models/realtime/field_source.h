@@ -22,6 +22,7 @@ struct FeatureMap {
     std::vector<float> features;  ///< (rays, feature_channels), after the field's last layer; zeros
                                   ///< for an empty ray
     std::vector<std::uint8_t> occupied;  ///< (rays): 0 for an empty ray, else 1
+    std::vector<float> opacities;        ///< (rays), 0 for an empty ray
     std::vector<float> depths;       ///< (rays): expected Euclidean distance; that of the farthest
                                      ///< sample of all behind the rest
     std::int64_t field_samples = 0;  ///< samples that went through the field

@@ -139,7 +139,6 @@ private:
     std::int64_t largest_tile_ = 0;    ///< points
     std::vector<Scratch<T>> scratch_;  ///< of each thread
     std::vector<float> composited_;    ///< (rays, width)
-    std::vector<float> opacities_;
     float background_ = 0.0F;
 };
 
@@ -185,7 +184,7 @@ void SampledField<T>::render(const CameraRays& rays, FeatureMap& map, const std:
         scratch.bounds.reserve(static_cast<std::size_t>(rays.samples_per_ray));
     }
     composited_.resize(count * static_cast<std::size_t>(field_.width()));
-    opacities_.resize(count);
+    map.opacities.resize(count);
     map.features.resize(count * static_cast<std::size_t>(field_.feature_channels()));
     map.occupied.resize(count);
     map.depths.resize(count);
@@ -324,13 +323,13 @@ void SampledField<T>::finish_ray(std::int64_t ray, const CameraSamples& samples,
         depth += weights[k] * static_cast<float>(samples.distance(ray, selected[k]));
         if (static_cast<double>(weights[k]) > significant_weight) ++scratch.significant;
     }
-    opacities_[index] = opacity;
+    map.opacities[index] = opacity;
     map.depths[index] = depth + (1.0F - opacity) * background_;
 
     const bool empty = opacity <= empty_share * tolerance_;
     map.occupied[index] = empty ? 0 : 1;
     if (empty) {
-        opacities_[index] = 0.0F;
+        map.opacities[index] = 0.0F;
         return;
     }
     // A weight too small for features of its own goes to the next sample that has some.
@@ -361,7 +360,7 @@ void SampledField<T>::finish(FeatureMap& map) {
         const auto result = part(map.features, channels);
         if (std::ranges::any_of(part(map.occupied, 1),
                                 [](std::uint8_t occupied) { return occupied != 0; })) {
-            field_.finish(part(composited_, width), part(opacities_, 1), result);
+            field_.finish(part(composited_, width), part(map.opacities, 1), result);
         } else {
             std::ranges::fill(result, 0.0F);
         }
