@@ -45,7 +45,9 @@ double Studio::chosen_tolerance() const {
     const std::vector<Camera> cameras{model_camera(*model_, 0.0, 0.0, 0.0),
                                       model_camera(*model_, 0.4, 0.0, 0.0)};
     const RendererOptions rendering{
-        .mode = mode, .samples_per_ray = model_->config().reconstruction.fit_samples_per_ray};
+        .mode = mode,
+        .samples_per_ray = model_->config().reconstruction.fit_samples_per_ray,
+        .remove_floaters = true};
     return choose_tolerance(*model_, first_faces_.front().second.codes, cameras, rendering,
                             options_.frames.psnr)
         .tolerance;
