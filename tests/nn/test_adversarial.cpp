@@ -59,7 +59,8 @@ TEST_CASE("an image that fades in begins as its half resolution") {
     CHECK(identical(faded_image(image, 1.0).value(), image));
     const std::vector<double> half = faded_image(image, 0.25).value().to_vector();
     CHECK(half[0] == Approx(0.75 * 3.5 + 0.25 * 1.0));
-    CHECK(is_one_line(error_message<ValueError>([&] { (void)faded_image(image, 1.5); })));
+    for (const double fade : {-0.05, 1.05})
+        CHECK(is_one_line(error_message<ValueError>([&] { (void)faded_image(image, fade); })));
     CHECK(is_one_line(error_message<ShapeError>([&] {
         (void)faded_image(Tensor::zeros({1, 3, 3, 1}), 0.5);
     })));
