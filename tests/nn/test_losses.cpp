@@ -39,11 +39,12 @@ TEST_CASE(
     const double missing = std::numeric_limits<double>::quiet_NaN();
     const Tensor target = tensor({3, 2}, {0.0, 3.0, missing, missing, 1.0, 2.0});
     const Tensor none = zero.value();
-    const std::array<double, 4> weights{0.5, 1.0, 1.0, 1.0};
+    const Tensor twos = Tensor::full({3, 2}, 2.0, DType::float64);
+    const std::array<double, 4> weights{0.5, 1.0, 1.0, 0.25};
     const Variable loss =
-        code_loss(z, {target, none, none, none}, weights, tensor({3}, {1.0, 0.0, 1.0}));
-    // Face 0: 1 + 4; face 2: 0 + 1; face 1 has no codes.
-    CHECK(loss.value().item() == Approx(0.5 * (5.0 + 1.0) / 3.0));
+        code_loss(z, {target, none, none, twos}, weights, tensor({3}, {1.0, 0.0, 1.0}));
+    // Face 0: 1 + 4; face 2: 0 + 1; face 1 has no codes. Light: 4 for each number of two faces.
+    CHECK(loss.value().item() == Approx(0.5 * (5.0 + 1.0) / 3.0 + 0.25 * 16.0 / 3.0));
     const std::vector<double> gradient = grad(loss, z.groups[0]).value().to_vector();
     CHECK(gradient[0] == Approx(0.5 * 2.0 / 3.0));
     CHECK(gradient[2] == 0.0);
