@@ -223,6 +223,25 @@ TEST_CASE("the regularizer holds the offsets near zero, the more the bigger it i
           fit_codes(model, loss_of(model), target, one).losses);
 }
 
+TEST_CASE("the first learning rate is the model's own unless one is given", "[fitter]") {
+    ModelConfig config = tiny_model_config();
+    config.reconstruction.fit_learning_rate = 0.05;
+    Rng rng(1);
+    Model model(config, rng);
+    model.parameters().convert(DType::float64);
+    model.parameters().set_trainable("", false);
+    const FaceBatch target = target_of(model, random_codes(1, 9, 1.0, DType::float64));
+    for (const FitOptimizer optimizer : {FitOptimizer::adam, FitOptimizer::lbfgs}) {
+        const auto losses = [&](double learning_rate) {
+            return fit_codes(model, loss_of(model), target,
+                             {.optimizer = optimizer, .steps = 4, .learning_rate = learning_rate})
+                .losses;
+        };
+        CHECK(losses(0.0) == losses(0.05));
+        CHECK_FALSE(losses(0.0) == losses(0.01));
+    }
+}
+
 TEST_CASE("fitting lowers the perceptual term if it has a weight", "[fitter]") {
     ModelConfig larger = tiny_model_config();
     larger.decoder.resolution = 32;

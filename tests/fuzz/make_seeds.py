@@ -76,6 +76,7 @@ score = {
 faces = "\n".join(json.dumps({**face, "id": f"{i:05}"}) for i in range(2)) + "\n"
 small = {"a": ([2, 2], [1, 2, 3, 4]), "b": ([0], [])}
 seeds = {
+    "face_index": ["0 0 cl p 0.1 -0.2 0.3 0 0 5.3 00000\n0 0 - - a b\n"],
     "safetensors": [safetensors(small, {"format": "x"}), safetensors({})]
     + [file.read_bytes() for file in golden.glob("safetensors/*.safetensors")],
     "torch": [file.read_bytes() for file in golden.glob("weights/*.p*")],
