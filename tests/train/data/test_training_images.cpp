@@ -1,0 +1,40 @@
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <set>
+
+#include "train/data/training_images.h"
+#include "train/tiny_training.h"
+
+using namespace stymo;
+using namespace stymo::test;
+
+TEST_CASE("each pass shows every face once, in the same order from wherever one looks",
+          "[dataset]") {
+    const Dataset faces = synthetic_dataset();
+    const std::int64_t count = faces.size();
+    const Rng rng(3);
+    const auto id_of = [](const TrainingImages& images, std::int64_t number) {
+        return images.batch(number, 1).ids.front();
+    };
+    // Another one for each look, so that no order is kept.
+    std::vector<std::string> ids;
+    for (std::int64_t number = 0; number < 3 * count; ++number)
+        ids.push_back(id_of(TrainingImages(faces, true, rng, 8), number));
+    for (std::int64_t pass = 0; pass < 3; ++pass) {
+        const auto begin = ids.begin() + pass * count;
+        CHECK(std::set<std::string>(begin, begin + count).size() ==
+              static_cast<std::size_t>(count));
+    }
+    CHECK_FALSE(std::equal(ids.begin(), ids.begin() + count, ids.begin() + count));
+
+    // Two orders are kept; here three are wanted in turn, forwards and backwards.
+    const TrainingImages images(faces, true, rng, 8, count + 1);
+    CHECK(images.batch(0, 3 * count).ids == ids);
+    for (std::int64_t place = 0; place < count; ++place) {
+        for (const std::int64_t pass : {2, 0, 1})
+            CHECK(id_of(images, pass * count + place) ==
+                  ids[static_cast<std::size_t>(pass * count + place)]);
+    }
+    // All faces are in memory.
+    CHECK(images.waiting_seconds() == 0.0);
+}
