@@ -4,6 +4,7 @@
 #include "apps/bench/case.h"
 #include "core/kernels/float16_product.h"
 #include "core/kernels/gemm.h"
+#include "core/matmul_precision.h"
 #include "core/parallel.h"
 
 namespace stymo {
@@ -11,11 +12,12 @@ namespace stymo {
 namespace {
 
 // A layer of the field, on the samples of an exact frame.
-constexpr std::int64_t points = 65536;
+constexpr std::int64_t all_points = 65536;
+/// Points whose numbers stay in a cache.
+constexpr std::int64_t few_points = 4096;
 constexpr std::int64_t width = 256;
 /// Rows that stay in the second-level cache with the weights.
 constexpr std::int64_t tile = 256;
-constexpr double layer_work = static_cast<double>(points) * width * width;
 
 std::vector<float> numbers(std::int64_t count, double deviation, Rng& rng) {
     const Tensor drawn = rng.normal({count}, 0.0, deviation);
@@ -25,7 +27,7 @@ std::vector<float> numbers(std::int64_t count, double deviation, Rng& rng) {
 
 /// T: float, BFloat16 or Float16.
 template <class T>
-Measurement layer(const BenchRun& run, Activation activation, Limit limit) {
+Measurement layer(const BenchRun& run, std::int64_t points, Activation activation, Limit limit) {
     Rng rng = Rng(run.seed).split("layer");
     const std::vector<float> weight = numbers(width * width, 0.1, rng);
     const std::vector<float> bias = numbers(width, 0.1, rng);
@@ -41,15 +43,24 @@ Measurement layer(const BenchRun& run, Activation activation, Limit limit) {
         });
     };
     return {.timing = time_repeated(run.options.repeats, 0.1 * run.options.repeats, all_tiles),
-            .work = layer_work,
+            .work = static_cast<double>(points) * width * width,
             .limit = limit,
             .peak_memory = peak_memory_mebibytes()};
 }
 
+Measurement float_layer(const BenchRun& run, std::int64_t points, Activation activation,
+                        MatmulPrecision precision) {
+    const MatmulPrecision before = matmul_precision();
+    set_matmul_precision(precision);
+    const Measurement measurement = layer<float>(run, points, activation, Limit::float32);
+    set_matmul_precision(before);
+    return measurement;
+}
+
 Measurement half_layer(const BenchRun& run) {
     if (kernels::multiplies_float16())
-        return layer<kernels::Float16>(run, Activation::sine, Limit::sixteen_bits);
-    return layer<kernels::BFloat16>(run, Activation::sine, Limit::sixteen_bits);
+        return layer<kernels::Float16>(run, all_points, Activation::sine, Limit::sixteen_bits);
+    return layer<kernels::BFloat16>(run, all_points, Activation::sine, Limit::sixteen_bits);
 }
 
 }  // namespace
@@ -57,9 +68,21 @@ Measurement half_layer(const BenchRun& run) {
 std::vector<BenchCase> kernel_cases() {
     return {
         {"product", "kernels", "65536 x 256 times 256 x 256, float32",
-         [](const BenchRun& run) { return layer<float>(run, Activation::none, Limit::float32); }},
+         [](const BenchRun& run) {
+             return float_layer(run, all_points, Activation::none, MatmulPrecision::highest);
+         }},
         {"sine-layer", "kernels", "the same with bias and sine",
-         [](const BenchRun& run) { return layer<float>(run, Activation::sine, Limit::float32); }},
+         [](const BenchRun& run) {
+             return float_layer(run, all_points, Activation::sine, MatmulPrecision::highest);
+         }},
+        {"product-in-cache", "kernels", "4096 x 256 times 256 x 256, float32",
+         [](const BenchRun& run) {
+             return float_layer(run, few_points, Activation::none, MatmulPrecision::highest);
+         }},
+        {"product-high", "kernels", "the same on matrix tiles where the processor has them",
+         [](const BenchRun& run) {
+             return float_layer(run, few_points, Activation::none, MatmulPrecision::high);
+         }},
         {"sine-layer-half", "kernels", "the same in the faster type of 16 bits", half_layer},
     };
 }

@@ -11,6 +11,7 @@
 #include "apps/common/child_process.h"
 #include "core/error.h"
 #include "core/io/file.h"
+#include "core/matmul_precision.h"
 #include "core/parallel.h"
 
 namespace stymo {
@@ -44,6 +45,7 @@ Row measured_apart(const BenchCase& bench_case, const Peer& peer, const BenchOpt
     };
     add("--seed", std::to_string(seed));
     add("--threads", std::to_string(threads));
+    add("--matmul-precision", name_of(matmul_precision()));
     add("--repeats", std::to_string(options.repeats));
     add("--faces", std::to_string(options.faces));
     add("--views", std::to_string(options.views));
@@ -120,6 +122,7 @@ AppResult bench_session(const std::string& command, const SessionOptions& option
     Page page(command, options.out);
     const kernels::MachinePeak peak = kernels::measure_machine_peak();
     page.fact("threads", thread_count());
+    page.fact("precision of matrix products", name_of(matmul_precision()));
     page.fact("peak", to_json(peak));
     page.fact("model", options.bench.model.empty() ? "random weights, paper-512"
                                                    : options.bench.model.string());

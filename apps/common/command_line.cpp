@@ -13,6 +13,7 @@
 
 #include "apps/common/allocator.h"
 #include "core/error.h"
+#include "core/matmul_precision.h"
 #include "core/parallel.h"
 #include "fit/photo/face_detector.h"
 
@@ -94,7 +95,8 @@ constexpr const char* viewer = "off (built without cpp-httplib)";
 std::string version_text(const std::string& program) {
     std::ostringstream text;
     text << program << " " << STYMO_VERSION << "\nthreads: " << thread_count()
-         << "\nvector instructions: " << vector_instructions() << "\nfaces in photos: "
+         << "\nvector instructions: " << vector_instructions()
+         << "\nmatrix tiles: " << (has_matrix_tiles() ? "AMX" : "none") << "\nfaces in photos: "
          << (FaceDetector::available() ? "dlib" : "off (built without dlib)")
          << "\nseveral machines: " << several_machines << "\nviewer: " << viewer;
     return text.str();
@@ -205,6 +207,10 @@ CommandLine::CommandLine(std::unique_ptr<Implementation> implementation)
         "--version", [name = app.get_name()] { return version_text(name); },
         "print version and build");
     option("--threads", common.threads, "number of threads, 0: one per processor").range(0, 1024);
+    option("--matmul-precision", common.matmul_precision,
+           "float32 products as float32 (highest), or as pairs of bfloat16 where the processor has "
+           "matrix tiles (high)")
+        .one_of({"highest", "high"});
     option("--seed", common.seed, "seed of all random numbers");
     flag("--json", common.json, "print the result as one JSON object");
     app.fallthrough();  // common options may stand behind a command's name
@@ -249,6 +255,8 @@ int CommandLine::run(int argc, const char* const* argv, const AppBody& body, std
     }
     try {
         set_thread_count(common.threads);
+        set_matmul_precision(common.matmul_precision == "high" ? MatmulPrecision::high
+                                                               : MatmulPrecision::highest);
         const auto commands = app.get_subcommands();
         const AppResult result =
             commands.empty() ? body(common) : bodies.at(commands.front())(common);

@@ -12,6 +12,7 @@
 #include "core/error.h"
 #include "core/io/checksum.h"
 #include "core/io/file.h"
+#include "core/matmul_precision.h"
 
 namespace stymo {
 
@@ -61,6 +62,8 @@ CommonState common_state(const TrainConfig& config, const Dataset& training,
                   std::to_string(std::filesystem::file_size(image)) + '\n';
     }
     return {
+        {"a precision of matrix products",
+         has_matrix_tiles() && matmul_precision() == MatmulPrecision::high ? "tiles" : "float32"},
         {"a program", checksum(read_text_file("/proc/self/exe"))},
         {"a configuration", checksum(to_json(config))},
         {"a seed", std::to_string(state.seed)},

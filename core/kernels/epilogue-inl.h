@@ -9,6 +9,7 @@
 #include <hwy/highway.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -123,6 +124,28 @@ HWY_INLINE void activate(const Activated<T, Out>& block, Activation activation) 
         store_numbers(tag, simd::LoadU(tag, sums), block.c + index);
         if (block.slope != nullptr) simd::StoreU(simd::Set(tag, T(1)), tag, block.slope + index);
     });
+}
+
+/// The activation of a block of which only the first `columns` count: `computed` of them, whole
+/// vectors, are in `sums`. At most `most_rows` rows of `width` columns.
+template <std::int64_t most_rows, std::int64_t width, class T, class Out>
+HWY_INLINE void finish_block(Activated<T, Out> block, std::int64_t computed,
+                             Activation activation) {
+    if (block.columns == computed) {
+        activate(block, activation);
+        return;
+    }
+    std::array<Out, static_cast<std::size_t>(most_rows * width)> results;
+    std::array<T, static_cast<std::size_t>(most_rows * width)> slopes;
+    activate(Activated<T, Out>{block.sums, block.sums_stride, results.data(),
+                               block.slope == nullptr ? nullptr : slopes.data(), width, block.rows,
+                               computed},
+             activation);
+    for (std::int64_t i = 0; i < block.rows; ++i) {
+        std::copy_n(results.data() + i * width, block.columns, block.c + i * block.stride);
+        if (block.slope != nullptr)
+            std::copy_n(slopes.data() + i * width, block.columns, block.slope + i * block.stride);
+    }
 }
 
 }  // namespace stymo::kernels::HWY_NAMESPACE

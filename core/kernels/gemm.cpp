@@ -4,7 +4,9 @@
 #include <array>
 #include <vector>
 
+#include "core/kernels/scratch.h"
 #include "core/kernels/targets.h"
+#include "core/kernels/tile_product.h"
 #include "core/parallel.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -13,6 +15,7 @@
 #include <hwy/highway.h>
 
 #include "core/kernels/epilogue-inl.h"
+#include "core/kernels/gemm_tiles-inl.h"
 #include "core/kernels/product-inl.h"
 
 // Included once for each instruction set, so what does not depend on it stands below, within
@@ -238,23 +241,9 @@ private:
     HWY_INLINE void finish(Out* c, std::int64_t row, int height) {
         Sum* const slope = slope_ == nullptr || !finishes_ ? nullptr : slope_ + row * stride_;
         const Activation activation = finishes_ ? activation_ : Activation::none;
-        const std::int64_t columns = vectors * panel_width<Sum>() / 2;
-        if (columns_ == columns) {
-            activate(Activated<Sum, Out>{sums_.data(), width, c, slope, stride_, height, columns},
-                     activation);
-            return;
-        }
-        std::array<Out, static_cast<std::size_t>(block_rows * width)> results;
-        std::array<Sum, static_cast<std::size_t>(block_rows * width)> slopes;
-        activate(
-            Activated<Sum, Out>{sums_.data(), width, results.data(),
-                                slope == nullptr ? nullptr : slopes.data(), width, height, columns},
-            activation);
-        for (int i = 0; i < height; ++i) {
-            std::copy_n(results.data() + i * width, columns_, c + i * stride_);
-            if (slope != nullptr)
-                std::copy_n(slopes.data() + i * width, columns_, slope + i * stride_);
-        }
+        finish_block<block_rows, width>(
+            Activated<Sum, Out>{sums_.data(), width, c, slope, stride_, height, columns_},
+            vectors * panel_width<Sum>() / 2, activation);
     }
 
     static constexpr std::int64_t width = most_columns<Operands>;
@@ -274,14 +263,6 @@ private:
     std::array<Sum, static_cast<std::size_t>(width)> padded_bias_;
     alignas(HWY_MAX_BYTES) std::array<Sum, static_cast<std::size_t>(block_rows* width)> sums_{};
 };
-
-/// Uninitialised room for the copy of a left operand, which small products would else allocate.
-template <class Element>
-Element* scratch_of_thread(std::size_t count) {
-    thread_local std::vector<Element> room;
-    if (room.size() < count) room.resize(count);
-    return room.data();
-}
 
 template <class Operands, class Out, class Element, class Sum>
 void multiply(Out* c, std::int64_t stride, const LeftMatrix<Element>& left, std::int64_t m,
@@ -346,6 +327,12 @@ void multiply(Out* c, std::int64_t stride, const LeftMatrix<Element>& left, std:
 
 void multiply_float(float* c, std::int64_t stride, const LeftMatrix<float>& left, std::int64_t m,
                     const PackedMatrix<float>& right, const Epilogue<float>& epilogue) {
+    if constexpr (HWY_MAX_BYTES == 64) {
+        if (right.is_split() || takes_tiles(right.inner_length(), right.panel_width())) {
+            multiply_in_tiles(c, stride, left, m, right, epilogue);
+            return;
+        }
+    }
     multiply<Numbers<float>>(c, stride, left, m, right, epilogue);
 }
 
@@ -501,6 +488,10 @@ PackedMatrix<T>::PackedMatrix(const Source* b, std::int64_t k, std::int64_t n,
     : k_(k), n_(n), panel_width_(panel_width_of<Source>()), inner_stride_(panel_width_) {
     constexpr std::int64_t word_length = has_sixteen_bits<T> ? 2 : 1;
     panel_size_ = chunk_count(k, word_length) * word_length * panel_width_;
+    if constexpr (std::is_same_v<T, float>) {
+        split_ = takes_tiles(k, panel_width_);
+        if (split_) panel_size_ = chunk_count(k, tile_step) * tile_step * panel_width_;
+    }
     const std::int64_t count = chunk_count(n, panel_width_);
     const std::shared_ptr<T[]> storage = std::make_shared_for_overwrite<T[]>(
         static_cast<std::size_t>(count * panel_size_) + alignment / sizeof(T));
@@ -509,6 +500,15 @@ PackedMatrix<T>::PackedMatrix(const Source* b, std::int64_t k, std::int64_t n,
     const std::int64_t grain =
         std::max<std::int64_t>(1, packing_grain / std::max<std::int64_t>(1, panel_size_));
     parallel_for(count, grain, [&](std::int64_t begin, std::int64_t end) {
+        if constexpr (std::is_same_v<T, float>) {
+            for (std::int64_t index = begin; split_ && index < end; ++index) {
+                const std::int64_t first = index * panel_width_;
+                split_right(reinterpret_cast<BFloat16*>(panels + index * panel_size_),
+                            b + first * column_stride, k, std::min(panel_width_, n - first),
+                            inner_stride, column_stride);
+            }
+            if (split_) return;
+        }
         if constexpr (std::is_same_v<T, Source>) {
             if (column_stride == 1) {
                 pack_rows(Panels<T>{panels + begin * panel_size_, k, panel_width_, panel_size_},

@@ -50,8 +50,8 @@ public:
     using Source = std::conditional_t<has_sixteen_bits<T>, float, T>;
 
     PackedMatrix() = default;
-    /// Element (i, j) is b[i * inner_stride + j * column_stride]. A large matrix is packed by
-    /// several threads.
+    /// Element (i, j) is b[i * inner_stride + j * column_stride], one of which is 1. A large matrix
+    /// is packed by several threads.
     PackedMatrix(const Source* b, std::int64_t k, std::int64_t n, std::int64_t inner_stride,
                  std::int64_t column_stride);
 
@@ -76,6 +76,12 @@ public:
     /// interleave, the last one with zeros if k is odd; the order of Float16 depends on the
     /// processor (core/kernels/float16_product.h).
     [[nodiscard]] const T* panel(std::int64_t index) const { return panels_ + index * panel_size_; }
+    /// Whether panels are split for products on tiles (core/kernels/tile_product.h) and `panel()`
+    /// may not be called; only float32 of MatmulPrecision::high.
+    [[nodiscard]] bool is_split() const { return split_; }
+    [[nodiscard]] const BFloat16* split_panel(std::int64_t index) const {
+        return reinterpret_cast<const BFloat16*>(panel(index));
+    }
 
 private:
     std::int64_t k_ = 0;
@@ -83,12 +89,13 @@ private:
     std::int64_t panel_width_ = 0;
     std::int64_t inner_stride_ = 0;
     std::int64_t panel_size_ = 0;  ///< from one panel to the next
+    bool split_ = false;
     const T* panels_ = nullptr;
     std::shared_ptr<const T[]> storage_;  ///< never written again, so that copies may share it
 };
 
-/// Left operand (m, k): element (row, i) is data[row * row_stride + i * inner_stride]. The inner
-/// stride of 16-bit types is 1.
+/// Left operand (m, k): element (row, i) is data[row * row_stride + i * inner_stride]. One of the
+/// strides is 1; of 16-bit types, the inner one.
 template <class T>
 struct LeftMatrix {
     const T* data;
