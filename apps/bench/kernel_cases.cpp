@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -25,6 +26,14 @@ std::vector<float> numbers(std::int64_t count, double deviation, Rng& rng) {
     return {values.begin(), values.end()};
 }
 
+/// Room for numbers of T, aligned as tensors are.
+template <class T>
+T* room(Tensor& storage, std::int64_t count) {
+    storage = Tensor({chunk_count(count * static_cast<std::int64_t>(sizeof(T)),
+                                  static_cast<std::int64_t>(sizeof(float)))});
+    return reinterpret_cast<T*>(storage.mutable_values<float>().data());
+}
+
 /// T: float, BFloat16 or Float16.
 template <class T>
 Measurement layer(const BenchRun& run, std::int64_t points, Activation activation, Limit limit) {
@@ -32,14 +41,16 @@ Measurement layer(const BenchRun& run, std::int64_t points, Activation activatio
     const std::vector<float> weight = numbers(width * width, 0.1, rng);
     const std::vector<float> bias = numbers(width, 0.1, rng);
     const kernels::PackedMatrix<T> packed(weight.data(), width, width, 1, width);
-    std::vector<T> x(static_cast<std::size_t>(points * width)), y(x.size());
-    if constexpr (std::is_same_v<T, float>) x = numbers(points * width, 1.0, rng);
+    Tensor storage_x, storage_y;
+    T* const x = room<T>(storage_x, points * width);
+    T* const y = room<T>(storage_y, points * width);
+    std::fill_n(x, points * width, T());
+    if constexpr (std::is_same_v<T, float>) std::ranges::copy(numbers(points * width, 1.0, rng), x);
     const kernels::Epilogue<float> epilogue{.bias = bias.data(), .activation = activation};
     const auto all_tiles = [&] {
         parallel_for(points, tile, [&](std::int64_t begin, std::int64_t end) {
-            kernels::multiply_packed(y.data() + begin * width, width,
-                                     {x.data() + begin * width, width}, end - begin, packed,
-                                     epilogue);
+            kernels::multiply_packed(y + begin * width, width, {x + begin * width, width},
+                                     end - begin, packed, epilogue);
         });
     };
     return {.timing = time_repeated(run.options.repeats, 0.1 * run.options.repeats, all_tiles),

@@ -40,7 +40,7 @@ struct TileSums {
     Activation activation;
     bool adds;  ///< to what c holds
 
-    void multiply() const {
+    HWY_INLINE void multiply() const {
         alignas(64) std::array<float, static_cast<std::size_t>(tile_block * tile_block)> sums;
         const int row_tiles = rows > tile_block / 2 ? 2 : 1,
                   column_tiles = columns > tile_block / 2 ? 2 : 1;
@@ -118,8 +118,9 @@ private:
         }
     }
 
-    TileSums sums_of(std::int64_t row, std::int64_t rows, std::int64_t panel, const BFloat16* left,
-                     const BFloat16* right) {
+    // Inline, so that its fields stay in registers.
+    HWY_INLINE TileSums sums_of(std::int64_t row, std::int64_t rows, std::int64_t panel,
+                                const BFloat16* left, const BFloat16* right) {
         const bool last = inner_ + elements_ == right_.inner_length();
         const std::int64_t column = panel * tile_block,
                            columns = std::min(tile_block, right_.columns() - column);
