@@ -22,9 +22,13 @@ Linear::Linear(ParameterStore& store, const std::string& prefix, std::int64_t in
                      Tensor::full({out}, options.initial_bias / options.learning_rate_multiplier));
 }
 
-Variable Linear::effective_weight() const {
+double Linear::weight_scale() const {
     const auto in = static_cast<double>(weight_.variable().shape(1));
-    return weight_.variable() * (options_.gain * options_.learning_rate_multiplier / std::sqrt(in));
+    return options_.gain * options_.learning_rate_multiplier / std::sqrt(in);
+}
+
+Variable Linear::effective_weight() const {
+    return weight_.variable() * weight_scale();
 }
 
 Variable Linear::effective_bias() const {
@@ -39,8 +43,12 @@ Variable Linear::operator()(const Variable& x) const {
     const Shape& weight_shape = weight_.variable().shape();
     if (x.rank() < 2 || x.shape(-1) != weight_shape[1])
         fail<ShapeError>("layer ", weight_.name(), " ", weight_shape, " does not fit ", x.shape());
-    const Variable rows = reshape(x, {x.rank() == 2 ? 1 : x.shape(0), -1, weight_shape[1]});
-    const Variable weight = reshape(effective_weight(), {1, weight_shape[0], weight_shape[1]});
+    // The smaller operand is the one that is scaled.
+    const bool scales_rows = x.shape().size() < weight_shape.size();
+    const Variable rows = reshape(scales_rows ? x * weight_scale() : x,
+                                  {x.rank() == 2 ? 1 : x.shape(0), -1, weight_shape[1]});
+    const Variable weight = reshape(scales_rows ? weight_.variable() : effective_weight(),
+                                    {1, weight_shape[0], weight_shape[1]});
     return reshape(linear(rows, weight, effective_bias(), options_.activation),
                    x.shape().with(-1, weight_shape[0]));
 }

@@ -42,6 +42,7 @@ public:
     [[nodiscard]] Variable operator()(const Variable& x) const;
 
     /// The weight as used, (out, in).
+    [[nodiscard]] double weight_scale() const;
     [[nodiscard]] Variable effective_weight() const;
     /// The bias as used, (out).
     [[nodiscard]] Variable effective_bias() const;
