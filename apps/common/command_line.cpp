@@ -13,6 +13,7 @@
 
 #include "apps/common/allocator.h"
 #include "core/error.h"
+#include "core/floating_point.h"
 #include "core/matmul_precision.h"
 #include "core/parallel.h"
 #include "fit/photo/face_detector.h"
@@ -236,6 +237,7 @@ int CommandLine::run(int argc, const char* const* argv, const AppBody& body, std
         err << name << ": " << one_line(message) << "\n";
     };
     tune_allocator();
+    flush_subnormals();
     // A file that exceeds the limit of the system is an error like any other.
     std::signal(SIGXFSZ, SIG_IGN);
     app.require_subcommand(body ? 0 : 1, bodies.empty() ? 0 : 1);

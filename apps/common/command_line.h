@@ -94,9 +94,9 @@ public:
     /// valid as long as this object.
     Command command(const std::string& name, const std::string& description, AppBody body);
 
-    /// Parses, sets the number of threads, the precision of products and the allocator, and calls
-    /// the body of the given command, or `body` without a command. With an empty `body` a command
-    /// is required.
+    /// Parses, sets the number of threads, the precision of products, the allocator and the
+    /// handling of subnormal numbers, and calls the body of the given command, or `body` without a
+    /// command. With an empty `body` a command is required.
     [[nodiscard]] int run(int argc, const char* const* argv, const AppBody& body = {});
     /// Writes to the given streams instead of stdout and stderr.
     [[nodiscard]] int run(int argc, const char* const* argv, const AppBody& body, std::ostream& out,
