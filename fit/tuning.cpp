@@ -13,6 +13,7 @@
 #include "core/ops/ops.h"
 #include "core/parallel.h"
 #include "core/rng.h"
+#include "fit/turned_photo.h"
 #include "nn/losses.h"
 #include "nn/models/view.h"
 #include "nn/optim/hybrid_optimizer.h"
@@ -57,6 +58,7 @@ public:
             for (const Tensor& images_of_all : faces.targets)
                 images.push_back(slice(Variable(images_of_all), 0, i, i + 1).value());
             photos_.push_back(loss.kept_target(images));
+            seen_.push_back(seen_in_photo(original, i));
         }
         Rng rng = Rng(options.seed).split("anchors");
         for (std::int64_t i = 0; i < options.anchors; ++i)
@@ -132,11 +134,54 @@ private:
         anchor.camera =
             model_camera(original, radians_from_degrees(yaw), radians_from_degrees(pitch), 0.0);
         const Decoder& decoder = original.decoder();
-        const Decoded decoded =
-            decoder(anchor.codes, {anchor.camera},
-                    decoding(neighbour ? decoder.ladder().largest() : decoder.ladder().smallest()));
-        for (const Variable& image : decoded.images) anchor.images.push_back(image.value());
+        if (neighbour) {
+            const Decoded decoded =
+                decoder(anchor.codes, {anchor.camera}, decoding(decoder.ladder().largest()));
+            for (const Variable& image : decoded.images) anchor.images.push_back(image.value());
+        } else {
+            anchor.images = from_the_side(original, row, anchor.camera);
+        }
         return anchor;
+    }
+
+    /// The face as the original decoder shows it, on the scale of its images.
+    [[nodiscard]] SeenFace seen_face(const Model& original, std::int64_t row, const Camera& camera,
+                                     std::int64_t side) const {
+        const View view = render_view(
+            original, codes_, row, camera,
+            {.samples_per_ray = samples_per_ray_, .resolution = side, .mask = true, .depth = true});
+        return {camera, affine(Variable(view.image), 2.0, -1.0).value(), view.mask, view.depth};
+    }
+
+    /// The photo's colours and mask, with the depth that the original decoder gives the face.
+    [[nodiscard]] SeenFace seen_in_photo(const Model& original, std::int64_t row) const {
+        const Tensor& image = photos_.back().images.back();
+        const std::int64_t side = image.shape(1);
+        SeenFace seen = seen_face(original, row, cameras_[static_cast<std::size_t>(row)], side);
+        seen.image = image.to(DType::float32).reshaped({side, side, 3});
+        if (faces_.mask.defined() && faces_.mask.shape(1) == side)
+            seen.mask = slice(Variable(faces_.mask), 0, row, row + 1)
+                            .value()
+                            .to(DType::float32)
+                            .reshaped({side, side, 1});
+        return seen;
+    }
+
+    /// What the photo shows of the face from another side, and what the original decoder shows of
+    /// the rest.
+    [[nodiscard]] std::vector<Tensor> from_the_side(const Model& original, std::int64_t row,
+                                                    const Camera& camera) const {
+        const std::vector<std::int64_t>& sides = original.decoder().ladder().sides();
+        const Tensor image = turned_photo(seen_[static_cast<std::size_t>(row)],
+                                          seen_face(original, row, camera, sides.back()))
+                                 .image;
+        const Variable turned = Variable::leaf(image.reshaped({1, sides.back(), sides.back(), 3})
+                                                   .to(photos_.front().images.back().dtype()));
+        std::vector<Tensor> images;
+        for (const std::int64_t side : sides)
+            images.push_back(
+                resize_box(turned, static_cast<int>(side), static_cast<int>(side)).value());
+        return images;
     }
 
     /// Along the directions in which faces differ, or any if the model does not say.
@@ -156,6 +201,7 @@ private:
     const std::vector<Camera>& cameras_;
     const TuningOptions& options_;
     std::int64_t samples_per_ray_;
+    std::vector<SeenFace> seen_;  ///< by the cameras of the photos
     std::vector<ReconstructionLoss::Target> photos_;
     std::vector<Anchor> anchors_;
     std::vector<Parameter> parameters_;

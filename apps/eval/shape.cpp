@@ -8,6 +8,7 @@
 
 #include "core/angle.h"
 #include "nn/models/view.h"
+#include "render/depth_map.h"
 #include "render/rasterizer.h"
 
 namespace stymo {
@@ -16,13 +17,6 @@ namespace {
 
 constexpr std::size_t first_inner = 17;  ///< the jaw's points are on an outline, not on the skin
 constexpr double turned_degrees = 30.0;
-
-/// x right, y down, z forward, of length 1.
-Eigen::Vector3d direction_at(const Intrinsics& intrinsics, const Eigen::Vector2d& place) {
-    return Eigen::Vector3d((place[0] - intrinsics.center_x) / intrinsics.focal,
-                           (place[1] - intrinsics.center_y) / intrinsics.focal, 1.0)
-        .normalized();
-}
 
 /// In units of the image's side.
 std::optional<Landmarks> landmarks_in(const FaceDetector& detector, const Tensor& image) {
@@ -103,28 +97,6 @@ double depth_difference(const MorphableHead& head, const Tensor& vertices, const
         differences.push_back(depths.values<float>()[static_cast<std::size_t>(i)] - expected);
     }
     return shifted_difference(std::move(differences)) / eye_distance(head, vertices);
-}
-
-Eigen::Vector3d point_at(const Camera& camera, const Tensor& depths, const Eigen::Vector2d& place) {
-    const std::int64_t side = depths.shape(0);
-    std::array<std::int64_t, 2> first{};
-    std::array<double, 2> part{};
-    for (int axis = 0; axis < 2; ++axis) {
-        const double position = std::clamp(place[axis] * static_cast<double>(side) - 0.5, 0.0,
-                                           static_cast<double>(side - 1));
-        const auto index = static_cast<std::size_t>(axis);
-        first[index] = std::min(static_cast<std::int64_t>(position), side - 2);
-        part[index] = position - static_cast<double>(first[index]);
-    }
-    const auto depth = [&](std::int64_t row, std::int64_t column) {
-        return static_cast<double>(depths.values<float>()[static_cast<std::size_t>(
-            (first[1] + row) * side + first[0] + column)]);
-    };
-    const double distance =
-        (1.0 - part[1]) * ((1.0 - part[0]) * depth(0, 0) + part[0] * depth(0, 1)) +
-        part[1] * ((1.0 - part[0]) * depth(1, 0) + part[0] * depth(1, 1));
-    return camera.center +
-           distance * (camera.world_from_camera * direction_at(camera.intrinsics, place));
 }
 
 ShapeMeasure::ShapeMeasure(const std::filesystem::path& landmark_model, MorphableHead head)

@@ -36,9 +36,4 @@ private:
 [[nodiscard]] double depth_difference(const MorphableHead& head, const Tensor& vertices,
                                       const Camera& camera, const Tensor& depths);
 
-/// The point that the camera sees at `place` (in units of the image's side) at the depth that the
-/// map shows there, interpolated linearly.
-[[nodiscard]] Eigen::Vector3d point_at(const Camera& camera, const Tensor& depths,
-                                       const Eigen::Vector2d& place);
-
 }  // namespace stymo

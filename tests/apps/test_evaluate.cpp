@@ -25,6 +25,7 @@
 #include "nn/models/display_image.h"
 #include "nn/models/view.h"
 #include "nn/models/weight_changes.h"
+#include "render/depth_map.h"
 #include "render/morphable/builtin_head.h"
 #include "render/rasterizer.h"
 #include "render/rays.h"

@@ -1,0 +1,38 @@
+#include "render/depth_map.h"
+
+#include <algorithm>
+#include <array>
+
+namespace stymo {
+
+Eigen::Vector3d direction_at(const Intrinsics& intrinsics, const Eigen::Vector2d& place) {
+    return Eigen::Vector3d((place[0] - intrinsics.center_x) / intrinsics.focal,
+                           (place[1] - intrinsics.center_y) / intrinsics.focal, 1.0)
+        .normalized();
+}
+
+double depth_at(const Tensor& depths, const Eigen::Vector2d& place) {
+    const std::int64_t side = depths.shape(0);
+    std::array<std::int64_t, 2> first{};
+    std::array<double, 2> part{};
+    for (int axis = 0; axis < 2; ++axis) {
+        const double position = std::clamp(place[axis] * static_cast<double>(side) - 0.5, 0.0,
+                                           static_cast<double>(side - 1));
+        const auto index = static_cast<std::size_t>(axis);
+        first[index] = std::min(static_cast<std::int64_t>(position), side - 2);
+        part[index] = position - static_cast<double>(first[index]);
+    }
+    const auto depth = [&](std::int64_t row, std::int64_t column) {
+        return static_cast<double>(depths.values<float>()[static_cast<std::size_t>(
+            (first[1] + row) * side + first[0] + column)]);
+    };
+    return (1.0 - part[1]) * ((1.0 - part[0]) * depth(0, 0) + part[0] * depth(0, 1)) +
+           part[1] * ((1.0 - part[0]) * depth(1, 0) + part[0] * depth(1, 1));
+}
+
+Eigen::Vector3d point_at(const Camera& camera, const Tensor& depths, const Eigen::Vector2d& place) {
+    return camera.center + depth_at(depths, place) *
+                               (camera.world_from_camera * direction_at(camera.intrinsics, place));
+}
+
+}  // namespace stymo
