@@ -125,8 +125,8 @@ private:
     }
 
     [[nodiscard]] Anchor make_anchor(const Model& original, Rng& rng, std::int64_t number) const {
-        const bool neighbour = number % 2 == 0;
-        const std::int64_t row = number / 2 % codes_.batch();
+        const bool neighbour = number % 3 == 0;
+        const std::int64_t row = number / 3 % codes_.batch();
         Anchor anchor{codes_of_face(codes_, row), {}, {}};
         if (neighbour) anchor.codes = add(anchor.codes, random_offset(original, rng));
         const double yaw = uniform(rng, -largest_yaw, largest_yaw);

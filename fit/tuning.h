@@ -25,9 +25,8 @@ struct TuningOptions {
     double learning_rate = 1e-2;  ///< the highest; it rises over the first twentieth of the time
                                   ///< and then falls to 0 along a cosine
     /// Weight of the locality term: images of the tuned decoder at anchors against those of the
-    /// original one. One half of the anchors are neighbouring codes seen from anywhere; the other
-    /// half are the face itself from other sides, as the photo shows it where it does
-    /// (fit/turned_photo.h).
+    /// original one. One anchor of three is a neighbouring code seen from anywhere; the others are
+    /// the face itself from other sides, as the photo shows it where it does (fit/turned_photo.h).
     double locality_weight = 1.0;
     double neighbour_distance = 0.5;  ///< of neighbouring codes, in standard deviations
     std::int64_t anchors = 32;
