@@ -9,8 +9,8 @@
 
 /// Matrix products on the calling thread, for the processor that runs them (Google Highway chooses
 /// among instruction sets at run time). Every element of a result is one chain of fused
-/// multiply-adds in the order of the inner index: it depends neither on the place of its block nor
-/// on the number of threads.
+/// multiply-adds in the order of the inner index, or, on matrix tiles (core/matmul_precision.h), of
+/// sums of two: it depends neither on the place of its block nor on the number of threads.
 namespace stymo::kernels {
 
 /// The upper half of a float32, rounded to nearest even.
