@@ -2,6 +2,8 @@
 
 #include <atomic>
 
+#include "core/error.h"
+
 namespace stymo {
 
 namespace {
@@ -22,7 +24,15 @@ MatmulPrecision matmul_precision() {
 }
 
 const char* name_of(MatmulPrecision precision) {
-    return precision == MatmulPrecision::high ? "high" : "highest";
+    if (precision == MatmulPrecision::highest) return "highest";
+    return precision == MatmulPrecision::high ? "high" : "medium";
+}
+
+MatmulPrecision matmul_precision_of(std::string_view name) {
+    for (const auto precision :
+         {MatmulPrecision::highest, MatmulPrecision::high, MatmulPrecision::medium})
+        if (name == name_of(precision)) return precision;
+    fail<ValueError>("unknown precision of matrix products: ", name);
 }
 
 }  // namespace stymo

@@ -208,10 +208,11 @@ CommandLine::CommandLine(std::unique_ptr<Implementation> implementation)
         "--version", [name = app.get_name()] { return version_text(name); },
         "print version and build");
     option("--threads", common.threads, "number of threads, 0: one per processor").range(0, 1024);
-    option("--matmul-precision", common.matmul_precision,
-           "float32 products as float32 (highest), or as pairs of bfloat16 where the processor has "
-           "matrix tiles (high)")
-        .one_of({"highest", "high"});
+    option(
+        "--matmul-precision", common.matmul_precision,
+        "float32 products as float32 (highest), or, where the processor has matrix tiles, as pairs "
+        "of bfloat16 (high) or as bfloat16 (medium)")
+        .one_of({"highest", "high", "medium"});
     option("--seed", common.seed, "seed of all random numbers");
     flag("--json", common.json, "print the result as one JSON object");
     app.fallthrough();  // common options may stand behind a command's name
@@ -257,8 +258,7 @@ int CommandLine::run(int argc, const char* const* argv, const AppBody& body, std
     }
     try {
         set_thread_count(common.threads);
-        set_matmul_precision(common.matmul_precision == "high" ? MatmulPrecision::high
-                                                               : MatmulPrecision::highest);
+        set_matmul_precision(matmul_precision_of(common.matmul_precision));
         const auto commands = app.get_subcommands();
         const AppResult result =
             commands.empty() ? body(common) : bodies.at(commands.front())(common);

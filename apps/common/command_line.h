@@ -29,7 +29,7 @@ public:
 /// Options that every tool has.
 struct CommonOptions {
     int threads = 0;                        ///< 0: one per processor
-    std::string matmul_precision = "high";  ///< or "highest"
+    std::string matmul_precision = "high";  ///< or "highest", "medium"
     std::uint64_t seed = 0;
     bool json = false;  ///< the result goes to stdout as one JSON object
 };

@@ -63,7 +63,7 @@ CommonState common_state(const TrainConfig& config, const Dataset& training,
     }
     return {
         {"a precision of matrix products",
-         has_matrix_tiles() && matmul_precision() == MatmulPrecision::high ? "tiles" : "float32"},
+         has_matrix_tiles() ? name_of(matmul_precision()) : name_of(MatmulPrecision::highest)},
         {"a program", checksum(read_text_file("/proc/self/exe"))},
         {"a configuration", checksum(to_json(config))},
         {"a seed", std::to_string(state.seed)},

@@ -328,8 +328,10 @@ void multiply(Out* c, std::int64_t stride, const LeftMatrix<Element>& left, std:
 void multiply_float(float* c, std::int64_t stride, const LeftMatrix<float>& left, std::int64_t m,
                     const PackedMatrix<float>& right, const Epilogue<float>& epilogue) {
     if constexpr (HWY_MAX_BYTES == 64) {
-        if (right.is_split() || takes_tiles(right.inner_length(), right.panel_width())) {
-            multiply_in_tiles(c, stride, left, m, right, epilogue);
+        const int parts = right.parts() > 0 ? right.parts()
+                                            : tile_parts(right.inner_length(), right.panel_width());
+        if (parts > 0) {
+            multiply_in_tiles(parts, c, stride, left, m, right, epilogue);
             return;
         }
     }
@@ -489,8 +491,9 @@ PackedMatrix<T>::PackedMatrix(const Source* b, std::int64_t k, std::int64_t n,
     constexpr std::int64_t word_length = has_sixteen_bits<T> ? 2 : 1;
     panel_size_ = chunk_count(k, word_length) * word_length * panel_width_;
     if constexpr (std::is_same_v<T, float>) {
-        split_ = takes_tiles(k, panel_width_);
-        if (split_) panel_size_ = chunk_count(k, tile_step) * tile_step * panel_width_;
+        parts_ = tile_parts(k, panel_width_);
+        if (parts_ > 0)
+            panel_size_ = chunk_count(k, tile_step) * tile_step * panel_width_ * parts_ / 2;
     }
     const std::int64_t count = chunk_count(n, panel_width_);
     const std::shared_ptr<T[]> storage = std::make_shared_for_overwrite<T[]>(
@@ -501,13 +504,13 @@ PackedMatrix<T>::PackedMatrix(const Source* b, std::int64_t k, std::int64_t n,
         std::max<std::int64_t>(1, packing_grain / std::max<std::int64_t>(1, panel_size_));
     parallel_for(count, grain, [&](std::int64_t begin, std::int64_t end) {
         if constexpr (std::is_same_v<T, float>) {
-            for (std::int64_t index = begin; split_ && index < end; ++index) {
+            for (std::int64_t index = begin; parts_ > 0 && index < end; ++index) {
                 const std::int64_t first = index * panel_width_;
-                split_right(reinterpret_cast<BFloat16*>(panels + index * panel_size_),
+                split_right(parts_, reinterpret_cast<BFloat16*>(panels + index * panel_size_),
                             b + first * column_stride, k, std::min(panel_width_, n - first),
                             inner_stride, column_stride);
             }
-            if (split_) return;
+            if (parts_ > 0) return;
         }
         if constexpr (std::is_same_v<T, Source>) {
             if (column_stride == 1) {

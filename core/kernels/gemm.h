@@ -76,9 +76,9 @@ public:
     /// interleave, the last one with zeros if k is odd; the order of Float16 depends on the
     /// processor (core/kernels/float16_product.h).
     [[nodiscard]] const T* panel(std::int64_t index) const { return panels_ + index * panel_size_; }
-    /// Whether panels are split for products on tiles (core/kernels/tile_product.h) and `panel()`
-    /// may not be called; only float32 of MatmulPrecision::high.
-    [[nodiscard]] bool is_split() const { return split_; }
+    /// Parts of each number if panels are split for products on tiles (core/kernels/tile_split.h)
+    /// and `panel()` may not be called, else 0; only float32 of less than MatmulPrecision::highest.
+    [[nodiscard]] int parts() const { return parts_; }
     [[nodiscard]] const BFloat16* split_panel(std::int64_t index) const {
         return reinterpret_cast<const BFloat16*>(panel(index));
     }
@@ -89,7 +89,7 @@ private:
     std::int64_t panel_width_ = 0;
     std::int64_t inner_stride_ = 0;
     std::int64_t panel_size_ = 0;  ///< from one panel to the next
-    bool split_ = false;
+    int parts_ = 0;
     const T* panels_ = nullptr;
     std::shared_ptr<const T[]> storage_;  ///< never written again, so that copies may share it
 };

@@ -28,6 +28,7 @@ constexpr std::int64_t panels_in_cache = 1 << 20;
 
 /// One block of rows times one panel, for one piece of the inner index.
 struct TileSums {
+    int parts;
     float* c;
     std::int64_t stride;
     const BFloat16* left;
@@ -46,7 +47,7 @@ struct TileSums {
                   column_tiles = columns > tile_block / 2 ? 2 : 1;
         const bool fits = columns == tile_block && rows == row_tiles * tile_block / 2,
                    activates = activation != Activation::none || slope != nullptr;
-        TileBlock block{left, right, steps, bias, 0, sums.data(), tile_block};
+        TileBlock block{parts, left, right, steps, bias, 0, sums.data(), tile_block};
         if (fits && !activates) block.sums = c, block.sums_stride = stride;
         if (adds && fits) {
             block.start = c;
@@ -68,9 +69,15 @@ struct TileSums {
 /// A product in pieces: split rows times split panels.
 class TileProduct {
 public:
-    TileProduct(float* c, std::int64_t stride, const LeftMatrix<float>& left, std::int64_t m,
-                const PackedMatrix<float>& right, const Epilogue<float>& epilogue)
-        : c_(c), stride_(stride), left_(left), m_(m), right_(right), epilogue_(epilogue) {}
+    TileProduct(int parts, float* c, std::int64_t stride, const LeftMatrix<float>& left,
+                std::int64_t m, const PackedMatrix<float>& right, const Epilogue<float>& epilogue)
+        : parts_(parts),
+          c_(c),
+          stride_(stride),
+          left_(left),
+          m_(m),
+          right_(right),
+          epilogue_(epilogue) {}
 
     void multiply() {
         const TileLoan loan;
@@ -86,28 +93,28 @@ public:
     }
 
 private:
-    [[nodiscard]] std::int64_t split_size() const { return steps_ * tile_step_size; }
+    [[nodiscard]] std::int64_t split_size() const { return steps_ * parts_ * tile_step_size; }
     [[nodiscard]] std::int64_t split_bytes() const {
         return split_size() * static_cast<std::int64_t>(sizeof(BFloat16));
     }
 
     /// The panels' piece of the inner index, split.
     const BFloat16* split(std::int64_t panel) const {
-        return right_.split_panel(panel) + inner_ / tile_step * tile_step_size;
+        return right_.split_panel(panel) + inner_ / tile_step * parts_ * tile_step_size;
     }
 
     void multiply_panels(std::int64_t first, std::int64_t last) {
-        const std::int64_t copied = right_.is_split() ? 0 : last - first;
+        const std::int64_t copied = right_.parts() > 0 ? 0 : last - first;
         BFloat16* const rows =
             scratch_of_thread<BFloat16>(static_cast<std::size_t>((1 + copied) * split_size()));
         BFloat16* const panels = rows + split_size();
         for (std::int64_t i = 0; i < copied; ++i)
-            split_right(panels + i * split_size(),
+            split_right(parts_, panels + i * split_size(),
                         right_.panel(first + i) + inner_ * right_.inner_stride(), elements_,
                         tile_block, right_.inner_stride(), 1);
         for (std::int64_t row = 0; row < m_; row += tile_block) {
             const std::int64_t count = std::min(tile_block, m_ - row);
-            split_left(rows,
+            split_left(parts_, rows,
                        {left_.data + row * left_.row_stride + inner_ * left_.inner_stride,
                         left_.row_stride, left_.inner_stride},
                        count, elements_);
@@ -124,7 +131,8 @@ private:
         const bool last = inner_ + elements_ == right_.inner_length();
         const std::int64_t column = panel * tile_block,
                            columns = std::min(tile_block, right_.columns() - column);
-        TileSums result{c_ + row * stride_ + column,
+        TileSums result{parts_,
+                        c_ + row * stride_ + column,
                         stride_,
                         left,
                         right,
@@ -147,6 +155,7 @@ private:
         return result;
     }
 
+    int parts_;
     float* c_;
     std::int64_t stride_;
     const LeftMatrix<float>& left_;
@@ -159,10 +168,10 @@ private:
     std::array<float, static_cast<std::size_t>(tile_block)> padded_bias_{};
 };
 
-inline void multiply_in_tiles(float* c, std::int64_t stride, const LeftMatrix<float>& left,
-                              std::int64_t m, const PackedMatrix<float>& right,
-                              const Epilogue<float>& epilogue) {
-    TileProduct(c, stride, left, m, right, epilogue).multiply();
+inline void multiply_in_tiles(int parts, float* c, std::int64_t stride,
+                              const LeftMatrix<float>& left, std::int64_t m,
+                              const PackedMatrix<float>& right, const Epilogue<float>& epilogue) {
+    TileProduct(parts, c, stride, left, m, right, epilogue).multiply();
 }
 
 }  // namespace stymo::kernels::HWY_NAMESPACE

@@ -140,6 +140,82 @@ void blur_float16(const RowUpsampling<Float16>& image) {
     blur(image);
 }
 
+/// Factors on the gradients before and after an upsampled pixel's own, which counts twice. The
+/// border is mirrored: the second pixel stands twice beside the first one, the last but one beside
+/// the last one.
+struct BlurWeights {
+    float before;
+    float after;
+};
+
+HWY_INLINE BlurWeights transposed_blur(std::int64_t at, std::int64_t length) {
+    return {at == 0 ? 0.0F : (at == 1 ? 2.0F : 1.0F),
+            at == length - 1 ? 0.0F : (at == length - 2 ? 2.0F : 1.0F)};
+}
+
+/// As many channels as the vector has, from `channel` on.
+template <class D>
+HWY_INLINE void differentiate_channels(D tag, const UpsamplingGradient& g, std::int64_t channel) {
+    using Vector = simd::Vec<D>;
+    struct Weights {
+        Vector before;
+        Vector after;
+    };
+    const auto weights_at = [&](std::int64_t at, std::int64_t length) HWY_ATTR {
+        const BlurWeights w = transposed_blur(at, length);
+        return Weights{simd::Set(tag, w.before), simd::Set(tag, w.after)};
+    };
+    const auto weighted = [&](const Weights& w, Vector before, Vector at, Vector after) HWY_ATTR {
+        return simd::MulAdd(w.before, before, simd::MulAdd(w.after, after, simd::Add(at, at)));
+    };
+    const std::int64_t columns = 2 * g.width, rows = 2 * g.height;
+    const float* row[4];
+    for (std::int64_t i = 0; i < 4; ++i) {
+        const std::int64_t y = std::clamp<std::int64_t>(2 * g.row - 1 + i, 0, rows - 1);
+        row[i] = g.dL_dy + y * columns * g.channels + channel;
+    }
+    const Weights vertical[2] = {weights_at(2 * g.row, rows), weights_at(2 * g.row + 1, rows)};
+    struct Column {
+        Vector upper;
+        Vector lower;
+    };
+    const auto column_at = [&](std::int64_t x) HWY_ATTR {
+        Vector y[4];
+        for (int i = 0; i < 4; ++i) y[i] = simd::LoadU(tag, row[i] + x * g.channels);
+        return Column{weighted(vertical[0], y[0], y[1], y[2]),
+                      weighted(vertical[1], y[1], y[2], y[3])};
+    };
+    const Vector scale = simd::Set(tag, 0.0625F);
+    Column before = column_at(0), left = before;
+    for (std::int64_t x = 0; x < g.width; ++x) {
+        const Weights at_left = weights_at(2 * x, columns),
+                      at_right = weights_at(2 * x + 1, columns);
+        const Column right = column_at(2 * x + 1),
+                     next = column_at(std::min(2 * x + 2, columns - 1));
+        const Vector detail[4] = {
+            simd::Mul(scale, weighted(at_left, before.upper, left.upper, right.upper)),
+            simd::Mul(scale, weighted(at_right, left.upper, right.upper, next.upper)),
+            simd::Mul(scale, weighted(at_left, before.lower, left.lower, right.lower)),
+            simd::Mul(scale, weighted(at_right, left.lower, right.lower, next.lower))};
+        for (int k = 0; k < 4; ++k)
+            simd::StoreU(detail[k], tag, g.dL_ddetail + (4 * x + k) * g.channels + channel);
+        simd::StoreU(simd::Add(simd::Add(detail[0], detail[1]), simd::Add(detail[2], detail[3])),
+                     tag, g.dL_dfeatures + x * g.channels + channel);
+        before = right;
+        left = next;
+    }
+}
+
+void differentiate_row(const UpsamplingGradient& gradient) {
+    const simd::ScalableTag<float> tag;
+    const auto lanes = static_cast<std::int64_t>(simd::Lanes(tag));
+    std::int64_t channel = 0;
+    for (; channel + lanes <= gradient.channels; channel += lanes)
+        differentiate_channels(tag, gradient, channel);
+    for (; channel < gradient.channels; ++channel)
+        differentiate_channels(simd::CappedTag<float, 1>(), gradient, channel);
+}
+
 HWY_INLINE float as_float(float x) {
     return x;
 }
@@ -289,6 +365,7 @@ namespace stymo::kernels {
 HWY_EXPORT(blur_float);
 HWY_EXPORT(blur_bfloat16);
 HWY_EXPORT(blur_float16);
+HWY_EXPORT(differentiate_row);
 HWY_EXPORT(add_colors_float);
 HWY_EXPORT(add_colors_bfloat16);
 HWY_EXPORT(add_colors_float16);
@@ -305,6 +382,10 @@ void blur_upsampled_rows(const RowUpsampling<BFloat16>& rows) {
 }
 void blur_upsampled_rows(const RowUpsampling<Float16>& rows) {
     HWY_DYNAMIC_DISPATCH(blur_float16)(rows);
+}
+
+void differentiate_blur_upsampled_row(const UpsamplingGradient& gradient) {
+    HWY_DYNAMIC_DISPATCH(differentiate_row)(gradient);
 }
 
 void add_colors(float* to, const float* x, const float* weight, const float* background,

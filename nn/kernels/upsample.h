@@ -46,6 +46,21 @@ void blur_upsampled_rows(const RowUpsampling<float>& rows);
 void blur_upsampled_rows(const RowUpsampling<BFloat16>& rows);
 void blur_upsampled_rows(const RowUpsampling<Float16>& rows);
 
+/// The gradient of an upsampled image (2 height, 2 width, channels) and one row of the gradients of
+/// the image below and of its detail, both of which it determines.
+struct UpsamplingGradient {
+    const float* dL_dy = nullptr;
+    float* dL_dfeatures = nullptr;  ///< (width, channels)
+    float* dL_ddetail = nullptr;    ///< (width, 4, channels), as DetailedRow's
+    std::int64_t row = 0;
+    std::int64_t height = 0;
+    std::int64_t width = 0;
+    std::int64_t channels = 0;
+};
+
+/// The transpose of `blur_upsampled_rows`.
+void differentiate_blur_upsampled_row(const UpsamplingGradient& gradient);
+
 /// to (pixels, 3) += x (pixels, channels) times the transpose of weight (3, channels), - background
 /// (3).
 void add_colors(float* to, const float* x, const float* weight, const float* background,

@@ -40,16 +40,27 @@ FoldedLayer Linear::folded() const {
 }
 
 Variable Linear::operator()(const Variable& x) const {
-    const Shape& weight_shape = weight_.variable().shape();
+    // The smaller operand is the one that is scaled.
+    if (x.shape().size() < weight_.variable().shape().size())
+        return apply(x * weight_scale(), weight_.variable(), effective_bias());
+    return apply(x, effective_weight(), effective_bias());
+}
+
+Variable Linear::by_group(const Variable& x, std::int64_t group) const {
+    const std::int64_t in = inputs(), out = outputs();
+    const Variable weight =
+        permute(reshape(effective_weight(), {out / group, group, in}), {1, 0, 2});
+    return apply(x, reshape(weight, {out, in}),
+                 reshape(transpose(reshape(effective_bias(), {out / group, group})), {out}));
+}
+
+Variable Linear::apply(const Variable& x, const Variable& weight, const Variable& bias) const {
+    const Shape& weight_shape = weight.shape();
     if (x.rank() < 2 || x.shape(-1) != weight_shape[1])
         fail<ShapeError>("layer ", weight_.name(), " ", weight_shape, " does not fit ", x.shape());
-    // The smaller operand is the one that is scaled.
-    const bool scales_rows = x.shape().size() < weight_shape.size();
-    const Variable rows = reshape(scales_rows ? x * weight_scale() : x,
-                                  {x.rank() == 2 ? 1 : x.shape(0), -1, weight_shape[1]});
-    const Variable weight = reshape(scales_rows ? weight_.variable() : effective_weight(),
-                                    {1, weight_shape[0], weight_shape[1]});
-    return reshape(linear(rows, weight, effective_bias(), options_.activation),
+    const Variable rows = reshape(x, {x.rank() == 2 ? 1 : x.shape(0), -1, weight_shape[1]});
+    return reshape(linear(rows, reshape(weight, {1, weight_shape[0], weight_shape[1]}), bias,
+                          options_.activation),
                    x.shape().with(-1, weight_shape[0]));
 }
 

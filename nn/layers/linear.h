@@ -40,6 +40,9 @@ public:
 
     /// x (..., in) of rank 2 to 4 -> (..., out). Throws ShapeError for another last extent.
     [[nodiscard]] Variable operator()(const Variable& x) const;
+    /// The same in another order, for outputs that are groups of so many: the first one of each
+    /// group, then the second one of each, and so on.
+    [[nodiscard]] Variable by_group(const Variable& x, std::int64_t group) const;
 
     /// The weight as used, (out, in).
     [[nodiscard]] double weight_scale() const;
@@ -53,6 +56,9 @@ public:
     [[nodiscard]] std::int64_t multiply_adds() const { return weight_.variable().value().size(); }
 
 private:
+    [[nodiscard]] Variable apply(const Variable& x, const Variable& weight,
+                                 const Variable& bias) const;
+
     Parameter weight_;
     Parameter bias_;
     LinearOptions options_;

@@ -7,6 +7,7 @@
 #include "core/ops/elementwise.h"
 #include "core/ops/resample.h"
 #include "core/ops/shape_ops.h"
+#include "nn/ops/blur_upsampled.h"
 
 namespace stymo {
 namespace {
@@ -27,7 +28,7 @@ PlainRenderBlock::PlainRenderBlock(ParameterStore& store, const std::string& pre
 }
 
 Variable PlainRenderBlock::features(const Variable& below) const {
-    return narrowed_(blur(pixel_shuffle_onto(below, detail_(widened_(below)))));
+    return narrowed_(blur_upsampled(below, detail_.by_group(widened_(below), 4)));
 }
 
 FoldedRenderBlock PlainRenderBlock::folded(const Variable&) const {

@@ -4,6 +4,7 @@
 
 #include "core/error.h"
 #include "core/ops/resample.h"
+#include "nn/ops/blur_upsampled.h"
 
 namespace stymo {
 
@@ -16,7 +17,7 @@ Variable Upsampler::operator()(const Variable& x) const {
     if (x.rank() != 4)
         fail<ShapeError>("upsampler: expected an image (batch, height, width, channels), got ",
                          x.shape());
-    return blur(pixel_shuffle_onto(x, detail_(x)));
+    return blur_upsampled(x, detail_.by_group(x, 4));
 }
 
 Variable upsample_smoothly(const Variable& image) {

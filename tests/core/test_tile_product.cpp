@@ -3,6 +3,7 @@
 #include <limits>
 #include <vector>
 
+#include "core/error.h"
 #include "core/kernels/gemm.h"
 #include "core/kernels/tile_product.h"
 #include "core/matmul_precision.h"
@@ -15,13 +16,13 @@ using namespace stymo::kernels;
 
 namespace {
 
-/// Products of high precision while it lives.
-class HighPrecision {
+/// Products of that precision while it lives.
+class Precision {
 public:
-    HighPrecision() { set_matmul_precision(MatmulPrecision::high); }
-    ~HighPrecision() { set_matmul_precision(before_); }
-    HighPrecision(const HighPrecision&) = delete;
-    HighPrecision& operator=(const HighPrecision&) = delete;
+    explicit Precision(MatmulPrecision precision) { set_matmul_precision(precision); }
+    ~Precision() { set_matmul_precision(before_); }
+    Precision(const Precision&) = delete;
+    Precision& operator=(const Precision&) = delete;
 
 private:
     MatmulPrecision before_ = matmul_precision();
@@ -43,9 +44,11 @@ double largest_difference(const Tensor& a, const Tensor& b) {
 
 }  // namespace
 
-TEST_CASE("Operands are split into numbers of BFloat16 that lack 2^-16 of each", "[tiles]") {
+TEST_CASE("Operands are split into numbers of BFloat16", "[tiles]") {
     if (!multiplies_tiles()) return;
-    const HighPrecision high;
+    const auto [precision, error] = GENERATE(std::pair{MatmulPrecision::high, 0x1p-15},
+                                             std::pair{MatmulPrecision::medium, 0x1p-7});
+    const Precision lowered(precision);
     Rng rng(5);
     for (int i = 0; i < 200; ++i) {
         // A sum of one product, the other fifteen being zeros.
@@ -58,13 +61,13 @@ TEST_CASE("Operands are split into numbers of BFloat16 that lack 2^-16 of each",
                                PackedMatrix<float>(y.data(), 16, 1, 1, 16));
         const double value = static_cast<double>(x[static_cast<std::size_t>(i % 16)]) *
                              y[static_cast<std::size_t>(i % 16)];
-        CHECK(std::abs(c - value) <= 0x1p-15 * std::abs(value));
+        CHECK(std::abs(c - value) <= error * std::abs(value));
         CHECK((c != value || value == 0.0));
     }
 }
 
 TEST_CASE("A part of a product on tiles has the bits of the whole", "[tiles]") {
-    const HighPrecision high;
+    const Precision lowered(GENERATE(MatmulPrecision::high, MatmulPrecision::medium));
     Rng rng(7);
     const std::int64_t m = 75, k = 1100, n = 41;
     const std::vector<float> a = draw(rng, m * k), b = draw(rng, k * n);
@@ -85,8 +88,8 @@ TEST_CASE("A part of a product on tiles has the bits of the whole", "[tiles]") {
     CHECK(packed == in_place);
 }
 
-TEST_CASE("What is not finite stays so in a product of high precision", "[tiles]") {
-    const HighPrecision high;
+TEST_CASE("What is not finite stays so in a product on tiles", "[tiles]") {
+    const Precision lowered(GENERATE(MatmulPrecision::high, MatmulPrecision::medium));
     const float infinity = std::numeric_limits<float>::infinity();
     for (const float special : {infinity, -infinity, std::numeric_limits<float>::quiet_NaN()}) {
         std::vector<float> a(40 * 33, 1.0F), c(40 * 20);
@@ -98,11 +101,12 @@ TEST_CASE("What is not finite stays so in a product of high precision", "[tiles]
     }
 }
 
-TEST_CASE("Products, linear maps and convolutions of high precision agree with float64",
-          "[tiles]") {
-    const HighPrecision high;
+TEST_CASE("Products, linear maps and convolutions on tiles agree with float64", "[tiles]") {
+    const auto [precision, error] =
+        GENERATE(std::pair{MatmulPrecision::high, 4e-5}, std::pair{MatmulPrecision::medium, 2e-2});
+    const Precision lowered(precision);
     Rng rng(11);
-    const auto compare = [&](const std::vector<Shape>& shapes, auto op) {
+    const auto compare = [&, allowed = error](const std::vector<Shape>& shapes, auto op) {
         std::vector<Variable> x, x64;
         double size = 1.0;
         for (const Shape& shape : shapes) {
@@ -114,7 +118,7 @@ TEST_CASE("Products, linear maps and convolutions of high precision agree with f
         for (const double value : exact.values<double>()) size = std::max(size, std::abs(value));
         for (const int threads : {1, 2}) {
             set_thread_count(threads);
-            CHECK(largest_difference(op(x).value(), exact) <= 4e-5 * size);
+            CHECK(largest_difference(op(x).value(), exact) <= allowed * size);
         }
         set_thread_count(0);
     };
@@ -135,4 +139,38 @@ TEST_CASE("Products, linear maps and convolutions of high precision agree with f
         compare({{1, 40, 40, 32}, {48, 3, 3, 32}}, [&](const std::vector<Variable>& x) {
             return conv2d(x[0], x[1], {.stride = stride, .padding = 1});
         });
+}
+
+TEST_CASE("A product of medium precision is the exact product of rounded operands", "[tiles]") {
+    if (!multiplies_tiles()) return;
+    const Precision lowered(MatmulPrecision::medium);
+    Rng rng(13);
+    const std::int64_t m = 19, k = 70, n = 37;
+    std::vector<float> a = draw(rng, m * k), b = draw(rng, k * n);
+    std::vector<float> c(static_cast<std::size_t>(m * n)), of_rounded(c.size());
+    const auto multiply = [&](std::vector<float>& to) {
+        multiply_packed<float>(to.data(), n, {a.data(), k}, m,
+                               PackedMatrix<float>(b.data(), k, n, n, 1));
+    };
+    multiply(c);
+    for (std::vector<float>* operand : {&a, &b})
+        for (float& x : *operand) x = widened(rounded_to_bfloat16(x));
+    multiply(of_rounded);
+    CHECK(c == of_rounded);
+    for (std::int64_t i = 0; i < m; ++i) {
+        for (std::int64_t j = 0; j < n; ++j) {
+            double sum = 0.0;
+            for (std::int64_t l = 0; l < k; ++l)
+                sum += static_cast<double>(a[static_cast<std::size_t>(i * k + l)]) *
+                       b[static_cast<std::size_t>(l * n + j)];
+            CHECK(std::abs(c[static_cast<std::size_t>(i * n + j)] - sum) <= 1e-5);
+        }
+    }
+}
+
+TEST_CASE("Precisions of matrix products have names", "[tiles]") {
+    for (const auto precision :
+         {MatmulPrecision::highest, MatmulPrecision::high, MatmulPrecision::medium})
+        CHECK(matmul_precision_of(name_of(precision)) == precision);
+    CHECK_THROWS_AS(matmul_precision_of("low"), ValueError);
 }

@@ -319,6 +319,23 @@ def features():
     for op in ("feature_distance", "feature_distance_reference"):
         case(f"{op}/images", distance, uniform(2, 2, 3, 4))
 
+    def blur_upsampled(x, detail):
+        b, h, w, c = x.shape
+        fine = detail.reshape(b, h, w, 2, 2, c) + x[:, :, :, None, None, :]
+        fine = nchw(fine.permute(0, 1, 3, 2, 4, 5).reshape(b, 2 * h, 2 * w, c))
+        taps = torch.tensor([0.25, 0.5, 0.25], dtype=x.dtype)
+        kernel = torch.outer(taps, taps).expand(c, 1, 3, 3)
+        return nhwc(F.conv2d(F.pad(fine, (1, 1, 1, 1), mode="reflect"), kernel, groups=c))
+
+    for op in ("blur_upsampled", "blur_upsampled_reference"):
+        case(f"{op}/images", blur_upsampled, uniform(2, 2, 3, 2), uniform(2, 2, 3, 8))
+    case(
+        "blur_upsampled/vectors and a rest",
+        blur_upsampled,
+        uniform(1, 3, 1, 19),
+        uniform(1, 3, 1, 76),
+    )
+
 
 def nchw(x):
     return x.permute(0, 3, 1, 2)
