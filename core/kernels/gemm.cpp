@@ -405,10 +405,8 @@ HWY_EXPORT(panel_bytes);
 
 namespace {
 
-/// Elements that are worth a thread's while to pack.
-constexpr std::int64_t packing_grain = 65536;
-/// Alignment of panels, in bytes.
-constexpr std::uintptr_t alignment = 64;
+constexpr std::int64_t packing_grain = 65536;  ///< elements worth a thread's while to pack
+constexpr std::uintptr_t alignment = 64;       ///< of panels, in bytes
 
 /// Panels of b, each `width` columns, that begin with column 0.
 template <class T>
@@ -504,12 +502,11 @@ PackedMatrix<T>::PackedMatrix(const Source* b, std::int64_t k, std::int64_t n,
         std::max<std::int64_t>(1, packing_grain / std::max<std::int64_t>(1, panel_size_));
     parallel_for(count, grain, [&](std::int64_t begin, std::int64_t end) {
         if constexpr (std::is_same_v<T, float>) {
-            for (std::int64_t index = begin; parts_ > 0 && index < end; ++index) {
-                const std::int64_t first = index * panel_width_;
-                split_right(parts_, reinterpret_cast<BFloat16*>(panels + index * panel_size_),
-                            b + first * column_stride, k, std::min(panel_width_, n - first),
-                            inner_stride, column_stride);
-            }
+            for (std::int64_t i = begin; parts_ > 0 && i < end; ++i)
+                split_right(parts_, reinterpret_cast<BFloat16*>(panels + i * panel_size_),
+                            b + i * panel_width_ * column_stride, k,
+                            std::min(panel_width_, n - i * panel_width_), inner_stride,
+                            column_stride);
             if (parts_ > 0) return;
         }
         if constexpr (std::is_same_v<T, Source>) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/ops/activation.h"
+#include "core/ops/blur_upsampled.h"
 #include "core/ops/channels.h"
 #include "core/ops/conv.h"
 #include "core/ops/elementwise.h"

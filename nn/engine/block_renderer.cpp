@@ -10,7 +10,7 @@
 #include "core/parallel.h"
 #include "nn/engine/block_step.h"
 #include "nn/engine/buffer_pool.h"
-#include "nn/kernels/upsample.h"
+#include "nn/kernels/colors.h"
 
 namespace stymo {
 namespace {

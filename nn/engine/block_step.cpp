@@ -2,7 +2,8 @@
 
 #include <algorithm>
 
-#include "nn/kernels/upsample.h"
+#include "core/kernels/blur_upsampled.h"
+#include "nn/kernels/colors.h"
 
 namespace stymo {
 namespace {

@@ -4,10 +4,10 @@
 
 #include "core/autograd/recompute.h"
 #include "core/error.h"
+#include "core/ops/blur_upsampled.h"
 #include "core/ops/elementwise.h"
 #include "core/ops/resample.h"
 #include "core/ops/shape_ops.h"
-#include "nn/ops/blur_upsampled.h"
 
 namespace stymo {
 namespace {

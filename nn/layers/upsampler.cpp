@@ -3,8 +3,8 @@
 #include <numbers>
 
 #include "core/error.h"
+#include "core/ops/blur_upsampled.h"
 #include "core/ops/resample.h"
-#include "nn/ops/blur_upsampled.h"
 
 namespace stymo {
 

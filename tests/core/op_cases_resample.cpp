@@ -178,6 +178,30 @@ OpCase resize_case(const char* name, const char* form, const Shape& shape, int n
             {speed_image}};
 }
 
+Array blurred(const Array& x) {
+    const auto axis = [](std::int64_t length) {
+        return [length](std::int64_t o, std::int64_t i) { return mirrored_blur(length, o, i); };
+    };
+    return separable(x, x.extents[1], x.extents[2], axis(x.extents[1]), axis(x.extents[2]));
+}
+
+OpCase upsampling_case(const char* name, Variable (*function)(const Variable&, const Variable&),
+                       const char* form, const Shape& image) {
+    return {name,
+            form,
+            {{image}, {image.with(3, 4 * image[3])}},
+            [function](const auto& x) { return function(x[0], x[1]); },
+            [](const std::vector<Array>& x) {
+                const auto& e = x[0].extents;
+                return blurred(generate({e[0], 2 * e[1], 2 * e[2], e[3]}, [&](const Index& i) {
+                    const std::int64_t subpixel = 2 * (i[1] % 2) + i[2] % 2;
+                    return x[0].at({i[0], i[1] / 2, i[2] / 2, i[3]}) +
+                           x[1].at({i[0], i[1] / 2, i[2] / 2, subpixel * e[3] + i[3]});
+                }));
+            },
+            {{1, 64, 64, 64}, {1, 64, 64, 256}}};
+}
+
 void add_pixel_cases(std::vector<OpCase>& rows) {
     const auto inside = [](const Index& i) {
         return Index{i[0], i[1] / 2, i[2] / 2, 4 * i[3] + 2 * (i[1] % 2) + i[2] % 2};
@@ -248,15 +272,7 @@ std::vector<OpCase> resample_cases() {
                     "image",
                     {{{1, 4, 3, 2}}},
                     [](const auto& x) { return blur(x[0]); },
-                    [](const std::vector<Array>& x) {
-                        const auto axis = [](std::int64_t length) {
-                            return [length](std::int64_t o, std::int64_t i) {
-                                return mirrored_blur(length, o, i);
-                            };
-                        };
-                        return separable(x[0], x[0].extents[1], x[0].extents[2],
-                                         axis(x[0].extents[1]), axis(x[0].extents[2]));
-                    },
+                    [](const std::vector<Array>& x) { return blurred(x[0]); },
                     {speed_image}});
     rows.push_back(resize_case("resize_bilinear", "twice the size", {1, 3, 2, 2}, 2, 1,
                                resize_bilinear, triangle));
@@ -272,6 +288,11 @@ std::vector<OpCase> resample_cases() {
                                antialiased_cubic));
     rows.push_back(resize_case("resize_box", "half", {1, 4, 2, 2}, 1, 2, resize_box, block_mean));
     rows.push_back(resize_case("resize_box", "third", {1, 6, 3, 1}, 1, 3, resize_box, block_mean));
+    rows.push_back(upsampling_case("blur_upsampled", blur_upsampled, "images", {2, 2, 3, 2}));
+    rows.push_back(
+        upsampling_case("blur_upsampled", blur_upsampled, "vectors and a rest", {1, 3, 1, 19}));
+    rows.push_back(upsampling_case("blur_upsampled_reference", blur_upsampled_reference, "images",
+                                   {2, 2, 3, 2}));
     add_pixel_cases(rows);
     return rows;
 }

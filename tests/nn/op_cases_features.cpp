@@ -2,7 +2,6 @@
 
 #include "core/op_cases.h"
 #include "core/ops/ops.h"
-#include "nn/ops/blur_upsampled.h"
 #include "nn/ops/feature_distance.h"
 
 namespace stymo::test {
@@ -56,49 +55,11 @@ OpCase distance_case(const char* name, Distance function) {
             {{1, 64, 64, 64}}};
 }
 
-/// [1, 2, 1] / 4 along both axes, with mirrored border.
-Array blurred(const Array& x) {
-    const auto mirrored = [](std::int64_t i, std::int64_t length) {
-        return i < 0 ? -i : (i >= length ? 2 * length - 2 - i : i);
-    };
-    return generate(x.extents, [&](const Index& at) {
-        double sum = 0.0;
-        for (std::int64_t i = -1; i <= 1; ++i) {
-            for (std::int64_t j = -1; j <= 1; ++j)
-                sum += (i == 0 ? 0.5 : 0.25) * (j == 0 ? 0.5 : 0.25) *
-                       x.at({at[0], mirrored(at[1] + i, x.extents[1]),
-                             mirrored(at[2] + j, x.extents[2]), at[3]});
-        }
-        return sum;
-    });
-}
-
-OpCase upsampling_case(const char* name, Variable (*function)(const Variable&, const Variable&),
-                       const char* form, const Shape& image) {
-    return {name,
-            form,
-            {{image}, {image.with(3, 4 * image[3])}},
-            [function](const auto& x) { return function(x[0], x[1]); },
-            [](const std::vector<Array>& x) {
-                const auto& e = x[0].extents;
-                return blurred(generate({e[0], 2 * e[1], 2 * e[2], e[3]}, [&](const Index& i) {
-                    const std::int64_t subpixel = 2 * (i[1] % 2) + i[2] % 2;
-                    return x[0].at({i[0], i[1] / 2, i[2] / 2, i[3]}) +
-                           x[1].at({i[0], i[1] / 2, i[2] / 2, subpixel * e[3] + i[3]});
-                }));
-            },
-            {{1, 64, 64, 64}, {1, 64, 64, 256}}};
-}
-
 }  // namespace
 
 std::vector<OpCase> feature_cases() {
     return {distance_case("feature_distance", feature_distance),
-            distance_case("feature_distance_reference", feature_distance_reference),
-            upsampling_case("blur_upsampled", blur_upsampled, "images", {2, 2, 3, 2}),
-            upsampling_case("blur_upsampled", blur_upsampled, "vectors and a rest", {1, 3, 1, 19}),
-            upsampling_case("blur_upsampled_reference", blur_upsampled_reference, "images",
-                            {2, 2, 3, 2})};
+            distance_case("feature_distance_reference", feature_distance_reference)};
 }
 
 }  // namespace stymo::test

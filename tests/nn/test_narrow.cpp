@@ -6,7 +6,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "nn/kernels/upsample.h"
+#include "nn/kernels/colors.h"
 
 using namespace stymo::kernels;
 

@@ -5,8 +5,8 @@
 
 #include "core/kernels/gemm.h"
 
-/// What a render block does between its products, on the calling thread and for the processor that
-/// runs it. Activations are float, BFloat16 or Float16, sums float.
+/// The learnt upsampling of an image, row by row, on the calling thread and for the processor that
+/// runs it. Features are float, BFloat16 or Float16, sums float.
 namespace stymo::kernels {
 
 /// Pixels [begin, end) of one row of an image that is to be upsampled.
@@ -60,24 +60,5 @@ struct UpsamplingGradient {
 
 /// The transpose of `blur_upsampled_rows`.
 void differentiate_blur_upsampled_row(const UpsamplingGradient& gradient);
-
-/// to (pixels, 3) += x (pixels, channels) times the transpose of weight (3, channels), - background
-/// (3).
-void add_colors(float* to, const float* x, const float* weight, const float* background,
-                std::int64_t pixels, std::int64_t channels);
-void add_colors(float* to, const BFloat16* x, const float* weight, const float* background,
-                std::int64_t pixels, std::int64_t channels);
-void add_colors(float* to, const Float16* x, const float* weight, const float* background,
-                std::int64_t pixels, std::int64_t channels);
-
-/// To the type of activations, rounded to nearest even.
-void narrow(float* out, const float* x, std::int64_t count);
-void narrow(BFloat16* out, const float* x, std::int64_t count);
-void narrow(Float16* out, const float* x, std::int64_t count);
-
-/// From the type of activations.
-void widen(float* out, const float* x, std::int64_t count);
-void widen(float* out, const BFloat16* x, std::int64_t count);
-void widen(float* out, const Float16* x, std::int64_t count);
 
 }  // namespace stymo::kernels

@@ -1,14 +1,14 @@
-#include "nn/ops/blur_upsampled.h"
+#include "core/ops/blur_upsampled.h"
 
 #include <algorithm>
 
 #include "core/autograd/grad.h"
 #include "core/autograd/record.h"
 #include "core/error.h"
+#include "core/kernels/blur_upsampled.h"
 #include "core/ops/resample.h"
 #include "core/ops/shape_ops.h"
 #include "core/parallel.h"
-#include "nn/kernels/upsample.h"
 
 namespace stymo {
 
