@@ -10,6 +10,7 @@
 #include "apps/tool_run.h"
 #include "apps/train/mpi_ranks.h"
 #include "core/io/file.h"
+#include "core/matmul_precision.h"
 
 namespace {
 
@@ -86,6 +87,9 @@ TEST_CASE("Ranks that do not fit together are refused by one line, and nothing i
     refused(train(2, "refused", two, "--set stage1.steps=9"),
             "rank 1 has a configuration that differs");
     refused(train(2, "refused", two, "--resume /nowhere"), "rank 1 on ");
+    if (stymo::has_matrix_tiles())
+        refused(train(2, "refused", two, "--matmul-precision medium"),
+                "rank 1 has a precision of matrix products that differs");
     refused(train(2, "refused", two + " --dry-run"), "--dry-run measures one process");
 }
 
