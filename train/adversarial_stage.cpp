@@ -1,6 +1,8 @@
 #include "train/adversarial_stage.h"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "train/discriminator_gradients.h"
 
@@ -13,6 +15,7 @@ constexpr const char* discriminator_name = "discriminator";
 constexpr const char* discriminator_prefix = "discriminator.";
 constexpr const char* generator_prefix = "generator_";
 constexpr const char* discriminator_adam_prefix = "discriminator_adam.";
+constexpr const char* augmentation_name = "discriminator_augmentation";
 
 /// StyleGAN2's correction of Adam's rates for lazy regularization: r steps take r + 1 updates.
 double lazy_part(const AdversarialStageConfig& config) {
@@ -30,7 +33,8 @@ AdamOptions discriminator_adam(const AdversarialStageConfig& config) {
 AdversarialStage::TrainedDiscriminator::TrainedDiscriminator(const TrainConfig& config, Rng rng)
     : network(config.discriminator, config.model.decoder.resolution, parameters, discriminator_name,
               rng),
-      adam(discriminator_adam(config.stage2)) {}
+      adam(discriminator_adam(config.stage2)),
+      augmentation(config.stage2.augmentation_target, config.stage2.augmentation_images) {}
 
 AdversarialStage::AdversarialStage(const TrainingParts& parts)
     : parts_(parts),
@@ -72,15 +76,23 @@ void AdversarialStage::update_discriminator(const TrainingPosition& position, St
     // Frozen, so that no graph is recorded while its images are rendered.
     parts_.model.parameters().set_trainable("", false);
     const std::vector<Parameter> parameters = unfreeze_discriminator(position);
-    const GeneratorInputs inputs{parts_.model, parts_.reconstruction, parts_.config, parts_.offsets,
-                                 &discriminator_->network};
-    apply(mean_over_micro_batches(
-              parts_, position,
-              [&](const FaceBatch& batch, std::int64_t first_image) {
-                  Rng jitter = step_jitter(parts_, position, "discriminator jitter", first_image);
-                  return discriminator_gradients(inputs, position, batch, parameters, jitter);
-              }),
-          parameters, report);
+    const double probability = discriminator_->augmentation.value();
+    const auto gradients = [&](const FaceBatch& batch, std::int64_t first_image) {
+        Rng jitter = step_jitter(parts_, position, "discriminator jitter", first_image);
+        std::vector<ImageAugmentation> augmentations;
+        for (const std::string_view purpose : {"photo augmentation", "rendering augmentation"})
+            std::ranges::copy(step_augmentations(parts_, position, purpose, first_image,
+                                                 std::ssize(batch.cameras), probability),
+                              std::back_inserter(augmentations));
+        const GeneratorInputs inputs{parts_.model,   parts_.reconstruction,    parts_.config,
+                                     parts_.offsets, &discriminator_->network, augmentations};
+        return discriminator_gradients(inputs, position, batch, parameters, jitter);
+    };
+    apply(mean_over_micro_batches(parts_, position, gradients), parameters, report);
+    report.losses["augmentation"] = probability;
+    if (!report.non_finite)
+        discriminator_->augmentation.update(report.losses["real_sign"],
+                                            static_cast<double>(position.phase.batch));
 }
 
 void AdversarialStage::regularize_discriminator(const TrainingPosition& position,
@@ -90,11 +102,14 @@ void AdversarialStage::regularize_discriminator(const TrainingPosition& position
     if (report.non_finite || position.step % interval != 0 || gamma == 0.0) return;
     const std::vector<Parameter> parameters = unfreeze_discriminator(position);
     const double weight = gamma * static_cast<double>(interval);
-    apply(mean_over_micro_batches(parts_, position,
-                                  [&](const FaceBatch& batch, std::int64_t) {
-                                      return r1_gradients(discriminator_->network, position, batch,
-                                                          weight, parameters);
-                                  }),
+    apply(mean_over_micro_batches(
+              parts_, position,
+              [&](const FaceBatch& batch, std::int64_t first_image) {
+                  return r1_gradients(discriminator_->network, position, batch, weight, parameters,
+                                      step_augmentations(parts_, position, "R1 augmentation",
+                                                         first_image, std::ssize(batch.cameras),
+                                                         discriminator_->augmentation.value()));
+              }),
           parameters, report);
     report.regularized = true;
 }
@@ -105,8 +120,10 @@ void AdversarialStage::update_decoder(const TrainingPosition& position, StepRepo
     const AdversarialStageConfig& config = parts_.config.stage2;
     const std::vector<Parameter> parameters =
         unfreeze_only(parts_.model.parameters(), trained_decoder_prefixes(parts_.model, position));
-    update_generator(parts_, position, discriminator_ ? &discriminator_->network : nullptr,
-                     parameters, optimizer_,
+    const Adversary adversary =
+        discriminator_ ? Adversary{&discriminator_->network, discriminator_->augmentation.value()}
+                       : Adversary{};
+    update_generator(parts_, position, adversary, parameters, optimizer_,
                      {config.learning_rate, mapping_prefix, config.mapping_factor}, report);
 }
 
@@ -119,6 +136,7 @@ StepReport AdversarialStage::step(const TrainingPosition& position) {
     // If any update of the step is not finite, none of them counts.
     const std::vector<Variable> values = variables_of(discriminator_->parameters.all());
     const Adam adam = discriminator_->adam;
+    const AdaptiveProbability augmentation = discriminator_->augmentation;
     update_discriminator(position, report);
     regularize_discriminator(position, report);
     update_decoder(position, report);
@@ -126,6 +144,7 @@ StepReport AdversarialStage::step(const TrainingPosition& position) {
         for (std::size_t i = 0; i < values.size(); ++i)
             discriminator_->parameters.all()[i].set_value(values[i].value());
         discriminator_->adam = adam;
+        discriminator_->augmentation = augmentation;
     }
     return report;
 }
@@ -135,6 +154,9 @@ void AdversarialStage::save(TensorFile& file) const {
     if (!discriminator_) return;
     discriminator_->parameters.save(file);
     discriminator_->adam.save(file, discriminator_adam_prefix);
+    if (discriminator_->augmentation.adapts())
+        file.tensors[augmentation_name] =
+            Tensor::full({1}, discriminator_->augmentation.value(), DType::float64);
 }
 
 void AdversarialStage::load(const TensorFile& file, const std::string& source) {
@@ -142,6 +164,8 @@ void AdversarialStage::load(const TensorFile& file, const std::string& source) {
     if (!discriminator_ || !has_prefix(file, discriminator_prefix)) return;
     discriminator_->parameters.load(file, source);
     discriminator_->adam.load(file, source, discriminator_adam_prefix);
+    if (const auto found = file.tensors.find(augmentation_name); found != file.tensors.end())
+        discriminator_->augmentation.set(found->second.to_vector().at(0));
 }
 
 }  // namespace stymo

@@ -25,6 +25,7 @@ private:
         ParameterStore parameters;
         Discriminator network;
         Adam adam;
+        AdaptiveProbability augmentation;
 
         TrainedDiscriminator(const TrainConfig& config, Rng rng);
     };

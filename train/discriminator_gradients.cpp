@@ -41,19 +41,31 @@ Tensor fake_images(const GeneratorInputs& inputs, const FaceBatch& batch,
     return faded_image(concat(images, 0), position.fade).value();
 }
 
+double mean_sign(const Tensor& logits) {
+    double sum = 0.0;
+    for (const double logit : logits.to_vector())
+        sum += static_cast<double>(logit > 0.0) - static_cast<double>(logit < 0.0);
+    return sum / static_cast<double>(logits.size());
+}
+
 }  // namespace
 
 LossAndGradients discriminator_gradients(const GeneratorInputs& inputs,
                                          const TrainingPosition& position, const FaceBatch& batch,
                                          const std::vector<Parameter>& parameters, Rng& jitter) {
-    const Tensor real = real_images(batch, position);
-    const Tensor fake = fake_images(inputs, batch, position, jitter);
+    const std::span<const ImageAugmentation> augmentations = inputs.augmentations;
+    const std::size_t count = augmentations.size() / 2;
+    const Tensor real = augmented(real_images(batch, position), augmentations.first(count)).value();
+    const Tensor fake =
+        augmented(fake_images(inputs, batch, position, jitter), augmentations.subspan(count))
+            .value();
     const std::vector<Variable> leaves = variables_of(parameters);
     LossAndGradients result;
     // The graph of one term is gone before the other is computed.
     const auto classify = [&](const Tensor& images, Variable (*loss_of)(const Variable&),
                               std::string_view logit_name) {
         const Variable logits = (*inputs.discriminator)(images, position.fade);
+        if (loss_of == real_loss) result.losses["real_sign"] = mean_sign(logits.value());
         const Variable loss = loss_of(logits);
         result.losses.total += loss.value().item();
         result.losses[logit_name] = mean(logits).value().item();
@@ -69,10 +81,13 @@ LossAndGradients discriminator_gradients(const GeneratorInputs& inputs,
 
 LossAndGradients r1_gradients(const Discriminator& discriminator, const TrainingPosition& position,
                               const FaceBatch& batch, double weight,
-                              const std::vector<Parameter>& parameters) {
-    const Variable penalty =
-        r1_penalty([&](const Variable& images) { return discriminator(images, position.fade); },
-                   real_images(batch, position));
+                              const std::vector<Parameter>& parameters,
+                              std::span<const ImageAugmentation> augmentations) {
+    const Variable penalty = r1_penalty(
+        [&](const Variable& images) {
+            return discriminator(augmented(images, augmentations), position.fade);
+        },
+        real_images(batch, position));
     LossAndGradients result;
     result.losses.total = penalty.value().item();
     result.losses["r1"] = result.losses.total;

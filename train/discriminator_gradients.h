@@ -9,9 +9,10 @@
 namespace stymo {
 
 /// Names of what the discriminator's updates note, in stats.jsonl: the loss, the mean logits of
-/// photos and of rendered images, and R1, E |dD/dx|^2 / 2 without gamma.
-inline constexpr std::array<std::string_view, 4> discriminator_loss_names{
-    "discriminator", "real_logit", "fake_logit", "r1"};
+/// photos and of rendered images, the mean sign of the photos' logits, the probability with which
+/// images are changed, and R1, E |dD/dx|^2 / 2 without gamma.
+inline constexpr std::array<std::string_view, 6> discriminator_loss_names{
+    "discriminator", "real_logit", "fake_logit", "real_sign", "augmentation", "r1"};
 
 /// One micro-batch of the discriminator's update: real photos on black against the generator's
 /// images of the same faces, which no gradient flows into. Losses are means over the micro-batch,
@@ -26,10 +27,12 @@ inline constexpr std::array<std::string_view, 4> discriminator_loss_names{
                                                        Rng& jitter);
 
 /// One micro-batch of R1: gradients of `weight` * E |dD/dx|^2 / 2 on the real photos; `total` is
-/// the penalty without its weight. Throws as discriminator_gradients.
+/// the penalty without its weight. The gradient is that of the photos before they are augmented.
+/// Throws as discriminator_gradients.
 [[nodiscard]] LossAndGradients r1_gradients(const Discriminator& discriminator,
                                             const TrainingPosition& position,
                                             const FaceBatch& batch, double weight,
-                                            const std::vector<Parameter>& parameters);
+                                            const std::vector<Parameter>& parameters,
+                                            std::span<const ImageAugmentation> augmentations = {});
 
 }  // namespace stymo

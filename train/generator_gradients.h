@@ -1,7 +1,9 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
+#include "nn/image_augmentation.h"
 #include "train/code_offsets.h"
 #include "train/loss_terms.h"
 
@@ -20,6 +22,9 @@ struct GeneratorInputs {
     const CodeOffsets* offsets = nullptr;          ///< of the faces' codes, if they learn any
     const Discriminator* discriminator = nullptr;  ///< needed in the second stage, unless its loss
                                                    ///< has no weight
+    /// Of the images that the discriminator sees: of each rendered one, or, in the discriminator's
+    /// own update, of each photo, then of each rendered one. Empty: it sees them as they are.
+    std::span<const ImageAugmentation> augmentations{};
 };
 
 /// Forward and backward pass of the generator's update on one micro-batch, in either stage: codes,

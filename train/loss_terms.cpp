@@ -20,7 +20,8 @@ Variable adversarial_term(const LossInputs& in, LossValues&) {
     const double fade = in.position.fade;
     return differentiate_at_once(
         [&](const Variable& images) {
-            return generator_loss((*in.discriminator)(faded_image(images, fade), fade));
+            return generator_loss(
+                (*in.discriminator)(augmented(faded_image(images, fade), in.augmentations), fade));
         },
         in.decoded.images.back());
 }

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "nn/image_augmentation.h"
 #include "nn/models/discriminator.h"
 #include "nn/models/face_batch.h"
 #include "nn/models/reconstruction.h"
@@ -42,7 +43,8 @@ struct LossInputs {
     const ReconstructionLoss& reconstruction;
     const Codes& codes;
     const Decoded& decoded;
-    const Discriminator* discriminator;  ///< null without an adversarial term
+    const Discriminator* discriminator;                ///< null without an adversarial term
+    std::span<const ImageAugmentation> augmentations;  ///< of what it sees
 };
 
 /// A term of the generator's loss. To add one: write its function in nn/losses.h, add it to the

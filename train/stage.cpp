@@ -68,13 +68,16 @@ std::vector<std::string> trained_decoder_prefixes(const Model& model,
 }
 
 void update_generator(const TrainingParts& parts, const TrainingPosition& position,
-                      const Discriminator* discriminator, const std::vector<Parameter>& parameters,
+                      const Adversary& adversary, const std::vector<Parameter>& parameters,
                       HybridOptimizer& optimizer, const OptimizerRates& rates, StepReport& report) {
-    const GeneratorInputs inputs{parts.model, parts.reconstruction, parts.config, parts.offsets,
-                                 discriminator};
     const LossAndGradients mean = mean_over_micro_batches(
         parts, position, [&](const FaceBatch& batch, std::int64_t first_image) {
             Rng jitter = step_jitter(parts, position, "jitter", first_image);
+            const std::vector<ImageAugmentation> augmentations =
+                step_augmentations(parts, position, "augmentation", first_image,
+                                   std::ssize(batch.cameras), adversary.augmentation);
+            const GeneratorInputs inputs{parts.model,   parts.reconstruction,    parts.config,
+                                         parts.offsets, adversary.discriminator, augmentations};
             return generator_gradients(inputs, position, batch, parameters, jitter);
         });
     report.losses.accumulate(mean.losses, 1.0);
@@ -91,6 +94,19 @@ Rng step_jitter(const TrainingParts& parts, const TrainingPosition& position,
     return parts.rng.split(purpose)
         .split(static_cast<std::uint64_t>(phase.first_step + position.step))
         .skipped(image * rays * jitter_numbers(phase.samples_per_ray));
+}
+
+std::vector<ImageAugmentation> step_augmentations(const TrainingParts& parts,
+                                                  const TrainingPosition& position,
+                                                  std::string_view purpose, std::int64_t image,
+                                                  std::int64_t count, double probability) {
+    std::vector<ImageAugmentation> augmentations;
+    const Rng rng = parts.rng.split(purpose).split(
+        static_cast<std::uint64_t>(position.phase.first_step + position.step));
+    for (std::int64_t i = 0; probability > 0.0 && i < count; ++i)
+        augmentations.push_back(
+            drawn_augmentation(rng.split(static_cast<std::uint64_t>(image + i)), probability));
+    return augmentations;
 }
 
 }  // namespace stymo

@@ -103,15 +103,26 @@ std::vector<Parameter> unfreeze_only(ParameterStore& parameters,
 [[nodiscard]] std::vector<std::string> trained_decoder_prefixes(const Model& model,
                                                                 const TrainingPosition& position);
 
+/// What the generator's update learns from beside the photos.
+struct Adversary {
+    const Discriminator* discriminator = nullptr;
+    double augmentation = 0.0;  ///< the probability with which what it sees is changed
+};
+
 /// One update of the unfrozen `parameters` of the generator, in either stage. Notes losses,
 /// learning rate and what is not finite in the report; in that case nothing has changed.
 void update_generator(const TrainingParts& parts, const TrainingPosition& position,
-                      const Discriminator* discriminator, const std::vector<Parameter>& parameters,
+                      const Adversary& adversary, const std::vector<Parameter>& parameters,
                       HybridOptimizer& optimizer, const OptimizerRates& rates, StepReport& report);
 
 /// The random numbers of a step's samples, for one purpose, from the samples of this image of the
 /// step on.
 [[nodiscard]] Rng step_jitter(const TrainingParts& parts, const TrainingPosition& position,
                               std::string_view purpose, std::int64_t image);
+/// Augmentations of so many images of a step, from this one on, for one purpose; none at all if
+/// they have no probability.
+[[nodiscard]] std::vector<ImageAugmentation> step_augmentations(
+    const TrainingParts& parts, const TrainingPosition& position, std::string_view purpose,
+    std::int64_t image, std::int64_t count, double probability);
 
 }  // namespace stymo

@@ -87,6 +87,12 @@ void describe_stage2(ConfigSchema& schema, AdversarialStageConfig& config) {
     schema.integer(
         "stage2.r1_interval", config.r1_interval, 1, 1'000'000,
         "discriminator steps from one R1 step to the next (paper: silent; StyleGAN2 has 16)");
+    schema.number("stage2.augmentation_target", config.augmentation_target, 0.0, 1.0,
+                  "mean sign of the photos' logits above which the discriminator sees more images "
+                  "changed at random (paper: silent; StyleGAN2-ADA has 0.6); 0: none is changed");
+    schema.number("stage2.augmentation_images", config.augmentation_images, 1.0, 1e12,
+                  "images that take the probability of a change from 0 to 1 (StyleGAN2-ADA has "
+                  "500000)");
     schema.integer("stage2.samples_per_ray", config.samples_per_ray, 2, 4096, "N (paper: 64)");
     schema.number("stage2.learning_rate", config.learning_rate, 0.0, 1.0,
                   "Adam's learning rate of the decoder (paper: 2e-3)");

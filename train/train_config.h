@@ -64,6 +64,9 @@ struct AdversarialStageConfig {
     std::vector<double> r1_gamma{0.026, 0.1, 0.82, 10.0};
     std::int64_t r1_interval = 16;  ///< discriminator steps from one R1 step to the next; each
                                     ///< counts as much as all of them
+    double augmentation_target =
+        0.0;  ///< of the mean sign of photos' logits, which augmentation keeps to; 0: there is none
+    double augmentation_images = 500000.0;  ///< take its probability from 0 to 1
     std::int64_t samples_per_ray = 64;
     double learning_rate = 2e-3;
     double discriminator_learning_rate = 1e-4;

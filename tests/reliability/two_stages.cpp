@@ -20,7 +20,7 @@ constexpr const char* configuration = R"({
   "reconstruction": {"resolution_weights": [0.5, 1.0]},
   "stage2": {"resolutions": [64, 128], "images": [8, 8], "fade_images": [0, 4], "batch": [2, 2],
              "micro_batch": [1, 2], "r1_gamma": [0.1, 0.2], "r1_interval": 2,
-             "samples_per_ray": 4},
+             "augmentation_target": 0.1, "augmentation_images": 16, "samples_per_ray": 4},
   "discriminator": {"channel_multiplier": 2, "max_channels": 8, "group_size": 2},
   "output": {"checkpoint_steps": 1, "sample_steps": 6, "keep_last": 2, "statistics_images": 4}
 })";

@@ -184,6 +184,34 @@ TEST_CASE("the gradient of the generator's loss is that of central differences",
     }
 }
 
+TEST_CASE("what the discriminator sees is augmented, photos and rendered images each their way",
+          "[adversarial]") {
+    const Stage stage;
+    const std::vector<Parameter> parameters = stage.discriminator_parameters.trainable();
+    const FaceBatch batch = noise(0, 2);
+    FaceBatch flipped = batch;
+    for (Tensor& images : flipped.targets) images = flip(images, 2).value();
+    const ImageAugmentation mirror{.source_from_target = {-1, 0, 0, 0, 1, 0}};
+    const std::vector<ImageAugmentation> of_photos{mirror, mirror, {}, {}};
+    Rng jitter(3);
+    GeneratorInputs inputs = stage.inputs();
+    inputs.augmentations = of_photos;
+    const LossAndGradients seen =
+        discriminator_gradients(inputs, stage.position, batch, parameters, jitter);
+    const LossAndGradients expected = stage.classify(flipped, parameters);
+    CHECK(seen.losses.total == Approx(expected.losses.total).epsilon(1e-10));
+    CHECK(seen.losses["real_logit"] == Approx(expected.losses["real_logit"]).epsilon(1e-10));
+    // A mirror does not change the length of a gradient.
+    const LossAndGradients penalty = r1_gradients(stage.discriminator, stage.position, batch, 1.0,
+                                                  parameters, std::span(of_photos).first(2));
+    CHECK(penalty.losses["r1"] ==
+          Approx(stage.r1(flipped, parameters).losses["r1"]).epsilon(1e-10));
+    for (std::size_t i = 0; i < parameters.size(); ++i)
+        CHECK(check_close(penalty.gradients[i].value(),
+                          stage.r1(flipped, parameters).gradients[i].value(), 1e-9)
+                  .passed);
+}
+
 TEST_CASE("micro-batches add up to the batch, draw for draw", "[adversarial]") {
     const Stage stage(1);  // alone in its group, no image sees another
     const std::vector<Parameter> parameters = stage.discriminator_parameters.trainable();

@@ -57,6 +57,8 @@ namespace stymo::test {
     config.stage2.micro_batch = {1, 2};
     config.stage2.r1_gamma = {0.1, 0.2};
     config.stage2.r1_interval = 2;
+    config.stage2.augmentation_target = 0.1;
+    config.stage2.augmentation_images = 8.0;
     config.stage2.samples_per_ray = 4;
     config.stage2.average_half_life = 6.0;
     config.discriminator = {.channel_multiplier = 2.0, .max_channels = 8, .group_size = 2};
