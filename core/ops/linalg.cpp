@@ -4,6 +4,7 @@
 
 #include "core/autograd/record.h"
 #include "core/error.h"
+#include "core/kernels/linear_gradients.h"
 #include "core/kernels/matmul.h"
 #include "core/ops/activation.h"
 #include "core/ops/elementwise.h"
@@ -81,6 +82,22 @@ void check_linear(const Variable& x, const Variable& weight, const Variable& bia
         fail<TypeError>("[linear] x is ", x.dtype(), ", weight ", weight.dtype());
 }
 
+/// Gradients of the linear map x W^T + bias for that of its result.
+Variable input_gradient(const Variable& dL_dz, const Variable& weight) {
+    return matmul(dL_dz, weight);
+}
+
+Variable weight_gradient(const Variable& dL_dz, const Variable& x, bool shares_weight) {
+    if (!shares_weight) return matmul(dL_dz, x, {.transpose_a = true});
+    // One weight for the whole batch: the batch is just more rows.
+    return matmul(reshape(dL_dz, {1, -1, dL_dz.shape(2)}), reshape(x, {1, -1, x.shape(2)}),
+                  {.transpose_a = true});
+}
+
+Variable bias_gradient(const Variable& dL_dz) {
+    return sum_to(dL_dz, {dL_dz.shape(2)});
+}
+
 /// The graph's view of the linear map alone. Its value is never read (the activation is fused
 /// behind it), so any tensor of the right shape stands in for it.
 Variable record_linear_map(const Tensor& shaped, const Variable& x, const Variable& weight,
@@ -88,21 +105,51 @@ Variable record_linear_map(const Tensor& shaped, const Variable& x, const Variab
     const Save save = (weight.tracked() ? Save::input(0) : Save::none()) |
                       (x.tracked() ? Save::input(1) : Save::none());
     std::vector<Variable> inputs{x, weight};
-    std::vector<VjpRule> rules{[](const Vjp& v) { return matmul(v.grad(), v.input(1)); },
+    std::vector<VjpRule> rules{[](const Vjp& v) { return input_gradient(v.grad(), v.input(1)); },
                                [](const Vjp& v) {
-                                   const Variable x_in = v.input(0);
-                                   if (v.shape(1)[0] == x_in.shape(0))
-                                       return matmul(v.grad(), x_in, {.transpose_a = true});
-                                   // One weight for the whole batch: the batch is just more rows.
-                                   return matmul(reshape(v.grad(), {1, -1, v.grad().shape(2)}),
-                                                 reshape(x_in, {1, -1, x_in.shape(2)}),
-                                                 {.transpose_a = true});
+                                   return weight_gradient(v.grad(), v.input(0),
+                                                          v.shape(1)[0] != v.shape(0)[0]);
                                }};
     if (bias.defined()) {
         inputs.push_back(bias);
-        rules.emplace_back([](const Vjp& v) { return sum_to(v.grad(), v.shape(2)); });
+        rules.emplace_back([](const Vjp& v) { return bias_gradient(v.grad()); });
     }
     return record("linear", shaped, std::move(inputs), save, std::move(rules));
+}
+
+constexpr double leaky_slope = 0.2;
+constexpr double leaky_gain = std::numbers::sqrt2;
+
+/// The layer with its leaky ReLU. The slope follows from the sign of the output, which the next
+/// layer keeps anyway.
+Variable record_leaky_layer(const Tensor& output, const Variable& x, const Variable& weight,
+                            const Variable& bias) {
+    std::vector<Node::Input> inputs{
+        {x.node(), weight.tracked() ? x.value() : Tensor(), x.shape()},
+        {weight.node(), x.tracked() ? weight.value() : Tensor(), weight.shape()}};
+    if (bias.defined()) inputs.push_back({bias.node(), {}, bias.shape()});
+    const JointVjpRule rule = [output](const Vjp& v, const std::vector<bool>& needed) {
+        const bool shares_weight = v.shape(1)[0] != v.shape(0)[0];
+        const bool with_bias = needed.size() > 2 && needed[2];
+        std::vector<Variable> gradients(needed.size());
+        if (v.create_graph()) {
+            const Variable dL_dz = leaky_gate(v.grad(), output, leaky_slope, leaky_gain);
+            if (needed[0]) gradients[0] = input_gradient(dL_dz, v.input(1));
+            if (needed[1]) gradients[1] = weight_gradient(dL_dz, v.input(0), shares_weight);
+            if (with_bias) gradients[2] = bias_gradient(dL_dz);
+            return gradients;
+        }
+        const kernels::LinearGradients found = kernels::leaky_linear_gradients(
+            v.grad().value(),
+            {needed[1] ? v.input(0).value() : Tensor(), needed[0] ? v.input(1).value() : Tensor(),
+             output, leaky_slope, leaky_gain},
+            shares_weight, {needed[0], needed[1], with_bias});
+        if (needed[0]) gradients[0] = Variable(found.x);
+        if (needed[1]) gradients[1] = Variable(found.weight);
+        if (with_bias) gradients[2] = Variable(found.bias);
+        return gradients;
+    };
+    return record("linear", output, std::move(inputs), rule);
 }
 
 Variable apply(Activation activation, const Variable& x) {
@@ -110,7 +157,7 @@ Variable apply(Activation activation, const Variable& x) {
         case Activation::sine:
             return sin(x);
         case Activation::leaky_relu:
-            return leaky_relu(x, 0.2) * std::numbers::sqrt2;
+            return leaky_relu(x, leaky_slope) * leaky_gain;
         case Activation::none:
             break;
     }
@@ -135,16 +182,10 @@ Variable linear(const Variable& x, const Variable& weight, const Variable& bias,
         kernels::linear(x.value(), weight.value(), bias.defined() ? bias.value() : Tensor{},
                         activation, with_slope);
     if (!tracked) return Variable(result.value);
+    if (activation == Activation::leaky_relu)
+        return record_leaky_layer(result.value, x, weight, bias);
     const Variable map = record_linear_map(result.value, x, weight, bias);
     if (activation == Activation::none) return map;
-    if (activation == Activation::leaky_relu) {
-        // The slope follows from the sign of the output, and the next layer keeps the output
-        // anyway.
-        return record("linear_activation", result.value, {map}, Save::the_output(),
-                      {[](const Vjp& v) {
-                          return leaky_gate(v.grad(), v.output().value(), 0.2, std::numbers::sqrt2);
-                      }});
-    }
     return record("linear_activation", result.value, {map}, Save::none(),
                   {[=, slope = result.slope](const Vjp& v) {
                       if (!v.create_graph()) return v.grad() * Variable(slope);
