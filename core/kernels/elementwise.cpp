@@ -128,13 +128,12 @@ Tensor clamp(const Tensor& x, double low, double high) {
         return value < bottom ? bottom : (value > top ? top : value);
     });
 }
-Tensor within(const Tensor& x, double low, double high) {
-    return map(x, [=](auto value) {
-        using T = decltype(value);
-        // Two comparisons without a branch between them, which vectorise.
-        const T above = value >= static_cast<T>(low) ? T(1) : T(0);
-        const T below = value <= static_cast<T>(high) ? T(1) : T(0);
-        return above * below;
+Tensor where_within(const Tensor& x, const Tensor& place, double low, double high) {
+    return zip(x, place, "where_within", [=](auto value, auto at) {
+        using T = decltype(at);
+        // Two choices without a branch between them, which vectorise.
+        const T above = at >= static_cast<T>(low) ? value : T(0);
+        return at <= static_cast<T>(high) ? above : T(0);
     });
 }
 Tensor nonzero(const Tensor& x) {

@@ -134,11 +134,22 @@ Variable abs(const Variable& x) {
                   }});
 }
 
+namespace {
+
+/// x where `place` is in [low, high], else 0.
+Variable where_within(const Variable& x, const Tensor& place, double low, double high) {
+    return record("where_within", kernels::where_within(x.value(), place, low, high), {x},
+                  Save::none(),
+                  {[=](const Vjp& v) { return where_within(v.grad(), place, low, high); }});
+}
+
+}  // namespace
+
 Variable clamp(const Variable& x, double low, double high) {
     if (!(low <= high)) fail<ValueError>("[clamp] low ", low, " is above high ", high);
     return record("clamp", kernels::clamp(x.value(), low, high), {x}, Save::input(0),
                   {[low, high](const Vjp& v) {
-                      return v.grad() * Variable(kernels::within(v.input(0).value(), low, high));
+                      return where_within(v.grad(), v.input(0).value(), low, high);
                   }});
 }
 
