@@ -101,11 +101,11 @@ void differentiate(const Layer<T>& layer, T* dL_dweight, T* dL_dbias) {
 
 }  // namespace
 
-LinearGradients leaky_linear_gradients(const Tensor& dL_dy, const LeakyLinear& linear,
+LinearGradients leaky_linear_gradients(const Tensor& dL_dy, const LeakyLinear& layer,
                                        bool shares_weight, LinearWanted wanted) {
     const Shape& shape = dL_dy.shape();
     const std::int64_t in =
-        wanted.x ? linear.weight.shape(2) : (wanted.weight ? linear.x.shape(2) : 0);
+        wanted.x ? layer.weight.shape(2) : (wanted.weight ? layer.x.shape(2) : 0);
     const std::int64_t members = shares_weight ? 1 : shape[0];
     LinearGradients gradients;
     if (wanted.x) gradients.x = Tensor({shape[0], shape[1], in}, dL_dy.dtype());
@@ -113,21 +113,22 @@ LinearGradients leaky_linear_gradients(const Tensor& dL_dy, const LeakyLinear& l
     if (wanted.bias) gradients.bias = Tensor({shape[2]}, dL_dy.dtype());
     if (dL_dy.size() == 0) return gradients;
     dispatch(dL_dy.dtype(), [&]<class T>(T) {
-        Layer<T> layer{members,
-                       shape[0] * shape[1] / members,
-                       in,
-                       shape[2],
-                       dL_dy.values<T>().data(),
-                       linear.y.values<T>().data(),
-                       wanted.weight ? linear.x.values<T>().data() : nullptr,
-                       {},
-                       static_cast<T>(linear.gain),
-                       static_cast<T>(linear.gain * linear.slope),
-                       wanted.x ? gradients.x.mutable_values<T>().data() : nullptr};
+        Layer<T> operands{members,
+                          shape[0] * shape[1] / members,
+                          in,
+                          shape[2],
+                          dL_dy.values<T>().data(),
+                          layer.y.values<T>().data(),
+                          wanted.weight ? layer.x.values<T>().data() : nullptr,
+                          {},
+                          static_cast<T>(layer.gain),
+                          static_cast<T>(layer.gain * layer.slope),
+                          wanted.x ? gradients.x.mutable_values<T>().data() : nullptr};
         for (std::int64_t member = 0; wanted.x && member < members; ++member)
-            layer.weights.emplace_back(linear.weight.values<T>().data() + member * layer.out * in,
-                                       layer.out, in, in, 1);
-        differentiate<T>(layer,
+            operands.weights.emplace_back(
+                layer.weight.values<T>().data() + member * operands.out * in, operands.out, in, in,
+                1);
+        differentiate<T>(operands,
                          wanted.weight ? gradients.weight.mutable_values<T>().data() : nullptr,
                          wanted.bias ? gradients.bias.mutable_values<T>().data() : nullptr);
     });
