@@ -189,16 +189,20 @@ OptionRules Command::flag(const std::string& name, bool& target, const std::stri
 }
 
 struct CommandLine::Implementation {
-    Implementation(const std::string& program, const std::string& description)
-        : app(description, program) {}
+    Implementation(const std::string& program, const std::string& description,
+                   MatmulPrecision precision)
+        : app(description, program) {
+        common.matmul_precision = name_of(precision);
+    }
 
     CLI::App app;
     CommonOptions common;
     std::map<const CLI::App*, AppBody> bodies;
 };
 
-CommandLine::CommandLine(const std::string& program, const std::string& description)
-    : CommandLine(std::make_unique<Implementation>(program, description)) {}
+CommandLine::CommandLine(const std::string& program, const std::string& description,
+                         MatmulPrecision precision)
+    : CommandLine(std::make_unique<Implementation>(program, description, precision)) {}
 
 CommandLine::CommandLine(std::unique_ptr<Implementation> implementation)
     : Command(&implementation->app), implementation_(std::move(implementation)) {

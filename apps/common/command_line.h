@@ -11,6 +11,7 @@
 
 #include "core/error.h"
 #include "core/io/json_writer.h"
+#include "core/matmul_precision.h"
 
 namespace CLI {
 class App;
@@ -28,8 +29,8 @@ public:
 
 /// Options that every tool has.
 struct CommonOptions {
-    int threads = 0;                        ///< 0: one per processor
-    std::string matmul_precision = "high";  ///< or "highest", "medium"
+    int threads = 0;               ///< 0: one per processor
+    std::string matmul_precision;  ///< "highest", "high" or "medium"
     std::uint64_t seed = 0;
     bool json = false;  ///< the result goes to stdout as one JSON object
 };
@@ -85,7 +86,9 @@ private:
 /// do" on stderr; 2 wrong usage, with such a line (errors of the parser and UsageError).
 class CommandLine : public Command {
 public:
-    CommandLine(const std::string& program, const std::string& description);
+    /// `precision`: of matrix products, unless the user asks for another one.
+    CommandLine(const std::string& program, const std::string& description,
+                MatmulPrecision precision = MatmulPrecision::high);
     ~CommandLine();
     CommandLine(const CommandLine&) = delete;
     CommandLine& operator=(const CommandLine&) = delete;

@@ -132,7 +132,8 @@ stymo::AppResult train(const Options& options, const stymo::CommonOptions& commo
 
 int stymo_train(int argc, char** argv) {
     Options options;
-    stymo::CommandLine line("stymo-train", "Trains a model on a folder of faces.");
+    stymo::CommandLine line("stymo-train", "Trains a model on a folder of faces.",
+                            stymo::MatmulPrecision::medium);
     line.option("--config", options.config, "JSON configuration (docs/configuration.md)");
     line.option("--data", options.data, "folder of faces in FFHQ format (docs/data.md)");
     line.option("--out", options.out, "run folder");

@@ -88,7 +88,7 @@ TEST_CASE("Ranks that do not fit together are refused by one line, and nothing i
             "rank 1 has a configuration that differs");
     refused(train(2, "refused", two, "--resume /nowhere"), "rank 1 on ");
     if (stymo::has_matrix_tiles())
-        refused(train(2, "refused", two, "--matmul-precision medium"),
+        refused(train(2, "refused", two, "--matmul-precision high"),
                 "rank 1 has a precision of matrix products that differs");
     refused(train(2, "refused", two + " --dry-run"), "--dry-run measures one process");
 }
