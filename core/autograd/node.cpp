@@ -25,10 +25,12 @@ Node::Node(const char* name, std::vector<Input> inputs, std::vector<VjpRule> rul
     ++live_nodes();
 }
 
-Node::Node(const char* name, std::vector<Input> inputs, JointVjpRule joint_rule)
+Node::Node(const char* name, std::vector<Input> inputs, JointVjpRule joint_rule,
+           Tensor saved_output)
     : name_(name),
       inputs_(std::move(inputs)),
       joint_rule_(std::move(joint_rule)),
+      saved_output_(std::move(saved_output)),
       save_(Save::all_inputs()) {
     ++live_nodes();
 }

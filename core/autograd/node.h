@@ -53,7 +53,7 @@ public:
     Node(const char* name, std::vector<Input> inputs, std::vector<VjpRule> rules,
          Tensor saved_output, Save save);
     /// All inputs whose value is defined count as saved.
-    Node(const char* name, std::vector<Input> inputs, JointVjpRule joint_rule);
+    Node(const char* name, std::vector<Input> inputs, JointVjpRule joint_rule, Tensor saved_output);
     ~Node();
     Node(const Node&) = delete;
     Node& operator=(const Node&) = delete;

@@ -27,10 +27,11 @@ Variable record(const char* name, Tensor value, std::vector<Variable> inputs, Sa
 }
 
 Variable record(const char* name, Tensor value, std::vector<Node::Input> inputs,
-                JointVjpRule joint_rule) {
+                JointVjpRule joint_rule, bool saves_output) {
     work::count_operation();
-    return {std::move(value),
-            std::make_shared<Node>(name, std::move(inputs), std::move(joint_rule))};
+    auto node = std::make_shared<Node>(name, std::move(inputs), std::move(joint_rule),
+                                       saves_output ? value : Tensor{});
+    return {std::move(value), std::move(node)};
 }
 
 }  // namespace stymo

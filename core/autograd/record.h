@@ -12,8 +12,8 @@ namespace stymo {
                               Save save, std::vector<VjpRule> rules);
 
 /// Records an op with one joint rule for all inputs. The node holds the inputs exactly as they are
-/// passed. At least one must be tracked.
+/// passed, and the output if the rule reads it. At least one input must be tracked.
 [[nodiscard]] Variable record(const char* name, Tensor value, std::vector<Node::Input> inputs,
-                              JointVjpRule joint_rule);
+                              JointVjpRule joint_rule, bool saves_output = false);
 
 }  // namespace stymo

@@ -128,12 +128,13 @@ Variable record_leaky_layer(const Tensor& output, const Variable& x, const Varia
         {x.node(), weight.tracked() ? x.value() : Tensor(), x.shape()},
         {weight.node(), x.tracked() ? weight.value() : Tensor(), weight.shape()}};
     if (bias.defined()) inputs.push_back({bias.node(), {}, bias.shape()});
-    const JointVjpRule rule = [output](const Vjp& v, const std::vector<bool>& needed) {
+    const JointVjpRule rule = [](const Vjp& v, const std::vector<bool>& needed) {
+        const Tensor y = v.output().value();
         const bool shares_weight = v.shape(1)[0] != v.shape(0)[0];
         const bool with_bias = needed.size() > 2 && needed[2];
         std::vector<Variable> gradients(needed.size());
         if (v.create_graph()) {
-            const Variable dL_dz = leaky_gate(v.grad(), output, leaky_slope, leaky_gain);
+            const Variable dL_dz = leaky_gate(v.grad(), y, leaky_slope, leaky_gain);
             if (needed[0]) gradients[0] = input_gradient(dL_dz, v.input(1));
             if (needed[1]) gradients[1] = weight_gradient(dL_dz, v.input(0), shares_weight);
             if (with_bias) gradients[2] = bias_gradient(dL_dz);
@@ -142,14 +143,14 @@ Variable record_leaky_layer(const Tensor& output, const Variable& x, const Varia
         const kernels::LinearGradients found = kernels::leaky_linear_gradients(
             v.grad().value(),
             {needed[1] ? v.input(0).value() : Tensor(), needed[0] ? v.input(1).value() : Tensor(),
-             output, leaky_slope, leaky_gain},
+             y, leaky_slope, leaky_gain},
             shares_weight, {needed[0], needed[1], with_bias});
         if (needed[0]) gradients[0] = Variable(found.x);
         if (needed[1]) gradients[1] = Variable(found.weight);
         if (with_bias) gradients[2] = Variable(found.bias);
         return gradients;
     };
-    return record("linear", output, std::move(inputs), rule);
+    return record("linear", output, std::move(inputs), rule, true);
 }
 
 Variable apply(Activation activation, const Variable& x) {
