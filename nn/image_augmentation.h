@@ -21,8 +21,8 @@ struct ImageAugmentation {
     bool operator==(const ImageAugmentation&) const = default;
 };
 
-/// Each of the paper's transformations takes place with this probability. Draws as many numbers
-/// whatever it is.
+/// Each of the paper's transformations takes place with this probability. A higher one adds
+/// transformations to those that the same generator gives at a lower one.
 [[nodiscard]] ImageAugmentation drawn_augmentation(Rng rng, double probability);
 
 /// images (B, S, S, 3) in [-1, 1], each changed by its own augmentation: bilinear, black (-1)
