@@ -77,7 +77,8 @@ void AdversarialStage::update_discriminator(const TrainingPosition& position, St
     parts_.model.parameters().set_trainable("", false);
     const std::vector<Parameter> parameters = unfreeze_discriminator(position);
     const double probability = discriminator_->augmentation.value();
-    const auto gradients = [&](const FaceBatch& batch, std::int64_t first_image) {
+    const auto gradients = [&](const FaceBatch& batch, std::int64_t first_image,
+                               const GradientSink& sink) {
         Rng jitter = step_jitter(parts_, position, "discriminator jitter", first_image);
         std::vector<ImageAugmentation> augmentations;
         for (const std::string_view purpose : {"photo augmentation", "rendering augmentation"})
@@ -86,9 +87,9 @@ void AdversarialStage::update_discriminator(const TrainingPosition& position, St
                               std::back_inserter(augmentations));
         const GeneratorInputs inputs{parts_.model,   parts_.reconstruction,    parts_.config,
                                      parts_.offsets, &discriminator_->network, augmentations};
-        return discriminator_gradients(inputs, position, batch, parameters, jitter);
+        return discriminator_gradients(inputs, position, batch, parameters, jitter, sink).losses;
     };
-    apply(mean_over_micro_batches(parts_, position, gradients), parameters, report);
+    apply(mean_over_micro_batches(parts_, position, parameters, gradients), parameters, report);
     report.losses["augmentation"] = probability;
     if (!report.non_finite)
         discriminator_->augmentation.update(report.losses["real_sign"],
@@ -103,12 +104,14 @@ void AdversarialStage::regularize_discriminator(const TrainingPosition& position
     const std::vector<Parameter> parameters = unfreeze_discriminator(position);
     const double weight = gamma * static_cast<double>(interval);
     apply(mean_over_micro_batches(
-              parts_, position,
-              [&](const FaceBatch& batch, std::int64_t first_image) {
+              parts_, position, parameters,
+              [&](const FaceBatch& batch, std::int64_t first_image, const GradientSink& sink) {
                   return r1_gradients(discriminator_->network, position, batch, weight, parameters,
                                       step_augmentations(parts_, position, "R1 augmentation",
                                                          first_image, std::ssize(batch.cameras),
-                                                         discriminator_->augmentation.value()));
+                                                         discriminator_->augmentation.value()),
+                                      sink)
+                      .losses;
               }),
           parameters, report);
     report.regularized = true;

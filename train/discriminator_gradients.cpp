@@ -1,6 +1,7 @@
 #include "train/discriminator_gradients.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "core/autograd/grad.h"
 #include "core/error.h"
@@ -52,7 +53,8 @@ double mean_sign(const Tensor& logits) {
 
 LossAndGradients discriminator_gradients(const GeneratorInputs& inputs,
                                          const TrainingPosition& position, const FaceBatch& batch,
-                                         const std::vector<Parameter>& parameters, Rng& jitter) {
+                                         const std::vector<Parameter>& parameters, Rng& jitter,
+                                         const GradientSink& sink) {
     const std::span<const ImageAugmentation> augmentations = inputs.augmentations;
     const std::size_t count = augmentations.size() / 2;
     const Tensor real = augmented(real_images(batch, position), augmentations.first(count)).value();
@@ -69,20 +71,27 @@ LossAndGradients discriminator_gradients(const GeneratorInputs& inputs,
         const Variable loss = loss_of(logits);
         result.losses.total += loss.value().item();
         result.losses[logit_name] = mean(logits).value().item();
-        return grad(loss, leaves);
+        return loss;
     };
-    const std::vector<Variable> of_real = classify(real, real_loss, "real_logit");
-    const std::vector<Variable> of_fake = classify(fake, fake_loss, "fake_logit");
+    result.gradients = grad(classify(real, real_loss, "real_logit"), leaves);
+    const GradientSink add_fake = [&](std::size_t i, const Variable& of_fake) {
+        Variable sum = std::exchange(result.gradients[i], {}) + of_fake;
+        if (sink)
+            sink(i, std::move(sum));
+        else
+            result.gradients[i] = std::move(sum);
+    };
+    grad_in_turn(classify(fake, fake_loss, "fake_logit"), leaves, add_fake);
     result.losses["discriminator"] = result.losses.total;
-    for (std::size_t i = 0; i < leaves.size(); ++i)
-        result.gradients.push_back(of_real[i] + of_fake[i]);
+    if (sink) result.gradients.clear();
     return result;
 }
 
 LossAndGradients r1_gradients(const Discriminator& discriminator, const TrainingPosition& position,
                               const FaceBatch& batch, double weight,
                               const std::vector<Parameter>& parameters,
-                              std::span<const ImageAugmentation> augmentations) {
+                              std::span<const ImageAugmentation> augmentations,
+                              const GradientSink& sink) {
     const Variable penalty = r1_penalty(
         [&](const Variable& images) {
             return discriminator(augmented(images, augmentations), position.fade);
@@ -91,7 +100,7 @@ LossAndGradients r1_gradients(const Discriminator& discriminator, const Training
     LossAndGradients result;
     result.losses.total = penalty.value().item();
     result.losses["r1"] = result.losses.total;
-    result.gradients = grad(penalty * weight, variables_of(parameters));
+    result.gradients = gradients_for(sink, penalty * weight, variables_of(parameters));
     return result;
 }
 

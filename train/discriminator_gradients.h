@@ -19,20 +19,21 @@ inline constexpr std::array<std::string_view, 6> discriminator_loss_names{
 /// `total` is the loss. `jitter` as in generator_gradients. The images are rendered one face at a
 /// time; a model whose parameters are frozen meanwhile saves the graph that is otherwise made and
 /// dropped for each of them. Throws ShapeError for a batch without images of the phase's
-/// resolution.
+/// resolution. The gradients go to `sink`, if there is one.
 [[nodiscard]] LossAndGradients discriminator_gradients(const GeneratorInputs& inputs,
                                                        const TrainingPosition& position,
                                                        const FaceBatch& batch,
                                                        const std::vector<Parameter>& parameters,
-                                                       Rng& jitter);
+                                                       Rng& jitter, const GradientSink& sink = {});
 
 /// One micro-batch of R1: gradients of `weight` * E |dD/dx|^2 / 2 on the real photos; `total` is
 /// the penalty without its weight. The gradient is that of the photos before they are augmented.
-/// Throws as discriminator_gradients.
+/// Throws as discriminator_gradients, and has a sink as that one.
 [[nodiscard]] LossAndGradients r1_gradients(const Discriminator& discriminator,
                                             const TrainingPosition& position,
                                             const FaceBatch& batch, double weight,
                                             const std::vector<Parameter>& parameters,
-                                            std::span<const ImageAugmentation> augmentations = {});
+                                            std::span<const ImageAugmentation> augmentations = {},
+                                            const GradientSink& sink = {});
 
 }  // namespace stymo

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "core/autograd/grad.h"
 #include "core/ops/elementwise.h"
 #include "core/work_counts.h"
 #include "train/memory_estimate.h"
@@ -22,9 +21,17 @@ double share_above(const Tensor& x, double threshold) {
 
 }  // namespace
 
+std::vector<Variable> gradients_for(const GradientSink& sink, const Variable& y,
+                                    std::span<const Variable> xs) {
+    if (!sink) return grad(y, xs);
+    grad_in_turn(y, xs, sink);
+    return {};
+}
+
 LossAndGradients generator_gradients(const GeneratorInputs& inputs,
                                      const TrainingPosition& position, const FaceBatch& batch,
-                                     const std::vector<Parameter>& parameters, Rng& jitter) {
+                                     const std::vector<Parameter>& parameters, Rng& jitter,
+                                     const GradientSink& sink) {
     TrainingPhase phase = position.phase;
     Codes codes = face_codes(inputs.model, batch, inputs.offsets);
     if (phase.stage == 2) codes = detached(codes);
@@ -65,7 +72,7 @@ LossAndGradients generator_gradients(const GeneratorInputs& inputs,
         total = total + (weight == 1.0 ? value : value * weight);
     }
     result.losses.total = total.value().item();
-    result.gradients = grad(total, variables_of(parameters));
+    result.gradients = gradients_for(sink, total, variables_of(parameters));
     return result;
 }
 

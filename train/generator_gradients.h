@@ -3,6 +3,7 @@
 #include <span>
 #include <vector>
 
+#include "core/autograd/grad.h"
 #include "nn/image_augmentation.h"
 #include "train/code_offsets.h"
 #include "train/loss_terms.h"
@@ -11,8 +12,13 @@ namespace stymo {
 
 struct LossAndGradients {
     LossValues losses;
-    std::vector<Variable> gradients;  ///< one for each of `parameters`, in their order
+    /// One for each of `parameters`, in their order; none where a sink took them.
+    std::vector<Variable> gradients;
 };
+
+/// Hands the gradients of y to the sink in turn, or returns all of them where there is no sink.
+[[nodiscard]] std::vector<Variable> gradients_for(const GradientSink& sink, const Variable& y,
+                                                  std::span<const Variable> xs);
 
 /// What an update of the generator, that is of encoder and decoder, computes with.
 struct GeneratorInputs {
@@ -32,11 +38,11 @@ struct GeneratorInputs {
 /// of the micro-batch. In the second stage the codes are constants; so is the discriminator, and
 /// one whose parameters are frozen meanwhile takes less memory for the same gradients. `jitter`
 /// moves on by as much for each image, so that several micro-batches in a row draw what one batch
-/// of all their images would.
+/// of all their images would. The gradients go to `sink`, if there is one.
 [[nodiscard]] LossAndGradients generator_gradients(const GeneratorInputs& inputs,
                                                    const TrainingPosition& position,
                                                    const FaceBatch& batch,
                                                    const std::vector<Parameter>& parameters,
-                                                   Rng& jitter);
+                                                   Rng& jitter, const GradientSink& sink = {});
 
 }  // namespace stymo

@@ -24,30 +24,30 @@ void add_to(Tensor& sum, const Tensor& more) {
 
 }  // namespace
 
-GradientTree::GradientTree(std::int64_t micro_batches) : micro_batches_(micro_batches) {}
+GradientTree::GradientTree(std::int64_t micro_batches, SumSink sink)
+    : micro_batches_(micro_batches), sink_(std::move(sink)) {}
 
-void GradientTree::add(std::int64_t micro_batch, const std::vector<Variable>& gradients) {
-    Sum sum;
-    for (const Variable& gradient : gradients) sum.push_back(gradient.value());
-    Place place{0, micro_batch};
+void GradientTree::add(std::int64_t micro_batch, std::size_t i, Tensor gradient) {
+    Tensor sum = std::move(gradient);
+    std::int64_t level = 0, number = micro_batch;
     for (std::int64_t width = micro_batches_; width > 1; width = (width + 1) / 2) {
-        const Place partner{place.first, place.second ^ 1};
         // The last of an odd number has no partner and moves up alone.
-        if (partner.second < width) {
+        if (const std::int64_t partner = number ^ 1; partner < width) {
             std::unique_lock lock(mutex_);
-            const auto found = waiting_.find(partner);
+            const auto found = waiting_.find({i, level, partner});
             if (found == waiting_.end()) {
-                waiting_.emplace(place, std::move(sum));
+                waiting_.emplace(Place{i, level, number}, std::move(sum));
                 return;
             }
-            const Sum other = std::move(found->second);
+            const Tensor other = std::move(found->second);
             waiting_.erase(found);
             lock.unlock();
-            for (std::size_t i = 0; i < sum.size(); ++i) add_to(sum[i], other[i]);
+            add_to(sum, other);
         }
-        place = {place.first + 1, place.second / 2};
+        ++level;
+        number /= 2;
     }
-    root_ = std::move(sum);
+    sink_(i, std::move(sum));
 }
 
 std::int64_t GradientTree::most_sets(std::int64_t micro_batches, std::int64_t at_once) {

@@ -12,7 +12,8 @@ namespace stymo {
 
 /// One of the processes (MPI's ranks) that train one model together. Each computes its share of
 /// every batch's gradients and then makes the same update, so all of them have the same weights at
-/// any time. The first one alone writes. All ranks make the calls below in the same order.
+/// any time. The first one alone writes. All ranks make the calls below in the same order, one at a
+/// time, from whatever thread.
 class Ranks {
 public:
     virtual ~Ranks() = default;
@@ -28,8 +29,14 @@ public:
                           int other);
     /// Seconds spent in these calls so far, waiting for the other rank included.
     [[nodiscard]] virtual double exchange_seconds() const { return 0.0; }
+    /// Those of them in which this rank went on computing.
+    [[nodiscard]] double hidden_seconds() const { return hidden_seconds_; }
+    void add_hidden_seconds(double seconds) { hidden_seconds_ += seconds; }
 
     [[nodiscard]] bool leads() const { return rank() == 0; }
+
+private:
+    double hidden_seconds_ = 0.0;
 };
 
 /// The only process of its training.

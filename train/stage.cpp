@@ -6,9 +6,41 @@
 #include "core/ops/elementwise.h"
 #include "core/parallel.h"
 #include "render/rays.h"
+#include "train/gradient_exchange.h"
+#include "train/gradient_tree.h"
 #include "train/memory_estimate.h"
 
 namespace stymo {
+
+namespace {
+
+std::vector<std::int64_t> bytes_of(const std::vector<Parameter>& parameters) {
+    std::vector<std::int64_t> bytes;
+    for (const Parameter& parameter : parameters) {
+        const Tensor& value = parameter.variable().value();
+        bytes.push_back(value.size() * static_cast<std::int64_t>(size_in_bytes(value.dtype())));
+    }
+    return bytes;
+}
+
+/// Means over the micro-batches of all ranks, of which each counts for `part`.
+LossValues mean_losses(Ranks& ranks, const std::vector<LossValues>& own, double part) {
+    LossValues mean;
+    if (ranks.size() == 1) {
+        for (const LossValues& one : own) mean.accumulate(one, part);
+        return mean;
+    }
+    std::string text;
+    for (const LossValues& one : own) text += one.text() + '\n';
+    for (const std::string& all : gather(ranks, text)) {
+        std::istringstream lines(all);
+        for (std::string line; std::getline(lines, line);)
+            mean.accumulate(LossValues::parse(line), part);
+    }
+    return mean;
+}
+
+}  // namespace
 
 void for_each_micro_batch(std::int64_t count, bool side_by_side,
                           const std::function<void(std::int64_t)>& body) {
@@ -21,24 +53,25 @@ bool side_by_side(const TrainingParts& parts, const TrainingPhase& phase) {
     return choose_execution(parts.model, parts.reconstruction, parts.config, phase).side_by_side;
 }
 
-LossAndGradients mean_over_ranks(Ranks& ranks, std::int64_t micro_batches,
-                                 const std::vector<LossValues>& losses,
-                                 std::vector<Tensor> gradients) {
-    const double part = 1.0 / static_cast<double>(micro_batches);
+LossAndGradients mean_over_micro_batches(const TrainingParts& parts,
+                                         const TrainingPosition& position,
+                                         const std::vector<Parameter>& parameters,
+                                         const MicroBatchGradients& gradients_of) {
+    const TrainingPhase& phase = position.phase;
+    const std::int64_t all = phase.micro_batches(), own = all / parts.ranks.size();
+    GradientExchange exchange(parts.ranks, bytes_of(parameters));
+    GradientTree tree(own, [&](std::size_t i, Tensor sum) { exchange.add(i, std::move(sum)); });
+    std::vector<LossValues> losses(static_cast<std::size_t>(own));
+    for_each_micro_batch(own, side_by_side(parts, phase), [&](std::int64_t k) {
+        const std::int64_t first = (parts.ranks.rank() * own + k) * phase.micro_batch;
+        losses[static_cast<std::size_t>(k)] = gradients_of(
+            parts.images.batch(position.first_image + first, phase.micro_batch), first,
+            [&](std::size_t i, const Variable& gradient) { tree.add(k, i, gradient.value()); });
+    });
+    const double part = 1.0 / static_cast<double>(all);
     LossAndGradients mean;
-    if (ranks.size() == 1) {
-        for (const LossValues& one : losses) mean.losses.accumulate(one, part);
-    } else {
-        std::string own;
-        for (const LossValues& one : losses) own += one.text() + '\n';
-        for (const std::string& all : gather(ranks, own)) {
-            std::istringstream lines(all);
-            for (std::string line; std::getline(lines, line);)
-                mean.losses.accumulate(LossValues::parse(line), part);
-        }
-        add_up(ranks, gradients);
-    }
-    for (const Tensor& sum : gradients) mean.gradients.push_back(Variable(sum) * part);
+    for (const Tensor& sum : exchange.take_sums()) mean.gradients.push_back(Variable(sum) * part);
+    mean.losses = mean_losses(parts.ranks, losses, part);
     return mean;
 }
 
@@ -71,14 +104,15 @@ void update_generator(const TrainingParts& parts, const TrainingPosition& positi
                       const Adversary& adversary, const std::vector<Parameter>& parameters,
                       HybridOptimizer& optimizer, const OptimizerRates& rates, StepReport& report) {
     const LossAndGradients mean = mean_over_micro_batches(
-        parts, position, [&](const FaceBatch& batch, std::int64_t first_image) {
+        parts, position, parameters,
+        [&](const FaceBatch& batch, std::int64_t first_image, const GradientSink& sink) {
             Rng jitter = step_jitter(parts, position, "jitter", first_image);
             const std::vector<ImageAugmentation> augmentations =
                 step_augmentations(parts, position, "augmentation", first_image,
                                    std::ssize(batch.cameras), adversary.augmentation);
             const GeneratorInputs inputs{parts.model,   parts.reconstruction,    parts.config,
                                          parts.offsets, adversary.discriminator, augmentations};
-            return generator_gradients(inputs, position, batch, parameters, jitter);
+            return generator_gradients(inputs, position, batch, parameters, jitter, sink).losses;
         });
     report.losses.accumulate(mean.losses, 1.0);
     report.learning_rate = rates.learning_rate;

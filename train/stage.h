@@ -10,7 +10,6 @@
 #include "nn/optim/hybrid_optimizer.h"
 #include "train/data/training_images.h"
 #include "train/generator_gradients.h"
-#include "train/gradient_tree.h"
 #include "train/ranks.h"
 
 namespace stymo {
@@ -62,31 +61,17 @@ void for_each_micro_batch(std::int64_t count, bool side_by_side,
 /// Whether a step of this phase computes its micro-batches side by side.
 [[nodiscard]] bool side_by_side(const TrainingParts& parts, const TrainingPhase& phase);
 
-/// What the ranks have found of the micro-batches of a step, `losses` and summed `gradients` of
-/// this rank's own, becomes the means over all of them.
-[[nodiscard]] LossAndGradients mean_over_ranks(Ranks& ranks, std::int64_t micro_batches,
-                                               const std::vector<LossValues>& losses,
-                                               std::vector<Tensor> gradients);
+/// Losses of a micro-batch, whose first image has this number within the step. The gradients of the
+/// parameters go to the sink.
+using MicroBatchGradients = std::function<LossValues(
+    const FaceBatch& batch, std::int64_t first_image, const GradientSink& sink)>;
 
-/// Means of `gradients_of(batch, number of its first image within the step)` over the micro-batches
-/// of a step, of which each rank computes its share. It is called on several threads.
-template <class GradientsOf>
+/// Means over the micro-batches of a step, of which each rank computes its share. `gradients_of` is
+/// called on several threads. Gradients travel to the other ranks while it still runs.
 [[nodiscard]] LossAndGradients mean_over_micro_batches(const TrainingParts& parts,
                                                        const TrainingPosition& position,
-                                                       GradientsOf gradients_of) {
-    const TrainingPhase& phase = position.phase;
-    const std::int64_t all = phase.micro_batches(), own = all / parts.ranks.size();
-    GradientTree tree(own);
-    std::vector<LossValues> losses(static_cast<std::size_t>(own));
-    for_each_micro_batch(own, side_by_side(parts, phase), [&](std::int64_t i) {
-        const std::int64_t first = (parts.ranks.rank() * own + i) * phase.micro_batch;
-        LossAndGradients one = gradients_of(
-            parts.images.batch(position.first_image + first, phase.micro_batch), first);
-        losses[static_cast<std::size_t>(i)] = std::move(one.losses);
-        tree.add(i, one.gradients);
-    });
-    return mean_over_ranks(parts.ranks, all, losses, tree.take_sum());
-}
+                                                       const std::vector<Parameter>& parameters,
+                                                       const MicroBatchGradients& gradients_of);
 
 /// What is not finite in an update, if anything is.
 [[nodiscard]] std::optional<std::string> non_finite(const LossAndGradients& update,

@@ -50,6 +50,8 @@ JsonValue Tick::json(std::int64_t step, const TrainingPosition& position, double
                                           {"images_per_second", speed.images_per_second},
                                           {"loss", mean.total}});
     if (speed.exchange_share) object.add("exchange_share", *speed.exchange_share);
+    if (speed.hidden_exchange_share)
+        object.add("hidden_exchange_share", *speed.hidden_exchange_share);
     if (speed.disk_share > 0.0) object.add("disk_share", speed.disk_share);
     for (const std::string_view name : loss_names(position.phase.stage))
         object.add(std::string(name), mean[name]);

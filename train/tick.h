@@ -12,9 +12,11 @@ namespace stymo {
 /// How fast the steps of a tick were.
 struct TickSpeed {
     double images_per_second = 0.0;
-    /// Part of the time in which this rank sent to others, received or waited for them; nothing
-    /// where there is one rank.
+    /// Part of the time in which this rank did nothing but send to others, receive or wait for
+    /// them; nothing where there is one rank.
     std::optional<double> exchange_share{};
+    /// Part of the time in which it did so beside its computations.
+    std::optional<double> hidden_exchange_share{};
     double disk_share = 0.0;  ///< part of the threads' time in which they waited for the disk
 };
 

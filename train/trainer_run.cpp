@@ -54,7 +54,7 @@ TrainingOutcome Trainer::run_steps(const RunFolder* folder, const TrainingLimits
     double last_checkpoint = start;
     std::int64_t saved_step = -1;
     double tick_start = start;
-    double tick_exchange = ranks_.exchange_seconds();
+    double tick_exchange = ranks_.exchange_seconds(), tick_hidden = ranks_.hidden_seconds();
     double tick_waiting = images_.waiting_seconds();
     bool disk_is_slow = false;
     std::int64_t tick_first_image = first_image;
@@ -84,8 +84,12 @@ TrainingOutcome Trainer::run_steps(const RunFolder* folder, const TrainingLimits
         if (is_due(state_.step, output.tick_steps)) {
             const double seconds = seconds_now() - tick_start;
             TickSpeed speed{static_cast<double>(images - tick_first_image) / seconds};
-            if (ranks_.size() > 1)
-                speed.exchange_share = (ranks_.exchange_seconds() - tick_exchange) / seconds;
+            if (ranks_.size() > 1) {
+                const double hidden = ranks_.hidden_seconds() - tick_hidden;
+                speed.hidden_exchange_share = hidden / seconds;
+                speed.exchange_share =
+                    (ranks_.exchange_seconds() - tick_exchange - hidden) / seconds;
+            }
             speed.disk_share = (images_.waiting_seconds() - tick_waiting) /
                                (seconds * static_cast<double>(thread_count()));
             constexpr double slow_from = 0.2;
@@ -101,6 +105,7 @@ TrainingOutcome Trainer::run_steps(const RunFolder* folder, const TrainingLimits
             tick = {};
             tick_start = seconds_now();
             tick_exchange = ranks_.exchange_seconds();
+            tick_hidden = ranks_.hidden_seconds();
             tick_waiting = images_.waiting_seconds();
             tick_first_image = images;
         }

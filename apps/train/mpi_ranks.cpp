@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cstdlib>
+#include <thread>
 
 #include "core/clock.h"
 #include "core/error.h"
@@ -31,7 +33,10 @@ class MpiRanks final : public Ranks {
 public:
     MpiRanks() {
         int provided = 0;
-        MPI_Init_thread(nullptr, nullptr, MPI_THREAD_FUNNELED, &provided);
+        MPI_Init_thread(nullptr, nullptr, MPI_THREAD_SERIALIZED, &provided);
+        if (provided < MPI_THREAD_SERIALIZED)
+            fail<ValueError>(
+                "this Open MPI was built without support for threads, which ranks need");
         MPI_Comm_rank(MPI_COMM_WORLD, &rank_);
         MPI_Comm_size(MPI_COMM_WORLD, &size_);
     }
@@ -45,17 +50,14 @@ public:
     // An error of a transfer ends all ranks, as is MPI's default.
     void send(std::span<const std::byte> bytes, int to) override {
         const double begin = seconds_now();
-        for_each_piece(bytes, [to](std::span<const std::byte> piece) {
-            MPI_Send(piece.data(), static_cast<int>(piece.size()), MPI_BYTE, to, 0, MPI_COMM_WORLD);
-        });
+        for_each_piece(bytes,
+                       [to](std::span<const std::byte> piece) { wait_for(sending(piece, to)); });
         exchange_seconds_ += seconds_now() - begin;
     }
     void receive(std::span<std::byte> bytes, int from) override {
         const double begin = seconds_now();
-        for_each_piece(bytes, [from](std::span<std::byte> piece) {
-            MPI_Recv(piece.data(), static_cast<int>(piece.size()), MPI_BYTE, from, 0,
-                     MPI_COMM_WORLD, MPI_STATUS_IGNORE);
-        });
+        for_each_piece(bytes,
+                       [from](std::span<std::byte> piece) { wait_for(receiving(piece, from)); });
         exchange_seconds_ += seconds_now() - begin;
     }
     void exchange(std::span<const std::byte> sent, std::span<std::byte> received,
@@ -63,11 +65,9 @@ public:
         const double begin = seconds_now();
         // As many pieces as the longer message has; the shorter one ends with empty ones.
         for (std::size_t at = 0; at < std::max(sent.size(), received.size()); at += most_bytes) {
-            const auto out = piece_of(sent, at);
-            const auto in = piece_of(received, at);
-            MPI_Sendrecv(out.data(), static_cast<int>(out.size()), MPI_BYTE, other, 0, in.data(),
-                         static_cast<int>(in.size()), MPI_BYTE, other, 0, MPI_COMM_WORLD,
-                         MPI_STATUS_IGNORE);
+            const MPI_Request in = receiving(piece_of(received, at), other);
+            wait_for(sending(piece_of(sent, at), other));
+            wait_for(in);
         }
         exchange_seconds_ += seconds_now() - begin;
     }
@@ -76,6 +76,26 @@ public:
 private:
     /// MPI counts bytes in an int.
     static constexpr std::size_t most_bytes = 1 << 30;
+
+    static MPI_Request sending(std::span<const std::byte> piece, int to) {
+        MPI_Request request = MPI_REQUEST_NULL;
+        MPI_Isend(piece.data(), static_cast<int>(piece.size()), MPI_BYTE, to, 0, MPI_COMM_WORLD,
+                  &request);
+        return request;
+    }
+    static MPI_Request receiving(std::span<std::byte> piece, int from) {
+        MPI_Request request = MPI_REQUEST_NULL;
+        MPI_Irecv(piece.data(), static_cast<int>(piece.size()), MPI_BYTE, from, 0, MPI_COMM_WORLD,
+                  &request);
+        return request;
+    }
+    /// Asks in turn whether it is done and sleeps: Open MPI's own waiting would take the processor
+    /// from the threads that compute.
+    static void wait_for(MPI_Request request) {
+        int done = 0;
+        while (MPI_Test(&request, &done, MPI_STATUS_IGNORE) == MPI_SUCCESS && done == 0)
+            std::this_thread::sleep_for(std::chrono::microseconds(100));
+    }
 
     template <class Byte>
     static std::span<Byte> piece_of(std::span<Byte> bytes, std::size_t begin) {

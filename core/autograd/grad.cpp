@@ -19,34 +19,30 @@ struct Visit {
 
 using Targets = std::unordered_map<const Node*, std::size_t>;
 
-/// Nodes behind `root`, every node after all of its inputs, with an explicit stack: graphs may be a
-/// million ops deep.
-std::vector<Visit> topological_order(const std::shared_ptr<Node>& root, const Targets& targets,
-                                     bool end_at_targets) {
-    struct Frame {
-        std::shared_ptr<Node> node;
-        std::size_t next_input = 0;
-    };
+/// Nodes behind `root` in the order in which they were made, so every node after all of its inputs.
+/// Graphs may be a million ops deep.
+std::vector<Visit> nodes_behind(const std::shared_ptr<Node>& root, const Targets& targets,
+                                bool end_at_targets) {
+    std::unordered_map<const Node*, bool> needed{{root.get(), false}};
+    std::vector<std::shared_ptr<Node>> pending{root};
     std::vector<Visit> order;
-    std::unordered_map<const Node*, std::size_t> position;
-    std::vector<Frame> stack{{root}};
-    constexpr auto open = static_cast<std::size_t>(-1);
-    position.emplace(root.get(), open);
-    while (!stack.empty()) {
-        Frame& frame = stack.back();
-        const auto& inputs = frame.node->inputs();
-        const bool is_target = targets.contains(frame.node.get());
-        if (frame.next_input < inputs.size() && !(is_target && end_at_targets)) {
-            const std::shared_ptr<Node>& input = inputs[frame.next_input++].node;
-            if (input && position.emplace(input.get(), open).second) stack.push_back({input});
-            continue;
-        }
-        const bool needed = is_target || std::ranges::any_of(inputs, [&](const Node::Input& input) {
-                                return input.node && order[position.at(input.node.get())].needed;
-                            });
-        position.at(frame.node.get()) = order.size();
-        order.push_back({frame.node, needed});
-        stack.pop_back();
+    while (!pending.empty()) {
+        order.push_back({std::move(pending.back())});
+        pending.pop_back();
+        if (end_at_targets && targets.contains(order.back().node.get())) continue;
+        for (const Node::Input& input : order.back().node->inputs())
+            if (input.node && needed.emplace(input.node.get(), false).second)
+                pending.push_back(input.node);
+    }
+    std::ranges::sort(order, {}, [](const Visit& visit) { return visit.node->number(); });
+    const auto leads_to_target = [&](const Node::Input& input) {
+        const auto found = needed.find(input.node.get());
+        return found != needed.end() && found->second;
+    };
+    for (Visit& visit : order) {
+        visit.needed = targets.contains(visit.node.get()) ||
+                       std::ranges::any_of(visit.node->inputs(), leads_to_target);
+        needed.at(visit.node.get()) = visit.needed;
     }
     return order;
 }
@@ -65,30 +61,37 @@ Variable initial_gradient(const Variable& y, const GradOptions& options) {
 
 class Sweep {
 public:
-    Sweep(std::vector<Visit> order, const GradOptions& options)
+    Sweep(std::vector<Visit> order, const Targets& targets, const GradientSink& sink,
+          const GradOptions& options)
         : order_(std::move(order)),
+          targets_(targets),
+          sink_(sink),
           create_graph_(options.create_graph),
           end_at_targets_(options.partial) {
         for (const Visit& visit : order_) needed_.emplace(visit.node.get(), visit.needed);
+        for (const Visit& visit : order_) {
+            if (end_at_targets_ && targets_.contains(visit.node.get())) continue;
+            for (const Node::Input& input : visit.node->inputs())
+                if (input.node && needed_.at(input.node.get())) ++missing_[input.node.get()];
+        }
     }
 
-    /// Gradients of the target nodes, in their order; undefined where no gradient arrived.
-    std::vector<Variable> run(Variable dL_dy, const Targets& targets) {
-        std::vector<Variable> results(targets.size());
-        if (!order_.back().needed) return results;
+    /// Hands over the gradients of the target nodes by their numbers, but for those at which none
+    /// arrived.
+    void run(Variable dL_dy) {
+        if (!order_.back().needed) return;
         gradients_[order_.back().node.get()] = std::move(dL_dy);
         for (auto visit = order_.rbegin(); visit != order_.rend(); ++visit) {
             const auto arrived = gradients_.find(visit->node.get());
             if (arrived == gradients_.end()) continue;
             Variable gradient = std::move(arrived->second);
             gradients_.erase(arrived);
-            if (const auto target = targets.find(visit->node.get()); target != targets.end()) {
-                results[target->second] = gradient;
+            if (const auto target = targets_.find(visit->node.get()); target != targets_.end()) {
+                sink_(target->second, gradient);
                 if (end_at_targets_) continue;
             }
             propagate(visit->node, std::move(gradient));
         }
-        return results;
     }
 
 private:
@@ -119,46 +122,92 @@ private:
             fail<ShapeError>("[", node.name(), "] the rule of input ", i, " returned ",
                              contribution.shape(), " for an input of ", input.shape);
         }
-        Variable& sum = gradients_[input.node.get()];
+        const auto place = gradients_.try_emplace(input.node.get()).first;
+        Variable& sum = place->second;
         sum = sum.defined() ? add(sum, contribution) : std::move(contribution);
+        // A leaf may come late in the order: nothing waits for it but the sink.
+        if (--missing_.at(input.node.get()) > 0 || !input.node->inputs().empty()) return;
+        sink_(targets_.at(input.node.get()), std::move(sum));
+        gradients_.erase(place);
     }
 
     std::vector<Visit> order_;
+    const Targets& targets_;
+    const GradientSink& sink_;
     bool create_graph_;
     bool end_at_targets_;
     std::unordered_map<const Node*, bool> needed_;
+    std::unordered_map<const Node*, std::size_t> missing_;  ///< contributions to a gradient
     std::unordered_map<const Node*, Variable> gradients_;
 };
 
-}  // namespace
-
-std::vector<Variable> grad(const Variable& y, std::span<const Variable> xs,
-                           const GradOptions& options) {
+Targets targets_of(std::span<const Variable> xs) {
     Targets targets;
     for (const Variable& x : xs) {
         if (!x.tracked())
             fail<GradientError>("[grad] asked for the gradient of a constant of shape ", x.shape());
         targets.emplace(x.node().get(), targets.size());
     }
+    return targets;
+}
+
+/// Hands over the gradients of the targets that y depends on.
+void sweep(const Variable& y, const Targets& targets, const GradientSink& sink,
+           const GradOptions& options) {
     Variable dL_dy = initial_gradient(y, options);
+    if (!y.tracked()) return;
+    std::int64_t count = 0;
+    const GradientSink counted = [&](std::size_t target, Variable gradient) {
+        ++count;
+        sink(target, std::move(gradient));
+    };
+    Sweep(nodes_behind(y.node(), targets, options.partial), targets, counted, options)
+        .run(std::move(dL_dy));
+    work::count_gradients(count);
+}
+
+Variable zeros_like(const Variable& x) {
+    return Variable(Tensor::zeros(x.shape(), x.dtype()));
+}
+
+}  // namespace
+
+std::vector<Variable> grad(const Variable& y, std::span<const Variable> xs,
+                           const GradOptions& options) {
+    const Targets targets = targets_of(xs);
     std::vector<Variable> by_target(targets.size());
-    if (y.tracked()) {
-        by_target = Sweep(topological_order(y.node(), targets, options.partial), options)
-                        .run(std::move(dL_dy), targets);
-    }
-    work::count_gradients(std::ranges::count_if(by_target, &Variable::defined));
+    sweep(
+        y, targets,
+        [&](std::size_t target, Variable gradient) { by_target[target] = std::move(gradient); },
+        options);
     std::vector<Variable> result;
     result.reserve(xs.size());
     for (const Variable& x : xs) {
         const Variable& gradient = by_target[targets.at(x.node().get())];
-        result.push_back(gradient.defined() ? gradient
-                                            : Variable(Tensor::zeros(x.shape(), x.dtype())));
+        result.push_back(gradient.defined() ? gradient : zeros_like(x));
     }
     return result;
 }
 
 Variable grad(const Variable& y, const Variable& x, const GradOptions& options) {
     return grad(y, std::span(&x, 1), options).front();
+}
+
+void grad_in_turn(const Variable& y, std::span<const Variable> xs, const GradientSink& sink,
+                  const GradOptions& options) {
+    const Targets targets = targets_of(xs);
+    if (targets.size() != xs.size())
+        fail<GradientError>("[grad] asked for the gradient of the same variable twice");
+    std::vector<bool> arrived(xs.size());
+    sweep(
+        y, targets,
+        [&](std::size_t i, Variable gradient) {
+            arrived[i] = true;
+            sink(i, std::move(gradient));
+        },
+        options);
+    for (std::size_t i = 0; i < xs.size(); ++i)
+        if (!arrived[i]) sink(i, zeros_like(xs[i]));
 }
 
 }  // namespace stymo

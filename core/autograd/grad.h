@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -25,5 +27,13 @@ struct GradOptions {
 [[nodiscard]] std::vector<Variable> grad(const Variable& y, std::span<const Variable> xs,
                                          const GradOptions& options = {});
 [[nodiscard]] Variable grad(const Variable& y, const Variable& x, const GradOptions& options = {});
+
+/// Takes dL/dx of xs[i].
+using GradientSink = std::function<void(std::size_t i, Variable dL_dx)>;
+
+/// The gradients of `grad`, each handed over once as soon as it is complete, while those of earlier
+/// layers are still computed. Throws as `grad`, and GradientError if an x is given twice.
+void grad_in_turn(const Variable& y, std::span<const Variable> xs, const GradientSink& sink,
+                  const GradOptions& options = {});
 
 }  // namespace stymo

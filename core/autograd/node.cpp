@@ -8,10 +8,8 @@ namespace stymo {
 
 namespace {
 
-std::atomic<std::int64_t>& live_nodes() {
-    static std::atomic<std::int64_t> count{0};
-    return count;
-}
+std::atomic<std::int64_t> created_nodes{0};
+std::atomic<std::int64_t> live_nodes{0};
 
 }  // namespace
 
@@ -21,8 +19,9 @@ Node::Node(const char* name, std::vector<Input> inputs, std::vector<VjpRule> rul
       inputs_(std::move(inputs)),
       rules_(std::move(rules)),
       saved_output_(std::move(saved_output)),
-      save_(save) {
-    ++live_nodes();
+      save_(save),
+      number_(created_nodes++) {
+    ++live_nodes;
 }
 
 Node::Node(const char* name, std::vector<Input> inputs, JointVjpRule joint_rule,
@@ -31,14 +30,15 @@ Node::Node(const char* name, std::vector<Input> inputs, JointVjpRule joint_rule,
       inputs_(std::move(inputs)),
       joint_rule_(std::move(joint_rule)),
       saved_output_(std::move(saved_output)),
-      save_(Save::all_inputs()) {
-    ++live_nodes();
+      save_(Save::all_inputs()),
+      number_(created_nodes++) {
+    ++live_nodes;
 }
 
 /// Releases the graph behind this node in a loop: the default, one destructor inside the other,
 /// overflows the stack on a chain of some ten thousand ops.
 Node::~Node() {
-    --live_nodes();
+    --live_nodes;
     std::vector<std::shared_ptr<Node>> pending;
     const auto take_inputs = [&pending](Node& node) {
         for (Input& input : node.inputs_) {
@@ -58,7 +58,7 @@ Node::~Node() {
 }
 
 std::int64_t Node::live_count() {
-    return live_nodes();
+    return live_nodes;
 }
 
 Variable Vjp::input(std::size_t i) const {

@@ -65,6 +65,8 @@ public:
     [[nodiscard]] const JointVjpRule& joint_rule() const { return joint_rule_; }
     [[nodiscard]] const Tensor& saved_output() const { return saved_output_; }
     [[nodiscard]] Save save() const { return save_; }
+    /// Greater than that of every node made before, so than those of its inputs.
+    [[nodiscard]] std::int64_t number() const { return number_; }
 
     /// Number of nodes alive in the process. Tests use it to find leaks.
     [[nodiscard]] static std::int64_t live_count();
@@ -76,6 +78,7 @@ private:
     JointVjpRule joint_rule_;
     Tensor saved_output_;
     Save save_;
+    std::int64_t number_;
 };
 
 /// The view of a node that its rule receives. If the gradient itself is to be differentiated

@@ -90,6 +90,7 @@ TEST_CASE("Ranks that do not fit together are refused by one line, and nothing i
     if (stymo::has_matrix_tiles())
         refused(train(2, "refused", two, "--matmul-precision high"),
                 "rank 1 has a precision of matrix products that differs");
+    CHECK(train(2, "default_precision", two, "--matmul-precision medium").exit_code == 0);
     refused(train(2, "refused", two + " --dry-run"), "--dry-run measures one process");
 }
 

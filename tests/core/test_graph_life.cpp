@@ -116,6 +116,22 @@ TEST_CASE("Gradients of intermediate values, of repeated and of unrelated inputs
     CHECK(gradients[3].dtype() == DType::float64);
 }
 
+TEST_CASE("Gradients in turn are those of grad, the last layer's first", "[graph]") {
+    const Variable early = leaf(2.0), late = leaf(3.0), unrelated = leaf(5.0);
+    const Variable y = square(early) * early * late;
+    const std::vector<Variable> asked{unrelated, early, late};
+    std::vector<std::size_t> order;
+    std::vector<double> values;
+    grad_in_turn(y, asked, [&](std::size_t i, const Variable& gradient) {
+        order.push_back(i);
+        values.push_back(gradient.value().item());
+    });
+    CHECK(order == std::vector<std::size_t>{2, 1, 0});
+    CHECK(values == std::vector<double>{8.0, 36.0, 0.0});
+    const std::vector<Variable> twice{early, early};
+    CHECK_THROWS_AS(grad_in_turn(y, twice, [](std::size_t, const Variable&) {}), GradientError);
+}
+
 TEST_CASE("Partial gradients hold the other inputs fixed", "[graph]") {
     const Variable x = leaf(2.0);
     const Variable middle = square(x);

@@ -7,6 +7,7 @@
 #include "core/parallel.h"
 #include "core/rng.h"
 #include "support/check_close.h"
+#include "support/gradient_sums.h"
 #include "support/thread_count.h"
 #include "train/gradient_tree.h"
 #include "train/stage.h"
@@ -32,7 +33,7 @@ std::vector<std::int64_t> numbers_below(std::int64_t count) {
 
 TEST_CASE("the sum of any number of micro-batches keeps the precision of float32") {
     for (const std::int64_t count : {1, 8, 63, 64, 100000}) {
-        GradientTree tree(count);
+        GradientSums tree(count);
         const Tensor gradient = Rng(1).uniform({4}, 0.5, 1.5);
         for (std::int64_t i = 0; i < count; ++i) tree.add(i, {gradient});
         INFO(count << " micro-batches");
@@ -45,7 +46,7 @@ TEST_CASE("the sum of any number of micro-batches keeps the precision of float32
 
 TEST_CASE("gradients add up to the same bits in whatever order they arrive") {
     for (const std::int64_t count : {2, 5, 8, 13}) {
-        GradientTree in_order(count), reversed(count), by_threads(count);
+        GradientSums in_order(count), reversed(count), by_threads(count);
         for (const std::int64_t i : numbers_below(count)) {
             in_order.add(i, gradients_of(i));
             reversed.add(count - 1 - i, gradients_of(count - 1 - i));
@@ -59,7 +60,7 @@ TEST_CASE("gradients add up to the same bits in whatever order they arrive") {
 }
 
 TEST_CASE("a sum along the tree is the sum of the sums of its halves") {
-    GradientTree whole(8), first(4), second(4);
+    GradientSums whole(8), first(4), second(4);
     for (const std::int64_t i : numbers_below(8)) {
         whole.add(i, gradients_of(i));
         (i < 4 ? first : second).add(i % 4, gradients_of(i));

@@ -12,8 +12,9 @@
 #include "core/rng.h"
 #include "support/check_close.h"
 #include "support/error_message.h"
+#include "support/gradient_sums.h"
 #include "support/thread_count.h"
-#include "train/gradient_tree.h"
+#include "train/gradient_exchange.h"
 #include "train/ranks.h"
 #include "train/tiny_training.h"
 #include "train/trainer.h"
@@ -98,11 +99,24 @@ Tensor gradient_of(std::int64_t micro_batch) {
 std::vector<std::vector<Tensor>> shared_sums(int size) {
     return on_ranks<std::vector<Tensor>>(size, [](Ranks& ranks) {
         const std::int64_t own = 16 / ranks.size();
-        GradientTree tree(own);
+        GradientSums tree(own);
         for (std::int64_t i = 0; i < own; ++i) tree.add(i, {gradient_of(ranks.rank() * own + i)});
         std::vector<Tensor> sum = tree.take_sum();
         add_up(ranks, sum);
         return sum;
+    });
+}
+
+/// The sums of i over all ranks for five parameters of different sizes, which arrive last to first.
+std::vector<std::vector<Tensor>> bucket_sums(int size, std::int64_t bucket_bytes) {
+    return on_ranks<std::vector<Tensor>>(size, [bucket_bytes](Ranks& ranks) {
+        const auto length = [](std::size_t i) { return static_cast<std::int64_t>(1 + i % 3 * 40); };
+        std::vector<std::int64_t> bytes;
+        for (std::size_t i = 0; i < 5; ++i) bytes.push_back(length(i) * 4);
+        GradientExchange exchange(ranks, bytes, bucket_bytes);
+        for (std::size_t i = 5; i-- > 0;)
+            exchange.add(i, Tensor::full({length(i)}, static_cast<double>(i)));
+        return exchange.take_sums();
     });
 }
 
@@ -173,6 +187,31 @@ TEST_CASE("ranks add up to the same bits whatever their number", "[ranks]") {
     for (const int size : {2, 4, 8, 16})
         for (const std::vector<Tensor>& sum : shared_sums(size))
             CHECK(identical(sum.front(), alone.front()));
+}
+
+TEST_CASE("gradients that travel in buckets have the same sums", "[ranks]") {
+    for (const std::int64_t bucket_bytes : {1, 300, 1 << 20}) {
+        for (const int size : {1, 2, 3, 4}) {
+            for (const std::vector<Tensor>& sums : bucket_sums(size, bucket_bytes)) {
+                INFO(size << " ranks, buckets of " << bucket_bytes << " bytes");
+                REQUIRE(sums.size() == 5);
+                for (std::size_t i = 0; i < sums.size(); ++i)
+                    CHECK(sums[i].to_vector() ==
+                          std::vector<double>(1 + i % 3 * 40, static_cast<double>(i) * size));
+            }
+        }
+    }
+}
+
+TEST_CASE("an exchange that is given up ends without its other buckets", "[ranks]") {
+    const auto problems = on_ranks<std::string>(2, [](Ranks& ranks) {
+        return error_message<ValueError>([&] {
+            GradientExchange exchange(ranks, {4, 4}, 1);
+            exchange.add(1, Tensor::full({1}, 1.0));
+            fail<ValueError>("out of memory");
+        });
+    });
+    for (const std::string& problem : problems) CHECK(problem == "out of memory");
 }
 
 TEST_CASE("an odd number of ranks adds up to the same on each", "[ranks]") {

@@ -91,6 +91,7 @@ namespace stymo::test {
         result.push_back(nlohmann::json::parse(line));
         result.back().erase("images_per_second");
         result.back().erase("exchange_share");
+        result.back().erase("hidden_exchange_share");
         result.back().erase("disk_share");
     }
     return result;

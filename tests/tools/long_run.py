@@ -1,0 +1,118 @@
+#!/usr/bin/env python3
+"""Trains demo-64 for many steps twice: in one piece, and stopped and resumed several times. Watches
+memory and open files of the first run, and compares what both end with.
+
+Usage: long_run.py BIN FOLDER [--steps N] [--stops N] [--threads N]
+
+Prints a table of the first run and exits with 1 if its resident memory grows by more than 1 % after
+step 1,000, if open files grow, or if the runs differ in a weight or in a loss that they report.
+"""
+import argparse
+import json
+import os
+import pathlib
+import random
+import signal
+import subprocess
+import sys
+import time
+
+root = pathlib.Path(__file__).resolve().parents[2]
+
+
+def last_step(run: pathlib.Path) -> int:
+    try:
+        lines = (run / "stats.jsonl").read_text().splitlines()
+        return json.loads(lines[-1])["step"] if lines else 0
+    except (FileNotFoundError, json.JSONDecodeError):
+        return 0
+
+
+def resident_kib(pid: int) -> int:
+    for line in pathlib.Path(f"/proc/{pid}/status").read_text().splitlines():
+        if line.startswith("VmRSS:"):
+            return int(line.split()[1])
+    return 0
+
+
+def watch(process: subprocess.Popen, run: pathlib.Path) -> list[tuple[int, int, int]]:
+    """Steps, resident KiB and open files of a process until it ends."""
+    seen = []
+    while process.poll() is None:
+        try:
+            step = last_step(run)
+            if not seen or step > seen[-1][0]:
+                seen.append((step, resident_kib(process.pid),
+                             len(os.listdir(f"/proc/{process.pid}/fd"))))
+        except (FileNotFoundError, ProcessLookupError):
+            break
+        time.sleep(0.5)
+    return seen
+
+
+def losses(run: pathlib.Path) -> list[dict]:
+    lines = [json.loads(line) for line in (run / "stats.jsonl").read_text().splitlines()]
+    return [{key: value for key, value in line.items()
+             if not key.endswith(("_share", "_per_second")) or key == "significant_share"}
+            for line in lines]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("bin", type=pathlib.Path)
+    parser.add_argument("folder", type=pathlib.Path)
+    parser.add_argument("--steps", type=int, default=50000)
+    parser.add_argument("--stops", type=int, default=8)
+    parser.add_argument("--threads", type=int, default=os.cpu_count())
+    options = parser.parse_args()
+    folder = options.folder
+    if not (folder / "heads").exists():
+        subprocess.run([options.bin / "stymo-synth", "--out", folder / "heads", "--count", "200",
+                        "--size", "64", "--seed", "1"], check=True, stdout=subprocess.DEVNULL)
+
+    def train(out: str, *more: str) -> subprocess.Popen:
+        return subprocess.Popen(
+            [options.bin / "stymo-train", "--config", root / "configs/demo-64.json", "--data",
+             folder / "heads", "--out", folder / out, "--threads", str(options.threads), "--seed",
+             "4", "--set", f"stage1.steps={options.steps}", "--set", "output.sample_steps=5000",
+             "--set", "output.checkpoint_steps=1000", *more],
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+    process = train("whole")
+    seen = watch(process, folder / "whole")
+    failed = process.returncode != 0
+    print("| step | resident, MiB | open files |\n|---|---|---|")
+    for mark in [options.steps * k // 10 for k in range(1, 10)] + [options.steps]:
+        step, kib, files = min(seen, key=lambda row: abs(row[0] - mark))
+        print(f"| {step} | {kib / 1024:.1f} | {files} |")
+    warm = [row for row in seen if row[0] >= 1000]
+    early = max(kib for _, kib, _ in warm[:max(1, len(warm) // 10)])
+    late = max(kib for _, kib, _ in warm)
+    print(f"largest resident memory: {early} KiB in the first tenth, {late} KiB in all "
+          f"({100 * (late / early - 1):.2f} % more)")
+    files = {count for _, _, count in warm}
+    print(f"open files: {min(files)} to {max(files)}")
+    failed |= late > 1.01 * early or warm[-1][2] > warm[0][2]
+
+    draws = random.Random(9)
+    stops = sorted(draws.randrange(options.steps) for _ in range(options.stops))
+    process = train("parts")
+    for stop in stops:
+        while process.poll() is None and last_step(folder / "parts") < stop:
+            time.sleep(0.2)
+        process.send_signal(signal.SIGKILL if draws.random() < 0.5 else signal.SIGTERM)
+        process.wait()
+        process = train("parts", "--resume", "latest") \
+            if (folder / "parts/latest").exists() else train("parts")
+    failed |= process.wait() != 0
+    equal = (folder / "whole/model.safetensors").read_bytes() == \
+        (folder / "parts/model.safetensors").read_bytes()
+    same = losses(folder / "whole") == losses(folder / "parts")
+    print(f"stopped after steps {', '.join(map(str, stops))}: weights "
+          f"{'are the same' if equal else 'DIFFER'}, reported losses "
+          f"{'are the same' if same else 'DIFFER'}")
+    return 1 if failed or not equal or not same else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
