@@ -345,7 +345,7 @@ def main():
         elif w in ("disc", "r1"):
             D = Disc(o.res)
             x = torch.rand(o.batch, 3, o.res, o.res)
-            opt = torch.optim.Adam(D.parameters(), lr=1e-4, betas=(0, 0.99))
+            opt = torch.optim.Adam(D.parameters(), lr=1e-4, betas=(0.0, 0.99))
 
             def f():
                 opt.zero_grad()

@@ -60,8 +60,9 @@ int stymo_bench(int argc, char** argv) {
         declare(command, options.bench);
         if (name == "bias")
             command.option("--steps", options.bench.steps, "of each fit").range(1, 10000);
-        command.option("--peer", options.peer,
+        command.option("--peer", options.peer.script,
                        "scripts/torch_peer.py: the same in PyTorch, run beside each row");
+        command.option("--peer-python", options.peer.python, "Python whose PyTorch is compared");
         command.option("--out", options.out,
                        "folder for the tables as JSON, CSV and Markdown, and for the curve as SVG");
     }

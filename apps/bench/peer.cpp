@@ -12,8 +12,6 @@ namespace stymo {
 
 namespace {
 
-/// The one that Debian's PyTorch is made for, whatever else is called so.
-constexpr const char* python = "/usr/bin/python3";
 /// The BLAS of Debian's PyTorch chooses slow kernels on newer processors by itself.
 const std::vector<std::string> peer_environment{"OPENBLAS_CORETYPE=SkylakeX"};
 
@@ -31,15 +29,16 @@ std::string last_line(std::string text) {
 
 }  // namespace
 
-Peer::Peer(std::filesystem::path script, DecoderConfig decoder, std::int64_t samples)
-    : script_(std::move(script)), decoder_(std::move(decoder)), samples_(samples) {
-    if (script_.empty()) {
+Peer::Peer(PeerProgram program, DecoderConfig decoder, std::int64_t samples)
+    : program_(std::move(program)), decoder_(std::move(decoder)), samples_(samples) {
+    if (program_.script.empty()) {
         missing_ = "no --peer is named";
-    } else if (!std::filesystem::is_regular_file(script_)) {
-        fail<FileError>(script_.string(),
+    } else if (!std::filesystem::is_regular_file(program_.script)) {
+        fail<FileError>(program_.script.string(),
                         ": no such file; --peer names scripts/torch_peer.py of the project");
-    } else if (run_child({python, "-c", "import torch, torchvision"}).exit_code != 0) {
-        missing_ = std::string(python) +
+    } else if (run_child({program_.python.string(), "-c", "import torch, torchvision"}).exit_code !=
+               0) {
+        missing_ = program_.python.string() +
                    " has no PyTorch (Debian: python3-torch python3-torchvision libopenblas0)";
     }
 }
@@ -50,16 +49,17 @@ std::optional<PeerTime> Peer::measure(const std::string& what, int threads, int 
     const bool discriminator = what == "disc" || what == "r1";
     const std::int64_t side =
         discriminator ? std::min(discriminator_side, decoder_.resolution) : decoder_.resolution;
-    const ChildOutcome outcome = run_child(
-        {python, script_.string(), "--threads", std::to_string(threads), "--width",
-         std::to_string(decoder_.field_width), "--layers", std::to_string(decoder_.field_layers),
-         "--samples", std::to_string(samples_), "--res", std::to_string(side), "--batch",
-         discriminator ? "4" : "1", "-n", std::to_string(repeats), what},
-        peer_environment);
+    const ChildOutcome outcome =
+        run_child({program_.python.string(), program_.script.string(), "--threads",
+                   std::to_string(threads), "--width", std::to_string(decoder_.field_width),
+                   "--layers", std::to_string(decoder_.field_layers), "--samples",
+                   std::to_string(samples_), "--res", std::to_string(side), "--batch",
+                   discriminator ? "4" : "1", "-n", std::to_string(repeats), what},
+                  peer_environment);
     const std::optional<double> milliseconds = milliseconds_in(outcome.out, what);
     if (outcome.exit_code != 0 || !milliseconds)
-        fail<Error>(script_.string(), ": ", what, " was not measured: ", last_line(outcome.err),
-                    "; leave out --peer");
+        fail<Error>(program_.script.string(), ": ", what,
+                    " was not measured: ", last_line(outcome.err), "; leave out --peer");
     return PeerTime{*milliseconds / 1e3, outcome.peak_memory};
 }
 

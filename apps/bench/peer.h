@@ -13,12 +13,18 @@ struct PeerTime {
     double peak_memory = 0.0;
 };
 
-/// The same work in PyTorch, by scripts/torch_peer.py and the system's Python.
+/// What runs the same work in PyTorch.
+struct PeerProgram {
+    std::filesystem::path script;                       ///< scripts/torch_peer.py; empty: none
+    std::filesystem::path python = "/usr/bin/python3";  ///< Debian's PyTorch is made for this one
+};
+
+/// The same work in PyTorch.
 class Peer {
 public:
-    /// `script` empty, or PyTorch not installed: there is no peer, and `missing` says why.
-    /// `decoder` is what it is to imitate.
-    Peer(std::filesystem::path script, DecoderConfig decoder, std::int64_t samples);
+    /// No script, or no PyTorch in that Python: there is no peer, and `missing` says why. `decoder`
+    /// is what it is to imitate. Throws FileError for a script that does not exist.
+    Peer(PeerProgram program, DecoderConfig decoder, std::int64_t samples);
 
     [[nodiscard]] const std::string& missing() const { return missing_; }
     /// Runs one of the script's measurements; nothing without a peer. Throws Error if the script
@@ -27,7 +33,7 @@ public:
                                                   int repeats) const;
 
 private:
-    std::filesystem::path script_;
+    PeerProgram program_;
     DecoderConfig decoder_;
     std::int64_t samples_;
     std::string missing_;

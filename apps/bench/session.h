@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <string>
 
+#include "apps/bench/peer.h"
 #include "apps/bench/subject.h"
 #include "apps/common/command_line.h"
 
@@ -10,7 +11,7 @@ namespace stymo {
 
 struct SessionOptions {
     BenchOptions bench;
-    std::filesystem::path peer;
+    PeerProgram peer;
     std::filesystem::path out;  ///< empty: nothing is written
 };
 

@@ -119,6 +119,9 @@ TEST_CASE("A peer stands beside the rows that it has, and one that fails is name
     CHECK(
         outcome.err ==
         "stymo-bench: none.py: no such file; --peer names scripts/torch_peer.py of the project\n");
+    const ToolOutcome other =
+        run_tool(tiny_run(), "stymo-bench bake --peer peer.py --peer-python ./none" + small);
+    CHECK_THAT(other.err, Catch::Contains("no peer: ./none has no PyTorch"));
     if (!torch) {
         WARN("skipped: no PyTorch");
         return;

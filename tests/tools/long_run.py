@@ -50,11 +50,14 @@ def watch(process: subprocess.Popen, run: pathlib.Path) -> list[tuple[int, int, 
     return seen
 
 
-def losses(run: pathlib.Path) -> list[dict]:
+def losses(run: pathlib.Path, resumed: list[int]) -> list[dict]:
+    """Lines of statistics without times. Those in whose steps the run was resumed are left out: they
+    are means over the steps after it."""
     lines = [json.loads(line) for line in (run / "stats.jsonl").read_text().splitlines()]
-    return [{key: value for key, value in line.items()
-             if not key.endswith(("_share", "_per_second")) or key == "significant_share"}
-            for line in lines]
+    tick = lines[0]["step"]
+    return [{key: value for key, value in line.items() if "_per_second" not in key}
+            for line in lines
+            if not any(0 < line["step"] - step < tick for step in resumed)]
 
 
 def main() -> int:
@@ -97,17 +100,19 @@ def main() -> int:
     draws = random.Random(9)
     stops = sorted(draws.randrange(options.steps) for _ in range(options.stops))
     process = train("parts")
+    resumed = []
     for stop in stops:
         while process.poll() is None and last_step(folder / "parts") < stop:
             time.sleep(0.2)
         process.send_signal(signal.SIGKILL if draws.random() < 0.5 else signal.SIGTERM)
         process.wait()
-        process = train("parts", "--resume", "latest") \
-            if (folder / "parts/latest").exists() else train("parts")
+        latest = folder / "parts/latest"
+        resumed.append(int(latest.read_text()) if latest.exists() else 0)
+        process = train("parts", *(["--resume", "latest"] if latest.exists() else []))
     failed |= process.wait() != 0
     equal = (folder / "whole/model.safetensors").read_bytes() == \
         (folder / "parts/model.safetensors").read_bytes()
-    same = losses(folder / "whole") == losses(folder / "parts")
+    same = losses(folder / "whole", resumed) == losses(folder / "parts", resumed)
     print(f"stopped after steps {', '.join(map(str, stops))}: weights "
           f"{'are the same' if equal else 'DIFFER'}, reported losses "
           f"{'are the same' if same else 'DIFFER'}")
