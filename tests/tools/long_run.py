@@ -51,8 +51,8 @@ def watch(process: subprocess.Popen, run: pathlib.Path) -> list[tuple[int, int, 
 
 
 def losses(run: pathlib.Path, resumed: list[int]) -> list[dict]:
-    """Lines of statistics without times. Those in whose steps the run was resumed are left out: they
-    are means over the steps after it."""
+    """Lines of statistics without times. Lines in whose steps the run was resumed are left out:
+    they are means over the steps after it."""
     lines = [json.loads(line) for line in (run / "stats.jsonl").read_text().splitlines()]
     tick = lines[0]["step"]
     return [{key: value for key, value in line.items() if "_per_second" not in key}
