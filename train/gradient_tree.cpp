@@ -39,10 +39,12 @@ void GradientTree::add(std::int64_t micro_batch, std::size_t i, Tensor gradient)
                 waiting_.emplace(Place{i, level, number}, std::move(sum));
                 return;
             }
-            const Tensor other = std::move(found->second);
+            Tensor other = std::move(found->second);
             waiting_.erase(found);
             lock.unlock();
-            add_to(sum, other);
+            // Nobody else holds the one that waited, so it is changed in place.
+            add_to(other, sum);
+            sum = std::move(other);
         }
         ++level;
         number /= 2;
