@@ -1,18 +1,9 @@
 #include "apps/common/model_options.h"
 
-#include <array>
-
+#include "apps/common/shipped_file.h"
 #include "nn/models/weight_changes.h"
 
 namespace stymo {
-
-namespace {
-
-/// Where the model lies, seen from the folder of the program: in the sources, installed.
-constexpr std::array places{"../../configs/models/faces-256/model.safetensors",
-                            "../share/stymo/configs/models/faces-256/model.safetensors"};
-
-}  // namespace
 
 void declare_model(Command& command, ModelOptions& options) {
     command.option("--model", options.file,
@@ -28,11 +19,8 @@ void declare_tuned(Command& command, ModelOptions& options) {
 
 std::filesystem::path model_file(const ModelOptions& options) {
     if (!options.file.empty()) return options.file;
-    const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe");
-    for (const char* place : places) {
-        const std::filesystem::path file = (program.parent_path() / place).lexically_normal();
-        if (std::filesystem::exists(file)) return file;
-    }
+    const std::filesystem::path file = shipped_file("models/faces-256/model.safetensors");
+    if (!file.empty()) return file;
     fail<UsageError>("--model is required: no model lies beside this program");
 }
 

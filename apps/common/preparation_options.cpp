@@ -1,8 +1,11 @@
 #include "apps/common/preparation_options.h"
 
+#include "apps/common/shipped_file.h"
+
 namespace stymo {
 
 void declare_preparation_files(Command& command, PhotoPreparationSettings& settings) {
+    settings.landmark_model = shipped_landmark_network();
     command.option("--parser", settings.parser,
                    "face parser in an ONNX file, for head masks (default: GrabCut)");
     command.option("--morphable", settings.morphable,
@@ -10,7 +13,9 @@ void declare_preparation_files(Command& command, PhotoPreparationSettings& setti
                    "of ICT-FaceKit (default: the built-in head)");
     command.option(
         "--landmarks", settings.landmark_model,
-        "dlib's shape_predictor of 68 landmarks (default: the one of Debian's libdlib-data)");
+        "predictor of 68 landmarks: a .safetensors file of stymo-landmarks, or dlib's "
+        "shape_predictor (default: the network that comes with stymo, else the model of Debian's "
+        "libdlib-data)");
     command.option("--pose-net", settings.pose_network,
                    "pose network in an ONNX file, 3DDFA_V2 or 6DRepNet; its pose replaces that of "
                    "the fitted head");

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "apps/common/prepared_photos.h"
+#include "apps/common/shipped_file.h"
 #include "apps/view/private_file.h"
 #include "core/error.h"
 #include "core/io/image.h"
@@ -37,6 +38,7 @@ std::unique_lock<std::timed_mutex> turn(Studio& studio, Job& job) {
 PreparedPhoto prepared(Studio& studio, const std::string& bytes, Job& job) {
     job.report("finding the face", 0, 0);
     PhotoPreparationSettings settings;
+    settings.landmark_model = shipped_landmark_network();
     settings.mask_model = studio.model()->has_encoder() ? studio.model().get() : nullptr;
     settings.parser = studio.options().parser;
     settings.most_pixels = studio.options().most_photo_pixels;

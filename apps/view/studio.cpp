@@ -1,5 +1,6 @@
 #include "apps/view/studio.h"
 
+#include "apps/common/shipped_file.h"
 #include "core/error.h"
 #include "core/rng.h"
 #include "fit/photo/face_parser.h"
@@ -72,7 +73,7 @@ const ReconstructionLoss& Studio::loss() {
 
 std::shared_ptr<const FaceDetector> Studio::face_detector() {
     const std::lock_guard lock(made_when_needed_);
-    if (!detector_) detector_ = std::make_shared<const FaceDetector>();
+    if (!detector_) detector_ = std::make_shared<const FaceDetector>(shipped_landmark_network());
     return detector_;
 }
 

@@ -19,9 +19,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <string>
 
 #include "core/io/image.h"
+#include "nn/models/landmark_network.h"
 
 namespace stymo {
 namespace {
@@ -105,6 +107,18 @@ Surroundings surroundings_of(const Tensor& photo, const DetectedFace& face) {
 struct FaceDetector::Implementation {
     dlib::frontal_face_detector detector = dlib::get_frontal_face_detector();
     dlib::shape_predictor predictor;
+    std::optional<LandmarkModel> network;  ///< used instead of the predictor
+
+    void read_predictor(const fs::path& path) {
+        try {
+            dlib::deserialize(path.string()) >> predictor;
+        } catch (const std::exception&) {
+            fail<FileError>(path.string(), ": not a model of dlib's shape_predictor");
+        }
+        if (predictor.num_parts() != Landmarks().size())
+            fail<FileError>(path.string(), ": predicts ", predictor.num_parts(),
+                            " landmarks; 68 are needed");
+    }
 
     [[nodiscard]] std::vector<DetectedFace> boxes(const Tensor& photo, double scale,
                                                   double confidence) const {
@@ -123,6 +137,9 @@ struct FaceDetector::Implementation {
     }
 
     [[nodiscard]] Landmarks landmarks(const Tensor& photo, const DetectedFace& face) const {
+        if (network)
+            return find_points(*network, photo,
+                               square_of_box(face.left, face.top, face.width, face.height));
         const auto [image, left, top, scale] = surroundings_of(photo, face);
         const auto pixel = [by = scale](double length) { return std::lround(length * by); };
         const dlib::rectangle box(pixel(face.left - left), pixel(face.top - top),
@@ -150,14 +167,10 @@ FaceDetector::FaceDetector(const fs::path& landmark_model) {
         fail<FileError>(
             path.string(),
             ": no such file; install the package libdlib-data or give a model of 68 landmarks");
-    try {
-        dlib::deserialize(path.string()) >> implementation->predictor;
-    } catch (const std::exception&) {
-        fail<FileError>(path.string(), ": not a model of dlib's shape_predictor");
-    }
-    if (implementation->predictor.num_parts() != Landmarks().size())
-        fail<FileError>(path.string(), ": predicts ", implementation->predictor.num_parts(),
-                        " landmarks; 68 are needed");
+    if (path.extension() == ".safetensors")
+        implementation->network = read_landmark_model(path);
+    else
+        implementation->read_predictor(path);
     implementation_ = std::move(implementation);
 }
 

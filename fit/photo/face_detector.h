@@ -24,15 +24,16 @@ enum class FaceSearch {
     quick,     ///< for the images of a film: at their own size, and enlarged to twice that size
 };
 
-/// dlib's frontal face detector and its predictor of 68 landmarks.
+/// dlib's frontal face detector, and a predictor of 68 landmarks: dlib's or our own.
 class FaceDetector {
 public:
     /// Whether the library was built with dlib.
     [[nodiscard]] static bool available();
 
-    /// `landmark_model`: a file of dlib's shape_predictor with 68 points; empty for the one of
-    /// Debian's package libdlib-data, whose training data exclude commercial use. Throws Error in a
-    /// build without dlib, FileError if the file is missing or not such a model.
+    /// `landmark_model`: a .safetensors file of `stymo-landmarks`, or a file of dlib's
+    /// shape_predictor with 68 points; empty for the one of Debian's package libdlib-data, whose
+    /// training data exclude commercial use. Throws Error in a build without dlib, FileError if the
+    /// file is missing or not such a model.
     explicit FaceDetector(const std::filesystem::path& landmark_model = {});
     ~FaceDetector();
     FaceDetector(FaceDetector&&) noexcept;

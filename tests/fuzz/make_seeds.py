@@ -120,6 +120,9 @@ seeds = {
     ],
     "progress": [json.dumps(outcome), '{"file": "a", "failure": "no face", "faces": []}'],
     "scores": [json.dumps(score)],
+    "marks": [
+        json.dumps({"photos": [{"file": "a.jpg", "points": {"36": [10, 20.5], "45": [60, 20]}}]})
+    ],
 }
 for reader, files in seeds.items():
     folder = pathlib.Path(sys.argv[1]) / reader

@@ -9,6 +9,7 @@
 #include "core/io/onnx_file.h"
 #include "core/io/tensor_file.h"
 #include "core/io/torch_file.h"
+#include "fit/photo/marked_points.h"
 #include "fuzz/scratch_file.h"
 #include "nn/models/code_file.h"
 #include "nn/models/weight_changes.h"
@@ -131,6 +132,7 @@ const std::map<std::string, Reader>& readers() {
         {"head", [=](const auto& b) { static_cast<void>(read_morphable_head(path(b))); }},
         {"obj", [](const auto& b) { read_obj_folder("generic_neutral_mesh.obj", b); }},
         {"obj_indices", [](const auto& b) { read_obj_folder("vertex_indices.json", b); }},
+        {"marks", [=](const auto& b) { static_cast<void>(read_marked_photos(path(b))); }},
         {"request", read_request},
         {"tuned", read_tuned},
         {"progress", [](const auto& b) { static_cast<void>(parse_photo_outcome(b)); }},

@@ -8,7 +8,9 @@
 
 #include "core/error.h"
 #include "core/io/image.h"
+#include "core/io/scratch_folder.h"
 #include "fit/photo/face_detector.h"
+#include "nn/models/landmark_network.h"
 #include "render/parsing_classes.h"
 #include "shared_data.h"
 
@@ -131,4 +133,15 @@ TEST_CASE("what is no model of landmarks is refused in one line") {
                       Contains("/nowhere/landmarks.dat") && Contains("libdlib-data"));
     CHECK_THROWS_WITH(FaceDetector(fs::path(STYMO_SOURCE_DIR) / "README.md"),
                       Contains("not a model"));
+    CHECK_THROWS_WITH(FaceDetector("/nowhere/landmarks.safetensors"),
+                      Contains("/nowhere/landmarks.safetensors"));
+}
+
+TEST_CASE("a landmark network's file takes the place of dlib's model") {
+    if (!FaceDetector::available()) return;
+    const ScratchFolder folder;
+    const fs::path file = folder / "network.safetensors";
+    write_landmark_model(file, make_landmark_model(Rng(1)));
+    const FaceDetector detector(file);
+    CHECK(detector.find(Tensor::full({100, 80, 3}, 0.5)).empty());
 }

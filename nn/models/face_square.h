@@ -1,0 +1,44 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "core/tensor.h"
+
+namespace stymo {
+
+/// The 68 points of a face, in the order and the pixel coordinates of `fit/photo/landmarks.h`.
+using FacePoints = std::array<Eigen::Vector2d, 68>;
+
+/// The square of a photo that a landmark network sees, in pixels of the photo. It may be turned and
+/// may reach beyond the photo.
+struct FaceSquare {
+    Eigen::Vector2d center = Eigen::Vector2d::Zero();
+    /// From the centre to the middle of the right side.
+    Eigen::Vector2d axis = Eigen::Vector2d::UnitX();
+
+    /// The point of the photo at (u, v) of the square, each from -1 to 1, v downwards.
+    [[nodiscard]] Eigen::Vector2d point(const Eigen::Vector2d& at) const {
+        return center + at.x() * axis + at.y() * Eigen::Vector2d(-axis.y(), axis.x());
+    }
+    /// Inverse of `point`.
+    [[nodiscard]] Eigen::Vector2d coordinates(const Eigen::Vector2d& point) const;
+};
+
+/// Upright on the line of the eyes, around all points with a margin.
+[[nodiscard]] FaceSquare square_around(const FacePoints& points);
+/// The square of about the same extent for the box of dlib's detector of frontal faces.
+[[nodiscard]] FaceSquare square_of_box(double left, double top, double width, double height);
+/// The square of a photo (height, width, C) as an image of side x side pixels, antialiased. Beyond
+/// the photo its border is repeated.
+[[nodiscard]] Tensor image_in_square(const Tensor& photo, const FaceSquare& square,
+                                     std::int64_t side);
+/// The number of the point that is at point k's place in the mirror image.
+[[nodiscard]] std::size_t mirrored_point(std::size_t k);
+/// The points of the mirror image of a photo that is `width` pixels wide.
+[[nodiscard]] FacePoints mirrored_points(const FacePoints& points, double width);
+
+}  // namespace stymo

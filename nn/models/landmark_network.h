@@ -1,0 +1,61 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/rng.h"
+#include "nn/layers/conv_layer.h"
+#include "nn/layers/linear.h"
+#include "nn/models/face_square.h"
+#include "nn/parameter_store.h"
+
+namespace stymo {
+
+/// A network from a face to its 68 landmarks: strided 3x3 convolutions with residual pairs, 80 x 80
+/// to 5 x 5 pixels, and two linear layers. 1.3 million parameters, 53 MMAC.
+class LandmarkNetwork {
+public:
+    static constexpr std::int64_t input_side = 80;
+
+    /// Creates the parameters under `prefix`, which ends with a dot.
+    LandmarkNetwork(ParameterStore& store, const std::string& prefix, Rng& rng);
+
+    /// Images (B, 80, 80, 3) in [0, 1] of squares (`square_around`) -> (B, 136): x and y of each
+    /// point in the square, from -1 to 1, y downwards. Contrast and brightness of an image have no
+    /// effect.
+    [[nodiscard]] Variable operator()(const Variable& images) const;
+
+private:
+    struct Level {
+        ConvLayer down;
+        std::vector<ConvLayer> pair;
+    };
+    std::vector<Level> levels_;
+    std::vector<Linear> linear_;
+};
+
+/// A landmark network with its weights. Copies share them.
+struct LandmarkModel {
+    std::shared_ptr<ParameterStore> store;
+    LandmarkNetwork network;
+};
+
+/// Random weights.
+[[nodiscard]] LandmarkModel make_landmark_model(Rng rng);
+/// Throws FileError for a file that was not written by `write_landmark_model`.
+[[nodiscard]] LandmarkModel read_landmark_model(const std::filesystem::path& path);
+/// Writes a .safetensors file, whole or not at all.
+void write_landmark_model(const std::filesystem::path& path, const LandmarkModel& model);
+
+/// The mean of the network's answers for some squares of a photo (height, width, 3) in [0, 1] and
+/// for their mirror images, in pixels of the photo.
+[[nodiscard]] FacePoints points_in_squares(const LandmarkModel& model, const Tensor& photo,
+                                           const std::vector<FaceSquare>& squares);
+/// Landmarks of the face in and around `start`, in pixels of the photo: the answer for a square
+/// gives the next square. Throws NumericError if the network answers with points without extent.
+[[nodiscard]] FacePoints find_points(const LandmarkModel& model, const Tensor& photo,
+                                     const FaceSquare& start);
+
+}  // namespace stymo

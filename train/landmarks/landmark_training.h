@@ -1,0 +1,34 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "core/rng.h"
+#include "nn/models/landmark_network.h"
+#include "train/landmarks/head_pictures.h"
+#include "train/landmarks/landmark_example.h"
+
+namespace stymo {
+
+struct LandmarkTrainingSettings {
+    std::int64_t steps = 6000;
+    std::int64_t batch = 32;
+    double learning_rate = 1e-3;  ///< at the start; falls to 0 along half a cosine
+    std::int64_t heads = 1500;    ///< rendered heads that are held in memory
+    std::int64_t new_heads = 2;   ///< of them, rendered anew in each step
+    double photo_share = 0.5;     ///< of a batch, if there are photos
+};
+
+/// Trains a landmark network on rendered heads, in front of parts of `backgrounds` (height, width,
+/// 3), and on `photos`, if there are any. At the end the model has the moving average of its
+/// weights. The same arguments give the same weights. `progress` is called after each step with
+/// its number and loss (the mean distance of the points, in units of half the square's side).
+/// Throws Error once interrupted(), NumericError if the loss is not finite.
+void train_landmarks(LandmarkModel& model, const HeadPictures& pictures,
+                     const std::vector<Tensor>& backgrounds,
+                     const std::vector<LandmarkExample>& photos,
+                     const LandmarkTrainingSettings& settings, const Rng& rng,
+                     const std::function<void(std::int64_t, double)>& progress = {});
+
+}  // namespace stymo
