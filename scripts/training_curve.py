@@ -41,7 +41,8 @@ def main() -> int:
         axis.set_xlabel("thousand images")
         axis.set_ylabel(label)
         axis.grid(alpha=0.3)
-    axes[1].legend(fontsize=7)
+    axes[1].margins(y=0.4)  # room for the legend
+    axes[1].legend(fontsize=7, loc="upper left", ncols=2)
     figure.savefig(sys.argv[1], metadata={"Date": None})
     return 0
 

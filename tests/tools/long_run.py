@@ -68,6 +68,8 @@ def main() -> int:
     parser.add_argument("--stops", type=int, default=8)
     parser.add_argument("--threads", type=int, default=os.cpu_count())
     options = parser.parse_args()
+    if options.steps <= 1000:
+        parser.error("--steps must be above 1000, from where memory is watched")
     folder = options.folder
     if not (folder / "heads").exists():
         subprocess.run([options.bin / "stymo-synth", "--out", folder / "heads", "--count", "200",
