@@ -9,6 +9,7 @@
 #include "apps/common/tools.h"
 #include "nn/models/published_model.h"
 #include "nn/models/weights_import.h"
+#include "nn/models/widened_model.h"
 
 namespace {
 
@@ -37,13 +38,29 @@ stymo::AppResult import(const fs::path& in, const fs::path& out) {
                                                   {"values", values}})};
 }
 
+stymo::AppResult written(const fs::path& out) {
+    const auto bytes = static_cast<std::int64_t>(fs::file_size(out));
+    return {out.string() + ": " + std::to_string(bytes) + " bytes\n",
+            stymo::JsonValue::object({{"written", out.string()}, {"bytes", bytes}})};
+}
+
+stymo::AppResult widen(const fs::path& in, const fs::path& out,
+                       const std::vector<std::string>& settings) {
+    stymo::require_extension(out, {".safetensors"});
+    if (settings.empty())
+        stymo::fail<stymo::UsageError>(
+            "widen needs --set, such as --set decoder.field_width=192 (stymo-weights widen "
+            "--help)");
+    stymo::require_folder_of(out);
+    stymo::widen_model(in, out, settings);
+    return written(out);
+}
+
 stymo::AppResult publish(const fs::path& in, const fs::path& out) {
     stymo::require_extension(out, {".safetensors"});
     stymo::require_folder_of(out);
     stymo::publish_model(in, out);
-    const auto bytes = static_cast<std::int64_t>(fs::file_size(out));
-    return {out.string() + ": " + std::to_string(bytes) + " bytes\n",
-            stymo::JsonValue::object({{"written", out.string()}, {"bytes", bytes}})};
+    return written(out);
 }
 
 double norm(const stymo::Tensor& tensor) {
@@ -84,6 +101,7 @@ int stymo_weights(int argc, char** argv) {
     fs::path in;
     fs::path out;
     fs::path shown;
+    std::vector<std::string> settings;
     stymo::CommandLine line(
         "stymo-weights", "Imports weights of other programs: .safetensors, .onnx, PyTorch's .pth.");
     stymo::Command import_command = line.command(
@@ -103,5 +121,15 @@ int stymo_weights(int argc, char** argv) {
         [&](const stymo::CommonOptions&) { return publish(in, out); });
     publish_command.option("in", in, "model.safetensors of a training run").required();
     publish_command.option("out", out, "output file, .safetensors").required();
+    stymo::Command widen_command = line.command(
+        "widen",
+        "Makes a model with more channels that renders the same images, to train it further.",
+        [&](const stymo::CommonOptions&) { return widen(in, out, settings); });
+    widen_command.option("in", in, "model.safetensors of a training run, or a published one")
+        .required();
+    widen_command.option("out", out, "output file, .safetensors").required();
+    widen_command.option("--set", settings,
+                         "decoder.field_width=192, .feature_channels, .block_channels or "
+                         ".mask_channels; may be repeated");
     return line.run(argc, argv);
 }
