@@ -1,25 +1,31 @@
-#include <OpenImageIO/imageio.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 #include <string>
+#include <string_view>
 
 #include "core/error.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
 #include "core/io/image_bytes.h"
+#include "core/io/image_encoder.h"
 
 namespace stymo {
 namespace {
 
 namespace fs = std::filesystem;
 
-void write_gif(const fs::path& path, const fs::path& temporary, const std::vector<Tensor>& frames,
-               double frames_per_second) {
+std::uint64_t big_endian(std::string_view bytes) {
+    std::uint64_t value = 0;
+    for (const char byte : bytes) value = value << 8 | static_cast<unsigned char>(byte);
+    return value;
+}
+
+void write_gif(const fs::path& path, const std::vector<Tensor>& frames, double frames_per_second) {
     OIIO::ImageSpec spec(static_cast<int>(frames[0].shape(1)), static_cast<int>(frames[0].shape(0)),
                          3, OIIO::TypeUInt8);
     // GIF counts delays in hundredths of a second, and most viewers slow down delays below two of
@@ -29,23 +35,32 @@ void write_gif(const fs::path& path, const fs::path& temporary, const std::vecto
         std::max(2, static_cast<int>(std::lround(std::min(100.0 / frames_per_second, 60000.0))))};
     spec.attribute("FramesPerSecond", OIIO::TypeRational, rate.data());
     spec.attribute("oiio:Movie", 1);
-    const std::vector<OIIO::ImageSpec> specs(frames.size(), spec);
-
-    const std::string name = temporary.string();
-    const auto output = OIIO::ImageOutput::create(name);
-    bool written = output && output->open(name, static_cast<int>(specs.size()), specs.data());
-    for (std::size_t i = 0; written && i < frames.size(); ++i) {
-        written = (i == 0 || output->open(name, specs[i], OIIO::ImageOutput::AppendSubimage)) &&
-                  output->write_image(OIIO::TypeUInt8, image_bytes(frames[i]).data());
-    }
-    if (!written || !output->close()) {
-        fail<FileError>(path.string(), ": cannot be written (",
-                        output ? output->geterror() : OIIO::geterror(), ")");
-    }
+    std::vector<std::uint8_t> bytes;
+    const auto pixels = [&](std::size_t frame) -> const void* {
+        bytes = image_bytes(frames[frame]);
+        return bytes.data();
+    };
+    write_text_file(path, encoded_frames(path.filename(), spec, frames.size(), pixels),
+                    Survives::nothing);
 }
 
-void write_mp4(const fs::path& path, const fs::path& temporary, const std::vector<Tensor>& frames,
-               double frames_per_second) {
+/// Whether an MP4 file consists of whole boxes, one of which is the index of the film. The encoder
+/// does not say when the disk refuses a part of the file.
+bool is_whole_mp4(std::string_view bytes) {
+    constexpr std::size_t header = 8;
+    bool has_index = false;
+    while (bytes.size() >= header) {
+        std::uint64_t size = big_endian(bytes.substr(0, 4));
+        if (size == 1 && bytes.size() >= 2 * header) size = big_endian(bytes.substr(header, 8));
+        if (size < header || size > bytes.size()) return false;
+        has_index = has_index || bytes.substr(4, 4) == "moov";
+        bytes.remove_prefix(size);
+    }
+    return has_index && bytes.empty();
+}
+
+void encode_mp4(const fs::path& path, const fs::path& temporary, const std::vector<Tensor>& frames,
+                double frames_per_second) {
     const int height = static_cast<int>(frames[0].shape(0));
     const int width = static_cast<int>(frames[0].shape(1));
     // H.264 halves the resolution of colour, so images must have even sides.
@@ -65,10 +80,9 @@ void write_mp4(const fs::path& path, const fs::path& temporary, const std::vecto
         writer.write(image);
     }
     writer.release();
-    if (std::error_code error;
-        !fs::exists(temporary, error) || fs::file_size(temporary, error) == 0) {
-        fail<FileError>(path.string(), ": cannot be written (the video encoder gave nothing)");
-    }
+    if (!is_whole_mp4(read_text_file(temporary)))
+        fail<FileError>(path.string(),
+                        ": cannot be written (the film is not whole; is the disk full?)");
 }
 
 }  // namespace
@@ -90,8 +104,9 @@ void write_animation(const fs::path& path, const std::vector<Tensor>& frames,
     if (!gif && path.extension() != ".mp4") {
         fail<FileError>(path.string(), ": cannot be written (animations end in .gif or .mp4)");
     }
+    if (gif) return write_gif(path, frames, frames_per_second);
     const auto write = [&](const fs::path& temporary) {
-        (gif ? write_gif : write_mp4)(path, temporary, frames, frames_per_second);
+        encode_mp4(path, temporary, frames, frames_per_second);
     };
     write_whole(path, write, Survives::nothing);
 }

@@ -1,6 +1,5 @@
 #include "core/io/image.h"
 
-#include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imagebuf.h>
 #include <OpenImageIO/imagebufalgo.h>
 #include <OpenImageIO/imageio.h>
@@ -16,6 +15,7 @@
 #include "core/error.h"
 #include "core/io/file.h"
 #include "core/io/image_bytes.h"
+#include "core/io/image_encoder.h"
 
 namespace stymo {
 namespace {
@@ -175,19 +175,6 @@ OIIO::ImageSpec byte_spec(const Tensor& image) {
     return spec;
 }
 
-void write_file(const fs::path& path, const OIIO::ImageSpec& spec, const void* pixels,
-                Survives survives) {
-    const auto write = [&](const fs::path& temporary) {
-        const auto output = OIIO::ImageOutput::create(temporary.string());
-        if (!output || !output->open(temporary.string(), spec) ||
-            !output->write_image(spec.format, pixels) || !output->close()) {
-            fail<FileError>(path.string(), ": cannot be written (",
-                            output ? output->geterror() : OIIO::geterror(), ")");
-        }
-    };
-    write_whole(path, write, survives);
-}
-
 }  // namespace
 
 Tensor read_image(const fs::path& path, std::int64_t most_pixels) {
@@ -249,19 +236,14 @@ void write_image(const fs::path& path, const Tensor& image, Survives survives) {
     if (extension != ".png" && extension != ".jpg" && extension != ".jpeg") {
         fail<FileError>(path.string(), ": cannot be written (images end in .png or .jpg)");
     }
-    write_file(path, byte_spec(image), image_bytes(image).data(), survives);
+    const std::string bytes =
+        encoded_image(path.filename(), byte_spec(image), image_bytes(image).data());
+    write_text_file(path, bytes, survives);
 }
 
 std::string png_bytes(const Tensor& image) {
     require_image(image, "png_bytes");
-    OIIO::Filesystem::IOVecOutput memory;
-    const auto output = OIIO::ImageOutput::create("memory.png", &memory);
-    if (!output || !output->open("memory.png", byte_spec(image)) ||
-        !output->write_image(OIIO::TypeUInt8, image_bytes(image).data()) || !output->close()) {
-        fail<FileError>("an image cannot be encoded as PNG (",
-                        output ? output->geterror() : OIIO::geterror(), ")");
-    }
-    return {memory.buffer().begin(), memory.buffer().end()};
+    return encoded_image("memory.png", byte_spec(image), image_bytes(image).data());
 }
 
 void write_exr(const fs::path& path, const Tensor& image) {
@@ -274,7 +256,9 @@ void write_exr(const fs::path& path, const Tensor& image) {
     spec.channelnames = image.shape(2) == 1 ? std::vector<std::string>{"Z"}
                                             : std::vector<std::string>{"R", "G", "B"};
     spec.attribute("compression", "zip");
-    write_file(path, spec, image.to(DType::float32).values<float>().data(), Survives::nothing);
+    const Tensor values = image.to(DType::float32);
+    write_text_file(path, encoded_image(path.filename(), spec, values.values<float>().data()),
+                    Survives::nothing);
 }
 
 }  // namespace stymo

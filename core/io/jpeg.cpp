@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/io/image_bytes.h"
+#include "core/io/image_encoder.h"
 
 namespace stymo {
 
@@ -26,14 +27,7 @@ std::string jpeg_bytes(const Tensor& image, int quality) {
     OIIO::ImageSpec spec(static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)),
                          static_cast<int>(image.shape(2)), OIIO::TypeUInt8);
     spec.attribute("Compression", "jpeg:" + std::to_string(std::clamp(quality, 1, 100)));
-    OIIO::Filesystem::IOVecOutput memory;
-    const auto output = OIIO::ImageOutput::create(jpeg_name, &memory);
-    if (!output || !output->open(jpeg_name, spec) ||
-        !output->write_image(OIIO::TypeUInt8, image_bytes(image).data()) || !output->close()) {
-        fail<FileError>("an image cannot be encoded as JPEG (",
-                        output ? output->geterror() : OIIO::geterror(), ")");
-    }
-    return {memory.buffer().begin(), memory.buffer().end()};
+    return encoded_image(jpeg_name, spec, image_bytes(image).data());
 }
 
 Tensor image_from_jpeg(std::string_view bytes, std::int64_t most_pixels) {

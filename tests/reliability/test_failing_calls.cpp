@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <functional>
 #include <iostream>
+#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -120,11 +121,11 @@ Job training() {
 /// Runs a job to its end in `out` and compares these files.
 std::function<void(const fs::path&)> same_files(const std::string& command,
                                                 std::vector<std::string> files) {
-    static const ScratchFolder expected;
-    const fs::path whole = expected / words(command).front();
+    const auto expected = std::make_shared<const ScratchFolder>();
+    const fs::path whole = *expected / "whole";
     const ToolOutcome outcome = run_tool(tiny_run(), command + whole.string());
     if (outcome.exit_code != 0) throw std::runtime_error(outcome.err);
-    return [command, files, whole](const fs::path& out) {
+    return [command, files, expected, whole](const fs::path& out) {
         const ToolOutcome again = run_tool(tiny_run(), command + out.string());
         INFO(again.err);
         const bool complete = again.err.find("exists already") != std::string::npos;

@@ -1,5 +1,8 @@
+#include <sys/resource.h>
+
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -262,6 +265,36 @@ TEST_CASE("images that cannot be written are refused and leave nothing") {
                     ShapeError);
     CHECK_THROWS_AS(write_animation(folder / "a.webm", {image}, 10.0), FileError);
     CHECK(folder.file_count() == 0);
+}
+
+TEST_CASE("an image that the disk does not take whole is an error, and nothing is left of it") {
+    const ScratchFolder folder;
+    const Tensor image = random_image(64, 64, 3);
+    const auto limited = [](rlim_t bytes, const auto& write) {
+        rlimit former{};
+        ::getrlimit(RLIMIT_FSIZE, &former);
+        const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+        const rlimit limit{bytes, former.rlim_max};
+        ::setrlimit(RLIMIT_FSIZE, &limit);
+        bool refused = false;
+        try {
+            write();
+        } catch (const FileError&) {
+            refused = true;
+        }
+        ::setrlimit(RLIMIT_FSIZE, &former);
+        std::signal(SIGXFSZ, handler);
+        return refused;
+    };
+    for (const rlim_t bytes : {0, 100, 2000}) {
+        INFO(bytes);
+        CHECK(limited(bytes, [&] { write_image(folder / "a.png", image); }));
+        CHECK(limited(bytes, [&] { write_image(folder / "a.jpg", image); }));
+        CHECK(limited(bytes, [&] { write_exr(folder / "a.exr", image); }));
+        CHECK(limited(bytes, [&] { write_animation(folder / "a.gif", {image, image}, 10.0); }));
+        CHECK(limited(bytes, [&] { write_animation(folder / "a.mp4", {image, image}, 10.0); }));
+        CHECK(folder.file_count() == 0);
+    }
 }
 
 TEST_CASE("animations repeat without end and hold every frame") {
