@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <opencv2/core.hpp>
@@ -26,22 +25,17 @@ std::uint64_t big_endian(std::string_view bytes) {
 }
 
 void write_gif(const fs::path& path, const std::vector<Tensor>& frames, double frames_per_second) {
-    OIIO::ImageSpec spec(static_cast<int>(frames[0].shape(1)), static_cast<int>(frames[0].shape(0)),
-                         3, OIIO::TypeUInt8);
-    // GIF counts delays in hundredths of a second, and most viewers slow down delays below two of
-    // them.
-    const std::array<int, 2> rate = {
-        100,
-        std::max(2, static_cast<int>(std::lround(std::min(100.0 / frames_per_second, 60000.0))))};
-    spec.attribute("FramesPerSecond", OIIO::TypeRational, rate.data());
-    spec.attribute("oiio:Movie", 1);
+    const ImageEncoding encoding{.name = path.filename(),
+                                 .height = frames[0].shape(0),
+                                 .width = frames[0].shape(1),
+                                 .channels = 3,
+                                 .frames_per_second = frames_per_second};
     std::vector<std::uint8_t> bytes;
     const auto pixels = [&](std::size_t frame) -> const void* {
         bytes = image_bytes(frames[frame]);
         return bytes.data();
     };
-    write_text_file(path, encoded_frames(path.filename(), spec, frames.size(), pixels),
-                    Survives::nothing);
+    write_text_file(path, encoded_frames(encoding, frames.size(), pixels), Survives::nothing);
 }
 
 /// Whether an MP4 file consists of whole boxes, one of which is the index of the film. The encoder

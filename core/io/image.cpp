@@ -166,13 +166,14 @@ Tensor rgb_of(const Pixels& pixels) {
     return result;
 }
 
-OIIO::ImageSpec byte_spec(const Tensor& image) {
-    OIIO::ImageSpec spec(static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)),
-                         static_cast<int>(image.shape(2)), OIIO::TypeUInt8);
-    spec.attribute("oiio:ColorSpace", "sRGB");
-    spec.attribute("CompressionQuality", 95);
-    spec.attribute("jpeg:subsampling", "4:4:4");
-    return spec;
+std::string encoded(const std::string& name, const Tensor& image) {
+    return encoded_image(
+        {.name = name,
+         .height = image.shape(0),
+         .width = image.shape(1),
+         .channels = image.shape(2),
+         .attributes = {{"Compression", "jpeg:95"}, {"jpeg:subsampling", "4:4:4"}}},
+        image_bytes(image).data());
 }
 
 }  // namespace
@@ -236,14 +237,12 @@ void write_image(const fs::path& path, const Tensor& image, Survives survives) {
     if (extension != ".png" && extension != ".jpg" && extension != ".jpeg") {
         fail<FileError>(path.string(), ": cannot be written (images end in .png or .jpg)");
     }
-    const std::string bytes =
-        encoded_image(path.filename(), byte_spec(image), image_bytes(image).data());
-    write_text_file(path, bytes, survives);
+    write_text_file(path, encoded(path.filename(), image), survives);
 }
 
 std::string png_bytes(const Tensor& image) {
     require_image(image, "png_bytes");
-    return encoded_image("memory.png", byte_spec(image), image_bytes(image).data());
+    return encoded("memory.png", image);
 }
 
 void write_exr(const fs::path& path, const Tensor& image) {
@@ -251,13 +250,14 @@ void write_exr(const fs::path& path, const Tensor& image) {
     if (path.extension() != ".exr") {
         fail<FileError>(path.string(), ": cannot be written (float images end in .exr)");
     }
-    OIIO::ImageSpec spec(static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)),
-                         static_cast<int>(image.shape(2)), OIIO::TypeFloat);
-    spec.channelnames = image.shape(2) == 1 ? std::vector<std::string>{"Z"}
-                                            : std::vector<std::string>{"R", "G", "B"};
-    spec.attribute("compression", "zip");
     const Tensor values = image.to(DType::float32);
-    write_text_file(path, encoded_image(path.filename(), spec, values.values<float>().data()),
+    const ImageEncoding encoding{.name = path.filename(),
+                                 .height = image.shape(0),
+                                 .width = image.shape(1),
+                                 .channels = image.shape(2),
+                                 .floats = true,
+                                 .attributes = {{"compression", "zip"}}};
+    write_text_file(path, encoded_image(encoding, values.values<float>().data()),
                     Survives::nothing);
 }
 

@@ -24,10 +24,13 @@ constexpr const char* jpeg_name = "memory.jpg";  ///< tells OpenImageIO the form
 
 std::string jpeg_bytes(const Tensor& image, int quality) {
     require_image(image, "jpeg_bytes");
-    OIIO::ImageSpec spec(static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)),
-                         static_cast<int>(image.shape(2)), OIIO::TypeUInt8);
-    spec.attribute("Compression", "jpeg:" + std::to_string(std::clamp(quality, 1, 100)));
-    return encoded_image(jpeg_name, spec, image_bytes(image).data());
+    const std::string compression = "jpeg:" + std::to_string(std::clamp(quality, 1, 100));
+    return encoded_image({.name = jpeg_name,
+                          .height = image.shape(0),
+                          .width = image.shape(1),
+                          .channels = image.shape(2),
+                          .attributes = {{"Compression", compression}}},
+                         image_bytes(image).data());
 }
 
 Tensor image_from_jpeg(std::string_view bytes, std::int64_t most_pixels) {
