@@ -18,12 +18,12 @@
 namespace stymo {
 namespace {
 
-// The views are first looked at with every second ray in either direction and every second sample.
+// The box is found from every second ray in either direction and every second sample of the views.
 constexpr std::int64_t locating_stride = 2;
-// Of the tolerance: the share of what the views see that may lie beyond each side of the box.
+// Times the tolerance: the share of the visible weight that may lie beyond each side of the box.
 constexpr double share_beyond_box = 0.5;
-// From the grid that covers the box as a whole, spacings are halved so many times where it
-// shows.
+// The spacing of the coarse grid, which covers the whole box, is halved so many times in visible
+// cells.
 constexpr int refinements = 2;
 constexpr std::int64_t cells_unit = 1 << refinements;
 constexpr std::int64_t lane_count = 16;
@@ -47,7 +47,7 @@ void require_valid(const BakeOptions& options) {
     }
 }
 
-/// Logits at vertices of a grid into `samples`.
+/// Stores the logits at vertices of the grid in `samples`.
 void evaluate_logits(const PackedField<float>& field, std::span<const std::int64_t> vertices,
                      BakedSamples& samples) {
     const auto vertex = [&](std::int64_t i) { return vertices[static_cast<std::size_t>(i)]; };
@@ -103,7 +103,7 @@ struct WeightedPoint {
     double weight = 0.0;
 };
 
-/// Where the samples of the outermost views lie, with their compositing weights.
+/// The samples of the outermost views with their compositing weights.
 std::vector<WeightedPoint> seen_points(const PackedField<float>& field, RaySampling rays,
                                        const ViewRange& views) {
     rays.rays_per_side = std::max<std::int64_t>(rays.rays_per_side / locating_stride, 1);

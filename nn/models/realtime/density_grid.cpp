@@ -14,7 +14,7 @@ constexpr float unknown = -1e3F;
 constexpr float wanted = -2e3F;
 constexpr DensityBounds anything{0.0F, 0.0F, std::numeric_limits<float>::infinity()};
 
-/// Most of space is empty, and there looser bounds are as good and take less time.
+/// Most of space is empty. Looser bounds are good enough there and faster to compute.
 DensityBounds bounds_of_logits(float lower, float estimate, float upper) {
     constexpr float nothing = -16.0F, thin = -7.0F;
     constexpr DensityBounds next_to_nothing{0.0F, 0.0F, 1.2e-7F};  // softplus(-16) = 1.1e-7
@@ -25,8 +25,8 @@ DensityBounds bounds_of_logits(float lower, float estimate, float upper) {
 
 }  // namespace
 
-/// The first of the corners around a point, the steps to the others, and where between them the
-/// point is.
+/// The cell of a point, the first of the eight vertices around it, the step to the others, and the
+/// position of the point between them.
 struct DensityGrid::Place {
     std::int64_t cell = -1;  ///< outside the cube
     std::int64_t corner = 0;
