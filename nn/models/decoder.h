@@ -44,7 +44,7 @@ struct DecoderConfig {
     bool mask_detach = false;
     std::int64_t mapping_layers = 4;  ///< 0: no mapping networks, W equals Z
     double mapping_learning_rate_multiplier = 1.0;
-    std::string depth_planes = "world_z";  ///< "world_z" or "optical_axis"; decides rays.planes
+    std::string depth_planes = "world_z";  ///< "world_z" or "optical_axis"; sets rays.planes
     /// rays_per_side is half the smallest image's side; with render blocks it is also the side of
     /// the feature map. DecodeOptions::samples_per_ray sets the number of samples.
     RaySampling rays;
