@@ -55,14 +55,11 @@ struct StageConfig {
 /// The second stage: adversarial training of the decoder, from 64 pixels up to the model's
 /// resolution. The lists have one entry for each phase.
 struct AdversarialStageConfig {
-    std::vector<std::int64_t> resolutions{64, 128, 256,
-                                          /// Each is twice the one before; empty: no second stage.
-                                          512};
+    /// Each is twice the one before; empty: no second stage.
+    std::vector<std::int64_t> resolutions{64, 128, 256, 512};
     std::vector<std::int64_t> images{200000, 300000, 300000, 500000};
-    std::vector<std::int64_t> fade_images{0, 100000, 100000,
-                                          /// How many of these images it takes to fade in the
-                                          /// discriminator's new block.
-                                          100000};
+    /// How many of these images it takes to fade in the discriminator's new block.
+    std::vector<std::int64_t> fade_images{0, 100000, 100000, 100000};
     std::vector<std::int64_t> batch{32, 32, 16, 12};
     std::vector<std::int64_t> micro_batch{8, 8, 4, 4};
     std::vector<double> r1_gamma{0.026, 0.1, 0.82, 10.0};
