@@ -60,7 +60,7 @@ struct FaceCrop {
     std::optional<double>
         mask_agreement;          ///< intersection over union of made and known mask, after `finish`
     std::int64_t faces = 1;      ///< number of faces found in the photo
-    double side_in_photo = 0.0;  ///< in pixels of the photo
+    double side_in_photo = 0.0;  ///< side of the crop in pixels of the photo
     double share_outside = 0.0;  ///< share of the crop's area outside the photo
     MorphableFitTarget
         fit_target;   ///< image, mask and landmarks at the resolution of the morphable fit
