@@ -118,7 +118,7 @@ std::vector<WeightedPoint> seen_points(const PackedField<float>& field, RaySampl
         [&](std::int64_t first, std::int64_t size, const FieldTile<float>& tile) {
             for (std::int64_t i = first; i < first + size; ++i) {
                 const float* point = points.data() + 3 * i;
-                // The optical depth stands in for the weight until the rays are composited.
+                // Holds the optical depth until the rays are composited, then the weight.
                 seen[static_cast<std::size_t>(i)] = {
                     {static_cast<double>(point[0]), static_cast<double>(point[1]),
                      static_cast<double>(point[2])},
@@ -135,7 +135,8 @@ std::vector<WeightedPoint> seen_points(const PackedField<float>& field, RaySampl
     return seen;
 }
 
-/// The box beyond each side of which lies at most this share of all weight, and `margin` more.
+/// The box beyond each side of which lies at most `share` of the total weight, enlarged by
+/// `margin`.
 Box box_of(std::vector<WeightedPoint> points, double share, double margin) {
     double total = 0.0;
     for (const WeightedPoint& point : points) total += point.weight;
@@ -154,7 +155,7 @@ Box box_of(std::vector<WeightedPoint> points, double share, double margin) {
     return box;
 }
 
-/// Leaves the density on the finest grid but for the vertices returned, which are still to be
+/// Computes the density on the finest grid, except at the returned vertices, which must still be
 /// evaluated.
 std::vector<std::int64_t> sample_density(const PackedField<float>& field, const Box& box,
                                          double step, const BakeOptions& options,
@@ -171,12 +172,13 @@ std::vector<std::int64_t> sample_density(const PackedField<float>& field, const 
     return vertices;
 }
 
-/// The plane of the features of some of the vertices, each as much as a sample of the field there
-/// counts.
+/// Principal components of the features at some vertices, weighted by the opacity of a sample
+/// there.
 FeatureBasis find_basis(const PackedField<float>& packed, const FoldedField& field,
                         const VertexGrid& grid, std::span<const std::int64_t> vertices, double step,
                         std::int64_t dimension) {
-    // An odd stride does not stay in step with rows of an even number of vertices.
+    // An odd stride avoids picking the same columns of every row if rows have an even number of
+    // vertices.
     const std::size_t stride = std::max<std::size_t>(vertices.size() / basis_points, 1) | 1U;
     std::vector<std::int64_t> some;
     for (std::size_t i = 0; i < vertices.size(); i += stride) some.push_back(vertices[i]);

@@ -133,7 +133,7 @@ void DensityGrid::evaluate(std::span<const std::int64_t> cells, std::int64_t ste
     }
     new_logits_.resize(wanted_.size());
     logits_at(points_, new_logits_);
-    // No logit may be taken for one of the marks.
+    // A lower bound keeps logits apart from the special values `unknown` and `wanted`.
     constexpr float least_logit = -60.0F;
     for (std::size_t i = 0; i < wanted_.size(); ++i)
         logits_[static_cast<std::size_t>(wanted_[i])] = std::max(new_logits_[i], least_logit);

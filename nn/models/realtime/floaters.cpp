@@ -6,7 +6,7 @@ namespace stymo {
 namespace {
 
 constexpr float solid = 0.1F;
-/// A fainter ray shows less than one step of 8 bits.
+/// A fainter ray changes a pixel by less than one 8-bit step.
 constexpr float visible = 0.002F;
 constexpr std::int32_t none = -1;
 
