@@ -138,8 +138,8 @@ private:
     bool create_graph_;
     bool end_at_targets_;
     std::unordered_map<const Node*, bool> needed_;
-    std::unordered_map<const Node*, std::size_t>
-        missing_;  ///< contributions that a gradient still lacks
+    /// Contributions that a gradient still lacks.
+    std::unordered_map<const Node*, std::size_t> missing_;
     std::unordered_map<const Node*, Variable> gradients_;
 };
 

@@ -206,8 +206,8 @@ void multiply_tiles(int, int, const TileBlock&) {}
 #endif
 
 int tile_parts(std::int64_t inner_length, std::int64_t panel_width) {
-    constexpr std::int64_t least_inner_length =
-        16;  // with a shorter inner length, most of a step is empty
+    // With a shorter inner length, most of a step is empty.
+    constexpr std::int64_t least_inner_length = 16;
     const MatmulPrecision precision = matmul_precision();
     if (inner_length < least_inner_length || panel_width != tile_block ||
         precision == MatmulPrecision::highest || !multiplies_tiles())

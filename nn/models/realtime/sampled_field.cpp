@@ -130,8 +130,8 @@ private:
 
     RenderMode mode_;
     float tolerance_;
-    double thin_length_ =
-        0.0;  ///< largest length of a ray through only thin cells that is left out
+    /// Largest length of a ray through only thin cells that is left out.
+    double thin_length_ = 0.0;
     PackedField<T> field_;
     DensityGrid grid_;
     std::vector<float> reach_;  ///< points around which a new head's density is evaluated at once
