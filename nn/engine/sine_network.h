@@ -17,7 +17,8 @@ namespace stymo {
 template <class Value>
 struct SineNetworkOf {
     std::int64_t frequencies = 0;
-    std::size_t skip_layer = 0;  ///< layer whose input begins with the encoding once more; 0: none
+    /// Layer whose input begins with the encoding, besides layer 0; 0: none.
+    std::size_t skip_layer = 0;
     std::vector<ModulatedLayerOf<Value>> layers;
     Value density_weight;  ///< (1, width)
     Value density_bias;    ///< (1)
@@ -39,7 +40,8 @@ struct RayPoints {
 /// The field of one face. Its style is folded into the weights of every layer.
 struct FoldedField {
     std::int64_t frequencies = 0;
-    std::size_t skip_layer = 0;  ///< layer whose input begins with the encoding once more; 0: none
+    /// Layer whose input begins with the encoding, besides layer 0; 0: none.
+    std::size_t skip_layer = 0;
     std::vector<FoldedLayer> layers;
     FoldedLayer density;  ///< one output; the density is softplus(output - 1)
     FoldedLayer feature0;
