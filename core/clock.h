@@ -11,7 +11,7 @@ namespace stymo {
         .count();
 }
 
-/// Processor time of the calling thread, for telling computing from waiting.
+/// Processor time of the calling thread in seconds, to distinguish computing from waiting.
 [[nodiscard]] inline double thread_seconds() {
     std::timespec time{};
     static_cast<void>(::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time));

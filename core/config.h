@@ -10,10 +10,10 @@
 namespace stymo {
 
 /// Binds the keys of a JSON configuration ("optimizer.learning_rate") to the fields of a plain
-/// struct. One binding serves reading files with parents, overrides from the command line, writing
-/// the complete configuration, and the table in the docs. Strict: an unknown key, a wrong type or a
-/// value out of range throws ConfigError with the file, the key, the value, what is allowed and the
-/// nearest known key.
+/// struct. The same binding reads files with parents, applies overrides from the command line,
+/// writes the complete configuration and makes the table in the docs. An unknown key, a wrong type
+/// or a value out of range throws ConfigError with the file, the key, the value, the allowed values
+/// and the nearest known key.
 class ConfigSchema {
 public:
     ConfigSchema();
@@ -38,9 +38,9 @@ public:
     /// Reads a JSON file of nested objects into the bound fields. "parent": a file relative to this
     /// one, read first; circular parents are an error. Keys beginning with "$" are comments.
     void read_file(const std::filesystem::path& path);
-    /// Reads the JSON text itself; `source` names it in errors.
+    /// The same for JSON text. Error messages name `source` as the file.
     void read_text(std::string_view json, const std::string& source);
-    /// "a.b=value": the value is JSON, or a bare word for text and choices.
+    /// Applies an assignment "a.b=value". The value is JSON, or a bare word for text and choices.
     void set(std::string_view assignment);
 
     /// Every key with its current value, as nested, indented JSON.

@@ -19,8 +19,8 @@ template <class T>
     return std::is_same_v<T, float> ? DType::float32 : DType::float64;
 }
 
-/// Calls `visitor(T{})` with T = float or double. The one place where a run-time type becomes a
-/// compile-time type.
+/// Calls `visitor(T{})` with T = float or double. Only this function converts the run-time type to
+/// a compile-time type.
 template <class Visitor>
 decltype(auto) dispatch(DType dtype, Visitor&& visitor) {
     return dtype == DType::float32 ? visitor(float{}) : visitor(double{});

@@ -8,7 +8,7 @@
 
 namespace stymo {
 
-// Subnormal operands stay what they are: numbers of 16 bits are widened by way of them.
+// Only results are flushed, not operands: the conversion of 16-bit numbers uses subnormal operands.
 void flush_subnormals() {
 #if defined(__SSE__)
     _MM_SET_FLUSH_ZERO_MODE(_MM_FLUSH_ZERO_ON);

@@ -12,7 +12,7 @@ namespace stymo {
 /// The flag behind `interrupted()` is global because a signal handler can reach nothing else.
 class InterruptGuard {
 public:
-    /// Forgets an earlier interruption.
+    /// Resets `interrupted()` to false.
     InterruptGuard();
     ~InterruptGuard();
     InterruptGuard(const InterruptGuard&) = delete;

@@ -2,19 +2,19 @@
 
 #include <string_view>
 
-/// How accurate products of float32 are, as `torch.set_float32_matmul_precision` has it.
+/// Accuracy of float32 matrix products, like `torch.set_float32_matmul_precision`.
 namespace stymo {
 
 enum class MatmulPrecision {
     highest,  ///< fused multiply-adds of float32
-    high,    ///< where the processor has matrix tiles (AMX), each operand is the sum of two numbers
-             ///< of BFloat16, so that a product's relative error is at most
-             ///< 2^-15; else as `highest`
-    medium,  ///< there, each operand is rounded to BFloat16, so that a product's relative error is
-             ///< at most 2^-7; else as `highest`
+    high,     ///< if the processor has matrix tiles (AMX), each operand is the sum of two BFloat16
+              ///< numbers, and a product's relative error is at most 2^-15; else like `highest`
+    medium,   ///< with matrix tiles, each operand is rounded to BFloat16, and a product's relative
+              ///< error is at most 2^-7; else like `highest`
 };
 
-/// For all products of this process from now on; at first `highest`. Not while one is computed.
+/// Sets the precision of all later products in this process; the default is `highest`. Must not be
+/// called while a product is computed.
 void set_matmul_precision(MatmulPrecision precision);
 [[nodiscard]] MatmulPrecision matmul_precision();
 /// "highest", "high" or "medium".

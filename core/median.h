@@ -4,7 +4,8 @@
 
 namespace stymo {
 
-/// The mean of the two middle values of an even number. Throws ValueError for no values.
+/// The median; for an even number of values, the mean of the two middle ones. Throws ValueError if
+/// there are no values.
 [[nodiscard]] double median(std::vector<double> values);
 
 }  // namespace stymo

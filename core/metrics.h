@@ -2,9 +2,9 @@
 
 #include "core/tensor.h"
 
-/// Differences between two images. Both images are (height, width, channels) of the same shape and
-/// type with values in [0, 1]; every function computes in float64 and throws ShapeError or
-/// TypeError for images that do not match.
+/// Differences between two images (height, width, channels) of the same shape and type with values
+/// in [0, 1]. Every function computes in float64. Throws ShapeError for different shapes and
+/// TypeError for different element types.
 namespace stymo {
 
 /// Mean of |a - b| over all elements.

@@ -16,15 +16,15 @@ enum class Activation { none, sine, leaky_relu };
 
 struct Conv2dOptions {
     int stride = 1;
-    int padding = 0;  ///< zeros on every side
+    int padding = 0;  ///< number of zeros on every side
     int groups = 1;
 };
 
 struct MaxPoolOptions {
     int kernel = 2;
     int stride = 2;
-    bool ceil_mode =
-        false;  ///< also a last window that reaches beyond the image, as PyTorch's ceil_mode
+    /// Adds a last window that extends beyond the image, like PyTorch's ceil_mode.
+    bool ceil_mode = false;
 };
 
 using RowIndices = std::vector<std::int64_t>;

@@ -6,7 +6,7 @@
 namespace stymo {
 
 /// Sets the number of threads that `parallel_for` uses in this process; 0 means one for each
-/// processor.
+/// processor. Throws ValueError for a negative count.
 void set_thread_count(int count);
 [[nodiscard]] int thread_count();
 
@@ -18,10 +18,10 @@ void set_thread_count(int count);
 /// Calls `body(begin, end)` for each chunk of at most `grain` indices of [0, count), on several
 /// threads.
 ///
-/// The chunks depend on `count` and `grain` alone, never on the number of threads, so a reduction
-/// that stores one partial result for each chunk and adds them in order gives the same bits on any
-/// number of threads. Called from within a body it runs on the calling thread. The first exception
-/// of a body is thrown again here.
+/// The chunks depend only on `count` and `grain`, never on the number of threads. A reduction that
+/// stores one partial result for each chunk and adds them in order therefore gives the same bits
+/// for any number of threads. A nested call, from within a body, runs on the calling thread. The
+/// first exception that a body throws is rethrown.
 void parallel_for(std::int64_t count, std::int64_t grain,
                   const std::function<void(std::int64_t, std::int64_t)>& body);
 

@@ -8,8 +8,8 @@
 
 namespace stymo {
 
-/// Where and how often progress is shown. The default is stderr: a bar if that is a terminal, else
-/// a line every few seconds.
+/// Where and how often progress is shown. By default on stderr: a bar if it is a terminal, else a
+/// line every few seconds.
 struct ProgressOutput {
     ProgressOutput();
 
@@ -20,14 +20,14 @@ struct ProgressOutput {
     std::function<double()> seconds;  ///< a clock that never goes back
 };
 
-/// What a Progress counts.
+/// The task whose progress is shown.
 struct ProgressTask {
     std::string title;
     std::int64_t total = 0;  ///< 0: not known
     std::int64_t first = 0;  ///< done before this run began; not part of the rate
     std::string unit = {};   ///< "images" gives "12.3 images/s"; empty: no rate
-    double time_limit =
-        0.0;  ///< seconds after which the work stops even if `total` is not reached; 0: no limit
+    /// Seconds after which the work stops even if `total` is not reached; 0: no limit.
+    double time_limit = 0.0;
 };
 
 /// Shows the progress of a loop, its rate and the remaining time. For use by one thread.
@@ -44,8 +44,7 @@ public:
     void update(std::int64_t done, std::string_view text = {});
     /// Writes a separate line above the bar (a warning, a skipped file).
     void message(std::string_view line);
-    /// Shows the last state at once, unless the last line shows it already. Further calls do
-    /// nothing.
+    /// Shows the final state at once, unless it is already shown. Further calls do nothing.
     void finish(std::string_view text = {});
 
 private:

@@ -26,13 +26,13 @@ public:
     explicit Rng(const State& state) : state_(state) {}
 
     [[nodiscard]] const State& state() const { return state_; }
-    /// An independent generator for the part of the program called `name`; does not advance this
-    /// one and does not depend on how many numbers it has drawn.
+    /// An independent generator for the part of the program called `name`. It does not advance this
+    /// generator and does not depend on how many numbers this one has drawn.
     [[nodiscard]] Rng split(std::string_view name) const;
     /// An independent generator for item `index`, with the same properties.
     [[nodiscard]] Rng split(std::uint64_t index) const;
 
-    /// This generator after so many more numbers of any kind but `below`.
+    /// A copy of this generator after `numbers` more draws. A draw by `below` may count as several.
     [[nodiscard]] Rng skipped(std::int64_t numbers) const;
 
     [[nodiscard]] std::uint64_t bits();
@@ -40,7 +40,7 @@ public:
     [[nodiscard]] double uniform();
     /// Standard normal.
     [[nodiscard]] double normal();
-    /// Uniform integer in [0, bound); `bound` must be positive.
+    /// Uniform integer in [0, bound). Throws ValueError unless `bound` is positive.
     [[nodiscard]] std::int64_t below(std::int64_t bound);
 
     [[nodiscard]] Tensor uniform(const Shape& shape, double low, double high,

@@ -20,6 +20,7 @@ public:
     explicit Shape(std::span<const std::int64_t> extents);
 
     [[nodiscard]] int rank() const { return rank_; }
+    /// Product of all extents.
     [[nodiscard]] std::int64_t size() const;
     /// Extent of `axis`; throws ShapeError if there is no such axis.
     [[nodiscard]] std::int64_t operator[](int axis) const {
@@ -43,8 +44,8 @@ private:
     int rank_ = 0;
 };
 
-/// Shape that both operands broadcast to (extents equal or 1, aligned at the last axis); throws
-/// ShapeError naming `operation`.
+/// The shape that both operands broadcast to (extents equal or 1, aligned at the last axis). Throws
+/// ShapeError, whose message names `operation`.
 [[nodiscard]] Shape broadcast_shape(const Shape& left, const Shape& right, const char* operation);
 
 /// Writes "(2, 3, 4)".

@@ -14,9 +14,8 @@ namespace stymo {
 /// A contiguous row-major array of float32 or float64; images are NHWC, points are (rows,
 /// channels).
 ///
-/// A plain value: copying is cheap because the buffer is shared, and writing first detaches it from
-/// every other copy, so the elements of one copy never change through another. A Tensor has no
-/// gradients; see Variable.
+/// A value type with copy on write: copies share the buffer until one of them is written to, so the
+/// elements of one copy never change through another. A Tensor has no gradients; see Variable.
 class Tensor {
 public:
     /// An undefined tensor without elements and buffer; `defined()` is false.
@@ -43,7 +42,8 @@ public:
     [[nodiscard]] std::int64_t size() const { return defined() ? shape_.size() : 0; }
     [[nodiscard]] DType dtype() const { return dtype_; }
 
-    /// Elements in row-major order; throws TypeError if T is not the tensor's type.
+    /// Elements in row-major order. Throws TypeError if T is not the tensor's type, ValueError if
+    /// the tensor is undefined.
     template <class T>
     [[nodiscard]] std::span<const T> values() const;
     /// Writable elements; copies the buffer first if another tensor shares it.

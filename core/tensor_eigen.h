@@ -7,9 +7,10 @@
 #include "core/error.h"
 #include "core/tensor.h"
 
-/// Tensors as Eigen's matrices and tensors, without a copy, and back. A map is valid as long as the
-/// tensor that it was made of: it does not keep the elements alive. The element type T is float or
-/// double. Every function throws TypeError if the tensor has another one.
+/// Views of tensors as Eigen matrices and tensors, without a copy, and conversion back. A map is
+/// valid as long as the tensor from which it was made; it does not keep the elements alive. The
+/// element type T is float or double. Every function throws TypeError if the tensor has another
+/// type.
 namespace stymo {
 
 template <class T>
@@ -19,7 +20,7 @@ using EigenTensor = Eigen::Tensor<T, rank, Eigen::RowMajor, Eigen::Index>;
 
 namespace tensor_eigen {
 
-/// Of the matrix of the last axis. Throws ShapeError for a tensor without axes.
+/// Rows and columns of `matrix_map`.
 inline std::array<Eigen::Index, 2> matrix_extents(const Tensor& tensor) {
     if (tensor.rank() == 0) fail<ShapeError>("[matrix_map] needs one axis or more, got none");
     const Eigen::Index columns = tensor.shape(tensor.rank() - 1);
@@ -28,7 +29,7 @@ inline std::array<Eigen::Index, 2> matrix_extents(const Tensor& tensor) {
     return {rows, columns};
 }
 
-/// All of them. Throws ShapeError for a tensor of another rank.
+/// All extents. Throws ShapeError for a tensor of another rank.
 template <int rank>
 std::array<Eigen::Index, rank> extents(const Tensor& tensor) {
     if (tensor.rank() != rank)
@@ -41,7 +42,7 @@ std::array<Eigen::Index, rank> extents(const Tensor& tensor) {
 
 }  // namespace tensor_eigen
 
-/// The matrix of the last axis: its extent is the number of columns, the product of the others the
+/// A tensor as a matrix: the last extent is the number of columns, the product of the others the
 /// number of rows. Throws ShapeError for a tensor without axes.
 template <class T>
 [[nodiscard]] Eigen::Map<const RowMajorMatrix<T>> matrix_map(const Tensor& tensor) {
@@ -70,8 +71,8 @@ template <class T, int rank>
     return {values.data(), tensor_eigen::extents<rank>(tensor)};
 }
 
-/// The elements of a matrix or of an expression, as (rows, columns), or (size) where its type is a
-/// vector's.
+/// A tensor (rows, columns) with the elements of a matrix or expression; (size) if its type is a
+/// vector.
 template <class Derived>
 [[nodiscard]] Tensor tensor_from(const Eigen::DenseBase<Derived>& matrix) {
     using T = typename Derived::Scalar;

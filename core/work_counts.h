@@ -11,24 +11,26 @@
 namespace stymo {
 
 struct WorkCounts {
-    std::int64_t operations =
-        0;  ///< ops evaluated, including those of gradients; a fused op counts once
+    /// Ops evaluated, including those of gradients; a fused op counts once.
+    std::int64_t operations = 0;
     std::int64_t gradient_rules = 0;  ///< gradient rules evaluated, each for one input of an op
-    std::int64_t gradients = 0;     ///< tensors that `grad` has found one for, in gradients within
-                                    ///< gradients too; not zeros for what is not reached
-    std::int64_t field_points = 0;  ///< points of space evaluated, including recomputed ones
-    std::int64_t parameters = 0;    ///< tensors of trainable numbers created
+    /// Tensors for which `grad` computed a gradient, in nested gradients too. Zeros for tensors
+    /// that y does not depend on are not counted.
+    std::int64_t gradients = 0;
+    /// Points at which a field was evaluated, including recomputed ones.
+    std::int64_t field_points = 0;
+    std::int64_t parameters = 0;    ///< parameter tensors created
     std::int64_t buffers = 0;       ///< tensor buffers allocated
     std::int64_t buffer_bytes = 0;  ///< bytes of all these buffers
-    std::int64_t peak_bytes =
-        0;  ///< of tensor buffers at one time, those included that were there at the beginning
-    /// What the code above this folder counts under a name of its own, by group and name. What was
-    /// not counted is missing.
+    /// Largest total size of the tensor buffers at one time, including those that existed at the
+    /// beginning.
+    std::int64_t peak_bytes = 0;
+    /// Counts of code outside core, by group and name. Names that were never counted are missing.
     std::map<std::string, std::map<std::string, std::int64_t>> named{};
 };
 
-/// Counts from its construction on, on all threads. Meters may be nested. The peaks of meters that
-/// overlap otherwise are unreliable.
+/// Counts the work on all threads since its construction. Meters may be nested. The peaks of meters
+/// that overlap without being nested are unreliable.
 class WorkMeter {
 public:
     WorkMeter();
@@ -43,7 +45,7 @@ private:
     std::int64_t peak_before_;
 };
 
-/// Called by the code that does the work, from any thread.
+/// Functions for the code that does the work. They may be called from any thread.
 namespace work {
 
 void count_operation();
@@ -51,7 +53,7 @@ void count_gradient_rule();
 void count_gradients(std::int64_t tensors);
 void count_field_points(std::int64_t points);
 void count_parameter();
-/// Locks, so it is for what happens at most some thousand times a second.
+/// Takes a lock, so it should be called at most some thousand times a second.
 void count_named(std::string_view group, std::string_view name, std::int64_t amount);
 void count_buffer(std::int64_t bytes);
 void count_release(std::int64_t bytes);

@@ -9,8 +9,8 @@
 
 namespace stymo {
 
-/// The paper's metrics of one image against its target, both masked (black outside the head) and
-/// averaged over the full frame.
+/// The paper's metrics of one image against its target. Both are masked (black outside the head),
+/// and means are over the full frame.
 struct ImageMetrics {
     double l1 = 0.0;       ///< summed over RGB, as in the paper's tables
     double l1_mean = 0.0;  ///< averaged over RGB
@@ -19,7 +19,7 @@ struct ImageMetrics {
     std::optional<double> lpips{};  ///< empty: not measured
 };
 
-/// A target image with the results that are computed only once for it.
+/// A target image with values that are computed only once for it.
 class MetricTarget {
 public:
     /// target (S, S, 3) and mask (S, S, 1), all in [0, 1]. `lpips` must outlive this object; null:
@@ -36,14 +36,14 @@ private:
     Lpips::Features features_;
 };
 
-/// An image (S, S, 3) in [0, 1] as what LPIPS takes, (1, S, S, 3) in [-1, 1].
+/// Converts an image (S, S, 3) in [0, 1] to the input of LPIPS, (1, S, S, 3) in [-1, 1].
 [[nodiscard]] Tensor lpips_input(const Tensor& image);
 
-/// The mean or median of each metric by itself, of LPIPS over the faces where it was measured;
-/// zeros for an empty list.
+/// The mean or median of each metric separately; LPIPS over the faces where it was measured. Zeros
+/// for an empty list.
 [[nodiscard]] ImageMetrics mean(const std::vector<ImageMetrics>& metrics);
 [[nodiscard]] ImageMetrics median(const std::vector<ImageMetrics>& metrics);
-/// {"l1", "l1_mean", "ssim", "psnr"} and, where it was measured, "lpips".
+/// {"l1", "l1_mean", "ssim", "psnr"} and, if it was measured, "lpips".
 [[nodiscard]] JsonValue to_json(const ImageMetrics& metrics);
 
 }  // namespace stymo

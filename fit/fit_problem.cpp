@@ -13,7 +13,7 @@ namespace stymo {
 
 namespace {
 
-/// Identity and texture, in the order of `code_names`, stay from photo to photo.
+/// Identity and texture (in the order of `code_names`) are the same in all photos of a person.
 bool is_of_person(std::size_t group) {
     return group == 0 || group == 2;
 }
@@ -33,7 +33,8 @@ Tensor orbits_of(const std::vector<Camera>& cameras, DType dtype) {
     return orbit_parameters(poses, dtype);
 }
 
-/// Share of the samples up to which keeping the field's arguments takes little memory.
+/// Largest share of significant samples for which keeping the field's arguments takes little
+/// memory.
 constexpr double few_samples = 0.25;
 
 double mean_of(const Tensor& values) {
@@ -113,7 +114,7 @@ bool FitProblem::choose_images(std::int64_t step) {
     if (count == image_count_) return false;
     image_count_ = count;
     photos_ = loss_.kept_target(std::span(faces_.targets).first(count));
-    // Whichever image is the largest weighs as much as the largest of all.
+    // The largest compared image gets the weight of the model's largest image.
     if (photos_.weights.size() >= all) photos_.weights[count - 1] = photos_.weights[all - 1];
     decode_.resolution = faces_.targets[count - 1].shape(1);
     return true;
@@ -123,8 +124,8 @@ FitProblem::Evaluation FitProblem::evaluate() {
     const auto batch = static_cast<double>(initial_.batch());
     if (!orbits().empty()) decode_.orbits = orbits().front().variable();
     const Decoded decoded = model_.decoder()(codes(), cameras(), decode_);
-    // A mean over the batch times its size: the faces' gradients do not depend on how many are
-    // fitted together.
+    // The mean over the batch times its size, so that a face's gradient does not depend on the size
+    // of the batch.
     const Variable loss = loss_(decoded.images, photos_).total * batch +
                           squared_length(code_offsets()) * regularizer_;
     Evaluation result{loss.value().item() / batch, {}};

@@ -6,8 +6,8 @@
 
 namespace stymo {
 
-/// The function that fitting minimises: the loss of code offsets and, optionally, of the poses.
-/// Optimisers set the values of its parameters.
+/// The function that fitting minimises: the loss as a function of code offsets and, optionally, of
+/// the poses. Optimisers set the values of its parameters.
 class FitProblem {
 public:
     /// All arguments must outlive the problem. Throws what `fit_codes` throws for unsuitable
@@ -17,22 +17,23 @@ public:
 
     struct Evaluation {
         double loss = 0.0;  ///< mean over the faces
-        std::vector<Variable>
-            gradients;  ///< of the sum over the faces: one for each of `offsets`, then of `orbits`
+        /// Gradients of the sum over the faces: one for each of `offsets`, then of `orbits`.
+        std::vector<Variable> gradients;
     };
-    /// With the parameters as they are. Throws what the decoder and the loss throw.
+    /// Evaluates the function at the current parameters. Throws what the decoder and the loss
+    /// throw.
     [[nodiscard]] Evaluation evaluate();
 
     /// The offsets of the four groups, zero at first.
     [[nodiscard]] const std::vector<Parameter>& offsets() const { return offsets_.all(); }
-    /// The poses as orbit parameters (render/tracked_rays.h), or nothing.
+    /// The poses as orbit parameters (render/tracked_rays.h); empty if they are fixed.
     [[nodiscard]] const std::vector<Parameter>& orbits() const { return orbits_.all(); }
 
-    /// Evaluates all samples with the present codes, and from now on leaves out those whose weight
-    /// is below the tolerance.
+    /// Evaluates all samples with the current codes. Later evaluations leave out the samples whose
+    /// weight is below the tolerance.
     void select_samples();
-    /// Chooses the images that this step compares, the coarser ones at first
-    /// (FitOptions::coarse_steps). Returns whether they have changed.
+    /// Chooses the images that this step compares: only coarser ones at first
+    /// (FitOptions::coarse_steps). Returns whether the choice has changed.
     bool choose_images(std::int64_t step);
 
     [[nodiscard]] const Codes& initial() const { return initial_; }

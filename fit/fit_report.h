@@ -12,10 +12,10 @@ namespace stymo {
 /// Images and metrics of a fit.
 struct FitReport {
     Tensor target;   ///< (S, S, 3) in [0, 1], masked
-    Tensor initial;  ///< rendered from the encoder's codes
+    Tensor initial;  ///< rendered from the initial codes
     Tensor fitted;   ///< rendered from the fitted codes
-    Tensor mask;     ///< (S, S, 1): the model's own head mask for the fitted codes; undefined below
-                     ///< the model's resolution and unless asked for
+    Tensor mask;  ///< (S, S, 1): the model's head mask for the fitted codes; undefined unless asked
+                  ///< for, and below the model's resolution
     ImageMetrics initial_metrics;
     ImageMetrics fitted_metrics;
     Tensor tuned{};  ///< rendered by the tuned decoder; undefined without one
@@ -24,14 +24,14 @@ struct FitReport {
     std::string lpips_network;      ///< Lpips::label(); empty: LPIPS was not measured
 };
 
-/// Renders row `index` before and after and measures both within `mask` (B, S, S, 1), with LPIPS
-/// unless `lpips` is null. Of a fit that changed nothing there is one image. `with_head_mask`: also
-/// the model's own mask.
+/// Renders row `index` before and after the fit and measures both within `mask` (B, S, S, 1), with
+/// LPIPS unless `lpips` is null. If the fit changed nothing, only one image is rendered.
+/// `with_head_mask`: also renders the model's head mask.
 [[nodiscard]] FitReport report_fit(const Model& model, const FaceBatch& target, const Tensor& mask,
                                    const FitResult& result, std::int64_t index,
                                    const Lpips* lpips = nullptr, bool with_head_mask = false);
-/// Adds the image of the tuned decoder to the report of row `index`, and its mask instead of that
-/// of the fit. The other arguments are those of `report_fit`.
+/// Adds the image of the tuned decoder to the report of row `index`, and replaces the mask by that
+/// of the tuned decoder. The other arguments are those of `report_fit`.
 void add_tuned(FitReport& report, const Model& tuned, const FaceBatch& target, const Tensor& mask,
                const FitResult& result, std::int64_t index, const Lpips* lpips);
 /// {"initial": {...}, "fitted": {...}, "tuned": {...} if there is one, "lpips_network" if it was

@@ -42,8 +42,8 @@ void fit_by_adam(FitProblem& problem, const FitOptions& options, double learning
     }
 }
 
-/// The parameters of a problem as one vector. The poses are in units that make L-BFGS move them as
-/// little as their smaller learning rate makes Adam.
+/// The parameters of a problem as one vector. Poses are scaled so that L-BFGS moves them as little
+/// as Adam does with their smaller learning rate.
 class NumbersOf {
 public:
     NumbersOf(const FitProblem& problem, double pose_unit)
@@ -91,7 +91,7 @@ void fit_by_lbfgs(FitProblem& problem, const FitOptions& options, double learnin
     const NumbersOf numbers(problem, options.pose_learning_rate_factor);
     const auto batch = static_cast<double>(problem.initial().batch());
     Eigen::VectorXd start = numbers.values();
-    // As far as Adam's first step.
+    // The length of Adam's first step.
     const double first_step = learning_rate * std::sqrt(static_cast<double>(start.size()));
     Lbfgs minimiser(std::move(start), {.first_step = first_step});
     std::int64_t steps = 0;

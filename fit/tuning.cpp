@@ -28,7 +28,7 @@ constexpr double sample_tolerance = 1e-3;
 constexpr double mask_weight = 0.05;
 constexpr double largest_yaw = 40.0, largest_pitch = 15.0;
 
-/// What the tuned decoder must go on showing.
+/// Images that the tuned decoder must preserve.
 struct Anchor {
     Codes codes;
     Camera camera;
@@ -109,7 +109,7 @@ private:
                              decoding(side, masked));
         const Variable loss = loss_(decoded.images, photo).total;
         if (!masked) return loss;
-        // The mask branch reads what the render blocks give, which tuning changes.
+        // The mask branch reads features of the render blocks, which tuning changes.
         const Tensor mask = slice(Variable(faces_.mask), 0, row, row + 1).value();
         return loss + mask_loss(decoded.mask_logit, mask) * mask_weight;
     }
@@ -118,7 +118,7 @@ private:
         const Anchor& anchor = anchors_[static_cast<std::size_t>(number) % anchors_.size()];
         const Decoded decoded = tuned_.decoder()(anchor.codes, {anchor.camera},
                                                  decoding(anchor.images.back().shape(1)));
-        // Whichever image is the largest has the weight of the largest of all.
+        // The largest compared image has the weight of the model's largest image.
         const std::span<const double> weights = photos_.front().weights;
         return photometric_loss(decoded.images, anchor.images, weights.last(anchor.images.size())) *
                options_.locality_weight;
@@ -144,7 +144,7 @@ private:
         return anchor;
     }
 
-    /// The face as the original decoder shows it, on the scale of its images.
+    /// The face rendered by the original decoder, in the range of its images.
     [[nodiscard]] SeenFace seen_face(const Model& original, std::int64_t row, const Camera& camera,
                                      std::int64_t side) const {
         const View view = render_view(
@@ -153,7 +153,7 @@ private:
         return {camera, affine(Variable(view.image), 2.0, -1.0).value(), view.mask, view.depth};
     }
 
-    /// The photo's colours and mask, with the depth that the original decoder gives the face.
+    /// The photo's colours and mask, with the depth map of the original decoder.
     [[nodiscard]] SeenFace seen_in_photo(const Model& original, std::int64_t row) const {
         const Tensor& image = photos_.back().images.back();
         const std::int64_t side = image.shape(1);
@@ -167,8 +167,8 @@ private:
         return seen;
     }
 
-    /// What the photo shows of the face from another side, and what the original decoder shows of
-    /// the rest.
+    /// The face from another side: the photo's colours where it shows the point, else those of the
+    /// original decoder.
     [[nodiscard]] std::vector<Tensor> from_the_side(const Model& original, std::int64_t row,
                                                     const Camera& camera) const {
         const std::vector<std::int64_t>& sides = original.decoder().ladder().sides();
@@ -184,7 +184,8 @@ private:
         return images;
     }
 
-    /// Along the directions in which faces differ, or any if the model does not say.
+    /// A random offset with the covariance of the code statistics, or isotropic for a model without
+    /// statistics.
     [[nodiscard]] Codes random_offset(const Model& original, Rng& rng) const {
         const std::optional<CodeStatistics>& statistics = original.code_statistics();
         const double distance = options_.neighbour_distance;
@@ -208,7 +209,7 @@ private:
     HybridOptimizer optimizer_{{}, true};
 };
 
-/// Share of the tuning that is over.
+/// Finished share of the tuning.
 double part_done(const TuningOptions& options, std::int64_t step, double seconds) {
     double part = 0.0;
     if (options.steps > 0) part = static_cast<double>(step) / static_cast<double>(options.steps);

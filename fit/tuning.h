@@ -11,27 +11,27 @@ namespace stymo {
 
 /// The state of tuning after a step.
 struct TuningStep {
-    std::int64_t steps = 0;  ///< done
+    std::int64_t steps = 0;  ///< number of steps done
     double seconds = 0.0;    ///< since tuning began
     double loss = 0.0;       ///< of the photo, before the step
 };
 
 struct TuningOptions {
-    /// Tuning ends after so many seconds or so many steps, whichever comes first, but not before
-    /// the first step; 0: no such limit.
-    /// The result depends on the machine's speed unless `steps` comes first.
+    /// Tuning ends after `seconds` or `steps`, whichever comes first, but does at least one step;
+    /// 0: no such limit. The result depends on the machine's speed unless `steps` comes first.
     double seconds = 0.0;
     std::int64_t steps = 0;
-    double learning_rate = 1e-2;  ///< the highest; it rises over the first twentieth of the time
-                                  ///< and then falls to 0 along a cosine
-    /// Weight of the locality term: images of the tuned decoder at anchors against those of the
-    /// original one. One anchor of three is a neighbouring code seen from anywhere; the others are
-    /// the face itself from other sides, as the photo shows it where it does (fit/turned_photo.h).
+    double learning_rate = 1e-2;  ///< the largest rate: it rises over the first twentieth of the
+                                  ///< time and then falls to 0 along a cosine
+    /// Weight of the locality term, which compares images of the tuned decoder at anchors with
+    /// those of the original one. One of three anchors is a neighbouring code from a random camera.
+    /// The others are the face itself from other sides; there the target has the photo's colours
+    /// where the photo shows the same points (fit/turned_photo.h).
     double locality_weight = 1.0;
-    double neighbour_distance = 0.5;  ///< of neighbouring codes, in standard deviations
+    double neighbour_distance = 0.5;  ///< distance of neighbouring codes, in standard deviations
     std::int64_t anchors = 32;
-    std::int64_t samples_per_ray = 0;  ///< 0: the model's own
-    std::uint64_t seed = 0;            ///< of the anchors
+    std::int64_t samples_per_ray = 0;  ///< 0: ReconstructionConfig::fit_samples_per_ray
+    std::uint64_t seed = 0;            ///< seed of the anchors
     std::function<void(const TuningStep&)> on_step = {};
 };
 
@@ -40,9 +40,9 @@ struct TuningResult {
     double seconds = 0.0;
 };
 
-/// Pivotal tuning (Roich et al. 2022), the paper's future work: the decoder learns the photos of
-/// one face, whose codes are fitted and stay as they are, one photo in each step in turn. Field,
-/// render blocks and mask branch change; the mapping networks do not. `tuned` begins as a copy of
+/// Pivotal tuning (Roich et al. 2022), which the paper names as future work: trains the decoder on
+/// the photos of one face, with fixed, fitted codes. Each step uses one photo, in turn. Field,
+/// render blocks and mask branch change; the mapping networks do not. `tuned` must be a copy of
 /// `original` and is frozen afterwards. Throws ValueError without any limit, NumericError if the
 /// loss becomes non-finite.
 [[nodiscard]] TuningResult tune_decoder(const Model& original, Model& tuned,

@@ -12,8 +12,8 @@ namespace stymo {
 
 namespace {
 
-/// The photo shows a point if its depth there is the point's, up to this share of it: the map has
-/// far fewer pixels than the photo.
+/// The photo shows a point if its depth map agrees with the point's depth up to this share. The map
+/// has far fewer pixels than the photo.
 constexpr double depth_tolerance = 0.012;
 /// Width of the rim, as a share of the image's side.
 constexpr double rim = 0.03;
@@ -25,7 +25,7 @@ cv::Mat as_mat(const Tensor& image) {
             const_cast<float*>(image.values<float>().data())};
 }
 
-/// Where the photo shows the point that the view has at `place`; outside of the image if it does
+/// The place in the photo of the point at `place` of the view; outside the image if the photo does
 /// not show it.
 Eigen::Vector2d place_in_photo(const SeenFace& photo, const SeenFace& view,
                                const Eigen::Vector2d& place) {
@@ -39,7 +39,7 @@ Eigen::Vector2d place_in_photo(const SeenFace& photo, const SeenFace& view,
     return {-1.0, -1.0};
 }
 
-/// What is seen, less a rim that grows from 0 to 1.
+/// Softens the border of the visible region: a rim in which the weight rises from 0 to 1.
 void soften(cv::Mat& seen) {
     const int width = std::max(1, static_cast<int>(rim * seen.cols)) | 1;
     cv::blur(seen, seen, {width, width}, {-1, -1}, cv::BORDER_CONSTANT);

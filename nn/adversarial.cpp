@@ -23,8 +23,8 @@ Variable fake_loss(const Variable& fake_logits) {
 Variable r1_penalty(const std::function<Variable(const Variable&)>& discriminator,
                     const Tensor& real_images) {
     const Variable images = Variable::leaf(real_images);
-    // The logits' sum has each image's own gradient: those of other images come in through the
-    // minibatch deviation alone.
+    // The gradient of the sum of logits gives each image the gradient of its own logit. Only the
+    // minibatch deviation adds contributions of other images.
     const Variable gradient =
         grad(sum(discriminator(images)), images, {.create_graph = true, .dL_dy = {}});
     return sum(square(gradient)) * (0.5 / static_cast<double>(real_images.shape(0)));

@@ -10,19 +10,19 @@ namespace stymo {
 
 /// E softplus(-D(fake)), non-saturating.
 [[nodiscard]] Variable generator_loss(const Variable& fake_logits);
-/// The discriminator's loss is E softplus(-D(real)) + E softplus(D(fake)). Two functions, so that
-/// the graph of one term can be let go before the other is computed.
+/// The discriminator's loss is E softplus(-D(real)) + E softplus(D(fake)). It has two functions, so
+/// that the graph of one term can be released before the other is computed.
 [[nodiscard]] Variable real_loss(const Variable& real_logits);
 [[nodiscard]] Variable fake_loss(const Variable& fake_logits);
-/// E |dD/dx|^2 / 2 on real images, a sum over pixels and channels and a mean over the batch, by
-/// exact double backward: its gradient with respect to D's parameters is that of the value.
+/// R1 without its weight: E |dD/dx|^2 / 2 on real images, summed over pixels and channels and
+/// averaged over the batch. Its gradient with respect to D's parameters is exact (double backward).
 /// `discriminator` maps images to logits.
 [[nodiscard]] Variable r1_penalty(const std::function<Variable(const Variable&)>& discriminator,
                                   const Tensor& real_images);
 
-/// An image that fades from its half resolution (box down, nearest up) to itself: what a
-/// discriminator sees while a block is faded in. The image itself at fade = 1. Throws ValueError
-/// for a fade outside [0, 1], ShapeError for an odd side.
+/// A mixture of an image, with weight `fade`, and its half resolution (box filter down, nearest
+/// neighbour up). A discriminator sees it while a block is being faded in. At fade = 1 it is the
+/// image itself. Throws ValueError for a fade outside [0, 1], ShapeError for an odd side.
 [[nodiscard]] Variable faded_image(const Variable& images, double fade);
 
 }  // namespace stymo

@@ -29,14 +29,14 @@ Eigen::Matrix3d turned(double angle) {
     return Eigen::Matrix3d{{c, -s, 0}, {s, c, 0}, {0, 0, 1}};
 }
 
-/// Numbers for transformations, each of which takes place or does not.
+/// Random parameters of transformations, each of which is applied with a probability.
 class Draws {
 public:
     Draws(Rng rng, double probability) : rng_(rng), probability_(probability) {}
 
-    /// With another probability from here on.
+    /// Sets the probability of the following draws.
     void set_probability(double probability) { probability_ = probability; }
-    /// `without` where the transformation does not take place.
+    /// Returns `without` if the transformation is not applied.
     double uniform(double low, double high, double without) {
         return chosen(low + (high - low) * rng_.uniform(), without);
     }
@@ -44,7 +44,7 @@ public:
         return chosen(std::floor(bound * rng_.uniform()), without);
     }
     double normal(double deviation) { return chosen(deviation * rng_.normal(), 0.0); }
-    /// Of a logarithm with this deviation.
+    /// A factor whose logarithm has this standard deviation.
     double factor(double deviation) { return std::exp(normal(deviation)); }
 
 private:
@@ -62,7 +62,8 @@ Eigen::Matrix3d drawn_geometry(Draws& draw, double probability) {
     map *= moved(draw.uniform(-0.25, 0.25, 0), 0) * moved(0, draw.uniform(-0.25, 0.25, 0));
     const double size = draw.factor(0.2 * ln2);
     map *= scaled(size, size);
-    // Two rotations, one before and one after the stretching, together as probable as the others.
+    // There are rotations before and after the stretching. That at least one of them is applied has
+    // the same probability as the other transformations.
     draw.set_probability(1.0 - std::sqrt(1.0 - probability));
     const double before = draw.uniform(-pi, pi, 0), after = draw.uniform(-pi, pi, 0);
     draw.set_probability(probability);
@@ -88,7 +89,7 @@ Eigen::Matrix<double, 3, 4> drawn_color(Draws& draw) {
     return result;
 }
 
-/// One of the four pixels that a target pixel is interpolated from, for all target pixels.
+/// One of the four source pixels of the bilinear interpolation, for all target pixels.
 struct Tap {
     RowIndices rows;
     std::vector<double> weights;  ///< 0 beyond the border

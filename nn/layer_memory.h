@@ -5,13 +5,13 @@
 
 namespace stymo {
 
-/// What a part of a network needs for a forward pass and the backward pass behind it, in numbers of
-/// the model's type. The weights are not counted.
+/// Memory of a part of a network for a forward and a backward pass, in elements of the model's
+/// type. Weights are not counted.
 struct LayerMemory {
     std::int64_t saved = 0;    ///< kept for the backward pass
-    std::int64_t passing = 0;  ///< needed for a moment beside it, at most
+    std::int64_t passing = 0;  ///< largest temporary memory in addition to `saved`
 
-    /// Another part, before or after this one.
+    /// Adds a part that runs before or after this one.
     void add(const LayerMemory& other) {
         saved += other.saved;
         passing = std::max(passing, other.passing);

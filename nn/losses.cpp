@@ -37,8 +37,8 @@ Variable code_loss(const Codes& z, const std::array<Tensor, 4>& targets,
     Variable total;
     for (std::size_t i = 0; i < targets.size(); ++i) {
         require_same_shape("code_loss", z.groups[i].shape(), targets[i].shape());
-        // A missing target may hold anything, even what is not a number, so it is left out rather
-        // than multiplied by 0.
+        // A missing target may hold any value, even NaN, so it is selected out rather than
+        // multiplied by 0.
         const Tensor there = broadcast_to(factor, targets[i].shape()).value();
         const Variable difference = where(there, z.groups[i] - Variable(targets[i]),
                                           Tensor::zeros(targets[i].shape(), z.groups[i].dtype()));

@@ -6,19 +6,19 @@
 #include "core/autograd/variable.h"
 #include "nn/models/codes.h"
 
-/// Losses of the reconstruction, all scalars. Targets are constants of the images' type.
+/// Losses of the reconstruction. Targets are constants of the same element type as the images.
 namespace stymo {
 
-/// sum_r weights_r mean |image_r - target_r|, over the resolutions of the paper's L_photo; the mean
-/// is over all elements. Weights of resolutions beyond the last image are left unused. Throws
-/// ShapeError for images without a target or weight, or of another shape than their target.
+/// The paper's L_photo: sum_r weights_r mean |image_r - target_r| over the resolutions r, a scalar;
+/// the mean is over all elements. Weights beyond the last image are ignored. Throws ShapeError for
+/// an image without a target or a weight, or of another shape than its target.
 [[nodiscard]] Variable photometric_loss(std::span<const Variable> images,
                                         std::span<const Tensor> targets,
                                         std::span<const double> weights);
 
 /// The paper's L_code: sum_g weights_g |z_g - target_g|^2, a sum over the elements of a code and a
-/// mean over the batch. `present` (B): 1 where a face has target codes, 0 where it has none; a face
-/// without them adds 0 to the mean over all B.
+/// mean over the batch. `present` (B) is 1 where a face has target codes, else 0. A face without
+/// target codes contributes 0 to the mean over all B faces.
 [[nodiscard]] Variable code_loss(const Codes& z, const std::array<Tensor, 4>& targets,
                                  std::span<const double, 4> weights, const Tensor& present);
 
@@ -27,14 +27,14 @@ namespace stymo {
 [[nodiscard]] Variable mask_loss(const Variable& logit, const Tensor& mask);
 
 /// Mean binary cross-entropy of the opacity 1 - transmittance of each ray against a mask in [0, 1]
-/// with as many elements. Opacity and transmittance are lifted by 1e-3 in the logarithms, which
-/// bounds the gradient; unlike with a squared difference, it does not fade for an opaque ray of the
-/// background until its transmittance is that small.
+/// with as many elements. In the logarithms 1e-3 is added to opacity and transmittance, which
+/// bounds the gradient. Unlike the gradient of a squared difference, it does not vanish for an
+/// opaque ray of the background until the transmittance is as small as 1e-3.
 [[nodiscard]] Variable opacity_loss(const Variable& transmittance, const Tensor& mask);
 
-/// Mean of each image and channel under a mask in [0, 1], the colour of a part: images (B, H, W, C)
-/// and mask (B, H, W, 1) -> (B, 1, 1, C). Under an empty mask the mean is 0, and so is its
-/// gradient.
+/// Mean of each image and channel weighted by a mask in [0, 1]: images (B, H, W, C) and mask (B, H,
+/// W, 1) -> (B, 1, 1, C). For an empty mask the mean and its gradient are 0. Throws ShapeError for
+/// other shapes.
 [[nodiscard]] Variable masked_mean(const Variable& images, const Tensor& mask);
 
 }  // namespace stymo

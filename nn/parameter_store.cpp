@@ -106,7 +106,8 @@ void ParameterStore::load(const TensorFile& file, const std::string& source,
             fail<FileError>(source, ": ", parameter.name(), " holds values that are not finite");
         found.emplace_back(parameter, tensor.to(parameter.variable().dtype()));
     }
-    // Only once all of them are known to fit, so that a bad file leaves the model as it was.
+    // Values are set only after all have been checked, so that a bad file leaves the model
+    // unchanged.
     for (auto& [parameter, value] : found) parameter.set_value(std::move(value));
     file_ = nullptr;
 }

@@ -17,12 +17,12 @@ public:
     Parameter() = default;
 
     [[nodiscard]] const std::string& name() const { return slot_->name; }
-    /// The present value: a leaf while trainable, a constant while frozen.
+    /// The current value: a leaf while trainable, a constant while frozen.
     [[nodiscard]] const Variable& variable() const { return slot_->variable; }
     [[nodiscard]] bool trainable() const { return slot_->variable.tracked(); }
     [[nodiscard]] bool defined() const { return slot_ != nullptr; }
-    /// Replaces the value, keeping shape, type and trainability. Throws ShapeError or TypeError
-    /// naming the parameter.
+    /// Replaces the value, keeping trainability. Throws ShapeError or TypeError, which names the
+    /// parameter, for another shape or type.
     void set_value(Tensor value) const;
 
 private:
@@ -35,7 +35,7 @@ private:
     std::shared_ptr<Slot> slot_;
 };
 
-/// The present values of parameters, which a loss has gradients with respect to.
+/// The current values of parameters, to take gradients with respect to them.
 [[nodiscard]] std::vector<Variable> variables_of(const std::vector<Parameter>& parameters);
 
 /// Owns every weight of a model, in order of creation, under dotted names
@@ -43,14 +43,15 @@ private:
 class ParameterStore {
 public:
     ParameterStore() = default;
-    /// For the parameters of this file, which must outlive their creation: `create` throws
-    /// FileError, as `load` does, for one that the file does not have. A small file that claims a
-    /// large network is refused at its first layer, before the memory of all of them is taken.
+    /// A store for the parameters of this file, which must outlive all calls of `create`. `create`
+    /// throws FileError, like `load`, for a parameter that the file does not have. A small file
+    /// whose configuration describes a large network is thus rejected at its first layer, before
+    /// memory for the whole network is allocated.
     ParameterStore(const TensorFile& file, std::string source);
 
-    /// A trainable parameter. Throws ValueError if the name is taken.
+    /// Creates a trainable parameter. Throws ValueError if the name is taken.
     Parameter create(std::string name, Tensor value);
-    /// A value that is saved and loaded but never trained (batch-norm statistics).
+    /// Creates a value that is saved and loaded but never trained (batch norm statistics).
     Parameter create_constant(std::string name, Tensor value);
 
     [[nodiscard]] const std::vector<Parameter>& all() const { return parameters_; }
@@ -61,12 +62,12 @@ public:
     /// Freezes or unfreezes the parameters whose name begins with `prefix`; constants stay
     /// constants.
     void set_trainable(std::string_view prefix, bool trainable);
-    /// Converts every value; used to run the very same model in float64.
+    /// Converts every value, for example to run the same model in float64.
     void convert(DType dtype);
 
     /// Sets each parameter whose name begins with `prefix` from the tensor of that name. Throws
-    /// FileError naming `source` and the first tensor that is missing, of another shape (with both
-    /// shapes) or not finite.
+    /// FileError, which names `source` and the first tensor that is missing, has another shape
+    /// (with both shapes) or is not finite.
     void load(const TensorFile& file, const std::string& source, std::string_view prefix = "");
     /// Adds every parameter whose name begins with `prefix`.
     void save(TensorFile& file, std::string_view prefix = "") const;

@@ -10,7 +10,7 @@
 namespace stymo {
 namespace {
 
-// A ray that is more transparent has no surface whose thickness could be measured.
+// Rays of smaller opacity have no surface and do not count.
 constexpr double least_opacity = 1e-3;
 
 void require_same(const char* function, const Shape& left, const Shape& right) {

@@ -6,14 +6,14 @@
 #include "render/camera.h"
 
 /// Depth maps: float32 (R, R, 1), Euclidean distances from the camera along rays through the
-/// middles of their pixels. Places are in units of the image's side.
+/// centres of pixels. Places are image coordinates in units of the image's side.
 namespace stymo {
 
-/// x right, y down, z forward in the camera's axes, of length 1.
+/// Unit vector from the camera through a place, in the camera's axes: x right, y down, z forward.
 [[nodiscard]] Eigen::Vector3d direction_at(const Intrinsics& intrinsics,
                                            const Eigen::Vector2d& place);
 
-/// The depth at a place, interpolated linearly; beyond the outer pixels' middles, theirs.
+/// The depth at a place, interpolated bilinearly between pixel centres and clamped at the border.
 [[nodiscard]] double depth_at(const Tensor& depths, const Eigen::Vector2d& place);
 
 /// The point in the world that the camera sees at a place.

@@ -29,8 +29,8 @@ constexpr std::array<Tetrahedron, 6> tetrahedra{along(1, 2, false), along(2, 4, 
                                                 along(4, 1, false), along(2, 1, true),
                                                 along(4, 2, true),  along(1, 4, true)};
 
-/// Even permutations of a tetrahedron's corners: by the corner that comes first, and by the two
-/// that do.
+/// Even permutations of a tetrahedron's corners, indexed by the corner that comes first, or by the
+/// two corners that come first.
 using Order = std::array<std::uint8_t, 4>;
 constexpr std::array<Order, 4> corner_first{
     {{0, 1, 2, 3}, {1, 0, 3, 2}, {2, 0, 1, 3}, {3, 0, 2, 1}}};

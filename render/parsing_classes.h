@@ -4,7 +4,7 @@
 
 namespace stymo {
 
-/// CelebAMask-HQ's classes of the parts of a head, in its order.
+/// The face parsing classes of CelebAMask-HQ, in its order.
 enum class ParsingClass {
     background,
     skin,

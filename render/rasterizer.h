@@ -13,26 +13,26 @@ namespace stymo {
 struct RasterSettings {
     std::int64_t width = 128;
     std::int64_t height = 128;
-    /// Each pixel is the mean of samples_per_side^2 samples on a regular grid: antialiasing. 1
-    /// samples the pixel's centre only.
+    /// Antialiasing: each pixel is the mean of samples_per_side^2 samples on a regular grid. 1
+    /// samples only the pixel's centre.
     std::int64_t samples_per_side = 3;
 };
 
 struct RasterImage {
     Tensor color;     ///< (height, width, 3) float32, premultiplied: the background is black
-    Tensor coverage;  ///< (height, width, 1), the part of the samples that a triangle covers
-    Tensor depth;  ///< (height, width, 1), along the optical axis, of the pixel's nearest sample;
-                   ///< infinity where there is none
-    std::vector<std::int32_t>
-        triangle;  ///< height * width, the triangle of that sample, -1 where there is none
+    Tensor coverage;  ///< (height, width, 1), fraction of the samples that a triangle covers
+    Tensor depth;     ///< (height, width, 1), depth along the optical axis of the pixel's nearest
+                      ///< sample; infinity where there is none
+    /// height * width elements: the triangle of that sample, -1 where there is none.
+    std::vector<std::int32_t> triangle;
 };
 
-/// Draws triangles with a depth buffer and perspective-correct colours. Both sides of a triangle
-/// are seen. Triangles that share an edge leave no gap; at equal depth the first one stays. A
-/// triangle that reaches behind the camera is left out whole. vertices (V, 3) in world coordinates
-/// and colors (V, 3), float32. The image's side in the camera's intrinsics is its width. The result
-/// does not depend on the number of threads. Throws ShapeError for shapes that do not match,
-/// ValueError for settings below 1 and for triangles that refer to a missing vertex.
+/// Draws triangles with a depth buffer and perspective-correct colours. Triangles are visible from
+/// both sides. Triangles that share an edge leave no gap. At equal depth the first triangle is
+/// kept. A triangle that is partly behind the camera is left out. vertices (V, 3) in world
+/// coordinates and colors (V, 3), float32. The camera's intrinsics are in units of the image's
+/// width. The result does not depend on the number of threads. Throws ShapeError for shapes that do
+/// not match, ValueError for settings below 1 and for triangles that refer to a missing vertex.
 [[nodiscard]] RasterImage rasterize(const Tensor& vertices, const Tensor& colors,
                                     std::span<const std::array<std::int32_t, 3>> triangles,
                                     const Camera& camera, const RasterSettings& settings);

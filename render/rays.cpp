@@ -10,15 +10,15 @@
 namespace stymo {
 namespace {
 
-/// Depth k of `samples` + 1, moved within its stratum: between the middles of the intervals on its
-/// two sides.
+/// Depth k of `samples` + 1, moved at random within its stratum, which extends to the middles of
+/// the two neighbouring intervals.
 double stratified_position(std::int64_t k, std::int64_t samples, double uniform) {
     const double lower = std::max(static_cast<double>(k) - 0.5, 0.0);
     const double upper = std::min(static_cast<double>(k) + 0.5, static_cast<double>(samples));
     return (lower + (upper - lower) * uniform) / static_cast<double>(samples);
 }
 
-/// `uniforms`: samples + 1 numbers in [0, 1), or none for depths at equal steps.
+/// `uniforms` has samples + 1 numbers in [0, 1); if empty, depths are equidistant.
 template <class T>
 void sample_ray(const Ray& ray, std::span<const double> uniforms, std::span<T> points,
                 std::span<T> deltas, std::span<T> depths) {
@@ -106,7 +106,7 @@ RaySamples sample_rays(const std::vector<Camera>& cameras, const RaySampling& sa
     const std::int64_t side = sampling.rays_per_side, rays = side * side,
                        samples = sampling.samples_per_ray;
 
-    // Drawn before the threads start, so that their number does not change what is drawn.
+    // Drawn before the threads start, so that the numbers do not depend on the threads.
     const Tensor uniforms = jitter == nullptr
                                 ? Tensor()
                                 : jitter->uniform({camera_count, rays, jitter_numbers(samples)},

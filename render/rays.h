@@ -10,8 +10,8 @@ namespace stymo {
 
 /// Which planes bound the samples.
 enum class DepthPlanes {
-    world_z,  ///< world planes z = near_z and z = far_z, HeadNeRF's; throws for a ray that (nearly)
-              ///< runs along them
+    world_z,  ///< world planes z = near_z and z = far_z, as in HeadNeRF; rays must not be nearly
+              ///< parallel to them
     optical_axis,  ///< depth along the optical axis from |centre| - near_z to |centre| - far_z, for
                    ///< any yaw
 };
@@ -22,12 +22,12 @@ struct RaySampling {
     double near_z = 2.5;
     double far_z = -3.5;
     DepthPlanes planes = DepthPlanes::world_z;
-    /// Ray through the middle of its pixel, (i + 0.5) / side; false: through its corner, as
-    /// HeadNeRF.
+    /// true: rays pass through the centres of pixels, (i + 0.5) / side; false: through their
+    /// corners, as in HeadNeRF.
     bool pixel_centers = true;
 };
 
-/// A ray of a camera and the stretch of it that is sampled, as distances from the camera's centre.
+/// A ray of a camera with the interval that is sampled, as distances from the camera's centre.
 struct Ray {
     Eigen::Vector3d origin = Eigen::Vector3d::Zero();
     Eigen::Vector3d direction = Eigen::Vector3d::Zero();  ///< of length 1
@@ -40,7 +40,7 @@ struct Ray {
 [[nodiscard]] Eigen::Vector3d camera_direction(const Intrinsics& intrinsics,
                                                const RaySampling& sampling, std::int64_t row,
                                                std::int64_t column);
-/// The ray through one pixel of the feature map. Throws as `sample_rays`.
+/// The ray through one pixel of the feature map. Throws like `sample_rays`.
 [[nodiscard]] Ray camera_ray(const Camera& camera, const RaySampling& sampling, std::int64_t row,
                              std::int64_t column);
 /// Distance of sample k of N without jitter; k = N is the far plane.
@@ -59,16 +59,17 @@ struct RaySamples {
     Tensor depths;  ///< (B, R, N), Euclidean distance from the camera's centre
 };
 
-/// Random numbers that jitter takes for each ray.
+/// Number of random numbers that jitter draws for each ray.
 [[nodiscard]] constexpr std::int64_t jitter_numbers(std::int64_t samples_per_ray) {
     return samples_per_ray + 1;
 }
 
-/// N + 1 uniform depths between the planes bound N intervals; the sample stands at the start of its
-/// interval. With `jitter` each of the N + 1 moves uniformly within its stratum (training), so the
-/// last interval may end short of the far plane. A near plane behind the camera is moved to the
-/// camera. Throws ValueError for less than two samples, for planes in the wrong order, for a camera
-/// behind the far plane and for a ray within 3 degrees of the planes.
+/// Samples the rays of cameras. N + 1 equidistant depths from the near to the far plane bound N
+/// intervals; each sample is at the start of its interval. With `jitter` (training) each of the N +
+/// 1 depths moves uniformly within its stratum, so the last interval may end before the far plane.
+/// A near plane behind the camera is moved to the camera. Throws ValueError for fewer than two
+/// samples, for planes in the wrong order, for a camera behind the far plane and for a ray within 3
+/// degrees of parallel to the planes.
 [[nodiscard]] RaySamples sample_rays(const std::vector<Camera>& cameras,
                                      const RaySampling& sampling, Rng* jitter,
                                      DType dtype = DType::float32);

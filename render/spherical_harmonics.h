@@ -9,11 +9,11 @@ namespace stymo {
 
 /// Real spherical harmonics up to band 2 at a unit normal in camera space (x right, y down, z
 /// forward), times the weights of the Lambertian reflection kernel, with the signs and the order
-/// usual among 3D morphable face models.
+/// that 3D morphable face models commonly use.
 [[nodiscard]] std::array<double, 9> spherical_harmonics(const Eigen::Vector3d& normal);
 
-/// Irradiance in RGB: sum_k light[3 k + channel] Y_k(normal). `light` holds 27 coefficients,
-/// function major, colour minor. Throws ShapeError for another number.
+/// Irradiance in RGB: sum_k light[3 k + channel] Y_k(normal). `light` holds 27 coefficients, three
+/// colours for each of nine functions. Throws ShapeError for another number.
 [[nodiscard]] Eigen::Vector3d irradiance(std::span<const float> light,
                                          const Eigen::Vector3d& normal);
 

@@ -8,17 +8,17 @@
 
 namespace stymo {
 
-/// Poses as they are learnt, (B, 6): yaw, pitch, roll in radians, then R^T t, the camera's centre
-/// along the axes that turn with it (right, up, towards the camera). A change of the angles alone
-/// is an orbit around the head, whatever the distance.
+/// Orbit parameters (B, 6) of poses, in which poses are optimised: yaw, pitch, roll in radians,
+/// then R^T t, the camera's centre in axes that turn with the camera (right, up, towards the
+/// camera). A change of only the angles is an orbit around the head at constant distance.
 [[nodiscard]] Tensor orbit_parameters(std::span<const Pose> poses, DType dtype = DType::float32);
 /// Row `index` of such parameters as a pose.
 [[nodiscard]] Pose pose_from_orbit(const Tensor& parameters, std::int64_t index);
 
-/// The points of rays as a function of the cameras' poses, which gradients flow to: (B, R * N, 3)
-/// for orbit parameters (B, 6), the intrinsics of each camera, and depths (B, R, N) as sample_rays
-/// gives them. The depths count as constants: where samples stand on a ray does not change the
-/// integral along it. Throws ShapeError for extents that do not fit.
+/// The sample points (B, R * N, 3) of rays as a differentiable function of orbit parameters (B, 6).
+/// Of `cameras` only the intrinsics are used. depths (B, R, N) are those of sample_rays and count
+/// as constants, since the places of samples on a ray do not change the integral along it. Throws
+/// ShapeError for extents that do not match.
 [[nodiscard]] Variable tracked_points(const Variable& orbits, const std::vector<Camera>& cameras,
                                       const RaySampling& sampling, const Tensor& depths);
 

@@ -136,7 +136,7 @@ StepReport AdversarialStage::step(const TrainingPosition& position) {
         update_decoder(position, report);
         return report;
     }
-    // If any update of the step is not finite, none of them counts.
+    // If any update of the step is not finite, all are undone.
     const std::vector<Variable> values = variables_of(discriminator_->parameters.all());
     const Adam adam = discriminator_->adam;
     const AdaptiveProbability augmentation = discriminator_->augmentation;

@@ -6,9 +6,9 @@
 
 namespace stymo {
 
-/// The second stage: the decoder against a discriminator, while the encoder stays as it is. A step
-/// updates the discriminator, regularizes it every `r1_interval` steps (R1, an update of its own),
-/// then updates the decoder. Without adversarial weight there is no discriminator, and the decoder
+/// The second stage: adversarial training of the decoder with a frozen encoder. A step updates the
+/// discriminator, regularizes it every `r1_interval` steps (R1, a separate update), and then
+/// updates the decoder. With adversarial weight 0 there is no discriminator, and the decoder
 /// continues to learn the reconstruction.
 class AdversarialStage : public TrainingStage {
 public:
@@ -20,7 +20,7 @@ public:
     void load(const TensorFile& file, const std::string& source) override;
 
 private:
-    /// A discriminator with the weights that it learns and the optimiser's memory of them.
+    /// A discriminator with its weights and the state of its optimiser.
     struct TrainedDiscriminator {
         ParameterStore parameters;
         Discriminator network;
@@ -30,13 +30,14 @@ private:
         TrainedDiscriminator(const TrainConfig& config, Rng rng);
     };
 
-    /// Each does one update of the discriminator and notes what is not finite in it, in which case
-    /// nothing has changed.
+    /// These functions make one update of the discriminator. If a value is not finite, they record
+    /// it in the report and change nothing.
     void update_discriminator(const TrainingPosition& position, StepReport& report);
     void regularize_discriminator(const TrainingPosition& position, StepReport& report);
     void apply(const LossAndGradients& update, const std::vector<Parameter>& parameters,
                StepReport& report);
-    /// Unfreezes the discriminator's layers that take part, and nothing else; returns them.
+    /// Unfreezes only the discriminator's layers for the phase's resolution, and returns their
+    /// parameters.
     [[nodiscard]] std::vector<Parameter> unfreeze_discriminator(const TrainingPosition& position);
     void update_decoder(const TrainingPosition& position, StepReport& report);
 

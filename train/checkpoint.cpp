@@ -126,7 +126,7 @@ Checkpoint read_checkpoint(const std::filesystem::path& folder, Model& model) {
     if (losses == file.tensors.end())
         fail<FileError>(source, ": not a training state (\"", epoch_losses_name, "\" is missing)");
     checkpoint.state.epoch_losses = losses->second.to_vector();
-    // Last, so that a state that cannot be read leaves the model as it was.
+    // Last, so that an unreadable state leaves the model unchanged.
     model.parameters().load(files.weights, (folder / model_name).string());
     return checkpoint;
 }

@@ -19,7 +19,7 @@ namespace {
 
 constexpr const char* list_name = "checksums.txt";
 
-/// Checksum and size of a file, as checksums.txt has them.
+/// Checksum and size of a file in the format of checksums.txt.
 std::string seal_of(const fs::path& file) {
     std::uint32_t checksum = 0;
     std::uint64_t size = 0;
@@ -32,7 +32,7 @@ std::string seal_of(const fs::path& file) {
     return text.str();
 }
 
-/// Seals of the files by their names.
+/// Checksums and sizes of the files, by name.
 std::map<std::string, std::string> seals_of(const fs::path& folder) {
     std::map<std::string, std::string> seals;
     for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {

@@ -9,15 +9,15 @@
 
 namespace stymo {
 
-/// Learnt offsets, which training adds to the morphable codes of its photos
-/// (ModelConfig::code_source "morphable_offset"; HeadNeRF): zeros at first, learnt with the
-/// decoder's weights.
+/// Learnt offsets, which training adds to the morphable codes of its photos, as in HeadNeRF
+/// (ModelConfig::code_source "morphable_offset"). They begin as zeros and are trained together with
+/// the decoder's weights.
 class CodeOffsets {
 public:
     /// One row for each of `ids`, in the parameters codes.offset.{id,expr,tex,light}.
     explicit CodeOffsets(const std::vector<std::string>& ids);
 
-    /// The offsets of these photos. Throws ValueError for an id that has none.
+    /// The offsets of these photos, one row for each. Throws ValueError for an id without offset.
     [[nodiscard]] Codes of(std::span<const std::string> ids) const;
     [[nodiscard]] ParameterStore& parameters() { return parameters_; }
 

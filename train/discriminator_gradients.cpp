@@ -22,8 +22,7 @@ Tensor real_images(const FaceBatch& batch, const TrainingPosition& position) {
     return faded_image(*found, position.fade).value();
 }
 
-/// Images of the batch's faces as the discriminator sees them, one face at a time: none needs the
-/// memory of more.
+/// Rendered images of the batch's faces for the discriminator. One face at a time saves memory.
 Tensor fake_images(const GeneratorInputs& inputs, const FaceBatch& batch,
                    const TrainingPosition& position, Rng& jitter) {
     const Codes codes = detached(face_codes(inputs.model, batch, inputs.offsets));
@@ -63,7 +62,7 @@ LossAndGradients discriminator_gradients(const GeneratorInputs& inputs,
             .value();
     const std::vector<Variable> leaves = variables_of(parameters);
     LossAndGradients result;
-    // The graph of one term is gone before the other is computed.
+    // The graph of one term is released before the other is computed.
     const auto classify = [&](const Tensor& images, Variable (*loss_of)(const Variable&),
                               std::string_view logit_name) {
         const Variable logits = (*inputs.discriminator)(images, position.fade);

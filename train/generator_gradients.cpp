@@ -39,7 +39,8 @@ LossAndGradients generator_gradients(const GeneratorInputs& inputs,
     const Decoder& decoder = inputs.model.decoder();
     const Recomputation recomputation =
         choose_execution(inputs.model, inputs.reconstruction, inputs.config, phase).recomputation;
-    // The mask branch sums up the features of all blocks, so it learns where all of them are there.
+    // The mask branch sums the features of all blocks, so it is trained only if all blocks are
+    // used.
     const bool mask = position.mask_loss && inputs.config.loss.mask_weight > 0.0 &&
                       phase.resolution == decoder.ladder().largest();
     const Decoded decoded = decoder(codes, batch.cameras,

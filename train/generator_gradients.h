@@ -12,33 +12,35 @@ namespace stymo {
 
 struct LossAndGradients {
     LossValues losses;
-    /// One for each of `parameters`, in their order; none where a sink took them.
+    /// One for each of `parameters`, in their order; empty if a sink received them.
     std::vector<Variable> gradients;
 };
 
-/// Hands the gradients of y to the sink in turn, or returns all of them where there is no sink.
+/// Passes the gradients of y to the sink one by one (grad_in_turn), or returns all of them if there
+/// is no sink.
 [[nodiscard]] std::vector<Variable> gradients_for(const GradientSink& sink, const Variable& y,
                                                   std::span<const Variable> xs);
 
-/// What an update of the generator, that is of encoder and decoder, computes with.
+/// Inputs of an update of the generator (encoder and decoder) or of the discriminator.
 struct GeneratorInputs {
     const Model& model;
     const ReconstructionLoss& reconstruction;
     const TrainConfig& config;
-    const CodeOffsets* offsets = nullptr;          ///< of the faces' codes, if they learn any
-    const Discriminator* discriminator = nullptr;  ///< needed in the second stage, unless its loss
-                                                   ///< has no weight
-    /// Of the images that the discriminator sees: of each rendered one, or, in the discriminator's
-    /// own update, of each photo, then of each rendered one. Empty: it sees them as they are.
+    const CodeOffsets* offsets = nullptr;  ///< learnt offsets of the faces' codes; null: none
+    /// Required in the second stage, unless its loss has weight 0.
+    const Discriminator* discriminator = nullptr;
+    /// Augmentations of the images that the discriminator sees: one for each rendered image, or, in
+    /// the discriminator's own update, one for each photo and then one for each rendered image.
+    /// Empty: no augmentation.
     std::span<const ImageAugmentation> augmentations{};
 };
 
 /// Forward and backward pass of the generator's update on one micro-batch, in either stage: codes,
 /// decoder with stratified samples, the terms of loss_terms.h. The losses are means over the images
-/// of the micro-batch. In the second stage the codes are constants; so is the discriminator, and
-/// one whose parameters are frozen meanwhile takes less memory for the same gradients. `jitter`
-/// moves on by as much for each image, so that several micro-batches in a row draw what one batch
-/// of all their images would. The gradients go to `sink`, if there is one.
+/// of the micro-batch. In the second stage codes and discriminator are constants; freezing the
+/// discriminator's parameters saves memory and does not change the gradients. `jitter` advances by
+/// the same amount for each image, so that consecutive micro-batches draw the same numbers as one
+/// large batch. The gradients go to `sink`, if there is one.
 [[nodiscard]] LossAndGradients generator_gradients(const GeneratorInputs& inputs,
                                                    const TrainingPosition& position,
                                                    const FaceBatch& batch,

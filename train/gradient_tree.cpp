@@ -31,7 +31,7 @@ void GradientTree::add(std::int64_t micro_batch, std::size_t i, Tensor gradient)
     Tensor sum = std::move(gradient);
     std::int64_t level = 0, number = micro_batch;
     for (std::int64_t width = micro_batches_; width > 1; width = (width + 1) / 2) {
-        // The last of an odd number has no partner and moves up alone.
+        // The last of an odd number of sums has no partner and moves up unchanged.
         if (const std::int64_t partner = number ^ 1; partner < width) {
             std::unique_lock lock(mutex_);
             const auto found = waiting_.find({i, level, partner});
@@ -42,7 +42,7 @@ void GradientTree::add(std::int64_t micro_batch, std::size_t i, Tensor gradient)
             Tensor other = std::move(found->second);
             waiting_.erase(found);
             lock.unlock();
-            // Nobody else holds the one that waited, so it is changed in place.
+            // No one else shares the waiting sum, so it is changed in place.
             add_to(other, sum);
             sum = std::move(other);
         }

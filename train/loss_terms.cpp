@@ -14,8 +14,8 @@ namespace stymo {
 
 namespace {
 
-/// Its gradient is taken at once, so that the discriminator's graph is gone before that of the
-/// perceptual network is made.
+/// The gradient is computed at once, so that the discriminator's graph is released before that of
+/// the perceptual network is recorded.
 Variable adversarial_term(const LossInputs& in, LossValues&) {
     const double fade = in.position.fade;
     return differentiate_at_once(
@@ -62,7 +62,7 @@ Variable code_norm_term(const LossInputs& in, LossValues&) {
     return squared_length(in.codes) / static_cast<double>(in.codes.batch() * code_size);
 }
 
-/// Of a weight that the configuration gives for both stages.
+/// A weight of the configuration that both stages use.
 template <double LossConfig::*weight>
 double configured(const LossInputs& in) {
     return in.config.loss.*weight;
@@ -100,7 +100,7 @@ std::span<const LossTerm> loss_terms() {
         {.name = "depth_variance",
          .weight = configured<&LossConfig::depth_variance_weight>,
          .value = depth_variance_term},
-        // Its weights are those of the four groups, which the function itself applies.
+        // The function itself applies the weights of the four groups.
         {.name = "code",
          .weight =
              [](const LossInputs& in) {

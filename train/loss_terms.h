@@ -14,19 +14,19 @@
 
 namespace stymo {
 
-/// Named values of a loss, in the order in which they were first noted.
+/// Named values of a loss, in the order in which they were first set.
 class LossValues {
 public:
     double total = 0.0;  ///< the weighted sum of the terms
 
-    /// 0 for a name that was never noted.
+    /// 0 for a name that was never set.
     [[nodiscard]] double operator[](std::string_view name) const;
-    /// Notes 0 for a name that was never noted.
+    /// The value of this name, which is first set to 0 if it is new.
     double& operator[](std::string_view name);
-    /// Adds `part` of each of another's values and of its total.
+    /// Adds `part` times the total and each value of `other`.
     void accumulate(const LossValues& other, double part);
 
-    /// One line of names and values from which `parse` makes the same values, bit for bit.
+    /// One line of names and values, from which `parse` restores the same bits.
     [[nodiscard]] std::string text() const;
     [[nodiscard]] static LossValues parse(const std::string& text);
 
@@ -34,8 +34,7 @@ private:
     std::vector<std::pair<std::string, double>> values_;
 };
 
-/// What the terms of the generator's loss are computed from: one micro-batch, and what the model
-/// made of it.
+/// Inputs of the terms of the generator's loss: one micro-batch and the model's outputs for it.
 struct LossInputs {
     const TrainConfig& config;
     const TrainingPosition& position;
@@ -43,8 +42,9 @@ struct LossInputs {
     const ReconstructionLoss& reconstruction;
     const Codes& codes;
     const Decoded& decoded;
-    const Discriminator* discriminator;                ///< null without an adversarial term
-    std::span<const ImageAugmentation> augmentations;  ///< of what it sees
+    const Discriminator* discriminator;  ///< null without an adversarial term
+    /// Augmentations of the images that the discriminator sees.
+    std::span<const ImageAugmentation> augmentations;
 };
 
 /// A term of the generator's loss. To add one: write its function in nn/losses.h, add it to the
@@ -53,17 +53,16 @@ struct LossTerm {
     std::string_view name;  ///< in stats.jsonl and TensorBoard
     /// 0: the term is not computed.
     double (*weight)(const LossInputs& inputs);
-    /// The term without its weight, a mean over the micro-batch. Notes the values of its `parts`.
+    /// The term without its weight, a mean over the micro-batch. Sets the values of its `parts`.
     Variable (*value)(const LossInputs& inputs, LossValues& values);
-    std::vector<std::string_view> parts{};  ///< names of further values that it notes
+    std::vector<std::string_view> parts{};  ///< names of further values that it sets
     bool second_stage_alone = false;
 };
 
-/// Name under which the share of samples that take part in the backward pass is noted beside the
-/// losses.
+/// Name, among the losses, of the share of samples that take part in the backward pass.
 inline constexpr std::string_view significant_share = "significant_samples";
 
-/// All terms, in the order in which they are added up.
+/// All terms, in the order in which they are summed.
 [[nodiscard]] std::span<const LossTerm> loss_terms();
 /// The names of the terms of this stage and of their parts, and `significant_share`.
 [[nodiscard]] std::vector<std::string_view> loss_names(int stage);

@@ -17,11 +17,11 @@ constexpr std::int64_t bytes_per_number = 4;
 constexpr double gibibyte = 1024.0 * 1024.0 * 1024.0;
 /// Program and libraries.
 constexpr std::int64_t program_bytes = 120 << 20;
-/// What the heap takes for what a step asks of it: freed pieces do not always fit the next request.
+/// Heap size divided by requested memory: freed blocks do not always fit the next request.
 constexpr double heap_factor = 1.15;
-/// A step that is chosen to fit a budget stays within it where the estimate is too low by as much.
+/// Safety margin: a step fits into the budget even if the estimate is too low by this factor.
 constexpr double estimate_margin = 1.25;
-/// Of the machine's memory that micro-batches side by side may take where there is no budget.
+/// Without a budget, share of the machine's memory that micro-batches side by side may use.
 constexpr double machine_part = 0.5;
 
 double machine_gibibytes() {
@@ -37,7 +37,8 @@ bool has_discriminator(const TrainConfig& config, const TrainingPhase& phase) {
     return phase.stage == 2 && config.loss.adversarial_weight > 0.0;
 }
 
-/// Weights; of those that are trained gradients, their sums and both moments; the EMA of all.
+/// Elements that last from step to step: all weights; for trained ones gradients, their sums and
+/// both moments; the EMA of all weights.
 std::int64_t lasting_numbers(const Model& model, const ReconstructionLoss& loss,
                              const TrainConfig& config, const TrainingPhase& phase,
                              std::int64_t at_once) {
@@ -50,7 +51,7 @@ std::int64_t lasting_numbers(const Model& model, const ReconstructionLoss& loss,
     std::int64_t numbers =
         (half_life > 0.0 ? 2 : 1) * all + (2 + gradients) * (phase.stage == 1 ? all : decoder);
     if (loss.lpips() != nullptr) numbers += loss.lpips()->element_count();
-    // Of the discriminator three more, for the state that a failed step goes back to.
+    // Three more for each weight of the discriminator: the state to which a failed step returns.
     if (has_discriminator(config, phase))
         numbers += (6 + gradients) * Discriminator::element_count(
                                          config.discriminator, model.decoder().ladder().largest());
@@ -65,7 +66,7 @@ std::int64_t generator_numbers(const Model& model, const ReconstructionLoss& los
                                const TrainConfig& config, const TrainingPhase& phase,
                                const Recomputation& recomputation) {
     const std::int64_t side = model.decoder().ladder().largest();
-    // The photos at full size, as the encoder and as the losses see them, with their masks.
+    // The photos at full size for the encoder and for the losses, with their masks.
     LayerMemory memory{phase.micro_batch * 10 * side * side, 0};
     memory.add(
         model.decoder().memory({.samples_per_ray = phase.samples_per_ray,

@@ -19,7 +19,7 @@ double peak_megabytes() {
     return static_cast<double>(usage.ru_maxrss) / 1024.0;
 }
 
-/// One more step, and how long it took.
+/// Does one more step and returns its time.
 double measured_step(Trainer& trainer, StepReport& report) {
     const double start = seconds_now();
     report = trainer.step();

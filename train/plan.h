@@ -16,28 +16,29 @@ struct PhasePlan {
     StepExecution execution{};
     double estimated_megabytes = 0.0;  ///< peak memory of a step
     bool measured = false;
-    double step_seconds =
-        0.0;  ///< of a step, with its share of R1; 0 unless measured, as what follows
+    /// Mean time of a step, including its share of R1. This and the following values are 0 unless
+    /// measured.
+    double step_seconds = 0.0;
     double step_loss = 0.0;  ///< of the first step
     double peak_megabytes = 0.0;
 };
 
-/// The phases of a run with their cost.
+/// The phases of a run and their costs.
 struct TrainingPlan {
     std::int64_t encoder_parameters = 0;
     std::int64_t decoder_parameters = 0;
-    std::int64_t discriminator_parameters = 0;  ///< 0 without one
+    std::int64_t discriminator_parameters = 0;  ///< 0 without a discriminator
     std::string lpips_network{};  ///< Lpips::label(); empty without the perceptual term
     std::int64_t images = 0;
-    std::int64_t side = 0;  ///< of the images, in pixels
+    std::int64_t side = 0;  ///< side of the images in pixels
     std::vector<PhasePlan> phases{};
 };
 
-/// Which phases are measured by doing optimiser steps: one of the first stage, two of a phase of
-/// the second (with R1 and without).
+/// Which phases are measured by optimiser steps: one step in the first stage, two in a phase of the
+/// second stage (with and without R1).
 enum class MeasuredPhases { none, ends, all };
 
-/// The plan of a run that has not begun. Measuring does optimiser steps, so the trainer must not be
+/// The plan of a run that has not begun. Measuring changes the weights, so the trainer must not be
 /// used for the run afterwards.
 [[nodiscard]] TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config,
                                         const Dataset& training, MeasuredPhases measured);

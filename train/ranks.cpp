@@ -25,9 +25,9 @@ void broadcast(Ranks& ranks, std::span<std::byte> bytes) {
     }
 }
 
-/// By recursive halving and doubling (Thakur, Rabenseifner and Gropp 2005), for a power of two of
-/// ranks: each adds up one part of the numbers, then all parts go round. The sums are those of
-/// `add_up_whole`, bit for bit, since a + b is b + a.
+/// Recursive halving and doubling (Thakur, Rabenseifner and Gropp 2005), if the number of ranks is
+/// a power of two: each rank sums one part of the numbers, then all parts are exchanged. The sums
+/// have the same bits as those of `add_up_whole`, since a + b = b + a.
 template <class T>
 void add_up_in_parts(Ranks& ranks, std::span<T> sums) {
     struct Split {
@@ -52,12 +52,12 @@ void add_up_in_parts(Ranks& ranks, std::span<T> sums) {
     }
 }
 
-/// Along a tree that any number of ranks can climb.
+/// Sums along a tree, for any number of ranks.
 template <class T>
 void add_up_whole(Ranks& ranks, std::vector<T>& sums) {
     const int rank = ranks.rank(), size = ranks.size();
     std::vector<T> other;
-    // The last of an odd number of partial sums has no partner and moves up alone.
+    // The last of an odd number of partial sums has no partner and moves up unchanged.
     for (int step = 1; step < size && rank % step == 0; step *= 2) {
         if (rank / step % 2 == 1) {
             ranks.send(bytes_of(sums), rank - step);

@@ -10,26 +10,26 @@
 
 namespace stymo {
 
-/// One of the processes (MPI's ranks) that train one model together. Each computes its share of
-/// every batch's gradients and then makes the same update, so all of them have the same weights at
-/// any time. The first one alone writes. All ranks make the calls below in the same order, one at a
-/// time, from whatever thread.
+/// One of the processes (MPI ranks) that train a model together. Each computes its share of every
+/// batch's gradients and then makes the same update, so the weights are always the same on all
+/// ranks. Only the first rank writes files. All ranks must make the calls below in the same order
+/// and one at a time, from any thread.
 class Ranks {
 public:
     virtual ~Ranks() = default;
 
     [[nodiscard]] virtual int rank() const = 0;
     [[nodiscard]] virtual int size() const = 0;
-    /// Returns once `bytes` may change.
+    /// Sends `bytes` to rank `to`, and returns when `bytes` may be changed.
     virtual void send(std::span<const std::byte> bytes, int to) = 0;
-    /// As many bytes as the other rank sends.
+    /// Receives from rank `from`; `bytes` must have the size that it sends.
     virtual void receive(std::span<std::byte> bytes, int from) = 0;
-    /// Both at once; the other rank makes the same call.
+    /// Sends and receives at once; rank `other` must make the same call.
     virtual void exchange(std::span<const std::byte> sent, std::span<std::byte> received,
                           int other);
-    /// Seconds spent in these calls so far, waiting for the other rank included.
+    /// Seconds spent in these calls so far, including waiting for other ranks.
     [[nodiscard]] virtual double exchange_seconds() const { return 0.0; }
-    /// Those of them in which this rank went on computing.
+    /// The part of exchange_seconds() in which this rank was also computing.
     [[nodiscard]] double hidden_seconds() const { return hidden_seconds_; }
     void add_hidden_seconds(double seconds) { hidden_seconds_ += seconds; }
 
@@ -39,7 +39,7 @@ private:
     double hidden_seconds_ = 0.0;
 };
 
-/// The only process of its training.
+/// The only process of a training.
 class OneRank final : public Ranks {
 public:
     [[nodiscard]] int rank() const override { return 0; }
@@ -48,19 +48,21 @@ public:
     void receive(std::span<std::byte>, int) override {}
 };
 
-/// Replaces the tensors by their sums over all ranks, the same bits on each. Ranks 2k and 2k + 1
-/// are added, then these sums in pairs, and so on: the upper levels of the tree of GradientTree.
-/// Where the ranks are a power of two, each sends and receives every number less than twice.
+/// Replaces the tensors by their sums over all ranks, with the same bits on each rank. Ranks 2k and
+/// 2k + 1 are added, then these sums in pairs, and so on: these are the upper levels of the tree of
+/// GradientTree. If the number of ranks is a power of two, each rank sends and receives less than
+/// twice the size of the tensors.
 void add_up(Ranks& ranks, std::vector<Tensor>& tensors);
-/// The texts of all ranks, in their order, on each.
+/// Returns the texts of all ranks, in the order of the ranks, on every rank.
 [[nodiscard]] std::vector<std::string> gather(Ranks& ranks, const std::string& own);
-/// Whether it is true on any rank.
+/// Whether `own` is true on any rank.
 [[nodiscard]] bool any(Ranks& ranks, bool own);
-/// Throws ValueError on every rank if `own` differs between them, naming `what` and the first rank
-/// that differs from the leading one.
+/// Throws ValueError on every rank if `own` differs between ranks. The message names `what` and the
+/// first rank that differs from the leading one.
 void require_equal(Ranks& ranks, const std::string& what, const std::string& own);
-/// Throws ValueError on every rank unless the micro-batches of a step are a power of two for each
-/// rank: then each has a whole subtree of the sum. `where` names the phase.
+/// Throws ValueError on every rank unless each rank gets a power of two of the step's
+/// micro-batches, so that it computes a whole subtree of the sum. The message names the phase,
+/// `where`.
 void require_share(const Ranks& ranks, std::int64_t micro_batches, const std::string& where);
 
 }  // namespace stymo

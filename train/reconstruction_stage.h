@@ -17,7 +17,8 @@ public:
     void load(const TensorFile& file, const std::string& source) override;
 
 private:
-    /// Unfreezes what the step trains. A pre-trained backbone stays as it is for the first epochs.
+    /// Unfreezes the parameters that the step trains. A pre-trained backbone stays frozen for the
+    /// first epochs.
     [[nodiscard]] std::vector<Parameter> unfreeze(const TrainingPosition& position);
     [[nodiscard]] double learning_rate(const TrainingPosition& position) const;
 

@@ -43,7 +43,7 @@ std::int64_t step_of(std::string_view line) {
     return step;
 }
 
-/// Numbers of a JSON object as scalars; null stands for what is not finite.
+/// Writes the numbers of a JSON object as scalars; null stands for a number that is not finite.
 void write_scalars(EventFile& events, std::int64_t step, const std::string& prefix,
                    const nlohmann::ordered_json& object) {
     for (const auto& [key, value] : object.items()) {
@@ -127,7 +127,7 @@ void RunFolder::sample(std::int64_t step, const Tensor& image) const {
 }
 
 void RunFolder::finish_checkpoint(std::int64_t step, std::int64_t keep) const {
-    // A run that is resumed from this checkpoint does not write its statistics again.
+    // A run that is resumed from this checkpoint does not write the earlier statistics again.
     const std::filesystem::path statistics = path_ / "stats.jsonl";
     if (std::filesystem::exists(statistics)) flush_to_disk(statistics);
     flush_names(path_);

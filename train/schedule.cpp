@@ -41,7 +41,8 @@ TrainingPosition TrainingSchedule::position(std::int64_t step) const {
     const auto after = std::ranges::upper_bound(phases_, step, {}, &TrainingPhase::first_step);
     const TrainingPhase& phase = *std::prev(after);
     const std::int64_t within = step - phase.first_step;
-    // After this step, so that a new block has some weight from its first step on.
+    // The fade at the end of this step, so that a new block has a positive weight from its first
+    // step on.
     const double faded = static_cast<double>((within + 1) * phase.batch) /
                          std::max(1.0, static_cast<double>(phase.fade_images));
     return {phase, within, std::min(1.0, faded), phase.first_image + within * phase.batch};

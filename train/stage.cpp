@@ -23,7 +23,7 @@ std::vector<std::int64_t> bytes_of(const std::vector<Parameter>& parameters) {
     return bytes;
 }
 
-/// Means over the micro-batches of all ranks, of which each counts for `part`.
+/// Means over the micro-batches of all ranks; each micro-batch has the weight `part`.
 LossValues mean_losses(Ranks& ranks, const std::vector<LossValues>& own, double part) {
     LossValues mean;
     if (ranks.size() == 1) {

@@ -14,98 +14,100 @@
 
 namespace stymo {
 
-/// What one optimiser step found.
+/// Result of one optimiser step.
 struct StepReport {
-    LossValues losses;         ///< of the generator, with those of the discriminator by name
-    bool regularized = false;  ///< the value "r1" was computed
+    LossValues losses;         ///< of the generator; also named values of the discriminator
+    bool regularized = false;  ///< whether "r1" was computed
     double learning_rate = 0.0;
-    /// "the loss", or the first parameter whose gradient is infinite or not a number; nothing in a
-    /// step that counts.
+    /// "the loss" or the name of the first parameter whose gradient is not finite; nothing after a
+    /// successful step.
     std::optional<std::string> non_finite;
 };
 
-/// What both stages of a training train, and with what. All of it outlives the stages.
+/// The objects that both stages of a training use. They must outlive the stages.
 struct TrainingParts {
     const TrainConfig& config;
     const TrainingImages& images;
     const ReconstructionLoss& reconstruction;
     const Rng& rng;
     Model& model;
-    CodeOffsets* offsets;  ///< null where no code learns any
+    CodeOffsets* offsets;  ///< null if no offsets are learnt
     Ranks& ranks;
 };
 
-/// The optimiser steps of one stage, with all that they remember.
+/// The optimiser steps of one stage, with their state.
 class TrainingStage {
 public:
     virtual ~TrainingStage() = default;
 
-    /// One optimiser step; a pure function of the position, the weights and what the stage
-    /// remembers. With a loss or gradient that is not finite nothing changes at all.
+    /// One optimiser step: a pure function of the position, the weights and the state of the stage.
+    /// If the loss or a gradient is not finite, nothing changes.
     [[nodiscard]] virtual StepReport step(const TrainingPosition& position) = 0;
     /// The configuration's key of its learning rate.
     [[nodiscard]] virtual std::string learning_rate_key() const = 0;
 
-    /// Adds what the next step depends on, the model's weights aside.
+    /// Adds the state on which the next step depends, without the model's weights.
     virtual void save(TensorFile& file) const = 0;
-    /// Goes on from what `save` wrote; what the file does not have begins anew. Throws FileError
-    /// naming `source` and what does not fit.
+    /// Restores the state that `save` wrote. State that the file does not have is reset. Throws
+    /// FileError, which names `source` and what does not match.
     virtual void load(const TensorFile& file, const std::string& source) = 0;
 };
 
-/// Calls body(i) for each i below `count`. Side by side, as many calls as there are threads run at
-/// a time, each on one thread; what is left over, or everything else, runs one after the other,
-/// each call on all threads.
+/// Calls body(i) for each i below `count`. If `side_by_side`, groups of thread_count() calls run
+/// concurrently, each call on one thread; the calls that do not fill a group run one after the
+/// other, each on all threads. Otherwise all calls run one after the other.
 void for_each_micro_batch(std::int64_t count, bool side_by_side,
                           const std::function<void(std::int64_t)>& body);
 /// Whether a step of this phase computes its micro-batches side by side.
 [[nodiscard]] bool side_by_side(const TrainingParts& parts, const TrainingPhase& phase);
 
-/// Losses of a micro-batch, whose first image has this number within the step. The gradients of the
-/// parameters go to the sink.
+/// Computes the losses of a micro-batch, and passes the gradients of the parameters to `sink`.
+/// `first_image` is the number of its first image within the step.
 using MicroBatchGradients = std::function<LossValues(
     const FaceBatch& batch, std::int64_t first_image, const GradientSink& sink)>;
 
-/// Means over the micro-batches of a step, of which each rank computes its share. `gradients_of` is
-/// called on several threads. Gradients travel to the other ranks while it still runs.
+/// Means of losses and gradients over the micro-batches of a step. Each rank computes its share of
+/// them. `gradients_of` may be called on several threads. Gradients are sent to other ranks while
+/// others are still being computed.
 [[nodiscard]] LossAndGradients mean_over_micro_batches(const TrainingParts& parts,
                                                        const TrainingPosition& position,
                                                        const std::vector<Parameter>& parameters,
                                                        const MicroBatchGradients& gradients_of);
 
-/// What is not finite in an update, if anything is.
+/// Names what is not finite in an update ("the loss" or a parameter); nothing if all is finite.
 [[nodiscard]] std::optional<std::string> non_finite(const LossAndGradients& update,
                                                     const std::vector<Parameter>& parameters);
 
-/// Unfreezes the parameters whose names begin with one of the prefixes, and freezes all others:
-/// what takes no part in a step has no gradient, and the optimiser must not move it by what it
-/// remembers. Returns the unfrozen ones.
+/// Unfreezes the parameters whose names begin with one of the prefixes, and freezes all others.
+/// Parameters that take no part in a step have no gradient, and the optimiser must not move them by
+/// their momentum. Returns the unfrozen parameters.
 std::vector<Parameter> unfreeze_only(ParameterStore& parameters,
                                      const std::vector<std::string>& prefixes);
 /// Prefixes of the decoder's layers that a step trains: those up to the phase's resolution, and the
-/// mask branch once its loss is on. Steps with a gradient of zero would use up the bias correction
-/// of the mask branch's moments.
+/// mask branch if its loss is on. (Before that its gradients would be zero, and Adam's bias
+/// correction would end before the first real gradient.)
 [[nodiscard]] std::vector<std::string> trained_decoder_prefixes(const Model& model,
                                                                 const TrainingPosition& position);
 
-/// What the generator's update learns from beside the photos.
+/// The discriminator for the generator's update.
 struct Adversary {
     const Discriminator* discriminator = nullptr;
-    double augmentation = 0.0;  ///< the probability with which what it sees is changed
+    double augmentation = 0.0;  ///< augmentation probability of the images that it sees
 };
 
-/// One update of the unfrozen `parameters` of the generator, in either stage. Notes losses,
-/// learning rate and what is not finite in the report; in that case nothing has changed.
+/// One update of the unfrozen `parameters` of the generator, in either stage. Records losses and
+/// learning rate in the report. If the loss or a gradient is not finite, it records that and
+/// changes nothing.
 void update_generator(const TrainingParts& parts, const TrainingPosition& position,
                       const Adversary& adversary, const std::vector<Parameter>& parameters,
                       HybridOptimizer& optimizer, const OptimizerRates& rates, StepReport& report);
 
-/// The random numbers of a step's samples, for one purpose, from the samples of this image of the
-/// step on.
+/// The generator of the random samples of a step for one purpose, advanced to the samples of image
+/// `image` of the step.
 [[nodiscard]] Rng step_jitter(const TrainingParts& parts, const TrainingPosition& position,
                               std::string_view purpose, std::int64_t image);
-/// Augmentations of so many images of a step, from this one on, for one purpose; none at all if
-/// they have no probability.
+/// Augmentations of `count` images of a step from image `image` on, for one purpose; empty if the
+/// probability is 0.
 [[nodiscard]] std::vector<ImageAugmentation> step_augmentations(
     const TrainingParts& parts, const TrainingPosition& position, std::string_view purpose,
     std::int64_t image, std::int64_t count, double probability);

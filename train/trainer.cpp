@@ -88,7 +88,7 @@ TrainingPhase Trainer::phase_done() const {
 
 double Trainer::average_half_life(const TrainingPosition& position) const {
     if (position.phase.stage == 2) return config_.stage2.average_half_life;
-    // The half life is short at first, else the EMA would keep the random start.
+    // The half life is short at first, so that the EMA forgets the random initial weights.
     return std::min(config_.stage1.average_half_life,
                     0.1 * static_cast<double>(position.first_image + position.phase.batch));
 }
@@ -176,7 +176,7 @@ void Trainer::resume(const std::filesystem::path& folder) {
     state_ = checkpoint.state;
     stage_number_ = 0;
     ema_.reset();
-    // Before the stage is entered, which would begin a new EMA.
+    // This must come before enter_stage, which would begin a new EMA.
     if (has_prefix(checkpoint.tensors, ema_prefix)) {
         ema_.emplace(model_.parameters().all());
         ema_->load(checkpoint.tensors, source, ema_prefix);

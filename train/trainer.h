@@ -17,36 +17,35 @@
 
 namespace stymo {
 
-/// A split of a folder of faces at the model's resolution, without those that the model cannot
+/// A split of a folder of faces at the model's resolution, without the faces that the model cannot
 /// render. Throws what Dataset throws.
 [[nodiscard]] Dataset faces_for_training(const std::filesystem::path& folder,
                                          const TrainConfig& config, Split split);
 
 struct TrainingLimits {
-    double minutes = 0.0;  ///< stop after so long; 0: no limit
+    double minutes = 0.0;  ///< stop after this time; 0: no limit
 };
 
 /// How a run ended.
 struct TrainingOutcome {
     std::int64_t steps = 0;
-    double seconds = 0.0;  ///< of this call
+    double seconds = 0.0;  ///< duration of this call
     double images_per_second = 0.0;
     LossValues last_tick;
     bool finished = false;  ///< all steps of the configuration are done
 };
 
-/// Trains a model on a data set through both stages and writes the run folder.
+/// Trains a model on a data set in both stages and writes the run folder.
 ///
-/// The n-th step is a pure function of the state before it and the seed: stopping at any step and
-/// resuming gives the same bits as never having stopped, at any thread count that is the same for
-/// both, within a stage or across its end.
+/// The n-th step is a pure function of the state before it and the seed. Stopping after any step
+/// and resuming with the same number of threads therefore gives the same bits as not stopping.
 class Trainer {
 public:
-    /// `validation` may be null: then no best model is chosen, and the sample sheets show training
-    /// images. Both must outlive the trainer. Throws what Model and ReconstructionLoss throw, and
-    /// ConfigError if codes are to come from the data and faces have none, if the weights of the
-    /// backbone are missing, or if no recomputation makes a step fit the memory budget. `ranks` may
-    /// be null: then this process trains alone. Throws what `require_share` throws.
+    /// Without `validation` (null) no best model is chosen, and the sample sheets show training
+    /// images. Without `ranks` (null) this process trains alone. Data sets and ranks must outlive
+    /// the trainer. Throws what Model, ReconstructionLoss and `require_share` throw, and
+    /// ConfigError if codes should come from the data but a face has none, if the backbone's
+    /// weights are missing, or if no recomputation makes a step fit into the memory budget.
     Trainer(const TrainConfig& config, const Dataset& training, const Dataset* validation,
             std::uint64_t seed, Ranks* ranks = nullptr);
     ~Trainer();
@@ -56,22 +55,23 @@ public:
     /// Begins with the weights of a model of the same shape instead of random ones. Throws what
     /// Model::load and ParameterStore::load throw.
     void begin_with(const std::filesystem::path& model_file);
-    /// Continues from a checkpoint of a model of the same shape. Parts that the checkpoint lacks
-    /// because its run had no use for them (an EMA of the weights, a discriminator, the second
-    /// stage's optimisers) begin here.
+    /// Continues from a checkpoint of a model of the same shape. State that the checkpoint lacks
+    /// because its run did not use it (an EMA of the weights, a discriminator, the second stage's
+    /// optimisers) is initialised. Throws FileError for a checkpoint that is damaged, does not
+    /// match or was made with another seed.
     void resume(const std::filesystem::path& folder);
-    /// Trains until the configured steps are done, the time is up or the process is asked to stop;
-    /// writes checkpoints on the way, at the end of each phase and at the end. Throws NumericError
-    /// after too many steps in a row without a finite gradient.
+    /// Trains until the configured steps are done, the time is up or the process is interrupted.
+    /// Writes checkpoints at the configured intervals, at the end of each phase and at the end.
+    /// Throws NumericError after too many consecutive steps without a finite loss and gradient.
     TrainingOutcome run(const RunFolder& folder, const TrainingLimits& limits) {
         return run_steps(&folder, limits);
     }
-    /// The same steps on a rank that does not lead. Writes nothing; the leading rank's limits
-    /// count.
+    /// The same steps on a rank that does not lead. It writes nothing and follows the limits of the
+    /// leading rank.
     TrainingOutcome follow() { return run_steps(nullptr, {}); }
-    /// One optimiser step that counts; without any output. For plans and tests.
+    /// One successful optimiser step without any output, for plans and tests.
     StepReport step();
-    /// Goes on from this step with the weights as they are, for plans.
+    /// Continues at this step with the current weights, for plans.
     void skip_to(std::int64_t step) { state_.step = step; }
 
     [[nodiscard]] const Model& model() const { return model_; }
@@ -80,8 +80,8 @@ public:
     [[nodiscard]] const ReconstructionLoss& reconstruction() const { return reconstruction_; }
 
 private:
-    /// While it lives the model is frozen and holds the EMA of its weights, if there is one: what
-    /// is shown, measured and saved for use.
+    /// During its lifetime the model is frozen and holds the EMA of its weights, if there is one,
+    /// for samples, validation and saved models.
     class EvaluationScope {
     public:
         explicit EvaluationScope(Trainer& trainer);
@@ -96,19 +96,20 @@ private:
     [[nodiscard]] const Dataset& shown_faces() const {
         return validation_ != nullptr ? *validation_ : training_;
     }
-    /// Of the codes of `shown_faces`.
+    /// The offsets of the codes of `shown_faces`.
     [[nodiscard]] const CodeOffsets* shown_offsets() const {
         return validation_ == nullptr && offsets_ ? &*offsets_ : nullptr;
     }
     /// `folder`: null on a rank that does not lead.
     TrainingOutcome run_steps(const RunFolder* folder, const TrainingLimits& limits);
-    /// The phase that the model has come out of, which is what it is good for.
+    /// The phase of the last step, whose resolution the model has learnt.
     [[nodiscard]] TrainingPhase phase_done() const;
     [[nodiscard]] double epochs_at(std::int64_t step) const {
         return images_.epochs(schedule_.images_before(step));
     }
     [[nodiscard]] double average_half_life(const TrainingPosition& position) const;
-    /// Makes what the stage of the next step needs and drops what no step will need again.
+    /// Creates the objects that the stage of the next step needs, and releases those that no later
+    /// step needs.
     void enter_stage(int stage);
     void count_failure(const std::string& what);
     void count_epoch(double reconstruction_loss);

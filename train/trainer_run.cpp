@@ -22,7 +22,7 @@ std::string step_text(const LossValues& losses) {
     return text.str();
 }
 
-/// Random weights are also worth a line for whoever watches.
+/// Tells the user if the weights are random.
 void announce_lpips(const Lpips* lpips, const RunFolder& folder, Progress& progress) {
     if (lpips == nullptr) return;
     const std::string line = "LPIPS: " + lpips->label();
@@ -30,7 +30,7 @@ void announce_lpips(const Lpips* lpips, const RunFolder& folder, Progress& progr
     if (lpips->random()) progress.message(line);
 }
 
-/// A slow disk is worth a line for whoever wonders about the speed.
+/// Tells the user if the disk slows the training down.
 void announce_slow_disk(double share, const RunFolder* folder, Progress& progress) {
     std::ostringstream line;
     line << "reading photos takes " << std::lround(100.0 * share)

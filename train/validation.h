@@ -6,13 +6,13 @@
 
 namespace stymo {
 
-/// Means over images of a model that shows the encoder's codes.
+/// Mean scores of a model's images for the initial codes (face_codes).
 struct ValidationScore {
-    double reconstruction = 0.0;  ///< L_recon, as in training
-    double psnr = 0.0;            ///< of the masked image, in dB
+    double reconstruction = 0.0;  ///< L_recon of training
+    double psnr = 0.0;            ///< of the masked image, in decibels
 };
 
-/// On the first `count` faces, at a resolution of the model.
+/// The score on the first `count` faces, at one of the model's resolutions.
 [[nodiscard]] ValidationScore validation_score(const Model& model,
                                                const ReconstructionLoss& reconstruction,
                                                const Dataset& faces, std::int64_t count,

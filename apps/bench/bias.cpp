@@ -16,8 +16,8 @@ double inner_product(const Tensor& a, const Tensor& b) {
     return sum(Variable(a) * Variable(b)).value().item();
 }
 
-/// What fitting with a tolerance changes against fitting with every sample, over all faces; the
-/// gradients are those at the initial and at the fitted codes.
+/// Differences between fitting with a tolerance and with every sample, over all faces. Gradients
+/// are compared at the initial and at the fitted codes.
 struct Bias {
     double samples = 0.0;  ///< share of them that is kept
     double cosine_mean = 0.0;
@@ -25,7 +25,7 @@ struct Bias {
     double distance_mean = 0.0;  ///< |difference| / |gradient with every sample|
     double distance_worst = 0.0;
     double psnr_mean = 0.0;        ///< dB against the photo
-    double psnr_worst_loss = 0.0;  ///< the most that a face loses
+    double psnr_worst_loss = 0.0;  ///< largest loss of a face
 };
 
 /// One face with its photometric loss, fitted with every sample.

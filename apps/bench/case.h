@@ -11,20 +11,20 @@
 
 namespace stymo {
 
-/// Which of the machine's limits a row is compared with.
+/// The peak performance with which a row is compared.
 enum class Limit { none, float32, sixteen_bits };
 
 struct Measurement {
     Timing timing;      ///< of one frame, step, ...
     double work = 0.0;  ///< multiply-adds done in that time; 0: not counted
     Limit limit = Limit::float32;
-    std::optional<double> psnr_mean{};  ///< dB against the exact frame, over all views
+    std::optional<double> psnr_mean{};  ///< decibels against the exact frame, mean over all views
     std::optional<double> psnr_worst{};
-    double peak_memory = 0.0;  ///< MiB, of a process that did nothing else
+    double peak_memory = 0.0;  ///< MiB, of a process that does nothing else
     std::string remark{};
 };
 
-/// What a measurement starts from.
+/// The inputs of a measurement.
 struct BenchRun {
     const BenchOptions& options;
     std::uint64_t seed = 0;
@@ -33,25 +33,25 @@ struct BenchRun {
 /// One row of the table of speeds.
 struct BenchCase {
     std::string name;
-    std::string command;  ///< of stymo-bench, that measures it
-    std::string what;     ///< in words
+    std::string command;  ///< command of stymo-bench that measures it
+    std::string what;     ///< description
     Measurement (*measure)(const BenchRun& run);
-    std::string peer{};  ///< what the peer calls it; empty: the peer has nothing like it
-    int threads = 0;     ///< 0: as many as the command line says
+    std::string peer{};  ///< name of the peer's measurement; empty: the peer has none
+    int threads = 0;     ///< 0: the number of the command line
 };
 
 /// All rows, in the order of the table.
 [[nodiscard]] std::vector<BenchCase> bench_cases();
-/// Throws UsageError for a name that no row has.
+/// The row with this name. Throws UsageError for an unknown name.
 [[nodiscard]] BenchCase case_named(const std::string& name);
 
-/// Columns of the table: first "name" and "what", then what `measure_case` gives, which leaves the
+/// Columns of the table: first "name" and "what", then those of `measure_case`, which leaves the
 /// peer's columns empty.
 [[nodiscard]] std::vector<Column> case_columns();
-/// Measures a row in this process, then the peak that it is compared with.
+/// Measures a row in this process, then the peak performance with which it is compared.
 [[nodiscard]] Row measure_case(const BenchCase& bench_case, const BenchRun& run);
 
-// The rows of some commands each.
+// The rows of bench_cases, by topic.
 [[nodiscard]] std::vector<BenchCase> kernel_cases();
 [[nodiscard]] std::vector<BenchCase> frame_cases();
 [[nodiscard]] std::vector<BenchCase> step_cases();

@@ -21,10 +21,11 @@ namespace {
 
 constexpr std::int64_t paper_steps = 200;
 constexpr int most_faces = 3;
-/// A loss this near to the paper's counts as the same: samples that are left out may cost as much.
+/// A loss up to this factor of the paper's counts as equal, since left-out samples may cause such a
+/// difference.
 constexpr double same_loss = 1.005;
 
-/// A way of fitting, by what it does otherwise than the paper.
+/// A variant of fitting, by its differences from the paper's.
 struct FitWay {
     std::string name;
     std::string what;
@@ -33,7 +34,7 @@ struct FitWay {
     std::int64_t perceptual_resolution = 0;
 };
 
-/// One way on one face.
+/// One variant on one face.
 struct FitCurve {
     std::vector<FitPoint> points;
     double seconds = 0.0;
@@ -83,7 +84,7 @@ std::vector<FitWay> fit_ways(const ModelConfig& model, double weight, std::int64
     return ways;
 }
 
-/// A face with the paper's loss, which all ways are judged by.
+/// A face with the paper's loss, by which all variants are compared.
 class FaceToFit {
 public:
     FaceToFit(const Model& model, const ReconstructionLoss& loss, Face face)
@@ -162,7 +163,7 @@ std::vector<Face> last_faces(const StudyInputs& inputs, const Model& model) {
     return faces;
 }
 
-/// When a way had reached on each face what the paper's has there at its end.
+/// When a variant reached, on each face, the final loss of the paper's variant.
 struct Arrival {
     std::int64_t faces = 0;
     double steps = 0.0;    ///< mean
@@ -214,7 +215,7 @@ std::vector<Column> summary_columns() {
             {"times_sooner", "times sooner", fixed<1>}};
 }
 
-/// What a way has come to, with the paper's way beside it: `summary_columns` from the third on.
+/// The results of a variant compared with the paper's: `summary_columns` from the third on.
 Row summary(const std::vector<FitCurve>& curves, const std::vector<FitCurve>& paper) {
     const double seconds = mean_of(curves, [](const FitCurve& curve) { return curve.seconds; });
     const double steps = mean_of(curves, [](const FitCurve& curve) { return curve.steps; });
@@ -256,8 +257,8 @@ void write_fitting(Page& page, const StudyInputs& inputs) {
     const auto ways_of = [&](std::int64_t steps) {
         return fit_ways(model.config(), paper.perceptual_weight, steps);
     };
-    // As many steps, up to the paper's, and then as many faces as there is time for. The other ways
-    // take less time than the paper's, which pays for judging.
+    // First as many steps, up to the paper's number, and then as many faces as the time allows. The
+    // other variants take less time than the paper's, which leaves time for the evaluation.
     constexpr std::int64_t probe_steps = 4;
     const double steps_in_time = inputs.seconds * static_cast<double>(probe_steps) /
                                  (faces.front().fit(ways_of(probe_steps).front(), paper).seconds *

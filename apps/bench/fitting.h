@@ -5,7 +5,7 @@
 
 namespace stymo {
 
-/// Where a fit is after so many steps and seconds.
+/// The state of a fit after some steps.
 struct FitPoint {
     std::int64_t steps = 0;
     double seconds = 0.0;
@@ -15,7 +15,7 @@ struct FitPoint {
 
 /// The first point whose loss is at most `loss`; null if there is none.
 [[nodiscard]] const FitPoint* first_reaching(const std::vector<FitPoint>& points, double loss);
-/// The last point that is not later; the first one if all are.
+/// The last point at or before `seconds`; the first point if all are later.
 [[nodiscard]] const FitPoint& point_at(const std::vector<FitPoint>& points, double seconds);
 
 }  // namespace stymo

@@ -111,7 +111,7 @@ Measurement appearance_edit(const BenchRun& run, RenderMode mode) {
     return result;
 }
 
-/// The field's part of an exact frame: an edit of the appearance is all the rest.
+/// The field's part of an exact frame. An edit of the appearance costs the rest.
 Measurement radiance_field(const BenchRun& run) {
     Frames frames(run, RenderMode::exact);
     Timing timing = frames.time();

@@ -10,19 +10,20 @@
 
 namespace stymo {
 
-/// Times frames of each face in turn, every one from another side than the one before.
+/// Times frames of each face in turn. Consecutive frames have different views.
 [[nodiscard]] Timing time_frames(const BenchSubject& subject, FaceRenderer& renderer, int repeats);
 
-/// The images of every face from every side that others are held against.
+/// Images of every face in every view, for comparison.
 using Images = std::vector<Tensor>;
 [[nodiscard]] Images all_images(const BenchSubject& subject, const RendererOptions& options);
 
-/// How far images are from those that they stand for; peak 1.
+/// Errors of images against exact ones, for values in [0, 1].
 struct ImageError {
-    double psnr_mean = 0.0;                                       ///< dB, mean over the images
-    double psnr_worst = std::numeric_limits<double>::infinity();  ///< infinite where all are equal
-    double root_mean_square = 0.0;  ///< over all numbers of all images
-    double worst_pixel = 0.0;       ///< largest difference of any number of any image
+    double psnr_mean = 0.0;  ///< decibels, mean over the images
+    /// Infinite if all images are equal.
+    double psnr_worst = std::numeric_limits<double>::infinity();
+    double root_mean_square = 0.0;  ///< over all values of all images
+    double worst_pixel = 0.0;       ///< largest difference of any value
 };
 [[nodiscard]] ImageError error_of(const Images& images, const Images& exact);
 

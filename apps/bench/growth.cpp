@@ -11,7 +11,7 @@ namespace stymo {
 
 namespace {
 
-/// Rows with one quantity varied each; time and work are relative to the quantity's first value.
+/// Rows in which one quantity is varied. Time and work are relative to the quantity's first value.
 class Growth {
 public:
     explicit Growth(const StudyInputs& inputs)

@@ -34,13 +34,13 @@ double relative_difference(const Tensor& a, const Tensor& b) {
     return all > 0.0 ? std::sqrt(squares / all) : 0.0;
 }
 
-/// What a frame shows of one head.
+/// A scene: how one head is placed in the frame.
 struct Scene {
     std::string name;
     double yaw_degrees = 0.0;
-    double distances = 1.0;  ///< from so many times as far as the model's camera
+    double distances = 1.0;  ///< distance in units of that of the model's camera
     double shift = 0.0;      ///< to the side, in units of the image's side
-    bool empty = false;      ///< of a field that has no density anywhere
+    bool empty = false;      ///< the field has no density anywhere
 };
 
 Camera camera_of(const Model& model, const Scene& scene, double extra_yaw) {
@@ -174,8 +174,8 @@ Tensor first_image(const BenchSubject& subject, const Codes& codes,
     return renderer.render(subject.views.front()).image;
 }
 
-/// A job done with what it needs, or with everything that there is; both give the same numbers but
-/// for rounding. Jobs work on the subject's first face and leave its model frozen.
+/// A job that can be done with only the parts that it needs, or with all parts. Both give the same
+/// numbers up to rounding. Jobs work on the subject's first face and leave its model frozen.
 struct Job {
     std::string name;
     std::string left_out;
@@ -293,8 +293,8 @@ struct JobRun {
     double seconds = 0.0;  ///< median
 };
 
-/// Once unmeasured, then `repeats` times within a few seconds. Without the time the first run
-/// counts.
+/// Runs a job once without timing, then up to `repeats` times within a few seconds. If there is no
+/// time left, the first run counts.
 JobRun run_job(const Job& job, bool everything, int repeats) {
     constexpr double most_seconds = 2.0;
     JobRun run;

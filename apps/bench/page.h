@@ -14,7 +14,7 @@ namespace stymo {
 /// facts and tables), NAME_TABLE.csv for each table and PLOT.svg for each plot.
 class Page {
 public:
-    /// `folder` exists, or is empty: then no files are written.
+    /// `folder` must exist; if it is empty, no files are written.
     Page(std::string name, std::filesystem::path folder)
         : name_(std::move(name)), folder_(std::move(folder)) {}
 
@@ -22,14 +22,14 @@ public:
     void title(int level, const std::string& words);
     /// A paragraph.
     void text(const std::string& words);
-    /// A table without any titled column goes only to the files. Throws ValueError for a name that
-    /// is taken, and for a row of another length than the columns.
+    /// Adds a table. If no column has a title, it is written only to files. Throws ValueError for a
+    /// name that is taken, and for a row of another length than the columns.
     void add(const Table& table);
-    /// Nothing for a plot without points. Throws ValueError for a name that is taken.
+    /// Adds a plot, unless it has no points. Throws ValueError for a name that is taken.
     void plot(const std::string& name, const Plot& plot);
-    /// A member of NAME.json only.
+    /// Adds a member to NAME.json only.
     void fact(const std::string& key, const JsonValue& value) { result_.json.add(key, value); }
-    /// Writes NAME.md and NAME.json and returns what they hold.
+    /// Writes NAME.md and NAME.json and returns their contents.
     [[nodiscard]] AppResult finish() const;
 
 private:

@@ -15,13 +15,13 @@
 
 #include "core/kernels/product-inl.h"
 
-// Included once for each instruction set, so what does not depend on it stands below, within
-// HWY_ONCE.
+// This file is compiled once for each instruction set. Code that does not depend on it is below,
+// within HWY_ONCE.
 HWY_BEFORE_NAMESPACE();
 namespace stymo::kernels::HWY_NAMESPACE {
 
-/// Operands whose words hold two numbers of 16 bits; instructions of which Highway 1.0 does not
-/// know multiply them. Only where 512-bit vectors are.
+/// Operands whose words hold two 16-bit numbers. They are multiplied by instructions that Highway
+/// 1.0 does not support. Only with 512-bit vectors.
 struct PackedPairs {
     using Element = float;
     using Vector = simd::Vec<simd::ScalableTag<float>>;
@@ -58,7 +58,7 @@ double run_chains(std::int64_t length, float* result) {
     const auto left = Operands::left(numbers);
     const auto right = Operands::right(numbers);
     typename Operands::Vector sums[chains];
-    // Equal chains would become one.
+    // Different start values, since the compiler would merge equal chains.
     HWY_UNROLL(12)
     for (int i = 0; i < chains; ++i) sums[i] = simd::Set(tag, static_cast<float>(i));
     for (std::int64_t step = 0; step < length; ++step) {

@@ -65,8 +65,8 @@ Table curve_of(const Table& study, const std::string& profile, const std::string
     return curve;
 }
 
-/// The least number of samples from which on no larger one has a visible error: half of an 8-bit
-/// step.
+/// The smallest number of samples from which on the error stays below half of an 8-bit step, which
+/// is invisible.
 Value samples_needed(const Table& curve) {
     constexpr double visible = 1.0 / 512.0;
     Value needed = "> " + std::to_string(most_samples);
@@ -83,7 +83,8 @@ Value order_of(const Table& curve, const char* error, double floor) {
         counts.push_back(std::get<std::int64_t>(row.at(2)));
         errors.push_back(curve.number(row, error));
     }
-    // Less is no convergence, but a structure that some of the numbers of samples meet.
+    // A smaller order is not convergence, but comes from structures that only some numbers of
+    // samples resolve.
     constexpr double least_order = 0.2;
     const auto order = observed_order(counts, errors, floor);
     if (order && *order >= least_order) return *order;

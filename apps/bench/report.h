@@ -11,19 +11,19 @@ namespace stymo {
 
 struct ReportOptions {
     BenchOptions bench;
-    std::filesystem::path fit_model{};  ///< of the study of fitting; empty: the same
+    std::filesystem::path fit_model{};  ///< model of the study of fitting; empty: that of `bench`
     std::filesystem::path fit_data{};
     LpipsOptions lpips{};
     std::filesystem::path out;
-    std::string parts{};  ///< names of studies, separated by commas; empty: all that the inputs
-                          ///< are there for
+    std::string parts{};  ///< names of studies, separated by commas; empty: all studies whose
+                          ///< inputs are available
 };
 
-/// Writes report.md with its plots and tables; the folder appears when all of it is done. Throws
-/// UsageError for a study that does not exist, and for one that needs a model if --model or --data
-/// was given without the other.
+/// Writes report.md with its plots and tables. The folder is created when all studies are done.
+/// Throws UsageError for an unknown study, and for a study that needs a model if only one of
+/// --model and --data was given.
 [[nodiscard]] AppResult write_report(const ReportOptions& options, const CommonOptions& common);
-/// "quadrature,rendering,...": all there are.
+/// The names of all studies: "quadrature,rendering,...".
 [[nodiscard]] std::string report_study_names();
 
 }  // namespace stymo

@@ -29,13 +29,14 @@ std::string reason_in(const std::string& err) {
     return line.substr(0, line.find('\n'));
 }
 
-/// The slow ones once less often.
+/// Fewer repetitions for slow measurements.
 int peer_repeats(const std::string& what, int repeats) {
     constexpr int most = 3;
     return what == "r1" ? 1 : std::min(repeats, most);
 }
 
-/// In a process of its own, so that its peak memory is its own, with the peer right after it.
+/// Measures a row in a separate process, so that its peak memory is known, and the peer directly
+/// after it.
 Row measured_apart(const BenchCase& bench_case, const Peer& peer, const BenchOptions& options,
                    std::uint64_t seed) {
     const int threads = bench_case.threads > 0 ? bench_case.threads : thread_count();

@@ -15,12 +15,12 @@ struct SessionOptions {
     std::filesystem::path out;  ///< empty: nothing is written
 };
 
-/// What a command of stymo-bench does: its rows, each in a process of its own so that its peak
-/// memory is its own, beside the peer; then the curve and the growth, where they belong to the
-/// command. Files of `out` are called after the command.
+/// Runs a command of stymo-bench. It measures the command's rows and the peer, each row in a
+/// separate process, so that its peak memory is known. Then follow the curve and growth studies, if
+/// they belong to the command. Files in `out` are named after the command.
 [[nodiscard]] AppResult bench_session(const std::string& command, const SessionOptions& options,
                                       const CommonOptions& common);
-/// One row in this process, without the peer.
+/// Measures one row in this process, without the peer.
 [[nodiscard]] AppResult bench_row(const std::string& name, const BenchOptions& options,
                                   const CommonOptions& common);
 /// Names of all rows with the command of each.

@@ -40,7 +40,7 @@ void write_small_model(const std::filesystem::path& heads, const std::filesystem
                        std::uint64_t seed, double seconds) {
     constexpr std::int64_t steps = 3200, samples = 16;
     TrainConfig config = small_training(steps, samples);
-    // How many steps there are time for is not known beforehand.
+    // The number of steps that fit into the time is not known beforehand.
     config.optimizer.schedule = "epoch";
     const Dataset faces(heads, config.model.decoder.resolution, config.data, Split::training);
     Trainer trainer(config, faces, nullptr, seed);

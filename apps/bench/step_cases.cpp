@@ -62,7 +62,7 @@ Measurement fit_step(const BenchRun& run, bool perceptual,
         (perceptual ? trunk_work(perceptual_network, subject.model.config().decoder.resolution)
                     : 0.0);
     result.work = 2.0 * forward;
-    // Work that was left out is not counted, so there is no share to give.
+    // Left-out work is not counted, so no share of the peak can be stated.
     if (tolerance > 0.0) result.limit = Limit::none;
     return result;
 }
@@ -109,7 +109,7 @@ Measurement discriminator_step(const BenchRun& run, double passes, Loss loss_of)
     Rng rng = Rng(run.seed).split(name);
     ParameterStore parameters;
     const Discriminator discriminator({}, side, parameters, name, rng);
-    // Of the entrances only that of the images themselves is in use.
+    // Only the fromRGB layer of the images' own resolution is used.
     for (std::int64_t s = 64; s < side; s *= 2)
         parameters.set_trainable(name + (".from_rgb" + std::to_string(s)) + ".", false);
     const std::vector<Parameter> trained = parameters.trainable();

@@ -12,32 +12,34 @@
 
 namespace stymo {
 
-/// A row to be measured: what is varied, and the measurement, which gives the other columns.
+/// A row to be measured: the values that are varied, and a function that measures the other
+/// columns.
 struct StudyRow {
     Row varied;
     std::function<Row()> measure;
 };
-/// Measures the rows in turn, with progress on stderr. Throws Error if the process is asked to
-/// stop.
+/// Measures the rows in turn, with progress on stderr. Throws Error if the process is interrupted.
 [[nodiscard]] Table run_study(Table table, const std::vector<StudyRow>& rows);
 
-/// What a study starts from.
+/// The inputs of a study.
 struct StudyInputs {
-    BenchOptions bench;    ///< model and data may be empty
-    BenchOptions fitting;  ///< the same for studies of many fitting steps: perhaps a smaller model
-    LpipsOptions lpips{};  ///< files for models that name none
+    BenchOptions bench;  ///< model and data may be empty
+    /// The same for studies with many fitting steps, perhaps with a smaller model.
+    BenchOptions fitting;
+    LpipsOptions lpips{};  ///< files of LPIPS for models that name none
     std::uint64_t seed = 0;
-    /// What the study may take on two cores. It measures less where it would take longer.
-    /// Infinite: everything is measured as `bench` says.
+    /// Time budget of the study on two cores. It measures less if it would take longer. Infinite:
+    /// everything is measured as `bench` says.
     double seconds = 0.0;
 };
 
-/// One subject of the report, or of a command of stymo-bench.
+/// One section of the report, or of the output of a command of stymo-bench.
 struct Study {
-    std::string name;  ///< in --parts
+    std::string name;  ///< name in --parts
     std::string title;
-    double seconds = 0.0;      ///< of StudyInputs
-    bool needs_model = false;  ///< with its photos; a small one is trained where none is given
+    double seconds = 0.0;  ///< default of StudyInputs::seconds
+    /// Needs a model with its photos; if none is given, a small one is trained.
+    bool needs_model = false;
     void (*write)(Page& page, const StudyInputs& inputs);
 };
 

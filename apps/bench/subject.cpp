@@ -13,7 +13,7 @@ namespace stymo {
 
 namespace {
 
-/// Of codes that no photo gives: about as far from 0 as an encoder's.
+/// Standard deviation of random codes, about that of an encoder's codes.
 constexpr double code_deviation = 0.1;
 
 std::vector<Camera> orbit(const Model& model, int count) {

@@ -9,16 +9,16 @@
 
 namespace stymo {
 
-/// What is measured, and how long.
+/// What is measured, and how often.
 struct BenchOptions {
     std::filesystem::path model{};  ///< empty: paper-512 with random weights
-    std::filesystem::path
-        data{};       ///< photos whose initial codes are shown; empty: random codes and photos
-    int repeats = 5;  ///< of whatever is timed
+    /// Photos whose initial codes are rendered; empty: random codes and photos.
+    std::filesystem::path data{};
+    int repeats = 5;  ///< repetitions of each timing
     int faces = 5;
-    int views = 20;  ///< of each face, for errors
+    int views = 20;  ///< views of each face, for errors
     std::int64_t samples = 64;
-    std::int64_t steps = 100;  ///< of a fit whose outcome is compared
+    std::int64_t steps = 100;  ///< steps of fits whose results are compared
 };
 
 /// A model with the faces and cameras that it is measured on.
@@ -26,8 +26,8 @@ struct BenchSubject {
     Model model;  ///< frozen
     std::vector<Face> photos;
     Codes codes;  ///< one row for each photo, in Z
-    std::vector<Camera>
-        views;  ///< yaw within 30 degrees to either side, pitch within 8 up and down
+    /// Yaw within 30 degrees to either side, pitch within 8 degrees up and down.
+    std::vector<Camera> views;
     bool trained = false;
 };
 

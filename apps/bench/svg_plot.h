@@ -8,17 +8,17 @@ namespace stymo {
 struct PlotPoint {
     double x = 0.0;
     double y = 0.0;
-    std::string label{};  ///< stands beside the point
+    std::string label{};  ///< text next to the point
 };
 
 struct PlotSeries {
     std::string name;
-    std::vector<PlotPoint> points;  ///< joined in this order
+    std::vector<PlotPoint> points;  ///< connected in this order
 };
 
 enum class PlotScale { logarithmic, linear };
 
-/// Points over two axes. Series take 8 colours in turn and are dashed from the ninth on.
+/// A plot with two axes. Series use 8 colours in turn; from the ninth on they are dashed.
 struct Plot {
     std::string title;
     std::string x_label;  ///< with its unit
@@ -28,9 +28,9 @@ struct Plot {
     PlotScale y_scale = PlotScale::logarithmic;
 };
 
-/// The plot as an SVG document on a light background, without scripts or fonts of its own. Throws
-/// ValueError for a coordinate that is not finite, or not positive on a logarithmic axis, or if
-/// there is no point at all.
+/// The plot as an SVG document on a light background, without scripts or embedded fonts. Throws
+/// ValueError for a coordinate that is not finite, or not positive on a logarithmic axis, and if
+/// there are no points.
 [[nodiscard]] std::string to_svg(const Plot& plot);
 
 }  // namespace stymo

@@ -17,37 +17,37 @@ using Row = std::vector<Value>;
 /// Numbers with three significant digits, flags as "yes" and "no", nothing as "".
 [[nodiscard]] std::string plain(const Value& value);
 
-/// A column. Programs read `key` and values at full precision, people `title` and `text`.
+/// A column. `key` and full-precision values are for programs, `title` and `text` for people.
 struct Column {
     std::string key;
-    std::string title{};  ///< empty: the column stands only in CSV and JSON
+    std::string title{};  ///< empty: the column appears only in CSV and JSON
     std::string (*text)(const Value&) = plain;
 };
 
-/// What a study has measured: one row for each way of doing a thing.
+/// The results of a study, one row for each variant.
 struct Table {
     std::string name;
     std::vector<Column> columns;
     std::vector<Row> rows{};
 
-    /// The number in the column called `key`; NaN if there is none. Throws ValueError for a column
+    /// The number in the column `key`; NaN if the cell has none. Throws ValueError for a column
     /// that does not exist.
     [[nodiscard]] double number(const Row& row, const std::string& key) const;
     [[nodiscard]] std::string words(const Row& row, const std::string& key) const;
 };
 
-/// The columns that have titles, in Markdown: aligned, with vertical bars escaped.
+/// The columns that have titles, as an aligned Markdown table with escaped vertical bars.
 [[nodiscard]] std::string markdown(const Table& table);
-/// All columns; cells with commas, quotes or line ends in quotes (RFC 4180).
+/// All columns as CSV (RFC 4180): cells with commas, quotes or line ends are quoted.
 [[nodiscard]] std::string csv(const Table& table);
 /// A list of objects, one for each row.
 [[nodiscard]] JsonValue to_json(const Table& table);
 [[nodiscard]] JsonValue to_json(const std::vector<Column>& columns, const Row& row);
-/// Reads what `to_json` made of one row; columns that are missing stay empty. Throws Error for
-/// anything but an object.
+/// Reads a row that `to_json` wrote; missing columns stay empty. Throws Error for anything but an
+/// object.
 [[nodiscard]] Row row_from_json(const std::vector<Column>& columns, const std::string& text);
 
-/// Which columns a plot shows; `label` may be empty.
+/// The columns that a plot shows; `label` may be empty.
 struct PlotColumns {
     std::string series;
     std::string x;
@@ -55,19 +55,19 @@ struct PlotColumns {
     std::string label{};
     double x_unit = 1.0;  ///< value of one unit of the x axis
 };
-/// `plot` with a series for each value of the column `series`. Rows that a scale cannot show are
-/// left out.
+/// `plot` with a series for each value of the column `series`. Rows that cannot be shown on the
+/// scales are left out.
 [[nodiscard]] Plot plot_of(const Table& table, const PlotColumns& columns, Plot plot);
 
-/// "12.3", with so many digits behind the point.
+/// "12.3", with this number of digits after the decimal point.
 [[nodiscard]] std::string decimal(double value, int digits);
-/// As `Column::text`, of numbers with so many digits behind the point.
+/// A Column::text for numbers with this number of digits after the decimal point.
 template <int digits>
 [[nodiscard]] std::string fixed(const Value& value);
 [[nodiscard]] std::string milliseconds(const Value& seconds);
 [[nodiscard]] std::string mebibytes(const Value& bytes);
 [[nodiscard]] std::string percent(const Value& share);
-/// "equal" for infinity, which equal images have.
+/// "equal" for infinity, the value for equal images.
 [[nodiscard]] std::string decibels(const Value& value);
 
 }  // namespace stymo

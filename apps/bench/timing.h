@@ -5,13 +5,13 @@
 
 namespace stymo {
 
-/// Seconds that something took, time after time.
+/// Times of repeated runs.
 struct Timing {
     std::vector<double> seconds;
-    std::vector<double> multiply_adds{};  ///< float32 operations per second that the machine gave
-                                          ///< in between, with registers alone
+    std::vector<double> multiply_adds{};  ///< float32 operations per second of the machine after
+                                          ///< each run (measure_multiply_adds)
 
-    /// Takes a run, and measures what the machine gives now.
+    /// Adds a run, and measures the current performance of the machine.
     void add(double run_seconds);
     void add(const Timing& other);
     [[nodiscard]] double median() const;
@@ -19,13 +19,12 @@ struct Timing {
     [[nodiscard]] double median_multiply_adds() const;  ///< 0 if it was not measured
 };
 
-/// Calls `body` once unmeasured, then at least `repeats` times and for `at_least_seconds`, but at
-/// most a hundred times.
+/// Calls `body` once without timing, then at least `repeats` times and for at least
+/// `at_least_seconds`, but at most a hundred times.
 [[nodiscard]] Timing time_repeated(int repeats, double at_least_seconds,
                                    const std::function<void()>& body);
 
-/// The largest memory that this process has had in RAM so far, in MiB; 0 where the system does not
-/// say.
+/// Peak resident memory of this process in MiB; 0 if the system does not report it.
 [[nodiscard]] double peak_memory_mebibytes();
 
 }  // namespace stymo

@@ -6,15 +6,16 @@
 
 namespace stymo {
 
-/// Checks the settings of an interrupted job in `folder` that is to be continued. `begun` and
-/// `wanted` are JSON objects of strings, numbers and booleans with the names of command-line
-/// options. Throws FileError that names the first difference.
+/// Compares the settings with which a job in `folder` was begun with those that should continue it.
+/// Both are JSON objects of strings, numbers and booleans with the names of command-line options.
+/// Throws FileError, which names the first difference.
 void require_same_settings(const std::filesystem::path& folder, const std::string& begun,
                            const std::string& wanted);
 
-/// Calls `visit` with each whole line of a file that results are appended to, its number from 1 on,
-/// and its offset in bytes. A last line that a crash cut off is removed from the file. What `visit`
-/// throws becomes a FileError that names file and line. A file that does not exist has no lines.
+/// Calls `visit` with each complete line of a file to which results are appended, its number (from
+/// 1) and its offset in bytes. A partial last line, which a crash leaves, is removed from the file.
+/// Exceptions of `visit` become a FileError that names file and line. A file that does not exist
+/// has no lines.
 void visit_whole_lines(
     const std::filesystem::path& file,
     const std::function<void(const std::string& line, int number, std::int64_t offset)>& visit);

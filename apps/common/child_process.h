@@ -5,9 +5,9 @@
 
 namespace stymo {
 
-/// How another program ended and what it printed.
+/// The exit code and the output of a program.
 struct ChildOutcome {
-    int exit_code = -1;  ///< -1: ended by a signal; 127: there is no such program
+    int exit_code = -1;  ///< -1: killed by a signal; 127: program not found
     std::string out;
     std::string err;
     double peak_memory = 0.0;  ///< MiB

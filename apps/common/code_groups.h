@@ -6,7 +6,7 @@
 
 namespace stymo {
 
-/// Parses a list such as "expr,tex" of --take. Throws UsageError for an unknown name.
+/// Parses the value of --take, a list such as "expr,tex". Throws UsageError for an unknown name.
 [[nodiscard]] CodeGroups parse_code_groups(const std::string& list);
 
 }  // namespace stymo

@@ -56,8 +56,7 @@ CLI::Validator in_range(double low, double high) {
     return {problem, range.str()};
 }
 
-/// What is wrong with a call of a tool that does nothing without a command, and gave none that
-/// exists.
+/// The error message for a call without an existing command, for a tool that requires one.
 std::string missing_command(const CLI::App& app, int argc, const char* const* argv) {
     std::string names;
     for (const CLI::App* command : app.get_subcommands(nullptr))

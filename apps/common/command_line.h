@@ -20,7 +20,7 @@ class Option;
 
 namespace stymo {
 
-/// Wrong usage that a tool's body finds, such as options that exclude each other; ends the tool
+/// Wrong usage that a tool's body detects, such as options that exclude each other. The tool ends
 /// with exit code 2.
 class UsageError : public Error {
 public:
@@ -53,7 +53,7 @@ public:
     explicit OptionRules(CLI::Option* option) : option_(option) {}
 
     OptionRules& required();
-    /// Numbers in [low, high]; nan is none.
+    /// The number must be in [low, high]; NaN is rejected.
     OptionRules& range(double low, double high);
     OptionRules& one_of(const std::vector<std::string>& allowed);
     /// The option requires, or excludes, the option `name`, which must have been declared already.
@@ -72,7 +72,7 @@ public:
     /// "--name" or "-n,--name" for an option, "name" for a positional argument. The current value
     /// of `target` is the default. T: int, std::int64_t, std::uint64_t, double, std::string,
     /// std::filesystem::path, std::optional of one of these (empty unless given),
-    /// std::vector<std::string> (the option may be repeated). A path that is given is never empty.
+    /// std::vector<std::string> (the option may be repeated). An empty path is rejected.
     template <class T>
     OptionRules option(const std::string& name, T& target, const std::string& help);
     OptionRules flag(const std::string& name, bool& target, const std::string& help);
@@ -86,20 +86,20 @@ private:
 /// do" on stderr; 2 wrong usage, with such a line (errors of the parser and UsageError).
 class CommandLine : public Command {
 public:
-    /// `precision`: of matrix products, unless the user asks for another one.
+    /// `precision` is the default precision of matrix products.
     CommandLine(const std::string& program, const std::string& description,
                 MatmulPrecision precision = MatmulPrecision::high);
     ~CommandLine();
     CommandLine(const CommandLine&) = delete;
     CommandLine& operator=(const CommandLine&) = delete;
 
-    /// Adds a command ("mix" of `stymo-edit mix`). Its options are declared on the result, which is
-    /// valid as long as this object.
+    /// Adds a command ("mix" of `stymo-edit mix`). Its options are declared on the result, which
+    /// must not outlive this object.
     Command command(const std::string& name, const std::string& description, AppBody body);
 
     /// Parses, sets the number of threads, the precision of products, the allocator and the
-    /// handling of subnormal numbers, and calls the body of the given command, or `body` without a
-    /// command. With an empty `body` a command is required.
+    /// handling of subnormal numbers, and calls the body of the given command, or `body` if no
+    /// command is given. If `body` is empty, a command is required. Returns the exit code.
     [[nodiscard]] int run(int argc, const char* const* argv, const AppBody& body = {});
     /// Writes to the given streams instead of stdout and stderr.
     [[nodiscard]] int run(int argc, const char* const* argv, const AppBody& body, std::ostream& out,

@@ -15,31 +15,32 @@ namespace stymo {
 /// The photo of a tool: an unprepared photo, an aligned photo with files for mask and pose, or a
 /// face of a data set.
 struct FaceSource {
-    std::vector<std::string> images;  ///< several only if unprepared, of one person
-    std::filesystem::path mask;       ///< empty: the whole frame
-    std::filesystem::path
-        pose;  ///< a JSON file with a "pose" in degrees, such as codes.json; empty: frontal
-    std::filesystem::path data;  ///< an FFHQ-format folder that has mask and pose of ...
-    std::string id;              ///< ... this id
-    bool as_is = false;          ///< the photo is an aligned crop, its face frontal, all of it head
+    std::vector<std::string>
+        images;                  ///< several are allowed only if unprepared, and show one person
+    std::filesystem::path mask;  ///< mask file; empty: the whole frame
+    /// A JSON file with a "pose" in degrees, such as codes.json; empty: frontal.
+    std::filesystem::path pose;
+    std::filesystem::path data;  ///< a folder in the FFHQ format with mask and pose of `id`
+    std::string id;              ///< face of `data`
+    bool as_is = false;          ///< the photo is an aligned crop of a frontal face without mask
 
-    /// Whether the photos are unprepared, so that fit/photo must prepare them.
+    /// Whether the photos are unprepared and need fit/photo.
     [[nodiscard]] bool as_it_comes() const {
         return mask.empty() && pose.empty() && data.empty() && !as_is;
     }
 };
 
-/// Throws UsageError unless a photo is given by --image, or by --data with --id, and unless a photo
-/// with known mask or pose is the only one.
+/// Throws UsageError unless there is --image, or --data with --id. Also throws it if there are
+/// several photos with known mask or pose.
 void require_photo(const FaceSource& source);
-/// The middle of an image at the model's resolution.
+/// The central square of an image, resized to side x side pixels.
 [[nodiscard]] Tensor at_model_side(const Tensor& image, std::int64_t side);
 /// A photo with known mask or pose, at the model's resolution. Throws FileError if a file cannot be
 /// read.
 [[nodiscard]] Face read_face(const FaceSource& source, const ModelConfig& config);
 
-/// One line for each broken image but the first `known`, which were named before: those of a set
-/// that is too large for the cache come to light when they are used.
+/// Writes one line for each broken image except the first `known`, which were already reported. (If
+/// a data set is too large for the cache, broken images are found only when they are used.)
 void write_broken_files(std::ostream& stream, const DatasetSummary& summary, std::size_t known);
 
 }  // namespace stymo

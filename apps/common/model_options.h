@@ -7,21 +7,22 @@
 
 namespace stymo {
 
-/// The model of a tool, with what a tuned face adds to its weights.
+/// The model of a tool, with the changes of its weights for a tuned face.
 struct ModelOptions {
-    std::filesystem::path file;   ///< empty: the model that comes with stymo
-    std::filesystem::path tuned;  ///< of `stymo-fit --tune`; empty: none
+    std::filesystem::path file;   ///< empty: the model that is shipped with stymo
+    std::filesystem::path tuned;  ///< file written by `stymo-fit --tune`; empty: none
 };
 
-/// --model
+/// Declares --model.
 void declare_model(Command& command, ModelOptions& options);
-/// --tuned
+/// Declares --tuned.
 void declare_tuned(Command& command, ModelOptions& options);
 
-/// The file of --model, or that of the model that comes with stymo. Throws UsageError where there
-/// is neither.
+/// The file of --model, or of the model that is shipped with stymo. Throws UsageError if there is
+/// neither.
 [[nodiscard]] std::filesystem::path model_file(const ModelOptions& options);
-/// That model, with the changes of --tuned. Throws what Model::load and WeightChanges throw.
+/// Loads that model and applies the changes of --tuned. Throws what Model::load and WeightChanges
+/// throw.
 [[nodiscard]] Model load_model(const ModelOptions& options, ModelParts parts = ModelParts::all);
 
 }  // namespace stymo

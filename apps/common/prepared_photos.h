@@ -12,15 +12,16 @@ namespace stymo {
 
 /// A photo that is ready to be fitted, and the results of its preparation.
 struct PreparedPhoto {
-    Face face;       ///< at the model's resolution
-    Tensor aligned;  ///< the crop, 512 pixels a side or the model's if that is more
-    Tensor overlay;  ///< everything found, drawn over it
+    Face face;  ///< at the model's resolution
+    /// The crop; its side is 512 pixels or the model's resolution if that is larger.
+    Tensor aligned;
+    Tensor overlay;  ///< the crop with all results drawn over it
     std::vector<std::string> warnings;
 };
 
 /// Finds, aligns and masks the largest face of each photo, with its pose for the model's camera.
-/// `settings`: the files to work with, and the model whose heads guide the masks. Throws FileError
-/// naming the photo that cannot be read or used.
+/// `settings` gives the files of the networks and the model whose heads guide the masks. Throws
+/// FileError, which names the photo, for a photo that cannot be read or used.
 [[nodiscard]] std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
                                                         const ModelConfig& model,
                                                         PhotoPreparationSettings settings);

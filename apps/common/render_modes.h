@@ -7,11 +7,11 @@
 
 namespace stymo {
 
-/// Names of --mode.
+/// The values of --mode.
 [[nodiscard]] const std::vector<std::string>& render_mode_names();
-/// One of these names.
+/// The mode with one of these names.
 [[nodiscard]] RenderMode render_mode(const std::string& name);
-/// The inverse.
+/// The name of a mode.
 [[nodiscard]] const std::string& render_mode_name(RenderMode mode);
 
 }  // namespace stymo

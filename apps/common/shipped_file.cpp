@@ -5,7 +5,7 @@
 namespace stymo {
 namespace {
 
-/// Where `configs/` lies, seen from the folder of the program.
+/// Places of `configs/` relative to the folder of the program.
 constexpr std::array config_folders{"../../configs", "../share/stymo/configs"};
 
 }  // namespace

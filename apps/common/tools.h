@@ -1,7 +1,7 @@
 #pragma once
 
-/// The tools. Each is the main function of one executable, stymo-bench and so on; the tests call
-/// them too.
+/// The tools. Each is the main function of an executable (stymo-bench and so on). Tests call them
+/// too.
 int stymo_bench(int argc, char** argv);
 int stymo_edit(int argc, char** argv);
 int stymo_eval(int argc, char** argv);

@@ -51,7 +51,8 @@ FaceScore score_of(const std::string& id, const FitReport& report, const Compare
     return score;
 }
 
-/// The decoder tuned to a fitted face, as the tools show it. Nothing after an interruption.
+/// The decoder tuned to a fitted face, with the 16-bit weights that other tools use. Nothing after
+/// an interruption.
 std::optional<Model> tuned_model(const Model& model, const ReconstructionLoss& loss,
                                  const ComparedFace& face, const FitResult& fit,
                                  const std::string& id, const EvaluationOptions& options) {
@@ -61,7 +62,7 @@ std::optional<Model> tuned_model(const Model& model, const ReconstructionLoss& l
     if (interrupted()) return std::nullopt;
     if (options.folder == nullptr) return tuned;
     WeightChanges::between(model, tuned).save(options.folder->tuned_of(id));
-    // The file's 16 bits are what the other tools will show.
+    // Read back, because other tools will use the 16-bit weights of the file.
     return options.folder->tuned_model(id, options.another_decoder());
 }
 
@@ -182,7 +183,7 @@ ComparedFace compared_face(const Model& model, const Dataset& faces, std::int64_
     for (const Region region : options.regions) {
         Tensor mask = result.batch.mask;
         if (region == Region::face) {
-            // Outside the head the target is black whatever the photo shows.
+            // Outside the head the target is always black.
             const Tensor within =
                 options.face_region->mask(faces.files(index), side).reshaped(mask.shape());
             mask = (Variable(mask) * within).value();

@@ -29,31 +29,32 @@ struct FaceRange {
 struct EvaluationOptions {
     FaceRange range;
     std::vector<Region> regions{Region::head};
-    FaceRegion* face_region = nullptr;  ///< needed for Region::face
+    FaceRegion* face_region = nullptr;  ///< required for Region::face
     bool fit = false;
     FitOptions fitting;
     std::optional<TuningOptions> tuning{};  ///< also tunes the decoder to each fitted face
-    /// Makes another copy of the model's decoder; needed for tuning.
+    /// Makes another copy of the model's decoder; required for tuning.
     std::function<Model()> another_decoder{};
     std::int64_t resolution = 0;   ///< side of the compared images; 0: the model's resolution
-    const Lpips* lpips = nullptr;  ///< also measures LPIPS with it
-    const IdentityMeasure* identity = nullptr;  ///< also measures whether it is the same person
-    const ShapeMeasure* shape = nullptr;        ///< also measures the shape
-    bool one_by_one = false;  ///< each face on all threads instead of one face on each, as in
-                              ///< tuning always
-    ScoreFolder* folder =
-        nullptr;  ///< stores scores as they are computed; stored faces are not scored again
+    const Lpips* lpips = nullptr;  ///< null: LPIPS is not measured
+    const IdentityMeasure* identity = nullptr;  ///< null: identity is not measured
+    const ShapeMeasure* shape = nullptr;        ///< null: shape is not measured
+    bool one_by_one = false;  ///< evaluates each face on all threads instead of one face on each
+                              ///< thread; always so with tuning
+    /// Stores scores as they are computed; stored faces are not scored again. Null: nothing is
+    /// stored.
+    ScoreFolder* folder = nullptr;
 };
 
-/// A face for the comparison.
+/// A face of the data set, prepared for the comparison.
 struct ComparedFace {
     std::int64_t index = 0;
-    FaceBatch batch;            ///< one row, with targets up to the resolution that is compared
-    std::vector<Tensor> masks;  ///< (1, S, S, 1) of each region
+    FaceBatch batch;            ///< one row, with targets up to the compared resolution
+    std::vector<Tensor> masks;  ///< (1, S, S, 1) for each region
 };
 
-/// Throws FileError for an image or mask that cannot be read, ValueError for a face without the
-/// code that the model starts from.
+/// Loads face `index`. Throws FileError for an image or mask that cannot be read, ValueError for a
+/// face without the code that the model requires.
 [[nodiscard]] ComparedFace compared_face(const Model& model, const Dataset& faces,
                                          std::int64_t index, const EvaluationOptions& options);
 
@@ -64,13 +65,13 @@ void require_comparable(const Dataset& faces, const EvaluationOptions& options);
 struct Evaluation {
     std::vector<FaceScore> scores;   ///< in order of id
     std::vector<FailedFace> failed;  ///< in order of id: faces that cannot be read or fitted
-    std::string incomplete{};        ///< after an interruption the progress, else empty
+    std::string incomplete{};        ///< progress at an interruption; empty if it is complete
 };
 
 /// Scores faces against the model; `loss` is what fitting minimises. A face's score does not depend
-/// on the other faces or on the number of threads. After an interruption it returns the scores so
-/// far, without those of faces whose fit was not finished. Throws like require_comparable, and
-/// FileError if no face could be scored.
+/// on the other faces or on the number of threads. When interrupted, it returns the scores so far,
+/// without faces whose fit was not finished. Throws what require_comparable throws, and FileError
+/// if no face could be scored.
 [[nodiscard]] Evaluation evaluate(const Model& model, const ReconstructionLoss& loss,
                                   const Dataset& faces, const EvaluationOptions& options);
 

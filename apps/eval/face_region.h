@@ -17,12 +17,12 @@ public:
     /// `parser`: an ONNX file, or empty for none. Throws what FaceParser throws.
     explicit FaceRegion(const std::filesystem::path& parser = {});
 
-    /// Whether `mask` can find the region.
+    /// Whether `mask` can determine the region.
     [[nodiscard]] bool tells(const FaceFiles& files) const {
         return parser_ || tells_face_region(files);
     }
-    /// (side, side, 1) in [0, 1], of the photo's central square. Thread-safe. Throws FileError for
-    /// a file that cannot be read, or if there is neither a parsing map nor a parser.
+    /// The mask (side, side, 1) in [0, 1] for the photo's central square. Thread-safe. Throws
+    /// FileError for a file that cannot be read, or if there is neither a parsing map nor a parser.
     [[nodiscard]] Tensor mask(const FaceFiles& files, std::int64_t side);
 
 private:

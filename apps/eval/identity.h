@@ -9,22 +9,23 @@
 
 namespace stymo {
 
-/// Whether a fitted face is the same person as its photo, from all sides: cosines between
-/// embeddings of a face recognition network.
+/// Measures whether a fitted face shows the same person as its photo, also from the side: cosines
+/// between embeddings of a face recognition network.
 class IdentityMeasure {
 public:
-    /// `weights`: of MobileFaceNet, from `stymo-weights import`. Throws FileError for a file that
-    /// does not serve.
+    /// `weights` are those of MobileFaceNet, from `stymo-weights import`. Throws FileError for a
+    /// file that cannot be used.
     explicit IdentityMeasure(const std::filesystem::path& weights);
     ~IdentityMeasure();
     IdentityMeasure(const IdentityMeasure&) = delete;
     IdentityMeasure& operator=(const IdentityMeasure&) = delete;
 
-    /// Of the codes that `fit` ended with. `other`: another person's photo.
+    /// The score of the fitted codes of `fit`. `other` is a photo of another person.
     [[nodiscard]] IdentityScore measure(const Model& model, const ComparedFace& face,
                                         const ComparedFace& other, const FitResult& fit) const;
 
-    /// Of length 1, of an image (S, S, 3) in [0, 1], the head on black in FFHQ's frame.
+    /// The embedding, of unit length, of an image (S, S, 3) in [0, 1] with the head on black in
+    /// FFHQ's frame.
     [[nodiscard]] std::vector<double> embedding(const Tensor& image) const;
 
 private:

@@ -12,8 +12,8 @@ struct PairOptions {
     LpipsOptions lpips;
 };
 
-/// Measures two images of the same size without a mask: L1, SSIM, PSNR, and with a network LPIPS
-/// and its terms.
+/// Compares two images of the same size without a mask: L1, SSIM, PSNR, and, if a network is given,
+/// LPIPS and its terms.
 [[nodiscard]] AppResult compare_pair(const PairOptions& options);
 
 }  // namespace stymo

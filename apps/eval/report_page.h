@@ -16,7 +16,7 @@ using Settings = std::vector<std::pair<std::string, JsonValue>>;
 struct ReportContext {
     Settings settings;
     std::string lpips_network;   ///< empty: LPIPS was not measured
-    std::vector<SheetRow> rows;  ///< of sheet.png
+    std::vector<SheetRow> rows;  ///< rows of sheet.png
 };
 
 /// A Markdown page: the table of means and medians, the failures, the settings, and the sheet with

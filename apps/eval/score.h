@@ -14,26 +14,26 @@ namespace stymo {
 /// The compared part of the image; everything outside is black in both images.
 enum class Region {
     head,  ///< with hair and ears: the mask that the model was trained with
-    face   ///< of it, what is neither hair nor ear (is_face_class)
+    face   ///< the head without hair and ears (is_face_class)
 };
 
 [[nodiscard]] const char* name_of(Region region);
-/// "head", "face" or "both".
+/// The regions for "head", "face" or "both".
 [[nodiscard]] std::vector<Region> regions_called(std::string_view text);
 
-/// Of the way from the photo to the face that is shown.
+/// The stages from the initial codes to the final face.
 enum class FitStage { initial, fitted, tuned };
 
 [[nodiscard]] const char* name_of(FitStage stage);
 
 struct RegionScore {
     Region region = Region::head;
-    ImageMetrics initial;                  ///< of the encoder's codes
+    ImageMetrics initial;                  ///< of the initial codes
     std::optional<ImageMetrics> fitted{};  ///< empty without fitting
     std::optional<ImageMetrics> tuned{};   ///< of the fitted codes with the decoder tuned to the
                                            ///< photo; empty without tuning
 
-    /// Null if it was not measured.
+    /// The metrics of a stage; null if it was not measured.
     [[nodiscard]] const ImageMetrics* of(FitStage stage) const;
     /// The metrics that rank a face: those of the last stage.
     [[nodiscard]] const ImageMetrics& last() const {
@@ -44,18 +44,21 @@ struct RegionScore {
 /// Cosines between embeddings of faces (apps/eval/identity.h).
 struct IdentityScore {
     double photo = 0.0;      ///< photo and fitted face
-    double turned_15 = 0.0;  ///< fitted face and its views from yaw -15 and 15 degrees, their mean
+    double turned_15 = 0.0;  ///< mean over fitted face and its views at yaw -15 and 15 degrees
     double turned_30 = 0.0;  ///< the same for 30 degrees
-    double other = 0.0;      ///< photo and that of another person
+    double other = 0.0;      ///< photo and photo of another person
 };
 
-/// In distances of the eyes (apps/eval/shape.h). Infinite: could not be measured.
+/// Shape errors in units of the distance of the eyes (apps/eval/shape.h). Infinite if they could
+/// not be measured.
 struct ShapeScore {
-    /// Between landmarks found in views from yaw -30 and 30 degrees and where those of the fitted
-    /// face have turned to; mean over the points within the jaw and over the views.
+    /// Mean distance, in views at yaw -30 and 30 degrees, between the landmarks that are found and
+    /// the landmarks of the fitted face turned to the view; over the points inside the jaw line and
+    /// over the views.
     double landmarks_30 = std::numeric_limits<double>::infinity();
-    double found_30 = 0.0;  ///< share of these views in which a face was found
-    /// Median difference of depth from the linear head's surface, over the face, after a shift.
+    double found_30 = 0.0;  ///< share of these views in which a face is found
+    /// Median difference of the depth from the linear head's surface over the face, after a common
+    /// shift (shifted_difference).
     double depth = std::numeric_limits<double>::infinity();
 };
 
@@ -76,10 +79,9 @@ struct FailedFace {
 };
 
 /// One line: {"id", "head": {"initial": {...}, "fitted": {...}, "tuned": {...}}, "face": ...,
-/// "counting_samples", "identity": {"photo", "turned_15", "turned_30", "other"},
-/// "tuned_identity": {...}, "shape": {"landmarks_30", "found_30", "depth"}, "tuned_shape": {...}},
-/// of these what was measured.
-/// Numbers read back to the same value; infinite ones become null.
+/// "counting_samples", "identity": {"photo", "turned_15", "turned_30", "other"}, "tuned_identity":
+/// {...}, "shape": {"landmarks_30", "found_30", "depth"}, "tuned_shape": {...}}, without values
+/// that were not measured. Numbers can be read back exactly; infinite ones become null.
 [[nodiscard]] JsonValue to_json(const FaceScore& score);
 /// Throws FileError for text that to_json did not write.
 [[nodiscard]] FaceScore parse_face_score(std::string_view line);

@@ -25,8 +25,8 @@ std::optional<Landmarks> landmarks_in(const FaceDetector& detector, const Tensor
     return scaled_landmarks(faces.front().landmarks, 1.0 / static_cast<double>(image.shape(1)));
 }
 
-/// How far the landmarks that are found in a turned view are from where the points of the frontal
-/// view have turned to, in units of the image's side.
+/// Mean distance between the landmarks found in a turned view and the points of the frontal view
+/// projected into it, in units of the image's side.
 double mean_distance(const Landmarks& found, const std::vector<Eigen::Vector3d>& points,
                      const Camera& camera) {
     double sum = 0.0;

@@ -9,15 +9,14 @@
 
 namespace stymo {
 
-/// Whether a fitted face has the shape of a face: where its landmarks are when it turns, and how
-/// deep it is.
+/// Measures the 3D shape of a fitted face: the landmarks of turned views, and the depth map.
 class ShapeMeasure {
 public:
-    /// `landmark_model` as FaceDetector's; `head`: the linear head whose codes the faces have.
-    /// Throws as FaceDetector does.
+    /// `landmark_model` as in FaceDetector; `head` is the linear head to which the faces' codes
+    /// belong. Throws what FaceDetector throws.
     ShapeMeasure(const std::filesystem::path& landmark_model, MorphableHead head);
 
-    /// Of the codes that `fit` ended with.
+    /// The score of the fitted codes of `fit`.
     [[nodiscard]] ShapeScore measure(const Model& model, const ComparedFace& face,
                                      const FitResult& fit) const;
 
@@ -26,13 +25,13 @@ private:
     MorphableHead head_;
 };
 
-/// The median of |depth - expected| over the pairs, after their median has been taken from all.
-/// Infinite without pairs.
+/// The median of |depth - expected| after subtracting the median of (depth - expected). Infinite
+/// for an empty list.
 [[nodiscard]] double shifted_difference(std::vector<double> depth_minus_expected);
 
-/// shifted_difference between a depth map (R, R, 1), distances along rays through the middles of
-/// its pixels, and the surface of a head's vertices, within the convex hull of its 68 points, in
-/// distances of its eyes.
+/// shifted_difference between a depth map (R, R, 1), with distances along rays through pixel
+/// centres, and the surface of a head's vertices, within the convex hull of its 68 landmarks, in
+/// units of the distance of its eyes.
 [[nodiscard]] double depth_difference(const MorphableHead& head, const Tensor& vertices,
                                       const Camera& camera, const Tensor& depths);
 

@@ -121,7 +121,7 @@ std::optional<stymo::Model> tune(const Options& options, const stymo::Model& mod
     stymo::Model tuned = stymo::load_model(options.model, stymo::ModelParts::decoder);
     stymo::TuningOptions tuning = options.tuning;
     if (options.samples) tuning.samples_per_ray = *options.samples;
-    // Thousandths of the time where that is the limit.
+    // If time is the limit, progress is in thousandths of the time.
     const std::int64_t total = tuning.steps > 0 ? tuning.steps : 1000;
     stymo::Progress progress(
         {.title = "tune", .total = total, .unit = tuning.steps > 0 ? "steps" : "parts"});
@@ -137,7 +137,7 @@ std::optional<stymo::Model> tune(const Options& options, const stymo::Model& mod
     if (stymo::interrupted()) return std::nullopt;
     const std::filesystem::path file = options.out / "tuned.safetensors";
     stymo::WeightChanges::between(model, tuned).save(file);
-    // The file's 16 bits are what the other tools will show.
+    // Read back, because other tools will use the 16-bit weights of the file.
     return stymo::load_model({options.model.file, file}, stymo::ModelParts::decoder);
 }
 
@@ -156,7 +156,8 @@ stymo::AppResult fit(Options options) {
     if (reconstruction.lpips() == nullptr && !options.lpips.trunk.empty())
         metric.emplace(stymo::metric_config(options.lpips, config.perceptual),
                        "leave out --lpips-trunk");
-    // A model of the user's own may have seen anything; that of stymo knows heads of photos.
+    // Only the shipped model is known to represent heads of photos; a user's model may have been
+    // trained on anything.
     if (options.model.file.empty()) options.preparation.mask_model = &model;
     const std::vector<Photo> photos = photos_of(options, model.config());
     std::vector<stymo::Face> faces;

@@ -8,7 +8,7 @@
 #include "apps/common/command_line.h"
 #include "train/landmarks/landmark_training.h"
 
-/// The commands of stymo-landmarks. The options outlive the command line.
+/// The commands of stymo-landmarks. The options must outlive the command line.
 namespace stymo::landmarks {
 
 struct TrainOptions {

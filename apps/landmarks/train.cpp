@@ -50,7 +50,7 @@ std::vector<Tensor> read_photos(const TrainOptions& options, double longest) {
     return photos;
 }
 
-/// What the network would learn from, with the points, for people to look at.
+/// A sheet of training examples with their points, for inspection.
 void write_sheet(const fs::path& path, const std::vector<LandmarkExample>& examples,
                  const std::vector<Tensor>& backgrounds, const Rng& rng) {
     constexpr std::int64_t side = 160;

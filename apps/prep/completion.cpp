@@ -22,7 +22,7 @@ constexpr std::size_t faces_in_a_sheet = 64;
 constexpr int columns = 8;
 constexpr std::int64_t thumbnail_side = 192;
 
-/// The values that are needed of all faces at once; the rest stays in the records.
+/// Values of all faces that are needed at once. All others stay in the records.
 struct Summary {
     PrepareReport report;
     std::vector<double> landmark_errors;

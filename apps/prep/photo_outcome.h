@@ -10,7 +10,7 @@
 
 namespace stymo {
 
-/// The record of a prepared face besides its image and its mask.
+/// The record of a prepared face, without its image and mask.
 struct FaceOutcome {
     std::string id;
     MorphableFit fit;
@@ -22,7 +22,7 @@ struct FaceOutcome {
     std::vector<std::string> warnings;
 };
 
-/// The outcome of one photo: `failure` says why it cannot be used, or is empty.
+/// The outcome of one photo. `failure` says why it cannot be used, or is empty.
 struct PhotoOutcome {
     std::string file;  ///< relative to the folder of photos
     std::string failure;
@@ -31,7 +31,7 @@ struct PhotoOutcome {
 
 [[nodiscard]] FaceOutcome outcome_of(std::string id, PreparedFace face);
 
-/// One line. Numbers read back to the same value.
+/// One line, from which `parse_photo_outcome` restores the same values.
 [[nodiscard]] JsonValue to_json(const PhotoOutcome& outcome);
 /// Throws FileError for text that to_json did not write.
 [[nodiscard]] PhotoOutcome parse_photo_outcome(std::string_view line);

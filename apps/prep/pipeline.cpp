@@ -171,7 +171,7 @@ public:
             if (notes_.contains(name_of(files))) names.push_back(name_of(files));
         return names;
     }
-    /// Ids of all photos, and of those that were there before this folder was made of them.
+    /// Ids of all photos, including those from which the folder of photos was itself prepared.
     [[nodiscard]] std::vector<std::string> photo_ids() const {
         if (!scan_.photo_ids.empty()) return scan_.photo_ids;
         std::vector<std::string> ids;

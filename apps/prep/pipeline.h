@@ -14,7 +14,7 @@
 namespace stymo {
 
 struct FolderPreparation {
-    std::filesystem::path photos;  ///< a folder as scan_folder reads it
+    std::filesystem::path photos;  ///< a folder in the format of scan_folder
     std::filesystem::path out;
     bool overlays = true;
 };
@@ -25,14 +25,15 @@ struct FaceWarning {
 };
 
 struct PrepareReport {
-    std::vector<std::string> photos;  ///< ids of all photos, by which a data set is split
-    std::int64_t found = 0;           ///< photos
-    std::int64_t ok = 0;              ///< photos with a face that was prepared
+    std::vector<std::string>
+        photos;              ///< ids of all photos, which determine the splits of the data set
+    std::int64_t found = 0;  ///< photos
+    std::int64_t ok = 0;     ///< photos with a face that was prepared
     std::int64_t faces = 0;
-    std::int64_t aligned_already = 0;      ///< faces whose photo was left as it is
-    std::int64_t made_masks = 0;           ///< faces without a known mask, or all with `new_masks`
-    double landmark_error = 0.0;           ///< median over the faces, in units of the image's side
-    std::optional<double> mask_agreement;  ///< mean intersection over union of masks made and known
+    std::int64_t aligned_already = 0;  ///< faces whose photo was already aligned
+    std::int64_t made_masks = 0;  ///< faces without a known mask, or all faces with `new_masks`
+    double landmark_error = 0.0;  ///< median over the faces, in units of the image's side
+    std::optional<double> mask_agreement;  ///< mean intersection over union of made and known masks
     std::vector<BrokenFile> failed;
     std::vector<FaceWarning> warnings;
     PoseStatistics poses;
@@ -43,23 +44,23 @@ struct PrepareReport {
 /// [id]}
 [[nodiscard]] JsonValue to_json(const PrepareReport& report);
 
-/// The result of a call. Without a report it was interrupted: the photos so far are a data set
-/// already, and the next call with the same settings continues.
+/// The result of a call. If there is no report, the call was interrupted: the photos so far form a
+/// data set, and the next call with the same settings continues.
 struct PrepareOutcome {
-    std::int64_t done = 0;  ///< photos, those of former calls included
+    std::int64_t done = 0;  ///< finished photos, including those of earlier calls
     std::int64_t found = 0;
-    std::int64_t done_now = 0;  ///< photos of this call
+    std::int64_t done_now = 0;  ///< photos finished by this call
     std::optional<PrepareReport> report;
 };
 
-/// Makes a training set of a folder of photos: images/ID.png, masks/ID.png, faces.jsonl (pose, code
-/// and landmarks of each face), camera.json, report.json, overlays/sheet_NNN.png with 64 faces
+/// Makes a training set from a folder of photos: images/ID.png, masks/ID.png, faces.jsonl (pose,
+/// code and landmarks of each face), camera.json, report.json, overlays/sheet_NNN.png with 64 faces
 /// each. Photos are read, prepared and written a few at a time, and recorded in progress.jsonl,
 /// which exists until the folder is complete. An interruption leaves a data set of the photos so
-/// far. Masks of the photo's folder and landmarks of its faces.jsonl are used unchanged.
+/// far. Masks in the folder of photos and landmarks in its faces.jsonl are used unchanged.
 ///
 /// Throws FileError if `out` exists and is not a folder in preparation with the same settings, if
-/// no photo can be used, or if a file cannot be written. `progress` is called with the number of
+/// no photo can be used, or if a file cannot be written. `progress` is called with the numbers of
 /// finished photos and of all photos.
 [[nodiscard]] PrepareOutcome prepare_folder(
     const FolderPreparation& folders, const PhotoPreparation& preparation,

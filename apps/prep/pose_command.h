@@ -12,13 +12,13 @@ namespace stymo {
 /// the model's camera.
 struct PoseCommand {
     std::optional<std::filesystem::path> input;
-    std::string id;  ///< of the pose in a file with several
+    std::string id;  ///< id of the pose in a file with several poses
     double yaw = 0.0;
     double pitch = 0.0;
     double roll = 0.0;
     double distance = 5.3;
     double pivot_depth = 0.9;
-    double focal = 2.03;  ///< of the camera that comes out
+    double focal = 2.03;  ///< focal length of the resulting camera
     std::optional<std::filesystem::path> out;
     std::optional<std::filesystem::path> draw;
     std::optional<std::filesystem::path> photo;
@@ -26,10 +26,10 @@ struct PoseCommand {
 
 void declare_pose_command(Command& command, PoseCommand& options);
 
-/// The pose in every form: {"pose", "camera": {"focal", "cx", "cy"}, "world_from_camera" (4x4),
-/// "camera_from_world" (3x4), "eg3d" (25 numbers)}. Writes it to `out`, and the head's axes, over
-/// `photo` or the built-in head, to `draw`. Throws FileError for input that cannot be read as a
-/// pose.
+/// Converts a pose to every format: {"pose", "camera": {"focal", "cx", "cy"}, "world_from_camera"
+/// (4x4), "camera_from_world" (3x4), "eg3d" (25 numbers)}. Writes them to `out`, and the head's
+/// axes, drawn over `photo` or the built-in head, to `draw`. Throws FileError for input that is not
+/// a pose.
 [[nodiscard]] AppResult convert_pose(const PoseCommand& options);
 
 }  // namespace stymo

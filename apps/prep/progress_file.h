@@ -10,20 +10,22 @@
 
 namespace stymo {
 
-/// The records of the finished photos of a folder in preparation: `progress.jsonl` with the
-/// settings in its first line and one photo per line. It is removed when the folder is complete.
+/// The records of the finished photos of a folder in preparation: `progress.jsonl`, with the
+/// settings in the first line and one photo in each further line. It is removed when the folder is
+/// complete.
 class ProgressFile {
 public:
-    /// Continues the file in `folder`, or begins one. A line that a crash cut off is dropped.
-    /// Throws FileError if the file was begun with other settings (an object of strings, numbers
-    /// and booleans with the names of command-line options), is malformed or cannot be written.
+    /// Continues the file in `folder`, or begins one. `settings` is an object of strings, numbers
+    /// and booleans with the names of command-line options. A partial last line, which a crash
+    /// leaves, is dropped. Throws FileError if the file was begun with other settings, is malformed
+    /// or cannot be written.
     ProgressFile(const std::filesystem::path& folder, const JsonValue& settings);
 
     [[nodiscard]] static std::filesystem::path path_in(const std::filesystem::path& folder);
 
     [[nodiscard]] bool contains(const std::string& file) const { return lines_.contains(file); }
     [[nodiscard]] PhotoOutcome read(const std::string& file) const;
-    /// Adds a record, which is on the disk when it returns.
+    /// Adds a record. It is on the disk when this function returns.
     void append(const PhotoOutcome& outcome);
 
 private:

@@ -11,8 +11,8 @@
 
 namespace stymo {
 
-/// The options of stymo-render. `orbit`, `to`, the grids and `sample` exclude each other; without
-/// any of them it is one view.
+/// The options of stymo-render. `orbit`, `to`, the grids and `sample` exclude each other. Without
+/// any of them one view is rendered.
 struct RenderOptions {
     ModelOptions model;
     std::filesystem::path codes;
@@ -41,8 +41,8 @@ struct RenderOptions {
     HeadMeshOptions meshing;
 
     std::string mode = "exact";
-    RendererOptions renderer;    ///< its mode is that of `mode`
-    std::optional<double> psnr;  ///< that the tolerance is chosen for, in decibels
+    RendererOptions renderer;    ///< its mode is set from `mode`
+    std::optional<double> psnr;  ///< PSNR in decibels for which the tolerance is chosen
     bool keep_floaters = false;
     bool explain = false;
 

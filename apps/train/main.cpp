@@ -60,8 +60,8 @@ struct PreparedRun {
             std::filesystem::is_directory(options.out))
             lock.emplace(options.out);
         config.model.camera.intrinsics = training.load(0).intrinsics;
-        // A checkpoint or a model holds what became of the backbone's weights, so that they need
-        // not be named.
+        // A checkpoint or a model contains the backbone's trained weights, so their file need not
+        // be given.
         const bool random_start = options.resume.empty() && options.initial_model.empty();
         if (!random_start && stymo::lacks_backbone_weights(config.model.encoder))
             config.model.encoder.backbone_weights = stymo::random_backbone;

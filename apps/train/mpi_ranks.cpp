@@ -63,7 +63,7 @@ public:
     void exchange(std::span<const std::byte> sent, std::span<std::byte> received,
                   int other) override {
         const double begin = seconds_now();
-        // As many pieces as the longer message has; the shorter one ends with empty ones.
+        // As many pieces as the longer message needs; the last pieces of the shorter one are empty.
         for (std::size_t at = 0; at < std::max(sent.size(), received.size()); at += most_bytes) {
             const MPI_Request in = receiving(piece_of(received, at), other);
             wait_for(sending(piece_of(sent, at), other));
@@ -89,8 +89,8 @@ private:
                   &request);
         return request;
     }
-    /// Asks in turn whether it is done and sleeps: Open MPI's own waiting would take the processor
-    /// from the threads that compute.
+    /// Polls and sleeps, because Open MPI's own waiting would occupy a processor that computing
+    /// threads need.
     static void wait_for(MPI_Request request) {
         int done = 0;
         while (MPI_Test(&request, &done, MPI_STATUS_IGNORE) == MPI_SUCCESS && done == 0)

@@ -14,26 +14,26 @@
 
 namespace stymo {
 
-/// What must be the same on all ranks: a name for messages, and what is compared.
+/// Values that must be the same on all ranks: pairs of a name for messages and the compared text.
 using CommonState = std::vector<std::pair<std::string, std::string>>;
 
-/// Program, configuration, photos (names and sizes of the files), position of a run, and the model
-/// that it begins with, if that is not empty.
+/// Program, configuration, photos (names and sizes of the files), position of the run, and the
+/// initial model, unless that path is empty.
 [[nodiscard]] CommonState common_state(const TrainConfig& config, const Dataset& training,
                                        const TrainingState& state,
                                        const std::filesystem::path& initial_model);
 
-/// The parts of a run that several ranks do together.
+/// The parts of a run with several ranks.
 struct RankedRun {
-    std::function<void()> prepare;  ///< without writing, and without a word to other ranks
+    std::function<void()> prepare;  ///< must not write files or communicate with other ranks
     std::function<CommonState()> state;
-    std::function<AppResult()> lead;  ///< on rank 0
-    std::function<void()> follow;     ///< on all others
+    std::function<AppResult()> lead;  ///< runs on rank 0
+    std::function<void()> follow;     ///< runs on all other ranks
 };
 
-/// Rank 0 speaks for all: the others print nothing. If the preparation fails anywhere, or if the
-/// ranks differ in what must be the same, the first problem is thrown on every rank. An error after
-/// that is printed by the rank that has it, and ends all ranks at once.
+/// Runs one rank. Only rank 0 prints results. If the preparation fails on any rank, or if the ranks
+/// differ in their CommonState, the first problem is thrown on every rank. A later error is printed
+/// by the rank on which it occurs, and ends all ranks at once.
 AppResult run_as_rank(Ranks& ranks, const std::string& program, const RankedRun& run);
 
 }  // namespace stymo

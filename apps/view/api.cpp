@@ -250,7 +250,7 @@ Answer Api::codes_file(Session& session, const Request& request) {
 Answer Api::tuned_file(Session& session, const Request& request) {
     const ShelfFace face = session.shelf().find(request.value("face"));
     if (!face.tuned) throw RequestError(400, "this face is not tuned");
-    // The file holds all that the other tools do not have, what --tuned brought included.
+    // The file holds all changes against the model of --model, including those of --tuned.
     const Model plain =
         load_model({.file = studio_.options().model.file, .tuned = {}}, ModelParts::decoder);
     return download(written_bytes(".safetensors",

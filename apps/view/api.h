@@ -10,7 +10,7 @@
 
 namespace stymo::view {
 
-/// What the server answers.
+/// An HTTP response.
 struct Answer {
     int status = 200;
     std::string type = "application/json";
@@ -18,12 +18,12 @@ struct Answer {
     std::vector<std::pair<std::string, std::string>> headers{};
 };
 
-/// The requests of the page under /api, without anything of HTTP but their paths. Thread-safe.
+/// Handles the requests of the page under /api, independently of the HTTP library. Thread-safe.
 class Api {
 public:
     Api(Studio& studio, std::size_t most_sessions);
 
-    /// Errors become answers, too: {"error": one line}. No exception leaves.
+    /// Handles a request. Errors become answers {"error": one line}; it throws nothing.
     [[nodiscard]] Answer operator()(const Request& request);
     [[nodiscard]] const Sessions& sessions() const { return sessions_; }
 
@@ -36,11 +36,12 @@ private:
     [[nodiscard]] Answer color(Session& session, const Request& request);
     [[nodiscard]] Answer film_path(Session& session, const Request& request);
     [[nodiscard]] Answer make_mesh(Session& session, const Request& request);
-    /// The face with its sliders.
+    /// The face of the request with its sliders applied.
     [[nodiscard]] ShelfFace shown_face(Session& session, const Request& request) const;
     [[nodiscard]] Answer codes_file(Session& session, const Request& request);
     [[nodiscard]] Answer tuned_file(Session& session, const Request& request);
-    /// The inverse: a new face with the codes of this one and the weights of the body.
+    /// The inverse of tuned_file: adds a new face with the codes of this one and the weights in the
+    /// request's body.
     [[nodiscard]] Answer tuned_face(Session& session, const Request& request);
     [[nodiscard]] Answer eyes(Session& session, const Request& request);
 

@@ -9,36 +9,37 @@
 
 namespace stymo::view {
 
-/// How the viewer's camera sees. Lengths in metres.
+/// The viewer's camera. Lengths are in metres.
 struct EyeCamera {
     double field_of_view = 1.05;  ///< horizontal, in radians
-    /// The camera's place from the middle of the picture on the screen: x to the viewer's right, y
-    /// up, z towards the viewer. On top of a laptop's screen: about (0, 0.15, 0).
+    /// Position of the camera relative to the centre of the picture on the screen: x to the
+    /// viewer's right, y up, z towards the viewer. About (0, 0.15, 0) on top of a laptop's screen.
     Eigen::Vector3d place{0.0, 0.15, 0.0};
 };
 
-/// The mean distance between the pupils of adults (Dodgson 2004), which tells how far a head is.
+/// The mean distance between the pupils of adults (Dodgson 2004), from which the distance of a head
+/// is computed.
 inline constexpr double pupil_distance = 0.063;
 
-/// The point between the eyes of a face in the camera's image of this many pixels, in metres from
-/// the middle of the picture on the screen, in the axes of `EyeCamera::place`. The camera looks
-/// straight ahead, and its image is not mirrored.
+/// The point between the eyes of a face, in metres, in the axes and with the origin of
+/// `EyeCamera::place`. `landmarks` are in pixels of the camera's image (width x height), which must
+/// not be mirrored. The camera looks straight ahead.
 [[nodiscard]] Eigen::Vector3d eye_point(const Landmarks& landmarks, double width, double height,
                                         const EyeCamera& camera);
 
-/// Follows the head of one viewer from image to image. Keeps no image.
+/// Tracks the head of one viewer over consecutive images. It stores no image.
 class EyeTracker {
 public:
     struct Sight {
-        Eigen::Vector3d measured;  ///< metres, as `eye_point`
+        Eigen::Vector3d measured;  ///< in metres, as in `eye_point`
         Eigen::Vector3d filtered;
-        double lag = 0.0;  ///< seconds by which the filter is behind a steady movement
+        double lag = 0.0;  ///< OneEuroFilter::lag in seconds
     };
 
     explicit EyeTracker(std::shared_ptr<const FaceDetector> detector);
 
-    /// The eyes in an image (height, width, 3) that was taken at this time in seconds; nothing
-    /// where there is no face.
+    /// The eyes in an image (height, width, 3) taken at the time `seconds`; nothing if no face is
+    /// found.
     [[nodiscard]] std::optional<Sight> see(const Tensor& image, const EyeCamera& camera,
                                            double seconds);
 

@@ -22,7 +22,7 @@ namespace {
 constexpr std::int64_t thumbnail_side = 64;
 constexpr double highest_psnr = 100.0;  ///< of equal frames
 constexpr double least_tolerance = 0.001, largest_tolerance = 0.5;
-/// So much better than wanted, in decibels, and the tolerance may grow.
+/// The tolerance may grow if the PSNR exceeds the wanted one by this many decibels.
 constexpr double psnr_to_spare = 3.0;
 
 Tensor enlarged(const Tensor& map, std::int64_t side) {
@@ -52,8 +52,8 @@ Tensor depth_picture(const View& view) {
     return enlarged(picture, side);
 }
 
-/// x, y, z of the normals in camera axes as red, green, blue; black outside the head, where a depth
-/// is that of fog.
+/// x, y, z of the normals in camera axes as red, green, blue. Black outside the head, where depths
+/// are meaningless.
 Tensor normals_picture(const View& view, const Camera& camera, const RaySampling& sampling) {
     Tensor normals = depth_normals(view.depth, camera, sampling);
     const std::span<float> values = normals.mutable_values<float>();
@@ -171,7 +171,7 @@ std::optional<double> FrameRenderer::State::adapt(const FrameRequest& request, c
         if (*reached < settings.psnr && tolerance > least_tolerance) {
             tolerance /= step;
         } else {
-            // One step in a frame, so that it does not go to and fro.
+            // The tolerance grows by only one step in a frame, so that it does not oscillate.
             if (i == 0 && *reached > settings.psnr + psnr_to_spare && tolerance < largest_tolerance)
                 tolerance *= step;
             return reached;
@@ -202,7 +202,7 @@ std::optional<Frame> FrameRenderer::render(const FrameRequest& request,
     frame.jpeg = jpeg_bytes(picture_of(*view, request), exact ? state.settings.still_jpeg_quality
                                                               : state.settings.moving_jpeg_quality);
     frame.milliseconds = 1e3 * (seconds_now() - start);
-    // Making a renderer takes longer than its frames.
+    // The first frame includes creating the renderer, which takes longer than a frame.
     if (moving && !state.moving.is_new) state.side.take(frame.milliseconds);
     frame.side = view->image.shape(0);
     frame.mode = render_mode_name(options.mode);

@@ -10,34 +10,34 @@
 
 namespace stymo::view {
 
-/// A file that a job has made for download.
+/// A file for download that a job has made.
 struct Artifact {
     std::string bytes;
     std::string type;  ///< "video/mp4"
     std::string name;  ///< "orbit.mp4"
 };
 
-/// How far a job has come.
+/// The progress of a job.
 struct JobStatus {
     enum class State { running, done, failed, cancelled };
     State state = State::running;
     std::string phase;      ///< "fitting"
-    std::int64_t done = 0;  ///< steps of this phase
+    std::int64_t done = 0;  ///< finished steps of this phase
     std::int64_t total = 0;
-    double loss = 0.0;  ///< where there is one
-    std::string face;   ///< id of the face that it makes, once there is one
-    std::string error;  ///< why it failed
-    std::string note;   ///< what else there is to say, such as a warning of the photo
+    double loss = 0.0;  ///< 0 if the phase has no loss
+    std::string face;   ///< id of the resulting face; empty before there is one
+    std::string error;  ///< reason of a failure
+    std::string note;   ///< further information, such as a warning about the photo
     bool has_artifact = false;
 };
 
-/// Something that takes seconds, on a thread of its own at low priority: a fit, a film. Its body
-/// reports to it and is ended at the next report when it is cancelled.
+/// A task of several seconds, such as a fit or a film, on its own thread with low priority. Its
+/// body reports progress; after `cancel` the next report ends the body by an exception.
 class Job {
 public:
     using Body = std::function<void(Job&)>;
     explicit Job(Body body);
-    /// Cancels and waits.
+    /// Cancels the job and waits for it.
     ~Job();
     Job(const Job&) = delete;
     Job& operator=(const Job&) = delete;
@@ -47,7 +47,8 @@ public:
     [[nodiscard]] JobStatus status() const;
     [[nodiscard]] std::optional<Artifact> artifact() const;
 
-    // For the body. All but `set_note` throw what ends it if the job is cancelled.
+    // For the body. If the job is cancelled, all of these except `set_note` throw the exception
+    // that ends it.
     void report(const std::string& phase, std::int64_t done, std::int64_t total, double loss = 0.0);
     void set_face(const std::string& id);
     void set_note(const std::string& note);

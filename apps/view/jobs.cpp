@@ -50,7 +50,7 @@ PreparedPhoto prepared(Studio& studio, const std::string& bytes, Job& job) {
     return photo;
 }
 
-/// A model of which this face's tuned weights become a part.
+/// A model with this face's tuned weights.
 std::shared_ptr<const Model> tuned_model(Studio& studio, const FaceBatch& batch,
                                          const FitResult& fitted, double seconds, Job& job) {
     auto tuned = std::make_shared<Model>(load_model(studio.options().model, ModelParts::decoder));
@@ -65,8 +65,8 @@ std::shared_ptr<const Model> tuned_model(Studio& studio, const FaceBatch& batch,
     return tuned;
 }
 
-/// Without this a colour that no face has leads to codes that are no face's. Steps and offsets are
-/// measured by how much the texture of the training faces varies.
+/// Keeps the codes close to those of real faces, even for a colour that no face has: steps and
+/// offsets are scaled by the variation of the training faces' textures.
 void keep_near_faces(const Model& model, ColorEditOptions& options) {
     if (!model.code_statistics()) return;
     constexpr std::size_t texture = 2;
@@ -131,7 +131,7 @@ Job::Body fit_photo(Studio& studio, Session& session, std::string photo, const s
             };
             result = fit_codes(model, studio.loss(), batch, options);
         } catch (...) {
-            session.shelf().remove(id);  // half a face is none
+            session.shelf().remove(id);  // removes an unfinished face
             throw;
         }
         shown.face.codes = result.fitted;

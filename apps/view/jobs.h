@@ -8,16 +8,16 @@
 
 namespace stymo::view {
 
-/// What the page asks for that takes seconds. Each is the body of a Job of this session, which
-/// outlives it.
+/// Requests of the page that take seconds. Each function returns the body of a Job. Studio and
+/// session must outlive the job.
 
-/// Finds, masks and fits the face of a photo, given as the bytes of its file. The face is on the
-/// shelf from the first step on and changes as the fit goes on. Then the decoder is tuned to it for
-/// so many seconds.
+/// Finds, masks and fits the face of a photo, whose file has the bytes `photo`. The face is on the
+/// shelf from the first step on and is updated during the fit. Then the decoder is tuned to it for
+/// `tune_seconds`.
 [[nodiscard]] Job::Body fit_photo(Studio& studio, Session& session, std::string photo,
                                   const std::string& name, double tune_seconds);
 
-/// Gives the part of the face at (x, y) of the image, both in [0, 1], another colour.
+/// A request to change the colour of the part of the face at (x, y) of the image, both in [0, 1].
 struct ColorWish {
     std::string face;
     std::array<std::vector<double>, code_names.size()> sliders;
@@ -29,7 +29,8 @@ struct ColorWish {
 [[nodiscard]] Job::Body recolor(Studio& studio, Session& session, const ShelfFace& shown,
                                 const ColorWish& wish);
 
-/// A film along a path of cameras, rendered as moving frames are; `extension` is ".gif" or ".mp4".
+/// A request for a film along a path of cameras, rendered like moving frames. `extension` is ".gif"
+/// or ".mp4".
 struct FilmWish {
     ShelfFace face;
     std::vector<Camera> cameras;

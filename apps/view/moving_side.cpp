@@ -3,9 +3,11 @@
 namespace stymo::view {
 
 void MovingSide::take(double milliseconds) {
-    constexpr double memory = 0.8;            // of the mean
-    constexpr double whole_of_half = 4.0;     // the time of a whole frame in times of a half one
-    constexpr double share_that_helps = 0.7;  // of the whole frame's time
+    constexpr double memory = 0.8;  // weight of the earlier mean in the moving mean
+    // Time of a frame at the whole side, in units of that at half the side.
+    constexpr double whole_of_half = 4.0;
+    // Half the side helps if its frames take less than this share of the time.
+    constexpr double share_that_helps = 0.7;
     constexpr int frames_to_judge = 8;
     mean_ = frames_ == 0 ? milliseconds : memory * mean_ + (1.0 - memory) * milliseconds;
     ++frames_;

@@ -5,15 +5,16 @@
 
 namespace stymo::view {
 
-/// The 1-euro filter (Casiez, Roussel, Vogel 2012) of a point that is measured with noise: a
-/// low-pass whose cutoff rises with the speed, so that a point at rest does not tremble and one
-/// that moves does not lag.
+/// The 1-euro filter (Casiez, Roussel, Vogel 2012) for noisy measurements of a point: a low-pass
+/// filter whose cutoff rises with the speed, so that a point at rest does not jitter and a moving
+/// point lags little.
 class OneEuroFilter {
 public:
     struct Settings {
-        double least_cutoff = 1.0;  ///< hertz, at rest
-        double speed_factor = 2.0;  ///< hertz for each unit of length and second
-        double speed_cutoff = 1.0;  ///< hertz, of the speed itself
+        double least_cutoff = 1.0;  ///< cutoff in hertz at rest
+        /// Increase of the cutoff in hertz for each unit of length per second.
+        double speed_factor = 2.0;
+        double speed_cutoff = 1.0;  ///< cutoff in hertz of the low-pass filter for the speed
     };
 
     OneEuroFilter() = default;
@@ -21,8 +22,8 @@ public:
 
     /// The filtered point at a time in seconds, which must not decrease.
     Eigen::Vector3d operator()(const Eigen::Vector3d& measured, double seconds);
-    /// By how many seconds the filtered point lags behind one that moves steadily as at the last
-    /// measurement: the time constant, 1 / (2 pi cutoff).
+    /// Lag in seconds behind a point that moves steadily with the speed of the last measurement:
+    /// the time constant, 1 / (2 pi cutoff).
     [[nodiscard]] double lag() const { return lag_; }
 
 private:

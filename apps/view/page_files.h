@@ -6,7 +6,7 @@
 
 namespace stymo::view {
 
-/// A file of the page, which is part of the program.
+/// A file of the page, which is embedded in the program.
 struct PageFile {
     std::string_view name;  ///< "index.html"
     std::string_view text;

@@ -94,7 +94,7 @@ Camera window_camera(const Json& object, const CameraConfig& model) {
     const std::vector<double> eye = numbers(object.at("eye"), "eye", 3, -5.0, 5.0);
     if (eye.size() != 3) refuse("\"eye\" must be three numbers");
     const double screen = number(object, "screen", 0.2, 0.02, 10.0);
-    // The screen shows what the model's own frontal camera shows at the depth of the face.
+    // The window has the size of the model's frontal view at the depth of the face.
     const Window window{.center = {0.0, 0.0, model.pivot_depth},
                         .side = (model.distance - model.pivot_depth) / model.intrinsics.focal};
     const double scale = window.side / screen;
@@ -135,8 +135,8 @@ Wish wish_for_view(const Json& object, const CameraConfig& model) {
     return wish;
 }
 
-/// Through the keys, with continuous speed (Catmull and Rom 1974), never beyond the outermost ones;
-/// `part` in [0, 1].
+/// A smooth curve through the keys (Catmull and Rom 1974), limited to the range of the keys; `part`
+/// in [0, 1].
 double along(const std::vector<double>& keys, double part) {
     const double place = part * static_cast<double>(keys.size() - 1);
     const auto last = std::ssize(keys) - 1;

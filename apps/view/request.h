@@ -12,7 +12,7 @@
 
 namespace stymo::view {
 
-/// A request that is not understood, or not allowed, with its status of HTTP.
+/// A request that is invalid or not allowed, with its HTTP status.
 class RequestError : public Error {
 public:
     RequestError(int status, const std::string& message) : Error(message), status_(status) {}
@@ -22,17 +22,17 @@ private:
     int status_;
 };
 
-/// A request to the server, of whichever HTTP library.
+/// A request to the server, independent of the HTTP library.
 struct Request {
     std::string path;  ///< "/api/frame"
     std::string session{};
     std::map<std::string, std::string> query{};
     std::string body{};
 
-    /// Throws RequestError if the query has no such value.
+    /// A value of the query. Throws RequestError if it is missing.
     [[nodiscard]] const std::string& value(const std::string& name) const;
-    /// A number of the query, or `usual`. Throws RequestError for a text that is no number from low
-    /// to high.
+    /// A number of the query; `usual` if it is missing. Throws RequestError for a text that is not
+    /// a number from low to high.
     [[nodiscard]] double number(const std::string& name, double usual, double low,
                                 double high) const;
 };
@@ -40,7 +40,7 @@ struct Request {
 /// Amounts of the sliders: standard deviations along each group's directions.
 using Sliders = std::array<std::vector<double>, code_names.size()>;
 
-/// What the page asks to see.
+/// A frame that the page requests.
 struct FrameWish {
     std::string face;
     Sliders sliders;
@@ -49,13 +49,13 @@ struct FrameWish {
     Quality quality = Quality::moving;
 };
 
-// Each reads the JSON body of a request and throws RequestError for one that is malformed, with
-// numbers out of range, or too large.
+// These functions parse the JSON body of a request. They throw RequestError for a body that is
+// malformed, too large or has numbers out of range.
 
 [[nodiscard]] FrameWish frame_wish(const std::string& json, const CameraConfig& camera);
 [[nodiscard]] ColorWish color_wish(const std::string& json, const CameraConfig& camera);
 
-/// How a new face is made.
+/// A request for a new face.
 struct FaceWish {
     enum class Source {
         drawn,  ///< {"seed", "truncation"}
@@ -67,7 +67,7 @@ struct FaceWish {
     Source source = Source::drawn;
     std::uint64_t seed = 0;
     double truncation = 0.7;
-    std::string codes;  ///< or the file
+    std::string codes;  ///< for `codes`; for `file` the contents of the file
     std::string name;
     std::string face;
     std::string other;

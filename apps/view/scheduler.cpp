@@ -8,9 +8,10 @@ namespace stymo::view {
 
 namespace {
 
-/// Sessions whose renderers are kept; those of others are made anew when they ask for a frame.
+/// Number of sessions whose renderers are kept. Other sessions get a new renderer with their next
+/// frame.
 constexpr std::size_t most_renderers = 8;
-/// Whoever has waited for so long goes before moving frames.
+/// Requests that have waited longer than this go before moving frames.
 constexpr double patience_seconds = 0.5;
 
 }  // namespace
@@ -58,7 +59,8 @@ void Scheduler::forget(const std::string& session) {
     forgotten_.push_back(session);
 }
 
-/// Moving frames first, and what has waited for long; among equals the one that waits longest.
+/// Moving frames and requests that have waited for long come first; among equals, the one that
+/// waits longest.
 std::map<Scheduler::Key, Scheduler::Waiting>::iterator Scheduler::next() {
     const double now = seconds_now();
     const auto urgency = [&](const Waiting& waiting) {

@@ -15,22 +15,22 @@ namespace stymo::view {
 
 /// Renders the frames of all sessions, one after the other, each with all threads.
 ///
-/// A session has at most one frame that waits: a newer request takes its place. A request for a
-/// moving frame stops a still frame that is being rendered, of whichever session; that of another
-/// session is rendered again afterwards, and then to its end. Moving frames go before others
-/// unless these have waited for long, and sessions take turns.
+/// A session has at most one waiting frame: a newer request replaces it. A request for a moving
+/// frame stops a still frame of any session that is being rendered. If the still frame belongs to
+/// another session, it is rendered again later, and then not stopped. Moving frames have priority
+/// over others, unless these have waited for long. Sessions take turns.
 class Scheduler {
 public:
     explicit Scheduler(const FrameSettings& settings);
-    /// Answers what waits with nothing.
+    /// Waiting requests return nothing.
     ~Scheduler();
     Scheduler(const Scheduler&) = delete;
     Scheduler& operator=(const Scheduler&) = delete;
 
-    /// Waits for the frame; nothing if a newer request of the session took its place. Throws what
-    /// rendering throws. Thread-safe.
+    /// Waits for the frame; returns nothing if a newer request of the session replaced it. Throws
+    /// what rendering throws. Thread-safe.
     [[nodiscard]] std::optional<Frame> render(const std::string& session, FrameRequest request);
-    /// Lets go of what is kept for a session.
+    /// Releases the renderers of a session.
     void forget(const std::string& session);
 
 private:
@@ -38,11 +38,11 @@ private:
         FrameRequest request;
         std::promise<std::optional<Frame>> answer;
         std::uint64_t order = 0;
-        double since = 0.0;        ///< seconds, as seconds_now()
-        bool was_stopped = false;  ///< for another session; once is enough
+        double since = 0.0;        ///< time of the request by seconds_now()
+        bool was_stopped = false;  ///< stopped for another session; it is stopped only once
     };
-    /// A session, and which of its pictures: thumbnails and snapshots have places of their own, so
-    /// that they do not take that of the picture on the page.
+    /// A session and the kind of picture. Thumbnails and snapshots have separate places, so that
+    /// they do not replace the picture on the page.
     using Key = std::pair<std::string, int>;
 
     void run();
@@ -56,7 +56,7 @@ private:
     std::map<Key, Waiting> waiting_;
     std::uint64_t order_ = 0;
     std::optional<Key> running_;
-    bool running_may_stop_ = false;  ///< for another session
+    bool running_may_stop_ = false;  ///< whether it may be stopped for another session
     bool running_is_still_ = false;
     std::stop_source stop_running_;
     std::vector<std::string> forgotten_;
@@ -65,7 +65,7 @@ private:
         FrameRenderer renderer;
         std::uint64_t used = 0;
     };
-    std::map<std::string, KeptRenderer> renderers_;  ///< of the thread alone
+    std::map<std::string, KeptRenderer> renderers_;  ///< used only by the thread
     std::uint64_t uses_ = 0;                         ///< likewise
     std::thread thread_;
 };

@@ -34,7 +34,7 @@ std::string type_of(std::string_view name) {
     return "text/javascript; charset=utf-8";
 }
 
-/// Takes as long for every text of the same length.
+/// Takes constant time for texts of the same length.
 bool equal_tokens(const std::string& a, const std::string& b) {
     unsigned difference = a.size() == b.size() ? 0U : 1U;
     for (std::size_t i = 0; i < std::min(a.size(), b.size()); ++i)
@@ -42,8 +42,8 @@ bool equal_tokens(const std::string& a, const std::string& b) {
     return difference == 0;
 }
 
-/// Ends the connection after the answer: what is left of the request, such as its body, must not be
-/// taken for the next one. httplib does so only for a provider of content that gives up.
+/// Closes the connection after the answer, so that the rest of the request, such as its body, is
+/// not read as the next request. httplib does so only for a content provider that fails.
 void refuse(httplib::Response& response, int status, const std::string& message) {
     response.status = status;
     response.set_header("Connection", "close");
@@ -56,8 +56,8 @@ void refuse(httplib::Response& response, int status, const std::string& message)
         });
 }
 
-/// Whether the body is announced as it must be: with its length, and as it is. httplib reads bodies
-/// in chunks, and inflates compressed ones, without a limit.
+/// Whether the body has a Content-Length and no encoding. httplib reads chunked bodies, and
+/// inflates compressed ones, without a limit.
 bool announces_body(const httplib::Request& request) {
     return request.has_header("Content-Length") && !request.has_header("Transfer-Encoding") &&
            !request.has_header("Content-Encoding");
@@ -82,7 +82,7 @@ struct Server::Implementation {
 
     Implementation(Api& served, ServerOptions given) : api(served), options(std::move(given)) {}
 
-    /// Refuses what comes from elsewhere, before a body is read.
+    /// Rejects requests from other origins before their body is read.
     [[nodiscard]] httplib::Server::HandlerResponse guard(const httplib::Request& request,
                                                          httplib::Response& response) const;
     [[nodiscard]] bool is_own(const std::string& host) const;
@@ -93,7 +93,7 @@ struct Server::Implementation {
 
 bool Server::Implementation::is_own(const std::string& host) const {
     const std::string end = ":" + std::to_string(port);
-    // Where the server is open to a network, its machine has names that it does not know.
+    // If the server is open to a network, its machine may have names that the server does not know.
     if (!is_loopback(options.host)) return true;
     return std::ranges::any_of(std::array{"127.0.0.1", "localhost", "[::1]"},
                                [&](const char* name) {
@@ -119,7 +119,7 @@ httplib::Server::HandlerResponse Server::Implementation::guard(const httplib::Re
         refuse(response, 401, "the token is missing or wrong; open the address that was printed");
         return Handled;
     }
-    // A range of ranges would multiply the answer.
+    // Several ranges could multiply the size of the answer.
     if (request.has_header("Range")) {
         refuse(response, 416, "parts of files are not served");
         return Handled;

@@ -10,16 +10,16 @@ namespace stymo::view {
 
 struct ServerOptions {
     std::string host = "127.0.0.1";
-    int port = 8080;      ///< 0: any that is free
-    std::string token{};  ///< that every request under /api must bring; empty: none
+    int port = 8080;      ///< 0: any free port
+    std::string token{};  ///< token that every request under /api must have; empty: none
     std::size_t most_body_bytes = 32U << 20U;
-    int threads = 128;           ///< connections that are served at once; further ones wait
-    double read_seconds = 10.0;  ///< that a client may let pass before its next byte
+    int threads = 128;  ///< number of connections that are served at once; further ones wait
+    double read_seconds = 10.0;  ///< largest time between two bytes from a client
 };
 
-/// Serves the page and its requests by HTTP. Requests whose Host is not this server, or whose
-/// Origin is another page, are refused, so that no page of the web can reach it. No file of the
-/// machine is served.
+/// Serves the page and its requests over HTTP. Requests whose Host is not this server, or whose
+/// Origin is another page, are rejected, so that no other web page can use it. It serves no files
+/// of the machine.
 class Server {
 public:
     Server(Api& api, const ServerOptions& options);
@@ -27,8 +27,8 @@ public:
     Server(const Server&) = delete;
     Server& operator=(const Server&) = delete;
 
-    /// Throws Error if the port is taken or the host is not this machine's. Requests are served
-    /// from then on until `stop`.
+    /// Serves requests until `stop`. Throws Error if the port is taken or the host is not an
+    /// address of this machine.
     void start();
     void stop();
     /// The address of the page, with the token.

@@ -9,9 +9,9 @@ namespace stymo::view {
 
 namespace {
 
-/// Requests that a session may make each second, and at once.
+/// Rate limit of a session: requests per second, and largest burst.
 constexpr double requests_per_second = 200.0, requests_at_once = 400.0;
-/// A session that is idle for so long gives way to a new one.
+/// A session that has been idle for longer may be replaced by a new one.
 constexpr double idle_limit_seconds = 60.0;
 
 }  // namespace

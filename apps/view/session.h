@@ -14,7 +14,7 @@
 
 namespace stymo::view {
 
-/// One page in one browser: its faces, its job, and the eyes of the one who looks at it.
+/// One page in one browser: its faces, its job, and the eye tracker of its viewer.
 class Session {
 public:
     Session(std::string id, Studio& studio);
@@ -26,18 +26,19 @@ public:
     [[nodiscard]] const std::string& id() const { return id_; }
     [[nodiscard]] Shelf& shelf() { return shelf_; }
 
-    /// Throws ValueError while another job runs.
+    /// Starts a job. Throws ValueError while another job runs.
     void start(Job::Body body);
     void cancel();
-    /// Of the last job; nothing before the first.
+    /// The status of the last job; nothing before the first job.
     [[nodiscard]] std::optional<JobStatus> job_status() const;
     [[nodiscard]] std::optional<Artifact> artifact() const;
 
-    /// Thread-safe; images of one session are looked at one after the other.
+    /// Finds the viewer's eyes (EyeTracker::see). Thread-safe; images of a session are processed
+    /// one after the other.
     [[nodiscard]] std::optional<EyeTracker::Sight> see(const Tensor& image,
                                                        const EyeCamera& camera);
 
-    /// Whether this request is within the rate that a session is allowed.
+    /// Counts a request, and returns whether it is within the rate limit of a session.
     [[nodiscard]] bool allows_request();
     [[nodiscard]] double idle_seconds() const;
 
@@ -56,13 +57,13 @@ private:
     double allowance_;
 };
 
-/// The open sessions, of which there is a limited number. Thread-safe.
+/// The open sessions. Their number is limited. Thread-safe.
 class Sessions {
 public:
     Sessions(Studio& studio, std::size_t most);
 
-    /// A new session with the first faces on its shelf; null if there are too many. One that has
-    /// not been used for a while makes room.
+    /// Opens a session with the first faces on its shelf. If there are too many sessions, one that
+    /// has not been used for a while is closed; if there is none, the result is null.
     [[nodiscard]] std::shared_ptr<Session> open();
     /// Null for an unknown id.
     [[nodiscard]] std::shared_ptr<Session> find(const std::string& id) const;
@@ -76,7 +77,7 @@ private:
     std::map<std::string, std::shared_ptr<Session>> sessions_;
 };
 
-/// 128 random bits of the system as hexadecimal digits.
+/// 128 random bits from the operating system as hexadecimal digits.
 [[nodiscard]] std::string random_token();
 
 }  // namespace stymo::view

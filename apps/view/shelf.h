@@ -15,22 +15,22 @@ namespace stymo::view {
 struct ShelfFace {
     std::string name;
     CodeFile face;
-    std::shared_ptr<const Model> model;  ///< with the weights of this face, if it is tuned
+    /// The tuned model if the face is tuned, else the common one.
+    std::shared_ptr<const Model> model;
     bool tuned = false;
 };
 
 /// The faces that one viewer can show and mix. Thread-safe.
 class Shelf {
 public:
-    /// Returns the id of the new face. Throws ValueError if there is no room.
+    /// Adds a face and returns its id. Throws ValueError if the shelf is full.
     [[nodiscard]] std::string add(ShelfFace face);
     /// Throws ValueError for an unknown id.
     [[nodiscard]] ShelfFace find(const std::string& id) const;
-    /// Replaces a face that is still changing, such as one that is being fitted. Throws ValueError
-    /// for an unknown id.
+    /// Replaces a face, for example during its fit. Throws ValueError for an unknown id.
     void replace(const std::string& id, ShelfFace face);
     void remove(const std::string& id);
-    /// (id, face), in the order in which they came.
+    /// All pairs (id, face) in the order in which they were added.
     [[nodiscard]] std::vector<std::pair<std::string, ShelfFace>> all() const;
 
 private:
@@ -42,8 +42,8 @@ private:
 /// Codes in Z as hexadecimal digits, four for each of the 306 elements (float16): short enough for
 /// the address of a page.
 [[nodiscard]] std::string text_of_codes(const Codes& codes);
-/// The inverse. Throws ValueError for a text of another length, digits that are none, or numbers
-/// that are not finite.
+/// The inverse. Throws ValueError for a text of another length, characters that are not hexadecimal
+/// digits, or numbers that are not finite.
 [[nodiscard]] Codes codes_of_text(const std::string& text);
 
 }  // namespace stymo::view

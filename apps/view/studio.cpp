@@ -20,7 +20,7 @@ constexpr double usual_truncation = 0.7;
 
 Studio::Studio(const StudioOptions& options) : options_(options) {
     model_ = std::make_shared<const Model>(load_model(options.model));
-    // What cannot be read is told now, rather than to the page that needs it.
+    // Reports unreadable files at the start instead of at the first use by the page.
     if (!options.parser.empty()) static_cast<void>(FaceParser(options.parser));
     if (model_->code_statistics())
         directions_ = leading_directions(*model_->code_statistics(), directions_of_group);

@@ -21,17 +21,19 @@ namespace stymo::view {
 
 struct StudioOptions {
     ModelOptions model;
-    std::vector<std::string> codes;  ///< faces that every session starts with
-    std::filesystem::path parser;    ///< finds the part to recolour; empty: by its colour
-    std::int64_t fit_steps = 60;     ///< of L-BFGS
+    std::vector<std::string> codes;  ///< files of the faces with which every session starts
+    std::filesystem::path parser;  ///< face parser that finds the part to recolour; empty: the part
+                                   ///< is found by its colour
+    std::int64_t fit_steps = 60;   ///< steps of L-BFGS
     std::int64_t color_steps = 60;
     std::int64_t most_photo_pixels = 50'000'000;
     FrameSettings frames;
-    bool chooses_mode = true;  ///< the faster one of skip and half, in place of that of `frames`
+    /// Uses the faster of the modes skip and half instead of frames.moving_mode.
+    bool chooses_mode = true;
 };
 
-/// What all sessions share: the model and what goes with it. Everything but the scheduler and the
-/// locks stays as it is made.
+/// The objects that all sessions share: the model and its data. They do not change after their
+/// creation, except for the scheduler and the locks.
 class Studio {
 public:
     /// Throws what loading the model and the faces throws.
@@ -42,22 +44,24 @@ public:
     [[nodiscard]] const std::vector<std::pair<std::string, CodeFile>>& first_faces() const {
         return first_faces_;
     }
-    /// Empty groups for a model without statistics of codes.
+    /// Directions of the sliders; empty groups for a model without code statistics.
     [[nodiscard]] const std::array<GroupDirections, code_names.size()>& directions() const {
         return directions_;
     }
-    /// Face `seed` of the model's distribution. Throws ValueError for a model without one.
+    /// A face sampled from the model's code statistics with this seed. Throws ValueError for a
+    /// model without statistics.
     [[nodiscard]] CodeFile drawn_face(std::uint64_t seed, double truncation) const;
-    /// What fits minimise. Throws FileError if the model needs weights that are not there.
+    /// The loss of fits, which is made when first needed. Throws FileError if weights for it are
+    /// missing.
     [[nodiscard]] const ReconstructionLoss& loss();
-    /// Throws Error in a build without dlib.
+    /// The face detector, which is made when first needed. Throws Error in a build without dlib.
     [[nodiscard]] std::shared_ptr<const FaceDetector> face_detector();
     [[nodiscard]] Scheduler& scheduler() { return *scheduler_; }
-    /// Held by the job that uses all threads; the others wait.
+    /// Locked by the job that uses all threads, so that other jobs wait.
     [[nodiscard]] std::timed_mutex& heavy_work() { return heavy_work_; }
 
 private:
-    /// For the wanted PSNR of the first face.
+    /// The tolerance for which the first face has the wanted PSNR.
     [[nodiscard]] double chosen_tolerance() const;
 
     StudioOptions options_;

@@ -19,8 +19,8 @@ struct Visit {
 
 using Targets = std::unordered_map<const Node*, std::size_t>;
 
-/// Nodes behind `root` in the order in which they were made, so every node after all of its inputs.
-/// Graphs may be a million ops deep.
+/// All nodes on which `root` depends, in the order of their creation, so that every node comes
+/// after its inputs. No recursion, because graphs may be a million ops deep.
 std::vector<Visit> nodes_behind(const std::shared_ptr<Node>& root, const Targets& targets,
                                 bool end_at_targets) {
     std::unordered_map<const Node*, bool> needed{{root.get(), false}};
@@ -76,8 +76,8 @@ public:
         }
     }
 
-    /// Hands over the gradients of the target nodes by their numbers, but for those at which none
-    /// arrived.
+    /// Passes the gradients of the target nodes to the sink. Targets that y does not depend on are
+    /// skipped.
     void run(Variable dL_dy) {
         if (!order_.back().needed) return;
         gradients_[order_.back().node.get()] = std::move(dL_dy);
@@ -125,7 +125,8 @@ private:
         const auto place = gradients_.try_emplace(input.node.get()).first;
         Variable& sum = place->second;
         sum = sum.defined() ? add(sum, contribution) : std::move(contribution);
-        // A leaf may come late in the order: nothing waits for it but the sink.
+        // A complete gradient of a leaf is passed on at once, since a leaf may come late in the
+        // order.
         if (--missing_.at(input.node.get()) > 0 || !input.node->inputs().empty()) return;
         sink_(targets_.at(input.node.get()), std::move(sum));
         gradients_.erase(place);
@@ -137,7 +138,8 @@ private:
     bool create_graph_;
     bool end_at_targets_;
     std::unordered_map<const Node*, bool> needed_;
-    std::unordered_map<const Node*, std::size_t> missing_;  ///< contributions to a gradient
+    /// Contributions that a gradient still lacks.
+    std::unordered_map<const Node*, std::size_t> missing_;
     std::unordered_map<const Node*, Variable> gradients_;
 };
 
@@ -151,7 +153,7 @@ Targets targets_of(std::span<const Variable> xs) {
     return targets;
 }
 
-/// Hands over the gradients of the targets that y depends on.
+/// Passes the gradients of the targets that y depends on to the sink.
 void sweep(const Variable& y, const Targets& targets, const GradientSink& sink,
            const GradOptions& options) {
     Variable dL_dy = initial_gradient(y, options);

@@ -16,17 +16,17 @@ class Vjp;
 /// differentiated. An empty function means that the input has no gradient.
 using VjpRule = std::function<Variable(const Vjp&)>;
 
-/// Computes the gradients of all inputs at once, for an op whose rules would share their work. It
-/// is called once in a backward pass and returns one gradient per input, in order. Gradients that
-/// are not `needed` may be undefined.
+/// Computes the gradients of all inputs at once, for an op whose rules share work. It is called
+/// once in a backward pass and returns one gradient per input, in the order of the inputs.
+/// Gradients that are not `needed` may be undefined.
 using JointVjpRule =
     std::function<std::vector<Variable>(const Vjp&, const std::vector<bool>& needed)>;
 
-/// What a rule may read besides shapes. Everything else is released as soon as the forward pass no
-/// longer needs it.
+/// The values that a rule may read, besides shapes. All other values are released as soon as the
+/// forward pass no longer needs them.
 struct Save {
     bool output = false;
-    std::uint32_t inputs = 0;  ///< bit i: input i; all bits: those beyond the 32nd, too
+    std::uint32_t inputs = 0;  ///< bit i: input i; if all bits are set, also every input from 32 on
 
     static constexpr Save none() { return {}; }
     static constexpr Save the_output() { return {true, 0}; }
@@ -40,8 +40,8 @@ struct Save {
     }
 };
 
-/// One recorded operation. Holds its inputs' nodes and the values declared in Save, never the node
-/// of its own output, because that ownership cycle would never be released.
+/// One recorded operation. Holds its inputs' nodes and the values declared in Save. It never holds
+/// a Variable of its own output, since that ownership cycle would never be released.
 class Node {
 public:
     struct Input {
@@ -65,7 +65,7 @@ public:
     [[nodiscard]] const JointVjpRule& joint_rule() const { return joint_rule_; }
     [[nodiscard]] const Tensor& saved_output() const { return saved_output_; }
     [[nodiscard]] Save save() const { return save_; }
-    /// Greater than that of every node made before, so than those of its inputs.
+    /// Greater than the number of every node made before, and so of its inputs.
     [[nodiscard]] std::int64_t number() const { return number_; }
 
     /// Number of nodes alive in the process. Tests use it to find leaks.
@@ -81,9 +81,9 @@ private:
     std::int64_t number_;
 };
 
-/// The view of a node that its rule receives. If the gradient itself is to be differentiated
-/// (create_graph), values are part of the graph, otherwise they are constants. The rule is the same
-/// in both cases.
+/// The arguments of a gradient rule. With create_graph the values are part of the graph, so that
+/// the gradient can be differentiated; otherwise they are constants. The rule is the same in both
+/// cases.
 class Vjp {
 public:
     Vjp(std::shared_ptr<Node> node, Variable output_gradient, bool create_graph)
@@ -91,13 +91,14 @@ public:
           output_gradient_(std::move(output_gradient)),
           create_graph_(create_graph) {}
 
+    /// The gradient of the output.
     [[nodiscard]] const Variable& grad() const { return output_gradient_; }
     /// Throws GradientError if the op did not declare this save.
     [[nodiscard]] Variable input(std::size_t i) const;
     [[nodiscard]] Variable output() const;
     [[nodiscard]] const Shape& shape(std::size_t i) const { return node_->inputs().at(i).shape; }
-    /// Whether the result of the rule may be differentiated; a fused rule then uses its reference
-    /// implementation.
+    /// Whether the result of the rule may be differentiated. A fused rule must then use its
+    /// reference implementation.
     [[nodiscard]] bool create_graph() const { return create_graph_; }
 
 private:

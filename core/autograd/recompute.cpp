@@ -12,7 +12,8 @@ namespace stymo {
 
 namespace {
 
-/// A node between the segment and one of its inputs. Everything behind it belongs to the outside.
+/// A node between the segment and one of its inputs. All nodes before it belong to the surrounding
+/// graph.
 Variable entrance(const Variable& x) {
     return record("recompute_input", x.value(), {x}, Save::none(),
                   {[](const Vjp& v) { return v.grad(); }});

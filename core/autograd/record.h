@@ -6,8 +6,9 @@
 
 namespace stymo {
 
-/// The only function that adds edges to the graph. Returns a constant if no input is tracked.
-/// `rules[i]` belongs to `inputs[i]`. `name` must outlive the graph (a string literal).
+/// Records an op in the graph; no other function adds edges. Returns a constant if no input is
+/// tracked. `rules[i]` belongs to `inputs[i]`; throws GradientError for different numbers. `name`
+/// must outlive the graph (a string literal).
 [[nodiscard]] Variable record(const char* name, Tensor value, std::vector<Variable> inputs,
                               Save save, std::vector<VjpRule> rules);
 

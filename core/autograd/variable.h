@@ -8,20 +8,19 @@ namespace stymo {
 
 class Node;
 
-/// A tensor and, if it is tracked, its place in the graph. Ops take and return Variables. A
-/// Variable is immutable: no operation changes it in place, so values saved for a gradient rule
-/// stay valid.
+/// A tensor and, if it is tracked, its node in the graph. Ops take and return Variables. A Variable
+/// is immutable: no operation changes it in place, so values saved for a gradient rule stay valid.
 class Variable {
 public:
     Variable() = default;
-    /// A constant: nothing computed from constants alone is recorded.
+    /// A constant. Ops whose inputs are all constants are not recorded.
     Variable(Tensor value)
         : value_(std::move(value)) {
     }  // NOLINT(google-explicit-constructor): constants mix freely with variables
     Variable(Tensor value, std::shared_ptr<Node> node)
         : value_(std::move(value)), node_(std::move(node)) {}
 
-    /// An input that gradients may be taken with respect to.
+    /// A leaf of the graph: gradients can be taken with respect to it.
     [[nodiscard]] static Variable leaf(Tensor value);
 
     [[nodiscard]] const Tensor& value() const { return value_; }

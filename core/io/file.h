@@ -18,13 +18,13 @@ void read_parts(const std::filesystem::path& path,
 /// The first bytes of a file, at most `count`, for recognising its format; throws FileError if it
 /// cannot be read.
 [[nodiscard]] std::string read_beginning(const std::filesystem::path& path, std::size_t count);
-/// A file of which parts are read, by several threads at once if need be. It stays readable when
-/// another file takes its name.
+/// A file whose parts can be read by several threads at once. It stays readable when another file
+/// replaces it.
 class OpenFile {
 public:
     /// Throws FileError if it cannot be opened.
     explicit OpenFile(const std::filesystem::path& path);
-    /// Throws FileError if the file ends before or cannot be read.
+    /// Throws FileError if the file ends before `offset` + `size` or cannot be read.
     [[nodiscard]] std::string read(std::int64_t offset, std::int64_t size) const;
 
 private:
@@ -32,18 +32,20 @@ private:
     std::shared_ptr<const Implementation> implementation_;
 };
 
-/// Tells the system that a file will be read soon, so that it can fetch it meanwhile. A file that
-/// is missing is ignored.
+/// Tells the operating system that a file will be read soon, so that it can read ahead. A missing
+/// file is ignored.
 void announce_reading(const std::filesystem::path& path);
-/// What a written file survives. A program that is killed never leaves half of a file; a power cut
-/// or a crash of the system does, unless the file was flushed to the disk.
+/// Whether a written file survives a crash of the system or a power cut. A program that is killed
+/// never leaves a partial file in either case.
 enum class Survives {
-    crash,    ///< on the disk when the function returns; after a crash before, as it was
-    nothing,  ///< perhaps empty after a crash: for images and reports, which can be made again
+    crash,    ///< the file is on the disk when the function returns; a crash before that leaves the
+              ///< old file
+    nothing,  ///< the file may be empty after a crash: for images and reports, which can be made
+              ///< again
 };
 
-/// Calls `write(temporary)` and renames the result to `path`, so that `path` is whole or absent.
-/// The temporary file keeps path's extension and is removed if `write` throws. Throws FileError if
+/// Calls `write(temporary)` and renames the result to `path`, so that `path` is never partial. The
+/// temporary file keeps path's extension and is removed if `write` throws. Throws FileError if
 /// flushing or renaming fails.
 void write_whole(const std::filesystem::path& path,
                  const std::function<void(const std::filesystem::path&)>& write,
@@ -51,20 +53,21 @@ void write_whole(const std::filesystem::path& path,
 /// Writes a text with `write_whole`.
 void write_text_file(const std::filesystem::path& path, std::string_view text,
                      Survives survives = Survives::crash);
-/// Removes the temporary files in a folder, which processes that were killed leave behind. No other
-/// process may be writing there.
+/// Removes temporary files that killed processes left in a folder. No other process may be writing
+/// there.
 void remove_temporary_files(const std::filesystem::path& folder);
 /// Appends a line and a line break to a file, which is created if it is missing. Throws FileError
-/// if that fails, and removes what was written of the line. A crash can still cut off the line.
+/// if that fails, and removes the part of the line that was written. A crash of the system can
+/// still leave a partial line.
 void append_line(const std::filesystem::path& path, std::string_view line, Survives survives);
 /// Flushes a file, or a folder with everything in it, to the disk. Throws FileError if the disk
 /// fails.
 void flush_to_disk(const std::filesystem::path& path);
-/// Flushes the names in a folder to the disk: files that were made, renamed or removed. Throws
-/// FileError if the disk fails.
+/// Flushes a folder's directory entries to the disk: files that were made, renamed or removed.
+/// Throws FileError if the disk fails.
 void flush_names(const std::filesystem::path& folder);
-/// Creates a folder and its parents, which survive a crash. Throws FileError if that fails or the
-/// folder cannot be written to.
+/// Creates a folder and its parents, and flushes them to the disk. Throws FileError if that fails
+/// or the folder cannot be written to.
 void require_writable_folder(const std::filesystem::path& path);
 
 }  // namespace stymo

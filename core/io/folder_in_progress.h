@@ -4,8 +4,8 @@
 
 namespace stymo {
 
-/// A temporary folder beside the target. It replaces the target once it is complete and is removed
-/// otherwise, so that an interruption leaves nothing half-written.
+/// A temporary folder next to the target. `finish` moves its files to the target; otherwise the
+/// destructor removes it, so that an interruption leaves no partial results.
 class FolderInProgress {
 public:
     /// Creates the temporary folder and the parents of `target`. Throws FileError if that fails, or

@@ -4,12 +4,12 @@
 
 namespace stymo {
 
-/// Keeps a folder for this process. A process that ends in any way gives it back.
+/// Reserves a folder for this process. The lock ends with the process, however that ends.
 class FolderLock {
 public:
-    /// Locks `folder`/.lock, which stays there afterwards. Throws FileError if another process has
-    /// locked the folder or the file cannot be made. On a file system without locks it does
-    /// nothing.
+    /// Locks the file `folder`/.lock, which is never removed. Throws FileError if another process
+    /// has locked the folder or the file cannot be made. Does nothing on a file system without
+    /// locks.
     explicit FolderLock(const std::filesystem::path& folder);
     ~FolderLock();
     FolderLock(const FolderLock&) = delete;

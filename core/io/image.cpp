@@ -23,8 +23,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view png_signature = "\x89PNG\r\n\x1a\n";
-/// Larger images are refused if they have more pixels for each byte of the file than the formats
-/// can store: a header that lies would take the memory before the missing pixels are noticed.
+/// Larger images are rejected if they have more pixels for each byte of the file than the formats
+/// can store. Otherwise a false header would cause a huge allocation before missing pixels are
+/// noticed.
 constexpr std::int64_t trusted_pixels = std::int64_t{1} << 24;
 constexpr std::int64_t most_pixels_of_a_byte = 10000;
 
@@ -33,7 +34,7 @@ constexpr std::int64_t most_pixels_of_a_byte = 10000;
     fail<FileError>(path.string(), ": cannot be read (", reason.substr(0, reason.find('\n')), ")");
 }
 
-/// Throws for a size that the header of a file of so many bytes cannot mean.
+/// Throws if the header's size is not plausible for a file of this length.
 void require_plausible_size(const fs::path& path, std::int64_t width, std::int64_t height,
                             std::size_t bytes, std::int64_t most_pixels) {
     const std::int64_t pixels = width * height;

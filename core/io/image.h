@@ -10,12 +10,14 @@
 
 namespace stymo {
 
+/// Default limit for the pixels of an image file.
 inline constexpr std::int64_t usual_most_pixels = std::int64_t{1} << 28;
 
 /// Reads any image as float32 (height, width, 3), RGB in [0, 1], turned upright by its EXIF
-/// orientation. Grey is repeated, alpha is composited over black, integers are scaled, floats
-/// clipped. Throws FileError with a short reason ("not an image (zero bytes)") if the file is no
-/// readable image, or by its header alone if it has more than `most_pixels`.
+/// orientation. Grey images are repeated in all channels, alpha is composited over black, integers
+/// are scaled and floats clipped. Throws FileError with a short reason ("not an image (zero
+/// bytes)") if the file is not a readable image, and, before pixels are read, if it has more than
+/// `most_pixels`.
 [[nodiscard]] Tensor read_image(const std::filesystem::path& path,
                                 std::int64_t most_pixels = usual_most_pixels);
 /// Reads one channel as float32 (height, width, 1) in [0, 1]: a mask. A colour image becomes its
@@ -25,17 +27,18 @@ inline constexpr std::int64_t usual_most_pixels = std::int64_t{1} << 28;
 /// (height, width, 1), values 0..255.
 [[nodiscard]] Tensor read_class_map(const std::filesystem::path& path);
 
-/// Writes (height, width, 1 or 3), values in [0, 1] clipped and rounded to 8 bits. The extension
-/// selects the format (png, jpg). The file appears whole or not at all.
+/// Writes an image (height, width, 1 or 3). Values are clipped to [0, 1] and rounded to 8 bits. The
+/// extension selects the format (png, jpg). The file is written completely or not at all. Throws
+/// ShapeError for other shapes, FileError if the file cannot be written.
 void write_image(const std::filesystem::path& path, const Tensor& image,
                  Survives survives = Survives::nothing);
-/// What write_image would write to a .png file.
+/// The bytes that write_image writes to a .png file.
 [[nodiscard]] std::string png_bytes(const Tensor& image);
-/// Writes 32-bit float channels without clipping to EXR; one channel is named "Z" (depth), three
-/// "R,G,B".
+/// Writes 32-bit float channels to an .exr file without clipping. A single channel is named "Z"
+/// (depth), three are named "R,G,B". Throws like write_image.
 void write_exr(const std::filesystem::path& path, const Tensor& image);
-/// Writes an endless animation: .gif (palette) or .mp4. Frames are (height, width, 3) in [0, 1] of
-/// one size.
+/// Writes an animation: .gif (palette, repeated endlessly) or .mp4. All frames are (height, width,
+/// 3) in [0, 1].
 void write_animation(const std::filesystem::path& path, const std::vector<Tensor>& frames,
                      double frames_per_second);
 
@@ -48,9 +51,10 @@ void write_animation(const std::filesystem::path& path, const std::vector<Tensor
                                 std::int64_t height, std::int64_t width);
 /// The largest square in the middle of (height, width, channels).
 [[nodiscard]] Tensor central_square(const Tensor& image);
-/// Images of one size side by side, `columns` in a row, black where the last row is not full.
+/// Images of the same size side by side, `columns` in a row. Missing images of the last row are
+/// black. Throws ValueError without images or columns, ShapeError for different sizes.
 [[nodiscard]] Tensor tile_images(const std::vector<Tensor>& images, int columns);
-/// Mirrors left and right.
+/// Swaps left and right.
 [[nodiscard]] Tensor mirror_image(const Tensor& image);
 
 }  // namespace stymo

@@ -20,7 +20,8 @@ std::vector<std::uint8_t> image_bytes(const Tensor& image) {
     std::vector<std::uint8_t> bytes(values.size());
 #pragma omp simd
     for (std::size_t i = 0; i < bytes.size(); ++i) {
-        // The order of the comparisons makes NaN end in 0. By way of int, the loop has vectors.
+        // The order of the comparisons maps NaN to 0. The conversion via int lets the loop
+        // vectorise.
         const float clipped = values[i] > 0.0F ? std::min(values[i], 1.0F) : 0.0F;
         bytes[i] = static_cast<std::uint8_t>(static_cast<int>(clipped * 255.0F + 0.5F));
     }

@@ -6,13 +6,13 @@
 
 namespace stymo {
 
-/// Deeper arrays and objects than any file of this project has; the functions that print and
-/// compare parsed JSON call themselves once for each level.
+/// Largest nesting of arrays and objects that is accepted, more than any file of this project has.
+/// The functions that print and compare parsed JSON are recursive.
 inline constexpr int deepest_json = 32;
 
-/// What a JSON parser would silently accept: nesting beyond `deepest_json`, or one key twice in the
-/// same object, of which only the last would count. Nothing if there is neither; whether the text
-/// is JSON at all is left to the parser.
+/// Describes a fault that a JSON parser silently accepts: nesting beyond `deepest_json`, or a key
+/// that occurs twice in the same object. Nothing if there is none. It does not check whether the
+/// text is valid JSON.
 [[nodiscard]] std::optional<std::string> json_fault(std::string_view text);
 /// Throws FileError with the fault, if there is one.
 void require_sound_json(std::string_view text);

@@ -11,7 +11,8 @@
 
 namespace stymo {
 
-/// A JSON value for output, stored as its text: results of the tools, lines of `stats.jsonl`.
+/// A JSON value for output, stored as text, for example results of the tools and lines of
+/// `stats.jsonl`.
 ///
 /// Numbers are written with the fewest digits that read back to the same value, infinities and NaN
 /// as null, strings with the escapes that JSON requires (bytes that are not UTF-8 become U+FFFD).

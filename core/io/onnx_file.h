@@ -17,8 +17,8 @@ struct OnnxNode {
     std::vector<std::string> inputs;
     std::vector<std::string> outputs;
     std::map<std::string, double> numbers;  ///< attributes that are an integer or a float
-    std::map<std::string, std::vector<std::int64_t>>
-        integers;  ///< attributes that are lists of integers
+    /// Attributes that are lists of integers.
+    std::map<std::string, std::vector<std::int64_t>> integers;
 };
 
 /// The parts of a model from which weights are read: operations in topological order and constant

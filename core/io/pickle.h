@@ -14,12 +14,12 @@ namespace stymo {
 
 struct PickleNode;
 
-/// None, a truth value, an integer, a float (also integers beyond 64 bits), a text or bytes, or one
-/// of the nodes.
+/// None, a boolean, an integer, a float (also for integers beyond 64 bits), text or bytes, or a
+/// node.
 using PickleValue = std::variant<std::monostate, bool, std::int64_t, double,
                                  std::shared_ptr<const std::string>, const PickleNode*>;
 
-/// A value of a pickle that is no number or text. Calls are only described and never made.
+/// A composite value of a pickle. Calls are only described and never made.
 struct PickleNode {
     enum class Kind {
         list,
@@ -27,15 +27,15 @@ struct PickleNode {
         set,
         dictionary,
         name,      ///< a class or function
-        call,      ///< an object that calling a name with arguments would make
+        call,      ///< the object that a call of the named function with `arguments` would make
         reference  ///< a reference to something outside the pickle, identified by its only item
     };
     Kind kind = Kind::list;
     std::string name{};  ///< full name of a class or function, or of the called one:
                          ///< "collections.OrderedDict"
     const PickleNode* arguments = nullptr;  ///< arguments of a call: a tuple
-    /// Elements. Those of a dictionary, and the items put into the object of a call, are key,
-    /// value, key, value...
+    /// Elements. A dictionary, and an object of a call into which items are put, have key, value,
+    /// key, value...
     std::vector<PickleValue> items{};
 };
 

@@ -17,9 +17,9 @@ struct PlyMesh {
     std::span<const std::array<std::int32_t, 3>> triangles;
 };
 
-/// Writes PLY 1.0, binary little endian: x y z, nx ny nz, red green blue of the vertices,
-/// vertex_indices of the triangles (Turk 1994). Whole or not at all. Throws ShapeError for shapes
-/// that do not match, FileError if it cannot be written.
+/// Writes PLY 1.0, binary little endian (Turk 1994): x y z, nx ny nz, red green blue of the
+/// vertices, vertex_indices of the triangles. The file is written completely or not at all. Throws
+/// ShapeError for shapes that do not match, FileError if the file cannot be written.
 void write_ply(const std::filesystem::path& path, const PlyMesh& mesh);
 
 }  // namespace stymo

@@ -19,18 +19,19 @@ struct TensorFile {
 [[nodiscard]] bool has_prefix(const TensorFile& file, std::string_view prefix);
 
 /// Reads .safetensors. F16, BF16 and integer tensors are widened to float32 (F64 stays float64).
-/// Throws FileError naming the file for a header that is truncated, too long, not JSON or repeats a
-/// name, and for tensors whose extents do not match their bytes, overlap, leave holes, or reach
-/// beyond the file.
+/// Throws FileError, which names the file, for a header that is truncated, too long, not JSON or
+/// repeats a name, and for tensors whose extents do not match their bytes, or that overlap, leave
+/// holes or extend beyond the file.
 [[nodiscard]] TensorFile read_tensor_file(const std::filesystem::path& path);
-/// How many bits a file has for each element.
+/// The type in which a file stores elements.
 enum class StoredElements {
     as_they_are,  ///< F32 or F64
     float16,      ///< F16, rounded to nearest
 };
 
-/// Writes whole or not at all (temporary file, then rename). Throws FileError if the folder cannot
-/// be written, and ValueError naming the tensor where float16 is too small for an element.
+/// Writes the file completely or not at all (temporary file, then rename). Throws FileError if the
+/// folder cannot be written to, and ValueError, which names the tensor, if an element exceeds the
+/// range of float16.
 void write_tensor_file(const std::filesystem::path& path, const TensorFile& contents,
                        StoredElements stored = StoredElements::as_they_are);
 

@@ -14,7 +14,7 @@ namespace stymo {
 
 /// The parts of a PyTorch checkpoint, in either of its two formats.
 struct TorchContainer {
-    Pickle pickle;                                  ///< what was saved; tensors refer to storages
+    Pickle pickle;  ///< the saved object, in which tensors refer to storages
     std::map<std::string, std::string> storages{};  ///< bytes of each storage by its key
 };
 
@@ -27,7 +27,7 @@ using ElementBytes = std::function<std::uint64_t(const PickleNode& reference)>;
 [[nodiscard]] TorchContainer read_torch_zip(const std::filesystem::path& path,
                                             const NameFilter& allowed);
 
-/// Whether a file begins like the format before 1.6.
+/// Whether a file begins like the format that torch.save wrote before 1.6.
 [[nodiscard]] bool is_legacy_torch_file(std::string_view beginning);
 /// Reads that format: five pickles, followed by the storages. Throws FileError.
 [[nodiscard]] TorchContainer read_legacy_torch_file(const std::filesystem::path& path,

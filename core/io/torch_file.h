@@ -9,10 +9,10 @@
 namespace stymo {
 
 /// Reads the tensors of a PyTorch checkpoint (.pth, .pt), both the zip format and the older
-/// ("legacy") one. Nothing in the file is ever executed: its pickle is interpreted by a reader that
-/// knows tensors, storages, containers, numbers and strings, and refuses every other class or
-/// function by name. Nested dictionaries give dotted names. Throws FileError for a file that is
-/// truncated, malformed, not a checkpoint, or that names anything beyond the list.
+/// ("legacy") one. Nothing in the file is ever executed: the reader of its pickle knows only
+/// tensors, storages, containers, numbers and strings, and rejects every other class or function.
+/// Nested dictionaries give dotted names. Throws FileError for a file that is truncated, malformed,
+/// not a checkpoint, or that names another class or function.
 [[nodiscard]] TensorFile read_torch_file(const std::filesystem::path& path);
 
 /// Number of leading bytes that identify the format.

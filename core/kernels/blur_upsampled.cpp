@@ -4,10 +4,10 @@
 #include <utility>
 
 #ifdef __aarch64__
-// Arrays of vectors need vectors of a fixed length.
+// The kernels use arrays of vectors, which need vectors of fixed length.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128)
 #else
-// Nothing here needs what this set adds to AVX3.
+// No kernel uses the instructions that this set adds to AVX3.
 #define HWY_DISABLED_TARGETS HWY_AVX3_DL
 #endif
 #undef HWY_TARGET_INCLUDE
@@ -17,13 +17,13 @@
 
 #include "core/kernels/halves-inl.h"
 
-// Included once for each instruction set, so what does not depend on it stands below, within
-// HWY_ONCE.
+// This file is compiled once for each instruction set. Code that does not depend on it is below,
+// within HWY_ONCE.
 HWY_BEFORE_NAMESPACE();
 namespace stymo::kernels::HWY_NAMESPACE {
 
-/// One row of the upsampled image, summed over the rows it is blurred with: columns go by once,
-/// from left to right.
+/// Blurs one row of the upsampled image along the columns. Columns, already summed over the rows of
+/// the blur, are passed once, from left to right.
 template <class D, class T>
 class BlurredRow {
 public:
@@ -32,19 +32,19 @@ public:
     HWY_INLINE BlurredRow(const UpsampledRow<T>& to, std::int64_t channels, std::int64_t channel)
         : to_(to), channels_(channels), channel_(channel) {}
 
-    /// Before the first column of an image lies the second one.
+    /// The mirrored column before an image's first column is the second one.
     HWY_INLINE void start(Vector column0, Vector column1) {
         before0_ = column0;
         before1_ = column1;
     }
-    /// Columns `x` and x + 1: what lies up to x is known then.
+    /// Adds columns x and x + 1; results up to x are then complete.
     HWY_INLINE void add(std::int64_t x, Vector column0, Vector column1) {
         put(x - 1, before0_, before1_, column0);
         put(x, before1_, column0, column1);
         before0_ = column0;
         before1_ = column1;
     }
-    /// Beyond the last column, `x`, of an image lies the last but one.
+    /// The mirrored column after an image's last column, `x`, is the last but one.
     HWY_INLINE void finish(std::int64_t x) { put(x, before0_, before1_, before0_); }
 
 private:
@@ -76,7 +76,7 @@ HWY_INLINE void blur_channels(D tag, const RowUpsampling<T>& image, std::int64_t
     const std::int64_t end = std::max(first_row.end, second_row.end);
     const std::int64_t first = std::max<std::int64_t>(begin - 1, 0) / 2,
                        last = std::min(end / 2, image.side - 1);
-    // What a row does not have is not read by any pixel that is stored.
+    // Pixels outside a row's interval are read by no pixel that is stored.
     const auto place = [](const DetailedRow<T>& row, std::int64_t pixel) {
         return std::min(std::max(pixel, row.begin), row.end - 1) - row.begin;
     };
@@ -140,9 +140,9 @@ void blur_float16(const RowUpsampling<Float16>& image) {
     blur(image);
 }
 
-/// Factors on the gradients before and after an upsampled pixel's own, which counts twice. The
-/// border is mirrored: the second pixel stands twice beside the first one, the last but one beside
-/// the last one.
+/// Weights of the gradients before and after an upsampled pixel's own gradient, whose weight is 2.
+/// Because the border is mirrored, the first pixel contributes twice to the second one, and the
+/// last pixel to the last but one.
 struct BlurWeights {
     float before;
     float after;

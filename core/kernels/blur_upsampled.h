@@ -5,8 +5,8 @@
 
 #include "core/kernels/gemm.h"
 
-/// The learnt upsampling of an image, row by row, on the calling thread and for the processor that
-/// runs it. Features are float, BFloat16 or Float16, sums float.
+/// The learnt upsampling of an image, row by row, on the calling thread. The instruction set is
+/// chosen at run time. Features are float, BFloat16 or Float16; sums are float.
 namespace stymo::kernels {
 
 /// Pixels [begin, end) of one row of an image that is to be upsampled.
@@ -15,8 +15,8 @@ struct DetailedRow {
     std::int64_t begin = 0;
     std::int64_t end = 0;
     const T* features = nullptr;  ///< (pixels, channels)
-    const T* detail =
-        nullptr;  ///< (pixels, 4, channels): row i, column j of the upsampled pixel at 2 i + j
+    /// (pixels, 4, channels). Index 2 i + j belongs to row i, column j of the upsampled pixel.
+    const T* detail = nullptr;
 };
 
 /// Pixels [begin, end) of one row of the upsampled image: (pixels, channels).
@@ -27,8 +27,8 @@ struct UpsampledRow {
     T* features = nullptr;
 };
 
-/// A row of an image of `side` columns, the rows beside it (itself where the image ends), and the
-/// two rows that come of it.
+/// A row of an image of `side` columns, its neighbouring rows (the row itself at the image's
+/// border), and the two upsampled rows that it gives.
 template <class T>
 struct RowUpsampling {
     DetailedRow<T> above;
@@ -40,25 +40,25 @@ struct RowUpsampling {
 };
 
 /// The learnt upsampling (reference: Upsampler), blur(detail + nearest neighbour), of one row. A
-/// pixel of the first upsampled row reads the pixels of `above` and `middle` up to one from its
-/// own, one of the second row those of `middle` and `below`.
+/// pixel of the first upsampled row reads its own column and the neighbouring columns of `above`
+/// and `middle`; a pixel of the second row reads those of `middle` and `below`.
 void blur_upsampled_rows(const RowUpsampling<float>& rows);
 void blur_upsampled_rows(const RowUpsampling<BFloat16>& rows);
 void blur_upsampled_rows(const RowUpsampling<Float16>& rows);
 
-/// The gradient of an upsampled image (2 height, 2 width, channels) and one row of the gradients of
-/// the image below and of its detail, both of which it determines.
+/// The gradient of an upsampled image (2 height, 2 width, channels), and the destination of row
+/// `row` of the gradients of the features and the detail.
 struct UpsamplingGradient {
     const float* dL_dy = nullptr;
     float* dL_dfeatures = nullptr;  ///< (width, channels)
-    float* dL_ddetail = nullptr;    ///< (width, 4, channels), as DetailedRow's
+    float* dL_ddetail = nullptr;    ///< (width, 4, channels), like DetailedRow::detail
     std::int64_t row = 0;
     std::int64_t height = 0;
     std::int64_t width = 0;
     std::int64_t channels = 0;
 };
 
-/// The transpose of `blur_upsampled_rows`.
+/// The adjoint of `blur_upsampled_rows`, for one row.
 void differentiate_blur_upsampled_row(const UpsamplingGradient& gradient);
 
 }  // namespace stymo::kernels

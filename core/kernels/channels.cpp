@@ -67,7 +67,7 @@ Tensor unit_channels_gradient(const Tensor& dL_dy, const Tensor& x, double epsil
         for_each_pixel(x, [=](std::int64_t offset) {
             const T norm = norm_or_one(in + offset, channels);
             const T factor = T(1) / (norm + static_cast<T>(epsilon));
-            // 0 for a vector of zeros. In this order nothing overflows that the result does not.
+            // 0 for a vector of zeros. The order of the products avoids intermediate overflow.
             const T along = inner_product(gradient + offset, in + offset, channels) * factor / norm;
 #pragma omp simd
             for (std::int64_t c = 0; c < channels; ++c)
@@ -84,7 +84,7 @@ Tensor mean_squared_difference(const Tensor& a, const Tensor& b) {
     dispatch(a.dtype(), [&]<class T>(T) {
         const T* left = a.values<T>().data();
         const T* right = b.values<T>().data();
-        // Runs of pixels, each with its own sums: their number depends on the shape alone.
+        // Runs of pixels, each with its own sums. Their number depends only on the shape.
         const std::int64_t run =
             std::max<std::int64_t>(1, elementwise_grain / std::max<std::int64_t>(1, channels));
         const std::int64_t runs = chunk_count(pixels, run);

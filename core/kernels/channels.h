@@ -4,12 +4,12 @@
 
 namespace stymo::kernels {
 
-/// x / (|x| + epsilon), the norm over the last axis; where it is 0 it counts as 1.
+/// x / (|x| + epsilon), with the norm over the last axis. A norm of 0 is replaced by 1.
 [[nodiscard]] Tensor unit_channels(const Tensor& x, double epsilon);
-/// From the gradient of that to the gradient of x; where the norm is 0 it is a constant.
+/// The gradient of x from the gradient of unit_channels. A norm of 0 is treated as a constant.
 [[nodiscard]] Tensor unit_channels_gradient(const Tensor& dL_dy, const Tensor& x, double epsilon);
-/// (batch, height, width, channels) twice -> (batch, 1, 1, channels): the mean over the pixels of
-/// (a - b)^2.
+/// The mean of (a - b)^2 over the pixels: a and b (batch, height, width, channels) -> (batch, 1, 1,
+/// channels).
 [[nodiscard]] Tensor mean_squared_difference(const Tensor& a, const Tensor& b);
 
 }  // namespace stymo::kernels

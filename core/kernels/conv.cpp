@@ -11,8 +11,8 @@ namespace stymo::kernels {
 
 namespace {
 
-/// Minimal filtering rounds differently, so float64, in which gradients are checked, stays with the
-/// definition.
+/// Winograd convolutions round differently, so float64, in which gradients are checked, uses the
+/// direct form.
 template <class T>
 constexpr bool minimal_filtering = std::is_same_v<T, float>;
 

@@ -10,7 +10,7 @@ namespace stymo::kernels {
                             const Shape& output_shape, const Conv2dOptions& options);
 [[nodiscard]] Tensor conv2d_transpose(const Tensor& dL_dy, const Tensor& weight,
                                       const Shape& input_shape, const Conv2dOptions& options);
-/// conv2d_transpose of leaky_gate(dL_dy, y, slope, 1).
+/// conv2d_transpose(leaky_gate(dL_dy, y, slope, 1), weight).
 [[nodiscard]] Tensor conv2d_gated_transpose(const Tensor& dL_dy, const Tensor& y, double slope,
                                             const Tensor& weight, const Shape& input_shape,
                                             const Conv2dOptions& options);

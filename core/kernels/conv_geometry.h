@@ -7,14 +7,14 @@
 
 namespace stymo::kernels {
 
-/// All extents of one convolution, for its kernels.
+/// All extents of a convolution.
 struct ConvGeometry {
     std::int64_t batch, in_height, in_width, in_channels;
     std::int64_t out_height, out_width, out_channels;
     std::int64_t kernel_height, kernel_width;
     std::int64_t stride, padding, groups;
 
-    /// Shapes of the input, the weight and the output.
+    /// From the shapes of the input, the weight and the output.
     ConvGeometry(const Shape& x, const Shape& weight, const Shape& y, const Conv2dOptions& options)
         : batch(x[0]),
           in_height(x[1]),
@@ -35,7 +35,7 @@ struct ConvGeometry {
     [[nodiscard]] std::int64_t output_image() const {
         return out_height * out_width * out_channels;
     }
-    /// Length of one filter: the inner length of the products.
+    /// Number of weights of one filter, which is the inner length of the products.
     [[nodiscard]] std::int64_t filter_size() const {
         return kernel_height * kernel_width * group_in();
     }
@@ -44,7 +44,7 @@ struct ConvGeometry {
     }
 };
 
-/// What becomes of a convolution's result while it is in cache: leaky_relu(result + bias, slope).
+/// Applied to the result of a convolution while it is in cache: leaky_relu(result + bias, slope).
 template <class T>
 struct ConvFinish {
     const T* bias = nullptr;  ///< one number for each channel; null: none
@@ -67,10 +67,10 @@ struct ConvFinish {
     }
 };
 
-/// What a result's gradient goes through on its way back: leaky_gate(dL_dy, signs, slope, 1).
+/// Applied to the result's gradient in the backward pass: leaky_gate(dL_dy, signs, slope, 1).
 template <class T>
 struct ConvGate {
-    const T* signs = nullptr;  ///< of the result's shape; null: the gradient is taken as it is
+    const T* signs = nullptr;  ///< has the shape of the result; null: the gradient is not changed
     T slope = 1;
 };
 

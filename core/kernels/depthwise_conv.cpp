@@ -14,8 +14,8 @@ std::int64_t band(const ConvGeometry& g) {
     return std::max<std::int64_t>(1, 1024 / std::max<std::int64_t>(1, g.out_width));
 }
 
-/// Calls visit(output row, output column, kernel place, offset of the input pixel) for every pair
-/// of pixels that a kernel place joins, output rows [first, last).
+/// Calls visit(output row, output column, kernel place, offset of the input pixel) for output rows
+/// [first, last), for every kernel place inside the image.
 template <class Visit>
 void for_each_pair(const ConvGeometry& g, std::int64_t first, std::int64_t last, Visit visit) {
     for (std::int64_t out_row = first; out_row < last; ++out_row) {

@@ -2,8 +2,8 @@
 
 #include "core/kernels/conv_geometry.h"
 
-/// Convolutions with one channel in and out for each group: the loop over channels is innermost and
-/// contiguous. T: float, double.
+/// Depthwise convolutions: each group has one input and one output channel. The loop over channels
+/// is innermost and contiguous. T: float, double.
 namespace stymo::kernels {
 
 template <class T>

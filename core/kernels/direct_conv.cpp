@@ -13,10 +13,10 @@ namespace {
 
 /// Elements of unfolded pixels that stay in the second-level cache.
 constexpr std::int64_t unfolded_size = 1 << 18;
-/// Pixels that pay for reading the filters again.
+/// Pixels for which reading the filters again is worthwhile.
 constexpr std::int64_t enough_pixels = 256;
-/// Channels up to which a transposed convolution scatters what it multiplies, rather than gathering
-/// what it needs.
+/// Largest number of input channels for which a transposed convolution scatters products instead of
+/// gathering operands.
 constexpr std::int64_t most_scattered_channels = 8;
 
 /// One axis of a convolution: the target's pixel n = start + step * i takes taps t of the source's
@@ -81,7 +81,7 @@ struct Gather {
     [[nodiscard]] std::int64_t bands() const { return chunk_count(rows.count, band()); }
 };
 
-/// Copies the source pixels of one row of taps, side by side, zeros beyond the image.
+/// Copies the source pixels of one row of taps side by side, with zeros outside the image.
 template <class T>
 void unfold_pixel(const T* line, T* to, const Gather& g, std::int64_t group, std::int64_t column) {
     const std::int64_t begin = std::clamp<std::int64_t>(-column, 0, g.columns.taps);
@@ -101,8 +101,8 @@ void unfold_pixel(const T* line, T* to, const Gather& g, std::int64_t group, std
         std::fill_n(to + end * channels, (g.columns.taps - end) * channels, T(0));
 }
 
-/// Unfolds what one slice of taps sees from the target rows [first, last) of one image: one matrix
-/// row for each target pixel.
+/// Unfolds (im2col) the source pixels that one slice of taps reads for the target rows [first,
+/// last) of one image: one matrix row for each target pixel.
 template <class T>
 void unfold(const T* image, T* columns, const Gather& g, std::int64_t group, std::int64_t slice,
             std::int64_t first, std::int64_t last) {
@@ -221,12 +221,12 @@ std::vector<PackedMatrix<T>> pack_forward(const T* weight, const Gather& forward
     return filters;
 }
 
-/// The same from output to input channels, with those taps that one phase of the input's pixels
-/// takes.
+/// The same from output to input channels, with only the taps that one phase of the input's pixels
+/// uses.
 template <class T>
 std::vector<PackedMatrix<T>> pack_transposed(const T* weight, const Gather& phase,
                                              const ConvGeometry& g) {
-    // Taps of the kernel that the gather's taps are, in its order.
+    // Maps a tap of the gather to a tap of the kernel.
     const auto tap_of = [&](const Axis& axis, std::int64_t tap) {
         return (axis.start + g.padding) % g.stride + (axis.taps - 1 - tap) * g.stride;
     };
@@ -252,8 +252,7 @@ std::vector<PackedMatrix<T>> pack_transposed(const T* weight, const Gather& phas
     return filters;
 }
 
-/// Adds what the output row `out_row`, unfolded, gives to the input rows [first, last) of one
-/// image.
+/// Adds the unfolded products of output row `out_row` to the input rows [first, last) of one image.
 template <class T>
 void fold_row(const T* columns, T* image, const ConvGeometry& g, std::int64_t out_row,
               std::int64_t first, std::int64_t last) {
@@ -274,13 +273,13 @@ void fold_row(const T* columns, T* image, const ConvGeometry& g, std::int64_t ou
     }
 }
 
-/// The transposed convolution to few channels: all taps of an output pixel are the columns of one
-/// product, where the filters of a gather would leave most of a panel's columns empty.
+/// The transposed convolution to few channels. All taps of an output pixel are columns of one
+/// product; with a gather, most columns of a panel would be empty.
 template <class T>
 void scatter(const T* dL_dy, const T* weight, T* dL_dx, const ConvGeometry& g) {
     const PackedMatrix<T> filters(weight, g.out_channels, g.filter_size(), g.filter_size(), 1);
-    // Bands of input rows: each is written by one thread only; output rows at a seam are multiplied
-    // twice.
+    // Bands of input rows, each written by only one thread. Output rows at the border of two bands
+    // are multiplied twice.
     const std::int64_t rows = std::max<std::int64_t>(
         g.stride * g.kernel_height,
         g.stride * (unfolded_size / std::max<std::int64_t>(1, g.out_width * g.filter_size())));

@@ -2,12 +2,12 @@
 
 #include "core/kernels/conv_geometry.h"
 
-/// Convolutions of any geometry as matrix products of unfolded pixels and filters that are packed
-/// once. T: float, double.
+/// Convolutions of any geometry as matrix products of unfolded pixels (im2col) and packed filters.
+/// T: float, double.
 namespace stymo::kernels {
 
-/// The three convolutions of core/ops/conv.h on contiguous arrays. Bits do not depend on the number
-/// of threads.
+/// The three convolutions of core/ops/conv.h on contiguous arrays. Results do not depend on the
+/// number of threads.
 template <class T>
 void direct_conv2d(const T* x, const T* weight, const ConvFinish<T>& finish, T* y,
                    const ConvGeometry& g);

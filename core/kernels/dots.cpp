@@ -7,8 +7,8 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
-// Included once for each instruction set, so what does not depend on it stands below, within
-// HWY_ONCE.
+// This file is compiled once for each instruction set. Code that does not depend on it is below,
+// within HWY_ONCE.
 HWY_BEFORE_NAMESPACE();
 namespace stymo::kernels::HWY_NAMESPACE {
 

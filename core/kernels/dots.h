@@ -4,9 +4,9 @@
 
 namespace stymo::kernels {
 
-/// Inner products of each of `count_x` vectors with each of a few others: products that read their
-/// larger operand once, for which packing it would take longer. Both sides contiguous, one vector
-/// of length k after the other.
+/// Inner products of each of `count_x` vectors with each of a few others. Such a product reads its
+/// larger operand only once, so packing would take longer. On both sides the vectors of length k
+/// are contiguous, one after the other.
 template <class T>
 struct Dots {
     const T* x;
@@ -19,7 +19,8 @@ struct Dots {
     std::int64_t stride_y;
 };
 
-/// Sums of each lane, and then of lanes: in an order that depends on the instruction set.
+/// Adds the products in each vector lane, and then the lanes, so the order of the sum depends on
+/// the instruction set.
 template <class T>
 void multiply_dots(const Dots<T>& dots);
 

@@ -164,8 +164,8 @@ Tensor softplus(const Tensor& x) {
 
 namespace {
 
-/// A choice between constants, which the compiler turns into a vector's blend: between results it
-/// would branch.
+/// Choosing between constants lets the compiler use a vector blend; choosing between results would
+/// branch.
 template <class T>
 T leaky_factor(T value, double slope) {
     return value > T(0) ? T(1) : static_cast<T>(slope);

@@ -23,7 +23,7 @@ namespace stymo::kernels {
 [[nodiscard]] Tensor abs(const Tensor& x);
 [[nodiscard]] Tensor sign(const Tensor& x);
 [[nodiscard]] Tensor clamp(const Tensor& x, double low, double high);
-/// x where low <= place <= high, else 0.
+/// x where `place` is in [low, high], else 0.
 [[nodiscard]] Tensor where_within(const Tensor& x, const Tensor& place, double low, double high);
 /// 1 where x is not 0, else 0.
 [[nodiscard]] Tensor nonzero(const Tensor& x);

@@ -17,11 +17,12 @@
 #include "core/kernels/halves-inl.h"
 #include "core/kernels/sine-inl.h"
 
-/// What follows a product, on blocks that are still in the first-level cache.
+/// The activation after a product, on blocks that are still in the first-level cache.
 HWY_BEFORE_NAMESPACE();
 namespace stymo::kernels::HWY_NAMESPACE {
 
-/// `rows` rows of whole vectors: sums, and where the results and the slopes (null: nowhere) go.
+/// `rows` rows of whole vectors: the sums, and the destinations of the results and the slopes
+/// (null: no slopes).
 template <class T, class Out>
 struct Activated {
     const T* sums;
@@ -42,8 +43,8 @@ HWY_INLINE void for_each_vector(const Activated<T, Out>& block, auto body) {
     }
 }
 
-/// The library's sine where the vector sine is not accurate: float32 beyond its limit and NaN, all
-/// of float64.
+/// The standard library's sine where the vector sine is not accurate: float32 beyond its limit and
+/// NaN, and all of float64.
 template <class T, class Out>
 HWY_NOINLINE void apply_library_sine(const Activated<T, Out>& block) {
     for (std::int64_t row = 0; row < block.rows; ++row) {
@@ -67,8 +68,7 @@ HWY_NOINLINE void apply_library_sine(const Activated<T, Out>& block) {
 template <class Out>
 HWY_INLINE void apply_sine(const Activated<float, Out>& block) {
     const simd::ScalableTag<float> tag;
-    // One instruction for each vector tells whether any number is too large: their squares add up
-    // to more.
+    // The sum of squares detects numbers beyond the limit with one instruction for each vector.
     auto squares = simd::Zero(tag);
     const auto add = [&](const float* sums, std::int64_t index, bool with_slope) {
         const auto x = simd::LoadU(tag, sums);
@@ -106,7 +106,7 @@ HWY_INLINE void apply_leaky_relu(const Activated<T, Out>& block) {
     });
 }
 
-/// The sums lie apart from the results.
+/// Applies the activation. The sums must not overlap the results.
 template <class T, class Out>
 HWY_INLINE void activate(const Activated<T, Out>& block, Activation activation) {
     switch (activation) {
@@ -126,8 +126,9 @@ HWY_INLINE void activate(const Activated<T, Out>& block, Activation activation) 
     });
 }
 
-/// The activation of a block of which only the first `columns` count: `computed` of them, whole
-/// vectors, are in `sums`. At most `most_rows` rows of `width` columns.
+/// Applies the activation to a block and writes only its first `columns` columns. `sums` has
+/// `computed` columns, which are whole vectors. The block has at most `most_rows` rows and `width`
+/// columns.
 template <std::int64_t most_rows, std::int64_t width, class T, class Out>
 HWY_INLINE void finish_block(Activated<T, Out> block, std::int64_t computed,
                              Activation activation) {

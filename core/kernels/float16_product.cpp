@@ -14,7 +14,7 @@ namespace stymo::kernels {
 float widened(Float16 x) {
     const std::uint32_t sign = static_cast<std::uint32_t>(x.bits & 0x8000) << 16;
     const std::uint32_t rest = static_cast<std::uint32_t>(x.bits & 0x7FFF) << 13;
-    // Subnormal numbers become right by the multiplication, infinity and NaN by the largest
+    // The multiplication also converts subnormal numbers. Infinity and NaN need the largest
     // exponent.
     const float shifted = std::bit_cast<float>(rest) * 0x1p112F;
     const std::uint32_t special = rest >= 0x0F800000 ? 0x7F800000 : 0;
@@ -64,8 +64,8 @@ __attribute__((target("avx512fp16,avx512vl"), always_inline)) inline void sum_pa
     PairSums<rows>& sums, const Float16Operands& operands, std::int64_t begin, std::int64_t count) {
 #pragma GCC unroll 12
     for (int row = 0; row < rows; ++row) sums[row][0] = sums[row][1] = _mm512_setzero_ph();
-    // A pointer for three rows each, not derived from one another: else there are not registers
-    // enough for distances.
+    // One pointer for every three rows, not derived from one another, because there are not enough
+    // registers for offsets.
     const Float16* left0 = operands.left + 2 * begin;
     const Float16* left3 = left0 + 3 * operands.row_stride;
     const Float16* left6 = left0 + 6 * operands.row_stride;
@@ -102,7 +102,8 @@ __attribute__((target("avx512fp16,avx512vl"))) void multiply_rows(const Float16B
                         std::min(float16_pairs_at_once, block.operands.pairs - begin));
 #pragma GCC unroll 12
         for (int row = 0; row < rows; ++row) {
-            // Masks of all lanes: the plain forms have operands that gcc takes for uninitialised.
+            // Masked forms with all lanes, because gcc warns about uninitialised operands of the
+            // plain forms.
             const __m512i both = _mm512_castph_si512(sums_of_pairs(sums[row][0], sums[row][1]));
             const __m512 lower = _mm512_cvtxph_ps(
                 _mm256_castsi256_ph(_mm512_maskz_extracti64x4_epi64(0xF, both, 0)));
@@ -118,8 +119,8 @@ __attribute__((target("avx512fp16,avx512vl"))) void multiply_rows(const Float16B
     }
 }
 
-/// A factor as a half and what that lacks: rounded, the gain would be off by the same in every
-/// layer.
+/// A factor as the sum of a half and a remainder. Rounding it to a half would give every layer the
+/// same error of the gain.
 struct ExactFactor {
     __m512h nearest;
     __m512h rest;
@@ -179,7 +180,7 @@ void multiply_block(int rows, const Block& block) {
 
 bool multiplies_float16() {
 #if defined(__clang__) && __clang_major__ < 16
-    return false;  // it does not know the name of the feature
+    return false;  // the compiler does not know the name of the feature
 #else
     static const bool supported = __builtin_cpu_supports("avx512fp16") != 0;
     return supported;

@@ -4,37 +4,38 @@
 
 #include "core/kernels/gemm.h"
 
-/// Blocks of products of Float16 in half precision, by the instructions of AVX-512-FP16: twice as
-/// many products each as those of float32. Highway 1.0 does not know them.
+/// Blocks of Float16 products in half precision with AVX-512-FP16, whose instructions do twice as
+/// many products as those of float32. Highway 1.0 does not support them.
 namespace stymo::kernels {
 
 /// Columns of a block, and of a panel of the right operand.
 inline constexpr std::int64_t float16_columns = 32;
 
-/// Whether the processor multiplies in half precision. If not, Float16 operands are to be widened.
+/// Whether the processor has AVX-512-FP16. If not, Float16 operands must be widened to float.
 [[nodiscard]] bool multiplies_float16();
 
-/// Element (i, j) of a panel: pairs of consecutive rows lie side by side, those of the even columns
-/// before those of the odd ones. The sums of both rows of a pair and of both kinds of columns then
-/// meet in the order of the columns.
+/// Index of element (i, j) in a panel. Two consecutive rows are interleaved; their even columns
+/// come before their odd columns. With this layout, adding the sums of the two rows and merging
+/// even and odd columns gives the columns in their order.
 [[nodiscard]] constexpr std::int64_t float16_panel_index(std::int64_t i, std::int64_t j) {
     return i / 2 * 2 * float16_columns + j % 2 * float16_columns + j / 2 * 2 + i % 2;
 }
 
-/// Pairs of products that a lane adds up in half precision. The error grows with their root, and so
-/// does the share of time that is not spent on conversions.
+/// Pairs of products that a lane sums in half precision. More pairs save conversions, but the error
+/// grows with the square root of their number.
 inline constexpr std::int64_t float16_pairs_at_once = 64;
 
-/// Some rows of the left operand, and a panel of the right one.
+/// Several rows of the left operand and a panel of the right one.
 struct Float16Operands {
     const Float16* left;
     std::int64_t row_stride;
     const Float16* panel;
-    std::int64_t panel_stride;  ///< between pairs
-    std::int64_t pairs;         ///< of inner elements
+    std::int64_t panel_stride;  ///< between pairs of rows
+    std::int64_t pairs;         ///< pairs of inner elements
 };
 
-/// Sums of products, added to what stands in `start` and written to `sums`.
+/// A block of sums of products. The sums begin with the values in `start` and are written to
+/// `sums`.
 struct Float16Block {
     Float16Operands operands;
     const float* start;
@@ -43,8 +44,8 @@ struct Float16Block {
     std::int64_t sums_stride;
 };
 
-/// The same for at most `float16_pairs_at_once` pairs, in half precision to the end: a product, its
-/// bias and its activation.
+/// A product with bias and activation, entirely in half precision, for at most
+/// `float16_pairs_at_once` pairs.
 struct Float16Layer {
     Float16Operands operands;
     const float* bias;
@@ -53,7 +54,7 @@ struct Float16Layer {
     std::int64_t out_stride;
 };
 
-/// rows: 1, 2, 4, 8 or 12. Only if `multiplies_float16()`.
+/// `rows` is 1, 2, 4, 8 or 12. May only be called if `multiplies_float16()`.
 void multiply_float16_block(int rows, const Float16Block& block);
 void multiply_float16_layer(int rows, const Float16Layer& layer);
 

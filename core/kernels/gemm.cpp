@@ -18,15 +18,15 @@
 #include "core/kernels/gemm_tiles-inl.h"
 #include "core/kernels/product-inl.h"
 
-// Included once for each instruction set, so what does not depend on it stands below, within
-// HWY_ONCE.
+// This file is compiled once for each instruction set. Code that does not depend on it is below,
+// within HWY_ONCE.
 HWY_BEFORE_NAMESPACE();
 namespace stymo::kernels::HWY_NAMESPACE {
 
 /// Words of the inner index handled at once: a panel of the right operand (32 KiB with 512-bit
 /// vectors) stays in the first-level cache.
 constexpr std::int64_t inner_block = 256;
-/// Columns up to which a transposed left operand is read as it stands.
+/// Largest number of columns for which a transposed left operand is not copied.
 constexpr std::int64_t most_unpacked = 64;
 /// Bytes of the left operand's and the result's rows that are handled at once: they stay in the
 /// second-level cache.
@@ -49,7 +49,7 @@ template <class Operands>
 constexpr std::int64_t most_columns = 2 * HWY_MAX_BYTES /
                                       static_cast<std::int64_t>(sizeof(typename Operands::Sum));
 
-/// What a block of sums starts from where there is nothing.
+/// Initial values of a block of sums without bias and present values.
 template <class T>
 constexpr std::array<T, 2 * HWY_MAX_BYTES / sizeof(T)> no_bias{};
 
@@ -84,7 +84,7 @@ struct LeftPiece {
 template <class T>
 LeftPiece<Numbers<T>> copy_left(T* buffer, const LeftMatrix<T>& left, std::int64_t rows,
                                 std::int64_t words) {
-    // Where the rows of the transpose are contiguous, they are read once from one end to the other.
+    // If the rows of the transpose are contiguous, each is read once, from one end to the other.
     const std::int64_t whole = left.row_stride == 1 ? rows / block_rows * block_rows : 0;
     for (std::int64_t i = 0; whole > 0 && i < words; ++i) {
         const T* const from = left.data + i * left.inner_stride;
@@ -105,7 +105,7 @@ LeftPiece<Numbers<T>> copy_left(T* buffer, const LeftMatrix<T>& left, std::int64
     return {buffer, 1, block_rows, words * block_rows, words};
 }
 
-/// Row by row, the last word with a zero if need be.
+/// Row by row; an incomplete last word is filled up with a zero.
 template <class Operands>
 LeftPiece<Operands> copy_rows(typename Operands::Left* buffer,
                               const LeftMatrix<typename Operands::Element>& left, std::int64_t rows,
@@ -175,7 +175,7 @@ private:
         return finishes_ && (activation_ != Activation::none || slope_ != nullptr);
     }
 
-    /// Whether no sum is longer than half precision carries, and nothing after it needs more.
+    /// Whether the sums are short enough for half precision, and the epilogue needs no more.
     [[nodiscard]] bool stays_half(std::int64_t words) const {
         return words <= float16_pairs_at_once && columns_ == float16_columns && !adds_ &&
                finishes_ && slope_ == nullptr && activation_ != Activation::sine;
@@ -219,8 +219,7 @@ private:
         if (block.sums == sums_.data()) finish<vectors>(c, row, height);
     }
 
-    /// What the block at this row is to prefetch, so that all blocks together fetch the whole
-    /// panel.
+    /// The part that the block at this row prefetches; all blocks together fetch the whole panel.
     [[nodiscard]] const char* part_of_next_panel(std::int64_t row, std::int64_t words) const {
         const std::int64_t size =
             words * panel_stride_ * static_cast<std::int64_t>(sizeof(Element));
@@ -256,9 +255,9 @@ private:
     std::int64_t columns_;
     Sum* slope_;
     Activation activation_;
-    bool adds_;      ///< to what c holds
-    bool finishes_;  ///< the whole sum is there afterwards
-    bool direct_;    ///< the panel's blocks fit c as they are
+    bool adds_;      ///< adds the product to the values in c
+    bool finishes_;  ///< the sum is complete afterwards
+    bool direct_;    ///< the panel's blocks can use c directly
     const Sum* bias_;
     std::array<Sum, static_cast<std::size_t>(width)> padded_bias_;
     alignas(HWY_MAX_BYTES) std::array<Sum, static_cast<std::size_t>(block_rows* width)> sums_{};
@@ -269,7 +268,7 @@ void multiply(Out* c, std::int64_t stride, const LeftMatrix<Element>& left, std:
               const PackedMatrix<Element>& right, const Epilogue<Sum>& epilogue) {
     constexpr std::int64_t length = Operands::word_length;
     const std::int64_t k = right.inner_length();
-    // Results that cannot hold a partial sum need all of it at once.
+    // Results of 16 bits cannot hold partial sums, so they need the whole sum at once.
     const std::int64_t piece =
         std::is_same_v<Out, Sum> ? inner_block * length : std::max<std::int64_t>(k, 1);
     const std::int64_t most_rows = row_block<Sum>(k, right.columns());
@@ -405,7 +404,7 @@ HWY_EXPORT(panel_bytes);
 
 namespace {
 
-constexpr std::int64_t packing_grain = 65536;  ///< elements worth a thread's while to pack
+constexpr std::int64_t packing_grain = 65536;  ///< smallest number of elements that a thread packs
 constexpr std::uintptr_t alignment = 64;       ///< of panels, in bytes
 
 /// Panels of b, each `width` columns, that begin with column 0.
@@ -417,7 +416,7 @@ struct Panels {
     std::int64_t size;  ///< of one panel
 };
 
-/// Columns that lie side by side: the rows are read once from one end to the other.
+/// For contiguous rows: each row is read once, from one end to the other.
 template <class T>
 void pack_rows(const Panels<T>& panels, const T* from, std::int64_t columns,
                std::int64_t inner_stride) {
@@ -435,8 +434,8 @@ void pack_rows(const Panels<T>& panels, const T* from, std::int64_t columns,
 template <class T>
 void pack_panel(T* to, const T* from, std::int64_t k, std::int64_t columns, std::int64_t width,
                 std::int64_t inner_stride, std::int64_t column_stride) {
-    // A cache line of each column at a time: columns a power of two apart would push one another
-    // out.
+    // One cache line of each column at a time: columns a power of two apart would evict one
+    // another.
     constexpr std::int64_t line = alignment / sizeof(T);
     for (std::int64_t first = 0; first < k; first += line) {
         const std::int64_t last = std::min(k, first + line);

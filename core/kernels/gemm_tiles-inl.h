@@ -20,13 +20,13 @@
 HWY_BEFORE_NAMESPACE();
 namespace stymo::kernels::HWY_NAMESPACE {
 
-/// Inner elements whose sums stay in tiles at once.
+/// Inner elements that are summed without leaving the tiles.
 constexpr std::int64_t tile_inner = 1024;
-/// Bytes of panels that are read for one block of rows after the other: they stay in the
-/// second-level cache.
+/// Bytes of panels that are multiplied with all blocks of rows before the next panels; they stay in
+/// the second-level cache.
 constexpr std::int64_t panels_in_cache = 1 << 20;
 
-/// One block of rows times one panel, for one piece of the inner index.
+/// One block of rows times one panel, for one piece of the inner dimension.
 struct TileSums {
     int parts;
     float* c;
@@ -39,7 +39,7 @@ struct TileSums {
     const float* bias;  ///< of `tile_block` columns; null: none
     float* slope;       ///< null: none
     Activation activation;
-    bool adds;  ///< to what c holds
+    bool adds;  ///< adds the product to the values in c
 
     HWY_INLINE void multiply() const {
         alignas(64) std::array<float, static_cast<std::size_t>(tile_block * tile_block)> sums;
@@ -66,7 +66,7 @@ struct TileSums {
     }
 };
 
-/// A product in pieces: split rows times split panels.
+/// A product of split rows and split panels, in pieces of the inner dimension.
 class TileProduct {
 public:
     TileProduct(int parts, float* c, std::int64_t stride, const LeftMatrix<float>& left,
@@ -98,7 +98,7 @@ private:
         return split_size() * static_cast<std::int64_t>(sizeof(BFloat16));
     }
 
-    /// The panels' piece of the inner index, split.
+    /// The current piece of a split panel.
     const BFloat16* split(std::int64_t panel) const {
         return right_.split_panel(panel) + inner_ / tile_step * parts_ * tile_step_size;
     }
@@ -162,13 +162,13 @@ private:
     std::int64_t m_;
     const PackedMatrix<float>& right_;
     const Epilogue<float>& epilogue_;
-    std::int64_t inner_ = 0;     ///< where this piece of the inner index begins
-    std::int64_t elements_ = 0;  ///< of this piece
+    std::int64_t inner_ = 0;     ///< first inner index of the current piece
+    std::int64_t elements_ = 0;  ///< length of the current piece
     std::int64_t steps_ = 0;
     std::array<float, static_cast<std::size_t>(tile_block)> padded_bias_{};
 };
 
-/// Parts of each number of a product with `right`; 0: it does not use tiles.
+/// Number of BFloat16 parts of each number in a product with `right`; 0 if it does not use tiles.
 inline int parts_of(const PackedMatrix<float>& right) {
     return right.parts() > 0 ? right.parts()
                              : tile_parts(right.inner_length(), right.panel_width());

@@ -12,8 +12,8 @@
 
 #include "core/kernels/gemm.h"
 
-/// Vectors of float32 from and to memory that holds numbers of 16 bits. Every instruction set
-/// rounds to the nearest number, the even one of two.
+/// Loads and stores of float32 vectors from and to memory with 16-bit numbers. Every instruction
+/// set rounds to nearest, ties to even.
 HWY_BEFORE_NAMESPACE();
 namespace stymo::kernels::HWY_NAMESPACE {
 
@@ -38,8 +38,8 @@ HWY_INLINE simd::Vec<D> load_numbers(D tag, const Float16* from) {
     return simd::PromoteTo(tag, simd::LoadU(halves, reinterpret_cast<const hwy::float16_t*>(from)));
 }
 
-/// `x` has a number of 16 bits in each of its lanes of 32. Not stored through the number's type,
-/// whose members would be accesses to one of them only.
+/// `x` has a 16-bit number in each of its 32-bit lanes. The destination is void*: a pointer to the
+/// number's struct type would make a vector store look like an access to a single number.
 template <class D>
 HWY_INLINE void store_words(D /*tag*/, simd::Vec<D> x, void* to) {
     const simd::Rebind<std::uint16_t, D> halves;
@@ -69,7 +69,7 @@ HWY_INLINE void store_numbers(D tag, simd::Vec<D> x, BFloat16* to) {
 #if HWY_TARGET == HWY_EMU128 || HWY_TARGET == HWY_SCALAR || \
     (HWY_ARCH_X86 && (HWY_TARGET >= HWY_SSE4 || defined(HWY_DISABLE_F16C)))
 
-/// Highway's own conversion cuts the bits off here, and makes infinity finite.
+/// On these targets Highway's own conversion truncates, and makes infinity finite.
 template <class D>
 HWY_INLINE void store_numbers(D tag, simd::Vec<D> x, Float16* to) {
     const simd::RebindToUnsigned<D> words;
@@ -78,11 +78,11 @@ HWY_INLINE void store_numbers(D tag, simd::Vec<D> x, Float16* to) {
     const auto size = simd::Xor(bits, sign);
     const auto odd = simd::And(simd::ShiftRight<13>(size), simd::Set(words, 1));
     const auto rounded = simd::Add(size, simd::Add(odd, simd::Set(words, 0xFFF)));
-    // From an exponent with a bias of 127 to one with a bias of 15.
+    // Converts the exponent's bias from 127 to 15.
     const auto normal =
         simd::Min(simd::ShiftRight<13>(simd::Sub(rounded, simd::Set(words, 0x38000000U))),
                   simd::Set(words, 0x7C00U));
-    // Beside 0.5 the last bit of a float32 is the least number of 16 bits, 2^-24.
+    // Near 0.5 the last bit of a float32 has the value of the smallest Float16, 2^-24.
     const auto half = simd::Set(tag, 0.5F);
     const auto subnormal =
         simd::Sub(simd::BitCast(words, simd::Add(simd::BitCast(tag, size), half)),

@@ -30,7 +30,7 @@ Tensor scatter_add_rows(const Tensor& x, const RowIndices& rows, std::int64_t ro
     dispatch(x.dtype(), [&]<class T>(T) {
         const T* in = x.values<T>().data();
         T* out = y.mutable_values<T>().data();
-        // Rows may meet at one place, so they are added one after the other.
+        // Several rows may have the same index, so they are added one after the other.
         for (std::size_t i = 0; i < rows.size(); ++i) {
             const T* from = in + static_cast<std::int64_t>(i) * width;
             T* to = out + rows[i] * width;

@@ -12,13 +12,12 @@ namespace {
 
 /// Rows whose sums are added up by one thread.
 constexpr std::int64_t piece_rows = 1024;
-/// Rows that are worked on at once: with all that is read and written of them they stay in the
-/// second-level cache.
+/// Rows that are computed at once: their inputs and outputs stay in the second-level cache.
 constexpr std::int64_t tile_rows = 256;
 
 template <class T>
 struct Layer {
-    std::int64_t batch, rows, in, out;  ///< as if the batch were rows, where the weight is shared
+    std::int64_t batch, rows, in, out;  ///< if the weight is shared, the batch counts as rows
     const T* dL_dy;
     const T* y;
     const T* x;
@@ -30,7 +29,7 @@ struct Layer {
     [[nodiscard]] std::int64_t pieces() const { return chunk_count(rows, piece_rows); }
 };
 
-/// What one piece adds to the sums over rows; null: not wanted.
+/// The contribution of one piece to the sums over rows; null: not wanted.
 template <class T>
 struct PieceSums {
     T* weight;  ///< (out, in)

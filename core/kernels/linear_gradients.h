@@ -4,7 +4,8 @@
 
 namespace stymo::kernels {
 
-/// The pointwise layer of core/ops/linalg.h behind a leaky ReLU: y = gain * leaky(x W^T + bias).
+/// The pointwise layer of core/ops/linalg.h with a leaky ReLU: y = gain * leaky_relu(x W^T + bias,
+/// slope).
 struct LeakyLinear {
     Tensor x;       ///< (batch, rows, in); undefined if `weight` is not wanted
     Tensor weight;  ///< (batch or 1, out, in); undefined if `x` is not wanted
@@ -19,15 +20,16 @@ struct LinearWanted {
     bool bias = false;
 };
 
-/// Gradients of what is wanted; the others are undefined.
+/// The gradients that are wanted; the others are undefined.
 struct LinearGradients {
-    Tensor x;       ///< as LeakyLinear::x
-    Tensor weight;  ///< (batch or 1, out, in): a sum over the batch where `shares_weight`
+    Tensor x;       ///< like LeakyLinear::x
+    Tensor weight;  ///< (batch or 1, out, in): summed over the batch if `shares_weight`
     Tensor bias;    ///< (out), a sum over batch and rows
 };
 
-/// All gradients in one pass: the gradient before the activation never leaves the cache. Sums over
-/// rows are added in pieces of a fixed length, so that the bits do not depend on the threads.
+/// Computes all gradients in one pass, in which the gradient before the activation never leaves the
+/// cache. Sums over rows are added in pieces of fixed length, so that results do not depend on the
+/// number of threads.
 [[nodiscard]] LinearGradients leaky_linear_gradients(const Tensor& dL_dy, const LeakyLinear& layer,
                                                      bool shares_weight, LinearWanted wanted);
 

@@ -30,8 +30,8 @@ Tensor map(const Tensor& x, Function function) {
     return y;
 }
 
-/// How two broadcast operands are walked: merged axes, innermost last, with each operand's stride
-/// (0 where it repeats).
+/// How two broadcast operands are traversed: axes are merged as far as possible, and each has the
+/// strides of both operands (0 if the operand repeats).
 struct BroadcastPlan {
     struct Axis {
         std::int64_t extent = 1;

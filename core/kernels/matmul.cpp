@@ -14,19 +14,19 @@ namespace {
 /// Rows of one tile: a multiple of the rows of every kernel's blocks, few enough that the tile
 /// stays in the second-level cache.
 constexpr std::int64_t tile_rows = 240;
-/// Columns of one tile where there are no more rows than one tile has.
+/// Columns of one tile if all rows fit into one tile.
 constexpr std::int64_t tile_columns = 128;
 /// Length of one piece of a long inner sum; the pieces are added in order.
 constexpr std::int64_t inner_piece = 8192;
-/// What is packed at once for a single use: half of a second-level cache at most.
+/// Inner length that is packed at once for a single use, at most half of a second-level cache.
 constexpr std::int64_t packed_inner = 512;
 constexpr std::int64_t packed_columns = 512;
-/// So few rows or columns of a result are inner products with each of them.
+/// Results with at most this number of rows or columns are computed as inner products.
 constexpr std::int64_t few = 4;
-/// Rows up to which a product reads its right operand as it stands: packing pays if it is read
-/// several times.
+/// Largest number of rows for which the right operand is not packed: packing is only worthwhile if
+/// it is read several times.
 constexpr std::int64_t rows_in_place = 12;
-/// Multiply-adds that are worth a thread's while.
+/// Smallest number of multiply-adds for one thread.
 constexpr std::int64_t product_grain = 32768;
 
 struct Extents {
@@ -44,8 +44,7 @@ struct RightMatrix {
     std::int64_t inner_stride;
     std::int64_t column_stride;
 
-    /// For a single product of m rows, for which the first columns may stay where they are: as many
-    /// as this returns.
+    /// The number of leading columns that a single product of m rows reads without packing.
     [[nodiscard]] std::int64_t columns_in_place(std::int64_t m, std::int64_t n) const {
         const std::int64_t width = PackedMatrix<T>::in_place(nullptr, 0, 0, 0).panel_width();
         return m <= rows_in_place && column_stride == 1 ? n / width * width : 0;
@@ -63,7 +62,7 @@ RightMatrix<T> right_matrix(const T* b, std::int64_t n, std::int64_t k, MatmulOp
     return options.transpose_b ? RightMatrix<T>{b, 1, k} : RightMatrix<T>{b, n, 1};
 }
 
-/// Columns [first, last) of c = or += left * right, where packing serves this product alone.
+/// Columns [first, last) of c = or += left * right, packed for this product only.
 template <class T>
 void multiply_once(T* c, std::int64_t stride, const LeftMatrix<T>& left, std::int64_t m,
                    const RightMatrix<T>& right, std::int64_t k, std::int64_t first,
@@ -259,7 +258,7 @@ void linear_row_tiles(const LinearOperands<T>& operands) {
     });
 }
 
-/// Packing the weights would take longer than multiplying a few rows with them.
+/// For few rows: packing the weights would take longer than the product.
 template <class T>
 void linear_few_rows(const LinearOperands<T>& operands) {
     const Extents& e = operands.extents;

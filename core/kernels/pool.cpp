@@ -20,7 +20,7 @@ void for_each_row(const Shape& shape, Body body) {
     });
 }
 
-/// What remains of a kernel's side for a window that begins at `start`.
+/// Length of the part of a window from `start` that is inside the image.
 std::int64_t clipped(std::int64_t start, std::int64_t length, int kernel) {
     return std::min<std::int64_t>(kernel, length - start);
 }
@@ -126,8 +126,8 @@ Tensor scatter_windows(const Tensor& y, const WindowPlaces& places, const Shape&
     dispatch(y.dtype(), [&]<class T>(T) {
         const T* from = y.values<T>().data();
         T* to = x.mutable_values<T>().data();
-        // Each input row takes from all windows that reach it, so that rows are independent even
-        // where windows overlap.
+        // Each input row collects from all windows that contain it, so that rows are independent
+        // even if windows overlap.
         for_each_row(input_shape, [&](std::int64_t in_row) {
             std::fill_n(to + in_row * width * channels, width * channels, T(0));
             const std::int64_t row = in_row % height;

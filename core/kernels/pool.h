@@ -8,10 +8,9 @@
 
 namespace stymo::kernels {
 
-/// For each element of a pooled image the place of the chosen element in its window, in row-major
-/// order.
+/// For each element of a pooled image, the row-major index of the chosen element in its window.
 using WindowPlaces = std::vector<std::uint8_t>;
-/// Windows up to this side have places that fit.
+/// Largest side of a window whose places fit into 8 bits.
 inline constexpr int max_pool_kernel = 16;
 
 struct MaxPooled {
@@ -22,10 +21,10 @@ struct MaxPooled {
 /// Largest element of each window; a NaN counts as largest.
 [[nodiscard]] MaxPooled max_pool2d(const Tensor& x, const Shape& output_shape,
                                    const MaxPoolOptions& options);
-/// The elements of x at the given places, of `output_shape`.
+/// The elements of x at the given places; the result has `output_shape`.
 [[nodiscard]] Tensor gather_windows(const Tensor& x, const WindowPlaces& places,
                                     const Shape& output_shape, const MaxPoolOptions& options);
-/// Zeros of `input_shape` with each element of y added at its place; the adjoint of gather_windows.
+/// Adds each element of y at its place to zeros of `input_shape`; the adjoint of gather_windows.
 [[nodiscard]] Tensor scatter_windows(const Tensor& y, const WindowPlaces& places,
                                      const Shape& input_shape, const MaxPoolOptions& options);
 

@@ -15,16 +15,16 @@
 #include "core/kernels/gemm.h"
 #include "core/kernels/halves-inl.h"
 
-/// The innermost part of a product: a block of the result in registers.
+/// The innermost part of a matrix product: a block of the result in registers.
 HWY_BEFORE_NAMESPACE();
 namespace stymo::kernels::HWY_NAMESPACE {
 
 namespace simd = hwy::HWY_NAMESPACE;
 
-/// Rows of a block, two vectors wide: as many as 32 or 16 registers hold.
+/// Rows of a block, which is two vectors wide: as many as fit into 32 or 16 registers.
 constexpr int block_rows = HWY_MAX_BYTES == 64 || HWY_ARCH_ARM_A64 ? 12 : 6;
 
-/// Operands of a product come in words: one number, or two of BFloat16.
+/// Operands of a product consist of words. Here a word is one number.
 template <class T>
 struct Numbers {
     using Element = T;
@@ -41,9 +41,9 @@ struct Numbers {
     }
 };
 
-/// Two numbers of BFloat16 at once, of which the left operand comes widened. The dot products of
-/// AVX-512-BF16 stay unused: where they were measured (Emerald Rapids) they take four times as long
-/// as a multiply-add and do the work of two.
+/// A word is two BFloat16 numbers; those of the left operand are already widened to float. The dot
+/// products of AVX-512-BF16 are not used: on Emerald Rapids they take four times as long as a
+/// multiply-add and do the work of two.
 struct Pairs {
     using Element = BFloat16;
     using Left = float;
@@ -71,7 +71,7 @@ struct Pairs {
     }
 };
 
-/// Numbers of Float16, of which the left operand comes widened.
+/// A word is one Float16 number; those of the left operand are already widened to float.
 struct Halves {
     using Element = Float16;
     using Left = float;
@@ -87,7 +87,8 @@ struct Halves {
     }
 };
 
-/// Pairs of Float16 for the processor's own products, only in blocks of whole panels.
+/// A word is two Float16 numbers, for the processor's half-precision products. Only for blocks of
+/// whole panels.
 struct HalfPairs {
     using Element = Float16;
     using Left = Float16;
@@ -95,7 +96,8 @@ struct HalfPairs {
     static constexpr std::int64_t word_length = 2;
 };
 
-/// Sums of `inner` products of words, added to what stands in `start` and written to `sums`.
+/// A block of sums over `inner` products of words. The sums begin with the values in `start` and
+/// are written to `sums`.
 template <class Operands>
 struct Block {
     using Element = typename Operands::Element;
@@ -107,18 +109,18 @@ struct Block {
     Sum* sums;
     std::int64_t sums_stride;
     const Left* left;
-    std::int64_t row_stride;    ///< in elements, as is the next
+    std::int64_t row_stride;    ///< in elements, like inner_stride
     std::int64_t inner_stride;  ///< between words
     const Element* panel;
     std::int64_t panel_stride;  ///< between words
     std::int64_t inner;
-    const void* ahead;  ///< what a later block will read, `bytes_of_prefetch` of it for as many
-                        ///< words as below
+    const void* ahead;  ///< data that a later block reads: `bytes_of_prefetch` bytes of it are
+                        ///< prefetched every `words_of_prefetch` words
 };
 
-/// The next panel comes from beyond the second-level cache where the layers of a network take
-/// turns. It is asked for a little at a time, between products: all at once, requests would hold up
-/// the loads of the block that is being computed.
+/// When the layers of a network alternate, the next panel is not in the second-level cache. It is
+/// prefetched in small parts between the products. Prefetching it all at once would delay the loads
+/// of the current block.
 constexpr std::int64_t words_of_prefetch = 16;
 constexpr std::int64_t bytes_of_prefetch = 2 * 64;
 
@@ -126,7 +128,7 @@ HWY_INLINE void prefetch_to_second_level(const char* address) {
     __builtin_prefetch(address, 0, 2);
 }
 
-/// Without letting the compiler derive one pointer from another one.
+/// Advances a pointer in a way that keeps the compiler from deriving one pointer from another.
 template <class T>
 HWY_INLINE void advance(T*& pointer, std::int64_t distance) {
     pointer += distance;
@@ -143,7 +145,7 @@ HWY_INLINE void multiply_block(const Block<Operands>& block) {
         for (int v = 0; v < vectors; ++v)
             sums[row][v] = simd::LoadU(tag, block.start + row * block.start_stride + v * lanes);
     }
-    // A pointer for three rows each: one for all of them needs more registers for distances than
+    // One pointer for every three rows: a single pointer would need more registers for offsets than
     // there are.
     const auto* left0 = block.left;
     const auto* left3 = left0 + 3 * block.row_stride;
@@ -198,7 +200,7 @@ HWY_INLINE void multiply_block(const Block<Operands>& block) {
     }
 }
 
-/// Blocks of the most rows, then of powers of two: what is left of a power of two is one of them.
+/// Rows of the next block if `rows` remain: `block_rows`, else the largest power of two that fits.
 [[nodiscard]] inline int rows_of_next_block(std::int64_t rows) {
     constexpr int heights[] = {block_rows, 8, 4, 2, 1};
     int height = 1;

@@ -6,8 +6,8 @@
 
 namespace stymo::kernels {
 
-/// Uninitialised room of the calling thread, one for each T, which small products would else
-/// allocate; 64-byte aligned and valid until the next call.
+/// Uninitialised scratch memory of the calling thread, one buffer for each T. It spares small
+/// products an allocation. 64-byte aligned, and valid until the next call with the same T.
 template <class T>
 [[nodiscard]] T* scratch_of_thread(std::size_t count) {
     constexpr std::size_t alignment = 64;

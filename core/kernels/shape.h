@@ -10,7 +10,7 @@ namespace stymo::kernels {
 [[nodiscard]] Tensor flip(const Tensor& x, int axis);
 [[nodiscard]] Tensor slice(const Tensor& x, int axis, std::int64_t begin, std::int64_t end);
 [[nodiscard]] Tensor concat(const std::vector<Tensor>& parts, int axis);
-/// `coarse`, if defined, is added to all four pixels that one of its own becomes.
+/// If `coarse` is defined, each of its pixels is added to the four upsampled pixels at its place.
 [[nodiscard]] Tensor pixel_shuffle(const Tensor& x, const Tensor& coarse = {});
 [[nodiscard]] Tensor pixel_unshuffle(const Tensor& x);
 

@@ -19,15 +19,14 @@ using FloatVector = simd::Vec<FloatTag>;
 using BitsTag = simd::ScalableTag<std::uint32_t>;
 using BitsVector = simd::Vec<BitsTag>;
 
-/// Largest |x| for which the reduction below keeps float32 accuracy: multiples of pi up to there
-/// times its upper part are exact.
+/// Largest |x| for which the reduction below keeps float32 accuracy: up to here, products of an
+/// integer and the upper part of pi are exact.
 constexpr float vector_sine_limit = 8192.0F;
 
-/// x = multiple of pi + remainder, |remainder| <= pi / 2. Both functions change sign with every
-/// multiple.
+/// x = n pi + remainder, |remainder| <= pi / 2. Sine and cosine change sign with every n.
 struct HalfTurns {
     FloatVector remainder;
-    BitsVector sign;  ///< the sign's bit
+    BitsVector sign;  ///< the sign bit
 };
 
 HWY_INLINE HalfTurns reduce_half_turns(FloatVector x) {
@@ -36,7 +35,8 @@ HWY_INLINE HalfTurns reduce_half_turns(FloatVector x) {
     const auto shift = simd::Set(tag, 12582912.0F);
     const auto shifted = simd::MulAdd(x, simd::Set(tag, 0.318309886F), shift);
     const auto count = simd::Sub(shifted, shift);
-    // Cody and Waite: pi in parts. A fused product needs no spare bits in the first one.
+    // Cody and Waite's reduction with pi in parts. With fused multiply-adds the first part needs no
+    // trailing zero bits.
     auto remainder = x;
     if constexpr (HWY_NATIVE_FMA) {
         remainder = simd::NegMulAdd(count, simd::Set(tag, 3.14159274F), remainder);
@@ -53,8 +53,8 @@ HWY_INLINE FloatVector flip_sign(BitsVector sign, FloatVector x) {
     return simd::BitCast(FloatTag(), simd::Xor(sign, simd::BitCast(BitsTag(), x)));
 }
 
-/// Absolute error below 3e-7 for |x| <= vector_sine_limit: polynomials of least error on [-pi/2,
-/// pi/2], which have 5e-9.
+/// Absolute error below 3e-7 for |x| <= vector_sine_limit. The minimax polynomial on [-pi/2, pi/2]
+/// has an error of 5e-9.
 HWY_INLINE FloatVector vector_sine(const HalfTurns& x) {
     const FloatTag tag;
     const auto r = x.remainder;
@@ -65,7 +65,7 @@ HWY_INLINE FloatVector vector_sine(const HalfTurns& x) {
     return flip_sign(x.sign, simd::MulAdd(p, simd::Mul(r, r2), r));
 }
 
-/// The same; the polynomial has 5e-8.
+/// The same; the polynomial has an error of 5e-8.
 HWY_INLINE FloatVector vector_cosine(const HalfTurns& x) {
     const FloatTag tag;
     const auto r2 = simd::Mul(x.remainder, x.remainder);

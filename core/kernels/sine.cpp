@@ -22,8 +22,7 @@ HWY_INLINE bool sine_cosine_vectors(const float* x, float* sines, float* cosines
                                     std::int64_t count) {
     const FloatTag tag;
     const auto lanes = static_cast<std::int64_t>(simd::Lanes(tag));
-    // One instruction for each vector tells whether any number is too large: their squares add up
-    // to more.
+    // The sum of squares detects numbers beyond the limit with one instruction for each vector.
     auto squares = simd::Zero(tag);
     for (std::int64_t i = 0; i < count; i += lanes) {
         const auto in = simd::LoadU(tag, x + i);

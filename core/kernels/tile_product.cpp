@@ -99,7 +99,7 @@ STYMO_TILES void sum_one_part(const TileBlock& block) {
 
 template <int row_tiles, int column_tiles>
 STYMO_TILES void sum_two_parts(const TileBlock& block) {
-    // Every load stands two products before the first one that needs it.
+    // Every load is placed two products before its first use.
     const BFloat16 *left = block.left, *right = block.right;
     constexpr std::int64_t lower = tile_step_size;
     _tile_loadd(4, left, row_bytes);
@@ -151,7 +151,7 @@ __attribute__((target("amx-tile,amx-bf16"), noinline)) void multiply_block(const
     finish_memory_accesses();
 }
 
-/// What LDTILECFG reads.
+/// The operand of LDTILECFG.
 struct alignas(64) TileConfiguration {
     std::uint8_t palette = 1;
     std::uint8_t start_row = 0;
@@ -206,7 +206,8 @@ void multiply_tiles(int, int, const TileBlock&) {}
 #endif
 
 int tile_parts(std::int64_t inner_length, std::int64_t panel_width) {
-    constexpr std::int64_t least_inner_length = 16;  // less leaves most of a step empty
+    // With a shorter inner length, most of a step is empty.
+    constexpr std::int64_t least_inner_length = 16;
     const MatmulPrecision precision = matmul_precision();
     if (inner_length < least_inner_length || panel_width != tile_block ||
         precision == MatmulPrecision::highest || !multiplies_tiles())

@@ -4,25 +4,29 @@
 
 #include "core/kernels/tile_split.h"
 
-/// Products of float32 on the matrix tiles of AMX, added up in float32. Each number becomes one of
-/// BFloat16, with an error of a product of at most 2^-7 |a| |b|, or the sum of two of them, of
-/// which three products are added up:
-///   a b = upper(a) upper(b) + upper(a) lower(b) + lower(a) upper(b)
-/// Their error is at most 2^-15 |a| |b| (Henry, Tang and Heinecke 2019, "Leveraging the bfloat16
-/// artificial intelligence datatype for higher-precision computations"). In two parts, an infinite
-/// operand may give NaN, and a NaN whose bits are all ones is lost; products below 2^-126 may
-/// become zero.
+/// Products of float32 on the matrix tiles of AMX, summed in float32. Each number is rounded to
+/// BFloat16, with an error of at most 2^-7 |a| |b| for a product, or is split into two BFloat16
+/// parts, and three products are summed:
+///
+///     a b = upper(a) upper(b) + upper(a) lower(b) + lower(a) upper(b)
+///
+/// The error of this sum is at most 2^-15 |a| |b| (Henry, Tang and Heinecke 2019, "Leveraging the
+/// bfloat16 artificial intelligence datatype for higher-precision computations"). With two parts,
+/// an infinite operand may give NaN, and a NaN whose bits are all ones is lost. Products below
+/// 2^-126 may become zero.
 namespace stymo::kernels {
 
-/// Whether processor and system have tiles. If not, nothing below may be called.
+/// Whether the processor and the operating system support tiles. If not, no other function of this
+/// header may be called.
 [[nodiscard]] bool multiplies_tiles();
 
-/// Numbers of BFloat16 that stand for each number of a product of that inner length, with panels so
-/// wide; 0: it does not use tiles. Depends on nothing that differs between blocks of a product, so
-/// that its bits depend neither on the block nor on the number of threads.
+/// Number of BFloat16 parts of each number in a product of this inner length and panel width; 0 if
+/// the product does not use tiles. It is the same for all blocks of a product, so that results
+/// depend neither on the block nor on the number of threads.
 [[nodiscard]] int tile_parts(std::int64_t inner_length, std::int64_t panel_width);
 
-/// Lends the tiles to the calling thread. Without one alive, `multiply_tiles` may not be called.
+/// Configures the tiles for the calling thread during its lifetime. `multiply_tiles` may only be
+/// called while a TileLoan of the thread exists.
 class TileLoan {
 public:
     TileLoan();
@@ -31,7 +35,8 @@ public:
     TileLoan& operator=(const TileLoan&) = delete;
 };
 
-/// Sums of `steps` steps, added to what stands in `start` (null: zeros) and written to `sums`.
+/// A block of sums over `steps` steps. The sums begin with the values in `start` (null: zeros) and
+/// are written to `sums`.
 struct TileBlock {
     int parts;  ///< of each number
     const BFloat16* left;
@@ -43,7 +48,7 @@ struct TileBlock {
     std::int64_t sums_stride;
 };
 
-/// One or two tiles of 16 rows, and of 16 columns.
+/// Multiplies a block of one or two tiles of 16 rows, and one or two of 16 columns.
 void multiply_tiles(int row_tiles, int column_tiles, const TileBlock& block);
 
 }  // namespace stymo::kernels

@@ -40,7 +40,7 @@ constexpr Order order(auto index_at) {
 }
 /// The upper halves of two vectors' 32-bit numbers, one vector after the other.
 alignas(64) constexpr Order upper_halves = order([](int i) { return 2 * i + 1; });
-/// Numbers of a vector's two halves by turns.
+/// Interleaves the numbers of a vector's two halves.
 alignas(64) constexpr Order alternating = order([](int i) { return i / 2 + i % 2 * 16; });
 
 /// Upper and lower part of sixteen numbers, each in the upper halves of 32 bits.
@@ -58,7 +58,7 @@ STYMO_SPLITS_INLINE Halves halves_of(__m512 x) {
     return {upper, _mm512_add_epi32(_mm512_castps_si512(rest), half)};
 }
 
-/// The upper halves of a and b by turns.
+/// Interleaves the upper halves of a and b.
 STYMO_SPLITS_INLINE __m512i pairs_of(__m512i a, __m512i b) {
     return _mm512_mask_blend_epi16(0xAAAAAAAA, _mm512_maskz_srli_epi32(0xFFFF, a, 16), b);
 }
@@ -80,7 +80,7 @@ STYMO_SPLITS_INLINE Split<parts> in_sequence(__m512 first, __m512 second) {
     }
 }
 
-/// Sixteen numbers and sixteen others by turns.
+/// Sixteen numbers interleaved with sixteen others.
 template <int parts>
 STYMO_SPLITS_INLINE Split<parts> by_turns(__m512 first, __m512 second) {
     if constexpr (parts == 1) {

@@ -4,14 +4,15 @@
 
 #include "core/kernels/gemm.h"
 
-/// Operands of products on matrix tiles (core/kernels/tile_product.h): float32 as BFloat16, in the
-/// order in which tiles read it. In one part each number is rounded to nearest even. In two it is
-/// the sum of both, the second one being what the first one lacks.
+/// Operands of products on matrix tiles (core/kernels/tile_product.h): float32 numbers as BFloat16
+/// parts, in the memory layout of the tiles. With one part, each number is rounded to nearest even.
+/// With two parts, the second is the rounded remainder of the first, and the number is about their
+/// sum.
 namespace stymo::kernels {
 
-/// Rows and columns of a block of sums: two tiles each.
+/// Rows and columns of a block of sums, which is two tiles high and two tiles wide.
 inline constexpr std::int64_t tile_block = 32;
-/// Inner elements of a step: one tile's.
+/// Inner elements of a step: those of one tile.
 inline constexpr std::int64_t tile_step = 32;
 /// Elements of one part of a step's operand.
 inline constexpr std::int64_t tile_step_size = tile_block * tile_step;

@@ -12,13 +12,13 @@ namespace stymo::kernels {
 
 namespace {
 
-/// Products of channels from which on the transformed filters leave no room in the second-level
-/// cache of one thread.
+/// Whether the transformed filters are too large for the second-level cache of one thread;
+/// `channels` is the product of both numbers of channels.
 constexpr bool shares_blocks(std::int64_t channels) {
     return channels > 128 * 128;
 }
-/// Tiles that are handled at once: few enough to stay in that cache, or so many that the filters
-/// are worth reading again.
+/// Tiles that are computed at once: few enough to stay in that cache, or so many that reading the
+/// filters again is worthwhile.
 constexpr std::int64_t tiles_of_block(std::int64_t channels) {
     if (shares_blocks(channels)) return 256;
     return channels > 64 * 64 ? 96 : 48;
@@ -199,8 +199,8 @@ void correlate(const Correlation& c) {
     const std::int64_t channels = c.in.channels * c.out.channels;
     const std::int64_t blocks = chunk_count(c.tiling.count, tiles_of_block(channels));
     const std::int64_t block = chunk_count(c.tiling.count, blocks);
-    // Filters that no cache of one thread holds are read by all of them once for each block, which
-    // they share.
+    // Filters that do not fit into a thread's cache are read once for each block, on which all
+    // threads work together.
     const std::int64_t run = shares_blocks(channels) ? blocks : chunk_count(blocks, runs);
     parallel_for(blocks, run, [&](std::int64_t begin, std::int64_t end) {
         const TileBuffers buffers(std::min(block, c.tiling.count), c.in.channels, c.out.channels);
@@ -245,8 +245,8 @@ void winograd_conv2d(const float* x, const float* weight, const ConvFinish<float
 
 void winograd_conv2d_transpose(const float* dL_dy, const ConvGate<float>& gate, const float* weight,
                                float* dL_dx, const ConvGeometry& g) {
-    // The correlation with the turned filters, whose square begins two pixels before an input pixel
-    // less the padding.
+    // The correlation with the rotated filters. The square of an input pixel begins 2 - padding
+    // pixels before it.
     const TransformedFilters filters(weight, true, g.out_channels, g.in_channels);
     correlate({dL_dy,
                gate,

@@ -1,10 +1,10 @@
 #include "core/kernels/winograd_transforms.h"
 
 #ifdef __aarch64__
-// Arrays of vectors need vectors of a fixed length.
+// The kernels use arrays of vectors, which need vectors of fixed length.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128)
 #else
-// Nothing here needs what this set adds to AVX3.
+// No kernel uses the instructions that this set adds to AVX3.
 #define HWY_DISABLED_TARGETS HWY_AVX3_DL
 #endif
 #undef HWY_TARGET_INCLUDE
@@ -12,8 +12,8 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
-// Included once for each instruction set, so what does not depend on it stands below, within
-// HWY_ONCE.
+// This file is compiled once for each instruction set. Code that does not depend on it is below,
+// within HWY_ONCE.
 HWY_BEFORE_NAMESPACE();
 namespace stymo::kernels::HWY_NAMESPACE {
 
@@ -22,8 +22,8 @@ namespace simd = hwy::HWY_NAMESPACE;
 using Tag = simd::CappedTag<float, 16>;
 using Vector = simd::Vec<Tag>;
 
-/// The interpolation points are 0, a, -a, b, -b and infinity. Rounding is least where their powers
-/// stay near one.
+/// The interpolation points are 0, a, -a, b, -b and infinity. Rounding errors are smallest if their
+/// powers are near one.
 constexpr float a = 0.625F;
 constexpr float b = 1.5F;
 constexpr float a2 = a * a;
@@ -89,7 +89,7 @@ struct TileLine {
     }
 };
 
-/// What the polynomial of each finite point is there.
+/// Reciprocals of the polynomials at their own finite points.
 constexpr float scale_0 = 1.0F / (a2 * b2);
 constexpr float scale_a = 1.0F / (2.0F * a2 * (a2 - b2));
 constexpr float scale_b = 1.0F / (2.0F * b2 * (b2 - a2));

@@ -10,13 +10,13 @@
 namespace stymo {
 
 Variable sigmoid(const Variable& x) {
-    // 1 - y would have no digits left where y is near 1.
+    // 1 - y would lose all precision where y is near 1.
     return record("sigmoid", kernels::sigmoid(x.value()), {x}, Save::the_output() | Save::input(0),
                   {[](const Vjp& v) { return v.grad() * (v.output() * sigmoid(-v.input(0))); }});
 }
 
 Variable tanh(const Variable& x) {
-    // 1 - y^2 would have no digits left where |y| is near 1.
+    // 1 - y^2 would lose all precision where |y| is near 1.
     return record("tanh", kernels::tanh(x.value()), {x}, Save::input(0), {[](const Vjp& v) {
                       const Variable twice = v.input(0) * 2.0;
                       return v.grad() * (sigmoid(twice) * sigmoid(-twice) * 4.0);
@@ -71,7 +71,7 @@ Variable softmax(const Variable& x, int axis) {
 }
 
 Variable binary_cross_entropy_with_logits(const Variable& logit, const Variable& target) {
-    // softplus(logit) - logit * target would be a difference of large numbers.
+    // softplus(logit) - logit * target would cancel for large logits.
     return softplus(logit) * affine(target, -1.0, 1.0) + softplus(-logit) * target;
 }
 

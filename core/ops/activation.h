@@ -13,8 +13,8 @@ namespace stymo {
 [[nodiscard]] Variable log_sigmoid(const Variable& x);
 /// Subgradient `slope` at 0. Throws ValueError for a negative slope.
 [[nodiscard]] Variable leaky_relu(const Variable& x, double slope);
-/// gain * x where sign > 0, else gain * slope * x: the gradient of leaky ReLU applied to x. Both
-/// have the same shape.
+/// gain * x where sign > 0, else gain * slope * x: the derivative of leaky ReLU multiplied by x.
+/// Throws ShapeError unless both have the same shape.
 [[nodiscard]] Variable leaky_gate(const Variable& x, const Tensor& sign, double slope,
                                   double gain = 1.0);
 [[nodiscard]] inline Variable relu(const Variable& x) {

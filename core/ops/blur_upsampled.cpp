@@ -15,7 +15,7 @@ namespace stymo {
 namespace {
 
 constexpr std::int64_t subpixels = 4;
-/// Numbers that are worth a thread's while.
+/// Smallest number of elements for one thread.
 constexpr std::int64_t grain = 32768;
 
 void check(const Variable& x, const Variable& detail) {
@@ -99,7 +99,7 @@ Variable blur_upsampled(const Variable& x, const Variable& detail) {
         {Node::Input{x.node(), {}, x.shape()}, Node::Input{detail.node(), {}, detail.shape()}},
         [](const Vjp& v, const std::vector<bool>&) {
             if (!v.create_graph()) return gradients(v.grad().value(), v.shape(0));
-            // The map is linear, so that its gradient is the same everywhere.
+            // The map is linear, so its gradient can be taken at any point, here at 0.
             const Variable anywhere = Variable::leaf(Tensor::zeros(v.shape(0))),
                            anything = Variable::leaf(Tensor::zeros(v.shape(1)));
             const std::vector<Variable> inputs{anywhere, anything};

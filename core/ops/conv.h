@@ -3,24 +3,27 @@
 #include "core/autograd/variable.h"
 #include "core/op_options.h"
 
-/// Two-dimensional cross-correlation and its two adjoints, closed under differentiation to any
-/// order.
+/// Two-dimensional cross-correlation and its two adjoints. Derivatives of any order exist. All ops
+/// throw ShapeError for shapes that do not match, ValueError for invalid options and TypeError for
+/// different element types.
 namespace stymo {
 
 /// x (batch, height, width, in), weight (out, kernel height, kernel width, in / groups) -> (batch,
-/// height', width', out) with height' = (height + 2 padding - kernel height) / stride + 1.
+/// height', width', out) with height' = floor((height + 2 padding - kernel height) / stride) + 1.
 [[nodiscard]] Variable conv2d(const Variable& x, const Variable& weight,
                               const Conv2dOptions& options = {});
-/// leaky_relu(conv2d(x, weight) + bias, slope) with a bias (out) or an undefined one; slope 0 is
-/// ReLU, slope 1 no activation. Bias and activation are applied while a result is in cache; the
-/// composition is the reference implementation.
+/// leaky_relu(conv2d(x, weight) + bias, slope), with a bias (out) or an undefined one. Slope 0 is
+/// ReLU, slope 1 no activation; ValueError for a negative slope. Bias and activation are applied
+/// while a result is in cache. The composition of ops is the reference implementation.
 [[nodiscard]] Variable conv2d(const Variable& x, const Variable& weight, const Variable& bias,
                               double slope, const Conv2dOptions& options = {});
-/// Adjoint of conv2d in x: from the output's gradient back to an input of `input_shape`.
+/// Adjoint of conv2d with respect to x: maps the output's gradient to the gradient of an input of
+/// `input_shape`.
 [[nodiscard]] Variable conv2d_transpose(const Variable& dL_dy, const Variable& weight,
                                         const Shape& input_shape,
                                         const Conv2dOptions& options = {});
-/// Adjoint of conv2d in the weight.
+/// Adjoint of conv2d with respect to the weight: maps the output's gradient to the gradient of a
+/// weight of `weight_shape`.
 [[nodiscard]] Variable conv2d_weight_grad(const Variable& dL_dy, const Variable& x,
                                           const Shape& weight_shape,
                                           const Conv2dOptions& options = {});

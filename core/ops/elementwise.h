@@ -3,7 +3,8 @@
 #include "core/autograd/variable.h"
 
 /// Elementwise operations. Two operands broadcast as in NumPy; the gradient of a broadcast operand
-/// is summed back to its shape.
+/// is summed back to its shape. Throw ShapeError for shapes that do not broadcast, TypeError for
+/// different element types.
 namespace stymo {
 
 [[nodiscard]] Variable add(const Variable& a, const Variable& b);
@@ -30,7 +31,8 @@ namespace stymo {
 [[nodiscard]] Variable square(const Variable& x);
 /// Subgradient 0 at 0.
 [[nodiscard]] Variable abs(const Variable& x);
-/// Gradient 1 within [low, high] (ends included), 0 outside.
+/// The gradient is 1 within [low, high] (ends included) and 0 outside. Throws ValueError unless low
+/// <= high.
 [[nodiscard]] Variable clamp(const Variable& x, double low, double high);
 
 [[nodiscard]] inline Variable operator+(const Variable& a, const Variable& b) {

@@ -5,14 +5,15 @@
 
 namespace stymo {
 
-/// Matrix product of the last two axes. Both rank 2, or both rank 3 with equal leading extents, or
-/// one of them with leading extent 1 that serves every matrix of the other.
+/// Matrix product over the last two axes. Both operands have rank 2 or both have rank 3. In rank 3
+/// the leading extents are equal, or one of them is 1 and that matrix is used for every matrix of
+/// the other operand. Throws ShapeError for other shapes, TypeError for different element types.
 [[nodiscard]] Variable matmul(const Variable& a, const Variable& b, MatmulOptions options = {});
 
-/// activation(x W^T + bias), the pointwise layer: x (batch, rows, in), weight (batch or 1, out,
-/// in), bias (out) or undefined. Leaky ReLU has slope 0.2 and gain sqrt(2), as in StyleGAN2. A
-/// fused kernel; `linear_reference` is its reference implementation and provides second
-/// derivatives.
+/// The pointwise layer activation(x W^T + bias): x (batch, rows, in), weight (batch or 1, out, in),
+/// bias (out) or undefined. Leaky ReLU has slope 0.2 and gain sqrt(2), as in StyleGAN2. A fused
+/// kernel; `linear_reference` is its reference implementation and provides second derivatives.
+/// Throws ShapeError for other shapes, TypeError for different element types.
 [[nodiscard]] Variable linear(const Variable& x, const Variable& weight, const Variable& bias,
                               Activation activation = Activation::none);
 /// The same composed from matmul, add and the activation.

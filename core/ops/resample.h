@@ -6,17 +6,19 @@
 #include "core/resample_matrix.h"
 
 /// Linear resampling of images (batch, height, width, channels). Every filter here (FIR up- and
-/// downsampling, blur, bilinear, antialiased bicubic) is one sparse matrix along the rows and one
-/// along the columns, and the adjoint of such a map is the map of the two transposed matrices: one
-/// primitive, closed under differentiation.
+/// downsampling, blur, bilinear, antialiased bicubic) is a sparse matrix for the rows and one for
+/// the columns. The adjoint is the resampling with the two transposed matrices, so one op provides
+/// derivatives of any order.
 namespace stymo {
 
-/// vertical * x * horizontal^T in every channel.
+/// vertical * x * horizontal^T in every channel. Throws ShapeError unless the matrices have the
+/// image's height and width as input lengths.
 [[nodiscard]] Variable resample(const Variable& x, const ResampleMatrix& vertical,
                                 const ResampleMatrix& horizontal);
 
-/// One axis of upfirdn: insert up-1 zeros after every element, pad with zeros, correlate with the
-/// flipped filter (a convolution, as in StyleGAN2), keep every down-th element.
+/// One axis of upfirdn: insert up-1 zeros after every element, pad with zeros, convolve with the
+/// filter (as in StyleGAN2), keep every down-th element. Throws ValueError for an up, a down or a
+/// number of taps below 1, ShapeError if the filter is longer than the padded axis.
 [[nodiscard]] ResampleMatrix upfirdn_matrix(int input_length, std::span<const double> filter,
                                             int up, int down, int pad_before, int pad_after);
 /// The filter [1,2,1]/4 with the same length and the border mirrored (the edge itself not
@@ -24,18 +26,18 @@ namespace stymo {
 [[nodiscard]] ResampleMatrix blur_matrix(int length);
 /// Half-pixel centres, edges clamped, no antialiasing.
 [[nodiscard]] ResampleMatrix bilinear_matrix(int output_length, int input_length);
-/// Cubic convolution with a = -0.5, stretched by the scale when shrinking, weights normalised at
-/// the borders; as PyTorch with antialias and as Pillow.
+/// Cubic convolution with a = -0.5, widened by the scale when shrinking, with weights normalised at
+/// the borders. Equals Pillow and PyTorch with antialias.
 [[nodiscard]] ResampleMatrix bicubic_matrix(int output_length, int input_length);
-/// Mean of blocks; output_length must divide input_length.
+/// Mean of blocks. Throws ShapeError unless output_length divides input_length.
 [[nodiscard]] ResampleMatrix box_matrix(int output_length, int input_length);
 
-/// FIR with a separable filter on both axes.
+/// upfirdn_matrix on both axes.
 [[nodiscard]] Variable upfirdn2d(const Variable& x, std::span<const double> filter, int up,
                                  int down, int pad_before, int pad_after);
 [[nodiscard]] Variable blur(const Variable& x);
 [[nodiscard]] Variable resize_bilinear(const Variable& x, int height, int width);
-/// Antialiased bicubic; may overshoot the input's range.
+/// Antialiased bicubic; results may exceed the input's range.
 [[nodiscard]] Variable resize_bicubic(const Variable& x, int height, int width);
 [[nodiscard]] Variable resize_box(const Variable& x, int height, int width);
 

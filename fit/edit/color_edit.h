@@ -8,10 +8,10 @@
 
 namespace stymo {
 
-/// What is to have the wanted colour.
+/// The quantity that should get the wanted colour.
 enum class ColorTerm {
-    pixels,  ///< each pixel of the part, as in the paper, which flattens its light and shade, too
-    mean,    ///< the mean of the part, whose light and shade are left as they like
+    pixels,  ///< each pixel of the part, as in the paper; this also flattens its shading
+    mean,    ///< the mean of the part; its shading is not constrained
 };
 
 struct ColorEditOptions {
@@ -19,29 +19,30 @@ struct ColorEditOptions {
     std::int64_t steps = 200;
     double learning_rate = 0.03;
     double decay = 0.99;  ///< factor on the learning rate after each step
-    /// Weight of the squared texture offset; the model's own
-    /// (ReconstructionConfig::fit_regularizer) if negative.
+    /// Weight of the squared texture offset; if negative, the model's
+    /// ReconstructionConfig::fit_regularizer.
     double regularizer = -1.0;
-    double rest_weight = 2.0;          ///< of L_rest beside L_color; the paper's is 1
-    std::int64_t samples_per_ray = 0;  ///< 0: the model's own
+    double rest_weight = 2.0;          ///< weight of L_rest; 1 in the paper
+    std::int64_t samples_per_ray = 0;  ///< 0: ReconstructionConfig::fit_samples_per_ray
     /// Called after each step with the number of steps done and the loss.
     std::function<void(std::int64_t, double)> on_step = {};
 };
 
 struct ColorEdit {
-    Codes codes;                 ///< the face's, with another texture
+    Codes codes;                 ///< the codes of the face with another texture
     Tensor before;               ///< (S, S, 3) in [0, 1]
     Tensor after;                ///< likewise
     std::vector<double> losses;  ///< before each step
 };
 
-/// The paper's editing of a part's colour: Adam on an offset of the texture code alone that starts
-/// at zero, with L_color + rest_weight L_rest + regularizer |offset|^2. L_color is the squared
-/// distance of the pixels of the part (or of their mean) from `color`, L_rest that of all others
-/// from what they were, both in the decoder's range [-1, 1], summed over RGB, averaged over the
-/// pixels. Texture does not enter the field: it is rendered once, and a step costs the render
-/// blocks. `part` is (S, S, 1) in [0, 1], `color` in [0, 1]. Throws ShapeError for another shape,
-/// ValueError for a part without pixels, NumericError if the loss becomes non-finite.
+/// The paper's editing of a part's colour. Adam minimises L_color + rest_weight L_rest +
+/// regularizer |offset|^2 over an offset of the texture code that starts at zero. L_color is the
+/// squared distance of the part's pixels (or of their mean) from `color`; L_rest is the squared
+/// distance of all other pixels from their original values. Both are in the decoder's range [-1,
+/// 1], summed over RGB and averaged over the pixels. Texture does not enter the field, so the field
+/// is rendered once, and a step runs only the render blocks. `part` is (S, S, 1) in [0, 1], `color`
+/// is RGB in [0, 1]. Throws ShapeError for another shape, ValueError for a part without pixels,
+/// NumericError if the loss becomes non-finite.
 [[nodiscard]] ColorEdit edit_color(const Model& model, const Codes& codes, const Camera& camera,
                                    const Tensor& part, const Eigen::Vector3d& color,
                                    const ColorEditOptions& options);
@@ -50,8 +51,8 @@ struct ColorEdit {
 [[nodiscard]] Eigen::Vector3d mean_color(const Tensor& image, const Tensor& mask);
 /// Mean of |a - b| over the pixels of a mask and over RGB; 0 under an empty mask.
 [[nodiscard]] double mean_difference(const Tensor& a, const Tensor& b, const Tensor& mask);
-/// 1 - |after - target| / |before - target|: which share of the way to the target was gone. 1 where
-/// there was none to go.
+/// 1 - |after - target| / |before - target|: the share of the distance to the target that was
+/// covered; 1 if `before` equals the target.
 [[nodiscard]] double share_of_way(const Eigen::Vector3d& before, const Eigen::Vector3d& after,
                                   const Eigen::Vector3d& target);
 

@@ -7,10 +7,10 @@
 
 namespace stymo {
 
-/// Which parts of a head are meant, in the order of `ParsingClass`.
+/// A set of parts of a head, in the order of `ParsingClass`.
 using ParsingClassSet = std::array<bool, parsing_class_count>;
 
-/// 1 where `classes` (H, W, 1), as FaceParser::parse gives them, is one of the parts, else 0.
+/// 1 where `classes` (H, W, 1), the result of FaceParser::parse, is one of the parts, else 0.
 [[nodiscard]] Tensor part_mask(const Tensor& classes, const ParsingClassSet& parts);
 
 /// The parts of `is_head_class`.

@@ -9,10 +9,11 @@ namespace stymo {
 
 namespace {
 
-/// Up to these distances from the colour of the point, colours are close. Light and shade move
+/// Largest distances in L, a, b from the colour of the point for close colours. Shading changes
 /// lightness more than hue.
 const cv::Scalar close_in_lab(18.0, 7.0, 7.0);
-/// Smooths hair and noise before colours are compared, as a part of the image's side.
+/// Radius of the blur that smooths hair and noise before colours are compared, as a share of the
+/// image's side.
 constexpr double blur_share = 1.0 / 64.0;
 
 }  // namespace

@@ -8,7 +8,7 @@ namespace stymo {
 
 namespace {
 
-/// `codes` as the face of `pose` shows them.
+/// The image of `codes` in the pose of a face.
 Tensor shown(const Model& model, const Codes& codes, const Pose& pose,
              std::int64_t samples_per_ray) {
     const Camera camera = camera_from_pose(pose, model.config().camera.intrinsics);

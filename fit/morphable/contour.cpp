@@ -12,8 +12,8 @@ namespace {
         .cast<double>();
 }
 
-/// Unit vector in the frontal plane, at right angles to the jaw's line at landmark k and away from
-/// the face.
+/// Unit vector in the frontal plane, perpendicular to the jaw line at landmark k and pointing away
+/// from the face.
 [[nodiscard]] Eigen::Vector3d outward_direction(const MorphableHead& head, std::size_t k) {
     const auto points = head.mean.values<float>();
     const Eigen::Vector3d before = point_at(points, head.landmarks[k == 0 ? 0 : k - 1]);

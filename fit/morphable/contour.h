@@ -12,17 +12,16 @@
 /// Not part of the public interface.
 namespace stymo::morphable {
 
-/// Where a view sees the 68 landmarks. Those of the jaw (0 to 16) are not places of the head but of
-/// its outline: each slides in the plane that its outward direction and the depth axis span, to the
-/// point that the image shows farthest out.
+/// The vertices of the 68 landmarks in a view. The points of the jaw (0 to 16) are not fixed on the
+/// head but lie on its outline in the view. Each is chosen among vertices in the plane of its
+/// outward direction and the depth axis: the vertex that is farthest out in the image.
 class Contour {
 public:
     explicit Contour(const MorphableHead& head);
 
-    /// Every vertex that a landmark may be at.
+    /// All vertices that a landmark may use.
     [[nodiscard]] const VertexTable& table() const { return table_; }
-    /// The row of table() at which a camera sees each landmark, given the rows' world points (N,
-    /// 3).
+    /// For each landmark the row of table() for a camera, given the rows' world points (N, 3).
     [[nodiscard]] std::array<std::size_t, 68> rows(std::span<const double> points,
                                                    const Camera& camera) const;
 

@@ -10,21 +10,22 @@
 /// Not part of the public interface.
 namespace stymo::morphable {
 
-/// The part of the cost that landmarks are: their squared distances, in units of what a detector
-/// errs by, growing linearly from 2.5 of these units on.
+/// The landmark term of the cost: a robust (Huber-like) loss of their distances in units of the
+/// detector's deviation, quadratic up to 2.5 units and linear beyond.
 class LandmarkTerm {
 public:
     /// `landmarks` in units of the image side.
     LandmarkTerm(const Contour& contour, Landmarks landmarks, const Intrinsics& intrinsics,
                  const MorphableFitOptions& options);
 
-    /// Chooses the points of the outline and the weights for this state, until it is called again.
+    /// Chooses the points of the outline and the weights for this state. They stay fixed until the
+    /// next call.
     void hold(std::span<const double> state);
     void add_to(NormalEquations& equations, std::span<const double> state) const;
     [[nodiscard]] double cost(std::span<const double> state) const;
-    /// Where the head has the landmarks, with the outline held, in units of the image side.
+    /// The landmarks of the head with the chosen outline, in units of the image side.
     [[nodiscard]] Landmarks fitted(std::span<const double> state) const;
-    /// Leaves the jaw out, or takes it in again.
+    /// Excludes or includes the points of the jaw.
     void use_jaw(bool use) { first_ = use ? 0 : 17; }
 
 private:
@@ -37,9 +38,9 @@ private:
     std::size_t first_ = 0;
 };
 
-/// The numbers of the pose that shows the mean head's inner landmarks (17 to 67) where they are
-/// given, in units of the image side: the best affine camera, made a rotation and a scale. Throws
-/// ValueError for landmarks that are not finite or lie all on one line.
+/// The pose (state.h) for which the mean head's inner landmarks (17 to 67) are closest to the given
+/// ones, in units of the image side: the best affine camera, reduced to a rotation and a scale.
+/// Throws ValueError for landmarks that are not finite or are collinear.
 [[nodiscard]] std::array<double, 6> affine_pose(const Contour& contour, const Landmarks& landmarks,
                                                 const Intrinsics& intrinsics);
 

@@ -6,10 +6,10 @@
 #include <span>
 #include <vector>
 
-/// Nonlinear least squares for some hundred unknowns. Not part of the public interface.
+/// Nonlinear least squares for a few hundred unknowns. Not part of the public interface.
 namespace stymo::morphable {
 
-/// Second-order model of a cost around a point: cost + gradient . d + d . matrix d / 2.
+/// Quadratic model of a cost around a point: cost + gradient . d + d . matrix d / 2.
 struct NormalEquations {
     explicit NormalEquations(Eigen::Index size)
         : matrix(Eigen::MatrixXd::Zero(size, size)), gradient(Eigen::VectorXd::Zero(size)) {}
@@ -22,14 +22,14 @@ struct NormalEquations {
     double cost = 0.0;
 };
 
-/// The d that minimises the model with `damping` times its diagonal added, d[i] = 0 where `fixed`.
-/// Throws NumericError if the matrix is not positive definite.
+/// The step d that minimises the model with `damping` times its diagonal added to the matrix; d[i]
+/// = 0 where `fixed`. Throws NumericError if the matrix is not positive definite.
 [[nodiscard]] Eigen::VectorXd damped_step(const NormalEquations& equations, double damping,
                                           const std::vector<bool>& fixed);
 
 struct LeastSquaresProblem {
-    /// Brings what is held constant within a step (weights, visibility) up to date and returns the
-    /// model.
+    /// Updates the quantities that are constant within a step (weights, visibility), and returns
+    /// the model at this point.
     std::function<NormalEquations(std::span<const double>)> linearized;
     /// The cost at another point with the same constants.
     std::function<double(std::span<const double>)> cost;
@@ -37,8 +37,8 @@ struct LeastSquaresProblem {
     std::vector<bool> non_negative;  ///< unknowns that stay >= 0
 };
 
-/// Levenberg-Marquardt from `start`, with unknowns on their bound held there while the gradient
-/// pushes outwards.
+/// Minimises by Levenberg-Marquardt from `start`. Unknowns at their bound stay there while the
+/// gradient pushes outwards.
 [[nodiscard]] std::vector<double> minimized(const LeastSquaresProblem& problem,
                                             std::vector<double> start, int steps);
 

@@ -21,7 +21,7 @@ using morphable::NormalEquations;
 using morphable::State;
 using morphable::VertexTable;
 
-/// What all photos share.
+/// The head and its tables, which all photos share.
 struct FittedHead {
     const MorphableHead* head;
     Contour contour;
@@ -43,7 +43,7 @@ void check(const MorphableFitTarget& target) {
     }
 }
 
-/// Codes are standard normal; the light is near a white one from everywhere, and of little colour.
+/// The prior: codes are standard normal, and the light is close to white ambient light.
 void add_prior(NormalEquations& equations, const State& state) {
     constexpr double light_deviation = 0.3;
     constexpr double tint_deviation = 0.05;
@@ -66,8 +66,8 @@ void add_prior(NormalEquations& equations, const State& state) {
     }
 }
 
-/// Minimises the prior, the landmarks and, where there is one, the term of the pixels over the
-/// unknowns first .. last - 1.
+/// Minimises the prior, the landmark term and, if there is one, the pixel term over the unknowns
+/// [first, last).
 [[nodiscard]] State minimized(State state, std::size_t first, std::size_t last, int steps,
                               const FittedHead& fitted, morphable::LandmarkTerm& landmarks,
                               std::optional<morphable::PixelTerm>& pixels) {

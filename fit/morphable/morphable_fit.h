@@ -14,46 +14,46 @@ namespace stymo {
 struct MorphableFitTarget {
     Landmarks landmarks;  ///< in pixels of `image`
     Tensor image;         ///< (S, S, 3) in [0, 1]
-    Tensor mask;  ///< (S, S, 1), the head at values of 0.5 and more; undefined: the whole image
+    Tensor mask;  ///< (S, S, 1), the head where values are at least 0.5; undefined: the whole image
 };
 
 struct MorphableFitOptions {
-    /// Whether colours are fitted after the landmarks. Without, texture is zero and light neutral.
+    /// Whether colours are fitted after the landmarks. If not, texture is zero and light neutral.
     bool pixels = true;
-    /// What a detector's points differ from the head's by, in units of the image side: inner points
-    /// and those of the jaw.
+    /// Standard deviations of a detector's points from the head's, in units of the image side:
+    /// inner points, and points of the jaw.
     double landmark_deviation = 0.006;
     double jaw_deviation = 0.02;
-    /// What colours differ from the head's by.
+    /// Standard deviation of the photo's colours from the head's.
     double color_deviation = 0.1;
-    /// How many independent observations the pixels of a face are worth.
+    /// Number of independent observations that the pixels of a face count as.
     double color_observations = 500.0;
     int landmark_steps = 12;
     int pixel_steps = 8;
 };
 
-/// The most probable pose and codes; what is minimised: docs/morphable-models.md.
+/// The most probable pose and codes. docs/morphable-models.md states the cost function.
 struct MorphableFit {
     Pose pose;
     std::vector<float> identity;    ///< 100
-    std::vector<float> expression;  ///< 79; one-sided ones are >= 0
+    std::vector<float> expression;  ///< 79; one-sided expressions are >= 0
     std::vector<float> texture;     ///< 100
     std::vector<float> light;       ///< 27, render/spherical_harmonics.h
     double landmark_error = 0.0;    ///< root mean square distance of given and fitted landmarks, in
                                     ///< units of the image side
 };
 
-/// Fits a linear head to photos, each by itself, on all threads: the pose in closed form, then pose
-/// and shape to the landmarks, then everything to landmarks and colours, by Gauss-Newton steps
-/// whose Jacobians are gradients of core/autograd. The points of the jaw slide on the head to where
-/// the view sees its outline. Throws ShapeError for images that are not square or of other shapes,
-/// ValueError for landmarks that are not finite or lie all on one line.
+/// Fits a linear head to each photo separately, on all threads: the pose in closed form, then pose
+/// and shape to the landmarks, then all unknowns to landmarks and colours, by Levenberg-Marquardt
+/// steps whose Jacobians come from core/autograd. The points of the jaw move on the head to its
+/// outline in the view. Throws ShapeError for images that are not square or have other shapes,
+/// ValueError for landmarks that are not finite or are collinear.
 [[nodiscard]] std::vector<MorphableFit> fit_morphable(const MorphableHead& head,
                                                       std::span<const MorphableFitTarget> targets,
                                                       const Intrinsics& intrinsics,
                                                       const MorphableFitOptions& options = {});
 
-/// Where the fitted head has the 68 landmarks, the jaw's on the outline, in pixels of an image of
+/// The 68 landmarks of the fitted head, with the jaw's on the outline, in pixels of an image of
 /// this side.
 [[nodiscard]] Landmarks fitted_landmarks(const MorphableHead& head, const MorphableFit& fit,
                                          const Intrinsics& intrinsics, std::int64_t side);

@@ -13,20 +13,20 @@
 /// Not part of the public interface.
 namespace stymo::morphable {
 
-/// The vertices whose colours are compared with a photo's: those of the face between jaw and brows
-/// and a bit above, thinned out evenly to some thousand.
+/// The vertices whose colours are compared with a photo: some thousand, evenly chosen from the face
+/// between the jaw and a little above the brows.
 [[nodiscard]] std::vector<std::int32_t> face_vertices(const MorphableHead& head);
 
-/// The part of the cost that colours are: the squared difference of albedo times irradiance at each
-/// visible vertex and the photo there, falling to nothing for what the head cannot show (glasses,
-/// hair, highlights).
+/// The colour term of the cost: squared differences between albedo times irradiance at each visible
+/// vertex and the photo there. Its weight falls to zero for outliers that the head cannot represent
+/// (glasses, hair, highlights).
 class PixelTerm {
 public:
     PixelTerm(const MorphableHead& head, const VertexTable& face, const MorphableFitTarget& target,
               const Intrinsics& intrinsics, const MorphableFitOptions& options);
 
-    /// Finds the visible vertices, their shading and weights for this state, until it is called
-    /// again.
+    /// Computes the visible vertices, their normals and weights for this state. They stay fixed
+    /// until the next call.
     void hold(std::span<const double> state);
     void add_to(NormalEquations& equations, std::span<const double> state) const;
     [[nodiscard]] double cost(std::span<const double> state) const;

@@ -3,13 +3,13 @@
 #include "core/autograd/variable.h"
 #include "render/camera.h"
 
-/// The camera as a differentiable map. Not part of the public interface.
+/// The projection of a camera as differentiable functions. Not part of the public interface.
 namespace stymo::morphable {
 
-/// Each row with a pose (N, 6) of its own (state.h), so that one gradient of a column's sum is a
-/// whole column of Jacobians. World points (N, 3) in the camera's axes, (N, 3).
+/// World points (N, 3) -> points in the camera's axes (N, 3). Each row has its own pose (N, 6)
+/// (state.h), so that the gradient of the sum of a column gives the Jacobians of all rows.
 [[nodiscard]] Variable camera_points(const Variable& poses, const Variable& points);
-/// World directions in the camera's axes: the rotation alone.
+/// World directions (N, 3) -> directions in the camera's axes: only the rotation.
 [[nodiscard]] Variable camera_directions(const Variable& poses, const Variable& directions);
 /// Points in the camera's axes -> image coordinates (N, 2) in units of the image side, x right and
 /// y down.

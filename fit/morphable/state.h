@@ -10,8 +10,8 @@
 /// The unknowns of the fit as one vector. Not part of the public interface.
 namespace stymo::morphable {
 
-/// yaw, pitch, roll and the head's origin in the camera's axes (x right, y down, z forward), then
-/// the codes.
+/// The state: yaw, pitch, roll and the head's origin in the camera's axes (x right, y down, z
+/// forward), then the codes.
 inline constexpr std::size_t pose_size = 6;
 inline constexpr std::size_t identity_begin = pose_size;
 inline constexpr std::size_t expression_begin = identity_begin + 100;

@@ -10,16 +10,17 @@
 /// Not part of the public interface.
 namespace stymo::morphable {
 
-/// Some vertices of a head, each with all that moves it and its colour side by side.
+/// A selection of a head's vertices. For each vertex the rows of all bases are contiguous.
 struct VertexTable {
     using Rows = Eigen::Matrix<float, 3, Eigen::Dynamic, Eigen::RowMajor>;
 
     VertexTable(const MorphableHead& head, std::vector<std::int32_t> chosen);
 
     [[nodiscard]] std::size_t size() const { return vertices.size(); }
-    /// How the coordinates of a vertex depend on the shape codes (identity, then expression).
+    /// Derivative of a vertex's coordinates with respect to the shape codes (identity, then
+    /// expression).
     [[nodiscard]] Eigen::Map<const Rows> shape_rows(std::size_t vertex) const;
-    /// How its albedo depends on the texture code.
+    /// Derivative of its albedo with respect to the texture code.
     [[nodiscard]] Eigen::Map<const Rows> color_rows(std::size_t vertex) const;
 
     std::vector<std::int32_t> vertices;

@@ -96,7 +96,8 @@ struct Padding {
     std::int64_t left, top, right, bottom;
 };
 
-/// How far outside a pixel lies: 0 at the border of what was added, 1 at the rim, negative inside.
+/// How far outside the photo a pixel is: 0 at the border of the padding, 1 at the outer rim,
+/// negative inside.
 double outsideness(std::int64_t at, std::int64_t size, std::int64_t before, std::int64_t after) {
     constexpr double never = -1e9;
     const double first =
@@ -160,8 +161,8 @@ Alignment scaled(const Alignment& square, double factor) {
     return {square.center * factor, square.axis * factor};
 }
 
-/// Whole pixels around the square, which is named by the positions of pixel centres as in FFHQ's
-/// own program.
+/// The whole pixels around the square, whose coordinates refer to pixel centres as in FFHQ's own
+/// program.
 Box bounds(const Alignment& square) {
     const double reach = half_extent(square);
     const auto below = [](double value) {
@@ -174,8 +175,8 @@ Box bounds(const Alignment& square) {
     return {below(x - reach), below(y - reach), above(x + reach), above(y + reach)};
 }
 
-/// The photo around the square and a border, reduced by a whole factor where the square keeps twice
-/// the pixels of the output.
+/// The part of the photo around the square with a border, reduced by an integer factor for which
+/// the square keeps at least twice the pixels of the output.
 Placed cut_out(const Tensor& photo, const Alignment& alignment, std::int64_t output_side,
                std::int64_t& border) {
     const double ratio = alignment.side() / static_cast<double>(output_side);
@@ -197,7 +198,7 @@ Placed cut_out(const Tensor& photo, const Alignment& alignment, std::int64_t out
             moved(square, static_cast<double>(left), static_cast<double>(top))};
 }
 
-/// Extends the image where the square leaves it, or nearly leaves it.
+/// Extends the image where the square reaches beyond it or close to its border.
 Placed padded(Placed placed, std::int64_t border) {
     const Box box = bounds(placed.square);
     const std::int64_t height = placed.image.shape(0);
@@ -278,9 +279,9 @@ Alignment ffhq_alignment(const Landmarks& landmarks) {
 }
 
 bool is_aligned(const Alignment& alignment, std::int64_t width, std::int64_t height) {
-    // Photos of CelebA-HQ, which five other landmarks aligned, shift by less than 0.03 (99 of 100),
-    // stretch by 0.11, turn by 4 degrees; looser crops of FFHQ stretch by 0.34 to 0.42
-    // (logarithms).
+    // Tolerances of is_aligned. Photos of CelebA-HQ, which were aligned by five other landmarks,
+    // differ (99 of 100) by a shift below 0.03, a log scale below 0.11 and a rotation below 4
+    // degrees. Looser crops of FFHQ differ by a log scale of 0.34 to 0.42.
     constexpr double largest_shift = 0.05;
     constexpr double largest_stretch = 0.17;
     constexpr double largest_angle = 6.0 * std::numbers::pi / 180.0;

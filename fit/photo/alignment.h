@@ -7,41 +7,41 @@
 
 namespace stymo {
 
-/// The square of a photo that FFHQ's recipe cuts out of it, in pixels.
+/// The square that FFHQ's alignment cuts out of a photo, in pixels of the photo.
 struct Alignment {
     Eigen::Vector2d center = Eigen::Vector2d::Zero();
-    /// From the centre to the middle of the right side.
+    /// Vector from the centre to the middle of the right side.
     Eigen::Vector2d axis = Eigen::Vector2d::Zero();
 
-    /// From the centre to the middle of the lower side.
+    /// Vector from the centre to the middle of the lower side.
     [[nodiscard]] Eigen::Vector2d down_axis() const { return {-axis.y(), axis.x()}; }
-    /// The point of the photo at (u, v) of the square, each from -1 to 1, v downwards.
+    /// The point of the photo at the coordinates (u, v) of the square, each in [-1, 1], v
+    /// downwards.
     [[nodiscard]] Eigen::Vector2d point(double u, double v) const {
         return center + u * axis + v * down_axis();
     }
     /// Side of the square in pixels of the photo.
     [[nodiscard]] double side() const { return 2.0 * axis.norm(); }
-    /// Angle from the photo's x axis to the square's, in radians, positive when clockwise on the
-    /// image.
+    /// Angle from the photo's x axis to the square's, in radians, clockwise in the image.
     [[nodiscard]] double angle() const;
 };
 
 /// FFHQ's square (T. Karras et al., "A Style-Based Generator Architecture for Generative
-/// Adversarial Networks", 2019): x from the line of the eyes and the line from eyes to mouth, twice
-/// the distance of the eyes or 1.8 times that to the mouth, whichever is longer. Throws
-/// NumericError for landmarks without extent.
+/// Adversarial Networks", 2019): the x axis comes from the line of the eyes and the line from eyes
+/// to mouth. Half the side is twice the distance of the eyes or 1.8 times the distance from eyes to
+/// mouth, whichever is longer. Throws NumericError for landmarks without extent.
 [[nodiscard]] Alignment ffhq_alignment(const Landmarks& landmarks);
 
-/// Whether a photo of this size is the square already, as the photos of FFHQ and CelebA-HQ are.
+/// Whether a photo of this size is already aligned, like the photos of FFHQ and CelebA-HQ.
 [[nodiscard]] bool is_aligned(const Alignment& alignment, std::int64_t width, std::int64_t height);
 
-/// The square of the photo (height, width, channels) as an image of side x side pixels,
-/// antialiased. Where the square leaves the photo, the photo is continued by reflection, which
-/// fades into a blurred copy and then into its median colour.
+/// Resamples the square of the photo (height, width, channels) to (side, side, channels) with
+/// antialiasing. Outside the photo it is continued by reflection, which fades into a blurred copy
+/// and then into its median colour.
 [[nodiscard]] Tensor aligned_crop(const Tensor& photo, const Alignment& alignment,
                                   std::int64_t side);
 
-/// Landmarks of the photo in the image of aligned_crop.
+/// The landmarks of the photo in pixels of aligned_crop.
 [[nodiscard]] Landmarks aligned_landmarks(const Landmarks& landmarks, const Alignment& alignment,
                                           std::int64_t side);
 

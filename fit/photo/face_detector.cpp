@@ -33,7 +33,7 @@ namespace fs = std::filesystem;
 constexpr const char* debian_landmark_model =
     "/usr/share/dlib/shape_predictor_68_face_landmarks.dat";
 
-/// A search: the longer side of the searched copy in pixels, and the least confidence of a face.
+/// A search: the longer side of the searched copy in pixels, and the smallest confidence of a face.
 struct Search {
     double longer_side;
     double confidence;

@@ -18,30 +18,29 @@ struct DetectedFace {
     Landmarks landmarks;
 };
 
-/// How long a face is searched for.
+/// Effort of the search for faces.
 enum class FaceSearch {
-    thorough,  ///< as long as it takes to find small and covered faces, too
-    quick,     ///< for the images of a film: at their own size, and enlarged to twice that size
+    thorough,  ///< also finds small and partly covered faces
+    quick,     ///< for video frames: searches only at their own size and at twice that size
 };
 
-/// dlib's frontal face detector, and a predictor of 68 landmarks: dlib's or our own.
+/// dlib's frontal face detector, and a predictor of 68 landmarks: dlib's or stymo's.
 class FaceDetector {
 public:
     /// Whether the library was built with dlib.
     [[nodiscard]] static bool available();
 
     /// `landmark_model`: a .safetensors file of `stymo-landmarks`, or a file of dlib's
-    /// shape_predictor with 68 points; empty for the one of Debian's package libdlib-data, whose
-    /// training data exclude commercial use. Throws Error in a build without dlib, FileError if the
-    /// file is missing or not such a model.
+    /// shape_predictor with 68 points. Empty: that of Debian's package libdlib-data, whose training
+    /// data exclude commercial use. Throws Error in a build without dlib, FileError if the file is
+    /// missing or is not such a model.
     explicit FaceDetector(const std::filesystem::path& landmark_model = {});
     ~FaceDetector();
     FaceDetector(FaceDetector&&) noexcept;
     FaceDetector& operator=(FaceDetector&&) noexcept;
 
-    /// The faces of an upright photo (height, width, 3) in [0, 1], largest first. Without haste,
-    /// photos are searched at 640 pixels of their longer side, and at more if nothing is found. May
-    /// be called from several threads at once.
+    /// The faces of an upright photo (height, width, 3) in [0, 1], largest first. A thorough search
+    /// scales the photo's longer side to 640 pixels, and to more if it finds nothing. Thread-safe.
     [[nodiscard]] std::vector<DetectedFace> find(const Tensor& photo,
                                                  FaceSearch search = FaceSearch::thorough) const;
 

@@ -71,7 +71,7 @@ Tensor strongest_class(const Tensor& logits) {
     return classes;
 }
 
-/// The strongest of the head's classes within the mask, background outside.
+/// The most likely head class within the mask, background outside.
 Tensor strongest_head_class(const Tensor& logits, const Tensor& mask) {
     Tensor classes(mask.shape());
     const std::span<const float> from = logits.values<float>();
@@ -110,7 +110,8 @@ Tensor head_probability(const Tensor& logits) {
     return probability;
 }
 
-/// The classes where they agree with the mask; elsewhere skin within it and background outside.
+/// The classes where they agree with the mask; elsewhere skin inside and background outside the
+/// mask.
 Tensor classes_within(Tensor classes, const Tensor& mask) {
     const std::span<const float> head = mask.values<float>();
     const std::span<float> values = classes.mutable_values<float>();
@@ -128,7 +129,7 @@ struct FaceParser::Implementation {
     OnnxNetwork network;
     FaceParserKind kind = FaceParserKind::celebamask;
 
-    /// Of an aligned crop, at its own size.
+    /// Logits of an aligned crop, at the size of the crop.
     Tensor logits(const Tensor& crop) {
         if (crop.rank() != 3 || crop.size() == 0 || crop.shape(2) != 3)
             fail<ShapeError>("[face parser] a crop is (height, width, 3); got ", crop.shape());

@@ -12,16 +12,16 @@ namespace stymo {
 /// The input of a face parser and the order of its 19 classes.
 enum class FaceParserKind {
     celebamask,            ///< input 256x256 RGB in [-1, 1]; CelebAMask-HQ's order of classes
-    face_parsing_pytorch,  ///< BiSeNet of zllrunning/face-parsing.PyTorch: 512x512, ImageNet's mean
-                           ///< and deviation, its own order
+    face_parsing_pytorch,  ///< BiSeNet of zllrunning/face-parsing.PyTorch: input 512x512,
+                           ///< ImageNet's mean and deviation, its own order of classes
 };
 
 /// A network that segments the parts of a head, read from an ONNX file.
 class FaceParser {
 public:
-    /// Without a kind: face_parsing_pytorch for a network that has several outputs or does not take
-    /// 256 pixels, celebamask otherwise. Throws FileError for a file that is missing, not an ONNX
-    /// network, or does not give 19 classes for each pixel.
+    /// Without `kind`, a network that has several outputs or does not accept 256 pixels is
+    /// face_parsing_pytorch, any other celebamask. Throws FileError for a file that is missing, not
+    /// an ONNX network, or does not give 19 classes for each pixel.
     explicit FaceParser(const std::filesystem::path& onnx,
                         std::optional<FaceParserKind> kind = std::nullopt);
     ~FaceParser();
@@ -35,12 +35,12 @@ public:
     [[nodiscard]] Tensor parse(const Tensor& crop);
 
     /// The classes of a head on black: background where `mask` (side, side, 1) is below one half,
-    /// elsewhere the most likely class of a head (is_head_class). Networks mistake dark or blurred
-    /// hair in front of black for background.
+    /// elsewhere the most likely class of a head (is_head_class). On black, networks mistake dark
+    /// or blurred hair for background.
     [[nodiscard]] Tensor parse_head(const Tensor& crop, const Tensor& mask);
 
     /// The head mask of an aligned crop (head_mask_from_parsing), after GrabCut has corrected the
-    /// output of the network by the landmarks and the colours of the image.
+    /// network's result with the landmarks and the colours of the image.
     [[nodiscard]] Tensor head_mask(const Tensor& crop, const Landmarks& landmarks);
 
 private:

@@ -14,9 +14,9 @@
 namespace stymo {
 namespace {
 
-constexpr int side = 128;  ///< of the copy that is cut
+constexpr int side = 128;  ///< side of the copy that is segmented
 
-/// The position of a head in the upright copy, from the landmarks, in its pixels.
+/// The position of a head in pixels of the upright copy, from the landmarks.
 struct HeadPlace {
     Landmarks landmarks;
     double center_x;
@@ -78,7 +78,7 @@ void fill(cv::Mat& mask, const std::vector<cv::Point>& polygon) {
     cv::fillPoly(mask, std::vector<std::vector<cv::Point>>{polygon}, cv::Scalar(255));
 }
 
-/// The landmarks' hull and the forehead above it.
+/// The convex hull of the landmarks and the forehead above it.
 cv::Mat face_of(const HeadPlace& head) {
     cv::Mat face = cv::Mat::zeros(side, side, CV_8U);
     std::vector<cv::Point> points;
@@ -177,10 +177,10 @@ private:
     cv::Mat cells_;
 };
 
-/// Adds what `known` says to the log odds of the place, each with the share that agrees best with
-/// hand-made masks (docs/results.md).
+/// Adds the log odds of the prior to those of the place. The weights of both are those that agree
+/// best with hand-made masks (docs/results.md).
 void add_probability(cv::Mat& odds, const HeadPrior& known) {
-    // Both sources know of the position, so neither counts in full.
+    // Both sources contain the position, so neither has its full weight.
     const float share_of_place = known.is_sharp ? 0.5F : 0.25F;
     const float share_of_known = known.is_sharp ? 1.0F : 0.35F;
     const Tensor small = resize_image(known.probability, side, side);

@@ -5,19 +5,20 @@
 
 namespace stymo {
 
-/// What is known of where the head is besides the landmarks.
+/// A prior on the place of the head, in addition to the landmarks.
 struct HeadPrior {
-    Tensor probability;  ///< of each pixel to belong to the head, (side, side, 1); undefined: none
-    /// Whether it is a face parser's, sharp and mostly right, so that it may overrule the
-    /// landmarks. Otherwise it is a blurred guess, as a model's opacity, and the landmarks are
-    /// certain.
+    Tensor probability;  ///< probability that a pixel belongs to the head, (side, side, 1);
+                         ///< undefined: no prior
+    /// true: it comes from a face parser, is sharp and mostly correct, and may overrule the
+    /// landmarks. false: it is a blurred estimate, such as a model's opacity, and the landmarks
+    /// take precedence.
     bool is_sharp = false;
 };
 
-/// The head (face, hair, ears) of an aligned crop (side, side, 3), as 0 or 1 in (side, side, 1),
-/// found by GrabCut (C. Rother et al., 2004) from where the landmarks and the prior say that face,
-/// hair, neck and background are. Throws ShapeError for a crop or probabilities of other shapes,
-/// ValueError for landmarks of a face that is not upright.
+/// The mask (side, side, 1), 0 or 1, of the head (face, hair, ears) in an aligned crop (side, side,
+/// 3), found by GrabCut (C. Rother et al., 2004). It is initialised with regions for face, hair,
+/// neck and background from the landmarks and the prior. Throws ShapeError for a crop or
+/// probabilities of other shapes, ValueError for landmarks of a face that is not upright.
 [[nodiscard]] Tensor grab_cut_head_mask(const Tensor& crop, const Landmarks& landmarks,
                                         const HeadPrior& prior = {});
 

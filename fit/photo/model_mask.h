@@ -6,10 +6,10 @@
 
 namespace stymo {
 
-/// The probability of each pixel of an aligned crop (S, S, 3) in [0, 1] to belong to the head, (S,
-/// S, 1): the opacity of the face that the model's encoder sees in it, rendered in this pose.
-/// Smooth, because there are few rays; GrabCut finds the edge (grab_cut.h). Throws ValueError for a
-/// model without an encoder.
+/// The probability (S, S, 1) that a pixel of an aligned crop (S, S, 3) in [0, 1] belongs to the
+/// head: the opacity of the model's face for the encoder's codes of the crop, rendered in this
+/// pose. It is blurred, because there are few rays; GrabCut finds the edge (grab_cut.h). Throws
+/// ValueError for a model without an encoder.
 [[nodiscard]] Tensor head_probability(const Model& model, const Tensor& crop, const Pose& pose,
                                       const Intrinsics& intrinsics);
 

@@ -18,13 +18,13 @@ struct AngleStatistics {
 
 /// Statistics of the poses of a folder, in degrees.
 struct PoseStatistics {
-    double pitch_offset =
-        0.0;  ///< median of a network's pitch, which was subtracted; 0 without a network
-    double roll_offset = 0.0;  ///< likewise
+    /// Median of a network's pitch, which was subtracted; 0 without a network.
+    double pitch_offset = 0.0;
+    double roll_offset = 0.0;  ///< the same for the roll
     AngleStatistics yaw, pitch, roll;
 };
 
-/// Throws ValueError for no poses.
+/// Throws ValueError without poses.
 [[nodiscard]] PoseStatistics statistics_of(std::span<const Pose> poses);
 /// {"pitch_offset_deg", "roll_offset_deg", "yaw_deg": {"mean", "deviation", "lowest", "highest"},
 /// "pitch_deg", "roll_deg"}
@@ -33,14 +33,16 @@ struct PoseStatistics {
 /// The camera position of a photo that is aligned like FFHQ, if only the rotation of the head is
 /// known (pivot_pose).
 struct PivotCamera {
-    double distance =
-        5.3;  ///< distance of the frontal camera from the head's origin, in world units
-    double pivot_depth = 0.9;  ///< z of the point of the face in the middle of every aligned photo
+    /// Distance of the frontal camera from the head's origin, in world units.
+    double distance = 5.3;
+    /// World z of the point on the face that is in the middle of every aligned photo.
+    double pivot_depth = 0.9;
 };
 
-/// The poses of photos that are aligned as FFHQ from the rotations R that a network found. What a
-/// network calls upright differs by a constant, so the medians of pitch and roll over all photos
-/// are subtracted and recorded in `statistics`. Throws ValueError for no rotations.
+/// The poses of photos that are aligned like FFHQ, from the rotations R that a network found.
+/// Networks differ by a constant in what they define as upright, so the medians of pitch and roll
+/// over all photos are subtracted and recorded in `statistics`. Throws ValueError without
+/// rotations.
 [[nodiscard]] std::vector<Pose> poses_from_rotations(std::span<const Eigen::Matrix3d> rotations,
                                                      const PivotCamera& camera,
                                                      PoseStatistics& statistics);

@@ -23,8 +23,8 @@ struct PixelScale {
 class OnnxNetwork {
 public:
     struct Output {
-        std::vector<std::int64_t>
-            extents;  ///< in the network's layout, channels before rows and columns
+        /// In the network's layout, channels before rows and columns.
+        std::vector<std::int64_t> extents;
         std::vector<float> values;
     };
 

@@ -20,45 +20,51 @@
 namespace stymo {
 
 struct PhotoPreparationSettings {
-    std::int64_t side = 256;       ///< of images and masks made, in pixels
-    std::int64_t wanted_side = 0;  ///< side in pixels below which a crop gets a warning; 0: `side`
-    Intrinsics intrinsics;         ///< that the poses are found for
-    std::int64_t most_pixels = usual_most_pixels;  ///< photos with more are refused
-    bool all_faces = false;                        ///< of a photo with several; else the largest
-    bool new_masks = false;  ///< masks are made even where one is known, and both are compared
-    PivotCamera pivot;       ///< of poses from a network
-    /// Its heads guide GrabCut where there is no face parser (model_mask.h); must outlive the
-    /// preparation. Null: GrabCut goes by the landmarks.
+    std::int64_t side = 256;       ///< side of the resulting images and masks, in pixels
+    std::int64_t wanted_side = 0;  ///< a crop from fewer pixels than this gets a warning; 0: `side`
+    Intrinsics intrinsics;         ///< intrinsics for which poses are found
+    std::int64_t most_pixels = usual_most_pixels;  ///< photos with more pixels are rejected
+    bool all_faces = false;  ///< prepares all faces of a photo; else the largest
+    bool new_masks = false;  ///< makes masks even if they are known, and compares both
+    PivotCamera pivot;       ///< camera position for poses from a network
+    /// Without a face parser, its heads guide GrabCut (model_mask.h). It must outlive the
+    /// preparation. Null: only the landmarks guide GrabCut.
     const Model* mask_model = nullptr;
     // Optional files; an empty path means that the file is not used.
-    std::filesystem::path landmark_model;  ///< in place of libdlib-data's (FaceDetector)
-    std::filesystem::path parser;          ///< ONNX of a face parser; GrabCut without one
-    std::filesystem::path pose_network;  ///< ONNX of a network whose rotations are found beside the
-                                         ///< morphable fit's pose
-    std::filesystem::path
-        morphable;  ///< head to fit (morphable_head_from); the built-in one without
+    std::filesystem::path landmark_model;  ///< for FaceDetector; empty: that of libdlib-data
+    std::filesystem::path parser;          ///< ONNX file of a face parser; empty: GrabCut
+    std::filesystem::path pose_network;  ///< ONNX file of a pose network, whose rotations are found
+                                         ///< in addition to the morphable fit's poses
+    /// Head to fit (morphable_head_from); empty: the built-in one.
+    std::filesystem::path morphable;
 };
 
-/// Mask and landmarks of a photo that are known beforehand, in its own frame.
+/// Known mask and landmarks of a photo, in its own frame.
 struct KnownOfPhoto {
-    Tensor mask;  ///< (height, width, 1), of any size of the photo's proportions; may be undefined
-    std::optional<Landmarks> landmarks;  ///< in pixels of the photo: no face is searched for
+    /// (height, width, 1), of any size with the photo's aspect ratio; may be undefined.
+    Tensor mask;
+    /// In pixels of the photo; if given, no face is searched for.
+    std::optional<Landmarks> landmarks;
 };
 
-/// One face cut out of a photo as FFHQ does, or the photo itself if it was aligned already.
+/// One face cut out of a photo with FFHQ's alignment, or the photo itself if it was already
+/// aligned.
 struct FaceCrop {
     Tensor image;         ///< (side, side, 3) in [0, 1]
     Tensor mask;          ///< (side, side, 1) in [0, 1], 1 on the head
     Landmarks landmarks;  ///< in pixels of `image`
     bool was_aligned = false;
     bool made_mask = false;  ///< whether the mask was made here
-    Tensor known_mask;       ///< (512, 512, 1) where the mask was made in its place, until `finish`
-    std::optional<double> mask_agreement;  ///< intersection over union of both, after `finish`
-    std::int64_t faces = 1;                ///< found in the photo
-    double side_in_photo = 0.0;            ///< in pixels of the photo
-    double share_outside = 0.0;            ///< of the crop, beyond the photo's edges
-    MorphableFitTarget fit_target;         ///< the same at the resolution of the morphable fit
-    Tensor face_box;                       ///< for the pose network, if there is one
+    Tensor known_mask;  ///< (512, 512, 1) until `finish`, if a new mask was made although one was
+                        ///< known
+    std::optional<double>
+        mask_agreement;          ///< intersection over union of made and known mask, after `finish`
+    std::int64_t faces = 1;      ///< number of faces found in the photo
+    double side_in_photo = 0.0;  ///< side of the crop in pixels of the photo
+    double share_outside = 0.0;  ///< share of the crop's area outside the photo
+    MorphableFitTarget
+        fit_target;   ///< image, mask and landmarks at the resolution of the morphable fit
+    Tensor face_box;  ///< input of the pose network, if there is one
 };
 
 /// A face with pose and codes.
@@ -67,15 +73,15 @@ struct PreparedFace {
     MorphableFit fit;
     std::optional<Eigen::Matrix3d> network_rotation;
     std::vector<std::string> warnings;
-    std::string failure;  ///< why it cannot be used; empty if it can
+    std::string failure;  ///< why the face cannot be used; empty if it can
 };
 
-/// Turns unprepared photos into faces in FFHQ's frame with masks, poses and codes: landmarks by
-/// dlib, alignment, mask by a face parser or GrabCut, morphable fit, pose network.
+/// Prepares photos: faces in FFHQ's frame with masks, poses and codes. The steps are landmarks,
+/// alignment, a mask by a face parser or GrabCut, a morphable fit and a pose network.
 class PhotoPreparation {
 public:
-    /// Reads the networks and the head. Throws FileError for a file that is missing or of another
-    /// kind.
+    /// Reads the networks and the head. Throws FileError for a file that is missing or has another
+    /// content.
     explicit PhotoPreparation(const PhotoPreparationSettings& settings);
     ~PhotoPreparation();
     PhotoPreparation(PhotoPreparation&&) noexcept;
@@ -89,8 +95,8 @@ public:
     void require_detector() const;
 
     /// The largest face of a photo (height, width, 3) in [0, 1], or all of them, largest first.
-    /// Safe from several threads. Throws ValueError with the reason for a photo that cannot be used
-    /// (no face in it).
+    /// Thread-safe. Throws ValueError with the reason for a photo that cannot be used (no face in
+    /// it).
     [[nodiscard]] std::vector<FaceCrop> crops(const Tensor& photo, const KnownOfPhoto& known) const;
     /// Poses and codes of several crops at once, on all threads.
     [[nodiscard]] std::vector<PreparedFace> finish(std::vector<FaceCrop> crops) const;

@@ -8,15 +8,15 @@ namespace stymo {
 
 /// Properties of a prepared photo that decide its warnings.
 struct PhotoFindings {
-    std::int64_t faces = 1;        ///< found in the photo
+    std::int64_t faces = 1;        ///< number of faces found in the photo
     double crop_side = 0.0;        ///< side of the crop in pixels of the photo
-    std::int64_t wanted_side = 0;  ///< side of the image made of it
-    double share_outside = 0.0;    ///< of the crop, beyond the photo's edges
-    double covered_share = 0.5;    ///< of the image, by the head mask
+    std::int64_t wanted_side = 0;  ///< side of the resulting image
+    double share_outside = 0.0;    ///< share of the crop's area outside the photo
+    double covered_share = 0.5;    ///< share of the image that the head mask covers
     double yaw = 0.0;              ///< of the pose, in radians
     double landmark_error = 0.0;   ///< RMS distance of the model's landmarks from those found, in
                                    ///< units of the image's side
-    bool made_mask = true;         ///< whether the mask was made here rather than given
+    bool made_mask = true;         ///< whether the mask was made rather than given
 };
 
 /// One line per problem, with its remedy; none for a good photo.

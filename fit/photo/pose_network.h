@@ -13,13 +13,13 @@ namespace stymo {
 /// matrix is not finite or has no direction in one of its axes.
 [[nodiscard]] Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& matrix);
 
-/// R of a Pose from the first 12 outputs of 3DDFA_V2: a 3x4 matrix, row-major, that takes a face
-/// model (x to the image's right, y up, z to the camera) to the image with y up, scaled. Its first
-/// two rows without scale are the transpose of R's first two columns. Throws NumericError for
-/// numbers that make no rotation.
+/// The rotation R of a Pose from the first 12 outputs of 3DDFA_V2: a row-major 3x4 matrix that maps
+/// a face model (x to the image's right, y up, z to the camera) to the image with y up, scaled. Its
+/// first two rows without scale are the transpose of R's first two columns. Throws NumericError for
+/// numbers that do not define a rotation.
 [[nodiscard]] Eigen::Matrix3d rotation_from_3ddfa(std::span<const float> outputs);
-/// R of a Pose from the 9 outputs of 6DRepNet, a row-major rotation that is R itself. Throws as
-/// above.
+/// The rotation R of a Pose from the 9 outputs of 6DRepNet, which are R, row-major. Throws
+/// NumericError for numbers that do not define a rotation.
 [[nodiscard]] Eigen::Matrix3d rotation_from_6drepnet(std::span<const float> outputs);
 
 /// A published network that estimates the pose of a head in a photo, read from an ONNX file. The
@@ -27,18 +27,19 @@ namespace stymo {
 /// 9, 6DRepNet (3x224x224, RGB, ImageNet mean and deviation). Not thread-safe.
 class PoseNetwork {
 public:
-    /// Throws FileError for a file that is missing, not an ONNX network, or one of other outputs.
+    /// Throws FileError for a file that is missing, not an ONNX network, or has other outputs.
     explicit PoseNetwork(const std::filesystem::path& onnx);
     ~PoseNetwork();
     PoseNetwork(PoseNetwork&&) noexcept;
     PoseNetwork& operator=(PoseNetwork&&) noexcept;
 
-    /// The network's input from a photo that is aligned like FFHQ, (side, side, 3) in [0, 1]: a
-    /// fixed box around the face at the network's resolution. Thread-safe. Throws ShapeError for a
+    /// The network's input: a fixed box around the face, at the network's resolution, of a photo
+    /// (side, side, 3) in [0, 1] that is aligned like FFHQ. Thread-safe. Throws ShapeError for a
     /// photo that is not square.
     [[nodiscard]] Tensor face_box(const Tensor& photo) const;
-    /// R of a Pose, from a face_box: the mean over the box and its mirror image, so that a mirrored
-    /// photo has exactly the mirrored pose. Throws NumericError if the network gives no rotation.
+    /// The rotation R of a Pose from a face_box: the mean over the box and its mirror image, so
+    /// that a mirrored photo has exactly the mirrored pose. Throws NumericError if the outputs do
+    /// not define a rotation.
     [[nodiscard]] Eigen::Matrix3d rotation(const Tensor& face_box);
 
 private:

@@ -7,7 +7,7 @@
 
 namespace stymo {
 
-/// Begins a cache line, so that no vector register is loaded from two lines.
+/// Allocates memory that begins on a cache line, so that no vector load crosses two lines.
 template <class T>
 struct CacheLineAllocator {
     using value_type = T;
@@ -27,7 +27,7 @@ struct CacheLineAllocator {
 template <class T>
 using AlignedVector = std::vector<T, CacheLineAllocator<T>>;
 
-/// Makes a buffer large enough; it never shrinks.
+/// Resizes a buffer to `size` elements if it has fewer. It never shrinks.
 template <class T, class Allocator>
 void grow(std::vector<T, Allocator>& buffer, std::int64_t size) {
     if (static_cast<std::int64_t>(buffer.size()) < size)

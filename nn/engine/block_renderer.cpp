@@ -15,8 +15,8 @@
 namespace stymo {
 namespace {
 
-/// Rows of a strip, before upsampling. Strips side by side both compute the detail of two rows
-/// between them.
+/// Average rows of a strip before upsampling. Two neighbouring strips both compute the detail of
+/// the two rows at their boundary.
 constexpr std::int64_t strip_rows = 32;
 
 }  // namespace
@@ -62,7 +62,7 @@ private:
     bool backgrounds_known_ = false;
     bool first_upsample_kept_ = false;
     AlignedVector<T> first_detail_;
-    AlignedVector<T> first_blurred_;  ///< of the pixels that images_[1] has occupied
+    AlignedVector<T> first_blurred_;  ///< of the pixels in images_[1].occupied
     std::vector<float> no_difference_;
     BufferPool<StripBuffers<T>> buffers_;
 };
@@ -82,7 +82,7 @@ BlockRenderer::TypedState<T>::TypedState(std::span<const FoldedRenderBlock> fold
     for (std::size_t i = 0; i < images_.size(); ++i) {
         images_[i].side = rays_per_side << i;
         images_[i].occupied.reset(images_[i].side);
-        images_[i].shown.reset(images_[i].side);  // nothing before the first block
+        images_[i].shown.reset(images_[i].side);  // the image before the first block has no RGB
         if (i > 0) counts.pixels += images_[i].side * images_[i].side;
     }
 }
@@ -121,7 +121,7 @@ void BlockRenderer::TypedState<T>::set_feature_map(std::span<const float> featur
                         feature_map.data() + (y * side + row.begin) * channels,
                         row.size() * channels);
     }
-    // Where no ray is empty, nothing shows the background, and any will do.
+    // If no ray is empty, the background is shown nowhere and may have any value.
     const auto empty = std::ranges::find(occupied, 0) - occupied.begin();
     const std::int64_t ray = empty < side * side ? empty : 0;
     image.background.features.resize(static_cast<std::size_t>(channels));
@@ -142,14 +142,14 @@ void BlockRenderer::TypedState<T>::find_pixels() {
     }
 }
 
-/// Strips of a block do the same work each, as far as whole rows allow.
+/// Cuts each block into strips of whole rows with nearly equal work.
 template <class T>
 void BlockRenderer::TypedState<T>::cut_strips() {
     for (std::size_t i = 0; i < blocks_.size(); ++i) {
         const PixelRows& pixels = images_[i + 1].occupied;
         const std::int64_t side = images_[i].side,
                            count = std::max<std::int64_t>(2, side / strip_rows);
-        // A row costs a little whatever it holds.
+        // Each row has a small fixed cost.
         const auto work = [&](std::int64_t row) {
             return 32 * (pixels[2 * row].size() + pixels[2 * row + 1].size()) + 2 * side;
         };
@@ -165,8 +165,8 @@ void BlockRenderer::TypedState<T>::cut_strips() {
     }
 }
 
-/// At the size of an image without empty rays, for as many threads as there are, so that no later
-/// frame needs more.
+/// Allocates for an image without empty rays and for all threads, so that no later frame needs more
+/// memory.
 template <class T>
 void BlockRenderer::TypedState<T>::allocate() {
     for (std::size_t i = 1; i < blocks_.size(); ++i) {
@@ -211,7 +211,7 @@ void BlockRenderer::TypedState<T>::draw_backgrounds() {
     backgrounds_known_ = true;
 }
 
-/// The part of the first block that knows no style, for the whole image.
+/// Computes the part of the first block that does not depend on the style, for the whole image.
 template <class T>
 void BlockRenderer::TypedState<T>::keep_first_upsample() {
     constexpr std::int64_t pixels_at_once = 60, rows_at_once = 2;
@@ -257,7 +257,8 @@ void BlockRenderer::TypedState<T>::render(std::span<float> image, std::span<floa
     if (!backgrounds_known_) draw_backgrounds();
     if (!first_upsample_kept_) keep_first_upsample();
     for (std::size_t i = 0; i < blocks_.size(); ++i) {
-        // By reference: a function that holds this much would be allocated.
+        // Passed by reference, since std::function would allocate memory for a closure of this
+        // size.
         const auto run_strip = [&](std::int64_t index, std::int64_t) {
             if (stop.stop_requested()) return;
             const Strip& strip = strips_[i][static_cast<std::size_t>(index)];

@@ -12,42 +12,48 @@
 
 namespace stymo {
 
-/// How many pixels the render blocks have, each at its own resolution, and for how many of them the
-/// last frame computed features.
+/// Pixels of all render blocks, each block at its own resolution, and the number of these pixels
+/// whose features the last frame computed.
 struct BlockCounts {
     std::int64_t pixels = 0;
     std::int64_t pixels_computed = 0;
 };
 
-/// The render blocks and the mask branch of one face, from a feature map to an image (reference:
-/// Decoder::decode_feature_map).
+/// Runs the render blocks and the mask branch of one face: from a feature map to an image. The
+/// reference implementation is Decoder::decode_feature_map.
 ///
-/// Empty rays share one value, and with it every pixel whose receptive field they fill: it is
-/// computed once for each block. The other pixels go through a block by strips of rows that stay in
-/// the second-level cache. What the first block makes of a feature map before any style enters is
-/// kept, so that another style costs less than another feature map.
+/// All empty rays have the same features. A pixel whose receptive field holds only empty rays
+/// therefore has a value that is computed once for each block. All other pixels are computed in
+/// strips of rows, whose buffers stay in the second-level cache. The first block's upsampled
+/// features do not depend on the style and are kept. A new style therefore costs less than a new
+/// feature map.
 class BlockRenderer {
 public:
-    /// As many of `blocks` as double `rays_per_side` to `resolution`; without `mask` there is none.
-    /// Throws ValueError for a resolution that the blocks do not reach.
+    /// Uses the first of `blocks`, as many as are needed to double `rays_per_side` up to
+    /// `resolution`. Without `mask` the renderer gives no mask. Throws ValueError if `resolution`
+    /// is not `rays_per_side` doubled at least once and at most as often as there are blocks.
     BlockRenderer(std::span<const FoldedRenderBlock> blocks,
                   const std::optional<FoldedMaskBranch>& mask, std::int64_t rays_per_side,
                   std::int64_t resolution, Precision precision);
     ~BlockRenderer();
     BlockRenderer(BlockRenderer&&) noexcept;
 
-    /// The same blocks for another style: takes over their modulated layers.
+    /// Replaces the modulated layers by those of the same blocks for another style. Throws
+    /// ShapeError for fewer blocks than the renderer uses.
     void set_style(std::span<const FoldedRenderBlock> blocks);
-    /// `feature_map` (rays_per_side, rays_per_side, channels); `occupied`: for each ray, 0 if it is
-    /// empty. All empty rays have the same features. Throws ShapeError for other sizes.
+    /// `feature_map` (rays_per_side, rays_per_side, channels). `occupied` (rays_per_side,
+    /// rays_per_side) is 0 for each empty ray. All empty rays must have the same features. Throws
+    /// ShapeError for other sizes.
     void set_feature_map(std::span<const float> feature_map,
                          std::span<const std::uint8_t> occupied);
-    /// Image (resolution, resolution, 3) and, unless that span is empty, mask (resolution,
-    /// resolution), both in [0, 1]. Allocates nothing after the first call. Throws ValueError
-    /// before the first feature map and for a mask without a branch, ShapeError for other sizes.
-    /// Returns early, with images of no use, when a stop is requested.
+    /// Writes the image (resolution, resolution, 3) and, unless `mask` is empty, the mask
+    /// (resolution, resolution), both in [0, 1]. Allocates nothing after the first call. Throws
+    /// ValueError if no feature map was set, or if a mask is asked for and there is no mask branch;
+    /// ShapeError for other sizes. When a stop is requested, it returns early and the image and the
+    /// mask are incomplete.
     void render(std::span<float> image, std::span<float> mask = {},
                 const std::stop_token& stop = {});
+    /// Counts of the current feature map.
     [[nodiscard]] const BlockCounts& counts() const;
 
 private:

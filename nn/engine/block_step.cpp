@@ -8,8 +8,8 @@
 namespace stymo {
 namespace {
 
-/// What a strip keeps of the detail at once: with all that follows from it, half of the
-/// second-level cache.
+/// Bytes of a strip's detail that are kept at a time. With all buffers that depend on it, this is
+/// half of the second-level cache.
 constexpr std::int64_t detail_bytes = 256 << 10;
 
 }  // namespace
@@ -59,7 +59,7 @@ void BlockStep<T>::blur_rows(std::int64_t row, std::span<const T* const> detail_
                              T* out) const {
     const std::int64_t channels = block.in();
     const auto detailed = [&](std::int64_t y) {
-        // A row without pixels is read by none; any other stands in for it.
+        // No pixel reads a row that is empty, so any other row may take its place.
         if (y < 0 || y >= below.side || below.read[y].size() == 0) y = row;
         const PixelRow& pixels = below.read[y];
         return kernels::DetailedRow<T>{pixels.begin, pixels.end,
@@ -87,8 +87,8 @@ void BlockStep<T>::run(std::int64_t begin, std::int64_t end, StripBuffers<T>& bu
     const std::int64_t last_read = std::min(end + 1, below.side);
     std::int64_t read = std::max<std::int64_t>(begin - 1, 0), done = begin;
     for (std::size_t turn = 0; done < end; turn ^= 1) {
-        // The rows of the last turn stay, at least two: the last of them was not followed by a row
-        // yet, and needs the one before.
+        // The rows of the previous turn, at least two, stay in the other buffer: its last row could
+        // not be blurred before the next row was known, and its blur reads the row before it too.
         std::int64_t count = 0;
         const std::int64_t first_read = read;
         for (; read < last_read &&
@@ -129,7 +129,7 @@ void BlockStep<T>::run_blurred(std::int64_t begin, std::int64_t end, std::span<c
     }
 }
 
-/// Everything after the blur, for whole rows of the upsampled image.
+/// Computes everything after the blur for whole rows of the upsampled image.
 template <class T>
 void BlockStep<T>::finish_rows(std::int64_t begin, std::int64_t end, const T* blurred,
                                StripBuffers<T>& buffers) const {
@@ -150,7 +150,8 @@ void BlockStep<T>::finish_rows(std::int64_t begin, std::int64_t end, const T* bl
     }
 }
 
-/// The next block also reads pixels beside those that are computed. Returns where the latter begin.
+/// Fills the pixels of row y that the next block reads but that are not computed. Returns the place
+/// of the first computed pixel.
 template <class T>
 T* BlockStep<T>::surround_with_background(std::int64_t y) const {
     const std::int64_t channels = block.out();
@@ -170,7 +171,7 @@ T* BlockStep<T>::surround_with_background(std::int64_t y) const {
     return row + (occupied.begin - read.begin) * channels;
 }
 
-/// A row of the upsampled sum so far, zero where it shows the background.
+/// Upsamples one row of the sum over the blocks below; zero where only the background is shown.
 template <class T>
 void BlockStep<T>::double_sum(float* to, const AlignedVector<float>& sum, std::int64_t row,
                               std::int64_t channels, const kernels::UpsampleFilter& filter,

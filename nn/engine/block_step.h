@@ -14,41 +14,41 @@ namespace stymo {
 
 inline constexpr std::int64_t colors = 3;
 
-/// What all pixels have that only empty rays reach.
+/// Values of the pixels whose receptive field holds only empty rays.
 template <class T>
 struct Background {
     AlignedVector<T> features;
-    std::vector<float> rgb;   ///< of the last block alone, without bias
-    std::vector<float> mask;  ///< the same of its lateral
+    std::vector<float> rgb;   ///< contribution of this block alone, without bias
+    std::vector<float> mask;  ///< contribution of this block's lateral layer
 };
 
-/// An image between two blocks, or before the first (without RGB and mask), or after the last
-/// (without features). RGB and mask are sums over the blocks so far, as differences from the
-/// background's.
+/// An image between two blocks. The image before the first block has no RGB and no mask; the one
+/// after the last block has no features. RGB and mask are sums over the blocks so far, minus the
+/// background's sums.
 template <class T>
 struct BlockImage {
     std::int64_t side = 0;
-    PixelRows occupied;         ///< what empty rays alone do not decide
-    PixelRows read;             ///< what the next block reads
-    PixelRows shown;            ///< where RGB and mask may differ from the background's
-    AlignedVector<T> features;  ///< of `read`
+    PixelRows occupied;         ///< pixels whose receptive field holds a ray that is not empty
+    PixelRows read;             ///< pixels that the next block reads
+    PixelRows shown;            ///< pixels whose RGB and mask may differ from the background
+    AlignedVector<T> features;  ///< of the pixels in `read`
     AlignedVector<float> rgb;   ///< (side, side, 3)
     AlignedVector<float> mask;  ///< (side, side, mask channels)
     Background<T> background;
 };
 
-/// Where the last block draws.
+/// The output of the last block, with the background's final values.
 struct Canvas {
     std::span<float> image;
-    std::span<float> mask;  ///< empty: none
+    std::span<float> mask;  ///< empty: no mask is wanted
     std::vector<float> logit_weight;
     float background_logit = 0.0F;
-    float background_mask = 0.0F;          ///< the same in [0, 1]
-    std::vector<float> background_rgb;     ///< a row of the image before the tanh
-    std::vector<float> background_colors;  ///< the same in [0, 1]
+    float background_mask = 0.0F;          ///< sigmoid of background_logit
+    std::vector<float> background_rgb;     ///< one row of the image before the tanh
+    std::vector<float> background_colors;  ///< the same row as final colours in [0, 1]
 };
 
-/// What one thread needs for a strip.
+/// Buffers that one thread needs for a strip.
 template <class T>
 struct StripBuffers {
     std::array<AlignedVector<T>, 2> detail;
@@ -62,8 +62,8 @@ struct StripBuffers {
     AlignedVector<float> mask_row;
 };
 
-/// One block at work: from the image below it to the one above. Everything is computed by strips of
-/// rows, in batches whose buffers stay in the second-level cache.
+/// Runs one block: computes the image `above`, of twice the side, from the image `below`. Strips of
+/// rows are computed in batches whose buffers stay in the second-level cache.
 template <class T>
 struct BlockStep {
     const PackedBlock<T>& block;
@@ -75,16 +75,17 @@ struct BlockStep {
 
     /// Makes buffers large enough for this block.
     void prepare(StripBuffers<T>& buffers) const;
-    /// What comes of rows [begin, end) of the image below.
+    /// Computes the rows of `above` that belong to rows [begin, end) of `below`.
     void run(std::int64_t begin, std::int64_t end, StripBuffers<T>& buffers) const;
-    /// The same given what is blurred already, (pixels that `above` has occupied, in).
+    /// The same if the learnt upsampling of the whole image is known: `blurred` (occupied pixels of
+    /// `above`, in).
     void run_blurred(std::int64_t begin, std::int64_t end, std::span<const T> blurred,
                      StripBuffers<T>& buffers) const;
-    /// Both rows that come of row `row` below, one behind the other, through the learnt upsampling.
-    /// `detail_rows`: where the detail of the pixels begins that this row and the ones beside it
-    /// read.
+    /// Applies the learnt upsampling: writes the two rows of `above` that belong to row `row` of
+    /// `below` to `out`, one behind the other. `detail_rows[y]` points to the output of the detail
+    /// layer for row y of `below`; it must be set for rows row - 1 to row + 1.
     void blur_rows(std::int64_t row, std::span<const T* const> detail_rows, T* out) const;
-    /// The image of one pixel, which the background is.
+    /// Computes the background of `above` from the background of `below`.
     void run_background(StripBuffers<T>& buffers) const;
 
 private:

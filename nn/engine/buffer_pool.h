@@ -8,18 +8,19 @@
 
 namespace stymo {
 
-/// Hands out buffers, the ones used last first.
+/// A pool of buffers. `take` and `give_back` are thread-safe. The buffer that was given back last
+/// is handed out first.
 template <class Buffers>
 class BufferPool {
 public:
-    /// Makes buffers until there are `count`, and calls prepare(buffers) for each of them. None may
-    /// be taken at that time.
+    /// Adds buffers until the pool holds `count`, and calls prepare(buffers) for all of them. No
+    /// buffer may be in use during the call.
     template <class Prepare>
     void fill(std::int64_t count, Prepare prepare) {
         while (std::ssize(free_) < count) free_.push_back(std::make_unique<Buffers>());
         for (const std::unique_ptr<Buffers>& buffers : free_) prepare(*buffers);
     }
-    /// At most as many at once as there are.
+    /// The caller must not take more buffers at once than the pool holds.
     [[nodiscard]] std::unique_ptr<Buffers> take() {
         const std::scoped_lock lock(mutex_);
         std::unique_ptr<Buffers> buffers = std::move(free_.back());

@@ -15,14 +15,14 @@ template <class T>
     return std::min(softplus_of(logit), static_cast<T>(largest_density));
 }
 
-/// What is left of the light along a ray.
+/// Transmittance along a ray, from front to back.
 template <class T>
 class Transmittance {
 public:
     /// Passes an interval of this optical thickness and returns its compositing weight.
     [[nodiscard]] T pass(T thickness) {
         depth_ += static_cast<double>(thickness);
-        // The difference of both transmittances would cancel where the density is thin.
+        // Subtracting the two transmittances would lose precision where the density is low.
         const T weight = value_ * -std::expm1(-thickness);
         value_ = std::exp(static_cast<T>(-depth_));
         return weight;

@@ -9,9 +9,10 @@
 
 namespace stymo {
 
-/// Evaluates a field at `count` points, tile by tile on several threads. position_of(i) is a range
-/// of 3 coordinates. Calls store(first, size, tile) for each tile: its logits are those of points
-/// first to first + size, and its features may be computed.
+/// Evaluates a field at `count` points, tile by tile on several threads. position_of(i) returns a
+/// range of 3 coordinates. Calls store(first, size, tile) for each tile, on any thread. The tile
+/// holds the logits of points [first, first + size). `store` may compute the features of these
+/// points with PackedField::features.
 template <class T, class PositionOf, class Store>
 void evaluate_points(const PackedField<T>& field, std::int64_t count, const PositionOf& position_of,
                      const Store& store) {

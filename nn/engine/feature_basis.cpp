@@ -8,7 +8,7 @@
 namespace stymo {
 namespace {
 
-/// In double precision, because there may be many rows. 0 without weight.
+/// Summed in double precision, because there may be many rows. 0 if all weights are 0.
 Eigen::RowVectorXf weighted_mean(const Tensor& features, const Tensor& weights) {
     const auto rows = matrix_map<float>(features);
     const auto weight = weights.values<float>();

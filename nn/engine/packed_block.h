@@ -10,12 +10,12 @@
 
 namespace stymo {
 
-/// A folded render block, with its lateral of the mask branch, in the order in which a renderer
-/// reads it.
+/// The weights of a folded render block and of its lateral layer of the mask branch, in the memory
+/// layout of the renderer.
 template <class T>
 struct PackedBlock {
-    PackedLayer<T>
-        detail;  ///< output k * channels + c is channel c of sub-pixel k = 2 row + column
+    /// Output k * channels + c is channel c of sub-pixel k = 2 row + column.
+    PackedLayer<T> detail;
     PackedLayer<T> modulated0;
     PackedLayer<T> modulated1;
     std::vector<float> rgb_weight;  ///< (3, out)
@@ -23,7 +23,7 @@ struct PackedBlock {
     PackedLayer<T> lateral;  ///< empty without a mask
 
     PackedBlock(const FoldedRenderBlock& block, const FoldedLayer* mask_lateral);
-    /// Takes over the modulated layers.
+    /// Replaces the modulated layers by those of `block`.
     void set_style(const FoldedRenderBlock& block);
 
     [[nodiscard]] std::int64_t in() const { return modulated0.inputs(); }

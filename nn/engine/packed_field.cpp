@@ -12,10 +12,11 @@
 namespace stymo {
 namespace {
 
-/// Channels of the encoding begin a row. The rest of the row is to begin on a cache line.
+/// A row begins with the channels of the encoding. Their number is rounded up to this multiple, so
+/// that the rest of the row begins on a cache line.
 template <class T>
 constexpr std::int64_t encoding_multiple = 64 / static_cast<std::int64_t>(sizeof(T));
-/// Points whose phases fill whole vectors together, which those of one point do not.
+/// The phases of so many points fill whole vector registers; the phases of one point do not.
 constexpr std::int64_t points_at_once = 8;
 
 template <class T>
@@ -132,8 +133,8 @@ void PackedField<T>::encode(std::span<const Real<T>> points, FieldTile<T>& tile)
     }
 }
 
-/// Layers write to one buffer and the other in turn, such that the layer before the skip layer
-/// writes beside the encoding.
+/// Layers write to the two buffers in turn, so that the layer before the skip layer writes next to
+/// the encoding.
 template <class T>
 typename PackedField<T>::template Rows<T> PackedField<T>::output(std::size_t layer,
                                                                  FieldTile<T>& tile) const {
@@ -231,7 +232,7 @@ void PackedField<T>::features(std::span<const std::int32_t> points, FieldTile<T>
     const auto count = static_cast<std::int64_t>(points.size());
     if (count == 0) return;
     const Rows<T> last = output(layers_.size() - 1, tile);
-    // In ascending order a row never overwrites one that is still to be read.
+    // Since `points` ascends, a copied row never overwrites a row that is still to be read.
     const bool all = points.back() == count - 1;
     for (std::int64_t i = 0; !all && i < count; ++i) {
         const T* from = last.data + points[static_cast<std::size_t>(i)] * last.stride;

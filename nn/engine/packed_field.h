@@ -10,22 +10,24 @@
 
 namespace stymo {
 
-/// Points that go through a field together: as many as leave their activations and a layer's
-/// weights in the second-level cache, and a multiple of the rows of a block of the packed product.
+/// Number of points that are evaluated together. Their activations and one layer's weights fit into
+/// the second-level cache. It is a multiple of the rows of a block of the packed product.
 inline constexpr std::int64_t tile_points = 192;
 
-/// Buffers of one tile of points, for one thread at a time. They grow to the largest tile and stay.
+/// Buffers for one tile of points, used by one thread at a time. They grow to the largest tile and
+/// never shrink.
 template <class T>
 struct FieldTile {
     AlignedVector<T> joined;  ///< (points, encoding | hidden): the skip layer reads both as one row
     AlignedVector<T> hidden;  ///< (points, width)
-    std::vector<Real<T>> phases;    ///< of the encoding of a few points, their sines and cosines
-    std::vector<Real<T>> logits;    ///< (points): the density is softplus(logit)
+    std::vector<Real<T>> phases;    ///< scratch memory of PackedField::encode
+    std::vector<Real<T>> logits;    ///< (points): the density is density_of_logit(logit)
     std::vector<Real<T>> features;  ///< (rows asked for, width)
 };
 
-/// Where the arguments of a tile's sines go, for a backward pass: (points, width) for each layer,
-/// `layer_stride` elements apart. Without data they are not stored. Not of types of 16 bits.
+/// Destination for the arguments of a tile's sines, which a backward pass needs: (points, width)
+/// for each layer, layers `layer_stride` elements apart. If `data` is null, nothing is stored.
+/// Ignored if T has 16 bits.
 template <class T>
 struct SineArgumentRows {
     Real<T>* data = nullptr;
@@ -36,10 +38,10 @@ struct SineArgumentRows {
     }
 };
 
-/// A folded field in the order in which products read it. T = float, double, BFloat16 or Float16 is
-/// the type of weights and of activations between layers; sums, logits and features are of Real<T>.
-/// Points go through all layers in tiles. What is computed of a point does not depend on the other
-/// points of its tile, nor on whether arguments are stored.
+/// A folded field in the memory layout of the matrix products. T = float, double, BFloat16 or
+/// Float16 is the type of the weights and of the activations between layers. Sums, logits and
+/// features have the type Real<T>. Points are evaluated in tiles. The result at a point depends
+/// neither on the other points of its tile nor on whether arguments are stored.
 template <class T>
 class PackedField {
 public:
@@ -48,33 +50,34 @@ public:
 
     [[nodiscard]] std::int64_t width() const { return width_; }
     [[nodiscard]] std::int64_t feature_channels() const { return finish_.outputs(); }
-    /// Channels of the encoding, with zeros up to a whole number of vectors.
+    /// Channels of the encoding, padded with zeros to a multiple of a cache line.
     [[nodiscard]] std::int64_t encoding() const { return encoding_; }
     /// Elements from one row of FieldTile::joined to the next.
     [[nodiscard]] std::int64_t joined_stride() const { return encoding_ + width_; }
-    /// The number of the input of a layer as stored for each input as packed, -1 for zeros: the
-    /// encoding is packed as (x, all sines, all cosines, zeros).
+    /// Maps each packed input of a layer to the number of the stored input; -1 marks padding. The
+    /// encoding is packed as (x, all sines, all cosines, padding).
     [[nodiscard]] std::vector<std::int64_t> input_order(std::size_t layer) const;
 
-    /// Makes room for so many points, so that nothing is allocated later.
+    /// Allocates the tile's buffers for this number of points, so that nothing is allocated later.
     void reserve(std::int64_t points, FieldTile<T>& tile) const;
-    /// The encoding of points (3 coordinates each) into tile.joined.
+    /// Writes the encoding of points (3 coordinates each) to tile.joined.
     void encode(std::span<const Real<T>> points, FieldTile<T>& tile) const;
-    /// Logits of points (3 coordinates each) into tile.logits. The activations that they come from
-    /// stay in the tile.
+    /// Writes the logits of points (3 coordinates each) to tile.logits. The last layer's
+    /// activations stay in the tile, for `features`.
     void evaluate(std::span<const Real<T>> points, FieldTile<T>& tile,
                   const SineArgumentRows<T>& arguments = {}) const;
-    /// The same logits from the arguments of the last layer before the features.
+    /// Computes the same logits from the stored sine arguments of the last layer before the
+    /// features. Does nothing if T has 16 bits.
     void evaluate(const Real<T>* arguments, std::int64_t points, FieldTile<T>& tile) const;
-    /// Features before the last layer into tile.features, of the first points of the last call of
-    /// `evaluate`.
+    /// Writes the input of the last layer (`finish`) to tile.features, for the first `points`
+    /// points of the last call of `evaluate`.
     void features(std::int64_t points, FieldTile<T>& tile,
                   const SineArgumentRows<T>& arguments = {}) const;
-    /// The same of these points; ascending.
+    /// The same for these points, in ascending order. Overwrites the activations in the tile.
     void features(std::span<const std::int32_t> points, FieldTile<T>& tile) const;
-    /// The arguments of the sines that are the features.
+    /// Writes the sine arguments of the features, (points, width), to `result`.
     void feature_arguments(std::int64_t points, const FieldTile<T>& tile, Real<T>* result) const;
-    /// The last layer: composited features (rays, width) and opacities (rays) -> (rays,
+    /// Applies the last layer: composited features (rays, width) and opacities (rays) -> (rays,
     /// feature_channels).
     void finish(std::span<const Real<T>> composited, std::span<const Real<T>> opacities,
                 std::span<Real<T>> result) const;

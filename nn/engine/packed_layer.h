@@ -8,8 +8,8 @@
 
 namespace stymo {
 
-/// The type of sums and results where T is the type of weights and activations: float for types of
-/// 16 bits, else T.
+/// The type of sums and results for weights and activations of type T: float if T has 16 bits, else
+/// T.
 template <class T>
 using Real = typename kernels::PackedMatrix<T>::Source;
 
@@ -19,8 +19,9 @@ template <class T>
     return {all.begin(), all.end()};
 }
 
-/// A folded layer in the order in which products read it. T = float, double, BFloat16 or Float16 is
-/// the type of weights and activations. The layer's tensors are of Real<T>.
+/// A folded layer in the memory layout of the matrix products. T = float, double, BFloat16 or
+/// Float16 is the type of weights and activations. The tensors of the FoldedLayer must have the
+/// type Real<T>.
 template <class T>
 struct PackedLayer {
     kernels::PackedMatrix<T> weight;
@@ -37,12 +38,13 @@ struct PackedLayer {
     [[nodiscard]] std::int64_t inputs() const { return weight.inner_length(); }
     [[nodiscard]] std::int64_t outputs() const { return weight.columns(); }
 
-    /// x (rows, inputs) -> out (rows, outputs), which may be of Real<T> whatever T is.
+    /// x (rows, inputs) -> out (rows, outputs). Out is T or Real<T>.
     template <class Out>
     void apply(Out* out, const T* x, std::int64_t rows) const {
         apply(out, outputs(), {x, inputs()}, rows, activation);
     }
-    /// The same with rows of `out` that are `stride` apart, and with another activation.
+    /// The same with rows of `out` that are `stride` elements apart, and with the activation
+    /// `instead` of the layer's own.
     template <class Out>
     void apply(Out* out, std::int64_t stride, const kernels::LeftMatrix<T>& x, std::int64_t rows,
                Activation instead) const {

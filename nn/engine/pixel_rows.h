@@ -6,8 +6,8 @@
 
 namespace stymo {
 
-/// An interval [begin, end) of pixels in each row of an image, stored one row behind the other from
-/// `offset` on.
+/// The interval [begin, end) of pixels in one row of an image. `offset` is the number of pixels in
+/// the intervals of all rows before it, that is, the place of its first pixel in packed storage.
 struct PixelRow {
     std::int64_t begin = 0;
     std::int64_t end = 0;
@@ -16,21 +16,21 @@ struct PixelRow {
     [[nodiscard]] std::int64_t size() const { return end - begin; }
 };
 
-/// Some pixels of a square image, as many rows as the image has.
+/// A set of pixels of a square image: one interval in each row.
 class PixelRows {
 public:
-    /// Empties `side` rows.
+    /// Makes `side` empty rows.
     void reset(std::int64_t side);
-    /// The smallest intervals that hold all non-zero pixels (side * side).
+    /// Sets the smallest intervals that hold all non-zero elements of `pixels` (side, side).
     void set_nonzero(std::span<const std::uint8_t> pixels);
-    /// The pixels of the upsampled image that pixels of `rows` reach through the blur of the learnt
-    /// upsampling.
+    /// Sets the pixels of the image of twice the side whose value depends on pixels of `rows`
+    /// through the learnt upsampling with its blur.
     void set_reached(const PixelRows& rows);
-    /// The pixels that the learnt upsampling reads where it computes what `rows` reach: `rows` and
-    /// their neighbours.
+    /// Sets the pixels that the learnt upsampling reads to compute the pixels of
+    /// `set_reached(rows)`: the pixels of `rows` and their neighbours.
     void set_read(const PixelRows& rows);
-    /// `rows`, and what the linear upsampling of RGB and mask make of `below`; from even pixels to
-    /// even ones.
+    /// Sets the union of `rows` and of the pixels that depend on `below` through the linear
+    /// upsampling of RGB and mask. Each interval begins and ends at an even pixel.
     void set_upsampled(const PixelRows& below, const PixelRows& rows);
 
     [[nodiscard]] std::int64_t side() const { return static_cast<std::int64_t>(rows_.size()); }

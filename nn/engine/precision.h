@@ -6,14 +6,14 @@
 
 namespace stymo {
 
-/// Type of weights and activations of a real-time renderer. Sums are float32 in all of them, up to
-/// what kernels::multiply_packed says of Float16.
+/// Type of weights and activations of a real-time renderer. Sums are float32;
+/// kernels::multiply_packed states the exception for Float16.
 enum class Precision { float32, bfloat16, float16 };
 
-/// The type of 16 bits that this processor computes fastest: float16 with AVX-512-FP16, else
-/// bfloat16; also bfloat16 if some layer's weights are too large for sums of float16, which are
-/// finite while no input exceeds 16 (sines do not; the features of render blocks, whose weights
-/// have rows of norm one, stay far below).
+/// The 16-bit type that this processor computes fastest: float16 with AVX-512-FP16, else bfloat16.
+/// Returns bfloat16 too if a layer's weights are so large that a sum in float16 could overflow for
+/// inputs of magnitude 16. Inputs stay below that: sines are at most 1, and features of render
+/// blocks, whose weights have rows of norm one, stay far below 16.
 [[nodiscard]] Precision sixteen_bits_for(std::span<const FoldedLayer> layers);
 
 }  // namespace stymo

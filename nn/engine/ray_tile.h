@@ -10,19 +10,20 @@
 
 namespace stymo {
 
-/// Whole rays whose selected samples go through a field together, with all buffers. One thread at a
-/// time uses it. Training, fitting and rendering differ in which samples they select and in what
-/// they make of the weights.
+/// A number of whole rays whose selected samples are evaluated together, with all buffers. It is
+/// used by one thread at a time. Training, fitting and rendering differ in the samples that they
+/// select and in the use that they make of the weights.
 ///
-/// Samples has `append(ray, sample, points)`, which appends the 3 coordinates of a sample, and
-/// `length(ray, sample)`, the length of its interval.
+/// The type Samples must have `append(ray, sample, points)`, which appends the 3 coordinates of a
+/// sample, and `length(ray, sample)`, which returns the length of its interval.
 template <class T>
 struct RayTile {
     FieldTile<T> field;
     std::int64_t first_ray = 0, end_ray = 0;
     std::vector<Real<T>> points;
-    std::vector<std::int64_t> begins;     ///< of each ray's points, and the end of the last
-    std::vector<Real<T>> weights;         ///< compositing weight of each point
+    std::vector<std::int64_t>
+        begins;                    ///< index of each ray's first point, and the number of points
+    std::vector<Real<T>> weights;  ///< compositing weight of each point
     std::vector<Real<T>> transmittances;  ///< behind each point
 
     [[nodiscard]] std::int64_t count() const { return begins.back(); }
@@ -30,7 +31,7 @@ struct RayTile {
         return begins[static_cast<std::size_t>(ray - first_ray)];
     }
     [[nodiscard]] std::int64_t end_of(std::int64_t ray) const { return begin_of(ray + 1); }
-    /// Behind all samples of a ray.
+    /// Transmittance behind all samples of a ray.
     [[nodiscard]] Real<T> transmittance_of(std::int64_t ray) const {
         return begin_of(ray) == end_of(ray)
                    ? Real<T>(1)
@@ -61,8 +62,9 @@ struct RayTile {
         transmittances.resize(static_cast<std::size_t>(count()));
     }
 
-    /// Weights and transmittances from the logits in `field`. What the selection left out counts
-    /// with its estimated optical depth towards the sample behind it, or towards the last one.
+    /// Computes weights and transmittances from the logits in `field`. The estimated optical depth
+    /// of samples that the selection left out is added to the next selected sample of the ray, or
+    /// to the last one if none follows.
     template <class Samples>
     void composite(const SampleSelection& selection, const Samples& samples) {
         for (std::int64_t ray = first_ray; ray < end_ray; ++ray) {

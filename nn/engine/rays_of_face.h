@@ -10,11 +10,11 @@
 #include "nn/engine/ray_tile.h"
 #include "nn/engine/sine_network.h"
 
-/// What both passes of nn/engine/sine_rays.h share.
+/// Code shared by the forward and the backward pass of nn/engine/sine_rays.h.
 namespace stymo {
 
-/// Rays of one face are cut into so many runs at most. Each run has sums of its own, which are
-/// added in order.
+/// Largest number of runs into which the rays of one face are divided. Each run has its own sums,
+/// which are added in order, so that results do not depend on the number of threads.
 inline constexpr std::int64_t ray_runs = 16;
 
 struct RayExtents {
@@ -28,16 +28,16 @@ struct RayExtents {
           layers(std::ssize(network.layers)) {}
 
     [[nodiscard]] std::int64_t rays_in_run() const { return chunk_count(rays, ray_runs); }
-    /// Of the result, for each ray.
+    /// Columns of the result for each ray: N weights, the transmittance, the composited features.
     [[nodiscard]] std::int64_t columns() const { return samples + 1 + width; }
-    /// Points of the largest tile, which holds one ray at least.
+    /// Largest number of points in a tile, which holds at least one ray.
     [[nodiscard]] std::int64_t largest_tile() const { return std::max(tile_points, samples); }
-    /// Elements of one layer's arguments of one face.
+    /// Number of sine arguments of one layer for one face.
     [[nodiscard]] std::int64_t layer_arguments() const { return rays * samples * width; }
     [[nodiscard]] std::int64_t face_arguments() const { return layers * layer_arguments(); }
 };
 
-/// Samples of the rays of one face.
+/// The samples of the rays of one face.
 template <class T>
 struct FaceSamples {
     const T* points;
@@ -62,7 +62,8 @@ struct FaceSamples {
     }
 
     /// Leaves out samples whose compositing weight is below the tolerance. Row r of `weights` holds
-    /// those of ray r, rows `stride` apart. What is left out keeps its optical depth, as a gap.
+    /// the weights of ray r; rows are `stride` elements apart. The optical depth of samples left
+    /// out is kept in `gaps` and `tails`.
     void keep_heavy(const T* weights, std::int64_t stride, T tolerance) {
         selection.keep_if([=](std::int64_t ray, std::int32_t sample) {
             return weights[ray * stride + sample] >= tolerance;
@@ -81,7 +82,7 @@ struct FaceSamples {
     }
 
 private:
-    /// Optical depths of what the selection leaves out of a ray with these weights.
+    /// Computes the optical depths of the samples left out of a ray from its compositing weights.
     void fill_gaps(std::int64_t ray, const T* weights) {
         const std::span<const std::int32_t> selected = selection.samples_of(ray);
         float* const gaps = selection.gaps.data() + ray * samples_per_ray;
@@ -101,7 +102,7 @@ private:
     }
 };
 
-/// Calls body(first ray, end ray, run) for all runs of one face, on several threads.
+/// Calls body(first ray, end ray, index of the run) for all runs of one face, on several threads.
 template <class Body>
 void for_each_run(const RayExtents& extents, const Body& body) {
     const std::int64_t length = extents.rays_in_run();
@@ -109,8 +110,9 @@ void for_each_run(const RayExtents& extents, const Body& body) {
                  [&](std::int64_t first, std::int64_t end) { body(first, end, first / length); });
 }
 
-/// Calls body() with the tile's samples for each tile of rays [first, end). A tile takes as many
-/// whole rays as it has room for, so that few selected samples still make long products.
+/// Divides rays [first, end) into tiles, and calls body() each time `tile` has been filled with one
+/// of them. A tile takes as many whole rays as fit, so that matrix products stay large even if few
+/// samples are selected.
 template <class T, class Body>
 void for_each_tile(const FaceSamples<T>& samples, const RayExtents& extents, std::int64_t first,
                    std::int64_t end, RayTile<T>& tile, const Body& body) {

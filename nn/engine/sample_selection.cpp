@@ -34,7 +34,7 @@ void SampleSelection::keep_none(std::int64_t ray) {
 void select_samples(std::span<const DensityBounds> bounds, float delta, float tolerance,
                     std::int64_t ray, SampleSelection& selection) {
     const std::int64_t first = ray * selection.samples_per_ray;
-    // Bounds of bounds for what is thin: 1 - exp(-x) <= x, and no light is lost.
+    // For thin samples cheaper bounds replace the exponentials: 1 - exp(-x) <= x, and exp(-x) <= 1.
     constexpr float thin = 1e-2F;
     std::int32_t count = 0;
     float transmittance = 1.0F, left_out = 0.0F, gap = 0.0F;

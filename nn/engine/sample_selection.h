@@ -7,31 +7,32 @@
 
 namespace stymo {
 
-/// What is known of the density at a sample without asking the field.
+/// Bounds and an estimate of the density at a sample, known without evaluating the field.
 struct DensityBounds {
     float lower = 0.0F;
     float estimate = 0.0F;
     float upper = 0.0F;
 };
 
-/// The samples of several rays that go through a field: all of them, those that a density grid
-/// finds significant (`select_samples`), or those that are marked (`keep_if`). Ray r owns the
-/// elements from r * samples_per_ray on, of which the first counts[r] are in use.
+/// The samples of several rays at which a field is evaluated: all of them, those that a density
+/// grid finds significant (`select_samples`), or those that satisfy a predicate (`keep_if`). The
+/// elements of ray r in `samples` and `gaps` begin at r * samples_per_ray; the first counts[r] are
+/// in use.
 struct SampleSelection {
     std::int64_t samples_per_ray = 0;
     std::vector<std::int32_t> counts;
     std::vector<std::int32_t> samples;  ///< index along the ray, ascending
-    std::vector<float>
-        gaps;  ///< estimated optical depth of what was left out in front of the sample
-    std::vector<float> tails;  ///< (rays): of what was left out behind the last one
+    /// Estimated optical depth of the samples left out directly in front of the sample.
+    std::vector<float> gaps;
+    std::vector<float> tails;  ///< (rays): the same behind the last selected sample
 
-    /// Keeps what has been allocated.
+    /// Sets the sizes and never releases memory. The contents are unspecified until the next call.
     void resize(std::int64_t rays, std::int64_t per_ray);
-    /// Every sample of every ray.
+    /// Selects every sample of every ray.
     void keep_all();
-    /// No sample of this ray, which has next to no opacity.
+    /// Selects no sample of this ray, which is then empty.
     void keep_none(std::int64_t ray);
-    /// Of all samples, those for which keep(ray, sample); the others count as empty.
+    /// Selects the samples for which keep(ray, sample) is true. The others count as empty.
     template <class Keep>
     void keep_if(const Keep& keep);
 
@@ -59,11 +60,12 @@ void SampleSelection::keep_if(const Keep& keep) {
     }
 }
 
-/// Chooses samples of one ray, with an interval of length `delta` each, and enters them into
-/// `selection` at `ray`. The weight of sample i is at most exp(-sum_{j<i} lower_j delta) (1 -
-/// exp(-upper_i delta)). From front to back these bounds are added up, and where the sum reaches
-/// `tolerance` a sample is kept and the sum begins anew. So if the bounds hold, no samples left out
-/// in a row have a weight of `tolerance` together; 0 keeps every sample.
+/// Selects samples of one ray, each with an interval of length `delta`, and stores them in
+/// `selection` at `ray`. The compositing weight of sample i is at most exp(-sum_{j<i} lower_j
+/// delta) (1 - exp(-upper_i delta)). These bounds are summed from front to back. Where the sum
+/// reaches `tolerance`, the sample is kept and the sum restarts at 0. If the bounds hold,
+/// consecutive samples that are left out therefore have a total weight below `tolerance`. A
+/// tolerance of 0 keeps every sample.
 void select_samples(std::span<const DensityBounds> bounds, float delta, float tolerance,
                     std::int64_t ray, SampleSelection& selection);
 

@@ -7,16 +7,18 @@
 #include "nn/layers/linear.h"
 #include "nn/layers/modulated_linear.h"
 
-/// What the field engine is given: layers and samples.
+/// Input of the field engine: layers and samples.
 namespace stymo {
 
-/// Radiance field of modulated sine layers of one width on the encoding of points, (x, sin x, cos
-/// x, sin 2x, ...) with 3 + 6 frequencies channels. The last layer gives the features. The density
-/// is softplus(density layer - 1) of the last layer's input.
+/// A radiance field: modulated sine layers of equal width on the positional encoding of points, (x,
+/// sin x, cos x, sin 2x, ...) with 3 + 6 * frequencies channels. The last layer computes the
+/// features. The density is softplus(d - 1), where d is the density layer's output for the input of
+/// the last layer.
 template <class Value>
 struct SineNetworkOf {
     std::int64_t frequencies = 0;
-    std::size_t skip_layer = 0;  ///< layer whose input begins with the encoding once more; 0: none
+    /// Layer whose input begins with the encoding, besides layer 0; 0: none.
+    std::size_t skip_layer = 0;
     std::vector<ModulatedLayerOf<Value>> layers;
     Value density_weight;  ///< (1, width)
     Value density_bias;    ///< (1)
@@ -27,24 +29,27 @@ using SineNetwork = SineNetworkOf<Variable>;
 struct RayPoints {
     Tensor points;  ///< (B, R * N, 3)
     Tensor deltas;  ///< (B, R, N)
-    /// (B, R, N), 0 where a sample is left out as if its density were 0; undefined: none is.
+    /// (B, R, N), 0 where a sample is left out as if its density were 0. If undefined, no sample is
+    /// left out.
     Tensor significant{};
-    /// Samples with a smaller weight take no part in the backward pass. Their optical depth does.
+    /// Samples with a smaller compositing weight get no gradient in the backward pass, but their
+    /// optical depth still counts. 0: every sample gets its gradient.
     double gradient_tolerance = 0.0;
 };
 
-/// The field of one face: its style is folded into the weights of every layer.
+/// The field of one face. Its style is folded into the weights of every layer.
 struct FoldedField {
     std::int64_t frequencies = 0;
-    std::size_t skip_layer = 0;  ///< layer whose input begins with the encoding once more; 0: none
+    /// Layer whose input begins with the encoding, besides layer 0; 0: none.
+    std::size_t skip_layer = 0;
     std::vector<FoldedLayer> layers;
     FoldedLayer density;  ///< one output; the density is softplus(output - 1)
     FoldedLayer feature0;
-    FoldedLayer feature1;  ///< after compositing
+    FoldedLayer feature1;  ///< applied after compositing
 };
 
-/// What the field of face `face` becomes. Without the layer after compositing, which is not part of
-/// the network.
+/// Folds the style of face `face` into the network. `feature1` stays undefined, since the layer
+/// after compositing is not part of the network.
 [[nodiscard]] FoldedField folded(const SineNetworkOf<Tensor>& network, std::int64_t face);
 
 }  // namespace stymo

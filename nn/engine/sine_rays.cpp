@@ -6,7 +6,7 @@ namespace stymo {
 
 namespace {
 
-/// `arguments`: the face's, null where they are not kept.
+/// `arguments`: those of this face, or null if they are not kept.
 template <class T>
 void render_run(const PackedField<T>& field, const FaceSamples<T>& samples,
                 const RayExtents& extents, std::int64_t first, std::int64_t end, T* arguments,

@@ -5,22 +5,25 @@
 namespace stymo {
 
 struct SineRaysResult {
+    /// (B, R, N + 1 + width): weights, transmittance behind the last sample, composited features.
     Tensor value;
-    /// (B, layers, R * N, width), each tile's rows from its first sample's on. Undefined unless
-    /// wanted.
+    /// Arguments of the sines, (B, layers, R * N, width); undefined unless they were asked for. The
+    /// selected samples of a tile are stored in consecutive rows, from the row of the tile's first
+    /// ray on.
     Tensor arguments;
 };
 
-/// The forward pass of nn/ops/sine_rays.h. Shapes are checked by the op. Keeping arguments does not
+/// The forward pass of nn/ops/sine_rays.h, which checks the shapes. Keeping arguments does not
 /// change the value.
 [[nodiscard]] SineRaysResult sine_rays_forward(const RayPoints& rays,
                                                const SineNetworkOf<Tensor>& network,
                                                bool keep_arguments);
 
-/// Gradients of all parts of the network, in their shapes; those of the weights stay undefined
-/// unless wanted. Arguments that `forward` lacks are computed once more; with a gradient_tolerance
-/// they are, and the forward pass's value tells the samples that count. Sums are grouped by runs of
-/// rays, whatever the number of threads.
+/// Gradients of all parts of the network, each in the shape of its part. The gradients of the
+/// layers' weights stay undefined unless `with_weights`. Sine arguments are computed again if
+/// `forward` has none. With a gradient_tolerance above 0, `forward` must have no arguments but must
+/// have its value, whose weights decide which samples get a gradient. The result does not depend on
+/// the number of threads.
 [[nodiscard]] SineNetworkOf<Tensor> sine_rays_backward(const RayPoints& rays,
                                                        const SineNetworkOf<Tensor>& network,
                                                        const SineRaysResult& forward,

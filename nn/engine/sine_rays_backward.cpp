@@ -8,11 +8,11 @@ namespace stymo {
 
 namespace {
 
-/// What the backward pass of one face reads of a layer. Inputs are in the order in which
-/// PackedField packs them.
+/// The data of a layer that the backward pass of one face reads. Inputs are in the order of
+/// PackedField::input_order.
 template <class T>
 struct BackwardLayer {
-    std::vector<std::int64_t> inputs;  ///< the number of each as stored, -1 for zeros
+    std::vector<std::int64_t> inputs;  ///< number of each stored input, -1 for padding
     kernels::PackedMatrix<T> weight;   ///< demodulation_o W_oi, for products with rows of outputs
     std::vector<T> scale;              ///< of each input
     const T* demodulation;
@@ -40,9 +40,9 @@ struct BackwardLayer {
     }
 };
 
-/// Sums of one run or of all. With g the gradient of a layer's argument: of input i, x_i (W_oi
-/// demodulation_o g_o); of output o, g_o (argument_o - bias_o); of the bias, g_o; of the weight,
-/// g_o x_i.
+/// Sums over the points of one run or of all runs. Let g be the gradient of a layer's argument. The
+/// terms are x_i sum_o(W_oi demodulation_o g_o) for input i, g_o (argument_o - bias_o) for output
+/// o, g_o for the bias, and g_o x_i for the weight.
 template <class T>
 struct LayerSums {
     std::vector<T> inputs, outputs, bias, weight;
@@ -79,14 +79,14 @@ struct NetworkSums {
     }
 };
 
-/// One face: its field and what both passes read of it.
+/// The field and the samples of one face for the backward pass.
 template <class T>
 struct BackwardFace {
     PackedField<T> field;
     std::vector<BackwardLayer<T>> layers;
     FaceSamples<T> samples;
     const T* density_weight;
-    const T* kept;  ///< arguments, null where they are to be computed
+    const T* kept;  ///< sine arguments, or null if they must be computed
     const T* dL_dy;
 
     BackwardFace(const RayPoints& rays, const SineNetworkOf<Tensor>& network,
@@ -165,7 +165,7 @@ private:
                tile_.first_ray * extents_.samples * extents_.width;
     }
 
-    /// Of all layers, with the encoding and the logits.
+    /// Makes the arguments of all layers, the encoding and the logits available.
     void take_arguments() {
         if (face_.kept != nullptr) {
             face_.field.encode(tile_.points, tile_.field);
@@ -177,13 +177,13 @@ private:
         face_.field.feature_arguments(tile_.count(), tile_.field, rows.layer(features_));
     }
 
-    /// A point's row of the gradient of a layer's argument, and of what the layer reads from the
-    /// layer before.
+    /// The hidden part of a point's row in `gradient_` or `next_gradient_`.
     [[nodiscard]] T* hidden_row(AlignedVector<T>& gradient, std::int64_t point) const {
         return gradient.data() + point * stride_ + encoding_;
     }
 
-    /// From the result's gradient to that of the features' argument, and to that of the logits.
+    /// Computes the gradients of the features' arguments and of the logits from the result's
+    /// gradient.
     void differentiate_compositing() {
         const std::int64_t width = extents_.width;
         dL_dlogit_.resize(tile_.weights.size());
@@ -248,8 +248,8 @@ private:
                                                                                      : encoding_;
     }
 
-    /// From the gradient of a layer's argument to that of the layer before, with all sums between.
-    /// The activations of the layer before are left in tile_.field.joined.
+    /// Computes the gradient of the previous layer's argument from that of this layer, and adds to
+    /// the sums of both layers. Leaves the activations of the previous layer in tile_.field.joined.
     void differentiate_layer(std::size_t layer) {
         multiply_back(layer);
         const std::int64_t width = extents_.width, first = encoding_ - first_input(layer);
@@ -281,7 +281,7 @@ private:
         if (with_weights_) add_weight_gradient(layer);
     }
 
-    /// What the density contributes at the layer that it reads, x.
+    /// Adds the density's part to the gradient of its input x.
     void add_density(std::int64_t point, const T* x, T* dL_dx) {
         const T dL_dlogit = dL_dlogit_[static_cast<std::size_t>(point)];
         T* const sums = sums_.density_weight.data();
@@ -293,8 +293,8 @@ private:
         }
     }
 
-    /// What the encoding contributes to the sums of a layer that it enters; it needs no gradient
-    /// itself.
+    /// Adds the encoding's part to the sums of a layer that reads it. The encoding itself needs no
+    /// gradient.
     void add_encoding(std::size_t layer) {
         T* const inputs = sums_.layers[layer].inputs.data();
         for (std::int64_t point = 0; point < tile_.count(); ++point) {
@@ -325,8 +325,8 @@ private:
     std::size_t features_;  ///< the layer of the features
     RayTile<T> tile_;
     AlignedVector<T> computed_;  ///< arguments of all layers
-    AlignedVector<T>
-        gradient_;  ///< of the present layer's argument, in the hidden part of each row
+    /// Gradient of the current layer's argument, in the hidden part of each row.
+    AlignedVector<T> gradient_;
     AlignedVector<T> next_gradient_;
     std::vector<T> cosines_;
     std::vector<T> dL_dlogit_;

@@ -14,10 +14,10 @@ template <class T>
     return softplus_of(x);
 }
 
-/// The inverse of softplus. Densities below exp(-60) count as exp(-60).
+/// The inverse of softplus for densities >= 0. Densities below exp(-60) count as exp(-60).
 [[nodiscard]] inline float inverse_softplus(float density) {
     constexpr float least_input = -60.0F;
-    // Beyond, exp overflows, and the softplus is its own argument to float32's precision.
+    // Above this, softplus(x) = x to float32's precision. expm1 overflows for large densities.
     constexpr float linear_from = 20.0F;
     return density > linear_from ? density : std::max(std::log(std::expm1(density)), least_input);
 }

@@ -3,10 +3,10 @@
 #include <algorithm>
 
 #ifdef __aarch64__
-// Arrays of vectors need vectors of a fixed length.
+// The kernels use arrays of vectors, which need vectors of fixed length.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128)
 #else
-// Nothing here needs what this set adds to AVX3.
+// No kernel uses the instructions that this set adds to AVX3.
 #define HWY_DISABLED_TARGETS HWY_AVX3_DL
 #endif
 #undef HWY_TARGET_INCLUDE
@@ -16,8 +16,8 @@
 
 #include "core/kernels/halves-inl.h"
 
-// Included once for each instruction set, so what does not depend on it stands below, within
-// HWY_ONCE.
+// This file is compiled once for each instruction set. Code that does not depend on it is below,
+// within HWY_ONCE.
 HWY_BEFORE_NAMESPACE();
 namespace stymo::kernels::HWY_NAMESPACE {
 
@@ -42,8 +42,8 @@ struct ColorSum {
 };
 
 #if HWY_TARGET != HWY_SCALAR
-/// Sums of four vectors, in this order in each block of four lanes, as far as that block's lanes
-/// go.
+/// Horizontal sums of four vectors: within each block of four lanes, lane i has the sum of the
+/// block's lanes of vector i.
 template <class D, class V>
 HWY_INLINE V sums_in_blocks(D tag, V a, V b, V c, V d) {
     const simd::RepartitionToWide<D> wide;
@@ -65,7 +65,7 @@ HWY_INLINE auto sum_of_blocks(D, V x) {
     }
 }
 
-/// Colours of four pixels, of the channels that fill vectors.
+/// Colours of four pixels, from the channels that fill whole vectors.
 template <class T>
 HWY_INLINE void add_colors_of_four(const ColorSum<T>& sum, std::int64_t pixel,
                                    std::int64_t channels_in_vectors) {
@@ -137,7 +137,7 @@ void add_colors_float16(float* to, const Float16* x, const float* weight, const 
     add_all_colors(ColorSum<Float16>{to, x, weight, background, channels}, pixels);
 }
 
-/// Vector by vector to another type; what is left one by one, as the vectors would have it.
+/// Converts whole vectors to another type, and the rest one by one with the same results.
 template <class From, class To>
 HWY_INLINE void convert(To* out, const From* x, std::int64_t count) {
     const simd::ScalableTag<float> tag;

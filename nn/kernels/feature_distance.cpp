@@ -19,7 +19,7 @@ T squared_norm(const T* x, std::int64_t channels) {
     return total;
 }
 
-/// 1 / (|x| + epsilon). The norm of zeros counts as 1.
+/// 1 / (|x| + epsilon), where a norm of 0 is replaced by 1.
 template <class T>
 T inverse_norm(T squared, double epsilon) {
     return T(1) / ((squared == T(0) ? T(1) : std::sqrt(squared)) + static_cast<T>(epsilon));

@@ -4,7 +4,7 @@
 
 namespace stymo::kernels {
 
-/// The forward pass of nn/ops/feature_distance.h. Shapes are checked by the op.
+/// The forward pass of nn/ops/feature_distance.h, which checks the shapes.
 [[nodiscard]] Tensor feature_distance(const Tensor& x, const Tensor& target, const Tensor& weight,
                                       double epsilon);
 /// dL/dx for dL_dy (B).

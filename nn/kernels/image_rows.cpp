@@ -28,8 +28,8 @@ void combine(float* out, const float* before, const float* at, const float* afte
     for (std::int64_t i = 0; i < count; ++i) out[i] = w0 * before[i] + w1 * at[i] + w2 * after[i];
 }
 
-/// Pixels too narrow for a vector go by fours of numbers: what is one too many, the next pixel
-/// overwrites.
+/// Three channels do not fill a vector. Each pixel is written as four numbers, and the next pixel
+/// overwrites the fourth.
 void upsample_colors(float* out, const float* x, std::int64_t pixels,
                      const UpsampleFilter& filter) {
     constexpr std::int64_t wide = colors + 1;
@@ -50,7 +50,8 @@ void upsample_colors(float* out, const float* x, std::int64_t pixels,
     combine(out + colors, last - colors, last, last + colors, mirrored(filter.even), colors);
 }
 
-/// By exp(r + n log 2): Cody-Waite reduction and the polynomial of the Cephes library (Moshier).
+/// Computes the exponential as exp(r + n log 2), with Cody-Waite reduction and the polynomial of
+/// the Cephes library (Moshier).
 inline float sigmoid(float x) {
     const float y = std::min(std::max(-x, -80.0F), 80.0F);
     const float n = std::nearbyint(y * 1.44269504F);
@@ -76,7 +77,7 @@ void upsample_row(float* out, float* scratch, const float* image, std::int64_t r
         return image + (std::clamp<std::int64_t>(y, 0, side - 1) * side + begin) * channels;
     };
     const float *before = at(m - 1), *here = at(m), *after = at(m + 1);
-    // One pixel more on both sides.
+    // One more pixel on both sides, if there is one.
     const std::int64_t left = begin > 0 ? -channels : 0, right = end < side ? channels : 0;
     float* mixed = scratch + channels;
     combine(mixed + left, before + left, here + left, after + left, weights_at(filter, row, side),

@@ -8,13 +8,13 @@ namespace stymo {
 
 struct BatchNormOptions {
     bool fixed_weight = false;      ///< the weight is a constant: 1, or the value in a file
-    double initial_variance = 1.0;  ///< the stored variance, unless a file provides one
+    double initial_variance = 1.0;  ///< the running variance, unless a file provides one
 };
 
 /// Batch normalisation that is always in inference mode: (x - mean) / sqrt(variance + epsilon) *
 /// weight + bias with stored statistics that are never updated, because the micro-batches of
-/// training are too small to estimate them. Folded to scale * x + shift, one pair for each channel
-/// (last axis).
+/// training are too small to estimate them. It is computed as scale * x + shift, with one pair for
+/// each channel (last axis).
 class BatchNorm {
 public:
     static constexpr double epsilon = 1e-5;

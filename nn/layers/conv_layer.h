@@ -10,10 +10,10 @@ namespace stymo {
 
 /// Initialisation of the weights, and their scale when they are used.
 enum class WeightScaling {
-    plain,      ///< used as stored, for published weights; He initialisation unless a deviation is
-                ///< given
-    equalised,  ///< standard normal, multiplied by 1 / sqrt(fan in) at each use (StyleGAN): the
-                ///< same learning rate fits every layer
+    plain,  ///< used as stored, for published weights; He initialisation unless `initial_deviation`
+            ///< is given
+    equalised,  ///< standard normal, multiplied by 1 / sqrt(fan in) at each use (StyleGAN), so that
+                ///< one learning rate suits every layer
 };
 
 struct ConvLayerOptions {
@@ -23,9 +23,9 @@ struct ConvLayerOptions {
     int groups = 1;
     bool bias = true;  ///< starts at 0
     WeightScaling scaling = WeightScaling::plain;
-    double initial_deviation = 0.0;  ///< of plain weights; 0: He's, sqrt(2 / fan in)
-    /// On weight and bias. Folds in a factor that comes before or after a leaky ReLU, which
-    /// commutes with scaling.
+    double initial_deviation = 0.0;  ///< of plain weights; 0: sqrt(2 / fan in) (He)
+    /// Factor on weight and bias. It can replace a factor before or after a leaky ReLU, which
+    /// commutes with positive factors.
     double gain = 1.0;
 };
 
@@ -33,16 +33,16 @@ struct ConvLayerOptions {
 class ConvLayer {
 public:
     /// Creates `name`.weight (out, kernel, kernel, in / groups) and, if requested, `name`.bias
-    /// (out). The weights depend on the generator's state and on the name alone. Throws ValueError
-    /// if the groups do not divide both channel counts.
+    /// (out). The initial weights depend only on the state of `rng` and on the name. Throws
+    /// ValueError if the groups do not divide both channel counts.
     ConvLayer(ParameterStore& store, const std::string& name, std::int64_t in, std::int64_t out,
               const ConvLayerOptions& options, Rng& rng);
 
     /// Applies a leaky ReLU of this slope after the convolution; 1: no activation.
     [[nodiscard]] Variable operator()(const Variable& x, double slope = 1.0) const;
-    /// Also multiplies each output channel by `scale` (out) and adds `shift` (out), as a
-    /// normalisation in inference mode does. It scales the weight, which is cheaper than scaling
-    /// the image. Not for a layer with a bias.
+    /// The convolution followed by output * `scale` (out) + `shift` (out), like a batch norm in
+    /// inference mode. It scales the weight, which is cheaper than scaling the image. Only for a
+    /// layer without bias.
     [[nodiscard]] Variable scaled(const Variable& x, const Variable& scale,
                                   const Variable& shift) const;
 

@@ -30,7 +30,7 @@ DiscriminatorBlock::DiscriminatorBlock(ParameterStore& store, const std::string&
             rng) {}
 
 LayerMemory DiscriminatorBlock::memory(std::int64_t in, std::int64_t out, std::int64_t side) {
-    // The inputs of the two convolutions, the blurred one twice, and of the skip.
+    // Saved are the inputs of both convolutions (the blurred one counts twice) and of the skip.
     return {(13 * in + out) * side * side / 4, 4 * in * side * side};
 }
 

@@ -8,10 +8,11 @@
 
 namespace stymo {
 
-/// Residual block of StyleGAN2's discriminator, which halves the side: 3x3 convolution, blur and
-/// 3x3 convolution with stride 2, each with leaky ReLU (slope 0.2, gain sqrt(2)); beside it blur
-/// and 1x1 convolution with stride 2, without bias or activation; (main + skip) / sqrt(2). The blur
-/// is [1,3,3,1] / 8 along each axis with zeros beyond the border; equalised learning rate.
+/// Residual block of StyleGAN2's discriminator, which halves the side: (main + skip) / sqrt(2).
+/// Main path: 3x3 convolution, blur, 3x3 convolution with stride 2; both convolutions have leaky
+/// ReLU (slope 0.2, gain sqrt(2)). Skip path: blur and 1x1 convolution with stride 2, without bias
+/// or activation. The blur is [1,3,3,1] / 8 along each axis with zeros beyond the border. All
+/// convolutions have an equalised learning rate.
 class DiscriminatorBlock {
 public:
     /// Creates `prefix`.{conv0,conv1}.{weight,bias} and `prefix`.skip.weight.
@@ -20,7 +21,7 @@ public:
 
     /// (B, S, S, in) -> (B, S / 2, S / 2, out) for an even S.
     [[nodiscard]] Variable operator()(const Variable& x) const;
-    /// The memory for one image of side S.
+    /// Memory for one image of side `side`.
     [[nodiscard]] static LayerMemory memory(std::int64_t in, std::int64_t out, std::int64_t side);
 
 private:

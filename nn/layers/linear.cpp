@@ -40,7 +40,7 @@ FoldedLayer Linear::folded() const {
 }
 
 Variable Linear::operator()(const Variable& x) const {
-    // The smaller operand is the one that is scaled.
+    // Scaling the smaller operand is cheaper.
     if (x.shape().size() < weight_.variable().shape().size())
         return apply(x * weight_scale(), weight_.variable(), effective_bias());
     return apply(x, effective_weight(), effective_bias());

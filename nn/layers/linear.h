@@ -12,11 +12,11 @@ namespace stymo {
 struct LinearOptions {
     Activation activation = Activation::none;
     double learning_rate_multiplier = 1.0;
-    double initial_weight_scale =
-        1.0;  ///< initial deviation of the weights, relative to the equalised one
+    /// Initial standard deviation of the weights, relative to that of equalised weights.
+    double initial_weight_scale = 1.0;
     double initial_bias = 0.0;
     /// Factor on weight and bias. 1 / sqrt(2) cancels StyleGAN2's gain of the leaky ReLU, which
-    /// commutes with scaling.
+    /// commutes with positive factors.
     double gain = 1.0;
 };
 
@@ -33,19 +33,20 @@ struct FoldedLayer {
 /// used, the bias (out) by the multiplier.
 class Linear {
 public:
-    /// Creates `prefix`.weight and `prefix`.bias. The weights depend on the generator's state and
-    /// on the name alone, not on the random numbers of other layers.
+    /// Creates `prefix`.weight and `prefix`.bias. The initial weights depend only on the state of
+    /// `rng` and on the name, not on the random numbers of other layers.
     Linear(ParameterStore& store, const std::string& prefix, std::int64_t in, std::int64_t out,
            const LinearOptions& options, Rng& rng);
 
     /// x (..., in) of rank 2 to 4 -> (..., out). Throws ShapeError for another last extent.
     [[nodiscard]] Variable operator()(const Variable& x) const;
-    /// The same in another order, for outputs that are groups of so many: the first one of each
-    /// group, then the second one of each, and so on.
+    /// The same with reordered outputs. Consecutive outputs form groups of `group`; the result has
+    /// the first output of each group, then the second of each, and so on.
     [[nodiscard]] Variable by_group(const Variable& x, std::int64_t group) const;
 
-    /// The weight as used, (out, in).
+    /// Factor from the stored weight to the weight as used.
     [[nodiscard]] double weight_scale() const;
+    /// The weight as used, (out, in).
     [[nodiscard]] Variable effective_weight() const;
     /// The bias as used, (out).
     [[nodiscard]] Variable effective_bias() const;

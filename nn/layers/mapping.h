@@ -8,12 +8,12 @@
 
 namespace stymo {
 
-/// Mapping network of one code, Z to W of the same size: equalised layers with leaky ReLU, the last
-/// one linear. Without StyleGAN2's pixel norm, because the length of a code carries meaning (a
-/// neutral expression is near 0).
+/// Mapping network of one code group from Z to W, which have the same size: equalised layers with
+/// leaky ReLU; the last layer is linear. Unlike StyleGAN2 it has no pixel norm, because the length
+/// of a code carries meaning (a neutral expression is near 0).
 class Mapping {
 public:
-    /// Creates `prefix`.layer0 and so on. Throws ValueError for less than one layer.
+    /// Creates `prefix`.layer0 and so on. Throws ValueError for fewer than one layer.
     Mapping(ParameterStore& store, const std::string& prefix, std::int64_t size,
             std::int64_t layers, double learning_rate_multiplier, Rng& rng);
 

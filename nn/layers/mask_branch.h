@@ -15,23 +15,25 @@ struct FoldedMaskBranch {
     FoldedLayer logit;
 };
 
-/// Head mask from the features of all render blocks (the paper's SegLite, whose insides are not
-/// published): a 1x1 layer with leaky ReLU (slope 0.2, no gain) from each to a few channels, summed
-/// from coarse to fine with bilinear upsampling, and one logit.
+/// Head mask from the features of all render blocks (the paper's SegLite, whose architecture is not
+/// published). A 1x1 layer with leaky ReLU (slope 0.2, no gain) reduces the features of each block
+/// to a few channels. They are summed from coarse to fine with bilinear upsampling, and a linear
+/// layer gives one logit.
 class MaskBranch {
 public:
-    /// `channels` and `names`: those of the render blocks. Creates `prefix`.lateral<name> and
+    /// `channels` and `names` are those of the render blocks. Creates `prefix`.lateral<name> and
     /// `prefix`.logit.
     MaskBranch(ParameterStore& store, const std::string& prefix,
                std::span<const std::int64_t> channels, std::span<const std::string> names,
                std::int64_t mask_channels, Rng& rng);
 
-    /// Features of the first blocks in ascending order, each (B, S, S, channels) of twice the side
-    /// of the one before -> logit (B, S, S, 1) at the side of the last. Throws ShapeError for none,
-    /// or for more than there are blocks.
+    /// Features of the first blocks in ascending order, each (B, S, S, channels) with twice the
+    /// side of the one before -> logit (B, S, S, 1) at the side of the last. Throws ShapeError for
+    /// no features or for more than there are blocks.
     [[nodiscard]] Variable operator()(std::span<const Variable> features) const;
     [[nodiscard]] FoldedMaskBranch folded() const;
-    /// For feature maps of these sides, in ascending order.
+    /// Memory for feature maps of these sides, in ascending order. `recomputed`: the backward pass
+    /// computes the branch again.
     [[nodiscard]] LayerMemory memory(std::span<const std::int64_t> sides, std::int64_t images,
                                      bool recomputed) const;
 

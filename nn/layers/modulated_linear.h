@@ -7,7 +7,8 @@
 
 namespace stymo {
 
-/// Modulated layer activation(demodulation (weight (scale x)) + bias). Value: Variable or Tensor.
+/// The factors of a modulated layer, activation(demodulation * (weight (scale * x)) + bias). Value
+/// is Variable or Tensor.
 template <class Value>
 struct ModulatedLayerOf {
     Value weight;        ///< (1, out, in)
@@ -25,13 +26,15 @@ using ModulatedLayer = ModulatedLayerOf<Variable>;
 ///     w'_oi = W_oi s_i / sqrt(in)
 ///     y_o   = activation(gain * sum_i w'_oi x_i / sqrt(sum_i w'_oi^2 + 1e-8) + bias_o)
 ///
-/// W ~ N(0, 1). Sine: gain sqrt(2), which keeps the deviation of the sine's argument near 1 at any
-/// depth (SIREN's 30 would turn it into noise, because demodulation cancels SIREN's small weights),
-/// bias uniform in +-1 / sqrt(in). Else gain 1, bias 0; the leaky ReLU includes a factor sqrt(2).
+/// W is initialised with N(0, 1). With a sine, the gain is sqrt(2), which keeps the standard
+/// deviation of the sine's argument near 1 at any depth, and the bias is uniform in +-1 / sqrt(in).
+/// (SIREN's factor 30 would turn the argument into noise, because demodulation cancels SIREN's
+/// small weights.) With other activations the gain is 1 and the bias 0; the leaky ReLU includes a
+/// factor sqrt(2).
 class ModulatedLinear {
 public:
     /// Creates `prefix`.weight (out, in), `prefix`.bias (out) and `prefix`.style.{weight,bias}.
-    /// `initial_scale` (in): factors on the columns of the initial weight; undefined: ones.
+    /// `initial_scale` (in) multiplies the columns of the initial weight; undefined: ones.
     ModulatedLinear(ParameterStore& store, const std::string& prefix, std::int64_t in,
                     std::int64_t out, std::int64_t style_size, Activation activation, Rng& rng,
                     const Tensor& initial_scale = {});
@@ -41,10 +44,11 @@ public:
     [[nodiscard]] Variable operator()(const Variable& x, const Variable& style) const;
     /// The layer folded for the style of one face, (1, style_size).
     [[nodiscard]] FoldedLayer folded(const Variable& style) const;
-    /// The factors of the layer for these styles; the demodulation includes the gain.
+    /// The factors of the layer for these styles (B, style_size). The demodulation includes the
+    /// gain.
     [[nodiscard]] ModulatedLayer parts(const Variable& style) const;
-    /// The layer computed with one weight for all samples, between a scaling of the inputs and a
-    /// scaling of the outputs. The reference implementation.
+    /// The reference implementation: scales the inputs, applies one weight for all samples, and
+    /// scales the outputs.
     [[nodiscard]] Variable reference(const Variable& x, const Variable& style) const;
     [[nodiscard]] std::int64_t inputs() const { return weight_.variable().shape(1); }
     [[nodiscard]] std::int64_t outputs() const { return weight_.variable().shape(0); }

@@ -8,15 +8,16 @@
 
 namespace stymo {
 
-/// HeadNeRF's render block, which no code modulates: upsampling by two 1x1 layers C -> 2C -> 4C,
-/// each with leaky ReLU (slope 0.2, no gain), added to the nearest neighbour before the blur; one
-/// layer with leaky ReLU to the block's channels; a layer to RGB, added to the upsampled RGB of the
-/// blocks before. The first block also computes an RGB image of its input features. Unlike
-/// HeadNeRF's, the channels of the residual are interleaved, as in `Upsampler`.
+/// HeadNeRF's render block, which no code modulates. Two 1x1 layers C -> 2C -> 4C, each with leaky
+/// ReLU (slope 0.2, no gain), compute the detail that is added to the nearest-neighbour upsampling
+/// before the blur. A layer with leaky ReLU follows to the block's channels, and a layer to RGB,
+/// whose result is added to the upsampled RGB of the blocks before. The first block also computes
+/// an RGB image of its input features. Unlike in HeadNeRF, the channels of the detail are
+/// interleaved, as in `Upsampler`.
 class PlainRenderBlock : public UpsampleBlock {
 public:
-    /// Creates `prefix`.{widened,detail,narrowed,to_rgb}.{weight,bias}, for the first block
-    /// `prefix`.to_rgb_below too.
+    /// Creates `prefix`.{widened,detail,narrowed,to_rgb}.{weight,bias}, and for the first block
+    /// `prefix`.to_rgb_below.
     PlainRenderBlock(ParameterStore& store, const std::string& prefix, std::int64_t in,
                      std::int64_t out, bool first, Rng& rng);
 

@@ -12,7 +12,7 @@ LayerMemory UpsampleBlock::memory(std::int64_t side, std::int64_t images, bool r
     const std::int64_t features = pixels * out;
     const std::int64_t between = pixels / 4 * saved;
     const std::int64_t largest = pixels * std::max(in, out);
-    // The image in this block's colours, and what the losses keep of it.
+    // RGB images of this block, with the values that the losses save for them.
     const std::int64_t colours = 5 * 3 * pixels;
     if (recomputed)
         return {images * (features + colours), between + 4 * largest + 3 * images * features / 2};

@@ -15,15 +15,15 @@ struct Rendered {
     Variable rgb;       ///< (B, S, S, 3) before the tanh, the sum over all blocks so far
 };
 
-/// A render block for the style of one face.
+/// A render block with the style of one face folded in.
 struct FoldedRenderBlock {
-    FoldedLayer detail;  ///< of the upsampler
+    FoldedLayer detail;  ///< Upsampler::folded_detail
     FoldedLayer modulated0;
     FoldedLayer modulated1;
     FoldedLayer to_rgb;
 };
 
-/// What an upsampling keeps for the backward pass.
+/// Sizes from which the memory of an upsampling is computed.
 struct UpsampleWidths {
     std::int64_t in = 0;       ///< channels of the features below
     std::int64_t out = 0;      ///< channels of the features above
@@ -46,12 +46,12 @@ public:
     /// Multiply-adds of the matrix products for one pixel of the input.
     [[nodiscard]] virtual std::int64_t multiply_adds() const = 0;
     [[nodiscard]] virtual UpsampleWidths widths() const = 0;
-    /// For images of this side, the one above.
+    /// Memory for images of this side after upsampling.
     [[nodiscard]] LayerMemory memory(std::int64_t side, std::int64_t images, bool recomputed) const;
 };
 
 /// One render block of the paper: learnt upsampling, two modulated layers with leaky ReLU, and a
-/// plain 1x1 layer to RGB, whose result is added to the upsampled RGB of the blocks before.
+/// linear 1x1 layer to RGB, whose result is added to the upsampled RGB of the blocks before.
 class RenderBlock : public UpsampleBlock {
 public:
     /// Creates `prefix`.{upsampler,modulated0,modulated1,to_rgb}.

@@ -11,7 +11,7 @@ namespace stymo {
 
 namespace {
 
-/// Directions of a smaller share of the group's variance are rounding errors.
+/// Directions with a smaller share of the group's variance are rounding errors.
 constexpr double least_share = 1e-9;
 
 GroupDirections directions_of(const Eigen::MatrixXd& covariance, std::int64_t count) {

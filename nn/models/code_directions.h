@@ -10,22 +10,22 @@
 namespace stymo {
 
 /// The principal directions of one group of the codes: eigenvectors of its covariance over the
-/// training faces, those of the largest variance first.
+/// training faces, by decreasing variance.
 struct GroupDirections {
-    std::vector<Tensor>
-        directions;              ///< each (size of the group), as long as one standard deviation
-    std::vector<double> shares;  ///< of the group's variance, for each direction
+    /// Each (size of the group); its length is one standard deviation.
+    std::vector<Tensor> directions;
+    std::vector<double> shares;  ///< share of the group's variance that each direction explains
 };
 
-/// The `count` leading directions of each group, in the order of `code_names`; fewer where a group
-/// varies in fewer. The sign of a direction is such that its element of largest magnitude is
-/// positive. Throws ValueError unless `count` is positive.
+/// The `count` leading directions of each group, in the order of `code_names`; fewer if a group
+/// varies in fewer directions. The sign of each direction is chosen so that its element of largest
+/// magnitude is positive. Throws ValueError unless `count` is positive.
 [[nodiscard]] std::array<GroupDirections, code_names.size()> leading_directions(
     const CodeStatistics& statistics, std::int64_t count);
 
-/// The codes of one face moved by `amounts[group][i]` standard deviations along direction i of each
-/// group; amounts that are missing at the end are 0. Throws ValueError for more amounts than
-/// directions.
+/// Moves the codes of one face by `amounts[group][i]` standard deviations along direction i of each
+/// group. Missing amounts at the end of a group's list are 0. Throws ValueError for more amounts
+/// than directions.
 [[nodiscard]] Codes moved_along(const Codes& codes, std::span<const GroupDirections> directions,
                                 const std::array<std::vector<double>, code_names.size()>& amounts);
 

@@ -17,8 +17,8 @@ constexpr const char* faces_name = "codes.faces";
 constexpr const char* mean_name = "codes.mean";
 constexpr const char* factor_name = "codes.factor";
 
-/// L, lower triangular, with L L^T = X^T X for rows X: the transpose of R in X = Q R. There may be
-/// fewer rows than columns; then L has that many columns, and the others are 0.
+/// The lower triangular L with L L^T = X^T X for the rows X: the transpose of R in X = Q R. If
+/// there are fewer rows than columns, only as many columns of L as there are rows are not 0.
 RowMajorMatrix<double> cholesky_factor(const RowMajorMatrix<double>& rows) {
     const Eigen::MatrixXd packed = Eigen::HouseholderQR<Eigen::MatrixXd>(rows).matrixQR();
     const Eigen::Index rank = std::min(rows.rows(), rows.cols());

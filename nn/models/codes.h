@@ -25,17 +25,17 @@ struct Codes {
     [[nodiscard]] std::int64_t batch() const { return groups[0].shape(0); }
 };
 
-/// All elements of each face in one row, groups in their order: (B, 306).
+/// The groups of each face concatenated in their order, (B, 306).
 [[nodiscard]] Variable joined(const Codes& codes);
 /// The inverse of `joined`. Throws ShapeError for rows of another length.
 [[nodiscard]] Codes split_codes(const Variable& rows);
-/// The codes of face `index`, (1, ...).
+/// The codes of face `index`: (1, size) for each group.
 [[nodiscard]] Codes codes_of_face(const Codes& codes, std::int64_t index);
 /// a + b, group by group.
 [[nodiscard]] Codes add(const Codes& a, const Codes& b);
-/// The same codes as constants.
+/// The same values as constants, to which no gradient flows.
 [[nodiscard]] Codes detached(const Codes& codes);
-/// Sum of the squares of all elements of all faces, a scalar.
+/// The sum of the squares of all elements of all faces, a scalar.
 [[nodiscard]] Variable squared_length(const Codes& codes);
 
 }  // namespace stymo

@@ -20,8 +20,8 @@ LinearOptions before_relu() {
     return {.gain = std::numbers::sqrt2};
 }
 
-/// A layer whose input is [first, code, rest], the code being the same at all samples of the face:
-/// its part joins the bias.
+/// A layer with the input [first, code, rest]. The code is the same at all samples of a face, so
+/// its product is added to the bias.
 Variable joined(const Linear& layer, const std::vector<Variable>& first_and_rest,
                 const Variable& code) {
     const Variable weight = layer.effective_weight();
@@ -112,7 +112,7 @@ Variable ConcatenatedField::composited(const Variable& points, const RayPoints& 
     }
     const RowIndices rows = significant_rows(rays, 0);
     if (rows.empty()) {
-        // Nothing to compute with: clear rays.
+        // No sample is significant: all rays are transparent.
         const std::int64_t width = config_.colors ? config_.channels : feature_width(config_);
         const DType dtype = rays.deltas.dtype();
         return concat(
@@ -185,8 +185,8 @@ FieldWork ConcatenatedField::work() const {
 }
 
 LayerMemory ConcatenatedField::memory(std::int64_t rays, std::int64_t samples_per_ray, bool) const {
-    // Points, distances, depths and weights of all rays with their gradients; the layers of one
-    // tile of samples, and the sums of its weights' gradients.
+    // Saved: points, distances, depths and weights of all rays with their gradients. Passing: the
+    // layers of one tile of samples, and the sums of weight gradients.
     const std::int64_t composited = config_.colors ? config_.channels : feature_width(config_);
     const std::int64_t layers = (std::ssize(layers_) + 4) * config_.width;
     return {rays * (2 * (composited + samples_per_ray) + 8 * samples_per_ray),

@@ -17,32 +17,36 @@
 
 namespace stymo {
 
-/// The decoder; the defaults are the paper's, and those of docs/paper-notes.md where it is silent.
+/// Configuration of the decoder. The defaults are the paper's; docs/paper-notes.md lists those that
+/// the paper does not state.
 struct DecoderConfig {
     std::int64_t resolution = 512;  ///< side of the largest image: 64, 128, 256 or 512
-    std::string conditioning =
-        "modulation";  ///< "modulation", or "concatenation" as in HeadNeRF (nn/models/field.h)
-    /// "blocks": render blocks make the image from a feature map of few rays; "none": one ray for
-    /// each pixel has its colour.
+    /// "modulation" (paper) or "concatenation" (HeadNeRF); see nn/models/field.h.
+    std::string conditioning = "modulation";
+    /// "blocks": render blocks compute the image from a feature map of few rays. "none": each pixel
+    /// has a ray of its own, which gives its colour.
     std::string render = "blocks";
     std::int64_t field_width = 256;  ///< channels of the field's layers
-    std::int64_t field_layers =
-        8;  ///< layers before the density head; the encoding enters again in the middle
+    /// Layers before the density head. Layer skip_layer_of(field_layers) reads the encoding once
+    /// more.
+    std::int64_t field_layers = 8;
     std::int64_t feature_channels = 256;  ///< d_f, channels of the rendered feature map
-    std::int64_t frequencies = 10;        ///< of the positional encoding
-    /// The first weights of frequency 2^k are multiplied by 2^(-k falloff), so that training opens
-    /// the encoding from coarse to fine.
+    std::int64_t frequencies = 10;        ///< octaves of the positional encoding
+    /// The initial weights of the inputs of frequency 2^k are multiplied by 2^(-k * falloff), so
+    /// that training begins with the low frequencies.
     double frequency_falloff = 0.0;
-    /// One for each upsampling from 64 on; further ones are left unused.
+    /// Output channels of the render blocks for the sides 64, 128, ...; entries beyond `resolution`
+    /// are ignored.
     std::vector<std::int64_t> block_channels{128, 64, 32, 32};
     std::int64_t mask_channels = 16;
-    bool mask_detach =
-        false;  ///< keeps the mask loss from the render blocks: it trains the mask branch alone
-    std::int64_t mapping_layers = 4;  ///< 0: W is Z
+    /// Stops the gradient of the mask loss at the mask branch, so that it does not reach the render
+    /// blocks.
+    bool mask_detach = false;
+    std::int64_t mapping_layers = 4;  ///< 0: no mapping networks, W equals Z
     double mapping_learning_rate_multiplier = 1.0;
-    std::string depth_planes = "world_z";  ///< "world_z" or "optical_axis"; decides rays.planes
-    /// rays_per_side is half of the first image's side, and the side of the feature map where there
-    /// are render blocks; DecodeOptions decides the samples.
+    std::string depth_planes = "world_z";  ///< "world_z" or "optical_axis"; sets rays.planes
+    /// rays_per_side is half the smallest image's side; with render blocks it is also the side of
+    /// the feature map. DecodeOptions::samples_per_ray sets the number of samples.
     RaySampling rays;
 };
 
@@ -50,35 +54,37 @@ struct DecoderConfig {
 void describe(ConfigSchema& schema, DecoderConfig& config);
 
 /// The sides of the decoder's images: from twice `rays_per_side` up to `resolution`. Throws
-/// ConfigError where doubling does not lead there or a render block lacks its channels.
+/// ConfigError if doubling does not give `resolution`, or if `block_channels` has too few entries.
 [[nodiscard]] ResolutionLadder resolution_ladder(const DecoderConfig& config);
 
 struct DecodeOptions {
     std::int64_t samples_per_ray = 32;
-    std::int64_t resolution =
-        0;              ///< largest image wanted, 0 for the model's own; later blocks are left out
-    bool mask = false;  ///< also the head mask, at the side of the largest image
-    /// (B, rays, samples_per_ray), 0 where a sample is left out as if it were empty; undefined:
-    /// none is.
+    /// Side of the largest image that is wanted, 0 for the model's resolution. Render blocks for
+    /// larger sides are skipped.
+    std::int64_t resolution = 0;
+    bool mask = false;  ///< also computes the head mask, at the side of the largest image
+    /// (B, rays, samples_per_ray), 0 where a sample is left out as if it were empty. If undefined,
+    /// no sample is left out.
     Tensor significant_samples{};
-    /// Samples of a smaller weight take no part in the backward pass.
+    /// Samples of a smaller compositing weight get no gradient.
     double gradient_tolerance = 0.0;
-    /// Keeps what the backward pass needs of the field, layers * width numbers for each sample,
-    /// instead of computing it once more. A field with concatenated codes keeps nothing either way.
+    /// Keeps the field's activations for the backward pass, layers * width numbers for each sample,
+    /// instead of computing them again. A field with concatenated codes never keeps them.
     bool keep_field = false;
-    /// The backward pass computes the render blocks with the mask branch once more, image by image,
-    /// instead of keeping what it needs of them. Changes results by rounding.
+    /// The backward pass computes the render blocks and the mask branch again, image by image,
+    /// instead of keeping their activations. Results may differ by rounding.
     bool recompute_blocks = false;
-    /// (B, 6), orbit parameters (render/tracked_rays.h) of the very poses of the cameras, which
-    /// gradients flow to; undefined: to none. Much slower than without; significant_samples decide
-    /// by how much.
+    /// (B, 6), orbit parameters (render/tracked_rays.h) of the poses of the given cameras.
+    /// Gradients flow to them. If undefined, there are no gradients of the poses. Much slower than
+    /// without orbits; significant_samples reduce the cost.
     Variable orbits{};
-    Rng* jitter = nullptr;  ///< stratified samples (training); null: fixed samples
+    /// Random numbers for stratified samples (training); null: fixed samples.
+    Rng* jitter = nullptr;
 };
 
 struct Decoded {
-    std::vector<Variable>
-        images;            ///< (B, S, S, 3) in [-1, 1] for S = 64, 128, ... in ascending order
+    /// (B, S, S, 3) in [-1, 1] for S = 64, 128, ... in ascending order.
+    std::vector<Variable> images;
     Variable mask_logit;   ///< (B, S, S, 1) before the sigmoid, undefined unless asked for
     Variable feature_map;  ///< (B, 32, 32, feature_channels); without render blocks (B, S, S, 3),
                            ///< the largest image
@@ -86,22 +92,24 @@ struct Decoded {
     RaySamples samples;
 };
 
-/// Multiply-adds of the matrix products for one image, which are nearly all of the arithmetic.
+/// Multiply-adds of the matrix products for one image. They are nearly all of the arithmetic.
 struct DecoderWork {
     std::int64_t rays = 0;
     FieldWork field;
     std::int64_t blocks = 0;  ///< all render blocks, on every pixel
 };
 
-/// G of the paper: four mapping networks, the modulated sine field, volume rendering, render
-/// blocks, mask branch. With other choices in its configuration it is what the paper compares with:
-/// HeadNeRF's conditioning, or a field that is rendered at full resolution, whose mask is the
-/// opacity of its rays and whose smaller images are the largest one, shrunk.
+/// The generator G of the paper: four mapping networks, a field of modulated sine layers, volume
+/// rendering, render blocks and a mask branch. The configuration can also select the paper's
+/// baselines: HeadNeRF's conditioning by concatenation, or a field that is rendered at full
+/// resolution without render blocks. In the latter the mask is the opacity of the rays, and the
+/// smaller images are the largest one downsampled.
 class Decoder {
 public:
     /// Creates parameters under `prefix`.{mapping,field,block64,...,mask}; their values depend on
-    /// the state of `rng` and on their names alone. Throws ConfigError for a resolution that the
-    /// channels do not reach, and for choices that exclude each other.
+    /// the state of `rng` and on their names alone. Throws ConfigError if `block_channels` has too
+    /// few entries for the resolution, for an unknown choice and for choices that exclude each
+    /// other.
     Decoder(const DecoderConfig& config, ParameterStore& store, const std::string& prefix,
             Rng& rng);
     ~Decoder();
@@ -109,38 +117,41 @@ public:
 
     [[nodiscard]] const DecoderConfig& config() const;
     [[nodiscard]] const ResolutionLadder& ladder() const;
-    /// Z to W.
+    /// Maps codes from Z to W.
     [[nodiscard]] Codes map(const Codes& z) const;
-    /// The image of each face through its camera. One camera for each row of the codes. Throws
-    /// ShapeError where they do not fit and ValueError for a resolution that is not one of the
-    /// model's.
+    /// Renders each face with its camera; there is one camera for each row of `z`. Throws
+    /// ShapeError for codes of other sizes or another number of cameras, and ValueError for a
+    /// resolution that is not one of `ladder()`.
     [[nodiscard]] Decoded operator()(const Codes& z, const std::vector<Camera>& cameras,
                                      const DecodeOptions& options) const;
-    /// The render blocks alone, on a feature map that is reused (texture and light edits). Leaves
-    /// weights and samples of the result undefined, without render blocks the mask too.
+    /// Runs only the render blocks, on a feature map of an earlier result (edits of texture and
+    /// light). Leaves weights and samples of the result undefined, and without render blocks the
+    /// mask too. Throws ShapeError for a feature map of another shape.
     [[nodiscard]] Decoded decode_feature_map(const Variable& feature_map, const Codes& w,
                                              const DecodeOptions& options) const;
-    /// Whether the fast renderer knows these layers.
+    /// Whether the layers can be folded for the fast renderer.
     [[nodiscard]] bool folds() const;
-    /// The layers as they are for one face, with codes (1, ...) in W: what a renderer computes
-    /// with. Throw ValueError unless it folds.
+    /// The field's layers with the style of one face folded in, for a renderer. `w` has one row, in
+    /// W. Throws ValueError unless `folds()`.
     [[nodiscard]] FoldedField folded_field(const Codes& w) const;
-    /// Those of an image of this side, 0 for the model's own. Throws ValueError for one that is not
-    /// one of the model's.
+    /// The render blocks for an image of side `resolution` (0: the model's resolution) with the
+    /// style of one face folded in. Throws ValueError unless `folds()`, or for a resolution that is
+    /// not one of `ladder()`.
     [[nodiscard]] std::vector<FoldedRenderBlock> folded_blocks(const Codes& w,
                                                                std::int64_t resolution = 0) const;
+    /// Throws ValueError without render blocks.
     [[nodiscard]] FoldedMaskBranch folded_mask() const;
-    /// Decoded::weights.weights of an image with samples at fixed places, (B, rays,
-    /// samples_per_ray), and no more than they take. Throws what decoding throws.
+    /// Decoded::weights.weights for samples at fixed places, (B, rays, samples_per_ray), without
+    /// computing features or images. Throws the same errors as decoding.
     [[nodiscard]] Tensor compositing_weights(const Codes& z, const std::vector<Camera>& cameras,
                                              std::int64_t samples_per_ray,
                                              std::int64_t resolution = 0) const;
-    /// Density at points (B, P, 3) for codes in W: (B, P, 1).
+    /// Density (B, P, 1) at points (B, P, 3) in world coordinates, for codes in W.
     [[nodiscard]] Variable density(const Variable& points, const Codes& w) const;
-    /// What an image of this resolution takes, 0: the model's own.
+    /// Arithmetic for one image of this resolution (0: the model's resolution).
     [[nodiscard]] DecoderWork work(std::int64_t resolution = 0) const;
-    /// What decoding so many images at once with these options needs, the loss on the images
-    /// included.
+    /// Memory for decoding this number of images at once with these options, including the loss on
+    /// the images.
     [[nodiscard]] LayerMemory memory(const DecodeOptions& options, std::int64_t images) const;
 
 private:

@@ -14,9 +14,9 @@
 namespace stymo {
 
 struct DiscriminatorConfig {
-    double channel_multiplier =
-        2.0;  ///< 64: 512, 128: 256, 256: 128, 512: 64 channels with 2, half of that with 1
-    std::int64_t max_channels = 512;  ///< of every layer; smaller ones make small discriminators
+    /// With 2, the sides 64, 128, 256, 512 have 512, 256, 128, 64 channels; with 1, half as many.
+    double channel_multiplier = 2.0;
+    std::int64_t max_channels = 512;  ///< upper limit for every layer
     std::int64_t group_size = 4;      ///< images that share a minibatch standard deviation
 };
 
@@ -27,29 +27,31 @@ void describe(ConfigSchema& schema, DiscriminatorConfig& config);
 /// for progressive growing.
 class Discriminator {
 public:
-    /// Creates parameters under `prefix`: fromRGB and blocks for 64, 128, ... up to `resolution`,
-    /// and what they share. Throws ConfigError for another resolution.
+    /// Creates parameters under `prefix`: fromRGB and a block for each side 64, 128, ... up to
+    /// `resolution`, and the layers that all sides share. Throws ConfigError if `resolution` is not
+    /// one of these sides.
     Discriminator(const DiscriminatorConfig& config, std::int64_t resolution, ParameterStore& store,
                   const std::string& prefix, Rng& rng);
     ~Discriminator();
     Discriminator(Discriminator&&) noexcept;
 
     /// images (B, S, S, 3) in [-1, 1] for S = 64, 128, ... up to the resolution -> logits (B, 1),
-    /// high for real ones. Below `fade` = 1 the block of S is being faded in: its features are
-    /// mixed with fromRGB of the image shrunk to S / 2 (box), with weight 1 - fade. Throws
-    /// ShapeError for another side, or if the group size (at most B) does not divide B; ValueError
-    /// for a fade outside [0, 1], or below 1 at 64 pixels, where there is nothing to fade from.
+    /// high for real images. If `fade` < 1, the block of side S is being faded in: its features are
+    /// mixed with fromRGB of the image downsampled to S / 2 (box filter), which has the weight 1 -
+    /// fade. Throws ShapeError for another side, or if the group size (at most B) does not divide
+    /// B; ValueError for a fade outside [0, 1], or below 1 at 64 pixels, where there is nothing to
+    /// fade from.
     [[nodiscard]] Variable operator()(const Variable& images, double fade = 1.0) const;
 
     [[nodiscard]] std::int64_t resolution() const;
-    /// The memory for so many images of this side.
+    /// Memory for this number of images of this side.
     [[nodiscard]] static LayerMemory memory(const DiscriminatorConfig& config, std::int64_t side,
                                             std::int64_t images);
-    /// The number of weights, nearly.
+    /// Approximate number of parameters.
     [[nodiscard]] static std::int64_t element_count(const DiscriminatorConfig& config,
                                                     std::int64_t resolution);
-    /// Names that a parameter belongs to if images of side S are the first ones to use it; what
-    /// phase S adds.
+    /// Name prefixes of the parameters that images of this side use and smaller images do not: the
+    /// parameters that the progressive phase of this side adds.
     [[nodiscard]] static std::vector<std::string> prefixes_of(const std::string& prefix,
                                                               std::int64_t side);
 

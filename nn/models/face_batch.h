@@ -10,28 +10,28 @@
 
 namespace stymo {
 
-/// Photos of B faces as the networks and the losses take them, in training and in fitting alike.
-/// Fitting reads the first three members, and the codes of a model without an encoder.
+/// Photos of B faces, prepared for the networks and the losses of training and fitting. Fitting
+/// reads only the first three members, and `codes` if the model has no encoder.
 struct FaceBatch {
     Tensor input;  ///< (B, S, S, 3) in [-1, 1], unmasked: what the encoder sees
     /// (B, R, R, 3) in [-1, 1] for each side R that the model renders, in ascending order: the head
-    /// on black (-1).
+    /// on a black background (-1).
     std::vector<Tensor> targets;
     std::vector<Camera> cameras;
     std::vector<std::string> ids{};
     Tensor mask{};      ///< (B, S, S, 1) in [0, 1]
-    Tensor ray_mask{};  ///< (B, R, R, 1) in [0, 1] for half the smallest target's side R: one value
-                        ///< for each ray
+    Tensor ray_mask{};  ///< (B, R, R, 1) in [0, 1], one value for each ray; R is half the smallest
+                        ///< target's side
     std::array<Tensor, 4> codes{};  ///< (B, size) of each group in the order of `code_names`, zeros
                                     ///< where a face has no code
-    Tensor code_present{};          ///< (B), 1 where there is a code; undefined: nowhere
+    Tensor code_present{};          ///< (B), 1 where a face has a code; undefined: no face has one
 
     /// Whether any face of the batch has a code.
     [[nodiscard]] bool has_codes() const;
 };
 
-/// Codes of the batch's faces in Z, before any fitting: the encoder's, or the data's where the
-/// model has no encoder. Throws ValueError naming the first face whose code is needed and missing.
+/// Initial codes of the batch's faces in Z: from the encoder, or from `batch.codes` if the model
+/// has no encoder. Throws ValueError, which names the first face whose code is missing.
 [[nodiscard]] Codes face_codes(const Model& model, const FaceBatch& batch);
 
 }  // namespace stymo

@@ -75,7 +75,8 @@ Tensor image_in_square(const Tensor& photo, const FaceSquare& square, std::int64
         fail<ShapeError>("[face square] a photo is (height, width, channels); got ", photo.shape());
     Tensor image = Tensor::zeros({side, side, photo.shape(2)});
     const double step = 2.0 / static_cast<double>(side);
-    // So many samples along each side of a pixel that hardly a pixel of the photo is passed over.
+    // Samples along each side of a target pixel: enough that hardly any pixel of the photo is
+    // skipped.
     const auto taps =
         std::clamp<std::int64_t>(std::llround(std::ceil(step * square.axis.norm() - 0.4)), 1, 16);
     const float share = 1.0F / static_cast<float>(taps * taps);

@@ -17,10 +17,11 @@ using FacePoints = std::array<Eigen::Vector2d, 68>;
 /// may reach beyond the photo.
 struct FaceSquare {
     Eigen::Vector2d center = Eigen::Vector2d::Zero();
-    /// From the centre to the middle of the right side.
+    /// Vector from the centre to the middle of the right side.
     Eigen::Vector2d axis = Eigen::Vector2d::UnitX();
 
-    /// The point of the photo at (u, v) of the square, each from -1 to 1, v downwards.
+    /// The point of the photo at the coordinates (u, v) of the square, each in [-1, 1], v
+    /// downwards.
     [[nodiscard]] Eigen::Vector2d point(const Eigen::Vector2d& at) const {
         return center + at.x() * axis + at.y() * Eigen::Vector2d(-axis.y(), axis.x());
     }
@@ -28,15 +29,18 @@ struct FaceSquare {
     [[nodiscard]] Eigen::Vector2d coordinates(const Eigen::Vector2d& point) const;
 };
 
-/// Upright on the line of the eyes, around all points with a margin.
+/// A square around all points with a margin, with its u axis along the line of the eyes. Throws
+/// NumericError if both eyes are at the same point.
 [[nodiscard]] FaceSquare square_around(const FacePoints& points);
-/// The square of about the same extent for the box of dlib's detector of frontal faces.
+/// A square of about the same extent as `square_around`, from the box of dlib's frontal face
+/// detector.
 [[nodiscard]] FaceSquare square_of_box(double left, double top, double width, double height);
-/// The square of a photo (height, width, C) as an image of side x side pixels, antialiased. Beyond
-/// the photo its border is repeated.
+/// Resamples the square of a photo (height, width, C) to an image (side, side, C) with
+/// antialiasing. Pixels outside the photo repeat its border. Throws ShapeError for a photo of
+/// another rank.
 [[nodiscard]] Tensor image_in_square(const Tensor& photo, const FaceSquare& square,
                                      std::int64_t side);
-/// The number of the point that is at point k's place in the mirror image.
+/// The index of the point that takes point k's place in the mirror image.
 [[nodiscard]] std::size_t mirrored_point(std::size_t k);
 /// The points of the mirror image of a photo that is `width` pixels wide.
 [[nodiscard]] FacePoints mirrored_points(const FacePoints& points, double width);

@@ -15,10 +15,10 @@ namespace stymo {
 
 /// How codes enter the field.
 enum class Conditioning {
-    modulation,  ///< identity and expression modulate sine layers; texture and light belong to the
+    modulation,  ///< identity and expression modulate sine layers; texture and light modulate the
                  ///< render blocks (paper)
-    concatenation,  ///< identity and expression join the encoded point, texture and light the
-                    ///< features (HeadNeRF)
+    concatenation,  ///< identity and expression are concatenated to the encoded point, texture and
+                    ///< light to the features (HeadNeRF)
 };
 
 struct FieldConfig {
@@ -26,16 +26,16 @@ struct FieldConfig {
     std::int64_t frequencies = 10;
     std::int64_t width = 256;
     std::int64_t layers = 8;
-    std::int64_t channels = 256;         ///< of what is composited
+    std::int64_t channels = 256;         ///< channels of the composited features or colours
     std::int64_t geometry_size = 179;    ///< identity and expression
     std::int64_t appearance_size = 127;  ///< texture and light
-    /// The samples have colours between 0 and 1, `channels` of them, instead of features; of a
-    /// field with concatenation alone.
+    /// Samples have `channels` colours in [0, 1] instead of features. Read only by a concatenated
+    /// field.
     bool colors = false;
-    double frequency_falloff = 0.0;  ///< see DecoderConfig; of a modulated field alone
+    double frequency_falloff = 0.0;  ///< see DecoderConfig; read only by a modulated field
 };
 
-/// The codes that a field may read, in W.
+/// The codes of a field, in W.
 struct FieldStyle {
     Variable geometry;    ///< (B, geometry_size)
     Variable appearance;  ///< (B, appearance_size)
@@ -46,40 +46,41 @@ struct RenderedFeatures {
     Variable features;         ///< (B, R, channels)
 };
 
-/// The layer of a field whose input is joined by the encoding (and code, where it is concatenated)
-/// once more; 0: none, since layer 0 sees it anyway.
+/// The layer whose input is concatenated once more with the field's input: the encoding, and the
+/// code in a concatenated field. 0 means no layer.
 [[nodiscard]] constexpr std::int64_t skip_layer_of(std::int64_t layers) {
     return layers >= 4 ? layers / 2 + 1 : 0;
 }
 
-/// Multiply-adds of the matrix products.
+/// Multiply-adds of the matrix products of a field.
 struct FieldWork {
     std::int64_t sample = 0;  ///< at each sample
     std::int64_t ray = 0;     ///< after compositing
 };
 
-/// A radiance field with what is composited from it.
+/// A radiance field and its volume rendering.
 class Field {
 public:
     virtual ~Field() = default;
 
-    /// `keep`: what the backward pass needs of the samples may be kept instead of computed once
-    /// more.
+    /// Evaluates the field at the samples and composites each ray. `keep` allows it to keep the
+    /// activations of the samples for the backward pass instead of computing them again.
     [[nodiscard]] virtual RenderedFeatures render(const RayPoints& rays, const FieldStyle& style,
                                                   bool keep) const = 0;
-    /// The same with points (B, R * N, 3) that gradients flow to, in place of those of `rays`.
+    /// The same at `points` (B, R * N, 3) instead of `rays.points`; gradients flow to `points`.
     [[nodiscard]] virtual RenderedFeatures render_tracked(const Variable& points,
                                                           const RayPoints& rays,
                                                           const FieldStyle& style) const = 0;
-    /// At points (B, P, 3) in world coordinates: (B, P, 1).
+    /// Density (B, P, 1) at points (B, P, 3) in world coordinates.
     [[nodiscard]] virtual Variable density(const Variable& points,
                                            const FieldStyle& style) const = 0;
-    /// Whether the engine knows these layers.
+    /// Whether the layers can be folded for nn/engine.
     [[nodiscard]] virtual bool folds() const { return false; }
-    /// For the engine, of one face. Throws ValueError unless the field folds.
+    /// The layers with the style of one face folded in, for nn/engine. Throws ValueError unless
+    /// `folds()`.
     [[nodiscard]] virtual FoldedField folded(const FieldStyle& style) const;
     [[nodiscard]] virtual FieldWork work() const = 0;
-    /// Field and compositing of so many rays. `keep` as in `render`.
+    /// Memory for the field and the compositing of this number of rays. `keep` as in `render`.
     [[nodiscard]] virtual LayerMemory memory(std::int64_t rays, std::int64_t samples_per_ray,
                                              bool keep) const = 0;
 };

@@ -14,13 +14,13 @@ namespace stymo {
 namespace {
 
 constexpr std::int64_t points_at_once = 1 << 16;
-/// The head is looked for on a grid of so many cells, and may reach so many cells farther than
-/// what is found there.
+/// Cells of the coarse grid on which the head is searched, and cells by which the head may extend
+/// beyond the mesh found there.
 constexpr std::int64_t coarse_resolution = 40;
 constexpr double coarse_margin = 1.5;
 
-/// As wide as what the frontal camera sees around the head's origin, from the near plane to a
-/// head's depth behind it: no photo shows what lies deeper.
+/// The box that is searched: as wide as the frontal camera's view at the head's origin, from the
+/// near plane to the depth of a head. No photo shows points behind it.
 Box searched_box(const ModelConfig& model) {
     const double half = 0.5 * model.camera.distance / model.camera.intrinsics.focal;
     const RaySampling& rays = model.decoder.rays;
@@ -28,7 +28,7 @@ Box searched_box(const ModelConfig& model) {
             {half, half, rays.near_z}};
 }
 
-/// Holds the mesh with so much space around it, and no more than `limit`.
+/// The bounding box of the mesh enlarged by `margin`, but within `limit`.
 Box box_around(const TriangleMesh& mesh, double margin, const Box& limit) {
     Box box{limit.upper, limit.lower};
     const std::span<const float> vertices = mesh.vertices.values<float>();
@@ -43,8 +43,8 @@ Box box_around(const TriangleMesh& mesh, double margin, const Box& limit) {
     return box;
 }
 
-/// Arguments of the softplus, in which a field is closer to linear than in densities, at the
-/// vertices (z, y, x).
+/// The density's logits at the vertices (z, y, x). Between vertices they are closer to linear than
+/// densities.
 Tensor logits_at(const Model& model, const Codes& w, const VertexGrid& grid) {
     Tensor result({grid.vertices[2], grid.vertices[1], grid.vertices[0]});
     const std::span<float> logits = result.mutable_values<float>();

@@ -27,7 +27,8 @@ std::vector<std::string> names_of(const ResolutionLadder& ladder) {
     return names;
 }
 
-/// Few rays, a render block for each image, and the mask branch on their features.
+/// Render blocks on a feature map of few rays, one for each image, and the mask branch on their
+/// features.
 class RenderBlocks : public ImageStage {
 public:
     RenderBlocks(const DecoderConfig& config, ResolutionLadder ladder, ParameterStore& store,
@@ -117,8 +118,8 @@ std::vector<FoldedRenderBlock> RenderBlocks::folded_blocks(const Variable& style
     return blocks;
 }
 
-/// A ray for each pixel of the largest image; the others are that image, shrunk. The mask is the
-/// opacity.
+/// One ray for each pixel of the largest image. Smaller images are that image downsampled. The mask
+/// is the opacity.
 class RaysAsImages : public ImageStage {
 public:
     explicit RaysAsImages(ResolutionLadder ladder) : ladder_(std::move(ladder)) {}
@@ -161,14 +162,14 @@ Decoded RaysAsImages::images(const Variable& image, const Variable&, const Decod
 }
 
 Variable RaysAsImages::mask_of_rays(const Variable& transmittance, std::int64_t side) const {
-    constexpr double lift = 1e-6;  // bounds the logit where a ray is clear or opaque
+    constexpr double lift = 1e-6;  // bounds the logit of a transparent or opaque ray
     const Variable logit = log(affine(transmittance, -1.0, 1.0) + lift) - log(transmittance + lift);
     return reshape(logit, {transmittance.shape(0), side, side, 1});
 }
 
 LayerMemory RaysAsImages::memory(const DecodeOptions& options, std::int64_t images) const {
     const std::int64_t side = rays_per_side(options.resolution);
-    // The colours and the opacity of each ray, and what the losses keep of them.
+    // Colours and opacity of each ray, with the values that the losses save for them.
     return {5 * 4 * images * side * side, 0};
 }
 

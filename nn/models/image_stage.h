@@ -8,7 +8,7 @@
 
 namespace stymo {
 
-/// The decoder's part behind the rays: from what they bring to images (DecoderConfig::render).
+/// The part of the decoder that turns composited rays into images (DecoderConfig::render).
 class ImageStage {
 public:
     ImageStage() = default;
@@ -16,31 +16,32 @@ public:
     ImageStage& operator=(const ImageStage&) = delete;
     virtual ~ImageStage() = default;
 
-    /// Rays along one side for images of up to this resolution, 0: the model's own.
+    /// Rays along one side for images of up to this resolution (0: the model's resolution).
     [[nodiscard]] virtual std::int64_t rays_per_side(std::int64_t resolution) const = 0;
     /// Channels of the feature map.
     [[nodiscard]] virtual std::int64_t channels() const = 0;
-    /// The feature map's values from those of the composited rays.
+    /// Converts composited values of the rays to values of the feature map.
     [[nodiscard]] virtual Variable feature_values(const Variable& composited) const = 0;
-    /// feature_map (B, rays, rays, channels), style (B, texture and light): Decoded::images,
-    /// feature_map and, where it does not come from the rays, mask_logit.
+    /// feature_map (B, rays, rays, channels), style (B, texture and light) -> a Decoded with
+    /// images, feature_map and, unless the mask comes from the rays, mask_logit.
     [[nodiscard]] virtual Decoded images(const Variable& feature_map, const Variable& style,
                                          const DecodeOptions& options) const = 0;
-    /// Decoded::mask_logit where it comes from the rays, of transmittance (B, side * side, 1);
-    /// else undefined.
+    /// Decoded::mask_logit from the transmittance (B, side * side, 1) if the mask comes from the
+    /// rays, else undefined.
     [[nodiscard]] virtual Variable mask_of_rays(const Variable& transmittance,
                                                 std::int64_t side) const = 0;
     /// Multiply-adds of the matrix products for one image.
     [[nodiscard]] virtual std::int64_t multiply_adds(std::int64_t resolution) const = 0;
     [[nodiscard]] virtual LayerMemory memory(const DecodeOptions& options,
                                              std::int64_t images) const = 0;
-    /// Throw ValueError where there are none.
+    /// Render blocks and mask branch with the style folded in. Both throw ValueError for a stage
+    /// without render blocks.
     [[nodiscard]] virtual std::vector<FoldedRenderBlock> folded_blocks(
         const Variable& style, std::int64_t resolution) const = 0;
     [[nodiscard]] virtual FoldedMaskBranch folded_mask() const = 0;
 };
 
-/// The stage that the configuration names. Creates its parameters under `prefix`.
+/// Makes the stage that the configuration selects. Creates its parameters under `prefix`.
 [[nodiscard]] std::unique_ptr<ImageStage> make_image_stage(const DecoderConfig& config,
                                                            const ResolutionLadder& ladder,
                                                            ParameterStore& store,

@@ -19,9 +19,9 @@ constexpr std::int64_t coordinate_count = 136;
 constexpr const char* landmark_prefix = "landmarks.";
 constexpr const char* landmark_format_key = "format";
 constexpr const char* landmark_format = "stymo landmark network 1";
-/// The answer for the detector's box is rough; after three squares nothing changes any more.
+/// The result for the detector's box is rough; after three squares it does not change any more.
 constexpr int squares_in_turn = 4;
-/// Enlargements of the last square whose answers are averaged.
+/// Scales of the last square, whose results are averaged.
 constexpr std::array<double, 3> last_scales{0.94, 1.0, 1.06};
 
 ConvLayer landmark_layer(ParameterStore& store, const std::string& name, std::int64_t in,

@@ -13,8 +13,9 @@
 
 namespace stymo {
 
-/// A network from a face to its 68 landmarks: strided 3x3 convolutions with residual pairs, 80 x 80
-/// to 5 x 5 pixels, and two linear layers. 1.3 million parameters, 53 MMAC.
+/// A network that finds the 68 landmarks of a face: strided 3x3 convolutions with residual pairs,
+/// from 80 x 80 to 5 x 5 pixels, and two linear layers. 1.3 million parameters, 53 million
+/// multiply-adds.
 class LandmarkNetwork {
 public:
     static constexpr std::int64_t input_side = 80;
@@ -23,8 +24,8 @@ public:
     LandmarkNetwork(ParameterStore& store, const std::string& prefix, Rng& rng);
 
     /// Images (B, 80, 80, 3) in [0, 1] of squares (`square_around`) -> (B, 136): x and y of each
-    /// point in the square, from -1 to 1, y downwards. Contrast and brightness of an image have no
-    /// effect.
+    /// point in coordinates of the square, in which it spans [-1, 1], y downwards. The result does
+    /// not depend on the contrast and brightness of an image.
     [[nodiscard]] Variable operator()(const Variable& images) const;
 
 private:
@@ -42,19 +43,19 @@ struct LandmarkModel {
     LandmarkNetwork network;
 };
 
-/// Random weights.
+/// A model with random weights.
 [[nodiscard]] LandmarkModel make_landmark_model(Rng rng);
 /// Throws FileError for a file that was not written by `write_landmark_model`.
 [[nodiscard]] LandmarkModel read_landmark_model(const std::filesystem::path& path);
 /// Writes a .safetensors file, whole or not at all.
 void write_landmark_model(const std::filesystem::path& path, const LandmarkModel& model);
 
-/// The mean of the network's answers for some squares of a photo (height, width, 3) in [0, 1] and
-/// for their mirror images, in pixels of the photo.
+/// Landmarks in pixels of a photo (height, width, 3) in [0, 1]: the mean of the network's results
+/// for several squares and their mirror images.
 [[nodiscard]] FacePoints points_in_squares(const LandmarkModel& model, const Tensor& photo,
                                            const std::vector<FaceSquare>& squares);
-/// Landmarks of the face in and around `start`, in pixels of the photo: the answer for a square
-/// gives the next square. Throws NumericError if the network answers with points without extent.
+/// Landmarks of the face near `start`, in pixels of the photo. Each result of the network gives the
+/// square for the next evaluation. Throws NumericError if a result has both eyes at the same point.
 [[nodiscard]] FacePoints find_points(const LandmarkModel& model, const Tensor& photo,
                                      const FaceSquare& start);
 

@@ -13,11 +13,11 @@ namespace stymo {
 namespace {
 
 constexpr std::int64_t vertices_per_chunk = 4096;
-/// By so much, in world units, a vertex may lie behind what its pixel shows: the rounding of the
-/// mesh and of the image.
+/// Tolerance, in world units, for the depth of a vertex behind the depth of its pixel, for rounding
+/// of mesh and image.
 constexpr double depth_tolerance = 0.05;
 
-/// What one camera sees, with sums over cameras for each vertex.
+/// A view of the face by one camera.
 struct ColoredView {
     Camera camera;
     Tensor image;  ///< (S, S, 3)
@@ -29,8 +29,9 @@ Eigen::Vector3d vector_at(std::span<const float> values, std::int64_t index) {
     return Eigen::Map<const Eigen::Vector3f>(values.data() + 3 * index).cast<double>();
 }
 
-/// How much the view says of a surface: the fourth power of the cosine, for slanted pixels smear,
-/// times the mask; 0 for what it does not see. `pixel` is set unless that is 0.
+/// Weight of a view for a vertex: the fourth power of the cosine between normal and view direction
+/// (slanted surfaces are blurred) times the mask; 0 if the vertex is not visible. `pixel` is set
+/// unless the weight is 0.
 double weight_of(const ColoredView& view, const Eigen::Vector3d& vertex,
                  const Eigen::Vector3d& normal, std::size_t& pixel) {
     const std::int64_t side = view.image.shape(0);
@@ -65,7 +66,7 @@ void add_view(const ColoredView& view, const TriangleMesh& mesh, const Tensor& n
         });
 }
 
-/// Sums over weights; the mean colour of all where there is none.
+/// Weighted means of the colours. Vertices without weight have the mean colour of all.
 Tensor means(std::span<const double> sums) {
     std::array<double, 4> total{};
     for (std::size_t i = 0; i < sums.size(); ++i) total[i % 4] += sums[i];

@@ -5,9 +5,10 @@
 
 namespace stymo {
 
-/// Colours of the vertices of a face's mesh, (V, 3) RGB in [0, 1]: what images of the face (row 0
-/// of the codes) from the usual views show there, each as much as the surface faces it. What none
-/// of them sees has their mean colour. `normals` (V, 3), of length 1.
+/// Colours of the vertices of a face's mesh, (V, 3) RGB in [0, 1]. The face (row 0 of `codes`) is
+/// rendered from several views. A vertex has the mean of its colours in the views that see it,
+/// weighted by how directly the surface faces the camera. Vertices that no view sees have the mean
+/// colour of the others. `normals` (V, 3) have unit length.
 [[nodiscard]] Tensor mesh_colors(const Model& model, const Codes& codes, const TriangleMesh& mesh,
                                  const Tensor& normals, const RendererOptions& rendering);
 

@@ -12,34 +12,35 @@
 
 namespace stymo {
 
-/// Where the camera of a face stands: shared intrinsics and the place that it looks at.
+/// Intrinsics and placement of the camera, shared by all faces.
 struct CameraConfig {
     Intrinsics intrinsics;
-    double distance = 5.3;     ///< from the head's origin to the camera of a frontal view
-    double pivot_depth = 0.9;  ///< z of the point on the face that stays in the middle of the image
-                               ///< as the head turns
+    double distance = 5.3;  ///< from the head's origin to the camera of a frontal view
+    /// World z of the point that stays in the middle of the image as the head turns.
+    double pivot_depth = 0.9;
 };
 
-/// What reconstruction means for this model, in training and in fitting alike.
+/// The reconstruction loss of this model, for training and for fitting.
 struct ReconstructionConfig {
-    std::vector<double> resolution_weights{0.01, 0.1, 0.5, 1.0};  ///< gamma of 64, 128, 256, 512
+    /// gamma of the paper for the sides 64, 128, 256, 512.
+    std::vector<double> resolution_weights{0.01, 0.1, 0.5, 1.0};
     double photometric_weight = 1.0;
     double perceptual_weight = 0.1;  ///< lambda of LPIPS at the largest resolution
     LpipsConfig perceptual;
-    /// Side of the images that LPIPS compares at most, a power of two; larger ones are reduced to
-    /// it by means. 0: no limit.
+    /// Largest side of the images that LPIPS compares, a power of two. Larger images are reduced to
+    /// it by a box filter. 0: no limit.
     std::int64_t perceptual_resolution = 0;
     std::int64_t fit_samples_per_ray = 64;
     double fit_regularizer = 1.0;     ///< weight of the sum of squared code offsets
-    double fit_learning_rate = 0.01;  ///< of a fit's first step
+    double fit_learning_rate = 0.01;  ///< of the first step of a fit
 };
 
 struct ModelConfig {
     DecoderConfig decoder;
     EncoderConfig encoder;
-    /// Where the code of a photo comes from: "encoder"; "morphable", the data's fit of a morphable
-    /// model; "morphable_offset", the same plus an offset that training learns for each of its
-    /// photos.
+    /// Where the code of a photo comes from. "encoder": the encoder. "morphable": the data set,
+    /// which has a fit of a morphable model. "morphable_offset": the same plus an offset that
+    /// training learns for each training photo.
     std::string code_source = "encoder";
     CameraConfig camera;
     ReconstructionConfig reconstruction;
@@ -48,37 +49,37 @@ struct ModelConfig {
 /// Binds "decoder.", "encoder.", "codes.", "camera.", "reconstruction." .
 void describe(ConfigSchema& schema, ModelConfig& config);
 
-/// What is made of a model.
+/// The parts of a model that are created.
 enum class ModelParts {
     all,
-    decoder,  ///< for codes that are known already; of the encoder nothing is made
+    decoder,  ///< without the encoder, for codes that are already known
 };
 
-/// Encoder, unless codes come from elsewhere, and decoder with their parameters: what is trained,
-/// saved, fitted and rendered. Parameters are named "encoder. ..." and "decoder. ...".
+/// A decoder, an encoder unless codes come from elsewhere, and their parameters. Parameters are
+/// named "encoder.*" and "decoder.*".
 class Model {
 public:
-    /// Random weights from `rng`, but the encoder's backbone from its weights file if the
+    /// Random weights from `rng`. The encoder's backbone is read from a weights file if the
     /// configuration names one.
     Model(const ModelConfig& config, Rng& rng);
 
-    /// A trained model, frozen. Throws FileError for a file that is missing, malformed or not a
-    /// model of stymo.
+    /// Reads a trained model and freezes its parameters. Throws FileError for a file that is
+    /// missing, malformed or not a model of stymo.
     [[nodiscard]] static Model load(const std::filesystem::path& path,
                                     ModelParts parts = ModelParts::all);
-    /// Writes every parameter, the configuration (metadata "config") and the statistics of codes,
-    /// if any. Whole or not at all. Throws ValueError for a part.
+    /// Writes every parameter, the configuration (metadata "config") and the code statistics, if
+    /// any; completely or not at all. Throws ValueError if only the decoder was loaded.
     void save(const std::filesystem::path& path) const;
 
     [[nodiscard]] const ModelConfig& config() const { return config_; }
     [[nodiscard]] ParameterStore& parameters() { return parameters_; }
     [[nodiscard]] const ParameterStore& parameters() const { return parameters_; }
-    /// Throws ValueError for a model without one, and where only the decoder was loaded.
+    /// Throws ValueError for a model without an encoder, and if only the decoder was loaded.
     [[nodiscard]] const Encoder& encoder() const;
     [[nodiscard]] bool has_encoder() const { return encoder_.has_value(); }
     [[nodiscard]] const Decoder& decoder() const { return decoder_; }
-    /// Of the codes of faces that it was trained on, if its file has them: the end of a training
-    /// adds them.
+    /// Statistics of the codes of the training faces, if the model's file has them. They are added
+    /// at the end of a training.
     [[nodiscard]] const std::optional<CodeStatistics>& code_statistics() const {
         return code_statistics_;
     }
@@ -93,7 +94,7 @@ private:
     std::optional<CodeStatistics> code_statistics_;
 };
 
-/// The model's configuration as it stands in the metadata of its file.
+/// The configuration in the form that the metadata of a model's file has.
 [[nodiscard]] std::string to_json(const ModelConfig& config);
 
 }  // namespace stymo

@@ -9,7 +9,7 @@ void publish_model(const std::filesystem::path& in, const std::filesystem::path&
     ModelConfig config = Model::load(in).config();
     config.encoder.backbone_weights.clear();
     config.reconstruction.perceptual = {.network = encoder_network};
-    // With this weight fitted and tuned faces have the highest PSNR and SSIM.
+    // With this weight, fitted and tuned faces had the highest PSNR and SSIM.
     config.reconstruction.perceptual_weight = config.encoder.backbone == "small_conv" ? 1.0 : 0.0;
     TensorFile file = read_tensor_file(in);
     file.metadata["config"] = to_json(config);

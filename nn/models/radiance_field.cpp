@@ -42,7 +42,8 @@ Variable composed_rays(const RayPoints& rays, const SineNetwork& network) {
         {weights.weights, weights.transmittance, composite(weights.weights, samples.features)}, 2);
 }
 
-/// Factors on a layer's first weights: those of frequency 2^k are multiplied by 2^(-k falloff).
+/// Factors on a layer's initial weights: columns of frequency 2^k are multiplied by 2^(-k *
+/// falloff).
 Tensor initial_scale(std::int64_t frequencies, double falloff, std::int64_t inputs) {
     constexpr std::int64_t plain = 3, per_frequency = 6;
     Tensor scale = Tensor::full({inputs}, 1.0);
@@ -145,7 +146,7 @@ RenderedRays RadianceField::render_tracked(const Variable& points, const RayPoin
                                            const Variable& style) const {
     std::vector<Variable> weights, transmittance, sums;
     for (std::int64_t face = 0; face < points.shape(0); ++face) {
-        // A face without significant samples would leave nothing to compute with.
+        // The ops cannot compute with zero rows.
         RowIndices rows = significant_rows(rays, face);
         if (rows.empty()) rows.push_back(0);
         const Variable own = reshape(slice(points, 0, face, face + 1), {points.shape(1), 3});
@@ -209,7 +210,7 @@ Variable RadianceField::finish(const Variable& composited, const Variable& opaci
 
 LayerMemory RadianceField::memory(std::int64_t rays, std::int64_t samples_per_ray,
                                   bool keep) const {
-    // Sums of the weights' gradients while the faces are computed one after the other.
+    // Runs that have their own sums of weight gradients; faces are computed one after the other.
     constexpr std::int64_t sums = 16;
     const std::int64_t width = density_.inputs();
     const std::int64_t arguments = keep ? samples_per_ray * width * (std::ssize(layers_) + 1) : 0;

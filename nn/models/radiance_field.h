@@ -21,50 +21,51 @@ struct RadianceFieldConfig {
 
 struct FieldSamples {
     Variable density;   ///< (B, P, 1), >= 0
-    Variable features;  ///< (B, P, width) before the last, linear layer; undefined if only the
-                        ///< density was asked for
+    Variable features;  ///< (B, P, width), the input of the last, linear layer; undefined if only
+                        ///< the density was asked for
 };
 
-/// Rays through the field.
+/// Composited rays of the field.
 struct RenderedRays {
     CompositeWeights weights;  ///< (B, R, N)
-    Variable composited;       ///< (B, R, width): features under the weights, for `finish`
+    Variable composited;       ///< (B, R, width): weighted sums of the features, for `finish`
 };
 
-/// The paper's NeRF: modulated sine layers on encoded points. With four or more of them the
-/// encoding enters again at the input of layer number layers / 2 + 1 (counted from 0). Density: a
-/// plain layer and softplus(x - 1). Features: one more modulated sine layer, and a plain one that
-/// is applied after compositing.
+/// The paper's NeRF: modulated sine layers on encoded points. With four or more layers, the
+/// encoding is concatenated once more to the input of layer layers / 2 + 1 (counted from 0).
+/// Density: a linear layer and softplus(x - 1). Features: one more modulated sine layer, and a
+/// linear layer that is applied after compositing.
 class RadianceField final : public Field {
 public:
     /// Creates `prefix`.layer0 and so on, `prefix`.density, `prefix`.feature0, `prefix`.feature1.
     RadianceField(const RadianceFieldConfig& config, ParameterStore& store,
                   const std::string& prefix, Rng& rng);
 
-    /// points (B, P, 3) in world coordinates, style (B, style_size).
+    /// Evaluates the field at points (B, P, 3) in world coordinates for style (B, style_size).
     [[nodiscard]] FieldSamples operator()(const Variable& points, const Variable& style,
                                           bool density_only = false) const;
 
-    /// Field and compositing in one op that stores no features of samples.
+    /// Field and compositing as one op, which stores no features of samples.
     [[nodiscard]] RenderedRays render(const RayPoints& rays, const Variable& style,
                                       SineArguments arguments = SineArguments::recomputed) const;
-    /// The same as a composition: its reference implementation.
+    /// The same as a composition of ops: the reference implementation.
     [[nodiscard]] RenderedRays render_reference(const RayPoints& rays, const Variable& style) const;
 
-    /// The same with points (B, R * N, 3) that gradients flow to, in place of those of `rays`. Of
-    /// samples that are left out nothing is computed; of the others the features are computed once
-    /// more in the backward pass, a few thousand at a time.
+    /// The same at `points` (B, R * N, 3) instead of `rays.points`; gradients flow to `points`.
+    /// Samples that are left out cost nothing. The backward pass computes the features of the
+    /// others again, a few thousand samples at a time.
     [[nodiscard]] RenderedRays render_tracked(const Variable& points, const RayPoints& rays,
                                               const Variable& style) const;
 
-    /// The last layer W r + b on composited features, (B, R, width) = sum_i w_i r_i and opacity (B,
-    /// R, 1) = sum_i w_i -> (B, R, feature_channels) = W sum_i w_i r_i + b sum_i w_i = sum_i w_i (W
-    /// r_i + b), with as many times fewer rows as there are samples on a ray.
+    /// Applies the last layer W r + b to composited features (B, R, width) = sum_i w_i r_i with
+    /// opacity (B, R, 1) = sum_i w_i -> (B, R, feature_channels). The result W sum_i w_i r_i + b
+    /// sum_i w_i equals sum_i w_i (W r_i + b), but the layer has one row for each ray instead of
+    /// one for each sample.
     [[nodiscard]] Variable finish(const Variable& composited, const Variable& opacity) const;
-    /// For the style of one face, (1, style_size).
+    /// Folds the style of one face, (1, style_size), into the weights.
     [[nodiscard]] FoldedField folded(const Variable& style) const;
 
-    // The same for a decoder: geometry is the style, and the last layer is included.
+    // The interface of Field: the style is FieldStyle::geometry, and the last layer is included.
     [[nodiscard]] RenderedFeatures render(const RayPoints& rays, const FieldStyle& style,
                                           bool keep) const override;
     [[nodiscard]] RenderedFeatures render_tracked(const Variable& points, const RayPoints& rays,

@@ -46,15 +46,15 @@ ReconstructionLoss::Target ReconstructionLoss::target(std::span<const Tensor> im
 
 namespace {
 
-/// One of the images as LPIPS compares it.
+/// Image i at the size at which LPIPS compares it.
 Variable compared_image(const Variable& images, std::int64_t i, std::int64_t largest_side) {
     const Variable image = slice(images, 0, i, i + 1);
     if (largest_side == 0 || image.shape(1) <= largest_side) return image;
     return resize_box(image, static_cast<int>(largest_side), static_cast<int>(largest_side));
 }
 
-/// Mean of the perceptual distance over the batch. Each image's gradient is taken before the next
-/// one's features are made, since those of a large image take more memory than all else.
+/// Mean of the perceptual distance over the batch. Each image's gradient is computed before the
+/// features of the next image, since features of large images dominate the memory.
 Variable perceptual_loss(const PerceptualDistance& perceptual, const Variable& images,
                          const ReconstructionLoss::Target& target, std::int64_t largest_side) {
     Variable total;

@@ -12,52 +12,55 @@
 
 namespace stymo {
 
-/// L_recon of the paper: what makes a rendered face equal a photo, in both training stages and in
-/// fitting alike.
+/// L_recon of the paper: photometric and perceptual distance between rendered faces and photos.
+/// Both training stages and fitting use it.
 class ReconstructionLoss {
 public:
-    /// Loads the perceptual network unless its weight is 0; throws what `Lpips` throws, and
-    /// ConfigError for a perceptual resolution that is no power of two. `off_switch`: how the user
-    /// turns the perceptual term off. `encoder`: the model's, frozen, which must outlive the loss;
-    /// needed where it is the perceptual network.
+    /// Loads the perceptual network unless its weight is 0. `off_switch` tells the user in error
+    /// messages how to turn the perceptual term off. `encoder` is the model's frozen encoder and
+    /// must outlive the loss; it is required if the configuration makes it the perceptual network.
+    /// Throws what `Lpips` throws, and ConfigError for a perceptual resolution that is not a power
+    /// of two.
     explicit ReconstructionLoss(
         const ReconstructionConfig& config,
         const std::string& off_switch = "reconstruction.perceptual_weight = 0",
         const Encoder* encoder = nullptr);
 
-    /// Photos on black with what is computed of them only once.
+    /// Photos on a black background, with values that are computed from them only once.
     struct Target {
-        std::vector<Tensor> images;   ///< (B, s, s, 3) in [-1, 1], background -1, for s = 64, 128,
-                                      ///< ... up to the resolution R
-        std::vector<double> weights;  ///< of the photometric loss, at least one for each image
-        /// Of each face's largest image, or of what it is reduced to; empty: computed where they
-        /// are needed, one face at a time, and let go again.
+        std::vector<Tensor> images;  ///< (B, s, s, 3) in [-1, 1], background -1, for s = 64, 128,
+                                     ///< ... up to the resolution R
+        /// Weights of the photometric loss, at least one for each image.
+        std::vector<double> weights;
+        /// Perceptual features of each face's largest image, reduced to the perceptual resolution.
+        /// If empty, they are computed for one face at a time when needed, and not kept.
         std::vector<PerceptualDistance::Features> features;
     };
-    /// `images` up to the side `resolution` (0: all of them), without features: for a target that
-    /// is used once.
+    /// A target that is used once: `images` up to the side `resolution` (0: all of them), without
+    /// features.
     [[nodiscard]] Target target(std::span<const Tensor> images, std::int64_t resolution = 0) const;
-    /// All `images`, with the features of the largest ones if there is a perceptual term: for a
-    /// target that stays the same.
+    /// A target that is used many times: all `images`, with the features of the largest ones if
+    /// there is a perceptual term.
     [[nodiscard]] Target kept_target(std::span<const Tensor> images) const;
 
     struct Terms {
-        Variable total;        ///< weighted sum, a scalar: mean over the batch
+        Variable total;        ///< weighted sum of both terms, a scalar: mean over the batch
         Variable photometric;  ///< without its weight
         Variable perceptual;   ///< without its weight; undefined if that is 0
     };
-    /// `images` as the decoder gives them, as many as the target has images.
+    /// `images` as in Decoded::images, one for each image of the target.
     [[nodiscard]] Terms operator()(const std::vector<Variable>& images, const Target& target) const;
 
-    /// For the loss on images up to this side, what the decoder's report holds aside.
+    /// Memory of the perceptual term for images up to this side. Decoder::memory includes the
+    /// photometric term.
     [[nodiscard]] LayerMemory memory(std::int64_t side) const;
 
-    /// Null without the perceptual term, and where the encoder is its network.
+    /// Null if there is no perceptual term, and if its network is the encoder.
     [[nodiscard]] const Lpips* lpips() const { return lpips_ ? &*lpips_ : nullptr; }
     [[nodiscard]] Lpips* lpips() { return lpips_ ? &*lpips_ : nullptr; }
 
 private:
-    /// Null without the perceptual term.
+    /// Null if there is no perceptual term.
     [[nodiscard]] const PerceptualDistance* perceptual() const;
 
     ReconstructionConfig config_;

@@ -5,13 +5,13 @@
 
 namespace stymo {
 
-/// The samples of face `index` that `RayPoints::significant` does not leave out, by their place in
-/// (R * N).
+/// Indices into R * N of the samples of face `index` that `RayPoints::significant` does not leave
+/// out.
 [[nodiscard]] RowIndices significant_rows(const RayPoints& rays, std::int64_t index);
 
-/// Compositing of one face of whose samples only some were computed: `samples` (K, 1 + width),
-/// density before the features, stand at `rows` of the R * N of `deltas` (1, R, N). The others are
-/// empty.
+/// Composites the rays of one face if only some samples were computed. `samples` (K, 1 + width)
+/// holds density, then features, of the samples `rows` among the R * N samples of `deltas` (1, R,
+/// N). The other samples are empty.
 [[nodiscard]] RenderedRays composited_rows(const Variable& samples, const RowIndices& rows,
                                            const Tensor& deltas);
 

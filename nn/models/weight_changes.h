@@ -8,23 +8,23 @@
 
 namespace stymo {
 
-/// What tuning to one photo has added to the weights of a model's decoder: a small file that goes
-/// with the codes of that photo (pivotal tuning, Roich et al. 2022).
+/// Changes of a decoder's weights by tuning to one photo (pivotal tuning, Roich et al. 2022). They
+/// are stored in a small file next to the codes of that photo.
 class WeightChanges {
 public:
-    /// Of the parameters that differ between two decoders of the same shape. Throws ValueError for
-    /// decoders of different shapes.
+    /// The differences after - before of all parameters that differ. Throws ValueError for decoders
+    /// of different shapes.
     [[nodiscard]] static WeightChanges between(const Model& before, const Model& after);
     /// Throws FileError for a file that is malformed or holds something else.
     [[nodiscard]] static WeightChanges load(const std::filesystem::path& path);
-    /// Elements of 16 bits. Whole or not at all.
+    /// Writes the differences as 16-bit numbers, completely or not at all.
     void save(const std::filesystem::path& path) const;
 
-    /// Adds the changes to the weights. Throws ValueError unless this is the model that they were
+    /// Adds the changes to the weights. Throws ValueError unless `model` is the one that they were
     /// made for.
     void apply(Model& model) const;
 
-    /// Those of the changed parameters, by name.
+    /// The differences of the changed parameters, by name.
     [[nodiscard]] const std::map<std::string, Tensor>& differences() const { return differences_; }
 
 private:
@@ -32,7 +32,7 @@ private:
     std::map<std::string, Tensor> differences_;
 };
 
-/// Tells models apart: a checksum over names and values of the decoder's parameters.
+/// A checksum over names and values of the decoder's parameters, which identifies a model.
 [[nodiscard]] std::string decoder_fingerprint(const Model& model);
 
 }  // namespace stymo

@@ -22,7 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 using Tensors = std::map<std::string, Tensor>;
 
-/// The tensors by which a published network is recognised, and which are kept of it.
+/// A published network: the tensors by which it is recognised, and those that are kept.
 struct Network {
     std::string title;
     std::map<std::string, Shape> tensors{};
@@ -139,12 +139,12 @@ Tensors below(const Tensors& tensors, const std::string& prefix) {
     return result;
 }
 
-/// What training programs put around a network's names.
+/// Prefixes that training programs add to a network's names.
 constexpr std::array<const char*, 5> wrappers{"state_dict.", "module.", "model.", "net.",
                                               "model_state_dict."};
 constexpr int deepest_wrapper = 4;
 
-/// The published network that the file holds, perhaps inside of wrappers and beside other things.
+/// The published network in a file, which may also have prefixes and other tensors.
 std::optional<ImportedWeights> recognised(const Tensors& tensors,
                                           const std::vector<Network>& networks, int depth = 0) {
     for (const Network& network : networks) {
@@ -163,8 +163,8 @@ std::optional<ImportedWeights> recognised(const Tensors& tensors,
     return std::nullopt;
 }
 
-/// Takes wrappers off that hold all of the tensors. "state_dict" needs not: what stands beside it
-/// is the optimiser's.
+/// Removes prefixes that all tensors share. "state_dict" is removed even if there are other
+/// tensors, which belong to the optimiser.
 Tensors unwrapped(Tensors tensors) {
     for (int depth = 0; depth < deepest_wrapper; ++depth) {
         for (const char* wrapper : wrappers) {
@@ -178,14 +178,14 @@ Tensors unwrapped(Tensors tensors) {
 }
 
 bool is_tensor_file(std::string_view beginning) {
-    // A header of JSON behind its length.
+    // A .safetensors file begins with the length of its JSON header (8 bytes).
     constexpr std::size_t header = 8;
     return beginning.size() > header && beginning[header] == '{';
 }
 
 bool is_onnx_file(std::string_view beginning) {
-    // The first field of the message, ir_version: a number with the tag 1. The length of a header
-    // may begin alike.
+    // ONNX begins with the field ir_version, a number with the tag 1. The header length of a
+    // .safetensors file may begin with the same byte.
     return beginning.starts_with('\x08') && !is_tensor_file(beginning);
 }
 

@@ -8,24 +8,25 @@
 namespace stymo {
 
 struct ImportedWeights {
-    TensorFile file;         ///< in the names and layout that the encoder and LPIPS read
+    TensorFile file;         ///< with the names and the layout that the encoder and LPIPS read
     std::string recognised;  ///< "torchvision vgg16", "insightface iresnet50", "LPIPS heads (vgg)",
-                             ///< "foamliu mobilefacenet", ...; empty: names as they were
+                             ///< "foamliu mobilefacenet", ...; empty if the network is not known
 };
 
-/// Reads .safetensors, .onnx or PyTorch's .pth by what the file holds, not by its name. Tensors are
-/// called as in the file; those of ONNX are its initializers. Throws FileError.
+/// Reads a .safetensors, .onnx or PyTorch .pth file. The format is recognised by content, not by
+/// name. Tensors keep their names; the tensors of ONNX are its initializers. Throws FileError.
 [[nodiscard]] TensorFile read_weight_file(const std::filesystem::path& path);
 
 /// Recognises published networks by their tensors: torchvision's vgg16, alexnet and squeezenet1_1,
-/// LPIPS' linear heads, insightface's iresnets, foamliu's mobilefacenet. Of these the tensors that
-/// the encoder and LPIPS read are kept, in PyTorch's layout (out, in, height, width). Wrappers
-/// ("state_dict", "module.") are removed. Other files keep their names.
+/// LPIPS' linear heads, insightface's iresnets, foamliu's mobilefacenet. Of a known network only
+/// the tensors that the encoder and LPIPS read are kept, in PyTorch's layout (out, in, height,
+/// width), and wrappers ("state_dict", "module.") are removed from the names. Tensors of other
+/// files keep their names.
 [[nodiscard]] ImportedWeights recognise_weights(TensorFile file);
 
-/// recognise_weights of read_weight_file; an iresnet in ONNX, as insightface ships it, gets the
-/// names that it has in PyTorch. Throws FileError, also for an ONNX network that begins like an
-/// iresnet and goes on otherwise.
+/// Reads and recognises a weight file. The tensors of an iresnet in ONNX, as insightface publishes
+/// it, get the names of PyTorch. Throws FileError, also for an ONNX network that begins like an
+/// iresnet but differs later.
 [[nodiscard]] ImportedWeights import_weights(const std::filesystem::path& path);
 
 }  // namespace stymo

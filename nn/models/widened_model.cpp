@@ -42,8 +42,8 @@ void require_wider(const ModelConfig& narrow, const ModelConfig& wide) {
             "render blocks as before");
 }
 
-/// The narrow tensor in the leading part of the wide one. Old rows read no new columns. Weights are
-/// stored before they are divided by sqrt(columns).
+/// Copies the narrow tensor into the leading part of the wide one. In old rows the new columns are
+/// 0. Stored weights are divided by sqrt(columns) when used, so the old ones are rescaled.
 Tensor embedded(const Tensor& narrow, const Tensor& wide) {
     if (narrow.shape() == wide.shape()) return narrow;
     Tensor result = wide;

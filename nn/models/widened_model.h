@@ -6,13 +6,12 @@
 
 namespace stymo {
 
-/// Writes a model with more channels that makes the same images, so that a training can go on with
-/// a larger decoder instead of beginning again ("Net2Net", Chen et al. 2016). The new channels are
-/// random, but the channels that were there do not read them yet; their weights to the new ones are
-/// zero. `settings` are assignments ("decoder.field_width=192") to decoder.field_width,
-/// .feature_channels, .block_channels and .mask_channels. Throws ConfigError for other settings and
-/// for fewer channels, ValueError for a decoder that is not the paper's, FileError for a file that
-/// is not a model of stymo.
+/// Writes a model with more channels that renders the same images, so that a training can continue
+/// with a larger decoder ("Net2Net", Chen et al. 2016). The weights of the new channels are random,
+/// but the weights with which old channels read new ones are zero. `settings` are assignments
+/// ("decoder.field_width=192") to decoder.field_width, .feature_channels, .block_channels and
+/// .mask_channels. Throws ConfigError for other settings and for fewer channels, ValueError for a
+/// decoder that is not the paper's, FileError for a file that is not a model of stymo.
 void widen_model(const std::filesystem::path& in, const std::filesystem::path& out,
                  std::span<const std::string> settings);
 

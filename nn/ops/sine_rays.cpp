@@ -93,8 +93,8 @@ Variable sine_rays(const RayPoints& rays, const SineNetwork& network,
         return network_of<Value>(of, frequencies, skip_layer);
     };
     const bool tracked = std::ranges::any_of(parts, &Variable::tracked);
-    // A backward pass over few samples computes their arguments once more for less than it costs to
-    // store those of all.
+    // With a tolerance the backward pass has few samples. Computing their arguments again is
+    // cheaper than storing those of all samples.
     const bool keep = arguments == SineArguments::kept && rays.gradient_tolerance == 0.0;
     SineRaysResult result = sine_rays_forward(rays, with(values), tracked && keep);
     if (!tracked) {
@@ -110,7 +110,7 @@ Variable sine_rays(const RayPoints& rays, const SineNetwork& network,
                   [rays, composition, with, forward = std::move(result), count = parts.size()](
                       const Vjp& v, const std::vector<bool>& needed) {
                       std::vector<Variable> given;
-                      // A node of its own for each part: one variable may be several of them.
+                      // Each part gets its own node, since one variable may be several parts.
                       for (std::size_t i = 0; i < count; ++i)
                           given.push_back(v.create_graph() ? v.input(i) * 1.0 : v.input(i));
                       std::vector<Variable> gradients(count);

@@ -11,7 +11,7 @@
 namespace stymo {
 namespace {
 
-/// Its square, and the sum of such squares that is remembered, is within float32's range.
+/// The square of such an element, and the moving average of squares, are within float32's range.
 constexpr double largest_gradient = 1e18;
 
 /// One step's factors; the two bias corrections are folded in as PyTorch does.

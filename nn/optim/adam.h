@@ -17,24 +17,25 @@ struct AdamOptions {
     double epsilon = 1e-8;
 };
 
-/// Adam (Kingma and Ba 2015) with bias correction, as PyTorch's. What it remembers is kept by
-/// parameter name, each with its own number of steps, so parameters may join late, pause, or be
-/// stepped in groups with rates of their own.
+/// Adam (Kingma and Ba 2015) with bias correction, like PyTorch's. Moments and the number of steps
+/// are stored for each parameter name, so parameters may be added later, pause, or be updated in
+/// groups with different learning rates.
 class Adam {
 public:
     explicit Adam(const AdamOptions& options = {}) : options_(options) {}
 
-    /// Moves each parameter against its gradient. Throws ValueError for another number of gradients
-    /// than parameters, ShapeError or TypeError for one that does not fit, NumericError naming the
-    /// parameter, before anything changes, for one that is infinite or not a number. Elements
-    /// beyond +-1e18, whose squares float32 does not hold, count as +-1e18.
+    /// Updates each parameter with its gradient. Throws ValueError unless there is one gradient for
+    /// each parameter, ShapeError or TypeError for a gradient of another shape or type, and
+    /// NumericError, which names the parameter, before anything changes if a gradient is not
+    /// finite. Elements of gradients are clamped to +-1e18, since larger squares exceed float32.
     void step(std::span<const Parameter> parameters, std::span<const Variable> gradients,
               double learning_rate);
 
     /// Adds `prefix`<name>.first, .second and .steps of every parameter.
     void save(TensorFile& file, const std::string& prefix) const;
-    /// Replaces everything by what `save` wrote under the same prefix; training goes on bit for
-    /// bit. Throws FileError naming `source` for an entry that is incomplete.
+    /// Replaces the state by the one that `save` wrote under the same prefix, so that training
+    /// continues with the same bits. Throws FileError, which names `source`, for an incomplete
+    /// entry.
     void load(const TensorFile& file, const std::string& source, const std::string& prefix);
 
 private:

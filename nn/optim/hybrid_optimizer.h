@@ -9,28 +9,30 @@
 
 namespace stymo {
 
-/// A learning rate; that of the parameters whose name begins with `prefix` is `prefix_factor` times
-/// as large.
+/// A learning rate. Adam multiplies it by `prefix_factor` for parameters whose name begins with
+/// `prefix`.
 struct OptimizerRates {
     double learning_rate = 0.0;
     std::string_view prefix;
     double prefix_factor = 1.0;
 };
 
-/// Adam, or Muon for the decoder's hidden matrices and Adam for the rest: what moves encoder and
-/// decoder in training, and the decoder in tuning.
+/// The optimiser of encoder and decoder in training, and of the decoder in tuning. Adam for all
+/// parameters, or Muon for the decoder's hidden matrices (both sides at least 16) and Adam for the
+/// rest.
 class HybridOptimizer {
 public:
     HybridOptimizer(const AdamOptions& adam, bool muon) : adam_(adam), with_muon_(muon) {}
 
-    /// Throws what Adam::step and Muon::step throw.
+    /// Updates each parameter with its gradient; there must be one for each. Throws what Adam::step
+    /// and Muon::step throw.
     void step(std::span<const Parameter> parameters, std::span<const Variable> gradients,
               const OptimizerRates& rates);
 
-    /// Adds what the next step depends on, under `prefix`adam. and `prefix`muon. .
+    /// Adds the state of both optimisers, under `prefix`adam.* and `prefix`muon.*.
     void save(TensorFile& file, const std::string& prefix) const;
-    /// Goes on from what `save` wrote; what the file does not have begins anew. Throws FileError
-    /// naming `source` for an entry that is incomplete.
+    /// Replaces the state by the one that `save` wrote. Parameters that are not in the file begin
+    /// without state. Throws FileError, which names `source`, for an incomplete entry.
     void load(const TensorFile& file, const std::string& source, const std::string& prefix);
 
 private:

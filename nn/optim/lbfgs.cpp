@@ -48,7 +48,7 @@ std::optional<Lbfgs::Place> Lbfgs::search(const Objective& objective,
     while (evaluations_left > last) {
         --evaluations_left;
         Place trial{point_ + part * direction, {}};
-        // Steps that rounding swallows lead nowhere.
+        // The step is too small to change the point.
         if (trial.point == point_) break;
         trial.at = objective(trial.point);
         const bool low =
@@ -70,8 +70,8 @@ void Lbfgs::move_to(Place place) {
     CurvaturePair pair{place.point - point_, place.at.gradient - here_->gradient};
     point_ = std::move(place.point);
     here_ = std::move(place.at);
-    // Else the estimate would lose its positive curvature: the search ended before the slope was
-    // small enough.
+    // Without positive curvature the estimate would not stay positive definite. This happens if the
+    // search ended before the slope was small enough.
     constexpr double least = 1e-12;
     if (pair.step.dot(pair.gradient_change) <= least * pair.gradient_change.squaredNorm()) return;
     pairs_.push_back(std::move(pair));
@@ -97,7 +97,7 @@ bool Lbfgs::step(const Objective& objective, int most_evaluations) {
             move_to(std::move(*place));
             return true;
         }
-        // A curvature that misleads is forgotten.
+        // The curvature estimate gave no descent, so it is discarded.
         pairs_.clear();
     }
     std::optional<Place> place =

@@ -9,26 +9,27 @@
 
 namespace stymo {
 
-/// Near the closest matrix with orthonormal rows or columns, whichever are fewer: five steps of the
-/// quintic Newton-Schulz iteration of Jordan et al. 2024, which takes the singular values of a
-/// matrix (R, C) of any magnitude to between 0.6 and 1.3, the smallest ones excepted. A matrix of
-/// zeros stays as it is.
+/// Approximates the nearest matrix with orthonormal rows or columns, whichever are fewer, by five
+/// steps of the quintic Newton-Schulz iteration of Jordan et al. 2024. The singular values of a
+/// matrix (R, C) of any magnitude become 0.6 to 1.3, except for very small ones. A zero matrix
+/// stays zero. Throws ShapeError unless the rank is 2.
 [[nodiscard]] Tensor orthogonalised(const Tensor& matrix);
 
-/// Muon (Jordan et al. 2024), an optimiser for the matrices of hidden layers: Nesterov momentum of
-/// 0.95, whose direction is orthogonalised. A step's elements have a root mean square near the
-/// learning rate, so that learning rates compare with Adam's. What it remembers is kept by
+/// Muon (Jordan et al. 2024), an optimiser for the matrices of hidden layers: it orthogonalises the
+/// direction of Nesterov momentum (0.95). The elements of a step have a root mean square close to
+/// the learning rate, so learning rates are comparable with Adam's. The momentum is stored by
 /// parameter name.
 class Muon {
 public:
-    /// Moves each parameter (R, C) against its gradient. Throws ValueError for another number of
-    /// gradients than parameters, and ShapeError for one that is no matrix or does not fit.
+    /// Updates each parameter (R, C) with its gradient. Throws ValueError unless there is one
+    /// gradient for each parameter, and ShapeError for a parameter that is not a matrix or a
+    /// gradient of another shape.
     void step(std::span<const Parameter> parameters, std::span<const Variable> gradients,
               double learning_rate);
 
     /// Adds `prefix`<name>.momentum of every parameter.
     void save(TensorFile& file, const std::string& prefix) const;
-    /// Replaces everything by what `save` wrote under the same prefix.
+    /// Replaces all momenta by those that `save` wrote under the same prefix.
     void load(const TensorFile& file, const std::string& prefix);
 
 private:

@@ -4,8 +4,8 @@
 
 namespace stymo {
 
-/// Decay of an EMA whose old values lose half of their weight in `half_life_images` images:
-/// 0.5^(batch / half life). StyleGAN2 has 10,000.
+/// Decay of an exponential moving average for one step of `batch` images: 0.5^(batch /
+/// half_life_images). StyleGAN2 uses a half life of 10,000 images.
 [[nodiscard]] double ema_decay(std::int64_t batch, double half_life_images);
 
 }  // namespace stymo

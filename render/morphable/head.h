@@ -27,7 +27,7 @@ struct MorphableHead {
     Tensor albedo;                                       ///< (100, V, 3)
     std::vector<std::array<std::int32_t, 3>> triangles;  ///< counter-clockwise seen from outside
     std::array<std::int32_t, 68> landmarks{};  ///< vertices, in the order of dlib's 68 points
-    std::vector<HeadPart> parts;               ///< of each vertex
+    std::vector<HeadPart> parts;               ///< part of each vertex
     /// Expressions that are meaningful only for coefficients >= 0 (a jaw opens, it does not close
     /// further).
     std::array<bool, expression_size> one_sided{};

@@ -7,11 +7,11 @@
 #include "render/camera.h"
 #include "render/morphable/head.h"
 
-/// The surface that the built-in morphable head is made of. Not part of the public interface.
+/// The mesh from which the built-in morphable head is made. Not part of the public interface.
 namespace stymo::morphable {
 
-/// Measures of the generated head in world units (decimetres), at rest. The bases of the model are
-/// differences of heads that were generated with one of these changed.
+/// Measures of the generated head in world units (decimetres). The defaults are the mean head. Some
+/// basis rows of the model are differences of heads in which one measure is changed.
 struct HeadParameters {
     double eye_width = 0.150;  ///< half of the opening
     double upper_lid = 0.068;
@@ -23,7 +23,7 @@ struct HeadParameters {
     double nostrils = 0.09;
     double brow_thickness = 0.036;
     double brow_arch = 0.045;
-    double mouth_width = 0.25;  ///< half
+    double mouth_width = 0.25;  ///< half of the width
     double upper_lip = 0.056;
     double lower_lip = 0.074;
     double lip_bulge = 0.038;
@@ -34,11 +34,11 @@ struct HeadParameters {
     double hair_side = 0.09;
     double hair_back = 0.14;
     double hair_fringe = 0.04;
-    double hairline = 0.0;  ///< raised by this much
+    double hairline = 0.0;  ///< height by which it is raised
     double hair_length = 0.0;
     double hair_parting = 0.0;
     double hair_wave = 0.012;
-    double lid_closure_left = 0.0;  ///< of the image's left eye: 0 open, 1 closed
+    double lid_closure_left = 0.0;  ///< of the eye at the image's left: 0 open, 1 closed
     double lid_closure_right = 0.0;
     double jaw_open = 0.0;  ///< angle in radians
     double gaze_x = 0.0;    ///< angle in radians
@@ -49,8 +49,8 @@ struct HeadMesh {
     std::vector<Eigen::Vector3d> vertices;
     std::vector<Eigen::Vector3d> albedo;
     std::vector<HeadPart> parts;
-    /// -1 below the line between the lips, +1 above, 0 on it; fades to 0 away from the mouth. It
-    /// moves the lips apart.
+    /// For each vertex, -1 below the line between the lips, +1 above, 0 on it, fading to 0 away
+    /// from the mouth. Displacements use it to move the lips apart.
     std::vector<double> mouth_side;
     std::vector<std::array<std::int32_t, 3>> triangles;
 
@@ -72,8 +72,8 @@ void add_hair(HeadMesh& mesh, const HeadParameters& parameters);
 inline const Eigen::Vector3d skin_color{0.76, 0.56, 0.46};
 inline const Eigen::Vector3d hair_color{0.30, 0.215, 0.155};
 inline const Eigen::Vector3d lip_color{0.67, 0.37, 0.34};
-inline constexpr double eye_spacing =
-    0.30;  ///< half of the distance between the centres of the eyes
+/// Half of the distance between the centres of the eyes.
+inline constexpr double eye_spacing = 0.30;
 inline constexpr double eye_height = 0.05;
 inline constexpr double eye_radius = 0.175;
 inline constexpr double mouth_height = -0.52;

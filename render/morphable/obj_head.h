@@ -6,12 +6,12 @@
 
 namespace stymo {
 
-/// Reads the folder FaceXModel of ICT-FaceKit as it is published: vertex_indices.json
+/// Reads the folder FaceXModel of ICT-FaceKit in its published form: vertex_indices.json
 /// ("expressions": names, "idx_to_landmark_verts": 68 vertices), generic_neutral_mesh.obj,
-/// identity000.obj, identity001.obj, ... (up to 100, without a gap) and NAME.obj of each expression
-/// (up to 79), all of one mesh in centimetres. The difference of a target from the neutral mesh is
-/// a row of a basis; missing rows are zero. The rest is done as in read_morphable_head. Throws
-/// FileError, naming the file, for missing or malformed files.
+/// identity000.obj, identity001.obj, ... (up to 100, without a gap) and NAME.obj for each
+/// expression (up to 79), all with the same mesh in centimetres. The difference of each .obj from
+/// the neutral mesh is a row of a basis; missing rows are zero. The head is then processed as in
+/// read_morphable_head. Throws FileError, which names the file, for missing or malformed files.
 [[nodiscard]] MorphableHead read_obj_head(const std::filesystem::path& folder);
 
 }  // namespace stymo

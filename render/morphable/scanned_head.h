@@ -11,10 +11,10 @@
 /// Code that the readers of scanned heads share. Not part of the public interface.
 namespace stymo::morphable {
 
-/// A linear model as its files have it: centimetres, x to the image's right, y up, z out of the
-/// face.
+/// A linear model in the units of its files: centimetres, x to the image's right, y up, z out of
+/// the face.
 struct ScannedHead {
-    std::string name;   ///< of the file or folder, for messages
+    std::string name;   ///< name of the file or folder, for messages
     Tensor mean;        ///< (V, 3) float32
     Tensor identity;    ///< (up to 100, V, 3), in units of one standard deviation
     Tensor expression;  ///< (1 to 79, V, 3), one-sided shapes at full strength
@@ -22,9 +22,10 @@ struct ScannedHead {
     std::array<std::int32_t, 68> landmarks{};
 };
 
-/// Moves and scales it to where the built-in head has its eyes and mouth, fills the bases with zero
-/// rows, drops the triangles of the neck, and gives it parts and the built-in smooth colour basis.
-/// Throws FileError if the landmarks of eyes and mouth are not arranged as in a face.
+/// Moves and scales the head so that its eyes and mouth are at the places of the built-in head,
+/// fills the bases up with zero rows, removes the triangles of the neck, and adds parts and the
+/// smooth colour basis of the built-in head. Throws FileError if the landmarks of eyes and mouth
+/// are not arranged as in a face.
 [[nodiscard]] MorphableHead head_from_scans(const ScannedHead& scanned);
 
 }  // namespace stymo::morphable

@@ -7,9 +7,9 @@
 
 namespace stymo {
 
-/// The colours (V, 3) that a camera sees a head's vertices in: albedo times the irradiance
-/// (spherical_harmonics.h, 27 numbers) at their normals, clipped to [0.01, 1]. Throws ShapeError
-/// for a light of another size.
+/// Shaded colours (V, 3) of a head's vertices for a camera: albedo times the irradiance
+/// (spherical_harmonics.h) at the normals, clipped to [0.01, 1]. `light` has 27 numbers. Throws
+/// ShapeError for a light of another size.
 [[nodiscard]] Tensor shaded_colors(const Tensor& albedo, const Tensor& normals,
                                    std::span<const float> light, const Camera& camera);
 

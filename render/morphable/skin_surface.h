@@ -2,8 +2,8 @@
 
 #include "render/morphable/head_generator.h"
 
-/// The skin is lofted: horizontal sections, narrow ovals at first, with the features of the face
-/// added towards the front.
+/// The skin of the built-in head is a loft of horizontal oval sections. The features of the face
+/// are added at the front.
 namespace stymo::morphable {
 
 /// Section of the head at profile parameter s in [0, 1], crown to throat.
@@ -17,10 +17,11 @@ struct Section {
 [[nodiscard]] Section section_at(double s);
 /// Inverse of section_at(s).height, above the chin.
 [[nodiscard]] double profile_parameter(double height);
-/// Point of the bald, featureless head; `angle` runs around the y axis from 0 at the front to +-pi
-/// at the back, towards +x.
+/// Point of the bald, featureless head. `angle` runs around the y axis from 0 at the front to +-pi
+/// at the back; positive angles are towards +x.
 [[nodiscard]] Eigen::Vector3d loft_point(double s, double angle);
-/// Point of the front at given x and y, with nose, sockets and so on, eyes closed and lips flat.
+/// Point of the front at x and y, with nose, eye sockets and other features, with closed eyes and
+/// flat lips.
 [[nodiscard]] Eigen::Vector3d face_point(double x, double y, const HeadParameters& parameters);
 /// Centre of the eyeball at the image's right.
 [[nodiscard]] Eigen::Vector3d eye_center(const HeadParameters& parameters);

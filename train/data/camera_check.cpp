@@ -12,8 +12,8 @@ std::optional<std::string> camera_problem(const DecoderConfig& config, const Cam
     if (config.render == "none") sampling.rays_per_side = config.resolution;
     const std::int64_t last = sampling.rays_per_side - 1;
     try {
-        // The directions that a plane is met in form a cone: it holds all rays if it holds those of
-        // the corners.
+        // The directions for which a plane can be rendered form a cone. It contains all rays if it
+        // contains the rays of the corners.
         for (const std::int64_t row : {std::int64_t{0}, last})
             for (const std::int64_t column : {std::int64_t{0}, last})
                 static_cast<void>(camera_ray(camera, sampling, row, column));

@@ -64,7 +64,7 @@ bool has_mask(const FaceFiles& files) {
     return !files.mask.empty() || !files.parsing.empty() || !files.mask_parts.empty();
 }
 
-/// The place of a face's photo in the order of all photos that the folder was made of.
+/// Rank of a face's photo among all photos from which the folder was prepared.
 std::int64_t rank_of(const std::string& id, const std::vector<std::string>& photo_ids) {
     const auto place = [&](const std::string& photo) {
         return std::ranges::lower_bound(photo_ids, photo, id_less) - photo_ids.begin();
@@ -149,7 +149,7 @@ struct Dataset::Implementation {
     Pose frontal;
     std::vector<Pixels> cache;  ///< one for each face, or empty
     mutable std::mutex broken_mutex;
-    mutable std::map<std::int64_t, BrokenFile> broken;  ///< by place in the split
+    mutable std::map<std::int64_t, BrokenFile> broken;  ///< by index in the split
     std::vector<BrokenFile> refused;
     mutable std::atomic<double> waiting_seconds = 0.0;
 
@@ -314,8 +314,8 @@ DatasetSummary Dataset::summary() const {
     const std::lock_guard lock(data.broken_mutex);
     DatasetSummary summary;
     for (std::size_t i = 0; i < data.faces.size(); ++i) {
-        // A cached set has no broken faces left, and its records of them have indices from before
-        // they were removed.
+        // A cached set no longer contains broken faces; the indices in `broken` are from before
+        // their removal.
         if (data.cache.empty() && data.broken.contains(static_cast<std::int64_t>(i))) continue;
         ++summary.faces;
         if (!has_mask(data.faces[i])) ++summary.without_mask;

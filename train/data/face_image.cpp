@@ -37,8 +37,8 @@ Tensor merged(Tensor mask, const Tensor& part) {
     return mask;
 }
 
-/// Masks are often smaller than their images, but show the same part of the world; a pixel may be
-/// lost to rounding.
+/// Masks are often smaller than their images, but must have the same aspect ratio, up to the
+/// rounding of one pixel.
 void require_same_frame(const Tensor& mask, const Tensor& image) {
     const std::int64_t difference = mask.shape(0) * image.shape(1) - mask.shape(1) * image.shape(0);
     if (std::abs(difference) > std::max(image.shape(0), image.shape(1)))

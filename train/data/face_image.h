@@ -15,25 +15,26 @@ struct BrokenFile {
     std::string reason;
 };
 
-/// The image and the head mask of one face as they are stored.
+/// The image and the head mask of one face at their stored sizes.
 struct FaceImage {
     Tensor image;  ///< (height, width, 3) in [0, 1]
-    Tensor
-        mask;  ///< (height, width, 1) in [0, 1], of a size of its own; undefined if there is none
-    std::optional<BrokenFile>
-        broken;  ///< the file that could not be read; image and mask are undefined then
+    /// (height, width, 1) in [0, 1]; its size may differ from the image's. Undefined if there is
+    /// none.
+    Tensor mask;
+    /// The file that could not be read; image and mask are then undefined.
+    std::optional<BrokenFile> broken;
 };
 
-/// Decodes the files of a face. The mask is the head mask, else made from the parsing, else from
-/// the parts. Does not throw for unreadable files.
+/// Decodes the files of a face. The mask is read from the head mask, else made from the parsing,
+/// else from the mask parts. Does not throw for unreadable files.
 [[nodiscard]] FaceImage read_face_image(const FaceFiles& files,
                                         std::int64_t most_pixels = usual_most_pixels);
 
-/// Whether the parsing or the parts tell the face from hair and ears.
+/// Whether there is a parsing or there are mask parts, from which `read_face_region` can be made.
 [[nodiscard]] bool tells_face_region(const FaceFiles& files);
-/// The face without hair and ears as 0 or 1, (height, width, 1) of the size it is stored in: of the
-/// parsing, else of the parts. Throws FileError for a file that cannot be read, ValueError if there
-/// is neither.
+/// The face without hair and ears, (height, width, 1) of 0 or 1 at the stored size: from the
+/// parsing, else from the mask parts. Throws FileError for a file that cannot be read, ValueError
+/// if there is neither.
 [[nodiscard]] Tensor read_face_region(const FaceFiles& files);
 
 }  // namespace stymo

@@ -142,7 +142,7 @@ void write_face_index(const fs::path& file, const FileVersion& version,
     try {
         write_text_file(index_path(file), text + lines, Survives::nothing);
     } catch (const FileError&) {
-        // Only the next start is slower.
+        // Ignored: without an index only the next start is slower.
     }
 }
 

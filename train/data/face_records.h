@@ -12,7 +12,7 @@
 
 namespace stymo {
 
-/// What is in memory of a line.
+/// The part of a line that is kept in memory.
 struct FaceEntry {
     std::int64_t offset = 0;  ///< of the line in the file
     std::int64_t size = 0;
@@ -23,25 +23,28 @@ struct FaceEntry {
 
 using FaceEntries = std::map<std::string, FaceEntry>;
 
-/// The lines of a `faces.jsonl`. Codes and landmarks stay in the file until they are asked for, so
-/// that the list of a million faces fits into memory. Listing such a file takes minutes; the next
-/// time the index beside it (face_index.h) is read instead, as long as the file has not changed.
+/// The lines of a `faces.jsonl`. Codes and landmarks are read from the file only when they are
+/// needed, so that the list of a million faces fits into memory. Parsing such a file takes minutes.
+/// The result is stored in an index next to the file (face_index.h), which is used as long as the
+/// file does not change.
 class FaceRecords {
 public:
     /// Smaller files get no index.
     static constexpr std::int64_t usual_index_from = std::int64_t{1} << 26;
 
-    /// None.
+    /// No records.
     FaceRecords() = default;
-    /// Throws FileError with file and line number for a line that is no record and for an id that
-    /// comes twice. A folder that cannot be written to gets no index.
+    /// Reads `file`, or its index. A file of at least `index_from` bytes gets an index, if the
+    /// folder can be written to. Throws FileError with file and line number for a line that is not
+    /// a record and for an id that occurs twice.
     explicit FaceRecords(const std::filesystem::path& file,
                          std::int64_t index_from = usual_index_from);
 
     [[nodiscard]] std::int64_t size() const { return std::ssize(entries_); }
     /// Null for a face without a line.
     [[nodiscard]] const FaceEntry* find(const std::string& id) const;
-    /// Reads a face's line; empty without one. Throws FileError if the file has changed.
+    /// Reads a face's line; an empty record for a face without a line. Throws FileError if the file
+    /// has changed.
     [[nodiscard]] FaceRecord read(const std::string& id) const;
 
 private:

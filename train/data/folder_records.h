@@ -15,23 +15,24 @@ namespace stymo {
 /// One line of `faces.jsonl`.
 struct FaceRecord {
     std::optional<Pose> pose;
-    std::vector<float> code;  ///< identity, expression, texture, light: 306 elements, or none
-    std::vector<Eigen::Vector2d> landmarks;  ///< 68 points in pixels of the stored image, or none
+    std::vector<float> code;  ///< identity, expression, texture, light: 306 elements, or empty
+    std::vector<Eigen::Vector2d> landmarks;  ///< 68 points in pixels of the stored image, or empty
 };
 
-/// Id and contents of a line: {"id", "pose": {"yaw_deg", "pitch_deg", "roll_deg", "t": [x,y,z]},
-/// "code": {"id", "expr", "tex", "light"}, "landmarks": [[x,y] x68]}, all but the id optional.
-/// Throws FileError for anything else: malformed JSON, an unknown key, a wrong type or length.
+/// Parses a line into id and record: {"id", "pose": {"yaw_deg", "pitch_deg", "roll_deg", "t":
+/// [x,y,z]}, "code": {"id", "expr", "tex", "light"}, "landmarks": [[x,y] x68]}. All keys except the
+/// id are optional. Throws FileError for malformed JSON, an unknown key, and a wrong type or
+/// length.
 [[nodiscard]] std::pair<std::string, FaceRecord> parse_face_record(std::string_view line);
 
-/// Reads "photos" of the `report.json` that stymo-prep writes: the ids of all photos that were
-/// there. Empty for a file of another kind.
+/// Reads "photos" of the `report.json` that stymo-prep writes: the ids of all input photos. Empty
+/// for any other file.
 [[nodiscard]] std::vector<std::string> read_photo_ids(const std::filesystem::path& path);
 
 /// Reads `camera.json`: {"focal", "cx", "cy"} in units of the image side, each optional. Throws
 /// FileError for malformed JSON, an unknown key, a wrong type or a focal length out of range.
 [[nodiscard]] Intrinsics read_intrinsics(const std::filesystem::path& path);
-/// Writes such a `camera.json`, whole or not at all.
+/// Writes such a `camera.json`, completely or not at all.
 void write_intrinsics(const std::filesystem::path& path, const Intrinsics& intrinsics);
 
 }  // namespace stymo

@@ -9,22 +9,22 @@
 
 namespace stymo {
 
-/// Random colours for a head that has no texture: skin, brows, lids, lips, nostrils, folds, beard
-/// and hair, placed by their distance to lines through the landmarks of the mean head.
+/// Random colours for a head without texture: skin, brows, lids, lips, nostrils, folds, beard and
+/// hair. Their places are given by the distance to lines through the landmarks of the mean head.
 class FacePaint {
 public:
     explicit FacePaint(const MorphableHead& head);
 
-    /// (V, 3), RGB in [0.01, 1].
+    /// Colours of the vertices, (V, 3) RGB in [0.01, 1].
     [[nodiscard]] Tensor draw(Rng rng) const;
-    /// A colour of hair, from black to blond, grey and white.
+    /// A random hair colour, from black to blond, grey and white.
     [[nodiscard]] static Eigen::Vector3d hair_color(Rng& rng);
-    /// A colour of skin, from dark to light.
+    /// A random skin colour, from dark to light.
     [[nodiscard]] static Eigen::Vector3d skin_color(Rng& rng);
 
 private:
     using Line = std::vector<Eigen::Vector2d>;
-    /// Where a vertex lies relative to a line.
+    /// Position of a vertex relative to a line.
     struct Place {
         float along = 0.0F;  ///< 0 at the line's first point, 1 at its last
         float above = 0.0F;  ///< distance, positive above the line
@@ -32,7 +32,7 @@ private:
     struct Stroke {
         double width;
         double shift;  ///< upwards
-        double taper;  ///< 0: as wide at the ends as in the middle
+        double taper;  ///< 0: the ends are as wide as the middle
         double opacity;
         Eigen::Vector3d color;
     };

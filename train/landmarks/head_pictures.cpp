@@ -17,15 +17,16 @@ constexpr double full_strength = 4.0;
 /// Side of the box around the points, in units of the image's.
 constexpr double box_share = 0.5;
 
-/// Where people mark a point and its mirror image, relative to the scan's vertex: away from the
-/// middle of the face and up, in units of the distance of the outer corners of the eyes.
+/// Offset from the scan's vertex to the position at which people mark a point and its mirror image:
+/// away from the middle of the face and up, in units of the distance of the outer corners of the
+/// eyes.
 struct Correction {
     std::size_t point;
     double outwards;
     double up;
 };
-/// Of the head of ICT-FaceKit, which is recognised by its number of vertices; measured on six
-/// portraits that were marked by hand (docs/landmarks.md).
+/// The corrections are for the head of ICT-FaceKit, which is recognised by its number of vertices.
+/// They were measured on six portraits that were marked by hand (docs/landmarks.md).
 constexpr std::int64_t corrected_vertex_count = 26719;
 constexpr std::array<Correction, 22> corrections{{
     {6, 0.0, -0.016},     {7, 0.0, -0.032},    {8, 0.0, -0.032},    {17, -0.035, -0.034},
@@ -58,7 +59,7 @@ constexpr std::array<Correction, 22> corrections{{
 
 using Motion = std::array<Eigen::Vector3d, 68>;
 
-/// What a row of the expression basis does to the landmarks.
+/// Effect of a row of the expression basis on the landmarks.
 [[nodiscard]] Motion landmark_motion(const MorphableHead& head, std::size_t row) {
     const auto values = head.expression.values<float>();
     Motion motion;
@@ -139,7 +140,7 @@ template <class Score>
     return result;
 }
 
-/// Turned by these angles, with the points in the middle of the image.
+/// A camera turned by random angles, with the points in the middle of the image.
 [[nodiscard]] Camera random_camera(const MorphableHead& head, std::span<const float> vertices,
                                    Rng& rng) {
     const double yaw = chance(rng, 0.7) ? limited_normal(rng, 15.0, 50.0) : between(rng, -50., 50.);

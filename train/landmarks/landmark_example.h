@@ -7,11 +7,11 @@ namespace stymo {
 
 /// A face whose landmarks are known.
 struct LandmarkExample {
-    /// (height, width, 3), or 4 with the coverage of a face in front of nothing, whose colours are
-    /// multiplied by it. In [0, 1].
+    /// (height, width, 3) in [0, 1], or (height, width, 4) for a face without background: colours
+    /// premultiplied by the coverage, then the coverage.
     Tensor image;
     FacePoints points;
-    /// How much each point counts.
+    /// Weight of each point in the loss.
     std::array<float, 68> weights{};
 };
 

@@ -11,7 +11,7 @@ namespace {
 
 constexpr int squares = 16;
 constexpr double most_spread = 0.1;     ///< in units of the distance of the eyes
-constexpr double usual_spread = 0.025;  ///< at which a point counts half
+constexpr double usual_spread = 0.025;  ///< at which a point has half its weight
 constexpr double surroundings = 1.7;    ///< of the kept part of the photo, relative to the square
 constexpr std::int64_t kept_side = 160;
 

@@ -8,10 +8,10 @@
 
 namespace stymo {
 
-/// A photo (height, width, 3) with the landmarks that a network finds itself: the means of its
-/// answers for many squares around the face. A point whose answers differ counts less. None if the
-/// answers differ by more than a tenth of the distance of the eyes on average: there is no face, or
-/// the network does not see it.
+/// A photo (height, width, 3) with landmarks that the network itself finds (pseudo-labels): the
+/// means of its results for many squares around the face. Points whose results differ get a smaller
+/// weight. Returns nothing if the results differ on average by more than a tenth of the distance of
+/// the eyes, since the network then does not see a face.
 [[nodiscard]] std::optional<LandmarkExample> example_of_photo(const LandmarkModel& model,
                                                               const Tensor& photo,
                                                               const FacePoints& found, Rng rng);

@@ -7,25 +7,26 @@
 
 namespace stymo {
 
-/// What a landmark network learns from: an image of its input size, and the points in it from -1 to
-/// 1.
+/// A training example for a landmark network: an image of its input size, and the points in
+/// coordinates from -1 to 1.
 struct LandmarkTarget {
     Tensor image;  ///< (side, side, 3)
     FacePoints points;
 };
 
-/// How far a square is moved from the one around the points (normal, cut off at 2.5 deviations).
+/// Standard deviations of the random change of a square around the points (normal, truncated at 2.5
+/// deviations).
 struct SquareJitter {
     double shift = 0.06;      ///< in units of half the square's side
-    double log_scale = 0.10;  ///< of the logarithm of its side
+    double log_scale = 0.10;  ///< in the logarithm of its side
     double angle_degrees = 9.0;
 };
 
 [[nodiscard]] FaceSquare jittered(FaceSquare square, const SquareJitter& jitter, Rng& rng);
 
-/// A variation of an example: moved, mirrored, in front of a part of one of the backgrounds
-/// (height, width, 3) or of a drawn one, covered in part, with other colours, blurred, noisy,
-/// compressed.
+/// A random variation of an example (data augmentation): moved, mirrored, in front of a part of one
+/// of the backgrounds (height, width, 3) or of a drawn background, partly covered, with changed
+/// colours, blur, noise and compression.
 [[nodiscard]] LandmarkTarget varied(const LandmarkExample& example,
                                     const std::vector<Tensor>& backgrounds, std::int64_t side,
                                     Rng rng);

@@ -5,8 +5,8 @@
 
 namespace stymo {
 
-/// Draws what portraits show beside the face, at random: hair behind the head and over its sides
-/// and forehead, neck and clothes, glasses. The image has 4 channels.
+/// Draws random parts of a portrait besides the face: hair behind the head and over its sides and
+/// forehead, neck and clothes, glasses. The example's image must have 4 channels.
 void draw_portrait_parts(LandmarkExample& example, Rng rng);
 
 }  // namespace stymo

@@ -14,14 +14,14 @@ namespace stymo {
     return rng.uniform() < probability;
 }
 
-/// A normal number with mean 0, drawn again until it lies within `limit`.
+/// A normal number with mean 0, truncated to [-limit, limit] by drawing again.
 [[nodiscard]] inline double limited_normal(Rng& rng, double deviation, double limit) {
     double value = deviation * rng.normal();
     while (value > limit || value < -limit) value = deviation * rng.normal();
     return value;
 }
 
-/// 0 at `low` and before, 1 at `high` and after, smooth between; `low` may be the greater.
+/// Smooth step from 0 at `low` to 1 at `high`, constant outside; `low` may be greater than `high`.
 [[nodiscard]] inline double ramp(double low, double high, double x) {
     double t = (x - low) / (high - low);
     t = t < 0.0 ? 0.0 : t > 1.0 ? 1.0 : t;

@@ -156,8 +156,8 @@ private:
                 blocks.push_back(
                     make_block(store, name, in, layout.widths[stage], i == 0 ? 2 : 1, square, rng));
                 in = layout.widths[stage];
-                // Each branch adds values of size one: two of them after a first block, one more
-                // after every other.
+                // Each branch adds values of unit size: the mean square is 2 after a stage's first
+                // block, and grows by 1 with every other block.
                 square = i == 0 ? 2.0 : square + 1.0;
             }
         }
@@ -177,7 +177,7 @@ private:
     static std::int64_t flattened(const IresnetLayout& layout) {
         return last_side(layout) * last_side(layout) * layout.widths[3];
     }
-    /// The deviation of PyTorch's fully connected layers.
+    /// The initial standard deviation of PyTorch's fully connected layers.
     static ConvLayerOptions embed_options(const IresnetLayout& layout) {
         return {.kernel = 1,
                 .padding = 0,

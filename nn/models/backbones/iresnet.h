@@ -9,7 +9,8 @@
 
 namespace stymo {
 
-/// How many residual blocks each of the four stages has, and how wide they are.
+/// Number of residual blocks and channels of each of the four stages, and the sizes of input and
+/// output.
 struct IresnetLayout {
     std::array<int, 4> blocks{};
     std::array<std::int64_t, 4> widths{64, 128, 256, 512};
@@ -30,21 +31,21 @@ inline constexpr std::array<IresnetDepth, 5> iresnet_depths{{{"iresnet18", {2, 2
                                                              {"iresnet200", {6, 26, 60, 6}}}};
 
 /// The improved residual network of insightface (recognition/arcface_torch/backbones/iresnet.py),
-/// image -> embedding, not normalised. Any image is resized to the input's side by antialiased
-/// bicubic resampling; it stays in [-1, 1]. PReLU for each channel, batch norms with epsilon 1e-5
-/// in inference mode, the last of them with its weight fixed to 1. Initial weights are
-/// insightface's, N(0, 0.1) for every convolution. The stored variances are those that such weights
-/// give, so that a network that is trained from scratch starts with values of size one in every
+/// image -> embedding, not normalised. Any image is resized to `input_side` by antialiased bicubic
+/// resampling; its values stay in [-1, 1]. PReLU has one slope for each channel. Batch norms have
+/// epsilon 1e-5 and stay in inference mode; the weight of the last one is fixed to 1. Initial
+/// weights of convolutions are N(0, 0.1), as in insightface. The initial running variances match
+/// these weights, so that training from scratch starts with activations of unit size in every
 /// layer. Published files use insightface's names ("layer1.0.bn1.weight", "fc.weight",
-/// "features.running_var"). Throws ValueError for a side that is no multiple of 16.
+/// "features.running_var"). Throws ValueError if the input side is not a multiple of 16.
 [[nodiscard]] std::unique_ptr<Backbone> make_iresnet(const IresnetLayout& layout,
                                                      ParameterStore& store,
                                                      const std::string& prefix, Rng& rng);
 
-/// 112x112 -> 512 numbers, 43.6 million parameters, 6.3 GMAC.
+/// 112x112 pixels -> 512 numbers; 43.6 million parameters, 6.3 billion multiply-adds.
 [[nodiscard]] std::unique_ptr<Backbone> make_iresnet50(ParameterStore& store,
                                                        const std::string& prefix, Rng& rng);
-/// 112x112 -> 512 numbers, 65.2 million parameters, 12.1 GMAC.
+/// 112x112 pixels -> 512 numbers; 65.2 million parameters, 12.1 billion multiply-adds.
 [[nodiscard]] std::unique_ptr<Backbone> make_iresnet100(ParameterStore& store,
                                                         const std::string& prefix, Rng& rng);
 

@@ -84,7 +84,7 @@ private:
         put(name + ".running_var", affine(input(node, 4), 1.0, excess).value());
     }
 
-    /// A batch norm that only adds: variance and epsilon make 1.
+    /// A batch norm that only adds a bias: variance + epsilon = 1.
     void put_bias_norm(const std::string& name, const Tensor& bias) {
         put(name + ".weight", Tensor::full(bias.shape(), 1.0));
         put(name + ".bias", bias);

@@ -34,7 +34,7 @@ Variable EncoderDistance::distance_to(const Variable& images, const Features& ta
 }
 
 LayerMemory EncoderDistance::memory(std::int64_t side) const {
-    // Two copies of the activations, of which the first layer has the most.
+    // Two copies of the activations; most of them belong to the first layer.
     constexpr std::int64_t per_pixel = 64;
     return {0, per_pixel * side * side};
 }

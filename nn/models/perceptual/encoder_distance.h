@@ -5,13 +5,13 @@
 
 namespace stymo {
 
-/// A perceptual distance that needs no published weights: activations of the model's own encoder,
-/// compared as LPIPS does with all weights of channels 1, mean over the pixels, mean over the
+/// A perceptual distance that needs no published weights: activations of the model's own encoder
+/// are compared as in LPIPS, but all channel weights are 1 and the result is the mean over the
 /// layers.
 class EncoderDistance final : public PerceptualDistance {
 public:
-    /// The encoder must outlive this object and be frozen. Throws ConfigError for a backbone that
-    /// does not give its activations.
+    /// The encoder must outlive this object and be frozen. Throws ConfigError unless the backbone
+    /// has activations.
     explicit EncoderDistance(const Encoder& encoder);
 
     [[nodiscard]] Features features(const Variable& images) const override;

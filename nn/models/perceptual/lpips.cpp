@@ -26,7 +26,7 @@ const TrunkDescription& description_of(const std::string& network) {
     fail<ConfigError>("LPIPS: no network is called \"", network, "\"; choose one of ", known);
 }
 
-/// Remedies for a missing file.
+/// Describes what a user can do about a missing file.
 std::string ways_out(const std::string& part, const std::string& off_switch) {
     return "reconstruction.perceptual_" + part + " or --lpips-" + part +
            ", or do without LPIPS: " + off_switch;

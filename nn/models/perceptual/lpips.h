@@ -12,14 +12,14 @@
 
 namespace stymo {
 
-/// The value of LpipsConfig::network that stands for the model's own encoder (encoder_distance.h).
+/// The value of LpipsConfig::network that selects the model's own encoder (encoder_distance.h).
 inline constexpr const char* encoder_network = "encoder";
 
 /// Network and weight files of the learned perceptual distance.
 struct LpipsConfig {
     std::string network = "vgg16";  ///< one of lpips_networks(), or encoder_network
-    std::string trunk{};  ///< torchvision's weights as .safetensors, in its names and layout;
-                          ///< "random": untrained ones
+    std::string trunk{};  ///< torchvision's weights as .safetensors, with its names and layout;
+                          ///< "random": untrained weights
     /// The linear heads (v0.1) as .safetensors, "lin0.model.1.weight" or "vgg.lin0.model.1.weight"
     /// and so on; "random": all ones.
     std::string heads{};
@@ -32,23 +32,24 @@ struct LpipsConfig {
 /// Binds "`prefix`network", "`prefix`trunk", "`prefix`heads".
 void describe(ConfigSchema& schema, LpipsConfig& config, const std::string& prefix);
 
-/// LPIPS v0.1 (Zhang et al. 2018): channel-normalised activations of a frozen classification
-/// network, squared differences weighted by linear heads, mean over the image, sum over the taps.
+/// LPIPS v0.1 (Zhang et al. 2018): the activations of a frozen classification network are
+/// normalised over the channels; their squared differences are weighted by linear heads, averaged
+/// over the image and summed over the taps.
 class Lpips final : public PerceptualDistance {
 public:
     /// Reads the weights. Throws ConfigError if a file is not given; the message names the file,
     /// how to import it, and the setting that turns the term off (`off_switch`, for example
-    /// "reconstruction.perceptual_weight = 0"). Throws FileError for an unsuitable file, naming the
-    /// first tensor that is missing or of another shape.
+    /// "reconstruction.perceptual_weight = 0"). Throws FileError, which names the first tensor that
+    /// is missing or has another shape, for an unsuitable file.
     Lpips(const LpipsConfig& config, const std::string& off_switch);
     ~Lpips() override;
     Lpips(Lpips&&) noexcept;
     Lpips& operator=(Lpips&&) noexcept;
 
-    /// Of images of at least smallest_side(). Where all channels are 0, the feature and the
-    /// gradient through its norm are 0 too.
+    /// `images` have a side of at least smallest_side(). Where all channels are 0, the feature and
+    /// the gradient through its norm are 0.
     [[nodiscard]] Features features(const Variable& images) const override;
-    /// Side of the smallest image that reaches the last tap: 16 for vgg16.
+    /// The smallest side for which the last tap is not empty: 16 for vgg16.
     [[nodiscard]] std::int64_t smallest_side() const;
     [[nodiscard]] LayerMemory memory(std::int64_t side) const override;
     /// The number of weights.
@@ -67,8 +68,8 @@ public:
     [[nodiscard]] bool random() const;
     /// "vgg16", or "vgg16, random weights".
     [[nodiscard]] std::string label() const override;
-    /// Frozen parameters "lpips.trunk. ..." (torchvision's names) and "lpips.heads. ...", to
-    /// convert to float64 or compare with.
+    /// Frozen parameters "lpips.trunk. ..." (torchvision's names) and "lpips.heads. ...", for
+    /// example to convert them to float64.
     [[nodiscard]] ParameterStore& parameters();
 
 private:

@@ -8,8 +8,8 @@
 
 namespace stymo {
 
-/// A distance of images by the activations of a network: what the perceptual term of the
-/// reconstruction loss compares.
+/// A distance between images by the activations of a network, for the perceptual term of the
+/// reconstruction loss.
 class PerceptualDistance {
 public:
     /// Activations, each (B, h, w, C), normalised over the channels.
@@ -17,14 +17,13 @@ public:
 
     virtual ~PerceptualDistance() = default;
 
-    /// images (B, S, S, 3) in [-1, 1]. The features of a target are computed once and kept
-    /// (`detach`). Throws ShapeError for other shapes and for images that are too small.
+    /// images (B, S, S, 3) in [-1, 1]. Detached features of a target can be kept and reused. Throws
+    /// ShapeError for other shapes and for images that are too small.
     [[nodiscard]] virtual Features features(const Variable& images) const = 0;
-    /// Distance to a target that is a constant, (B), without a normalised copy of the images'
-    /// activations.
+    /// Distance (B) to a constant target. It makes no normalised copy of the images' activations.
     [[nodiscard]] virtual Variable distance_to(const Variable& images,
                                                const Features& target) const = 0;
-    /// For the distance of one image of this side and its gradient.
+    /// Memory for the distance of one image of this side and its gradient.
     [[nodiscard]] virtual LayerMemory memory(std::int64_t side) const = 0;
     /// Name in reports.
     [[nodiscard]] virtual std::string label() const = 0;

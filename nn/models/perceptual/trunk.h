@@ -15,12 +15,12 @@ namespace stymo {
 struct TrunkLayer {
     enum class Kind {
         convolution,
-        fire,  ///< SqueezeNet: 1x1 to `squeezed` channels, then 1x1 and 3x3 to `out` / 2 channels
-               ///< each, side by side
-        max_pool  ///< rounds its size as the network does
+        fire,     ///< SqueezeNet: 1x1 convolution to `squeezed` channels, then 1x1 and 3x3
+                  ///< convolutions to `out` / 2 channels each, concatenated
+        max_pool  ///< rounds the size of its result as TrunkDescription::pool_ceil_mode says
     };
     Kind kind;
-    int place;             ///< its number in torchvision's `features`
+    int place;             ///< index in torchvision's `features`
     std::int64_t out = 0;  ///< channels
     int kernel = 3;
     int stride = 1;
@@ -31,12 +31,13 @@ struct TrunkLayer {
 
 /// A network for which LPIPS has linear heads.
 struct TrunkDescription {
-    std::string name;          ///< torchvision's
-    std::string weights_file;  ///< that torchvision publishes
-    std::string heads_name;    ///< of the heads in LPIPS' own release: "vgg", "alex", "squeeze"
+    std::string name;          ///< name in torchvision
+    std::string weights_file;  ///< name of the file that torchvision publishes
+    /// Name of the heads in the release of LPIPS: "vgg", "alex", "squeeze".
+    std::string heads_name;
     bool pool_ceil_mode = false;
     std::vector<TrunkLayer> layers;
-    /// For each pixel of an image, the numbers that are alive at the peak of the backward pass,
+    /// Number of elements in memory at the peak of the backward pass, for each pixel of the image;
     /// measured.
     std::int64_t alive_per_pixel = 0;
 };
@@ -49,9 +50,9 @@ struct TrunkDescription {
 /// The feature stack of one of these networks.
 class Trunk {
 public:
-    /// Creates `prefix`features.{place}.weight and .bias, He normal from `rng`; a fire layer's are
-    /// `prefix`features.{place}.squeeze, .expand1x1, .expand3x3 as in torchvision. Weights are
-    /// (out, kernel, kernel, in).
+    /// Creates `prefix`features.{place}.weight and .bias, with He-normal weights from `rng`. A fire
+    /// layer has `prefix`features.{place}.squeeze, .expand1x1 and .expand3x3, as in torchvision.
+    /// Weights are (out, kernel, kernel, in).
     Trunk(const TrunkDescription& description, ParameterStore& store, const std::string& prefix,
           Rng& rng);
 
@@ -63,7 +64,7 @@ public:
 private:
     struct Stage {
         TrunkLayer layer;
-        std::vector<ConvLayer> convolutions;  ///< one; three of a fire layer; none of a pool
+        std::vector<ConvLayer> convolutions;  ///< one; three for a fire layer; none for a pool
     };
     [[nodiscard]] Variable apply(const Stage& stage, const Variable& x) const;
 

@@ -10,14 +10,14 @@
 namespace stymo {
 namespace {
 
-// Cells along each side of a block that is passed over as a whole.
+// Cells along each side of a block that is skipped if it is empty.
 constexpr std::int64_t block_cells = 4;
 constexpr std::int64_t lane_count = 16;
 constexpr std::int64_t rays_per_chunk = 32;
-// Of the tolerance: what all samples of a ray in blocks taken for empty, and what is behind the
-// last sample read, may have.
+// In units of the tolerance: largest weight of a ray's samples in blocks that count as empty, and
+// of samples behind the last one that is read.
 constexpr double neglected_share = 0.1;
-// In units of the tolerance: opacity up to which a ray counts as empty.
+// In units of the tolerance: largest opacity of a ray that counts as empty.
 constexpr double empty_share = 10.0;
 
 }  // namespace
@@ -103,7 +103,7 @@ BakedField::Marched BakedField::march(const Ray& ray, std::int64_t samples_per_r
     const VertexGrid& grid = samples_.grid;
     const double delta =
         sample_distance(ray, 1, samples_per_ray) - sample_distance(ray, 0, samples_per_ray);
-    // Places count in cells from the first vertex: sample k stands at start + k step.
+    // Positions are in cells from the first vertex; sample k is at start + k step.
     std::array<float, 3> start{}, step{}, limit{};
     for (std::size_t axis = 0; axis < 3; ++axis) {
         const double first = ray.origin[axis] + ray.near_distance * ray.direction[axis];
@@ -113,7 +113,7 @@ BakedField::Marched BakedField::march(const Ray& ray, std::int64_t samples_per_r
     }
     const std::int64_t down = grid.index(0, 1, 0), back = grid.index(0, 0, 1);
     const auto least_transmittance = static_cast<float>(neglected_share * options_.tolerance);
-    // A sample of less weight may as well have the mean feature.
+    // Samples of smaller weight have the mean feature.
     const float least_weight = least_transmittance;
     Marched seen;
     Transmittance<float> light;

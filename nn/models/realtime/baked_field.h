@@ -10,17 +10,17 @@
 
 namespace stymo {
 
-/// A field that is sampled once for its face, and of which every view reads the samples: the
-/// density before its softplus and the features by trilinear interpolation, at the exact frame's
-/// own places along the rays. A camera within the head sees the mean feature where no view from
-/// outside reaches. Outside of the baked box there is nothing.
+/// A field that is sampled once for each face. Every view interpolates the density's logits and the
+/// features trilinearly between these samples, at the same places along the rays as an exact frame.
+/// Parts of the head that no view from outside sees have the mean feature; a camera inside the head
+/// sees them. The space outside the baked box is empty.
 class BakedField final : public FieldSource {
 public:
-    /// Throws as `bake`.
+    /// Throws what `bake` throws.
     BakedField(const RaySampling& rays, const ViewRange& views, const BakeOptions& options);
 
     void set_field(const FoldedField& field) override;
-    /// Too quick to be stopped.
+    /// Ignores `stop`, since it takes little time.
     void render(const CameraRays& rays, FeatureMap& map, const std::stop_token& stop) override;
 
     [[nodiscard]] const BakedSamples& samples() const { return samples_; }
@@ -28,7 +28,7 @@ public:
 private:
     struct Marched {
         float opacity = 0.0F;
-        float depth = 0.0F;  ///< without the background's part
+        float depth = 0.0F;  ///< without the contribution of the background
     };
     void mark_empty_blocks();
     [[nodiscard]] Marched march(const Ray& ray, std::int64_t samples_per_ray,

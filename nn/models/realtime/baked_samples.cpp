@@ -18,12 +18,12 @@
 namespace stymo {
 namespace {
 
-// The views are first looked at with every second ray in either direction and every second sample.
+// The box is found from every second ray in either direction and every second sample of the views.
 constexpr std::int64_t locating_stride = 2;
-// Of the tolerance: the share of what the views see that may lie beyond each side of the box.
+// Times the tolerance: the share of the visible weight that may lie beyond each side of the box.
 constexpr double share_beyond_box = 0.5;
-// From the grid that covers the box as a whole, spacings are halved so many times where it
-// shows.
+// The spacing of the coarse grid, which covers the whole box, is halved so many times in visible
+// cells.
 constexpr int refinements = 2;
 constexpr std::int64_t cells_unit = 1 << refinements;
 constexpr std::int64_t lane_count = 16;
@@ -47,7 +47,7 @@ void require_valid(const BakeOptions& options) {
     }
 }
 
-/// Logits at vertices of a grid into `samples`.
+/// Stores the logits at vertices of the grid in `samples`.
 void evaluate_logits(const PackedField<float>& field, std::span<const std::int64_t> vertices,
                      BakedSamples& samples) {
     const auto vertex = [&](std::int64_t i) { return vertices[static_cast<std::size_t>(i)]; };
@@ -103,7 +103,7 @@ struct WeightedPoint {
     double weight = 0.0;
 };
 
-/// Where the samples of the outermost views lie, with their compositing weights.
+/// The samples of the outermost views with their compositing weights.
 std::vector<WeightedPoint> seen_points(const PackedField<float>& field, RaySampling rays,
                                        const ViewRange& views) {
     rays.rays_per_side = std::max<std::int64_t>(rays.rays_per_side / locating_stride, 1);
@@ -118,7 +118,7 @@ std::vector<WeightedPoint> seen_points(const PackedField<float>& field, RaySampl
         [&](std::int64_t first, std::int64_t size, const FieldTile<float>& tile) {
             for (std::int64_t i = first; i < first + size; ++i) {
                 const float* point = points.data() + 3 * i;
-                // The optical depth stands in for the weight until the rays are composited.
+                // Holds the optical depth until the rays are composited, then the weight.
                 seen[static_cast<std::size_t>(i)] = {
                     {static_cast<double>(point[0]), static_cast<double>(point[1]),
                      static_cast<double>(point[2])},
@@ -135,7 +135,8 @@ std::vector<WeightedPoint> seen_points(const PackedField<float>& field, RaySampl
     return seen;
 }
 
-/// The box beyond each side of which lies at most this share of all weight, and `margin` more.
+/// The box beyond each side of which lies at most `share` of the total weight, enlarged by
+/// `margin`.
 Box box_of(std::vector<WeightedPoint> points, double share, double margin) {
     double total = 0.0;
     for (const WeightedPoint& point : points) total += point.weight;
@@ -154,7 +155,7 @@ Box box_of(std::vector<WeightedPoint> points, double share, double margin) {
     return box;
 }
 
-/// Leaves the density on the finest grid but for the vertices returned, which are still to be
+/// Computes the density on the finest grid, except at the returned vertices, which must still be
 /// evaluated.
 std::vector<std::int64_t> sample_density(const PackedField<float>& field, const Box& box,
                                          double step, const BakeOptions& options,
@@ -171,12 +172,13 @@ std::vector<std::int64_t> sample_density(const PackedField<float>& field, const 
     return vertices;
 }
 
-/// The plane of the features of some of the vertices, each as much as a sample of the field there
-/// counts.
+/// Principal components of the features at some vertices, weighted by the opacity of a sample
+/// there.
 FeatureBasis find_basis(const PackedField<float>& packed, const FoldedField& field,
                         const VertexGrid& grid, std::span<const std::int64_t> vertices, double step,
                         std::int64_t dimension) {
-    // An odd stride does not stay in step with rows of an even number of vertices.
+    // An odd stride avoids picking the same columns of every row if rows have an even number of
+    // vertices.
     const std::size_t stride = std::max<std::size_t>(vertices.size() / basis_points, 1) | 1U;
     std::vector<std::int64_t> some;
     for (std::size_t i = 0; i < vertices.size(); i += stride) some.push_back(vertices[i]);

@@ -12,40 +12,43 @@
 namespace stymo {
 
 struct BakeOptions {
-    std::int64_t resolution =
-        96;  ///< cells along the longest side of the box; rounded up to a multiple of 4
-    std::int64_t dimension =
-        64;  ///< numbers kept of a point's features; rounded up to a multiple of 16
-    double tolerance = 1e-2;  ///< compositing weight up to which a sample may have the mean feature
-                              ///< instead of its own
+    /// Cells along the longest side of the box; rounded up to a multiple of 4.
+    std::int64_t resolution = 96;
+    /// Principal components kept of a point's features; rounded up to a multiple of 16.
+    std::int64_t dimension = 64;
+    double tolerance = 1e-2;  ///< samples of at most this compositing weight may have the mean
+                              ///< feature instead of their own
 };
 
-/// One face's field at the vertices of a box of cubic cells which holds what the views see. The
-/// field was evaluated at vertices of the cells that may show from outside of the box, found from
-/// coarse to fine; the other vertices have a density interpolated from coarser ones, and the mean
-/// feature.
+/// One face's field at the vertices of a box of cubic cells that contains what the views see. The
+/// field is evaluated, from coarse to fine, at the vertices of the cells that may be visible from
+/// outside the box. The other vertices have a density interpolated from coarser vertices, and the
+/// mean feature.
 struct BakedSamples {
     VertexGrid grid;
-    std::vector<float> logits;            ///< of each vertex: the density is softplus(logit)
-    std::vector<std::int32_t> record_of;  ///< of each vertex: which record has its features
+    std::vector<float> logits;            ///< for each vertex; the density is softplus(logit)
+    std::vector<std::int32_t> record_of;  ///< for each vertex, the record of its features
     std::int64_t dimension = 0;           ///< numbers of a record, a multiple of 16
-    std::vector<kernels::BFloat16>
-        records;  ///< coefficients of the features; record 0 is the mean, all zeros
-    /// (dimension + 1, feature_channels): directions that the coefficients belong to, and last the
-    /// mean, to which the opacity belongs. Features are those after the field's last layer.
+    /// Coefficients of the features, `dimension` for each record. Record 0 is the mean feature, all
+    /// zeros.
+    std::vector<kernels::BFloat16> records;
+    /// (dimension + 1, feature_channels): one direction for each coefficient, and in the last row
+    /// the mean, which is multiplied by the opacity. The products are the features after the
+    /// field's last layer.
     Tensor finish;
-    std::int64_t evaluated_points = 0;  ///< evaluations of the field, with or without features
+    std::int64_t evaluated_points = 0;  ///< number of field evaluations, with or without features
 
     [[nodiscard]] std::int64_t bytes() const;
 };
 
+/// Upper limit of `baked_bytes`.
 inline constexpr std::int64_t most_baked_bytes = 300'000'000;
-/// What a field baked with these options takes if every cell shows.
+/// Bytes of a field that is baked with these options if every cell is visible.
 [[nodiscard]] std::int64_t baked_bytes(const BakeOptions& options);
 
-/// `rays` tells where the views have their samples, and how long a piece of a ray they stand for.
-/// Throws ValueError for a resolution below 8, a dimension below 1, options of more than
-/// `most_baked_bytes`, and as `sample_rays` for the outermost views.
+/// Bakes a field for these views. `rays` gives the places and the intervals of the samples along
+/// rays. Throws ValueError for a resolution below 8, a dimension below 1 and options whose
+/// `baked_bytes` exceed `most_baked_bytes`, and what `sample_rays` throws for the outermost views.
 [[nodiscard]] BakedSamples bake(const FoldedField& field, const RaySampling& rays,
                                 const ViewRange& views, const BakeOptions& options);
 

@@ -66,7 +66,8 @@ ChosenTolerance choose_tolerance(const Model& model, const Codes& codes,
     };
     if (options.mode == RenderMode::exact || options.mode == RenderMode::baked)
         return at(options.tolerance);
-    int low = 0, high = series_length - 1;  // places; the last one counts as good enough
+    int low = 0,
+        high = series_length - 1;  // indices into the series; the last one is always accepted
     ChosenTolerance chosen = at(series_tolerance(high));
     while (low < high) {
         const int middle = (low + high) / 2;

@@ -14,7 +14,7 @@ constexpr float unknown = -1e3F;
 constexpr float wanted = -2e3F;
 constexpr DensityBounds anything{0.0F, 0.0F, std::numeric_limits<float>::infinity()};
 
-/// Most of space is empty, and there looser bounds are as good and take less time.
+/// Most of space is empty. Looser bounds are good enough there and faster to compute.
 DensityBounds bounds_of_logits(float lower, float estimate, float upper) {
     constexpr float nothing = -16.0F, thin = -7.0F;
     constexpr DensityBounds next_to_nothing{0.0F, 0.0F, 1.2e-7F};  // softplus(-16) = 1.1e-7
@@ -25,8 +25,8 @@ DensityBounds bounds_of_logits(float lower, float estimate, float upper) {
 
 }  // namespace
 
-/// The first of the corners around a point, the steps to the others, and where between them the
-/// point is.
+/// The cell of a point, the first of the eight vertices around it, the step to the others, and the
+/// position of the point between them.
 struct DensityGrid::Place {
     std::int64_t cell = -1;  ///< outside the cube
     std::int64_t corner = 0;
@@ -133,7 +133,7 @@ void DensityGrid::evaluate(std::span<const std::int64_t> cells, std::int64_t ste
     }
     new_logits_.resize(wanted_.size());
     logits_at(points_, new_logits_);
-    // No logit may be taken for one of the marks.
+    // A lower bound keeps logits apart from the special values `unknown` and `wanted`.
     constexpr float least_logit = -60.0F;
     for (std::size_t i = 0; i < wanted_.size(); ++i)
         logits_[static_cast<std::size_t>(wanted_[i])] = std::max(new_logits_[i], least_logit);

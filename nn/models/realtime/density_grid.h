@@ -9,48 +9,52 @@
 
 namespace stymo {
 
-/// Evaluates a field at any number of points, 3 coordinates each: the density is softplus(logit).
+/// Evaluates a field at any number of points, 3 coordinates each. The density is softplus(logit).
 using LogitFunction = std::function<void(std::span<const float> points, std::span<float> logits)>;
 
-/// The density of one head at the vertices of a grid around the origin, evaluated where points need
-/// it and kept. What is known of a point depends on the head alone, not on earlier evaluations.
-/// Vertices stand `spacing` apart, but twice that in cells of eight such cubes whose corners are
-/// all thinner than `thin`. Bounds are the extremes over the eight corners around a point. They
-/// hold where the density is monotonous between the corners, so not for smaller details. The
-/// estimate interpolates the logits of the corners linearly.
+/// The density of one head at the vertices of a grid around the origin. Vertices are evaluated when
+/// points need them, and kept. Bounds and estimate at a point depend only on the head, not on the
+/// order of evaluations. The distance of vertices is `spacing`, but twice that in cells (two
+/// spacings wide) whose corners all have a density below `thin`. The bounds at a point are the
+/// extremes over the eight corners around it. They hold where the density is monotonic between the
+/// corners, so they can miss smaller details. The estimate interpolates the logits of the corners
+/// trilinearly.
 class DensityGrid {
 public:
     DensityGrid() = default;
-    /// A cube around the origin whose half side is at least `half_side`.
+    /// A cube around the origin; half its side is `half_side` rounded up to a multiple of
+    /// `spacing`.
     DensityGrid(double half_side, double spacing, double thin = 0.0);
 
-    /// Of these points, 3 numbers each, one for each cell within the cube that some of them lie in.
+    /// A subset of these points, 3 coordinates each: the first one in each cell of the cube that
+    /// contains any.
     [[nodiscard]] std::vector<float> one_in_each_cell(std::span<const float> points) const;
-    /// For another head.
+    /// Discards all evaluations, for another head.
     void forget();
     /// Evaluates the unknown vertices around these points, 3 coordinates each.
     void evaluate_around(std::span<const float> points, const LogitFunction& logits_at);
-    /// From 0 to infinity outside the cube, and where nothing was evaluated. False if a point
-    /// inside the cube lies at such a place.
+    /// Bounds at these points, 3 coordinates each. Outside the cube and in cells that were not
+    /// evaluated they are 0 and infinity. Returns false if a point lies in such a cell.
     bool bounds(std::span<const float> points, std::span<DensityBounds> result) const;
-    /// Whether all these points, 3 numbers each, lie in cells that are known and thin.
+    /// Whether all these points, 3 coordinates each, lie in evaluated cells whose corners are all
+    /// below `thin`.
     [[nodiscard]] bool all_thin(std::span<const float> points) const;
-    /// How many vertices are known.
+    /// The number of evaluated vertices.
     [[nodiscard]] std::int64_t known_vertices() const { return known_vertices_; }
 
 private:
     enum class CellState : std::uint8_t { unknown, coarse, fine };
     struct Place;
     [[nodiscard]] Place place_of(const float* point) const;
-    /// Negative outside the cube.
+    /// The cell of a point, negative outside the cube.
     [[nodiscard]] std::int64_t cell_of(const float* point) const;
     [[nodiscard]] std::int64_t first_vertex(std::int64_t cell) const;
-    /// Evaluates the unknown vertices of these cells, `step` apart.
+    /// Evaluates the unknown vertices of these cells whose distance is `step` spacings.
     void evaluate(std::span<const std::int64_t> cells, std::int64_t step,
                   const LogitFunction& logits_at);
     [[nodiscard]] bool is_thin(std::int64_t cell) const;
 
-    std::int64_t cells_ = 0;     ///< along each axis, of two spacings
+    std::int64_t cells_ = 0;     ///< along each axis; each is two spacings wide
     std::int64_t vertices_ = 0;  ///< along each axis, one spacing apart
     float half_side_ = 0.0F;
     float spacing_ = 0.0F;

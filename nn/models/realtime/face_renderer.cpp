@@ -33,7 +33,7 @@ void require_valid(const Model& model, const RendererOptions& options) {
     static_cast<void>(model.decoder().ladder().count_up_to(options.resolution));  // throws
 }
 
-/// Null for a model that is rendered as it is trained.
+/// Null for a model whose layers do not fold.
 std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model,
                                                const RendererOptions& options,
                                                Precision precision) {
@@ -47,7 +47,7 @@ std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model,
     return make_sampled_field(model, options, precision);
 }
 
-/// Those that are computed with 16 bits in mode `half`, and of a bake the render blocks'.
+/// The layers that use 16 bits in mode `half`. Mode `baked` reduces only the render blocks.
 std::vector<FoldedLayer> reduced_layers(const FoldedField& field) {
     std::vector<FoldedLayer> layers = field.layers;
     layers.push_back(field.feature0);
@@ -60,7 +60,7 @@ std::vector<FoldedLayer> reduced_layers(std::span<const FoldedRenderBlock> block
     return layers;
 }
 
-/// Layers of which a frame is made.
+/// Number of layers that a frame needs.
 struct LayerCount {
     std::int64_t field = 0;
     std::int64_t image = 0;  ///< render blocks and mask branch
@@ -88,13 +88,13 @@ struct FaceRenderer::State {
     Codes w;
     RaySampling sampling;
     CameraRays rays;
-    std::optional<Camera> camera;  ///< whose feature map is kept
+    std::optional<Camera> camera;  ///< camera of the feature map that is kept
     FeatureMap feature_map;
     FloaterRemoval floaters;
-    bool feature_map_is_new = true;  ///< to the render blocks
+    bool feature_map_is_new = true;  ///< since the last call of BlockRenderer::set_feature_map
     std::optional<BlockRenderer> blocks;
-    View view;  ///< buffers of the last frame, which the next one takes unless somebody still holds
-                ///< them
+    View view;  ///< buffers of the last frame, which the next one reuses unless a copy of the View
+                ///< still exists
     RenderCounts counts;
 
     State(const Model& shown_model, const RendererOptions& renderer_options)
@@ -114,10 +114,9 @@ struct FaceRenderer::State {
         counts.samples = static_cast<std::int64_t>(rays.rays.size()) * options.samples_per_ray;
     }
 
-    /// Takes over row `index` of one group; true if it differs from what is shown.
+    /// Copies row `index` of one group; true if it differs from the codes that are shown.
     bool take(const Codes& codes, std::int64_t index, std::size_t group);
-    /// Takes over the type that the layers of a new face need; true if it differs from the present
-    /// one.
+    /// Sets the type that the layers of a new face need; true if it has changed.
     [[nodiscard]] bool change_precision(Precision& precision,
                                         std::span<const FoldedLayer> layers) const;
     void fold_field();
@@ -125,7 +124,7 @@ struct FaceRenderer::State {
     void render_field(const Camera& seen_by, const std::stop_token& stop);
     void draw(const std::stop_token& stop);
     void count();
-    /// As the model is trained, for layers that do not fold.
+    /// Renders with the decoder that training uses, for layers that do not fold.
     [[nodiscard]] View render_unfolded(const Camera& seen_by);
 };
 
@@ -166,7 +165,7 @@ bool FaceRenderer::State::change_precision(Precision& precision,
     Precision fitting = Precision::float32;
     if (options.mode == RenderMode::half || options.mode == RenderMode::baked)
         fitting = sixteen_bits_for(layers);
-    // A bake errs more than half precision, but what bfloat16 loses is not won back in time.
+    // In mode baked, bfloat16 would cost accuracy without saving enough time.
     if (options.mode == RenderMode::baked && fitting == Precision::bfloat16)
         fitting = Precision::float32;
     return std::exchange(precision, fitting) != fitting;
@@ -215,7 +214,7 @@ void FaceRenderer::State::count() {
     counts.pixels = blocks->counts().pixels;
     counts.pixels_computed = blocks->counts().pixels_computed;
     counts.tiles = feature_map.tiles;
-    // Of a bake no sample is counted.
+    // Mode baked counts no samples.
     if (options.mode != RenderMode::baked) {
         view.significant_samples = static_cast<double>(feature_map.significant_samples) /
                                    static_cast<double>(counts.samples);

@@ -16,24 +16,23 @@ struct CameraRays {
     std::int64_t samples_per_ray = 0;
 };
 
-/// What a camera sees of the field: the input of the render blocks, and what is known of every ray
-/// besides.
+/// The field as seen by a camera: the input of the render blocks, and further values for each ray.
 struct FeatureMap {
     std::vector<float> features;  ///< (rays, feature_channels), after the field's last layer; zeros
                                   ///< for an empty ray
     std::vector<std::uint8_t> occupied;  ///< (rays): 0 for an empty ray, else 1
     std::vector<float> opacities;        ///< (rays), 0 for an empty ray
-    std::vector<float> depths;       ///< (rays): expected Euclidean distance; that of the farthest
-                                     ///< sample of all behind the rest
-    std::int64_t field_samples = 0;  ///< samples that went through the field
-    /// Samples whose compositing weight exceeds `significant_weight`, of those that went through
-    /// the field.
+    /// (rays): expected Euclidean distance; the remaining transmittance counts with the distance of
+    /// the farthest sample of all rays.
+    std::vector<float> depths;
+    std::int64_t field_samples = 0;  ///< samples at which the field was evaluated
+    /// The evaluated samples whose compositing weight exceeds `significant_weight`.
     std::int64_t significant_samples = 0;
-    std::int64_t tiles = 0;  ///< in so many of which the samples went through the field
+    std::int64_t tiles = 0;  ///< number of tiles in which the samples were evaluated
 };
 
-/// The seam between ways of computing the field. The modes differ in nothing else before the
-/// render blocks.
+/// Interface of the ways of rendering the field. Before the render blocks, render modes differ only
+/// in this.
 class FieldSource {
 public:
     FieldSource() = default;
@@ -41,14 +40,14 @@ public:
     FieldSource(const FieldSource&) = delete;
     FieldSource& operator=(const FieldSource&) = delete;
 
-    /// The field of another identity or expression.
+    /// Sets the field of another identity or expression.
     virtual void set_field(const FoldedField& field) = 0;
-    /// Fills `map`, whose vectors keep what they have allocated. Returns early, with a map of no
-    /// use, when a stop is requested.
+    /// Fills `map` and reuses its memory. When a stop is requested, returns early with an
+    /// incomplete map.
     virtual void render(const CameraRays& rays, FeatureMap& map, const std::stop_token& stop) = 0;
 };
 
-/// Distance of the farthest sample of all rays: where the background is.
+/// Distance of the farthest sample of all rays, which is the depth of the background.
 [[nodiscard]] double farthest_sample(const CameraRays& rays);
 
 }  // namespace stymo

@@ -6,7 +6,7 @@ namespace stymo {
 namespace {
 
 constexpr float solid = 0.1F;
-/// A fainter ray shows less than one step of 8 bits.
+/// A fainter ray changes a pixel by less than one 8-bit step.
 constexpr float visible = 0.002F;
 constexpr std::int32_t none = -1;
 
@@ -21,8 +21,8 @@ void for_each_neighbour(std::int64_t ray, std::int64_t side, const Visit& visit)
 
 }  // namespace
 
-/// Gives the rays of at least this opacity around those in the queue the piece of their neighbour,
-/// nearer ones first.
+/// Breadth-first search from the rays in the queue: rays without a piece that have at least this
+/// opacity get the piece of their neighbour.
 void FloaterRemoval::spread(const FeatureMap& map, std::int64_t side, float least_opacity) {
     for (std::size_t next = 0; next < queue_.size(); ++next) {
         const std::int32_t ray = queue_[next], piece = pieces_[static_cast<std::size_t>(ray)];

@@ -16,20 +16,20 @@ namespace stymo {
 namespace {
 
 constexpr std::int64_t rays_per_chunk = 32;
-/// Compositing weight of a ray that the samples without features of their own may have together, in
-/// units of the tolerance.
+/// In units of the tolerance: largest total weight of a ray's samples whose features are not
+/// computed.
 constexpr float featureless_share = 0.5F;
-/// The same of a ray that counts as empty.
+/// In units of the tolerance: largest opacity of a ray that counts as empty.
 constexpr float empty_share = 0.5F;
-/// The same of a ray all of whose samples lie where the grid is coarse because the density is
-/// thin.
+/// In units of the tolerance: largest opacity of a ray between the planes whose samples all lie in
+/// thin cells, where the grid is coarse.
 constexpr double thin_share = 0.5;
-/// Up to this part of 1 / thin_share times the depth between the planes, a ray through thin space
-/// has less than the tolerance.
+/// Length, in units of the depth between the planes, up to which a ray through thin cells has an
+/// opacity below the tolerance: a bit less than 1 / thin_share.
 constexpr double thin_rays = 1.9;
 
-/// Calls body(item, thread) for every item; `thread` counts from 0 and is nobody else's at that
-/// time.
+/// Calls body(item, thread) for every item on several threads. `thread` counts from 0 and is unique
+/// among concurrent calls.
 template <class Body>
 void for_each_item(std::int64_t count, const Body& body) {
     std::atomic<std::int64_t> next{0};
@@ -45,7 +45,7 @@ template <class T>
 struct Scratch {
     RayTile<T> tile;
     std::vector<float> points;           ///< of one ray
-    std::vector<std::int32_t> rows;      ///< of the tile, whose features are computed
+    std::vector<std::int32_t> rows;      ///< rows of the tile whose features are computed
     std::vector<std::int32_t> row_rays;  ///< their rays
     std::vector<float> row_weights;
     std::vector<DensityBounds> bounds;
@@ -83,8 +83,8 @@ float interval(const Ray& ray, std::int64_t samples) {
                               static_cast<double>(samples));
 }
 
-/// Around all that the model's own camera sees as the head turns, with some room for other
-/// distances.
+/// A grid around the volume that the model's camera sees as the head turns, with some room for
+/// other distances.
 DensityGrid make_grid(const ModelConfig& model, double tolerance) {
     const RaySampling& sampling = model.decoder.rays;
     const double reach = std::max(std::abs(sampling.near_z), std::abs(sampling.far_z));
@@ -94,9 +94,9 @@ DensityGrid make_grid(const ModelConfig& model, double tolerance) {
     return {room * std::hypot(reach, side, side), depth / 48.0, thin_share * tolerance / depth};
 }
 
-/// A point in each cell of the grid that the usual views see.
+/// One point in each cell of the grid that the usual views see.
 std::vector<float> points_in_reach(const ModelConfig& model, const DensityGrid& grid) {
-    // A little more than images show, so that views between these need nothing else.
+    // Slightly larger than the images, so that views between these need no further cells.
     constexpr double wider = 0.9, deeper = 0.4;
     ViewRange range{.camera = model.camera};
     range.camera.intrinsics.focal *= wider;
@@ -130,7 +130,8 @@ private:
 
     RenderMode mode_;
     float tolerance_;
-    double thin_length_ = 0.0;  ///< of a ray through thin cells alone that may be left out
+    /// Largest length of a ray through only thin cells that is left out.
+    double thin_length_ = 0.0;
     PackedField<T> field_;
     DensityGrid grid_;
     std::vector<float> reach_;  ///< points around which a new head's density is evaluated at once
@@ -234,7 +235,7 @@ bool SampledField<T>::select_from_grid(const CameraRays& rays) {
             const Ray& ray = rays.rays[static_cast<std::size_t>(i)];
             scratch.points.clear();
             append_points(ray, samples, scratch.points);
-            // Most rays beside a head; what they meet together is below what counts as empty.
+            // Most rays beside a head pass only thin cells; their opacity is too small to count.
             if (ray.far_distance - ray.near_distance <= thin_length_ &&
                 grid_.all_thin(scratch.points)) {
                 selection_.keep_none(i);
@@ -247,8 +248,8 @@ bool SampledField<T>::select_from_grid(const CameraRays& rays) {
     return known;
 }
 
-/// Whole rays, so that a tile can composite them; as many tiles for each thread, of the same size
-/// as far as rays allow.
+/// Divides the samples into tiles of whole rays, so that each tile can composite its rays. Tiles
+/// have about the same size, and their number is a multiple of the number of threads.
 template <class T>
 void SampledField<T>::cut_into_tiles() {
     const std::int64_t all =
@@ -270,7 +271,7 @@ void SampledField<T>::cut_into_tiles() {
     tiles_.push_back(static_cast<std::int64_t>(selection_.counts.size()));
 }
 
-/// For every thread, because chance decides which of them meets the largest tile.
+/// For every thread, because any of them may get the largest tile.
 template <class T>
 void SampledField<T>::reserve() {
     const auto points = static_cast<std::size_t>(largest_tile_);
@@ -332,7 +333,7 @@ void SampledField<T>::finish_ray(std::int64_t ray, const CameraSamples& samples,
         map.opacities[index] = 0.0F;
         return;
     }
-    // A weight too small for features of its own goes to the next sample that has some.
+    // A weight that is too small is added to the next sample whose features are computed.
     const float least = featureless_share * tolerance_ / static_cast<float>(weights.size());
     float carried = 0.0F;
     for (std::size_t k = 0; k < weights.size(); ++k) {

@@ -8,9 +8,9 @@
 
 namespace stymo {
 
-/// The field computed anew for every view: all samples in mode `exact`, those that a density grid
-/// of the head finds significant in modes `skip` and `half`. What is left out counts with its
-/// estimated density towards the sample behind it.
+/// A source that evaluates the field for every view: at all samples in mode `exact`, and in modes
+/// `skip` and `half` at those that a density grid of the head finds significant. The estimated
+/// optical depth of samples that are left out is added to the next sample behind them.
 [[nodiscard]] std::unique_ptr<FieldSource> make_sampled_field(const ModelConfig& model,
                                                               const RendererOptions& options,
                                                               Precision precision);

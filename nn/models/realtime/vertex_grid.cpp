@@ -18,8 +18,8 @@ Steps strides(const VertexGrid& grid) {
     return {1, grid.vertices[0], grid.vertices[0] * grid.vertices[1]};
 }
 
-/// Least optical depth of a path of edges from outside of the box to each vertex: eight sweeps of
-/// the fast sweeping method (Zhao 2005), one for each octant that a path may come from.
+/// For each vertex the smallest optical depth of a path of edges from outside the box, by eight
+/// sweeps of the fast sweeping method (Zhao 2005), one for each octant.
 std::vector<float> least_optical_depth(const VertexGrid& grid, const std::vector<float>& density) {
     std::vector<float> least(density.size(), std::numeric_limits<float>::max());
     const Steps stride = strides(grid);

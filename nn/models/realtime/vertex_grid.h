@@ -8,7 +8,7 @@
 
 namespace stymo {
 
-/// Vertices of a box of cubic cells, x fastest.
+/// The vertices of a box of cubic cells. x varies fastest in memory.
 struct VertexGrid {
     Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< the first vertex, world coordinates
     double spacing = 1.0;
@@ -30,18 +30,18 @@ struct Box {
     Eigen::Vector3d upper = Eigen::Vector3d::Zero();
 };
 
-/// `cells` cells along the longest side of the box, which they cover.
+/// A grid that covers the box, with `cells` cells along its longest side.
 [[nodiscard]] VertexGrid cover(const Box& box, std::int64_t cells);
-/// Half the spacing; every vertex is one of the fine grid too.
+/// The grid of half the spacing, which contains every vertex of `grid`.
 [[nodiscard]] VertexGrid refined(const VertexGrid& grid);
 /// Values at the vertices of refined(grid), interpolated trilinearly.
 [[nodiscard]] std::vector<float> prolonged(const VertexGrid& grid,
                                            const std::vector<float>& values);
 
-/// A byte for each vertex: 1 where a sample that stands for `length` of a ray from outside of the
-/// box may get a compositing weight above `tolerance`. What hides behind density counts as hidden
-/// only if it does so along every path of grid edges, which is longer than a straight ray by a
-/// factor of sqrt(3) at most.
+/// A byte for each vertex: 1 where a sample with an interval of length `length`, on a ray from
+/// outside the box, may have a compositing weight above `tolerance`. The transmittance towards a
+/// vertex is bounded by the smallest optical depth of all paths of grid edges from outside, divided
+/// by sqrt(3), since such a path is at most sqrt(3) times as long as a straight ray.
 [[nodiscard]] std::vector<std::uint8_t> significant_vertices(const VertexGrid& grid,
                                                              const std::vector<float>& density,
                                                              double length, double tolerance);

@@ -6,14 +6,16 @@
 
 namespace stymo {
 
-/// Cameras that see the head turned to either side, and up and down, by up to these angles.
+/// A range of cameras: the head is turned by up to `yaw` to either side and by up to `pitch` up and
+/// down.
 struct ViewRange {
     CameraConfig camera;
     double yaw = 0.53;  ///< radians
     double pitch = 0.2;
 };
 
-/// `yaws` times `pitches` of them, evenly spaced, the outermost ones included; both at least 2.
+/// `yaws` times `pitches` cameras of the range, evenly spaced, with the outermost ones. Both
+/// numbers are at least 2.
 [[nodiscard]] std::vector<Camera> cameras_over(const ViewRange& range, int yaws, int pitches);
 
 }  // namespace stymo
