@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "apps/tiny_run.h"
 #include "apps/tool_run.h"
 #include "core/io/file.h"
 #include "core/io/scratch_folder.h"
@@ -61,6 +62,31 @@ TEST_CASE(
                                        {"shape", {1, 64, 1, 1}},
                                        {"type", "float32"},
                                        {"norm", 4.0}});
+}
+
+TEST_CASE("stymo-weights widens a model, and asks by what if it is not told") {
+    const ScratchFolder folder;
+    const std::string model = (stymo::tiny_run() / "run/model.safetensors").string();
+    const ToolOutcome wide =
+        run_tool(folder.path(), "stymo-weights widen " + model +
+                                    " wide.safetensors --set decoder.field_width=40 --json");
+    INFO(wide.err);
+    REQUIRE(wide.exit_code == 0);
+    CHECK(json::parse(wide.out)["written"] == "wide.safetensors");
+    CHECK(stymo::read_tensor_file(folder / "wide.safetensors")
+              .tensors.at("decoder.field.density.weight")
+              .shape(1) == 40);
+
+    const ToolOutcome untold =
+        run_tool(folder.path(), "stymo-weights widen " + model + " none.safetensors");
+    CHECK(untold.exit_code == 2);
+    CHECK_THAT(untold.err, Catch::Contains("widen needs --set"));
+    const ToolOutcome narrower =
+        run_tool(folder.path(),
+                 "stymo-weights widen " + model + " none.safetensors --set decoder.field_width=2");
+    CHECK(narrower.exit_code == 1);
+    CHECK_THAT(narrower.err, Catch::Contains("at least as many channels"));
+    CHECK_FALSE(fs::exists(folder / "none.safetensors"));
 }
 
 TEST_CASE("What stymo-weights cannot or will not read gives one line and no file") {
