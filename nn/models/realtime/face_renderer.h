@@ -25,9 +25,8 @@ struct RendererOptions {
     std::int64_t samples_per_ray = 64;
     std::int64_t resolution = 0;  ///< 0: the model's resolution
     /// Largest total compositing weight of consecutive samples that are left out, in [0, 1). A ray
-    /// whose opacity is at most half of it counts as empty. Read by the modes skip and half. 0.3
-    /// gives a PSNR of 47 dB on average and 42 dB at worst against exact frames (trained field,
-    /// docs/decisions.md).
+    /// whose opacity is at most half of it counts as empty. Read by the modes skip and half.
+    /// docs/numerics.md has the error of each tolerance.
     double tolerance = 0.3;
     std::int64_t bake_resolution = 96;  ///< cells along the longest side of the baked box
     bool mask = false;
