@@ -1,6 +1,7 @@
 #include "fit/fit_problem.h"
 
 #include <algorithm>
+#include <cmath>
 #include <span>
 #include <string>
 
@@ -64,6 +65,7 @@ FitProblem::FitProblem(const Model& model, const ReconstructionLoss& loss, const
       options_(options),
       regularizer_(options.regularizer < 0.0 ? model.config().reconstruction.fit_regularizer
                                              : options.regularizer),
+      heads_(options.depth_weight > 0.0 ? options.head : nullptr, faces),
       initial_(initial_codes(model, faces, options)) {
     for (std::size_t group = 0; group < code_names.size(); ++group) {
         const Variable& values = initial_.groups[group];
@@ -120,6 +122,21 @@ bool FitProblem::choose_images(std::int64_t step) {
     return true;
 }
 
+Variable FitProblem::depth_difference(const Decoded& decoded) {
+    const std::vector<Camera> seen_by = cameras();
+    const Variable depths = expected_depth(decoded);
+    const auto side = std::llround(std::sqrt(static_cast<double>(depths.shape(1))));
+    Variable total(Tensor::scalar(0.0, depths.dtype()));
+    for (std::int64_t row = 0; row < depths.shape(0); ++row) {
+        const Variable depth = slice(depths, 0, row, row + 1);
+        const Camera& camera = seen_by[static_cast<std::size_t>(row)];
+        heads_.place(row, camera, depth.value().to(DType::float32).reshaped({side, side, 1}));
+        const std::optional<FaceSurface> surface = heads_.surface(row, camera, side);
+        if (surface) total = total + heads_.loss(depth, *surface, row);
+    }
+    return total;
+}
+
 FitProblem::Evaluation FitProblem::evaluate() {
     const auto batch = static_cast<double>(initial_.batch());
     if (!orbits().empty()) decode_.orbits = orbits().front().variable();
@@ -127,7 +144,8 @@ FitProblem::Evaluation FitProblem::evaluate() {
     // The mean over the batch times its size, so that a face's gradient does not depend on the size
     // of the batch.
     const Variable loss = loss_(decoded.images, photos_).total * batch +
-                          squared_length(code_offsets()) * regularizer_;
+                          squared_length(code_offsets()) * regularizer_ +
+                          depth_difference(decoded) * options_.depth_weight;
     Evaluation result{loss.value().item() / batch, {}};
     std::vector<Variable> learnt = variables_of(offsets());
     if (!orbits().empty()) learnt.push_back(orbits().front().variable());

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "fit/fitter.h"
+#include "fit/head_depth.h"
 
 namespace stymo {
 
@@ -42,12 +43,16 @@ public:
 
 private:
     [[nodiscard]] Codes code_offsets() const;
+    /// Sum over the faces of the differences between their depth and that of their heads, which are
+    /// moved to the faces first.
+    [[nodiscard]] Variable depth_difference(const Decoded& decoded);
 
     const Model& model_;
     const ReconstructionLoss& loss_;
     const FaceBatch& faces_;
     const FitOptions& options_;
     double regularizer_;
+    HeadDepth heads_;
     Codes initial_;
     ParameterStore offsets_;
     ParameterStore orbits_;

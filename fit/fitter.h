@@ -6,6 +6,7 @@
 
 #include "nn/models/face_batch.h"
 #include "nn/models/reconstruction.h"
+#include "render/morphable/head.h"
 
 namespace stymo {
 
@@ -51,6 +52,10 @@ struct FitOptions {
     /// `pose_learning_rate_factor` times the learning rate.
     bool refine_pose = false;
     double pose_learning_rate_factor = 0.1;
+    /// The linear head to which the faces' codes belong; null: depth follows from colours alone.
+    /// Where a face has such a code, the depth of its fit is drawn to this head's, up to a shift.
+    const MorphableHead* head = nullptr;
+    double depth_weight = 0.25;  ///< of the mean difference of depths, per distance of the eyes
     std::function<void(const FitStep&)> on_step = {};
 };
 

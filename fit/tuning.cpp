@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "core/angle.h"
 #include "core/autograd/grad.h"
@@ -13,6 +14,7 @@
 #include "core/ops/ops.h"
 #include "core/parallel.h"
 #include "core/rng.h"
+#include "fit/head_depth.h"
 #include "fit/turned_photo.h"
 #include "nn/losses.h"
 #include "nn/models/view.h"
@@ -30,9 +32,11 @@ constexpr double largest_yaw = 40.0, largest_pitch = 15.0;
 
 /// Images that the tuned decoder must preserve.
 struct Anchor {
+    std::int64_t row;  ///< of the face
     Codes codes;
     Camera camera;
-    std::vector<Tensor> images;  ///< of the original decoder
+    std::vector<Tensor> images;            ///< of the original decoder
+    std::optional<FaceSurface> surface{};  ///< what the depth is drawn to
 };
 
 double uniform(Rng& rng, double low, double high) {
@@ -52,13 +56,14 @@ public:
           options_(options),
           samples_per_ray_(options.samples_per_ray > 0
                                ? options.samples_per_ray
-                               : tuned.config().reconstruction.fit_samples_per_ray) {
+                               : tuned.config().reconstruction.fit_samples_per_ray),
+          heads_(options.depth_weight > 0.0 ? options.head : nullptr, faces) {
         for (std::int64_t i = 0; i < codes.batch(); ++i) {
             std::vector<Tensor> images;
             for (const Tensor& images_of_all : faces.targets)
                 images.push_back(slice(Variable(images_of_all), 0, i, i + 1).value());
             photos_.push_back(loss.kept_target(images));
-            seen_.push_back(seen_in_photo(original, i));
+            look_at_photo(original, i);
         }
         Rng rng = Rng(options.seed).split("anchors");
         for (std::int64_t i = 0; i < options.anchors; ++i)
@@ -107,7 +112,8 @@ private:
         const Decoded decoded =
             tuned_.decoder()(codes_of_face(codes_, row), {cameras_[static_cast<std::size_t>(row)]},
                              decoding(side, masked));
-        const Variable loss = loss_(decoded.images, photo).total;
+        const Variable loss = loss_(decoded.images, photo).total +
+                              depth_term(decoded, surfaces_[static_cast<std::size_t>(row)], row);
         if (!masked) return loss;
         // The mask branch reads features of the render blocks, which tuning changes.
         const Tensor mask = slice(Variable(faces_.mask), 0, row, row + 1).value();
@@ -120,14 +126,23 @@ private:
                                                  decoding(anchor.images.back().shape(1)));
         // The largest compared image has the weight of the model's largest image.
         const std::span<const double> weights = photos_.front().weights;
-        return photometric_loss(decoded.images, anchor.images, weights.last(anchor.images.size())) *
-               options_.locality_weight;
+        const Variable loss =
+            photometric_loss(decoded.images, anchor.images, weights.last(anchor.images.size())) *
+            options_.locality_weight;
+        return loss + depth_term(decoded, anchor.surface, anchor.row);
+    }
+
+    [[nodiscard]] Variable depth_term(const Decoded& decoded,
+                                      const std::optional<FaceSurface>& surface,
+                                      std::int64_t row) const {
+        if (!surface) return Variable(Tensor::scalar(0.0, decoded.images.back().dtype()));
+        return heads_.loss(expected_depth(decoded), *surface, row) * options_.depth_weight;
     }
 
     [[nodiscard]] Anchor make_anchor(const Model& original, Rng& rng, std::int64_t number) const {
         const bool neighbour = number % 3 == 0;
         const std::int64_t row = number / 3 % codes_.batch();
-        Anchor anchor{codes_of_face(codes_, row), {}, {}};
+        Anchor anchor{row, codes_of_face(codes_, row), {}, {}};
         if (neighbour) anchor.codes = add(anchor.codes, random_offset(original, rng));
         const double yaw = uniform(rng, -largest_yaw, largest_yaw);
         const double pitch = uniform(rng, -largest_pitch, largest_pitch);
@@ -139,7 +154,7 @@ private:
                 decoder(anchor.codes, {anchor.camera}, decoding(decoder.ladder().largest()));
             for (const Variable& image : decoded.images) anchor.images.push_back(image.value());
         } else {
-            anchor.images = from_the_side(original, row, anchor.camera);
+            show_from_the_side(original, anchor);
         }
         return anchor;
     }
@@ -153,35 +168,38 @@ private:
         return {camera, affine(Variable(view.image), 2.0, -1.0).value(), view.mask, view.depth};
     }
 
-    /// The photo's colours and mask, with the depth map of the original decoder.
-    [[nodiscard]] SeenFace seen_in_photo(const Model& original, std::int64_t row) const {
+    /// The photo's colours and mask, with the depth map of the original decoder and, on the face,
+    /// the depth of the linear head.
+    void look_at_photo(const Model& original, std::int64_t row) {
+        const Camera& camera = cameras_[static_cast<std::size_t>(row)];
         const Tensor& image = photos_.back().images.back();
         const std::int64_t side = image.shape(1);
-        SeenFace seen = seen_face(original, row, cameras_[static_cast<std::size_t>(row)], side);
+        SeenFace seen = seen_face(original, row, camera, side);
         seen.image = image.to(DType::float32).reshaped({side, side, 3});
         if (faces_.mask.defined() && faces_.mask.shape(1) == side)
             seen.mask = slice(Variable(faces_.mask), 0, row, row + 1)
                             .value()
                             .to(DType::float32)
                             .reshaped({side, side, 1});
-        return seen;
+        heads_.place(row, camera, seen.depth);
+        surfaces_.push_back(heads_.surface(row, camera, seen.depth.shape(0)));
+        if (surfaces_.back()) seen.depth = with_surface(seen.depth, *surfaces_.back());
+        seen_.push_back(std::move(seen));
     }
 
-    /// The face from another side: the photo's colours where it shows the point, else those of the
-    /// original decoder.
-    [[nodiscard]] std::vector<Tensor> from_the_side(const Model& original, std::int64_t row,
-                                                    const Camera& camera) const {
+    /// Sets the images of an anchor to the face from another side: the photo's colours where it
+    /// shows the point, else those of the original decoder.
+    void show_from_the_side(const Model& original, Anchor& anchor) const {
         const std::vector<std::int64_t>& sides = original.decoder().ladder().sides();
-        const Tensor image = turned_photo(seen_[static_cast<std::size_t>(row)],
-                                          seen_face(original, row, camera, sides.back()))
-                                 .image;
+        SeenFace view = seen_face(original, anchor.row, anchor.camera, sides.back());
+        anchor.surface = heads_.surface(anchor.row, anchor.camera, view.depth.shape(0));
+        if (anchor.surface) view.depth = with_surface(view.depth, *anchor.surface);
+        const Tensor image = turned_photo(seen_[static_cast<std::size_t>(anchor.row)], view).image;
         const Variable turned = Variable::leaf(image.reshaped({1, sides.back(), sides.back(), 3})
                                                    .to(photos_.front().images.back().dtype()));
-        std::vector<Tensor> images;
         for (const std::int64_t side : sides)
-            images.push_back(
+            anchor.images.push_back(
                 resize_box(turned, static_cast<int>(side), static_cast<int>(side)).value());
-        return images;
     }
 
     /// A random offset with the covariance of the code statistics, or isotropic for a model without
@@ -202,7 +220,9 @@ private:
     const std::vector<Camera>& cameras_;
     const TuningOptions& options_;
     std::int64_t samples_per_ray_;
-    std::vector<SeenFace> seen_;  ///< by the cameras of the photos
+    HeadDepth heads_;
+    std::vector<std::optional<FaceSurface>> surfaces_;  ///< in the photos
+    std::vector<SeenFace> seen_;                        ///< by the cameras of the photos
     std::vector<ReconstructionLoss::Target> photos_;
     std::vector<Anchor> anchors_;
     std::vector<Parameter> parameters_;

@@ -6,6 +6,7 @@
 
 #include "nn/models/face_batch.h"
 #include "nn/models/reconstruction.h"
+#include "render/morphable/head.h"
 
 namespace stymo {
 
@@ -28,6 +29,11 @@ struct TuningOptions {
     /// The others are the face itself from other sides; there the target has the photo's colours
     /// where the photo shows the same points (fit/turned_photo.h).
     double locality_weight = 1.0;
+    /// The linear head to which the faces' codes belong; null: the tuned shape follows from colours
+    /// alone. Where a face has a code, the depth of the tuned face is drawn to this head's, in the
+    /// photo and at the anchors that show the face, and the anchors' targets are turned by it.
+    const MorphableHead* head = nullptr;
+    double depth_weight = 1.0;  ///< of the mean difference of depths, per distance of the eyes
     double neighbour_distance = 0.5;  ///< distance of neighbouring codes, in standard deviations
     std::int64_t anchors = 32;
     std::int64_t samples_per_ray = 0;  ///< 0: ReconstructionConfig::fit_samples_per_ray

@@ -1,5 +1,7 @@
 #include "nn/losses.h"
 
+#include <algorithm>
+
 #include "core/error.h"
 #include "core/ops/ops.h"
 
@@ -62,6 +64,16 @@ Variable opacity_loss(const Variable& transmittance, const Tensor& mask) {
     const Variable log_opaque = log(affine(transmittance, -1.0, 1.0) + lift);
     const Variable log_clear = log(transmittance + lift);
     return negate(mean(inside * log_opaque + affine(inside, -1.0, 1.0) * log_clear));
+}
+
+Variable depth_loss(const Variable& depth, const Tensor& target, const Tensor& present) {
+    const Shape& shape = depth.shape();
+    if (target.size() != depth.value().size() || present.size() != target.size())
+        fail<ShapeError>("depth_loss: depth ", shape, ", target ", target.shape(), " and present ",
+                         present.shape(), " differ in size");
+    const Tensor selected = present.reshaped(shape);
+    const double count = std::max(1.0, sum(Variable(selected)).value().item());
+    return sum(abs(depth - Variable(target.reshaped(shape))) * Variable(selected)) / count;
 }
 
 Variable masked_mean(const Variable& images, const Tensor& mask) {

@@ -32,6 +32,11 @@ namespace stymo {
 /// opaque ray of the background until the transmittance is as small as 1e-3.
 [[nodiscard]] Variable opacity_loss(const Variable& transmittance, const Tensor& mask);
 
+/// Mean of |depth - target| over the rays that `present` (0 or 1) selects, 0 if it selects none.
+/// All three have the same number of elements. Throws ShapeError otherwise.
+[[nodiscard]] Variable depth_loss(const Variable& depth, const Tensor& target,
+                                  const Tensor& present);
+
 /// Mean of each image and channel weighted by a mask in [0, 1]: images (B, H, W, C) and mask (B, H,
 /// W, 1) -> (B, 1, 1, C). For an empty mask the mean and its gradient are 0. Throws ShapeError for
 /// other shapes.

@@ -24,7 +24,7 @@ namespace {
 
 struct DisentangleOptions {
     ModelOptions model;
-    std::optional<std::filesystem::path> morphable;
+    std::filesystem::path morphable;
     std::int64_t pairs = 64;
 };
 

@@ -36,7 +36,7 @@ struct Options {
     fs::path identity;
     bool shape = false;
     fs::path landmarks;
-    std::optional<fs::path> morphable;
+    fs::path morphable;
     std::optional<std::int64_t> samples;
     stymo::LpipsOptions lpips;
     stymo::EvaluationOptions evaluation;
@@ -81,8 +81,10 @@ stymo::Settings settings_of(const Options& options) {
             {"--regularizer", fitting.regularizer},
             {"--samples", or_own(options.samples)},
             {"--refine-pose", fitting.refine_pose},
+            {"--depth-weight", fitting.depth_weight},
             {"--tune", options.tuning.seconds},
             {"--tune-steps", options.tuning.steps},
+            {"--tune-depth", options.tuning.depth_weight},
             {"--resolution", options.evaluation.resolution},
             {"--perceptual-network", options.lpips.perceptual_network.empty()
                                          ? stymo::JsonValue("the model's own")
@@ -134,8 +136,12 @@ stymo::AppResult evaluate(Options options) {
     evaluated.face_region = &face_region;
     stymo::ReconstructionConfig config =
         stymo::fitting_config(options.lpips, model.config().reconstruction);
+    std::optional<stymo::MorphableHead> head;
+    if (options.shape || evaluated.fit) head = stymo::morphable_head_from(options.morphable);
+    if (evaluated.fit) evaluated.fitting.head = &*head;
     if (options.tunes()) {
         evaluated.tuning = options.tuning;
+        evaluated.tuning->head = &*head;
         if (options.samples) evaluated.tuning->samples_per_ray = *options.samples;
         evaluated.another_decoder = [&options] {
             return stymo::load_model(options.model, stymo::ModelParts::decoder);
@@ -150,10 +156,7 @@ stymo::AppResult evaluate(Options options) {
     std::optional<stymo::IdentityMeasure> identity;
     if (!options.identity.empty()) evaluated.identity = &identity.emplace(options.identity);
     std::optional<stymo::ShapeMeasure> shape;
-    if (options.shape) {
-        evaluated.shape =
-            &shape.emplace(options.landmarks, stymo::morphable_head_from(options.morphable));
-    }
+    if (options.shape) evaluated.shape = &shape.emplace(options.landmarks, *head);
     const std::string network = evaluated.lpips != nullptr ? evaluated.lpips->label() : "";
     stymo::require_comparable(faces, evaluated);
 
@@ -230,6 +233,11 @@ int stymo_eval(int argc, char** argv) {
                 "measure the result")
         .range(0, 86400)
         .needs("--fit");
+    line.option("--depth-weight", options.evaluation.fitting.depth_weight,
+                "weight of the term that draws the depth of a fitted face to that of the head "
+                "model to which the folder's codes belong")
+        .range(0, 1e6);
+    line.option("--tune-depth", options.tuning.depth_weight, "the same while tuning").range(0, 1e6);
     line.option("--tune-steps", options.tuning.steps,
                 "end tuning after so many steps, which makes the result repeatable")
         .range(0, 1e6)

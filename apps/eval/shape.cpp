@@ -1,15 +1,14 @@
 #include "apps/eval/shape.h"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
-#include <opencv2/imgproc.hpp>
 #include <optional>
 
 #include "core/angle.h"
+#include "core/median.h"
+#include "fit/face_surface.h"
 #include "nn/models/view.h"
 #include "render/depth_map.h"
-#include "render/rasterizer.h"
 
 namespace stymo {
 
@@ -35,40 +34,6 @@ double mean_distance(const Landmarks& found, const std::vector<Eigen::Vector3d>&
     return sum / static_cast<double>(points.size());
 }
 
-Eigen::Vector3d vertex_at(const Tensor& vertices, std::int32_t vertex) {
-    const float* values = vertices.values<float>().data() + 3 * std::int64_t{vertex};
-    return {values[0], values[1], values[2]};
-}
-
-/// Distance between the middles of the two eyes.
-double eye_distance(const MorphableHead& head, const Tensor& vertices) {
-    const auto middle = [&](std::size_t first) {
-        Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-        for (std::size_t i = first; i < first + 6; ++i)
-            sum += vertex_at(vertices, head.landmarks[i]);
-        return Eigen::Vector3d(sum / 6.0);
-    };
-    return (middle(36) - middle(42)).norm();
-}
-
-/// The convex hull of the head's 68 points in the image, in units of its side.
-std::vector<cv::Point2f> face_outline(const MorphableHead& head, const Tensor& vertices,
-                                      const Camera& camera) {
-    std::vector<cv::Point2f> points, hull;
-    for (const std::int32_t vertex : head.landmarks) {
-        const Eigen::Vector3d place = project(camera, vertex_at(vertices, vertex));
-        points.emplace_back(static_cast<float>(place[0]), static_cast<float>(place[1]));
-    }
-    cv::convexHull(points, hull);
-    return hull;
-}
-
-double median(std::vector<double> values) {
-    const auto middle = values.begin() + std::ssize(values) / 2;
-    std::ranges::nth_element(values, middle);
-    return *middle;
-}
-
 }  // namespace
 
 double shifted_difference(std::vector<double> depth_minus_expected) {
@@ -80,23 +45,8 @@ double shifted_difference(std::vector<double> depth_minus_expected) {
 
 double depth_difference(const MorphableHead& head, const Tensor& vertices, const Camera& camera,
                         const Tensor& depths) {
-    const std::int64_t side = depths.shape(0);
-    const auto extent = static_cast<double>(side);
-    const RasterImage surface =
-        rasterize(vertices, Tensor::zeros(vertices.shape()), head.triangles, camera,
-                  {.width = side, .height = side, .samples_per_side = 1});
-    const std::vector<cv::Point2f> outline = face_outline(head, vertices, camera);
-    std::vector<double> differences;
-    for (std::int64_t i = 0; i < side * side; ++i) {
-        const Eigen::Vector2d place((static_cast<double>(i % side) + 0.5) / extent,
-                                    (static_cast<double>(i / side) + 0.5) / extent);
-        const cv::Point2f point(static_cast<float>(place[0]), static_cast<float>(place[1]));
-        const double axial = surface.depth.values<float>()[static_cast<std::size_t>(i)];
-        if (!std::isfinite(axial) || cv::pointPolygonTest(outline, point, false) < 0.0) continue;
-        const double expected = axial / direction_at(camera.intrinsics, place)[2];
-        differences.push_back(depths.values<float>()[static_cast<std::size_t>(i)] - expected);
-    }
-    return shifted_difference(std::move(differences)) / eye_distance(head, vertices);
+    const FaceSurface surface = face_surface(head, vertices, camera, depths.shape(0));
+    return shifted_difference(depth_differences(depths, surface)) / eye_distance(head, vertices);
 }
 
 ShapeMeasure::ShapeMeasure(const std::filesystem::path& landmark_model, MorphableHead head)

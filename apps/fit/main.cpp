@@ -23,6 +23,7 @@
 #include "fit/tuning.h"
 #include "nn/models/code_file.h"
 #include "nn/models/weight_changes.h"
+#include "render/morphable/head_source.h"
 
 namespace {
 
@@ -164,6 +165,8 @@ stymo::AppResult fit(Options options) {
     for (const Photo& photo : photos) faces.push_back(photo.face);
     const stymo::FaceBatch batch = stymo::make_batch(faces, model.decoder().ladder().smallest());
     options.fit.one_person = photos.size() > 1;
+    const stymo::MorphableHead head = stymo::morphable_head_from(options.preparation.morphable);
+    options.fit.head = options.tuning.head = &head;
 
     const stymo::InterruptGuard guard;
     stymo::Progress progress({.title = "fit", .total = options.fit.steps, .unit = "steps"});
@@ -267,6 +270,11 @@ int stymo_fit(int argc, char** argv) {
     line.option("--tune-learning-rate", options.tuning.learning_rate,
                 "highest learning rate of tuning")
         .range(0, 1);
+    line.option("--depth-weight", options.fit.depth_weight,
+                "weight of the term that draws the depth of the face to that of the linear head "
+                "that was fitted to the photo")
+        .range(0, 1e6);
+    line.option("--tune-depth", options.tuning.depth_weight, "the same while tuning").range(0, 1e6);
     line.option("--locality", options.tuning.locality_weight,
                 "weight of the term that keeps other faces and other views as they were while "
                 "tuning")

@@ -21,6 +21,7 @@
 #include "nn/models/mesh_colors.h"
 #include "nn/models/view.h"
 #include "nn/models/weight_changes.h"
+#include "render/morphable/head_source.h"
 
 namespace stymo::view {
 
@@ -54,7 +55,8 @@ PreparedPhoto prepared(Studio& studio, const std::string& bytes, Job& job) {
 std::shared_ptr<const Model> tuned_model(Studio& studio, const FaceBatch& batch,
                                          const FitResult& fitted, double seconds, Job& job) {
     auto tuned = std::make_shared<Model>(load_model(studio.options().model, ModelParts::decoder));
-    TuningOptions options{.seconds = seconds};
+    const MorphableHead head = morphable_head_from({});
+    TuningOptions options{.seconds = seconds, .head = &head};
     constexpr std::int64_t parts = 1000;
     options.on_step = [&](const TuningStep& step) {
         const auto part = static_cast<std::int64_t>(parts * step.seconds / seconds);

@@ -55,10 +55,6 @@ Tensor in_frame_of(const Tensor& photo, const Tensor& mask) {
         .value();
 }
 
-std::optional<std::filesystem::path> named(const std::filesystem::path& path) {
-    return path.empty() ? std::nullopt : std::optional(path);
-}
-
 /// If one face of the batch cannot be fitted, the faces are fitted one by one, so that the others
 /// succeed.
 std::vector<std::optional<MorphableFit>> fits_of(const MorphableHead& head,
@@ -89,7 +85,7 @@ struct PhotoPreparation::Implementation {
     std::optional<FaceDetector> detector;
 
     explicit Implementation(const PhotoPreparationSettings& given)
-        : settings(given), head(morphable_head_from(named(given.morphable))) {
+        : settings(given), head(morphable_head_from(given.morphable)) {
         if (!settings.parser.empty()) parser.emplace(settings.parser);
         if (!settings.pose_network.empty()) network.emplace(settings.pose_network);
     }

@@ -6,10 +6,10 @@
 
 namespace stymo {
 
-MorphableHead morphable_head_from(const std::optional<std::filesystem::path>& path) {
-    if (!path) return builtin_head();
-    if (std::filesystem::is_directory(*path)) return read_obj_head(*path);
-    return read_morphable_head(*path);
+MorphableHead morphable_head_from(const std::filesystem::path& path) {
+    if (path.empty()) return builtin_head();
+    if (std::filesystem::is_directory(path)) return read_obj_head(path);
+    return read_morphable_head(path);
 }
 
 }  // namespace stymo

@@ -228,6 +228,15 @@ std::vector<LayerCase> make_losses() {
                  return opacity_loss(sigmoid(x[0]), uniform({2, 3, 3, 1}));
              };
          }},
+        {"depth loss",
+         "depth_loss",
+         {{2, 9, 1}},
+         {},
+         [](ParameterStore&, Rng&) -> LayerFunction {
+             return [](const Inputs& x) {
+                 return depth_loss(x[0], uniform({2, 9}), Tensor::full({18}, 1.0, DType::float64));
+             };
+         }},
         {"masked mean",
          "masked_mean",
          {{2, 3, 4, 3}},

@@ -75,6 +75,19 @@ TEST_CASE("the opacity loss is the cross-entropy of opacity and mask, with a bou
     CHECK_THROWS_AS(opacity_loss(transmittance, tensor({1}, {1.0})), ShapeError);
 }
 
+TEST_CASE("the depth loss is the mean absolute difference of the rays that are present") {
+    const Variable depth = Variable::leaf(tensor({1, 4, 1}, {5.0, 5.5, 7.0, 4.0}));
+    const Tensor target = tensor({2, 2, 1}, {5.5, 5.0, 0.0, 4.25});
+    const Variable loss = depth_loss(depth, target, tensor({2, 2, 1}, {1, 1, 0, 1}));
+    CHECK(loss.value().item() == Approx((0.5 + 0.5 + 0.25) / 3.0));
+    const std::vector<double> gradient = grad(loss, depth).value().to_vector();
+    const std::vector<double> expected{-1.0 / 3.0, 1.0 / 3.0, 0.0, -1.0 / 3.0};
+    for (std::size_t i = 0; i < 4; ++i) CHECK(gradient[i] == Approx(expected[i]));
+    CHECK(depth_loss(depth, target, Tensor::zeros({4}, DType::float64)).value().item() == 0.0);
+    CHECK_THROWS_AS(depth_loss(depth, target, tensor({1}, {1.0})), ShapeError);
+    CHECK_THROWS_AS(depth_loss(depth, tensor({1}, {1.0}), target), ShapeError);
+}
+
 TEST_CASE("the masked mean is that of the pixels under the mask, and 0 where there are none") {
     const Variable images =
         Variable::leaf(tensor({2, 1, 3, 2}, {1, 10, 2, 20, 3, 30, 4, 40, 5, 50, 6, 60}));

@@ -47,7 +47,7 @@ TEST_CASE("On photos the fitted head meets dlib's landmarks and agrees with a po
     }
     for (const char* name : {"", "data/ict_face.safetensors"}) {
         const stymo::MorphableHead head =
-            stymo::morphable_head_from(*name == '\0' ? std::nullopt : std::optional(shared / name));
+            stymo::morphable_head_from(*name == '\0' ? std::filesystem::path() : shared / name);
         const auto fits = stymo::fit_morphable(head, targets, {});
         std::vector<double> misses, yaws, pitches;
         for (std::size_t i = 0; i < fits.size(); ++i) {

@@ -1,0 +1,140 @@
+// The linear head as a target for depth: its surface, its place and the loss.
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <vector>
+
+#include "core/error.h"
+#include "core/median.h"
+#include "core/ops/ops.h"
+#include "fit/face_surface.h"
+#include "fit/head_depth.h"
+#include "fit/tuning.h"
+#include "nn/models/view.h"
+#include "render/depth_map.h"
+#include "render/morphable/builtin_head.h"
+#include "support/tiny_model.h"
+
+using namespace stymo;
+using namespace stymo::test;
+
+namespace {
+
+constexpr std::int64_t side = 32;
+
+const MorphableHead& head() {
+    static const MorphableHead built = builtin_head();
+    return built;
+}
+
+/// Codes of the linear head.
+Tensor code(std::int64_t size, double value) {
+    return Tensor::full({1, size}, value);
+}
+
+FaceBatch batch_of(const Camera& camera) {
+    FaceBatch faces;
+    faces.cameras = {camera};
+    for (std::size_t group = 0; group < code_sizes.size(); ++group)
+        faces.codes[group] = code(code_sizes[group], group == 0 ? 0.5 : 0.0);
+    faces.code_present = Tensor::full({1}, 1.0);
+    return faces;
+}
+
+Tensor vertices_of_batch() {
+    const Tensor identity = code(code_sizes[0], 0.5), expression = code(code_sizes[1], 0.0);
+    return head_vertices(head(), identity.values<float>(), expression.values<float>());
+}
+
+double mean_distance(const std::vector<double>& differences) {
+    double sum = 0.0;
+    for (const double difference : differences) sum += std::abs(difference);
+    return sum / static_cast<double>(differences.size());
+}
+
+}  // namespace
+
+TEST_CASE("A face's surface lies on the head and within its landmarks", "[head_depth]") {
+    const Camera camera = camera_from_pose(orbit_pose(0.3, 0.1, 0.0, 5.3), {});
+    const Tensor vertices = vertices_of_batch();
+    const FaceSurface surface = face_surface(head(), vertices, camera, side);
+    const std::span<const float> face = surface.face.values<float>();
+    const auto rays = std::ranges::count(face, 1.0F);
+    CHECK(rays + std::ranges::count(face, 0.0F) == side * side);
+    CHECK(rays > side * side / 20);
+    CHECK(rays < side * side / 3);
+    double worst = 0.0;
+    for (std::int64_t i = 0; i < side * side; ++i) {
+        if (face[static_cast<std::size_t>(i)] == 0.0F) continue;
+        const Eigen::Vector2d place((static_cast<double>(i % side) + 0.5) / side,
+                                    (static_cast<double>(i / side) + 0.5) / side);
+        const Eigen::Vector3d point = point_at(camera, surface.depth, place);
+        double nearest = 1e9;
+        for (std::int64_t v = 0; v < head().vertex_count(); ++v) {
+            const float* values = vertices.values<float>().data() + 3 * v;
+            nearest = std::min(nearest,
+                               (Eigen::Vector3d(values[0], values[1], values[2]) - point).norm());
+        }
+        worst = std::max(worst, nearest);
+    }
+    // A point of a triangle is no farther from a vertex than the triangle is wide.
+    CHECK(worst < 0.15);
+}
+
+TEST_CASE("A head is moved along the line of sight to where the face is", "[head_depth]") {
+    const Camera camera = camera_from_pose(orbit_pose(-0.2, 0.0, 0.0, 5.3), {});
+    const Tensor vertices = vertices_of_batch();
+    const FaceSurface surface = face_surface(head(), vertices, camera, side);
+    Tensor depths = surface.depth;
+    for (float& depth : depths.mutable_values<float>()) depth += 0.25F;
+    CHECK(median(depth_differences(depths, surface)) == Approx(0.25).margin(1e-5));
+    const Tensor moved = moved_to_depth(head(), vertices, camera, depths);
+    // The rays meet other points of the moved head.
+    CHECK(std::abs(median(depth_differences(depths, face_surface(head(), moved, camera, side)))) <
+          0.02);
+    CHECK(eye_distance(head(), moved) == Approx(eye_distance(head(), vertices)).epsilon(1e-5));
+    CHECK_THROWS_AS(depth_differences(Tensor::zeros({8, 8, 1}), surface), ShapeError);
+}
+
+TEST_CASE("Faces without a code or a head have no target", "[head_depth]") {
+    const Camera camera = camera_from_pose(orbit_pose(0.0, 0.0, 0.0, 5.3), {});
+    FaceBatch faces = batch_of(camera);
+    CHECK(HeadDepth(&head(), faces).surface(0, camera, side));
+    CHECK_FALSE(HeadDepth(nullptr, faces).surface(0, camera, side));
+    faces.code_present = Tensor::zeros({1});
+    CHECK_FALSE(HeadDepth(&head(), faces).surface(0, camera, side));
+    faces.code_present = {};
+    CHECK_FALSE(HeadDepth(&head(), faces).surface(0, camera, side));
+}
+
+TEST_CASE("Tuning brings the depth of a face to that of its head", "[head_depth]") {
+    Model original = tiny_model(1);
+    original.parameters().set_trainable("", false);
+    const Codes codes = random_codes(1, 7);
+    const Camera camera = model_camera(original, 0.0, 0.0, 0.0);
+    FaceBatch faces = batch_of(camera);
+    faces.targets = {
+        original.decoder()(codes, {camera}, {.samples_per_ray = 16}).images.back().value()};
+    const ReconstructionLoss loss(original.config().reconstruction);
+    const auto error = [&](double weight) {
+        Model tuned = tiny_model(1);
+        static_cast<void>(tune_decoder(original, tuned, loss, faces, codes, {camera},
+                                       {.steps = 80,
+                                        .learning_rate = 0.02,
+                                        .locality_weight = 0.0,
+                                        .head = &head(),
+                                        .depth_weight = weight,
+                                        .samples_per_ray = 16}));
+        const auto depth_of = [&](const Model& model) {
+            return render_view(model, codes, 0, camera, {.samples_per_ray = 16, .depth = true})
+                .depth;
+        };
+        HeadDepth target(&head(), faces);
+        target.place(0, camera, depth_of(original));
+        const Tensor depths = depth_of(tuned);
+        return mean_distance(
+            depth_differences(depths, *target.surface(0, camera, depths.shape(0))));
+    };
+    const double without = error(0.0);
+    CHECK(error(3.0) < 0.5 * without);
+}
