@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "apps/view/page_files.h"
+#include "apps/view/random_token.h"
 #include "core/error.h"
 #include "core/io/json_writer.h"
 
