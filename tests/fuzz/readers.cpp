@@ -49,6 +49,19 @@ void read_configuration(const std::string& bytes) {
          [&] { schema.set("loss.code_weights=" + bytes); });
 }
 
+/// Most of a tiny model is its encoder and its mapping networks.
+ModelConfig small_model_config() {
+    ModelConfig config = test::tiny_model_config();
+    config.code_source = "morphable";
+    config.decoder.mapping_layers = 0;
+    return config;
+}
+
+Model small_model() {
+    Rng rng(1);
+    return {small_model_config(), rng};
+}
+
 /// The bytes are the configuration in a file of a model that is valid otherwise.
 void read_model(const std::string& bytes) {
     struct Parts {
@@ -56,12 +69,12 @@ void read_model(const std::string& bytes) {
     };
     static const Parts parts = [] {
         const std::filesystem::path path = scratch_file("whole.safetensors", "");
-        test::tiny_model().save(path);
+        small_model().save(path);
         const std::string whole = read_text_file(path);
         std::uint64_t length = 0;
         std::memcpy(&length, whole.data(), sizeof length);
         const std::string header = whole.substr(sizeof length, length);
-        const std::string config = JsonValue(to_json(test::tiny_model_config())).text();
+        const std::string config = JsonValue(to_json(small_model_config())).text();
         const std::size_t at = header.find(config);
         if (at == std::string::npos) std::abort();
         return Parts{header.substr(0, at), header.substr(at + config.size()),
@@ -78,7 +91,7 @@ void read_model(const std::string& bytes) {
 /// The bytes are the state in a checkpoint whose model is valid.
 void read_state(const std::string& bytes) {
     static Model model = [] {
-        Model made = test::tiny_model();
+        Model made = small_model();
         made.save(scratch_file("checkpoint/model.safetensors", ""));
         return made;
     }();
@@ -129,7 +142,7 @@ void read_photo(const std::string& bytes) {
 
 void read_tuned(const std::string& bytes) {
     const WeightChanges changes = WeightChanges::load(scratch_file("in.safetensors", bytes));
-    Model copy = test::tiny_model();
+    Model copy = small_model();
     changes.apply(copy);
 }
 

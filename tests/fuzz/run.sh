@@ -42,7 +42,7 @@ fuzz() {
         /number_of_executed_units/ { executed = $2 }
         /average_exec_per_sec/ { rate = $2 }
         /slowest_unit_time_sec/ { slowest = $2 }
-        /peak_rss_mb/ { print reader, executed, rate > 0 ? executed / rate : 1, slowest, $2 }
+        /peak_rss_mb/ { print reader, executed, executed / (rate > 0 ? rate : executed), slowest, $2 }
     ' >> "$totals"
     if [ $status -ne 0 ]; then echo "$reader failed: $log"; fi
     return $status
@@ -52,18 +52,15 @@ failed=0
 if [ "$executions" -gt 0 ]; then
     for reader in "${readers[@]}"; do fuzz "$reader" || failed=1; done
 fi
+printf '| reader | executions | a second | slowest, s | largest memory, MiB |\n|---|---|---|---|---|\n'
 awk '
-    { executed[$1] += $2; seconds[$1] += $3; all += $2 }
+    { executed[$1] += $2; seconds[$1] += $3 }
     $4 > slowest[$1] { slowest[$1] = $4 }
     $5 > memory[$1] { memory[$1] = $5 }
     END {
-        print "| reader | executions | a second | slowest, s | largest memory, MiB |"
-        print "|---|---|---|---|---|"
-        for (reader in executed) {
+        for (reader in executed)
             printf "| %s | %d | %d | %d | %d |\n", reader, executed[reader],
-                executed[reader] / seconds[reader], slowest[reader], memory[reader] | "sort"
-        }
-        close("sort")
-        printf "| all | %d | | | |\n", all
-    }' "$totals"
+                executed[reader] / seconds[reader], slowest[reader], memory[reader]
+    }' "$totals" | sort
+awk '{ all += $2 } END { printf "| all | %d | | | |\n", all }' "$totals"
 exit $failed
