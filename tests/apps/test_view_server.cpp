@@ -63,7 +63,8 @@ private:
 struct Running {
     ViewClient client;
     view::Server server;
-    explicit Running(view::ServerOptions options = {}) : server(std::ref(client.api()), with_port(options)) {
+    explicit Running(view::ServerOptions options = {})
+        : server(std::ref(client.api()), with_port(options)) {
         server.start();
     }
     static view::ServerOptions with_port(view::ServerOptions options) {

@@ -170,7 +170,10 @@ seeds = {
         '{"file": "a", "failure": "no face", "faces": []}',
         '{"size":256}\n{"file": "a", "failure": "no face", "faces": []}\n',
     ],
-    "lpips": [safetensors(lpips_heads("squeeze."), element=byte), safetensors(lpips_heads(""), element=byte)],
+    "lpips": [
+        safetensors(lpips_heads("squeeze."), element=byte),
+        safetensors(lpips_heads(""), element=byte),
+    ],
     "import": [
         safetensors(lpips_heads("module."), element=byte),
         *[file.read_bytes() for file in golden.glob("weights/*.p*")],

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# run.sh EXECUTIONS [READER...]: calls each reader so many times and prints how often each was called
-# in this and all earlier runs. Fails if a reader crashes, takes longer than a second or more than
+# run.sh EXECUTIONS [READER...]: calls each reader so many times and prints how often each was
+# called in this and all earlier runs. Fails if a reader crashes, takes longer than a second or more than
 # 512 MiB; what did it is in the build folder. An EXECUTIONS of 0 only prints. In the environment:
 #   FUZZ_BUILD    the build folder (default: build-fuzz)
 #   FUZZ_SECONDS  time for an input, which needs to be longer on a busy machine (default: 1)
@@ -42,7 +42,9 @@ fuzz() {
         /number_of_executed_units/ { executed = $2 }
         /average_exec_per_sec/ { rate = $2 }
         /slowest_unit_time_sec/ { slowest = $2 }
-        /peak_rss_mb/ { print reader, executed, executed / (rate > 0 ? rate : executed), slowest, $2 }
+        /peak_rss_mb/ {
+            print reader, executed, executed / (rate > 0 ? rate : executed), slowest, $2
+        }
     ' >> "$totals"
     if [ $status -ne 0 ]; then echo "$reader failed: $log"; fi
     return $status
@@ -52,7 +54,8 @@ failed=0
 if [ "$executions" -gt 0 ]; then
     for reader in "${readers[@]}"; do fuzz "$reader" || failed=1; done
 fi
-printf '| reader | executions | a second | slowest, s | largest memory, MiB |\n|---|---|---|---|---|\n'
+echo '| reader | executions | a second | slowest, s | largest memory, MiB |'
+echo '|---|---|---|---|---|'
 awk '
     { executed[$1] += $2; seconds[$1] += $3 }
     $4 > slowest[$1] { slowest[$1] = $4 }
