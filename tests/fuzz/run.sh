@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # run.sh EXECUTIONS [READER...]: calls each reader so many times and prints how often each was
-# called in this and all earlier runs. Fails if a reader crashes, takes longer than a second or more than
-# 512 MiB; what did it is in the build folder. An EXECUTIONS of 0 only prints. In the environment:
+# called in this and all earlier runs. Fails if a reader crashes, takes longer than a second or more
+# than 512 MiB; what did it is in the build folder. An EXECUTIONS of 0 only prints. In the
+# environment:
 #   FUZZ_BUILD    the build folder (default: build-fuzz)
 #   FUZZ_SECONDS  time for an input, which needs to be longer on a busy machine (default: 1)
 #   FUZZ_LENGTH   largest size of an input (default: twice that of the largest seed)
