@@ -1,10 +1,9 @@
 #!/usr/bin/env bash
 # run.sh EXECUTIONS [READER...]: calls each reader so many times and prints how often each was
-# called in this and all earlier runs. Fails if a reader crashes, takes longer than a second or more
-# than 512 MiB; what did it is in the build folder. An EXECUTIONS of 0 only prints. In the
+# called in this and all earlier runs. Fails if a reader crashes, computes for longer than a second,
+# or needs more than 512 MiB; what did it is in the build folder. An EXECUTIONS of 0 only prints. In the
 # environment:
 #   FUZZ_BUILD    the build folder (default: build-fuzz)
-#   FUZZ_SECONDS  time for an input, which needs to be longer on a busy machine (default: 1)
 #   FUZZ_LENGTH   largest size of an input (default: twice that of the largest seed)
 #   FUZZ_OPTIONS  further options of libFuzzer, for example -max_total_time=60
 set -euo pipefail
@@ -35,16 +34,18 @@ fuzz() {
     mkdir -p "$build/corpus/$reader"
     # shellcheck disable=SC2086 # several options
     STYMO_FUZZ_READER=$reader "$build/tests/fuzz/fuzz_readers" -runs="$executions" \
-        -rss_limit_mb=512 -timeout="${FUZZ_SECONDS:-1}" \
+        -rss_limit_mb=512 -timeout=60 \
         -max_len="${FUZZ_LENGTH:-$(longest_input "$reader")}" -print_final_stats=1 \
         -artifact_prefix="$build/found/$reader-" ${FUZZ_OPTIONS:-} \
         "$build/corpus/$reader" "$build/seeds/$reader" > "$log" 2>&1 || status=$?
     sed -n 's/^stat:://p' "$log" | awk -v reader="$reader" '
         /number_of_executed_units/ { executed = $2 }
         /average_exec_per_sec/ { rate = $2 }
-        /slowest_unit_time_sec/ { slowest = $2 }
-        /peak_rss_mb/ {
-            print reader, executed, executed / (rate > 0 ? rate : executed), slowest, $2
+        /slowest_call_ms/ { slowest = $2 }
+        /peak_rss_mb/ { memory = $2 }
+        END {
+            if (executed > 0)
+                print reader, executed, executed / (rate > 0 ? rate : executed), slowest, memory
         }
     ' >> "$totals"
     if [ $status -ne 0 ]; then echo "$reader failed: $log"; fi
@@ -55,7 +56,7 @@ failed=0
 if [ "$executions" -gt 0 ]; then
     for reader in "${readers[@]}"; do fuzz "$reader" || failed=1; done
 fi
-echo '| reader | executions | a second | slowest, s | largest memory, MiB |'
+echo '| reader | executions | a second | slowest, ms | largest memory, MiB |'
 echo '|---|---|---|---|---|'
 awk '
     { executed[$1] += $2; seconds[$1] += $3 }
