@@ -21,3 +21,8 @@ if(STYMO_SANITIZE)
     -fsanitize=${STYMO_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
   target_link_options(stymo_options INTERFACE -fsanitize=${STYMO_SANITIZE})
 endif()
+if(STYMO_FUZZ)
+  set(computing ${CMAKE_CURRENT_SOURCE_DIR}/tests/fuzz/computing.txt)
+  target_compile_options(stymo_options INTERFACE
+    -fsanitize-coverage-ignorelist=${computing} -fsanitize-ignorelist=${computing})
+endif()

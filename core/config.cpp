@@ -239,9 +239,17 @@ struct ConfigSchema::Implementation {
             return std::min(edit_distance(entry.key, key),
                             edit_distance(last_part(entry.key), last_part(key)) + 1);
         };
-        const auto nearest = std::ranges::min_element(entries, {}, distance);
+        const Entry* nearest = nullptr;
+        std::size_t least = std::numeric_limits<std::size_t>::max();
+        for (const Entry& entry : entries) {
+            const std::size_t edits = distance(entry);
+            if (edits < least) {
+                least = edits;
+                nearest = &entry;
+            }
+        }
         fail<ConfigError>(source, ": ", key, ": unknown key",
-                          nearest == entries.end() ? "" : "; did you mean " + nearest->key + "?");
+                          nearest == nullptr ? "" : "; did you mean " + nearest->key + "?");
     }
 
     void set(const std::string& source, const std::string& key, const Json& value) const {

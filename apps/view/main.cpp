@@ -1,4 +1,5 @@
 #include <chrono>
+#include <functional>
 #include <iostream>
 #include <thread>
 
@@ -25,7 +26,7 @@ stymo::AppResult serve(Options options) {
     const stymo::InterruptGuard guard;
     stymo::view::Studio studio(options.studio);
     stymo::view::Api api(studio, static_cast<std::size_t>(options.most_sessions));
-    stymo::view::Server server(api, options.server);
+    stymo::view::Server server(std::ref(api), options.server);
     server.start();
     std::cerr << "Open " << server.address() << " in a browser. Ctrl-C ends the viewer."
               << std::endl;

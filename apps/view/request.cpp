@@ -104,18 +104,23 @@ Camera window_camera(const Json& object, const CameraConfig& model) {
     return off_axis_camera(window, window.center + place);
 }
 
+/// A camera that looks at the face: angles in degrees, distance relative to the frontal camera's.
+Camera orbit_camera(double yaw, double pitch, double roll, double distance,
+                    const CameraConfig& model) {
+    const double from_pivot = distance * (model.distance - model.pivot_depth);
+    return camera_from_pose(
+        pivot_pose(radians_from_degrees(yaw), radians_from_degrees(pitch),
+                   radians_from_degrees(roll), from_pivot + model.pivot_depth, model.pivot_depth),
+        model.intrinsics);
+}
+
 Camera camera_of(const Json& object, const CameraConfig& model) {
     if (!object.is_object()) refuse("\"camera\" is not an object");
     if (object.contains("eye")) return window_camera(object, model);
-    const double yaw = number(object, "yaw", 0.0, -180.0, 180.0),
-                 pitch = number(object, "pitch", 0.0, -89.0, 89.0),
-                 roll = number(object, "roll", 0.0, -180.0, 180.0);
-    const double distance =
-        number(object, "distance", 1.0, 0.5, 3.0) * (model.distance - model.pivot_depth) +
-        model.pivot_depth;
-    return camera_from_pose(pivot_pose(radians_from_degrees(yaw), radians_from_degrees(pitch),
-                                       radians_from_degrees(roll), distance, model.pivot_depth),
-                            model.intrinsics);
+    return orbit_camera(number(object, "yaw", 0.0, -180.0, 180.0),
+                        number(object, "pitch", 0.0, -89.0, 89.0),
+                        number(object, "roll", 0.0, -180.0, 180.0),
+                        number(object, "distance", 1.0, 0.5, 3.0), model);
 }
 
 /// What a request of any kind shows: face and sliders.
@@ -246,11 +251,9 @@ PathWish path_wish(const std::string& json, const CameraConfig& camera) {
         refuse("a film of ", frames, " frames is too long; at most ", most_frames, " are made");
     for (std::size_t i = 0; i < frames; ++i) {
         const double part = static_cast<double>(i) / static_cast<double>(frames - 1);
-        wish.cameras.push_back(camera_of(Json{{"yaw", along(tracks[0], part)},
-                                              {"pitch", along(tracks[1], part)},
-                                              {"roll", along(tracks[2], part)},
-                                              {"distance", along(tracks[3], part)}},
-                                         camera));
+        wish.cameras.push_back(orbit_camera(along(tracks[0], part), along(tracks[1], part),
+                                            along(tracks[2], part), along(tracks[3], part),
+                                            camera));
     }
     return wish;
 }

@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "apps/view/page_files.h"
+#include "apps/view/random_token.h"
 #include "core/error.h"
 #include "core/io/json_writer.h"
 
@@ -74,13 +75,14 @@ bool is_longer(const httplib::Request& request, std::size_t most_bytes) {
 }  // namespace
 
 struct Server::Implementation {
-    Api& api;
+    std::function<Answer(const Request&)> answer_to;
     ServerOptions options;
     httplib::Server http;
     std::thread listener;
     int port = 0;
 
-    Implementation(Api& served, ServerOptions given) : api(served), options(std::move(given)) {}
+    Implementation(std::function<Answer(const Request&)> answers, ServerOptions given)
+        : answer_to(std::move(answers)), options(std::move(given)) {}
 
     /// Rejects requests from other origins before their body is read.
     [[nodiscard]] httplib::Server::HandlerResponse guard(const httplib::Request& request,
@@ -141,7 +143,7 @@ void Server::Implementation::answer(const httplib::Request& request, httplib::Re
                   .query = {},
                   .body = request.body};
     for (const auto& [name, value] : request.params) asked.query.emplace(name, value);
-    const Answer answer = api(asked);
+    const Answer answer = answer_to(asked);
     response.status = answer.status;
     for (const auto& [name, value] : answer.headers) response.set_header(name, value);
     response.set_content(answer.body, answer.type);
@@ -197,8 +199,8 @@ void Server::Implementation::set_up() {
     http.Post("/api/[a-z]+", served);
 }
 
-Server::Server(Api& api, const ServerOptions& options)
-    : implementation_(std::make_unique<Implementation>(api, options)) {}
+Server::Server(std::function<Answer(const Request&)> answer, const ServerOptions& options)
+    : implementation_(std::make_unique<Implementation>(std::move(answer), options)) {}
 
 Server::~Server() {
     stop();
@@ -244,7 +246,8 @@ int Server::port() const {
 #else
 
 struct Server::Implementation {};
-Server::Server(Api& /*api*/, const ServerOptions& /*options*/) {}
+Server::Server(std::function<Answer(const Request&)> /*answer*/, const ServerOptions& /*options*/) {
+}
 Server::~Server() = default;
 void Server::start() {
     fail<Error>("built without cpp-httplib; install libcpp-httplib-dev and build again");

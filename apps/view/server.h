@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -22,7 +23,8 @@ struct ServerOptions {
 /// of the machine.
 class Server {
 public:
-    Server(Api& api, const ServerOptions& options);
+    /// `answer` is called by several threads at once and throws nothing (Api).
+    Server(std::function<Answer(const Request&)> answer, const ServerOptions& options);
     ~Server();
     Server(const Server&) = delete;
     Server& operator=(const Server&) = delete;

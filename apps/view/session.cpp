@@ -1,8 +1,8 @@
 #include "apps/view/session.h"
 
 #include <algorithm>
-#include <random>
 
+#include "apps/view/random_token.h"
 #include "core/error.h"
 
 namespace stymo::view {
@@ -110,16 +110,6 @@ void Sessions::close(const std::string& id) {
 std::size_t Sessions::count() const {
     const std::lock_guard lock(mutex_);
     return sessions_.size();
-}
-
-std::string random_token() {
-    constexpr const char* digits = "0123456789abcdef";
-    constexpr int length = 32;
-    std::random_device source;
-    std::uniform_int_distribution<int> digit(0, 15);
-    std::string token;
-    for (int i = 0; i < length; ++i) token += digits[digit(source)];
-    return token;
 }
 
 }  // namespace stymo::view

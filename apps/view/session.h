@@ -77,7 +77,4 @@ private:
     std::map<std::string, std::shared_ptr<Session>> sessions_;
 };
 
-/// 128 random bits from the operating system as hexadecimal digits.
-[[nodiscard]] std::string random_token();
-
 }  // namespace stymo::view

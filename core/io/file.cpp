@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <span>
@@ -121,16 +122,24 @@ bool written(const Descriptor& file, std::string_view bytes) {
 
 void read_parts(const fs::path& path, const std::function<void(std::string_view)>& visit) {
     const Descriptor file = open_for_reading(path);
-    std::vector<char> part(std::size_t{1} << 20U);
+    std::vector<char> part(std::size_t{1} << 16U);
     while (const std::size_t count = read_some(path, file, part)) visit({part.data(), count});
 }
 
 std::string read_text_file(const fs::path& path) {
-    std::string text;
+    const Descriptor file = open_for_reading(path);
+    // One byte more than the file is said to have shows its end. Files of /proc are said to be
+    // empty.
     std::error_code ignored;
     const std::uintmax_t size = fs::file_size(path, ignored);
-    if (!ignored) text.reserve(size);
-    read_parts(path, [&](std::string_view part) { text += part; });
+    constexpr std::uintmax_t least = 4096;
+    std::string text(ignored ? least : std::max(size + 1, least), '\0');
+    std::size_t filled = 0;
+    while (const std::size_t count = read_some(path, file, std::span(text).subspan(filled))) {
+        filled += count;
+        if (filled == text.size()) text.resize(2 * filled);
+    }
+    text.resize(filled);
     return text;
 }
 

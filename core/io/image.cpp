@@ -28,6 +28,9 @@ constexpr std::string_view png_signature = "\x89PNG\r\n\x1a\n";
 /// noticed.
 constexpr std::int64_t trusted_pixels = std::int64_t{1} << 24;
 constexpr std::int64_t most_pixels_of_a_byte = 10000;
+/// The longest side of a JPEG file. OpenImageIO reads hundreds of rows at a time, even of an image
+/// that has a single one.
+constexpr std::int64_t longest_side = 65535;
 
 [[noreturn]] void refuse(const fs::path& path, std::string_view reason) {
     // OpenImageIO's messages may have several lines; the first one is the cause.
@@ -37,6 +40,10 @@ constexpr std::int64_t most_pixels_of_a_byte = 10000;
 /// Throws if the header's size is not plausible for a file of this length.
 void require_plausible_size(const fs::path& path, std::int64_t width, std::int64_t height,
                             std::size_t bytes, std::int64_t most_pixels) {
+    if (std::max(width, height) > longest_side) {
+        fail<FileError>(path.string(), ": cannot be read (image too large: ", width, " x ", height,
+                        " pixels; a side may have at most ", longest_side, ")");
+    }
     const std::int64_t pixels = width * height;
     if (pixels > most_pixels) {
         fail<FileError>(path.string(), ": cannot be read (image too large: ", width, " x ", height,

@@ -104,7 +104,7 @@ Network iresnet(const IresnetDepth& depth) {
     return network;
 }
 
-std::vector<Network> published_networks() {
+std::vector<Network> described_networks() {
     std::vector<Network> networks;
     for (const TrunkDescription& description : trunk_descriptions()) {
         networks.push_back(trunk(description));
@@ -114,6 +114,12 @@ std::vector<Network> published_networks() {
     networks.push_back({.title = "foamliu mobilefacenet",
                         .tensors = mobilefacenet_tensors(),
                         .other_prefix = "features."});
+    return networks;
+}
+
+/// Described once: for the names of foamliu's the network is built.
+const std::vector<Network>& published_networks() {
+    static const std::vector<Network> networks = described_networks();
     return networks;
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ranges>
 #include <utility>
 
 #include "core/error.h"
@@ -91,7 +90,7 @@ void Adam::save(TensorFile& file, const std::string& prefix) const {
 
 void Adam::load(const TensorFile& file, const std::string& source, const std::string& prefix) {
     std::map<std::string, Moments, std::less<>> loaded;
-    for (const std::string& entry : std::views::keys(file.tensors)) {
+    for (const auto& [entry, tensor] : file.tensors) {
         if (!entry.starts_with(prefix)) continue;
         const std::string name = entry.substr(prefix.size(), entry.rfind('.') - prefix.size());
         if (loaded.contains(name)) continue;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <ranges>
 #include <utility>
 #include <vector>
 
@@ -24,7 +23,8 @@ Eigen::VectorXd inverse_hessian_product(const std::deque<CurvaturePair>& pairs,
     Eigen::VectorXd result = v;
     if (pairs.empty()) return result;
     std::vector<double> parts;
-    for (const auto& [step, change] : pairs | std::views::reverse) {
+    for (auto pair = pairs.rbegin(); pair != pairs.rend(); ++pair) {
+        const auto& [step, change] = *pair;
         parts.push_back(step.dot(result) / step.dot(change));
         result -= parts.back() * change;
     }

@@ -7,6 +7,7 @@
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <csignal>
+#include <functional>
 #include <thread>
 
 #include "apps/tiny_run.h"
@@ -62,7 +63,8 @@ private:
 struct Running {
     ViewClient client;
     view::Server server;
-    explicit Running(view::ServerOptions options = {}) : server(client.api(), with_port(options)) {
+    explicit Running(view::ServerOptions options = {})
+        : server(std::ref(client.api()), with_port(options)) {
         server.start();
     }
     static view::ServerOptions with_port(view::ServerOptions options) {
@@ -242,7 +244,7 @@ TEST_CASE("a port that is taken is named", "[view]") {
     Running running;
     view::ServerOptions options;
     options.port = running.server.port();
-    view::Server second(running.client.api(), options);
+    view::Server second(std::ref(running.client.api()), options);
     CHECK_THROWS_WITH(second.start(), Catch::Contains("cannot be opened"));
 }
 

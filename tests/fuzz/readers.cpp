@@ -1,22 +1,33 @@
 #include "fuzz/readers.h"
 
+#include <cstdlib>
+#include <cstring>
+
 #include "apps/eval/score.h"
 #include "apps/prep/photo_outcome.h"
-#include "apps/view/request.h"
+#include "apps/prep/progress_file.h"
 #include "core/config.h"
 #include "core/error.h"
 #include "core/io/checksum.h"
+#include "core/io/image.h"
 #include "core/io/onnx_file.h"
 #include "core/io/tensor_file.h"
 #include "core/io/torch_file.h"
 #include "fit/photo/marked_points.h"
+#include "fuzz/http_client.h"
+#include "fuzz/png_checksums.h"
+#include "fuzz/request_readers.h"
 #include "fuzz/scratch_file.h"
 #include "nn/models/code_file.h"
+#include "nn/models/perceptual/lpips.h"
 #include "nn/models/weight_changes.h"
+#include "nn/models/weights_import.h"
 #include "render/camera_file.h"
 #include "render/morphable/head_file.h"
 #include "render/morphable/obj_head.h"
 #include "support/tiny_model.h"
+#include "train/checkpoint.h"
+#include "train/checkpoint_checksums.h"
 #include "train/data/face_index.h"
 #include "train/data/face_records.h"
 #include "train/data/folder_records.h"
@@ -25,22 +36,6 @@
 namespace stymo::fuzz {
 
 namespace {
-
-/// Calls each, though the one before may have refused the bytes; then throws its refusal.
-template <class First, class... Rest>
-void each(const First& first, const Rest&... rest) {
-    if constexpr (sizeof...(rest) == 0) {
-        first();
-    } else {
-        try {
-            first();
-        } catch (const Error&) {
-            each(rest...);
-            throw;
-        }
-        each(rest...);
-    }
-}
 
 void read_configuration(const std::string& bytes) {
     // Made once: describing all keys takes longer than reading most inputs.
@@ -54,46 +49,100 @@ void read_configuration(const std::string& bytes) {
          [&] { schema.set("loss.code_weights=" + bytes); });
 }
 
+/// Most of a tiny model is its encoder and its mapping networks.
+ModelConfig small_model_config() {
+    ModelConfig config = test::tiny_model_config();
+    config.code_source = "morphable";
+    config.decoder.mapping_layers = 0;
+    return config;
+}
+
+Model small_model() {
+    Rng rng(1);
+    return {small_model_config(), rng};
+}
+
+/// The bytes are the configuration in a file of a model that is valid otherwise.
+void read_model(const std::string& bytes) {
+    struct Parts {
+        std::string header_before, header_after, tensors;
+    };
+    static const Parts parts = [] {
+        const std::filesystem::path path = scratch_file("whole.safetensors", "");
+        small_model().save(path);
+        const std::string whole = read_text_file(path);
+        std::uint64_t length = 0;
+        std::memcpy(&length, whole.data(), sizeof length);
+        const std::string header = whole.substr(sizeof length, length);
+        const std::string config = JsonValue(to_json(small_model_config())).text();
+        const std::size_t at = header.find(config);
+        if (at == std::string::npos) std::abort();
+        return Parts{header.substr(0, at), header.substr(at + config.size()),
+                     whole.substr(sizeof length + length)};
+    }();
+    const std::string header = parts.header_before + JsonValue(bytes).text() + parts.header_after;
+    const auto length = static_cast<std::uint64_t>(header.size());
+    std::string file(reinterpret_cast<const char*>(&length), sizeof length);
+    file += header;
+    file += parts.tensors;
+    static_cast<void>(Model::load(scratch_file("model.safetensors", file), ModelParts::all));
+}
+
+/// The bytes are the state in a checkpoint whose model is valid.
+void read_state(const std::string& bytes) {
+    static Model model = [] {
+        Model made = small_model();
+        made.save(scratch_file("checkpoint/model.safetensors", ""));
+        return made;
+    }();
+    const auto file = scratch_file("checkpoint/state.safetensors", bytes);
+    static_cast<void>(read_checkpoint(file.parent_path(), model));
+}
+
+/// The bytes are the list of checksums of a folder with one other file.
+void read_checksums(const std::string& bytes) {
+    static_cast<void>(scratch_file("checked/file", "contents"));
+    verify_checksums(scratch_file("checked/checksums.txt", bytes).parent_path());
+}
+
+void read_progress(const std::string& bytes) {
+    const JsonValue settings = JsonValue::object({{"size", 256}});
+    each([&] { static_cast<void>(parse_photo_outcome(bytes)); },
+         [&] {
+             const auto file = scratch_file("progress/progress.jsonl", bytes);
+             static_cast<void>(ProgressFile(file.parent_path(), settings));
+         });
+}
+
 /// The bytes are one file of a folder that is complete otherwise.
 void read_obj_folder(const std::string& name, const std::string& bytes) {
-    static const bool complete = [] {
-        std::string mesh, landmarks;
-        for (int k = 0; k < 70; ++k) {
-            const bool mouth = k >= 48 && k < 68;
-            mesh += "v " + std::to_string(k % 7 - 3) + (mouth ? " -4 8\n" : " 3 8\n");
-            if (k < 68) landmarks += (k > 0 ? "," : "") + std::to_string(k);
-        }
+    static const std::string indices = [] {
+        std::string landmarks;
+        for (int k = 0; k < 68; ++k) landmarks += (k > 0 ? "," : "") + std::to_string(k / 48);
+        const std::string mesh = "v 0 3 8\nv 1 -4 8\nv -1 -4 8\nf 1 2 3\n";
         for (const char* file : {"generic_neutral_mesh.obj", "identity000.obj", "jawOpen.obj"})
-            static_cast<void>(scratch_file(file, mesh + "f 1 2 37 4\n"));
-        static_cast<void>(scratch_file(
-            "whole.json",
-            R"({"expressions": ["jawOpen"], "idx_to_landmark_verts": [)" + landmarks + "]}"));
-        return true;
+            static_cast<void>(scratch_file(file, mesh));
+        return R"({"expressions": ["jawOpen"], "idx_to_landmark_verts": [)" + landmarks + "]}";
     }();
-    static_cast<void>(complete);
     if (name != "vertex_indices.json")
-        std::filesystem::copy_file(scratch_folder() / "whole.json",
-                                   scratch_folder() / "vertex_indices.json",
-                                   std::filesystem::copy_options::overwrite_existing);
+        static_cast<void>(scratch_file("vertex_indices.json", indices));
     static_cast<void>(scratch_file(name, bytes));
     static_cast<void>(read_obj_head(scratch_folder()));
 }
 
-void read_request(const std::string& bytes) {
-    const CameraConfig camera;
-    each([&] { static_cast<void>(view::frame_wish(bytes, camera)); },
-         [&] { static_cast<void>(view::color_wish(bytes, camera)); },
-         [&] { static_cast<void>(view::face_wish(bytes)); },
-         [&] { static_cast<void>(view::path_wish(bytes, camera)); },
-         [&] {
-             static_cast<void>(
-                 view::Request{.path = {}, .query = {{"x", bytes}}}.number("x", 0.0, 0.0, 1.0));
-         });
+/// Photos as PNG or JPEG; OpenImageIO reads other formats too.
+void read_photo(const std::string& bytes) {
+    constexpr std::int64_t most_pixels = 1 << 20;
+    const bool png = bytes.starts_with("\x89PNG\r\n\x1a\n");
+    if (!png && !bytes.starts_with("\xff\xd8\xff")) return;
+    const std::string name = png ? "in.png" : "in.jpg";
+    static_cast<void>(
+        read_image(scratch_file(name, png ? with_png_checksums(bytes) : bytes), most_pixels));
 }
 
 void read_tuned(const std::string& bytes) {
     const WeightChanges changes = WeightChanges::load(scratch_file("in.safetensors", bytes));
-    Model copy = test::tiny_model();
+    Model copy = small_model();
     changes.apply(copy);
 }
 
@@ -109,12 +158,12 @@ const std::map<std::string, Reader>& readers() {
         {"faces", [=](const auto& b) { static_cast<void>(FaceRecords(path(b))); }},
         {"face_index",
          [=](const auto& b) {
-             const std::filesystem::path faces = path("");
-             const FileVersion version = version_of(faces);
-             write_text_file(index_path(faces), "stymo-face-index-1 " +
-                                                    std::to_string(version.size) + " " +
-                                                    std::to_string(version.time) + " " +
-                                                    std::to_string(crc32c(b)) + "\n" + b);
+             static const std::filesystem::path faces = path(std::string(100, ' '));
+             static const FileVersion version = version_of(faces);
+             static const std::string title = "stymo-face-index-1 " + std::to_string(version.size) +
+                                              " " + std::to_string(version.time) + " ";
+             static_cast<void>(
+                 scratch_file("in.index", title + std::to_string(crc32c(b)) + "\n" + b));
              static_cast<void>(read_face_index(faces, version));
          }},
         {"intrinsics", [=](const auto& b) { static_cast<void>(read_intrinsics(path(b))); }},
@@ -130,12 +179,24 @@ const std::map<std::string, Reader>& readers() {
                   [&] { static_cast<void>(read_camera(path(b), "00000", {})); });
          }},
         {"head", [=](const auto& b) { static_cast<void>(read_morphable_head(path(b))); }},
+        {"lpips",
+         [=](const auto& b) { static_cast<void>(read_lpips_heads(path(b), "squeezenet1_1")); }},
+        {"import", [=](const auto& b) { static_cast<void>(import_weights(path(b))); }},
+        {"model", read_model},
+        {"state", read_state},
+        {"checksums", read_checksums},
+        {"class_map",
+         [](const auto& b) {
+             static_cast<void>(read_class_map(scratch_file("in.png", with_png_checksums(b))));
+         }},
+        {"photo", read_photo},
         {"obj", [](const auto& b) { read_obj_folder("generic_neutral_mesh.obj", b); }},
         {"obj_indices", [](const auto& b) { read_obj_folder("vertex_indices.json", b); }},
         {"marks", [=](const auto& b) { static_cast<void>(read_marked_photos(path(b))); }},
-        {"request", read_request},
+        {"request", read_request_body},
+        {"http", send_to_server},
         {"tuned", read_tuned},
-        {"progress", [](const auto& b) { static_cast<void>(parse_photo_outcome(b)); }},
+        {"progress", read_progress},
         {"scores", [](const auto& b) { static_cast<void>(parse_face_score(b)); }},
     };
     return all;

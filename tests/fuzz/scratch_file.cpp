@@ -1,8 +1,10 @@
 #include "fuzz/scratch_file.h"
 
+#include <fcntl.h>
 #include <unistd.h>
 
-#include <fstream>
+#include <cstdlib>
+#include <map>
 
 namespace stymo::fuzz {
 
@@ -26,6 +28,18 @@ private:
     std::filesystem::path path_;
 };
 
+/// A file that stays open, because opening and emptying it takes longer than many readers do.
+struct OpenedFile {
+    std::filesystem::path path;
+    int number;
+
+    explicit OpenedFile(const std::string& name) : path(scratch_folder() / name) {
+        std::filesystem::create_directories(path.parent_path());
+        number = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+        if (number < 0) std::abort();
+    }
+};
+
 }  // namespace
 
 const std::filesystem::path& scratch_folder() {
@@ -34,9 +48,13 @@ const std::filesystem::path& scratch_folder() {
 }
 
 std::filesystem::path scratch_file(const std::string& name, const std::string& bytes) {
-    std::filesystem::path path = scratch_folder() / name;
-    std::ofstream(path, std::ios::binary) << bytes;
-    return path;
+    static std::map<std::string, OpenedFile> files;
+    const OpenedFile& file = files.try_emplace(name, name).first->second;
+    const auto size = static_cast<ssize_t>(bytes.size());
+    if (::pwrite(file.number, bytes.data(), bytes.size(), 0) != size ||
+        ::ftruncate(file.number, size) != 0)
+        std::abort();
+    return file.path;
 }
 
 }  // namespace stymo::fuzz

@@ -68,22 +68,24 @@ void load_trunk(const ParameterStore& store, const TensorFile& file, const std::
     }
 }
 
-void load_heads(const std::vector<Parameter>& heads, const TensorFile& file,
-                const std::string& source, const std::string& prefix) {
-    for (std::size_t k = 0; k < heads.size(); ++k) {
-        const std::string name = "lin" + std::to_string(k) + ".model.1.weight";
+std::vector<Tensor> heads_of(const TensorFile& file, const std::string& source,
+                             const TrunkDescription& description) {
+    const std::string& prefix = description.heads_name;
+    std::vector<Tensor> heads;
+    for (const std::int64_t channels : tap_channels(description)) {
+        const std::string name = "lin" + std::to_string(heads.size()) + ".model.1.weight";
         auto found = file.tensors.find(prefix + "." + name);
         if (found == file.tensors.end()) found = file.tensors.find(name);
         if (found == file.tensors.end())
             fail<FileError>(source, ": no tensor ", name, " or ", prefix, ".", name,
                             "; these are not LPIPS' heads");
-        const Shape wanted = heads[k].variable().shape();
-        if (found->second.size() != wanted.size())
+        if (found->second.size() != channels)
             fail<FileError>(source, ": ", found->first, " has shape ", found->second.shape(),
-                            " where ", wanted.size(),
+                            " where ", channels,
                             " numbers are needed; these heads are not those of ", prefix);
-        heads[k].set_value(found->second.reshaped(wanted).to(heads[k].variable().dtype()));
+        heads.push_back(found->second.reshaped({1, 1, 1, channels}).to(DType::float32));
     }
+    return heads;
 }
 
 Variable as_the_network_expects(const Variable& images) {
@@ -100,6 +102,11 @@ std::vector<std::string> lpips_networks() {
     for (const TrunkDescription& description : trunk_descriptions())
         names.push_back(description.name);
     return names;
+}
+
+std::vector<Tensor> read_lpips_heads(const std::filesystem::path& path,
+                                     const std::string& network) {
+    return heads_of(read_tensor_file(path), path.string(), description_of(network));
 }
 
 void describe(ConfigSchema& schema, LpipsConfig& config, const std::string& prefix) {
@@ -130,6 +137,10 @@ struct Lpips::Implementation {
         }
         store.set_trainable("", false);
     }
+
+    void set_heads(const std::vector<Tensor>& values) {
+        for (std::size_t k = 0; k < heads.size(); ++k) heads[k].set_value(values[k]);
+    }
 };
 
 Lpips::Lpips(const LpipsConfig& config, const std::string& off_switch) {
@@ -150,7 +161,7 @@ Lpips::Lpips(const LpipsConfig& config, const std::string& off_switch) {
     if (config.trunk != random_weights)
         load_trunk(implementation_->store, trunk, config.trunk, network);
     if (config.heads != random_weights)
-        load_heads(implementation_->heads, heads, config.heads, description.heads_name);
+        implementation_->set_heads(heads_of(heads, config.heads, description));
 }
 
 Lpips::~Lpips() = default;

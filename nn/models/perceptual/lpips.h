@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -29,6 +30,10 @@ struct LpipsConfig {
 
 /// "vgg16", "alexnet", "squeezenet1_1"
 [[nodiscard]] std::vector<std::string> lpips_networks();
+/// The linear heads of LPIPS for this network in a .safetensors file, (1, 1, 1, channels) for each
+/// tap. Throws FileError, which names the first one that is missing or has another size.
+[[nodiscard]] std::vector<Tensor> read_lpips_heads(const std::filesystem::path& path,
+                                                   const std::string& network);
 /// Binds "`prefix`network", "`prefix`trunk", "`prefix`heads".
 void describe(ConfigSchema& schema, LpipsConfig& config, const std::string& prefix);
 

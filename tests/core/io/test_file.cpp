@@ -18,6 +18,17 @@ TEST_CASE("a text comes back as it was written and nothing is left beside it") {
     CHECK(folder.file_count() == 1);
 }
 
+TEST_CASE("a file is read to its end, whatever size the system says it has") {
+    // Those of /proc are said to be empty.
+    CHECK_THAT(read_text_file("/proc/self/status"), Contains("VmPeak"));
+    const ScratchFolder folder;
+    for (const std::size_t size : {0U, 1U, 4095U, 4096U, 4097U, 300'000U}) {
+        const std::string text(size, 'a');
+        write_text_file(folder / "a.txt", text);
+        CHECK(read_text_file(folder / "a.txt") == text);
+    }
+}
+
 TEST_CASE("a missing file and a folder are refused as texts") {
     const ScratchFolder folder;
     CHECK_THROWS_WITH(read_text_file(folder / "none.txt"),

@@ -217,9 +217,9 @@ TEST_CASE("a header that claims more pixels than its file can hold is refused wi
             bytes += static_cast<char>(value >> (8 * (big_endian ? 3 - i : i)));
         return bytes;
     };
-    const auto lying_png = [&](std::uint32_t side) {
+    const auto lying_png = [&](std::uint32_t width, std::uint32_t height) {
         std::string bytes = read_text_file(folder / "small.png");
-        bytes.replace(16, 8, number(side, true) + number(side, true));
+        bytes.replace(16, 8, number(width, true) + number(height, true));
         std::uint32_t sum = 0xFFFFFFFFU;  // of the header's type and data
         for (std::size_t i = 12; i < 29; ++i) {
             sum ^= static_cast<unsigned char>(bytes[i]);
@@ -235,11 +235,16 @@ TEST_CASE("a header that claims more pixels than its file can hold is refused wi
         }
         return bytes;
     };
-    write_text_file(folder / "huge.png", lying_png(30000));
-    write_text_file(folder / "large.png", lying_png(16000));
+    write_text_file(folder / "huge.png", lying_png(30000, 30000));
+    write_text_file(folder / "large.png", lying_png(16000, 16000));
+    // OpenImageIO would read hundreds of rows of this width at a time.
+    write_text_file(folder / "wide.png", lying_png(851'972, 1));
     write_text_file(folder / "huge.exr", lying_exr(29999));
     write_text_file(folder / "large.exr", lying_exr(15999));
     CHECK_THROWS_WITH(read_image(folder / "huge.png"), Contains("too large: 30000 x 30000 pixels"));
+    for (const auto& read : {&read_mask, &read_class_map})
+        CHECK_THROWS_WITH(read(folder / "wide.png"),
+                          Contains("too large: 851972 x 1 pixels; a side may have at most 65535"));
     CHECK_THROWS_WITH(read_image(folder / "large.png"),
                       Contains("bytes claim 16000 x 16000 pixels"));
     // OpenEXR itself misses the lines that the header promises.
