@@ -5,6 +5,8 @@
 #include <cstring>
 #include <numbers>
 
+#include "core/kernels/processor.h"
+
 #if defined(__x86_64__)
 #include <immintrin.h>
 #endif
@@ -182,7 +184,8 @@ bool multiplies_float16() {
 #if defined(__clang__) && __clang_major__ < 16
     return false;  // the compiler does not know the name of the feature
 #else
-    static const bool supported = __builtin_cpu_supports("avx512fp16") != 0;
+    static const bool supported =
+        __builtin_cpu_supports("avx512fp16") != 0 && allows_newest_instructions();
     return supported;
 #endif
 }
