@@ -1,6 +1,6 @@
 #include "core/kernels/tile_product.h"
 
-#include "core/kernels/processor.h"
+#include "core/kernels/targets.h"
 #include "core/matmul_precision.h"
 
 #if defined(__x86_64__) && defined(__linux__)
@@ -171,6 +171,15 @@ constexpr TileConfiguration whole_tiles = [] {
     return configuration;
 }();
 
+// GCC 12 ignores the attribute of a constructor.
+__attribute__((target("amx-tile"))) void configure_tiles() {
+    _tile_loadconfig(&whole_tiles);
+}
+
+__attribute__((target("amx-tile"))) void release_tiles() {
+    _tile_release();
+}
+
 }  // namespace
 
 bool multiplies_tiles() {
@@ -178,12 +187,12 @@ bool multiplies_tiles() {
     return supported;
 }
 
-__attribute__((target("amx-tile"))) TileLoan::TileLoan() {
-    _tile_loadconfig(&whole_tiles);
+TileLoan::TileLoan() {
+    configure_tiles();
 }
 
-__attribute__((target("amx-tile"))) TileLoan::~TileLoan() {
-    _tile_release();
+TileLoan::~TileLoan() {
+    release_tiles();
 }
 
 void multiply_tiles(int row_tiles, int column_tiles, const TileBlock& block) {
