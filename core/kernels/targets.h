@@ -12,13 +12,18 @@
 
 #include <hwy/targets.h>
 
+#include <cstdint>
+
 namespace stymo::kernels {
 
 /// For kernels whose instructions Highway 1.0 does not support. False if `hwy::DisableTargets`
 /// excludes its newest target, so that tests can run as on an older processor. All processors with
 /// AMX or AVX-512-FP16 support that target.
 [[nodiscard]] inline bool allows_newest_instructions() {
-    return (hwy::SupportedTargets() & HWY_AVX3_DL) != 0;
+    const std::int64_t targets = hwy::SupportedTargets();
+    // That call chose the best target of the processor, even if it is disabled.
+    hwy::GetChosenTarget().Update(targets);
+    return (targets & HWY_AVX3_DL) != 0;
 }
 
 }  // namespace stymo::kernels

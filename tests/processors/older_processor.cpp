@@ -23,8 +23,9 @@ __attribute__((constructor)) void disable_better_targets() {
     for (const auto& [name, target] : targets) {
         if (wanted == nullptr || std::strcmp(name, wanted) != 0) continue;
         const bool early = !hwy::GetChosenTarget().IsInitialized();
-        hwy::DisableTargets(target - 1);
         const bool exists = target == HWY_EMU128 || (hwy::SupportedTargets() & target) != 0;
+        hwy::DisableTargets(target - 1);
+        // The next kernel chooses its target; SupportedTargets() would choose a disabled one.
         if (early && exists) return;
     }
     std::cerr << "older_processor: this processor does not have STYMO_PROCESSOR\n";
