@@ -5,7 +5,7 @@ target_compile_options(stymo_options INTERFACE
   -fno-math-errno -fno-trapping-math -fopenmp-simd
   # False alarms of GCC 12: its own AVX-512 intrinsics, which Eigen uses, and std::string (GCC bug
   # 105651).
-  -Wno-maybe-uninitialized $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict -Wno-uninitialized>
+  $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized -Wno-restrict -Wno-uninitialized>
   $<$<BOOL:${STYMO_WERROR}>:-Werror>
   $<$<BOOL:${STYMO_NATIVE}>:-march=native>)
 # Full-width vectors: the compiler's default prefers 256 bits on processors that have 512.

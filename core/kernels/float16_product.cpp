@@ -5,8 +5,12 @@
 #include <cstring>
 #include <numbers>
 
-#if defined(__x86_64__)
+#include "core/kernels/targets.h"
+
+// Clang does not know the name of the feature before version 16.
+#if defined(__x86_64__) && !(defined(__clang__) && __clang_major__ < 16)
 #include <immintrin.h>
+#define STYMO_HAS_FLOAT16
 #endif
 
 namespace stymo::kernels {
@@ -40,7 +44,7 @@ Float16 rounded_to_float16(float x) {
     return {static_cast<std::uint16_t>(sign | result)};
 }
 
-#if defined(__x86_64__)
+#ifdef STYMO_HAS_FLOAT16
 
 namespace {
 
@@ -179,12 +183,9 @@ void multiply_block(int rows, const Block& block) {
 }  // namespace
 
 bool multiplies_float16() {
-#if defined(__clang__) && __clang_major__ < 16
-    return false;  // the compiler does not know the name of the feature
-#else
-    static const bool supported = __builtin_cpu_supports("avx512fp16") != 0;
+    static const bool supported =
+        __builtin_cpu_supports("avx512fp16") != 0 && allows_newest_instructions();
     return supported;
-#endif
 }
 
 void multiply_float16_block(int rows, const Float16Block& block) {

@@ -1,5 +1,6 @@
 #include "core/kernels/tile_product.h"
 
+#include "core/kernels/targets.h"
 #include "core/matmul_precision.h"
 
 #if defined(__x86_64__) && defined(__linux__)
@@ -34,7 +35,8 @@ bool processor_has_tiles() {
     if (__get_cpuid_count(7, 0, &a, &b, &c, &d) == 0) return false;
     constexpr unsigned amx_bfloat16 = 1U << 22, amx_tile = 1U << 24;
     return (d & amx_bfloat16) != 0 && (d & amx_tile) != 0 && __builtin_cpu_supports("avx512bw") &&
-           __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bf16");
+           __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bf16") &&
+           allows_newest_instructions();
 }
 
 /// The compiler does not know what tiles read and write in memory.
@@ -169,6 +171,15 @@ constexpr TileConfiguration whole_tiles = [] {
     return configuration;
 }();
 
+// GCC 12 ignores the attribute of a constructor.
+__attribute__((target("amx-tile"))) void configure_tiles() {
+    _tile_loadconfig(&whole_tiles);
+}
+
+__attribute__((target("amx-tile"))) void release_tiles() {
+    _tile_release();
+}
+
 }  // namespace
 
 bool multiplies_tiles() {
@@ -176,12 +187,12 @@ bool multiplies_tiles() {
     return supported;
 }
 
-__attribute__((target("amx-tile"))) TileLoan::TileLoan() {
-    _tile_loadconfig(&whole_tiles);
+TileLoan::TileLoan() {
+    configure_tiles();
 }
 
-__attribute__((target("amx-tile"))) TileLoan::~TileLoan() {
-    _tile_release();
+TileLoan::~TileLoan() {
+    release_tiles();
 }
 
 void multiply_tiles(int row_tiles, int column_tiles, const TileBlock& block) {
