@@ -18,6 +18,10 @@
 #include "core/io/file.h"
 #include "core/parallel.h"
 
+// Defined by the leak sanitizer.
+// NOLINTNEXTLINE(bugprone-reserved-identifier,readability-identifier-naming)
+extern "C" [[gnu::weak]] int __lsan_do_recoverable_leak_check();
+
 namespace stymo {
 
 namespace {
@@ -176,6 +180,42 @@ ToolOutcome run_tool(const std::filesystem::path& folder, const std::string& com
     outcome.out = read_text_file(out.path());
     outcome.err = read_text_file(err.path());
     return outcome;
+}
+
+ToolOutcome run_copy(const std::filesystem::path& folder, const std::string& command,
+                     const std::function<void()>& prepare, const std::function<void()>& finish) {
+    std::vector<std::string> arguments = words(command);
+    const std::string tool = arguments.front();
+    arguments.erase(arguments.begin());
+    const MainFunction main = main_function(tool);
+    if (main == nullptr) throw std::runtime_error(tool + " cannot run in a copy");
+    const TemporaryFile out;
+    const TemporaryFile err;
+    std::cout.flush();
+    std::fflush(nullptr);
+    const pid_t process = ::fork();
+    if (process < 0) throw std::runtime_error("fork failed");
+    if (process == 0) {
+        ::alarm(120);
+        ArgumentVector argv(tool, std::move(arguments));
+        redirect(out.path(), STDOUT_FILENO);
+        redirect(err.path(), STDERR_FILENO);
+        if (::chdir(folder.c_str()) != 0) ::_exit(127);
+        if (prepare) prepare();
+        int code = main(argv.count(), argv.pointers());
+        if (finish) finish();
+        std::cout.flush();
+        std::fflush(nullptr);
+        if (__lsan_do_recoverable_leak_check != nullptr &&
+            __lsan_do_recoverable_leak_check() != 0)
+            code = 23;
+        // The objects of the tests are this process's, not the copy's.
+        ::_exit(code);
+    }
+    int status = 0;
+    ::waitpid(process, &status, 0);
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_text_file(out.path()),
+            read_text_file(err.path())};
 }
 
 std::vector<std::string> words(const std::string& line) {
