@@ -13,6 +13,7 @@
 #include <sstream>
 #include <stdexcept>
 #include <thread>
+#include <utility>
 
 #include "apps/common/tools.h"
 #include "core/io/file.h"
@@ -182,40 +183,45 @@ ToolOutcome run_tool(const std::filesystem::path& folder, const std::string& com
     return outcome;
 }
 
-ToolOutcome run_copy(const std::filesystem::path& folder, const std::string& command,
-                     const std::function<void()>& prepare, const std::function<void()>& finish) {
+RunningCopy::RunningCopy(const std::filesystem::path& folder, const std::string& command,
+                         const std::function<void()>& prepare,
+                         const std::function<void()>& finish) {
     std::vector<std::string> arguments = words(command);
     const std::string tool = arguments.front();
     arguments.erase(arguments.begin());
     const MainFunction main = main_function(tool);
     if (main == nullptr) throw std::runtime_error(tool + " cannot run in a copy");
-    const TemporaryFile out;
-    const TemporaryFile err;
     std::cout.flush();
     std::fflush(nullptr);
-    const pid_t process = ::fork();
-    if (process < 0) throw std::runtime_error("fork failed");
-    if (process == 0) {
-        ::alarm(120);
-        ArgumentVector argv(tool, std::move(arguments));
-        redirect(out.path(), STDOUT_FILENO);
-        redirect(err.path(), STDERR_FILENO);
-        if (::chdir(folder.c_str()) != 0) ::_exit(127);
-        if (prepare) prepare();
-        int code = main(argv.count(), argv.pointers());
-        if (finish) finish();
-        std::cout.flush();
-        std::fflush(nullptr);
-        if (__lsan_do_recoverable_leak_check != nullptr &&
-            __lsan_do_recoverable_leak_check() != 0)
-            code = 23;
-        // The objects of the tests are this process's, not the copy's.
-        ::_exit(code);
-    }
+    process_ = ::fork();
+    if (process_ < 0) throw std::runtime_error("fork failed");
+    if (process_ > 0) return;
+    ArgumentVector argv(tool, std::move(arguments));
+    redirect(out_.path(), STDOUT_FILENO);
+    redirect(err_.path(), STDERR_FILENO);
+    if (::chdir(folder.c_str()) != 0) ::_exit(127);
+    if (prepare) prepare();
+    int code = main(argv.count(), argv.pointers());
+    if (finish) finish();
+    std::cout.flush();
+    std::fflush(nullptr);
+    if (__lsan_do_recoverable_leak_check != nullptr && __lsan_do_recoverable_leak_check() != 0)
+        code = 23;
+    // The objects of the tests are the other process's.
+    ::_exit(code);
+}
+
+RunningCopy::~RunningCopy() {
+    if (process_ < 0) return;
+    ::kill(process_, SIGKILL);
+    ::waitpid(process_, nullptr, 0);
+}
+
+ToolOutcome RunningCopy::wait() {
     int status = 0;
-    ::waitpid(process, &status, 0);
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_text_file(out.path()),
-            read_text_file(err.path())};
+    ::waitpid(std::exchange(process_, -1), &status, 0);
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_text_file(out_.path()),
+            read_text_file(err_.path())};
 }
 
 std::vector<std::string> words(const std::string& line) {

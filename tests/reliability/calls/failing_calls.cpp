@@ -4,18 +4,17 @@
 
 #include <dirent.h>
 #include <fcntl.h>
-#include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/uio.h>
 #include <unistd.h>
 #include <unwind.h>
 
+#include <atomic>
 #include <cerrno>
 #include <climits>
 #include <cstdarg>
 #include <cstdio>
 #include <cstring>
-#include <mutex>
 #include <new>
 
 #include "reliability/preload/next_function.h"
@@ -41,8 +40,9 @@ namespace {
 
 // Nothing here allocates, because allocations are among what fails.
 
-std::atomic<const CallPlan*> current_plan = nullptr;
-std::atomic<CallReport*> current_report = nullptr;
+std::atomic<const WatchedCalls*> watched = nullptr;
+std::atomic<CallVisitor*> current_visitor = nullptr;
+std::atomic<long> number_of_calls = 0;
 
 /// Calls that are made while a call is looked at do not count.
 thread_local bool busy = false;
@@ -55,67 +55,30 @@ public:
     Busy& operator=(const Busy&) = delete;
 };
 
-struct Stack {
-    std::array<void*, CallPlace::depth> frames{};
-    std::size_t count = 0;
-    std::size_t skipped = 0;
+struct PartOfStack {
+    CallStack stack;
+    int skipped = 0;
 };
 
-_Unwind_Reason_Code add_frame(_Unwind_Context* context, void* stack_pointer) {
-    auto& stack = *static_cast<Stack*>(stack_pointer);
-    // The first frames are in this file.
-    if (stack.skipped < 3) {
-        ++stack.skipped;
+_Unwind_Reason_Code add_frame(_Unwind_Context* context, void* pointer) {
+    auto& [stack, skipped] = *static_cast<PartOfStack*>(pointer);
+    // current_call_stack, the visitor, fails_now, and the function in place of the C library's.
+    if (skipped < 4) {
+        ++skipped;
         return _URC_NO_REASON;
     }
     stack.frames[stack.count++] = reinterpret_cast<void*>(_Unwind_GetIP(context));  // NOLINT
     return stack.count < stack.frames.size() ? _URC_NO_REASON : _URC_END_OF_STACK;
 }
 
-std::uint64_t hash_of(const Stack& stack) {
-    std::uint64_t hash = 14695981039346656037U;
-    for (std::size_t i = 0; i < stack.count; ++i) {
-        hash = (hash ^ reinterpret_cast<std::uintptr_t>(stack.frames[i])) * 1099511628211U;
-        hash ^= hash >> 29U;
-    }
-    return hash == 0 ? 1 : hash;
-}
-
-[[gnu::noinline]] Stack current_stack() {
-    Stack stack;
-    _Unwind_Backtrace(add_frame, &stack);
-    return stack;
-}
-
-void list(CallReport& report, long number, const Stack& stack) {
-    static std::mutex mutex;
-    const std::lock_guard lock(mutex);
-    const std::uint64_t hash = hash_of(stack);
-    std::size_t at = hash % report.places.size();
-    while (report.places[at].hash != 0 && report.places[at].hash != hash)
-        at = (at + 1) % report.places.size();
-    CallPlace& place = report.places[at];
-    if (place.hash == 0) {
-        place = {hash, number, number, stack.frames};
-        if (++report.place_count + 1 >= report.places.size()) std::abort();
-    }
-    place.last = number;
-}
-
 /// Counts a call; true, with errno, if it is one to fail.
-[[gnu::noinline]] bool fails_now(const CallPlan& plan) {
-    CallReport& report = *current_report;
-    const long number = ++report.calls;
-    if (plan.lists) list(report, number, current_stack());
-    const bool fails =
-        plan.fails_at > 0 && (number == plan.fails_at || (plan.ever && number > plan.fails_at));
-    if (!fails) return false;
-    if (++report.failed == 1) report.failed_at = hash_of(current_stack());
-    errno = plan.error;
+[[gnu::noinline]] bool fails_now(const WatchedCalls& calls) {
+    if (!current_visitor.load()->fails(++number_of_calls)) return false;
+    errno = calls.error;
     return true;
 }
 
-bool counts_at(const CallPlan& plan, const char* path) {
+bool counts_at(const WatchedCalls& calls, const char* path) {
     if (path == nullptr) return false;
     char whole[2 * PATH_MAX];
     if (path[0] != '/') {
@@ -124,10 +87,10 @@ bool counts_at(const CallPlan& plan, const char* path) {
         std::strncat(whole, path, PATH_MAX - 2);
         path = whole;
     }
-    return std::strncmp(path, plan.place.c_str(), plan.place.size()) == 0;
+    return std::strncmp(path, calls.place.c_str(), calls.place.size()) == 0;
 }
 
-bool counts_at(const CallPlan& plan, int descriptor) {
+bool counts_at(const WatchedCalls& calls, int descriptor) {
     char link[64];
     char path[PATH_MAX];
     std::snprintf(link, sizeof link, "/proc/self/fd/%d", descriptor);
@@ -137,20 +100,20 @@ bool counts_at(const CallPlan& plan, int descriptor) {
     if (length <= 0) return false;
     path[length] = '\0';
     // A relative "path" is a pipe or a socket.
-    return path[0] == '/' && counts_at(plan, path);
+    return path[0] == '/' && counts_at(calls, path);
 }
 
-const CallPlan* plan_for(CallKind kind) {
-    const CallPlan* const plan = current_plan;
-    return plan != nullptr && plan->kind == kind && !busy ? plan : nullptr;
+const WatchedCalls* watched_calls(CallKind kind) {
+    const WatchedCalls* const calls = watched;
+    return calls != nullptr && calls->kind == kind && !busy ? calls : nullptr;
 }
 
 template <class Place>
 [[gnu::always_inline]] inline bool fails(CallKind kind, Place place) {
-    const CallPlan* const plan = plan_for(kind);
-    if (plan == nullptr) return false;
+    const WatchedCalls* const calls = watched_calls(kind);
+    if (calls == nullptr) return false;
     const Busy guard;
-    return counts_at(*plan, place) && fails_now(*plan);
+    return counts_at(*calls, place) && fails_now(*calls);
 }
 
 [[gnu::always_inline]] inline bool fails_to_open(const char* path, bool to_write) {
@@ -158,10 +121,10 @@ template <class Place>
 }
 
 [[gnu::always_inline]] inline bool fails_to_allocate() {
-    const CallPlan* const plan = plan_for(CallKind::allocate);
-    if (plan == nullptr) return false;
+    const WatchedCalls* const calls = watched_calls(CallKind::allocate);
+    if (calls == nullptr) return false;
     const Busy guard;
-    return fails_now(*plan);
+    return fails_now(*calls);
 }
 
 bool writes(int flags) {
@@ -174,25 +137,30 @@ bool writes(const char* mode) {
 
 }  // namespace
 
-void watch_calls(const CallPlan& plan, CallReport& report) {
-    current_report = &report;
-    static_cast<void>(current_stack());  // whatever the first use sets up
-    current_plan = &plan;
+std::uint64_t CallStack::hash() const {
+    std::uint64_t hash = 14695981039346656037U;
+    for (std::size_t i = 0; i < count; ++i) {
+        hash = (hash ^ reinterpret_cast<std::uintptr_t>(frames[i])) * 1099511628211U;
+        hash ^= hash >> 29U;
+    }
+    return hash == 0 ? 1 : hash;
+}
+
+CallStack current_call_stack() {
+    PartOfStack part;
+    _Unwind_Backtrace(add_frame, &part);
+    return part.stack;
+}
+
+void watch_calls(const WatchedCalls& calls, CallVisitor& visitor) {
+    number_of_calls = 0;
+    current_visitor = &visitor;
+    static_cast<void>(current_call_stack());  // whatever its first use sets up
+    watched = &calls;
 }
 
 void stop_watching_calls() {
-    current_plan = nullptr;
-}
-
-SharedReport::SharedReport()
-    : report_(static_cast<CallReport*>(::mmap(nullptr, sizeof(CallReport), PROT_READ | PROT_WRITE,
-                                              MAP_SHARED | MAP_ANONYMOUS, -1, 0))) {
-    // The memory is zeros, as a new report is.
-    if (report_ == MAP_FAILED) throw std::bad_alloc();
-}
-
-SharedReport::~SharedReport() {
-    ::munmap(report_, sizeof(CallReport));
+    watched = nullptr;
 }
 
 }  // namespace stymo

@@ -31,7 +31,7 @@ constexpr const char* configuration = R"({
 const std::string train = "stymo-train --config short.json --data faces --out ";
 
 void must(const fs::path& folder, const std::string& command) {
-    const ToolOutcome outcome = run_copy(folder, command);
+    const ToolOutcome outcome = RunningCopy(folder, command).wait();
     if (outcome.exit_code != 0) throw std::runtime_error(command + ": " + outcome.err);
 }
 
@@ -42,6 +42,9 @@ public:
         must(path(), "stymo-synth --out faces --count 4 --size 64");
         must(path(), train + "whole");
         must(path(), train + "begun --max-minutes 1e-6");
+        fs::create_directory(path() / "photos");
+        for (const char* photo : {"00000.png", "00003.png"})
+            fs::copy_file(path() / "faces/images" / photo, path() / "photos" / photo);
         must(path(), fit() + "fit");
         must(path(), prepare() + "prepared");
     }
@@ -51,11 +54,19 @@ public:
         return "stymo-fit --model whole/model.safetensors --data faces --id 00003 --steps 1 "
                "--tune-steps 1 --out ";
     }
-    static std::string prepare() { return "stymo-prep --photos faces/images --size 64 --out "; }
+    [[nodiscard]] std::string prepare() const {
+        // A preparation remembers the folder of its photos.
+        return "stymo-prep --photos " + (path() / "photos").string() + " --size 64 --out ";
+    }
 
 private:
     ScratchFolder folder_;
 };
+
+const ShortData& made_data() {
+    static const ShortData data;
+    return data;
+}
 
 std::function<void(const fs::path&)> same_files(const std::string& whole,
                                                 std::vector<std::string> files) {
@@ -79,8 +90,7 @@ void compare_training(const fs::path& out) {
 }  // namespace
 
 const fs::path& short_data() {
-    static const ShortData data;
-    return data.path();
+    return made_data().path();
 }
 
 ShortJob training() {
@@ -100,7 +110,7 @@ ShortJob fitting() {
 }
 
 ShortJob preparation() {
-    const std::string command = ShortData::prepare();
+    const std::string command = made_data().prepare();
     return {"preparation", command,
             [command](const fs::path& out) { return command + out.string(); },
             same_files("prepared", {"faces.jsonl", "camera.json", "images/00003.png"}), {}};
