@@ -15,6 +15,7 @@
 #include <thread>
 #include <utility>
 
+#include "apps/common/guarded_main.h"
 #include "apps/common/tools.h"
 #include "core/io/file.h"
 #include "core/parallel.h"
@@ -196,19 +197,23 @@ RunningCopy::RunningCopy(const std::filesystem::path& folder, const std::string&
     process_ = ::fork();
     if (process_ < 0) throw std::runtime_error("fork failed");
     if (process_ > 0) return;
-    ArgumentVector argv(tool, std::move(arguments));
-    redirect(out_.path(), STDOUT_FILENO);
-    redirect(err_.path(), STDERR_FILENO);
-    if (::chdir(folder.c_str()) != 0) ::_exit(127);
-    if (prepare) prepare();
-    int code = main(argv.count(), argv.pointers());
-    if (finish) finish();
-    std::cout.flush();
-    std::fflush(nullptr);
-    if (__lsan_do_recoverable_leak_check != nullptr && __lsan_do_recoverable_leak_check() != 0)
-        code = 23;
-    // The objects of the tests are the other process's.
-    ::_exit(code);
+    // An exception must not reach the tests of this copy.
+    [&]() noexcept {
+        ArgumentVector argv(tool, std::move(arguments));
+        redirect(out_.path(), STDOUT_FILENO);
+        redirect(err_.path(), STDERR_FILENO);
+        if (::chdir(folder.c_str()) != 0) ::_exit(127);
+        if (prepare) prepare();
+        int code = guarded_main(main, tool.c_str(), argv.count(), argv.pointers());
+        if (finish) finish();
+        std::cout.flush();
+        std::fflush(nullptr);
+        if (__lsan_do_recoverable_leak_check != nullptr &&
+            __lsan_do_recoverable_leak_check() != 0)
+            code = 23;
+        // The objects of the tests are the other process's.
+        ::_exit(code);
+    }();
 }
 
 RunningCopy::~RunningCopy() {

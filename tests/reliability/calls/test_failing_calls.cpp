@@ -1,19 +1,13 @@
-// Calls of the system that fail one after the other, and limits of the system.
-#include <sys/resource.h>
-
-#include <algorithm>
+// Calls of the system that fail one after the other.
 #include <catch2/catch.hpp>
 #include <cerrno>
 #include <cstdlib>
 #include <iostream>
-#include <map>
-#include <set>
 #include <string>
 
 #include "core/clock.h"
-#include "core/io/file.h"
 #include "reliability/calls/branches.h"
-#include "reliability/calls/short_jobs.h"
+#include "reliability/calls/outcome_checks.h"
 
 namespace {
 
@@ -36,62 +30,6 @@ std::string setting(const char* name) {
     return text == nullptr ? "" : text;
 }
 
-/// The failure is one line, behind the lines of progress, and names the tool.
-void check_says_so(const std::string& command, const ToolOutcome& outcome) {
-    const std::string start = words(command).front() + ": ";
-    std::string text = outcome.err;
-    INFO(text);
-    CHECK(outcome.exit_code == 1);
-    REQUIRE(text.ends_with('\n'));
-    text.pop_back();
-    const std::size_t line = text.rfind('\n') == std::string::npos ? 0 : text.rfind('\n') + 1;
-    CHECK(text.substr(line).starts_with(start));
-    CHECK(text.find(start) == line);
-    CHECK(outcome.out.empty());
-}
-
-bool has_temporary_files(const fs::path& folder) {
-    if (!fs::exists(folder)) return false;
-    return std::ranges::any_of(fs::recursive_directory_iterator(folder), [](const auto& entry) {
-        return entry.path().filename().string().find(".part") != std::string::npos;
-    });
-}
-
-/// Stands for what a tool finds in its output folder. Left out are the log and the files of
-/// TensorBoard, which hold times, and which no tool reads.
-std::string digest(const fs::path& folder) {
-    std::map<std::string, std::size_t> files;
-    if (fs::exists(folder))
-        for (const auto& entry : fs::recursive_directory_iterator(folder)) {
-            const std::string name = entry.path().lexically_relative(folder).string();
-            if (name == "log.txt" || name.starts_with("events.")) continue;
-            files[name] = entry.is_regular_file()
-                              ? std::hash<std::string>()(read_text_file(entry.path()))
-                              : 0;
-        }
-    std::string text;
-    for (const auto& [name, hash] : files) text += name + ' ' + std::to_string(hash) + '\n';
-    return text;
-}
-
-/// The states of output folders from which a job has been finished, so that none is tried twice.
-class FinishedStates {
-public:
-    /// Finishes the job from what is in its output folder, and compares.
-    void finish(const ShortJob& job, const fs::path& out) {
-        if (!seen_.insert(digest(out)).second) return;
-        const ToolOutcome again = RunningCopy(short_data(), job.command_to_finish(out)).wait();
-        INFO("again: " << again.err);
-        const bool complete = again.err.find("exists already") != std::string::npos;
-        CHECK((again.exit_code == 0 || complete));
-        job.compare(out);
-    }
-    [[nodiscard]] std::size_t count() const { return seen_.size(); }
-
-private:
-    std::set<std::string> seen_;
-};
-
 /// Failing calls of one kind in one job.
 struct Trials {
     const ShortJob& job;
@@ -112,7 +50,7 @@ struct Trials {
                            outcome.err.find("faces/masks/") != std::string::npos;
         if (outcome.exit_code == 0 && photo) return;
         if (outcome.exit_code != 0) check_says_so(job.command, outcome);
-        CHECK_FALSE(has_temporary_files(branch.out));
+        check_no_temporary_files(branch.out);
         states.finish(job, branch.out);
     }
 };
@@ -144,20 +82,18 @@ void fail_each(const ShortJob& job) {
 
 }  // namespace
 
-TEST_CASE("whichever call fails, training says so, and goes on with the same bits", "[slow]") {
+TEST_CASE("training says which call failed and goes on with the same bits", "[slow]") {
     fail_each(training());
 }
 
-TEST_CASE("whichever call fails, a resumed training says so, and goes on with the same bits",
-          "[slow]") {
+TEST_CASE("a resumed training says which call failed and goes on with the same bits", "[slow]") {
     fail_each(resumed_training());
 }
 
-TEST_CASE("whichever call fails, a fit says so and leaves nothing half-written", "[slow]") {
+TEST_CASE("a fit says which call failed and leaves nothing half-written", "[slow]") {
     fail_each(fitting());
 }
 
-TEST_CASE("whichever call fails, a preparation says so, and goes on with the same files",
-          "[slow]") {
+TEST_CASE("a preparation says which call failed and goes on with the same files", "[slow]") {
     fail_each(preparation());
 }
