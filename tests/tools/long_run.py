@@ -19,6 +19,8 @@ import sys
 import threading
 import time
 
+from process_watch import Watch
+
 root = pathlib.Path(__file__).resolve().parents[2]
 
 
@@ -28,28 +30,6 @@ def last_step(run: pathlib.Path) -> int:
         return json.loads(lines[-1])["step"] if lines else 0
     except (FileNotFoundError, json.JSONDecodeError):
         return 0
-
-
-def resident_kib(pid: int) -> int:
-    for line in pathlib.Path(f"/proc/{pid}/status").read_text().splitlines():
-        if line.startswith("VmRSS:"):
-            return int(line.split()[1])
-    return 0
-
-
-def watch(process: subprocess.Popen, run: pathlib.Path) -> list[tuple[int, int, int]]:
-    """Steps, resident KiB and open files of a process until it ends."""
-    seen = []
-    while process.poll() is None:
-        try:
-            step = last_step(run)
-            if not seen or step > seen[-1][0]:
-                seen.append((step, resident_kib(process.pid),
-                             len(os.listdir(f"/proc/{process.pid}/fd"))))
-        except (FileNotFoundError, ProcessLookupError):
-            break
-        time.sleep(0.5)
-    return seen
 
 
 def losses(run: pathlib.Path) -> dict[int, dict]:
@@ -123,25 +103,10 @@ def main() -> int:
         target=lambda: stopped.append(stopped_run(train, folder / "parts", stops, draws)))
     other.start()
     process = train("whole")
-    seen = watch(process, folder / "whole")
-    failed = process.returncode != 0
-    print("| step | resident, MiB | open files |\n|---|---|---|")
-    for mark in [options.steps * k // 10 for k in range(1, 10)] + [options.steps]:
-        step, kib, files = min(seen, key=lambda row: abs(row[0] - mark))
-        print(f"| {step} | {kib / 1024:.1f} | {files} |")
-    warm = [row for row in seen if row[0] >= 1000]
-    early = max(kib for _, kib, _ in warm[:max(1, len(warm) // 10)])
-    late = max(kib for _, kib, _ in warm)
-    print(f"largest resident memory: {early} KiB in the first tenth, {late} KiB in all "
-          f"({100 * (late / early - 1):.2f} % more)")
-    files = {count for _, _, count in warm}
-    print(f"open files: {min(files)} to {max(files)}")
-    # A file that is being written is open for a moment; a leak raises the fewest ones.
-    part = max(1, len(warm) // 10)
-    fewest_early, fewest_late = (min(count for _, _, count in rows)
-                                 for rows in (warm[:part], warm[-part:]))
-    failed |= late > 1.01 * early or fewest_late > fewest_early
-
+    watch = Watch(process.pid, "step", options.steps)
+    while process.poll() is None and watch.look(last_step(folder / "whole")):
+        time.sleep(0.5)
+    flat = watch.is_flat(1000)
     other.join()
     ended, resumed, twice = stopped[0]
     equal = (folder / "whole/model.safetensors").read_bytes() == \
@@ -154,7 +119,7 @@ def main() -> int:
           f"{'are the same' if same else 'DIFFER'}")
     print(f"losses reported before a stop and again from the checkpoint before it: {len(twice)}, "
           f"which {'are the same' if again else 'DIFFER'}")
-    return 1 if failed or not ended or not equal or not same or not again else 0
+    return 0 if flat and process.wait() == 0 and ended and equal and same and again else 1
 
 
 if __name__ == "__main__":

@@ -52,7 +52,8 @@ private:
     CallPlaces& places_;
 };
 
-/// Moves this process to another folder with the same files: open files too.
+/// Moves this process to another folder with the same files: open files too. Those elsewhere are
+/// opened again, because a position in a file is common to a process and its copy.
 void move_to(const char* from, const char* to) {
     must(::chdir(to) == 0);
     const std::size_t length = std::strlen(from);
@@ -64,13 +65,14 @@ void move_to(const char* from, const char* to) {
         if (size <= 0) continue;
         path[size] = '\0';
         struct stat status {};
-        if (std::strncmp(path, from, length) != 0 || ::fstat(number, &status) != 0 ||
-            !S_ISREG(status.st_mode) || status.st_nlink == 0)
+        if (::fstat(number, &status) != 0 || !S_ISREG(status.st_mode) || status.st_nlink == 0)
             continue;
         const int flags = ::fcntl(number, F_GETFL) & ~(O_CREAT | O_TRUNC | O_EXCL);
         const off_t offset = ::lseek(number, 0, SEEK_CUR);
         char other[2 * PATH_MAX];
-        std::snprintf(other, sizeof other, "%s%.4000s", to, path + length);
+        const bool moves = std::strncmp(path, from, length) == 0;
+        std::snprintf(other, sizeof other, "%s%.4000s", moves ? to : "",
+                      moves ? path + length : path);
         const int opened = ::open(other, flags | O_CLOEXEC);
         must(opened >= 0 && ::lseek(opened, offset, SEEK_SET) == offset);
         must(::dup3(opened, number, O_CLOEXEC) == number && ::close(opened) == 0);
