@@ -13,10 +13,16 @@
 #include <sstream>
 #include <stdexcept>
 #include <thread>
+#include <utility>
 
+#include "apps/common/guarded_main.h"
 #include "apps/common/tools.h"
 #include "core/io/file.h"
 #include "core/parallel.h"
+
+// Defined by the leak sanitizer.
+// NOLINTNEXTLINE(bugprone-reserved-identifier,readability-identifier-naming)
+extern "C" [[gnu::weak]] int __lsan_do_recoverable_leak_check();
 
 namespace stymo {
 
@@ -176,6 +182,51 @@ ToolOutcome run_tool(const std::filesystem::path& folder, const std::string& com
     outcome.out = read_text_file(out.path());
     outcome.err = read_text_file(err.path());
     return outcome;
+}
+
+RunningCopy::RunningCopy(const std::filesystem::path& folder, const std::string& command,
+                         const std::function<void()>& prepare,
+                         const std::function<void()>& finish) {
+    std::vector<std::string> arguments = words(command);
+    const std::string tool = arguments.front();
+    arguments.erase(arguments.begin());
+    const MainFunction main = main_function(tool);
+    if (main == nullptr) throw std::runtime_error(tool + " cannot run in a copy");
+    std::cout.flush();
+    std::fflush(nullptr);
+    process_ = ::fork();
+    if (process_ < 0) throw std::runtime_error("fork failed");
+    if (process_ > 0) return;
+    // An exception must not reach the tests of this copy.
+    [&]() noexcept {
+        ArgumentVector argv(tool, std::move(arguments));
+        redirect(out_.path(), STDOUT_FILENO);
+        redirect(err_.path(), STDERR_FILENO);
+        if (::chdir(folder.c_str()) != 0) ::_exit(127);
+        if (prepare) prepare();
+        int code = guarded_main(main, tool.c_str(), argv.count(), argv.pointers());
+        if (finish) finish();
+        std::cout.flush();
+        std::fflush(nullptr);
+        if (__lsan_do_recoverable_leak_check != nullptr &&
+            __lsan_do_recoverable_leak_check() != 0)
+            code = 23;
+        // The objects of the tests are the other process's.
+        ::_exit(code);
+    }();
+}
+
+RunningCopy::~RunningCopy() {
+    if (process_ < 0) return;
+    ::kill(process_, SIGKILL);
+    ::waitpid(process_, nullptr, 0);
+}
+
+ToolOutcome RunningCopy::wait() {
+    int status = 0;
+    ::waitpid(std::exchange(process_, -1), &status, 0);
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_text_file(out_.path()),
+            read_text_file(err_.path())};
 }
 
 std::vector<std::string> words(const std::string& line) {

@@ -3,6 +3,7 @@
 #include <sys/types.h>
 
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -59,6 +60,25 @@ private:
 /// otherwise. No word of it can hold a space. The tool's main function is called in this process,
 /// because starting an executable takes longer than most tests.
 [[nodiscard]] ToolOutcome run_tool(const std::filesystem::path& folder, const std::string& command);
+/// A tool that runs in a copy of this process (fork), on one thread unless its command says otherwise:
+/// nothing that happens to the copy is left in this process, and no executable need be started.
+class RunningCopy {
+public:
+    /// `prepare` and `finish` are called in the copy before and after the tool's main function.
+    /// Under the leak sanitizer a leak is exit code 23.
+    RunningCopy(const std::filesystem::path& folder, const std::string& command,
+                const std::function<void()>& prepare = {}, const std::function<void()>& finish = {});
+    ~RunningCopy();
+    RunningCopy(const RunningCopy&) = delete;
+    RunningCopy& operator=(const RunningCopy&) = delete;
+
+    [[nodiscard]] ToolOutcome wait();
+
+private:
+    pid_t process_ = -1;
+    TemporaryFile out_;
+    TemporaryFile err_;
+};
 /// The words of a line.
 [[nodiscard]] std::vector<std::string> words(const std::string& line);
 /// Number of lines of a text.

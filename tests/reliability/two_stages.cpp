@@ -1,12 +1,12 @@
 #include "reliability/two_stages.h"
 
 #include <catch2/catch.hpp>
-#include <set>
 #include <stdexcept>
 
 #include "apps/tiny_run.h"
 #include "core/clock.h"
 #include "core/io/file.h"
+#include "reliability/same_run.h"
 
 namespace stymo {
 
@@ -35,18 +35,6 @@ TwoStageRun trained() {
     return {tiny_run() / "two", seconds_now() - start};
 }
 
-/// Names of all files but those of TensorBoard, whose names hold the time.
-std::string listing(const fs::path& run) {
-    std::set<std::string> names;
-    for (const auto& entry : fs::recursive_directory_iterator(run)) {
-        const std::string name = entry.path().lexically_relative(run).string();
-        if (!name.starts_with("events.")) names.insert(name);
-    }
-    std::string text;
-    for (const std::string& name : names) text += name + "\n";
-    return text;
-}
-
 }  // namespace
 
 const TwoStageRun& two_stage_run() {
@@ -60,13 +48,7 @@ void check_finishes(const fs::path& run) {
         run_tool(tiny_run(), two_stages + run.string() + (has_begun ? " --resume latest" : ""));
     INFO(outcome.err);
     REQUIRE(outcome.exit_code == 0);
-    for (const char* file : {"model.safetensors", "checkpoints/000012/model.safetensors",
-                             "checkpoints/000012/state.safetensors"}) {
-        INFO(file);
-        CHECK(read_text_file(run / file) == read_text_file(two_stage_run().folder / file));
-    }
-    CHECK(line_count(read_text_file(run / "stats.jsonl")) == 12);
-    CHECK(listing(run) == listing(two_stage_run().folder));
+    check_same_run(run, two_stage_run().folder, 12);
 }
 
 }  // namespace stymo

@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""Trains demo-64 for many steps twice: in one piece, and stopped and resumed several times. Watches
-memory and open files of the first run, and compares what both end with.
+"""Trains demo-64 for many steps twice at once: in one piece, and stopped and resumed several times.
+Watches memory and open files of the first run, and compares what both end with.
 
-Usage: long_run.py BIN FOLDER [--steps N] [--stops N] [--threads N]
+Usage: long_run.py BIN FOLDER [--steps N] [--stops N] [--threads N] [--set KEY=VALUE]...
 
 Prints a table of the first run and exits with 1 if its resident memory grows by more than 1 % after
-step 1,000, if open files grow, or if the runs differ in a weight or in a loss that they report.
+step 1,000, if open files grow, or if the runs differ in a weight or in a loss that they report, or
+if a loss differs from the one that was reported before the run was resumed from a checkpoint.
 """
 import argparse
 import json
@@ -15,7 +16,10 @@ import random
 import signal
 import subprocess
 import sys
+import threading
 import time
+
+from process_watch import Watch
 
 root = pathlib.Path(__file__).resolve().parents[2]
 
@@ -28,36 +32,41 @@ def last_step(run: pathlib.Path) -> int:
         return 0
 
 
-def resident_kib(pid: int) -> int:
-    for line in pathlib.Path(f"/proc/{pid}/status").read_text().splitlines():
-        if line.startswith("VmRSS:"):
-            return int(line.split()[1])
-    return 0
-
-
-def watch(process: subprocess.Popen, run: pathlib.Path) -> list[tuple[int, int, int]]:
-    """Steps, resident KiB and open files of a process until it ends."""
-    seen = []
-    while process.poll() is None:
-        try:
-            step = last_step(run)
-            if not seen or step > seen[-1][0]:
-                seen.append((step, resident_kib(process.pid),
-                             len(os.listdir(f"/proc/{process.pid}/fd"))))
-        except (FileNotFoundError, ProcessLookupError):
-            break
-        time.sleep(0.5)
-    return seen
-
-
-def losses(run: pathlib.Path, resumed: list[int]) -> list[dict]:
-    """Lines of statistics without times. Lines in whose steps the run was resumed are left out:
-    they are means over the steps after it."""
+def losses(run: pathlib.Path) -> dict[int, dict]:
+    """What the statistics of a run say of each step that they name, without times."""
     lines = [json.loads(line) for line in (run / "stats.jsonl").read_text().splitlines()]
-    tick = lines[0]["step"]
-    return [{key: value for key, value in line.items() if "_per_second" not in key}
-            for line in lines
-            if not any(0 < line["step"] - step < tick for step in resumed)]
+    return {line["step"]: {key: value for key, value in line.items() if "_per_second" not in key}
+            for line in lines}
+
+
+def without_resumed(lines: dict[int, dict], resumed: list[int]) -> dict[int, dict]:
+    """Leaves out the lines in whose steps the run was resumed: they are means over the steps after
+    it."""
+    tick = min(lines)
+    return {step: line for step, line in lines.items()
+            if not any(0 < step - at < tick for at in resumed)}
+
+
+def stopped_run(train, run: pathlib.Path, stops: list[int], draws: random.Random):
+    """Trains with stops. Returns whether it ended well, the steps that it was resumed at, and pairs
+    of the losses that were reported before and after a stop for the same step."""
+    process = train(run.name)
+    resumed, twice = [], []
+    for stop in stops:
+        while process.poll() is None and last_step(run) < stop:
+            time.sleep(0.2)
+        process.send_signal(signal.SIGKILL if draws.random() < 0.5 else signal.SIGTERM)
+        process.wait()
+        latest = run / "latest"
+        resumed.append(int(latest.read_text()) if latest.exists() else 0)
+        twice.append(losses(run))
+        process = train(run.name, *(["--resume", "latest"] if latest.exists() else []))
+    ended = process.wait() == 0
+    last = losses(run)
+    pairs = [(line, last[step]) for before, at in zip(twice, resumed)
+             for step, line in without_resumed(before, resumed).items()
+             if step > at and step in without_resumed(last, resumed)]
+    return ended, resumed, pairs
 
 
 def main() -> int:
@@ -66,7 +75,10 @@ def main() -> int:
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("--steps", type=int, default=50000)
     parser.add_argument("--stops", type=int, default=8)
-    parser.add_argument("--threads", type=int, default=os.cpu_count())
+    parser.add_argument("--threads", type=int, default=max(1, os.cpu_count() // 2),
+                        help="of each of the two runs")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE",
+                        help="a key of the configuration, as for stymo-train")
     options = parser.parse_args()
     if options.steps <= 1000:
         parser.error("--steps must be above 1000, from where memory is watched")
@@ -80,49 +92,34 @@ def main() -> int:
             [options.bin / "stymo-train", "--config", root / "configs/demo-64.json", "--data",
              folder / "heads", "--out", folder / out, "--threads", str(options.threads), "--seed",
              "4", "--set", f"stage1.steps={options.steps}", "--set", "output.sample_steps=5000",
-             "--set", "output.checkpoint_steps=1000", *more],
+             "--set", "output.checkpoint_steps=1000",
+             *(word for value in options.set for word in ("--set", value)), *more],
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-
-    process = train("whole")
-    seen = watch(process, folder / "whole")
-    failed = process.returncode != 0
-    print("| step | resident, MiB | open files |\n|---|---|---|")
-    for mark in [options.steps * k // 10 for k in range(1, 10)] + [options.steps]:
-        step, kib, files = min(seen, key=lambda row: abs(row[0] - mark))
-        print(f"| {step} | {kib / 1024:.1f} | {files} |")
-    warm = [row for row in seen if row[0] >= 1000]
-    early = max(kib for _, kib, _ in warm[:max(1, len(warm) // 10)])
-    late = max(kib for _, kib, _ in warm)
-    print(f"largest resident memory: {early} KiB in the first tenth, {late} KiB in all "
-          f"({100 * (late / early - 1):.2f} % more)")
-    files = {count for _, _, count in warm}
-    print(f"open files: {min(files)} to {max(files)}")
-    # A file that is being written is open for a moment; a leak raises the fewest ones.
-    part = max(1, len(warm) // 10)
-    fewest_early, fewest_late = (min(count for _, _, count in rows)
-                                 for rows in (warm[:part], warm[-part:]))
-    failed |= late > 1.01 * early or fewest_late > fewest_early
 
     draws = random.Random(9)
     stops = sorted(draws.randrange(options.steps) for _ in range(options.stops))
-    process = train("parts")
-    resumed = []
-    for stop in stops:
-        while process.poll() is None and last_step(folder / "parts") < stop:
-            time.sleep(0.2)
-        process.send_signal(signal.SIGKILL if draws.random() < 0.5 else signal.SIGTERM)
-        process.wait()
-        latest = folder / "parts/latest"
-        resumed.append(int(latest.read_text()) if latest.exists() else 0)
-        process = train("parts", *(["--resume", "latest"] if latest.exists() else []))
-    failed |= process.wait() != 0
+    stopped = []
+    other = threading.Thread(
+        target=lambda: stopped.append(stopped_run(train, folder / "parts", stops, draws)))
+    other.start()
+    process = train("whole")
+    watch = Watch(process.pid, "step", options.steps)
+    while process.poll() is None and watch.look(last_step(folder / "whole")):
+        time.sleep(0.5)
+    flat = watch.is_flat(1000)
+    other.join()
+    ended, resumed, twice = stopped[0]
     equal = (folder / "whole/model.safetensors").read_bytes() == \
         (folder / "parts/model.safetensors").read_bytes()
-    same = losses(folder / "whole", resumed) == losses(folder / "parts", resumed)
+    same = without_resumed(losses(folder / "whole"), resumed) == \
+        without_resumed(losses(folder / "parts"), resumed)
+    again = all(before == after for before, after in twice)
     print(f"stopped after steps {', '.join(map(str, stops))}: weights "
           f"{'are the same' if equal else 'DIFFER'}, reported losses "
           f"{'are the same' if same else 'DIFFER'}")
-    return 1 if failed or not equal or not same else 0
+    print(f"losses reported before a stop and again from the checkpoint before it: {len(twice)}, "
+          f"which {'are the same' if again else 'DIFFER'}")
+    return 0 if flat and process.wait() == 0 and ended and equal and same and again else 1
 
 
 if __name__ == "__main__":

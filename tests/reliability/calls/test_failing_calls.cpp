@@ -1,0 +1,99 @@
+// Calls of the system that fail one after the other.
+#include <catch2/catch.hpp>
+#include <cerrno>
+#include <cstdlib>
+#include <iostream>
+#include <string>
+
+#include "core/clock.h"
+#include "reliability/calls/branches.h"
+#include "reliability/calls/outcome_checks.h"
+
+namespace {
+
+using namespace stymo;
+namespace fs = std::filesystem;
+
+struct Call {
+    const char* name;
+    CallKind kind;
+    int error;
+};
+
+constexpr Call calls[] = {
+    {"write", CallKind::write, ENOSPC},  {"flush", CallKind::flush, EIO},
+    {"open", CallKind::open, EMFILE},    {"rename", CallKind::rename, EIO},
+    {"read", CallKind::read, EIO},       {"allocate", CallKind::allocate, ENOMEM}};
+
+std::string setting(const char* name) {
+    const char* const text = std::getenv(name);
+    return text == nullptr ? "" : text;
+}
+
+/// Failing calls of one kind in one job.
+struct Trials {
+    const ShortJob& job;
+    const Call& call;
+    FinishedStates states;
+    long failed = 0, survived = 0;
+
+    void check(const Branch& branch) {
+        INFO(job.name << ": " << call.name << " " << branch.number
+                      << (branch.ever ? " and all after it" : ""));
+        const ToolOutcome& outcome = branch.outcome;
+        INFO(outcome.err);
+        ++failed;
+        if (outcome.exit_code == 0) ++survived;
+        // A photo that cannot be read is left out, as a broken one is, and the tool says so.
+        const bool photo = (outcome.err + outcome.out).find("photos/") != std::string::npos ||
+                           outcome.err.find("faces/images/") != std::string::npos ||
+                           outcome.err.find("faces/masks/") != std::string::npos;
+        if (outcome.exit_code == 0 && photo) return;
+        if (outcome.exit_code != 0) check_says_so(job.command, outcome);
+        check_no_temporary_files(branch.out);
+        states.finish(job, branch.out);
+    }
+};
+
+/// STYMO_CALLS=all: every call fails, not only the first and the last one from each place.
+/// STYMO_CALLS_OF=read: only calls of one kind do.
+void fail_each(const ShortJob& job) {
+    const std::string only = setting("STYMO_CALLS_OF");
+    for (const Call& call : calls) {
+        if (!only.empty() && only != call.name) continue;
+        const double start = seconds_now();
+        CallPlaces places;
+        const WatchedCalls watched{call.kind, call.error,
+                                   fs::canonical(fs::temp_directory_path()) / "stymo-test-"};
+        count_calls(job, watched, places);
+        Trials trials{job, call, {}};
+        fail_in_copies(job, watched, places,
+                       setting("STYMO_CALLS") == "all" ? Chosen::all : Chosen::ends,
+                       call.kind == CallKind::write,
+                       [&](const Branch& branch) { trials.check(branch); });
+        CHECK(places.failed() == places.count());
+        std::cout << job.name << ", " << call.name << ": " << places.calls() << " calls from "
+                  << places.count() << " places; " << trials.failed << " trials, with a failure at "
+                  << places.failed() << " of the places; " << trials.survived
+                  << " did not matter; " << trials.states.count() << " states of the disk; "
+                  << seconds_now() - start << " s" << std::endl;
+    }
+}
+
+}  // namespace
+
+TEST_CASE("training says which call failed and goes on with the same bits", "[slow]") {
+    fail_each(training());
+}
+
+TEST_CASE("a resumed training says which call failed and goes on with the same bits", "[slow]") {
+    fail_each(resumed_training());
+}
+
+TEST_CASE("a fit says which call failed and leaves nothing half-written", "[slow]") {
+    fail_each(fitting());
+}
+
+TEST_CASE("a preparation says which call failed and goes on with the same files", "[slow]") {
+    fail_each(preparation());
+}
