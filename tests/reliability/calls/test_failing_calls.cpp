@@ -30,12 +30,18 @@ std::string setting(const char* name) {
     return text == nullptr ? "" : text;
 }
 
+/// The C library itself ends a process that cannot register the destructor of a variable of a
+/// thread, which takes some bytes once for each such variable.
+bool is_fatal_to_the_library(const ToolOutcome& outcome) {
+    return outcome.err.find("failed to register TLS destructor") != std::string::npos;
+}
+
 /// Failing calls of one kind in one job.
 struct Trials {
     const ShortJob& job;
     const Call& call;
     FinishedStates states;
-    long failed = 0, survived = 0;
+    long failed = 0, survived = 0, fatal = 0;
 
     void check(const Branch& branch) {
         INFO(job.name << ": " << call.name << " " << branch.number
@@ -44,6 +50,10 @@ struct Trials {
         INFO(outcome.err);
         ++failed;
         if (outcome.exit_code == 0) ++survived;
+        if (is_fatal_to_the_library(outcome)) {
+            ++fatal;
+            return;
+        }
         // A photo that cannot be read is left out, as a broken one is, and the tool says so.
         const bool photo = (outcome.err + outcome.out).find("photos/") != std::string::npos ||
                            outcome.err.find("faces/images/") != std::string::npos ||
@@ -75,7 +85,7 @@ void fail_each(const ShortJob& job) {
         std::cout << job.name << ", " << call.name << ": " << places.calls() << " calls from "
                   << places.count() << " places; " << trials.failed << " trials, with a failure at "
                   << places.failed() << " of the places; " << trials.survived
-                  << " did not matter; " << trials.states.count() << " states of the disk; "
+                  << " did not matter; " << trials.fatal << " ended in the C library; " << trials.states.count() << " states of the disk; "
                   << seconds_now() - start << " s" << std::endl;
     }
 }
