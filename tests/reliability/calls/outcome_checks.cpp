@@ -30,8 +30,8 @@ std::string digest(const fs::path& folder) {
     return text;
 }
 
-/// Without what the leak sanitizer says of threads that a copy of a process does not have. Libraries
-/// start some before the main function.
+/// Without what the leak sanitizer says of threads that a copy of a process does not have.
+/// Libraries start some before the main function.
 std::string without_thread_warnings(const std::string& text) {
     std::istringstream lines(text);
     std::string rest;

@@ -21,9 +21,9 @@ struct Call {
 };
 
 constexpr Call calls[] = {
-    {"write", CallKind::write, ENOSPC},  {"flush", CallKind::flush, EIO},
-    {"open", CallKind::open, EMFILE},    {"rename", CallKind::rename, EIO},
-    {"read", CallKind::read, EIO},       {"allocate", CallKind::allocate, ENOMEM}};
+    {"write", CallKind::write, ENOSPC}, {"flush", CallKind::flush, EIO},
+    {"open", CallKind::open, EMFILE},   {"rename", CallKind::rename, EIO},
+    {"read", CallKind::read, EIO},      {"allocate", CallKind::allocate, ENOMEM}};
 
 std::string setting(const char* name) {
     const char* const text = std::getenv(name);
@@ -77,16 +77,15 @@ void fail_each(const ShortJob& job) {
                                    fs::canonical(fs::temp_directory_path()) / "stymo-test-"};
         count_calls(job, watched, places);
         Trials trials{job, call, {}};
-        fail_in_copies(job, watched, places,
-                       setting("STYMO_CALLS") == "all" ? Chosen::all : Chosen::ends,
-                       call.kind == CallKind::write,
-                       [&](const Branch& branch) { trials.check(branch); });
+        fail_in_copies(
+            job, watched, places, setting("STYMO_CALLS") == "all" ? Chosen::all : Chosen::ends,
+            call.kind == CallKind::write, [&](const Branch& branch) { trials.check(branch); });
         CHECK(places.failed() == places.count());
         std::cout << job.name << ", " << call.name << ": " << places.calls() << " calls from "
                   << places.count() << " places; " << trials.failed << " trials, with a failure at "
-                  << places.failed() << " of the places; " << trials.survived
-                  << " did not matter; " << trials.fatal << " ended in the C library; " << trials.states.count() << " states of the disk; "
-                  << seconds_now() - start << " s" << std::endl;
+                  << places.failed() << " of the places; " << trials.survived << " did not matter; "
+                  << trials.fatal << " ended in the C library; " << trials.states.count()
+                  << " states of the disk; " << seconds_now() - start << " s" << std::endl;
     }
 }
 

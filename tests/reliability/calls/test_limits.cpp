@@ -144,8 +144,7 @@ TEST_CASE("files that may not grow and too few open files are errors of one line
 TEST_CASE("too little memory is an error of one line", "[slow]") {
     for (const ShortJob& job : {training(), fitting(), preparation()})
         for (const rlim_t more : {0, 1, 4, 16, 64, 80, 100, 130, 200})
-            check_limited(job, std::to_string(more) + " MiB more", [&] {
-                limit(RLIMIT_AS, address_space() + more * mebibyte);
-            });
+            check_limited(job, std::to_string(more) + " MiB more",
+                          [&] { limit(RLIMIT_AS, address_space() + more * mebibyte); });
 }
 #endif
