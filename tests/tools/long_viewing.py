@@ -54,11 +54,13 @@ class Client:
 
 
 def port_of(process: subprocess.Popen) -> int:
+    text = ""
     for line in process.stderr:
+        text += line
         found = re.match(r"Open http://[^:]*:(\d+)", line)
         if found:
             return int(found[1])
-    raise RuntimeError("stymo-view has not started")
+    raise RuntimeError("stymo-view has not started: " + text)
 
 
 def main() -> int:

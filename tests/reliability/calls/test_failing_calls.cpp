@@ -106,3 +106,28 @@ TEST_CASE("a fit says which call failed and leaves nothing half-written", "[slow
 TEST_CASE("a preparation says which call failed and goes on with the same files", "[slow]") {
     fail_each(preparation());
 }
+
+TEST_CASE("on two threads training says that an allocation failed", "[slow]") {
+    const ShortJob job = training();
+    FinishedStates states;
+    long failed = 0;
+    // The order of the threads' calls differs between runs, so that these are any twenty.
+    for (long number = 5000; number <= 160000; number += 8000) {
+        const ScratchFolder disk;
+        const WatchedCalls watched{CallKind::allocate, ENOMEM, ""};
+        FailingNumber visitor(number);
+        const ToolOutcome outcome =
+            RunningCopy(short_data(), job.command + (disk / "out").string() + " --threads 2",
+                        [&] { watch_calls(watched, visitor); })
+                .wait();
+        INFO("allocation " << number);
+        if (is_fatal_to_the_library(outcome)) continue;
+        check_no_temporary_files(disk / "out");
+        if (outcome.exit_code != 0) {
+            ++failed;
+            check_says_so(job.command, outcome);
+        }
+        states.finish(job, disk / "out");
+    }
+    CHECK(failed > 10);
+}
