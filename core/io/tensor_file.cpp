@@ -246,7 +246,7 @@ void write_tensor_file(const fs::path& path, const TensorFile& contents, StoredE
     std::ranges::stable_sort(order, std::ranges::greater(),
                              [](const auto* item) { return size_in_bytes(item->second.dtype()); });
 
-    // Before the file is there: JSON that runs out of memory while it is destroyed ends the process.
+    // Before the file is there: JSON that runs out of memory in its destructor ends the process.
     const std::string header = encoded_header(contents, order, stored);
     write_whole(path, [&](const fs::path& temporary) {
         errno = 0;

@@ -4,9 +4,9 @@ watches its memory and open files.
 
 Usage: long_viewing.py BIN [--frames N] [--threads N] [--quality thumbnail|moving] [--model FILE]
 
-A thumbnail has 64 pixels. A new face is drawn for each 1,000 frames and removed after them. Prints a
-table, and exits with 1 if memory grows by more than 1 % after the first tenth of the frames, if open
-files grow, or if the last frame, of the first frame's face and camera, differs from it in a bit.
+A thumbnail has 64 pixels. A new face is drawn for each 1,000 frames and removed after them. Prints
+a table, and exits with 1 if memory grows by more than 1 % after the first tenth of the frames, if
+open files grow, or if the last frame, of the first frame's face and camera, differs in a bit.
 """
 import argparse
 import http.client

@@ -117,9 +117,9 @@ TEST_CASE("on two threads training says that an allocation failed", "[slow]") {
         const WatchedCalls watched{CallKind::allocate, ENOMEM, ""};
         FailingNumber visitor(number);
         const ToolOutcome outcome =
-            RunningCopy(short_data(), job.command + (disk / "out").string() + " --threads 2",
-                        [&] { watch_calls(watched, visitor); })
-                .wait();
+            RunningCopy(short_data(), job.command + (disk / "out").string() + " --threads 2", [&] {
+                watch_calls(watched, visitor);
+            }).wait();
         INFO("allocation " << number);
         if (is_fatal_to_the_library(outcome)) continue;
         check_no_temporary_files(disk / "out");
