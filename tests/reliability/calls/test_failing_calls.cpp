@@ -131,3 +131,14 @@ TEST_CASE("on two threads training says that an allocation failed", "[slow]") {
     }
     CHECK(failed > 10);
 }
+
+#ifdef STYMO_TEST_SANITIZED
+TEST_CASE("the leak sanitizer sees what a copy of this process loses") {
+    const ToolOutcome outcome = RunningCopy(short_data(), "stymo-train --print-keys", [] {
+                                    void* volatile lost = std::malloc(1000);
+                                    lost = nullptr;
+                                    static_cast<void>(lost == nullptr);
+                                }).wait();
+    CHECK(outcome.exit_code == 23);
+}
+#endif
