@@ -372,7 +372,11 @@ std::string ConfigSchema::to_json() const {
     for (const Entry& entry : implementation_->entries) {
         Json* place = &root;
         std::istringstream parts(entry.key);
-        for (std::string part; std::getline(parts, part, '.');) place = &(*place)[part];
+        for (std::string part; std::getline(parts, part, '.');) {
+            // [] would do so, but leave the value without its object if memory runs out.
+            if (place->is_null()) *place = Json::object();
+            place = &(*place)[part];
+        }
         *place = present_value(entry);
     }
     return root.dump(2) + "\n";

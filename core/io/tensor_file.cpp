@@ -246,10 +246,11 @@ void write_tensor_file(const fs::path& path, const TensorFile& contents, StoredE
     std::ranges::stable_sort(order, std::ranges::greater(),
                              [](const auto* item) { return size_in_bytes(item->second.dtype()); });
 
+    // Before the file is there: JSON that runs out of memory in its destructor ends the process.
+    const std::string header = encoded_header(contents, order, stored);
     write_whole(path, [&](const fs::path& temporary) {
         errno = 0;
         std::ofstream stream(temporary, std::ios::binary);
-        const std::string header = encoded_header(contents, order, stored);
         stream.write(header.data(), static_cast<std::streamsize>(header.size()));
         for (const auto* item : order) {
             if (stored == StoredElements::float16) {

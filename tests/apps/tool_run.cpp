@@ -208,8 +208,7 @@ RunningCopy::RunningCopy(const std::filesystem::path& folder, const std::string&
         if (finish) finish();
         std::cout.flush();
         std::fflush(nullptr);
-        if (__lsan_do_recoverable_leak_check != nullptr &&
-            __lsan_do_recoverable_leak_check() != 0)
+        if (__lsan_do_recoverable_leak_check != nullptr && __lsan_do_recoverable_leak_check() != 0)
             code = 23;
         // The objects of the tests are the other process's.
         ::_exit(code);

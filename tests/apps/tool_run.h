@@ -60,14 +60,16 @@ private:
 /// otherwise. No word of it can hold a space. The tool's main function is called in this process,
 /// because starting an executable takes longer than most tests.
 [[nodiscard]] ToolOutcome run_tool(const std::filesystem::path& folder, const std::string& command);
-/// A tool that runs in a copy of this process (fork), on one thread unless its command says otherwise:
-/// nothing that happens to the copy is left in this process, and no executable need be started.
+/// A tool that runs in a copy of this process (fork), on one thread unless its command says
+/// otherwise: nothing that happens to the copy is left in this process, and no executable need be
+/// started.
 class RunningCopy {
 public:
     /// `prepare` and `finish` are called in the copy before and after the tool's main function.
     /// Under the leak sanitizer a leak is exit code 23.
     RunningCopy(const std::filesystem::path& folder, const std::string& command,
-                const std::function<void()>& prepare = {}, const std::function<void()>& finish = {});
+                const std::function<void()>& prepare = {},
+                const std::function<void()>& finish = {});
     ~RunningCopy();
     RunningCopy(const RunningCopy&) = delete;
     RunningCopy& operator=(const RunningCopy&) = delete;

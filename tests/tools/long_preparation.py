@@ -3,10 +3,10 @@
 
 Usage: long_preparation.py BIN FOLDER PHOTOS... [--count N] [--size N] [--threads N]
 
-FOLDER/photos gets links to the photos in the folders PHOTOS, under the name of their folder and their
-own, and mirrored copies of as many as are missing to N. Needs Pillow for those. Prints a table and
-what stymo-prep says at the end, and exits with 1 if memory grows by more than 1 % after the first
-tenth of the photos, if open files grow, or if a temporary file is left.
+FOLDER/photos gets links to the photos in the folders PHOTOS, under the name of their folder and
+their own, and mirrored copies of as many as are missing to N. Needs Pillow for those. Prints a
+table and what stymo-prep says at the end, and exits with 1 if memory grows by more than 1 % after
+the first tenth of the photos, if open files grow, or if a temporary file is left.
 """
 import argparse
 import os

@@ -4,9 +4,9 @@ watches its memory and open files.
 
 Usage: long_viewing.py BIN [--frames N] [--threads N] [--quality thumbnail|moving] [--model FILE]
 
-A thumbnail has 64 pixels. A new face is drawn for each 1,000 frames and removed after them. Prints a
-table, and exits with 1 if memory grows by more than 1 % after the first tenth of the frames, if open
-files grow, or if the last frame, of the first frame's face and camera, differs from it in a bit.
+A thumbnail has 64 pixels. A new face is drawn for each 1,000 frames and removed after them. Prints
+a table, and exits with 1 if memory grows by more than 1 % after the first tenth of the frames, if
+open files grow, or if the last frame, of the first frame's face and camera, differs in a bit.
 """
 import argparse
 import http.client
@@ -54,11 +54,13 @@ class Client:
 
 
 def port_of(process: subprocess.Popen) -> int:
+    text = ""
     for line in process.stderr:
+        text += line
         found = re.match(r"Open http://[^:]*:(\d+)", line)
         if found:
             return int(found[1])
-    raise RuntimeError("stymo-view has not started")
+    raise RuntimeError("stymo-view has not started: " + text)
 
 
 def main() -> int:

@@ -1,4 +1,4 @@
-"""Watches the memory and the open files of a process while it works. Used by the long_*.py scripts."""
+"""Watches the memory and the open files of a process. Used by the long_*.py scripts."""
 import os
 import pathlib
 

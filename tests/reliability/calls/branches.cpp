@@ -205,7 +205,8 @@ long CallPlaces::calls() const {
 }
 
 long CallPlaces::failed() const {
-    return std::ranges::count_if(table_->places, [](const auto& place) { return place.failed > 0; });
+    return std::ranges::count_if(table_->places,
+                                 [](const auto& place) { return place.failed > 0; });
 }
 
 void count_calls(const ShortJob& job, const WatchedCalls& calls, CallPlaces& places) {

@@ -52,15 +52,15 @@ enum class Chosen {
 
 /// A copy of a tool in which a call has failed, after its end.
 struct Branch {
-    long number = 0;              ///< of the call
-    bool ever = false;            ///< all later calls failed, too
-    ToolOutcome outcome;          ///< stderr from the failure on
-    std::filesystem::path out;    ///< its output folder
+    long number = 0;            ///< of the call
+    bool ever = false;          ///< all later calls failed, too
+    ToolOutcome outcome;        ///< stderr from the failure on
+    std::filesystem::path out;  ///< its output folder
 };
 
 /// Runs a job once to its end. Before each chosen call it forks: in the copy, which has an output
-/// folder of its own with the same contents, the call fails (with `ever`: in a second copy all later
-/// ones, too). `visit` is called after the end of each copy. Needs the counts of `places`.
+/// folder of its own with the same contents, the call fails (with `ever`: in a second copy all
+/// later ones, too). `visit` is called after the end of each copy. Needs the counts of `places`.
 void fail_in_copies(const ShortJob& job, const WatchedCalls& calls, CallPlaces& places,
                     Chosen chosen, bool ever, const std::function<void(const Branch&)>& visit);
 

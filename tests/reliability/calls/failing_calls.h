@@ -33,7 +33,7 @@ void stop_watching_calls();
 
 /// The innermost return addresses of a call, from the caller of the C library's function on.
 struct CallStack {
-    static constexpr std::size_t depth = 8;
+    static constexpr std::size_t depth = 4;
     std::array<void*, depth> frames{};
     std::size_t count = 0;
     [[nodiscard]] std::uint64_t hash() const;  ///< never 0

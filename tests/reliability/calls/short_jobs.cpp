@@ -99,21 +99,27 @@ ShortJob training() {
 }
 
 ShortJob resumed_training() {
-    return {"resumed training", "stymo-train --config short.json --data faces --resume latest --out ",
+    return {"resumed training",
+            "stymo-train --config short.json --data faces --resume latest --out ",
             resumed_if_possible, compare_training, short_data() / "begun"};
 }
 
 ShortJob fitting() {
     const std::string command = ShortData::fit();
-    return {"fit", command, [command](const fs::path& out) { return command + out.string(); },
-            same_files("fit", {"codes.json", "tuned.safetensors", "fit.png"}), {}};
+    return {"fit",
+            command,
+            [command](const fs::path& out) { return command + out.string(); },
+            same_files("fit", {"codes.json", "tuned.safetensors", "fit.png"}),
+            {}};
 }
 
 ShortJob preparation() {
     const std::string command = made_data().prepare();
-    return {"preparation", command,
+    return {"preparation",
+            command,
             [command](const fs::path& out) { return command + out.string(); },
-            same_files("prepared", {"faces.jsonl", "camera.json", "images/00003.png"}), {}};
+            same_files("prepared", {"faces.jsonl", "camera.json", "images/00003.png"}),
+            {}};
 }
 
 }  // namespace stymo

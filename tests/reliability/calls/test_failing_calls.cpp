@@ -21,13 +21,19 @@ struct Call {
 };
 
 constexpr Call calls[] = {
-    {"write", CallKind::write, ENOSPC},  {"flush", CallKind::flush, EIO},
-    {"open", CallKind::open, EMFILE},    {"rename", CallKind::rename, EIO},
-    {"read", CallKind::read, EIO},       {"allocate", CallKind::allocate, ENOMEM}};
+    {"write", CallKind::write, ENOSPC}, {"flush", CallKind::flush, EIO},
+    {"open", CallKind::open, EMFILE},   {"rename", CallKind::rename, EIO},
+    {"read", CallKind::read, EIO},      {"allocate", CallKind::allocate, ENOMEM}};
 
 std::string setting(const char* name) {
     const char* const text = std::getenv(name);
     return text == nullptr ? "" : text;
+}
+
+/// The C library itself ends a process that cannot register the destructor of a variable of a
+/// thread, which takes some bytes once for each such variable.
+bool is_fatal_to_the_library(const ToolOutcome& outcome) {
+    return outcome.err.find("failed to register TLS destructor") != std::string::npos;
 }
 
 /// Failing calls of one kind in one job.
@@ -35,7 +41,7 @@ struct Trials {
     const ShortJob& job;
     const Call& call;
     FinishedStates states;
-    long failed = 0, survived = 0;
+    long failed = 0, survived = 0, fatal = 0;
 
     void check(const Branch& branch) {
         INFO(job.name << ": " << call.name << " " << branch.number
@@ -44,6 +50,10 @@ struct Trials {
         INFO(outcome.err);
         ++failed;
         if (outcome.exit_code == 0) ++survived;
+        if (is_fatal_to_the_library(outcome)) {
+            ++fatal;
+            return;
+        }
         // A photo that cannot be read is left out, as a broken one is, and the tool says so.
         const bool photo = (outcome.err + outcome.out).find("photos/") != std::string::npos ||
                            outcome.err.find("faces/images/") != std::string::npos ||
@@ -67,16 +77,15 @@ void fail_each(const ShortJob& job) {
                                    fs::canonical(fs::temp_directory_path()) / "stymo-test-"};
         count_calls(job, watched, places);
         Trials trials{job, call, {}};
-        fail_in_copies(job, watched, places,
-                       setting("STYMO_CALLS") == "all" ? Chosen::all : Chosen::ends,
-                       call.kind == CallKind::write,
-                       [&](const Branch& branch) { trials.check(branch); });
+        fail_in_copies(
+            job, watched, places, setting("STYMO_CALLS") == "all" ? Chosen::all : Chosen::ends,
+            call.kind == CallKind::write, [&](const Branch& branch) { trials.check(branch); });
         CHECK(places.failed() == places.count());
         std::cout << job.name << ", " << call.name << ": " << places.calls() << " calls from "
                   << places.count() << " places; " << trials.failed << " trials, with a failure at "
-                  << places.failed() << " of the places; " << trials.survived
-                  << " did not matter; " << trials.states.count() << " states of the disk; "
-                  << seconds_now() - start << " s" << std::endl;
+                  << places.failed() << " of the places; " << trials.survived << " did not matter; "
+                  << trials.fatal << " ended in the C library; " << trials.states.count()
+                  << " states of the disk; " << seconds_now() - start << " s" << std::endl;
     }
 }
 
@@ -97,3 +106,39 @@ TEST_CASE("a fit says which call failed and leaves nothing half-written", "[slow
 TEST_CASE("a preparation says which call failed and goes on with the same files", "[slow]") {
     fail_each(preparation());
 }
+
+TEST_CASE("on two threads training says that an allocation failed", "[slow]") {
+    const ShortJob job = training();
+    FinishedStates states;
+    long failed = 0;
+    // The order of the threads' calls differs between runs, so that these are any twenty.
+    for (long number = 5000; number <= 160000; number += 8000) {
+        const ScratchFolder disk;
+        const WatchedCalls watched{CallKind::allocate, ENOMEM, ""};
+        FailingNumber visitor(number);
+        const ToolOutcome outcome =
+            RunningCopy(short_data(), job.command + (disk / "out").string() + " --threads 2", [&] {
+                watch_calls(watched, visitor);
+            }).wait();
+        INFO("allocation " << number);
+        if (is_fatal_to_the_library(outcome)) continue;
+        check_no_temporary_files(disk / "out");
+        if (outcome.exit_code != 0) {
+            ++failed;
+            check_says_so(job.command, outcome);
+        }
+        states.finish(job, disk / "out");
+    }
+    CHECK(failed > 10);
+}
+
+#ifdef STYMO_TEST_SANITIZED
+TEST_CASE("the leak sanitizer sees what a copy of this process loses") {
+    const ToolOutcome outcome = RunningCopy(short_data(), "stymo-train --print-keys", [] {
+                                    void* volatile lost = std::malloc(1000);
+                                    lost = nullptr;
+                                    static_cast<void>(lost == nullptr);
+                                }).wait();
+    CHECK(outcome.exit_code == 23);
+}
+#endif
