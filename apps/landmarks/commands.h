@@ -12,7 +12,7 @@
 namespace stymo::landmarks {
 
 struct TrainOptions {
-    std::optional<std::filesystem::path> morphable;
+    std::filesystem::path morphable;
     std::filesystem::path out;
     std::filesystem::path photos;
     std::int64_t photo_count = 0;

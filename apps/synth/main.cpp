@@ -15,7 +15,7 @@ int stymo_synth(int argc, char** argv) {
         "stymo-synth",
         "Renders random morphable heads with their codes, poses and masks as a training set.");
     std::filesystem::path folder;
-    std::optional<std::filesystem::path> morphable;
+    std::filesystem::path morphable;
     stymo::SyntheticFaceSettings settings;
     line.option("--out", folder, "output folder: images, masks, faces.jsonl, camera.json")
         .required();
