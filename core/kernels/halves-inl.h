@@ -32,12 +32,6 @@ HWY_INLINE simd::Vec<D> load_numbers(D tag, const BFloat16* from) {
     return simd::BitCast(tag, simd::ShiftLeft<16>(simd::PromoteTo(words, bits)));
 }
 
-template <class D>
-HWY_INLINE simd::Vec<D> load_numbers(D tag, const Float16* from) {
-    const simd::Rebind<hwy::float16_t, D> halves;
-    return simd::PromoteTo(tag, simd::LoadU(halves, reinterpret_cast<const hwy::float16_t*>(from)));
-}
-
 /// `x` has a 16-bit number in each of its 32-bit lanes. The destination is void*: a pointer to the
 /// number's struct type would make a vector store look like an access to a single number.
 template <class D>
@@ -69,7 +63,29 @@ HWY_INLINE void store_numbers(D tag, simd::Vec<D> x, BFloat16* to) {
 #if HWY_TARGET == HWY_EMU128 || HWY_TARGET == HWY_SCALAR || \
     (HWY_ARCH_X86 && (HWY_TARGET >= HWY_SSE4 || defined(HWY_DISABLE_F16C)))
 
-/// On these targets Highway's own conversion truncates, and makes infinity finite.
+/// On these targets Highway's own conversions truncate, and make infinity finite.
+template <class D>
+HWY_INLINE simd::Vec<D> load_numbers(D tag, const Float16* from) {
+    const simd::Rebind<std::uint16_t, D> halves;
+    const simd::RebindToSigned<D> integers;
+    const auto bits = simd::BitCast(
+        integers,
+        simd::PromoteTo(simd::RebindToUnsigned<D>(),
+                        simd::LoadU(halves, reinterpret_cast<const std::uint16_t*>(from))));
+    const auto size = simd::And(bits, simd::Set(integers, 0x7FFF));
+    // Converts the exponent's bias from 15 to 127; infinity and NaN have the largest exponent.
+    const auto normal = simd::Add(simd::ShiftLeft<13>(size), simd::Set(integers, 0x38000000));
+    const auto special = simd::Or(normal, simd::Set(integers, 0x7F800000));
+    const auto subnormal =
+        simd::BitCast(integers, simd::Mul(simd::ConvertTo(tag, size), simd::Set(tag, 0x1p-24F)));
+    const auto finite =
+        simd::IfThenElse(simd::Lt(size, simd::Set(integers, 0x400)), subnormal, normal);
+    const auto number =
+        simd::IfThenElse(simd::Lt(size, simd::Set(integers, 0x7C00)), finite, special);
+    const auto sign = simd::ShiftLeft<16>(simd::Sub(bits, size));
+    return simd::BitCast(tag, simd::Or(number, sign));
+}
+
 template <class D>
 HWY_INLINE void store_numbers(D tag, simd::Vec<D> x, Float16* to) {
     const simd::RebindToUnsigned<D> words;
@@ -96,6 +112,12 @@ HWY_INLINE void store_numbers(D tag, simd::Vec<D> x, Float16* to) {
 }
 
 #else
+
+template <class D>
+HWY_INLINE simd::Vec<D> load_numbers(D tag, const Float16* from) {
+    const simd::Rebind<hwy::float16_t, D> halves;
+    return simd::PromoteTo(tag, simd::LoadU(halves, reinterpret_cast<const hwy::float16_t*>(from)));
+}
 
 template <class D>
 HWY_INLINE void store_numbers(D tag, simd::Vec<D> x, Float16* to) {

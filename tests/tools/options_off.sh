@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # Turns each CMake option that has a default of ON off, and each one of OFF on: the configuration
 # must say what is off in one line, a few targets must build, and the tools must say what they lack.
-# Usage: options_off.sh FOLDER [OPTION...]   FOLDER gets a build folder for each option. About as
-#                                            long as ten builds; a compiler cache that CMake finds in
-#                                            CMAKE_CXX_COMPILER_LAUNCHER shortens it to two.
+# Usage: options_off.sh FOLDER [OPTION...]
+#        FOLDER gets a build folder for each option. With a compiler cache (the environment variable
+#        CMAKE_CXX_COMPILER_LAUNCHER=ccache) this takes as long as a few builds.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 mkdir -p "${1:?usage: options_off.sh FOLDER [OPTION...]}"
