@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # run.sh EXECUTIONS [READER...]: calls each reader so many times and prints how often each was
 # called in this and all earlier runs. Fails if a reader crashes, computes for longer than a second,
-# or needs more than 512 MiB; what did it is in the build folder. An EXECUTIONS of 0 only prints. In the
-# environment:
+# or needs more than 512 MiB; what did it is in the build folder. An EXECUTIONS of 0 only prints.
+# In the environment:
 #   FUZZ_BUILD    the build folder (default: build-fuzz)
 #   FUZZ_LENGTH   largest size of an input (default: twice that of the largest seed)
 #   FUZZ_OPTIONS  further options of libFuzzer, for example -max_total_time=60
