@@ -137,11 +137,12 @@ stymo::AppResult evaluate(Options options) {
     stymo::ReconstructionConfig config =
         stymo::fitting_config(options.lpips, model.config().reconstruction);
     std::optional<stymo::MorphableHead> head;
-    if (options.shape || evaluated.fit) head = stymo::morphable_head_from(options.morphable);
-    if (evaluated.fit) evaluated.fitting.head = &*head;
+    // A folder does not say to which head its codes belong.
+    if (options.shape || !options.morphable.empty())
+        head = stymo::morphable_head_from(options.morphable);
+    evaluated.fitting.head = options.tuning.head = head ? &*head : nullptr;
     if (options.tunes()) {
         evaluated.tuning = options.tuning;
-        evaluated.tuning->head = &*head;
         if (options.samples) evaluated.tuning->samples_per_ray = *options.samples;
         evaluated.another_decoder = [&options] {
             return stymo::load_model(options.model, stymo::ModelParts::decoder);
@@ -235,7 +236,7 @@ int stymo_eval(int argc, char** argv) {
         .needs("--fit");
     line.option("--depth-weight", options.evaluation.fitting.depth_weight,
                 "weight of the term that draws the depth of a fitted face to that of the head "
-                "model to which the folder's codes belong")
+                "model to which the folder's codes belong; needs --shape or --morphable")
         .range(0, 1e6);
     line.option("--tune-depth", options.tuning.depth_weight, "the same while tuning").range(0, 1e6);
     line.option("--tune-steps", options.tuning.steps,

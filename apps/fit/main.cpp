@@ -165,8 +165,11 @@ stymo::AppResult fit(Options options) {
     for (const Photo& photo : photos) faces.push_back(photo.face);
     const stymo::FaceBatch batch = stymo::make_batch(faces, model.decoder().ladder().smallest());
     options.fit.one_person = photos.size() > 1;
-    const stymo::MorphableHead head = stymo::morphable_head_from(options.preparation.morphable);
-    options.fit.head = options.tuning.head = &head;
+    // A folder does not say to which head its codes belong.
+    std::optional<stymo::MorphableHead> head;
+    if (options.face.as_it_comes() || !options.preparation.morphable.empty())
+        head = stymo::morphable_head_from(options.preparation.morphable);
+    options.fit.head = options.tuning.head = head ? &*head : nullptr;
 
     const stymo::InterruptGuard guard;
     stymo::Progress progress({.title = "fit", .total = options.fit.steps, .unit = "steps"});
@@ -272,7 +275,7 @@ int stymo_fit(int argc, char** argv) {
         .range(0, 1);
     line.option("--depth-weight", options.fit.depth_weight,
                 "weight of the term that draws the depth of the face to that of the linear head "
-                "that was fitted to the photo")
+                "that was fitted to the photo; with --data it needs --morphable")
         .range(0, 1e6);
     line.option("--tune-depth", options.tuning.depth_weight, "the same while tuning").range(0, 1e6);
     line.option("--locality", options.tuning.locality_weight,
