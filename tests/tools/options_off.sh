@@ -70,7 +70,7 @@ if built STYMO_BUILD_TESTS OFF stymo-render; then
 fi
 if built BUILD_SHARED_LIBS ON stymo-render test_core; then
     says "libstymo.so.* => $build" ldd "$build/bin/stymo-render"
-    says '1 image|1 view' "$build/bin/stymo-render" --sample 1 --out "$folder/sample"
+    says '0000[.]json$' "$build/bin/stymo-render" --sample 1 --out "$folder/sample"
     says 'All tests passed' "$build/tests/test_core" '[ops]'
 fi
 if built CMAKE_UNITY_BUILD OFF stymo-render test_core; then
