@@ -12,7 +12,7 @@ namespace {
 
 Variable sum_marked(const Variable& x, std::uint32_t reduced, const Shape& result_shape) {
     return record("sum", kernels::sum(x.value(), reduced).reshaped(result_shape), {x}, Save::none(),
-                  {[result_shape, reduced](const Vjp& v) {
+                  {[reduced](const Vjp& v) {
                       Shape kept = v.shape(0);
                       for (int axis = 0; axis < kept.rank(); ++axis) {
                           if (((reduced >> axis) & 1U) != 0) kept = kept.with(axis, 1);

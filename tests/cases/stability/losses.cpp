@@ -129,13 +129,15 @@ std::vector<StabilityCase> mask_cases() {
     transmittance.mutable_values<float>()[0] = 0.0F;
     transmittance.mutable_values<float>()[1] = 1.0F;
     std::vector<StabilityCase> rows;
-    for (const auto& [name, mask] :
-         {std::pair{"an empty mask", Tensor::zeros(shape)},
-          std::pair{"a full mask", Tensor::full(shape, 1.0)},
-          std::pair{"a mask that is empty for one of two faces", half}}) {
+    for (const auto& named : {std::pair{"an empty mask", Tensor::zeros(shape)},
+                              std::pair{"a full mask", Tensor::full(shape, 1.0)},
+                              std::pair{"a mask that is empty for one of two faces", half}}) {
+        // Clang 14 captures no structured bindings.
+        const std::string name = named.first;
+        const Tensor& mask = named.second;
         const auto loss = [&](const std::string& what, const std::string& behaviour,
                               const Tensor& input, auto function) {
-            rows.push_back(row({what + std::string(", ") + name,
+            rows.push_back(row({what + ", " + name,
                                 behaviour,
                                 1e-6,
                                 1e-6,
