@@ -8,6 +8,7 @@ set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 mkdir -p "${1:?usage: options_off.sh FOLDER [OPTION...]}"
 folder=$(realpath "$1")
+model=$root/configs/models/faces-256/model.safetensors
 shift
 failed=0
 wanted=" $* "
@@ -48,10 +49,11 @@ if built STYMO_VIEW OFF stymo-view; then
     says 'viewer: off' "$build/bin/stymo-view" --version
     says 'built without cpp-httplib' "$build/bin/stymo-view"
 fi
-if built STYMO_DLIB OFF stymo-fit test_fit; then
+if built STYMO_DLIB OFF stymo-fit; then
     off 'finding faces in photos'
     says 'faces in photos: off' "$build/bin/stymo-fit" --version
-    says 'skipped: built without dlib' "$build/tests/test_fit" '[face_detector]'
+    says 'this build is without dlib' "$build/bin/stymo-fit" --model "$model" \
+        --image "$root/docs/tutorial/drawn.png" --out "$folder/fit"
 fi
 if built STYMO_NATIVE OFF stymo-render test_core; then
     off STYMO_NATIVE
@@ -70,7 +72,8 @@ if built STYMO_BUILD_TESTS OFF stymo-render; then
 fi
 if built BUILD_SHARED_LIBS ON stymo-render test_core; then
     says "libstymo.so.* => $build" ldd "$build/bin/stymo-render"
-    says '0000[.]json$' "$build/bin/stymo-render" --sample 1 --out "$folder/sample"
+    says '0000[.]json$' "$build/bin/stymo-render" --model "$model" --sample 1 \
+        --out "$folder/sample"
     says 'All tests passed' "$build/tests/test_core" '[ops]'
 fi
 if built CMAKE_UNITY_BUILD OFF stymo-render test_core; then
