@@ -8,6 +8,7 @@
 #include "core/autograd/grad.h"
 #include "core/error.h"
 #include "core/ops/ops.h"
+#include "nn/models/view.h"
 #include "render/tracked_rays.h"
 
 namespace stymo {
@@ -143,9 +144,9 @@ FitProblem::Evaluation FitProblem::evaluate() {
     const Decoded decoded = model_.decoder()(codes(), cameras(), decode_);
     // The mean over the batch times its size, so that a face's gradient does not depend on the size
     // of the batch.
-    const Variable loss = loss_(decoded.images, photos_).total * batch +
-                          squared_length(code_offsets()) * regularizer_ +
-                          depth_difference(decoded) * options_.depth_weight;
+    Variable loss = loss_(decoded.images, photos_).total * batch +
+                    squared_length(code_offsets()) * regularizer_;
+    if (!heads_.empty()) loss = loss + depth_difference(decoded) * options_.depth_weight;
     Evaluation result{loss.value().item() / batch, {}};
     std::vector<Variable> learnt = variables_of(offsets());
     if (!orbits().empty()) learnt.push_back(orbits().front().variable());

@@ -14,11 +14,6 @@ Tensor code_of(const Tensor& codes, std::int64_t row) {
     return slice(Variable(codes), 0, row, row + 1).value().to(DType::float32);
 }
 
-double largest(const Tensor& values) {
-    const std::vector<double> all = values.to_vector();
-    return *std::ranges::max_element(all);
-}
-
 }  // namespace
 
 HeadDepth::HeadDepth(const MorphableHead* head, const FaceBatch& faces)
@@ -37,6 +32,10 @@ HeadDepth::HeadDepth(const MorphableHead* head, const FaceBatch& faces)
     }
 }
 
+bool HeadDepth::empty() const {
+    return std::ranges::none_of(heads_, [](const auto& head) { return head.has_value(); });
+}
+
 void HeadDepth::place(std::int64_t row, const Camera& camera, const Tensor& depths) {
     std::optional<Head>& head = heads_.at(index(row));
     if (head) head->placed = moved_to_depth(*model_, head->fitted, camera, depths);
@@ -53,11 +52,6 @@ Variable HeadDepth::loss(const Variable& depth, const FaceSurface& surface,
                          std::int64_t row) const {
     return depth_loss(depth, surface.depth.to(depth.dtype()), surface.face.to(depth.dtype())) /
            heads_.at(index(row))->eye_distance;
-}
-
-Variable expected_depth(const Decoded& decoded) {
-    const Tensor& depths = decoded.samples.depths;
-    return composite_depth(decoded.weights, depths, largest(depths));
 }
 
 Tensor with_surface(Tensor depths, const FaceSurface& surface) {

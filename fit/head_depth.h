@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "fit/face_surface.h"
-#include "nn/models/decoder.h"
 #include "nn/models/face_batch.h"
 
 namespace stymo {
@@ -17,6 +16,8 @@ public:
     /// there are no targets. Faces without a code have none either.
     HeadDepth(const MorphableHead* head, const FaceBatch& faces);
 
+    /// Whether no row has a target.
+    [[nodiscard]] bool empty() const;
     /// Moves the head of a row, if it has one, to where a depth map of the rendered face has the
     /// face.
     void place(std::int64_t row, const Camera& camera, const Tensor& depths);
@@ -25,7 +26,7 @@ public:
     [[nodiscard]] std::optional<FaceSurface> surface(std::int64_t row, const Camera& camera,
                                                      std::int64_t side) const;
     /// Mean |depth - surface| on the face in units of the distance of the eyes, a scalar. `depth`
-    /// is row `row` of `expected_depth`.
+    /// is row `row` of `expected_depth` (nn/models/view.h).
     [[nodiscard]] Variable loss(const Variable& depth, const FaceSurface& surface,
                                 std::int64_t row) const;
 
@@ -40,10 +41,6 @@ private:
     const MorphableHead* model_;
     std::vector<std::optional<Head>> heads_;  ///< by the rows of the batch
 };
-
-/// The expected depth of each ray of a decoded batch, (B, R, 1). A ray that passes through the face
-/// is as deep as the farthest sample.
-[[nodiscard]] Variable expected_depth(const Decoded& decoded);
 
 /// The depth map with the surface's depth on the face.
 [[nodiscard]] Tensor with_surface(Tensor depths, const FaceSurface& surface);

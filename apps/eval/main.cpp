@@ -81,6 +81,7 @@ stymo::Settings settings_of(const Options& options) {
             {"--regularizer", fitting.regularizer},
             {"--samples", or_own(options.samples)},
             {"--refine-pose", fitting.refine_pose},
+            {"--morphable", absolute(options.morphable)},
             {"--depth-weight", fitting.depth_weight},
             {"--tune", options.tuning.seconds},
             {"--tune-steps", options.tuning.steps},

@@ -53,9 +53,9 @@ PreparedPhoto prepared(Studio& studio, const std::string& bytes, Job& job) {
 
 /// A model with this face's tuned weights.
 std::shared_ptr<const Model> tuned_model(Studio& studio, const FaceBatch& batch,
-                                         const FitResult& fitted, double seconds, Job& job) {
+                                         const FitResult& fitted, const MorphableHead& head,
+                                         double seconds, Job& job) {
     auto tuned = std::make_shared<Model>(load_model(studio.options().model, ModelParts::decoder));
-    const MorphableHead head = morphable_head_from({});
     TuningOptions options{.seconds = seconds, .head = &head};
     constexpr std::int64_t parts = 1000;
     options.on_step = [&](const TuningStep& step) {
@@ -119,13 +119,15 @@ Job::Body fit_photo(Studio& studio, Session& session, std::string photo, const s
         job.set_note(note);
         const FaceBatch batch =
             make_batch(std::span(&ready.face, 1), model.decoder().ladder().smallest());
+        const MorphableHead head = morphable_head_from({});
         ShelfFace shown{name, {face_codes(model, batch), ready.face.pose}, studio.model()};
         const std::string id = session.shelf().add(shown);
         FitResult result;
         try {
             job.set_face(id);
             FitOptions options{.optimizer = FitOptimizer::lbfgs,
-                               .steps = studio.options().fit_steps};
+                               .steps = studio.options().fit_steps,
+                               .head = &head};
             options.on_step = [&](const FitStep& step) {
                 shown.face.codes = detached(step.codes);
                 session.shelf().replace(id, shown);
@@ -139,7 +141,7 @@ Job::Body fit_photo(Studio& studio, Session& session, std::string photo, const s
         shown.face.codes = result.fitted;
         session.shelf().replace(id, shown);
         if (tune_seconds > 0.0) {
-            shown.model = tuned_model(studio, batch, result, tune_seconds, job);
+            shown.model = tuned_model(studio, batch, result, head, tune_seconds, job);
             shown.tuned = true;
             session.shelf().replace(id, shown);
         }

@@ -25,6 +25,11 @@ double largest(const Tensor& values) {
 
 }  // namespace
 
+Variable expected_depth(const Decoded& decoded) {
+    const Tensor& depths = decoded.samples.depths;
+    return composite_depth(decoded.weights, depths, largest(depths));
+}
+
 View render_view(const Model& model, const Codes& codes, std::int64_t index, const Camera& camera,
                  const ViewOptions& options) {
     // The renderer computes in float32.
@@ -53,10 +58,7 @@ View decoded_view(const Model& model, const Codes& codes, std::int64_t index, co
     if (options.depth) {
         const auto side =
             std::llround(std::sqrt(static_cast<double>(decoded.samples.depths.shape(1))));
-        view.depth = composite_depth(decoded.weights, decoded.samples.depths,
-                                     largest(decoded.samples.depths))
-                         .value()
-                         .reshaped({side, side, 1});
+        view.depth = expected_depth(decoded).value().reshaped({side, side, 1});
     }
     return view;
 }

@@ -25,6 +25,10 @@ struct View {
 /// A sample of smaller weight is invisible: it changes a pixel by less than half of an 8-bit step.
 inline constexpr double significant_weight = 1e-3;
 
+/// The expected depth of each ray of a decoded batch, (B, R, 1). Rays that hit nothing have the
+/// depth of the farthest sample of all rays.
+[[nodiscard]] Variable expected_depth(const Decoded& decoded);
+
 /// Renders row `index` of codes in Z with a FaceRenderer of mode `exact`: every sample, in float32.
 /// Rays that hit nothing have the depth of the farthest sample of all rays.
 [[nodiscard]] View render_view(const Model& model, const Codes& codes, std::int64_t index,

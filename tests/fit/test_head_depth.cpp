@@ -8,6 +8,7 @@
 #include "core/median.h"
 #include "core/ops/ops.h"
 #include "fit/face_surface.h"
+#include "fit/fitter.h"
 #include "fit/head_depth.h"
 #include "fit/tuning.h"
 #include "nn/models/view.h"
@@ -105,6 +106,39 @@ TEST_CASE("Faces without a code or a head have no target", "[head_depth]") {
     CHECK_FALSE(HeadDepth(&head(), faces).surface(0, camera, side));
     faces.code_present = {};
     CHECK_FALSE(HeadDepth(&head(), faces).surface(0, camera, side));
+}
+
+TEST_CASE("The loss of a fit has the mean difference of depths in distances of the eyes",
+          "[head_depth]") {
+    Model model = tiny_model(1);
+    model.parameters().set_trainable("", false);
+    const Codes codes = random_codes(1, 7);
+    const Camera camera = model_camera(model, 0.0, 0.0, 0.0);
+    FaceBatch faces = batch_of(camera);
+    faces.targets = {
+        model.decoder()(codes, {camera}, {.samples_per_ray = 16}).images.back().value()};
+    const ReconstructionLoss loss(model.config().reconstruction);
+    const auto losses = [&](const MorphableHead* known, double weight) {
+        return fit_codes(model, loss, faces,
+                         {.initial = codes,
+                          .steps = 40,
+                          .samples_per_ray = 16,
+                          .tolerance = 0.0,
+                          .head = known,
+                          .depth_weight = weight})
+            .losses;
+    };
+    const Tensor depths =
+        render_view(model, codes, 0, camera, {.samples_per_ray = 16, .depth = true}).depth;
+    HeadDepth target(&head(), faces);
+    target.place(0, camera, depths);
+    const double expected =
+        mean_distance(depth_differences(depths, *target.surface(0, camera, depths.shape(0)))) /
+        eye_distance(head(), vertices_of_batch());
+    const std::vector<double> drawn = losses(&head(), 3.0);
+    CHECK(drawn.front() - losses(nullptr, 3.0).front() == Approx(3.0 * expected).epsilon(1e-4));
+    CHECK(losses(&head(), 0.0).front() == losses(nullptr, 3.0).front());
+    CHECK(drawn.back() < drawn.front());
 }
 
 TEST_CASE("Tuning brings the depth of a face to that of its head", "[head_depth]") {
