@@ -8,6 +8,7 @@
 #include "core/autograd/grad.h"
 #include "core/error.h"
 #include "core/ops/ops.h"
+#include "nn/models/significant_rows.h"
 #include "nn/models/view.h"
 #include "render/tracked_rays.h"
 

@@ -122,16 +122,6 @@ void fit_by_lbfgs(FitProblem& problem, const FitOptions& options, double learnin
 
 }  // namespace
 
-Tensor significant_samples(const Tensor& weights, double tolerance) {
-    Tensor result(weights.shape(), weights.dtype());
-    dispatch(weights.dtype(), [&]<class T>(T) {
-        std::ranges::transform(
-            weights.values<T>(), result.mutable_values<T>().begin(),
-            [=](T weight) { return weight >= static_cast<T>(tolerance) ? T(1) : T(0); });
-    });
-    return result;
-}
-
 FitResult fit_codes(const Model& model, const ReconstructionLoss& loss, const FaceBatch& faces,
                     const FitOptions& options) {
     FitProblem problem(model, loss, faces, options);

@@ -59,10 +59,6 @@ struct FitOptions {
     std::function<void(const FitStep&)> on_step = {};
 };
 
-/// DecodeOptions::significant_samples: 1 for every sample whose compositing weight is at least the
-/// tolerance, 0 for the others.
-[[nodiscard]] Tensor significant_samples(const Tensor& weights, double tolerance);
-
 struct FitResult {
     Codes initial;  ///< start of the fit, in Z
     Codes fitted;   ///< initial + offsets

@@ -26,13 +26,14 @@ Tensor real_images(const FaceBatch& batch, const TrainingPosition& position) {
 Tensor fake_images(const GeneratorInputs& inputs, const FaceBatch& batch,
                    const TrainingPosition& position, Rng& jitter) {
     const Codes codes = detached(face_codes(inputs.model, batch, inputs.offsets));
+    const std::vector<Camera> cameras = face_cameras(batch, inputs.offsets);
     std::vector<Variable> images;
     for (std::int64_t i = 0; i < codes.batch(); ++i) {
         Codes face;
         std::ranges::transform(codes.groups, face.groups.begin(),
                                [i](const Variable& g) { return slice(g, 0, i, i + 1); });
         const Decoded decoded =
-            inputs.model.decoder()(face, {batch.cameras[static_cast<std::size_t>(i)]},
+            inputs.model.decoder()(face, {cameras[static_cast<std::size_t>(i)]},
                                    {.samples_per_ray = position.phase.samples_per_ray,
                                     .resolution = position.phase.resolution,
                                     .jitter = &jitter});

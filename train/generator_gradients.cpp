@@ -43,14 +43,18 @@ LossAndGradients generator_gradients(const GeneratorInputs& inputs,
     // used.
     const bool mask = position.mask_loss && inputs.config.loss.mask_weight > 0.0 &&
                       phase.resolution == decoder.ladder().largest();
-    const Decoded decoded = decoder(codes, batch.cameras,
-                                    {.samples_per_ray = phase.samples_per_ray,
-                                     .resolution = phase.resolution,
-                                     .mask = mask,
-                                     .gradient_tolerance = inputs.config.optimizer.sample_tolerance,
-                                     .keep_field = !recomputation.field,
-                                     .recompute_blocks = recomputation.blocks,
-                                     .jitter = &jitter});
+    const bool learn_poses = inputs.offsets != nullptr && learns_poses(inputs.config, position);
+    const Decoded decoded =
+        decoder(codes, face_cameras(batch, inputs.offsets),
+                {.samples_per_ray = phase.samples_per_ray,
+                 .resolution = phase.resolution,
+                 .mask = mask,
+                 .gradient_tolerance = inputs.config.optimizer.sample_tolerance,
+                 .keep_field = !recomputation.field,
+                 .recompute_blocks = recomputation.blocks,
+                 .orbits = learn_poses ? inputs.offsets->orbits(batch) : Variable(),
+                 .open_frequencies = open_frequencies(inputs.config, position),
+                 .jitter = &jitter});
 
     LossAndGradients result;
     result.losses[significant_share] =

@@ -5,8 +5,8 @@
 
 #include "core/autograd/grad.h"
 #include "nn/image_augmentation.h"
-#include "train/code_offsets.h"
 #include "train/loss_terms.h"
+#include "train/photo_offsets.h"
 
 namespace stymo {
 
@@ -26,7 +26,7 @@ struct GeneratorInputs {
     const Model& model;
     const ReconstructionLoss& reconstruction;
     const TrainConfig& config;
-    const CodeOffsets* offsets = nullptr;  ///< learnt offsets of the faces' codes; null: none
+    const PhotoOffsets* offsets = nullptr;  ///< learnt offsets of the photos; null: none
     /// Required in the second stage, unless its loss has weight 0.
     const Discriminator* discriminator = nullptr;
     /// Augmentations of the images that the discriminator sees: one for each rendered image, or, in

@@ -29,8 +29,11 @@ std::vector<Parameter> ReconstructionStage::unfreeze(const TrainingPosition& pos
     prefixes.emplace_back("encoder.heads.");
     if (!frozen) prefixes.emplace_back(backbone_prefix);
     std::vector<Parameter> parameters = unfreeze_only(parts_.model.parameters(), prefixes);
-    if (parts_.offsets != nullptr)
-        std::ranges::copy(parts_.offsets->parameters().trainable(), std::back_inserter(parameters));
+    if (parts_.offsets != nullptr) {
+        ParameterStore& offsets = parts_.offsets->parameters();
+        offsets.set_trainable(PhotoOffsets::pose_prefix, learns_poses(config, position));
+        std::ranges::copy(offsets.trainable(), std::back_inserter(parameters));
+    }
     return parameters;
 }
 

@@ -17,7 +17,7 @@ constexpr std::int64_t faces_shown = 6;
 }  // namespace
 
 Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t resolution,
-                    std::int64_t samples_per_ray, const CodeOffsets* offsets) {
+                    std::int64_t samples_per_ray, const PhotoOffsets* offsets) {
     std::vector<Tensor> tiles;
     for (std::int64_t index = 0; index < std::min(faces_shown, faces.size()); ++index) {
         const FaceBatch batch =
@@ -32,7 +32,7 @@ Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t resol
         const auto target = std::ranges::find(batch.targets, resolution,
                                               [](const Tensor& images) { return images.shape(1); });
         tiles.push_back(display_image(*target, 0));
-        show(batch.cameras.front());
+        show(face_cameras(batch, offsets).front());
         for (const double yaw_degrees : {-30.0, 0.0, 30.0}) {
             show(model_camera(model, radians_from_degrees(yaw_degrees), 0.0, 0.0));
         }

@@ -1,8 +1,8 @@
 #pragma once
 
 #include "nn/models/model.h"
-#include "train/code_offsets.h"
 #include "train/data/dataset.h"
+#include "train/photo_offsets.h"
 
 namespace stymo {
 
@@ -11,6 +11,6 @@ namespace stymo {
 /// learnt offsets of the faces' codes, or null.
 [[nodiscard]] Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t resolution,
                                   std::int64_t samples_per_ray,
-                                  const CodeOffsets* offsets = nullptr);
+                                  const PhotoOffsets* offsets = nullptr);
 
 }  // namespace stymo

@@ -31,7 +31,7 @@ struct TrainingParts {
     const ReconstructionLoss& reconstruction;
     const Rng& rng;
     Model& model;
-    CodeOffsets* offsets;  ///< null if no offsets are learnt
+    PhotoOffsets* offsets;  ///< null if none are learnt
     Ranks& ranks;
 };
 

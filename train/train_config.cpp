@@ -69,6 +69,13 @@ void describe_stage1(ConfigSchema& schema, StageConfig& config) {
                    "decoder.resolution (paper)");
     schema.number("stage1.average_half_life", config.average_half_life, 0.0, 1e12,
                   "half life of the EMA of the weights, in images; 0: no EMA is kept");
+    schema.integer("stage1.pose_interval", config.pose_interval, 0, 1'000'000,
+                   "every n-th step also learns an offset of each photo's pose (paper: future "
+                   "work); 0: poses stay as they are");
+    schema.integer(
+        "stage1.opening_steps", config.opening_steps, 0, 100'000'000,
+        "steps in which the frequencies of the encoding open one after the other (BARF); "
+        "0: all are open (paper)");
 }
 
 void describe_stage2(ConfigSchema& schema, AdversarialStageConfig& config) {
@@ -215,13 +222,16 @@ void check_stage1(const TrainConfig& config, const ResolutionLadder& ladder,
 void check(const TrainConfig& config, const std::string& source) {
     const ResolutionLadder ladder = checked_ladder(config, source);
     check_stage1(config, ladder, source);
-    if (config.model.code_source != "encoder" && config.data.mirror)
+    if (!uses_encoder(config.model) && config.data.mirror)
         fail<ConfigError>(source, ": codes.source = ", config.model.code_source,
                           " needs data.mirror = false: the code of a mirrored face is not known");
     if (config.model.decoder.rays.near_z <= config.model.decoder.rays.far_z) {
         fail<ConfigError>(source, ": decoder.near_z = ", config.model.decoder.rays.near_z,
                           ": must be above decoder.far_z = ", config.model.decoder.rays.far_z);
     }
+    if (config.stage1.opening_steps > 0 && config.model.decoder.conditioning != "modulation")
+        fail<ConfigError>(source, ": stage1.opening_steps = ", config.stage1.opening_steps,
+                          " needs decoder.conditioning = modulation");
     const std::size_t resolutions = ladder.count();
     if (config.model.reconstruction.resolution_weights.size() < resolutions) {
         fail<ConfigError>(source, ": reconstruction.resolution_weights has ",

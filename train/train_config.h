@@ -50,6 +50,10 @@ struct StageConfig {
     /// Side of the largest image that is rendered and compared; 0: the decoder's resolution.
     std::int64_t resolution = 0;
     double average_half_life = 0.0;  ///< half life of the EMA of the weights, in images; 0: no EMA
+    std::int64_t pose_interval =
+        0;  ///< every n-th step also learns the poses of its photos; 0: none
+    std::int64_t opening_steps = 0;  ///< steps in which the frequencies of the encoding open; 0:
+                                     ///< all are open
 };
 
 /// The second stage: adversarial training of the decoder, from 64 pixels up to the model's

@@ -20,7 +20,7 @@ namespace {
 constexpr const char* ema_prefix = "average.";
 
 void require_codes(const TrainConfig& config, const Dataset& faces) {
-    if (config.model.code_source == "encoder") return;
+    if (uses_encoder(config.model)) return;
     const DatasetSummary summary = faces.summary();
     if (summary.without_code == 0) return;
     fail<ConfigError>("codes.source = ", config.model.code_source,
@@ -55,14 +55,17 @@ Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Datas
       validation_(validation),
       rng_(seed),
       schedule_(config),
-      images_(training, config.data.mirror, rng_,
-              resolution_ladder(config.model.decoder).smallest(), config.stage1.batch),
+      images_(training, config.data, rng_, resolution_ladder(config.model.decoder).smallest(),
+              config.stage1.batch),
       model_(initial_model(config.model, rng_)),
       reconstruction_(config.model.reconstruction) {
-    if (config.model.code_source == "encoder") require_backbone_weights(config.model.encoder);
+    if (uses_encoder(config.model)) require_backbone_weights(config.model.encoder);
     require_codes(config, training);
     if (validation != nullptr) require_codes(config, *validation);
-    if (config.model.code_source == "morphable_offset") offsets_.emplace(training.ids());
+    const PhotoOffsetsConfig learnt{.codes = learns_codes(config.model),
+                                    .mirrored_codes = config.data.mirror,
+                                    .poses = config.stage1.pose_interval > 0};
+    if (learnt.codes || learnt.poses) offsets_.emplace(training.ids(), learnt);
     for (const TrainingPhase& phase : schedule_.phases()) {
         require_share(ranks_, phase.micro_batches(), "stage " + std::to_string(phase.stage));
         static_cast<void>(choose_execution(model_, reconstruction_, config, phase));

@@ -96,8 +96,8 @@ private:
     [[nodiscard]] const Dataset& shown_faces() const {
         return validation_ != nullptr ? *validation_ : training_;
     }
-    /// The offsets of the codes of `shown_faces`.
-    [[nodiscard]] const CodeOffsets* shown_offsets() const {
+    /// The learnt offsets of `shown_faces`.
+    [[nodiscard]] const PhotoOffsets* shown_offsets() const {
         return validation_ == nullptr && offsets_ ? &*offsets_ : nullptr;
     }
     /// `folder`: null on a rank that does not lead.
@@ -126,7 +126,7 @@ private:
     TrainingImages images_;
     Model model_;
     ReconstructionLoss reconstruction_;
-    std::optional<CodeOffsets> offsets_;
+    std::optional<PhotoOffsets> offsets_;
     int stage_number_ = 0;  ///< 0 before the first step
     std::unique_ptr<TrainingStage> stage_;
     std::optional<Ema> ema_;

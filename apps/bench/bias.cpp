@@ -7,6 +7,7 @@
 #include "core/autograd/grad.h"
 #include "core/ops/ops.h"
 #include "fit/fit_report.h"
+#include "nn/models/significant_rows.h"
 
 namespace stymo {
 

@@ -9,6 +9,7 @@
 #include "core/ops/ops.h"
 #include "nn/layers/mapping.h"
 #include "nn/models/image_stage.h"
+#include "nn/models/significant_rows.h"
 #include "render/tracked_rays.h"
 
 namespace stymo {
@@ -207,9 +208,15 @@ Decoded Decoder::operator()(const Codes& z, const std::vector<Camera>& cameras,
     const Codes w = map(z);
     const RaySampling sampling = layers_->sampling_of(options.samples_per_ray, options.resolution);
     RaySamples samples = layers_->samples_of(w, cameras, sampling, options.jitter);
-    const RayPoints points{samples.points, samples.deltas, options.significant_samples,
-                           options.gradient_tolerance};
+    RayPoints points{samples.points, samples.deltas, options.significant_samples,
+                     options.gradient_tolerance, options.open_frequencies};
     const FieldStyle style = field_style(w);
+    // The ops that track points keep much for each sample, so those of no weight are left out.
+    if (options.orbits.defined() && !points.significant.defined() &&
+        options.gradient_tolerance > 0.0)
+        points.significant = significant_samples(
+            layers_->field->render(points, style, false).weights.weights.value(),
+            options.gradient_tolerance);
     RenderedFeatures rays =
         options.orbits.defined()
             ? layers_->field->render_tracked(

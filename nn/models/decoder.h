@@ -78,6 +78,8 @@ struct DecodeOptions {
     /// Gradients flow to them. If undefined, there are no gradients of the poses. Much slower than
     /// without orbits; significant_samples reduce the cost.
     Variable orbits{};
+    /// How many frequencies of the encoding take part (RayPoints::open_frequencies).
+    double open_frequencies = all_frequencies;
     /// Random numbers for stratified samples (training); null: fixed samples.
     Rng* jitter = nullptr;
 };

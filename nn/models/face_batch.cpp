@@ -13,7 +13,7 @@ bool FaceBatch::has_codes() const {
 }
 
 Codes face_codes(const Model& model, const FaceBatch& batch) {
-    if (model.config().code_source == "encoder") return model.encoder()(Variable(batch.input));
+    if (uses_encoder(model.config())) return model.encoder()(Variable(batch.input));
     const std::vector<double> present = batch.code_present.defined()
                                             ? batch.code_present.to_vector()
                                             : std::vector<double>(batch.cameras.size());

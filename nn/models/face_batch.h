@@ -19,7 +19,8 @@ struct FaceBatch {
     std::vector<Tensor> targets;
     std::vector<Camera> cameras;
     std::vector<std::string> ids{};
-    Tensor mask{};      ///< (B, S, S, 1) in [0, 1]
+    std::vector<bool> mirrored{};  ///< whether a face is the mirror image of its photo; empty: none
+    Tensor mask{};                 ///< (B, S, S, 1) in [0, 1]
     Tensor ray_mask{};  ///< (B, R, R, 1) in [0, 1], one value for each ray; R is half the smallest
                         ///< target's side
     std::array<Tensor, 4> codes{};  ///< (B, size) of each group in the order of `code_names`, zeros

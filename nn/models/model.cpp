@@ -17,9 +17,10 @@ void describe(ConfigSchema& schema, ModelConfig& config) {
     describe(schema, config.decoder);
     describe(schema, config.encoder);
     schema.choice(
-        "codes.source", config.code_source, {"encoder", "morphable", "morphable_offset"},
+        "codes.source", config.code_source,
+        {"encoder", "encoder_offset", "morphable", "morphable_offset"},
         "source of a photo's code: the encoder (paper), the data set's code of a morphable model, "
-        "or that code with an offset learnt per training photo (HeadNeRF)");
+        "or either one with an offset learnt per training photo (HeadNeRF)");
     CameraConfig& camera = config.camera;
     schema.number("camera.focal", camera.intrinsics.focal, 0.1, 100.0,
                   "focal length in units of the image side, shared by all images");
@@ -50,6 +51,14 @@ void describe(ConfigSchema& schema, ModelConfig& config) {
                   "learning rate of a fit's first step (paper: 0.01)");
 }
 
+bool uses_encoder(const ModelConfig& config) {
+    return config.code_source.starts_with("encoder");
+}
+
+bool learns_codes(const ModelConfig& config) {
+    return config.code_source.ends_with("_offset");
+}
+
 std::string to_json(const ModelConfig& config) {
     ModelConfig copy = config;
     ConfigSchema schema;
@@ -63,13 +72,13 @@ Model::Model(const ModelConfig& config, Rng& rng, ModelParts parts, ParameterSto
     : config_(config),
       parameters_(std::move(parameters)),
       encoder_(
-          parts == ModelParts::all && config.code_source == "encoder"
+          parts == ModelParts::all && uses_encoder(config)
               ? std::optional<Encoder>(std::in_place, config.encoder, parameters_, "encoder", rng)
               : std::nullopt),
       decoder_(config.decoder, parameters_, "decoder", rng) {}
 
 const Encoder& Model::encoder() const {
-    if (!encoder_ && config_.code_source != "encoder")
+    if (!encoder_ && !uses_encoder(config_))
         fail<ValueError>(
             "this model has no encoder: its codes are those of a morphable model, which a photo "
             "must bring along "
@@ -104,7 +113,7 @@ Model Model::load(const std::filesystem::path& path, ModelParts parts) {
 }
 
 void Model::save(const std::filesystem::path& path) const {
-    if (!has_encoder() && config_.code_source == "encoder")
+    if (!has_encoder() && uses_encoder(config_))
         fail<ValueError>(path.string(), ": a model without its encoder is not saved");
     TensorFile file;
     file.metadata[format_key] = format_name;

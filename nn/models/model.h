@@ -39,12 +39,17 @@ struct ModelConfig {
     DecoderConfig decoder;
     EncoderConfig encoder;
     /// Where the code of a photo comes from. "encoder": the encoder. "morphable": the data set,
-    /// which has a fit of a morphable model. "morphable_offset": the same plus an offset that
-    /// training learns for each training photo.
+    /// which has a fit of a morphable model. With "_offset" after either, training
+    /// learns an offset of the code of each training photo.
     std::string code_source = "encoder";
     CameraConfig camera;
     ReconstructionConfig reconstruction;
 };
+
+/// Whether the codes of photos come from an encoder.
+[[nodiscard]] bool uses_encoder(const ModelConfig& config);
+/// Whether training learns offsets of the codes of its photos.
+[[nodiscard]] bool learns_codes(const ModelConfig& config);
 
 /// Binds "decoder.", "encoder.", "codes.", "camera.", "reconstruction." .
 void describe(ConfigSchema& schema, ModelConfig& config);

@@ -79,9 +79,11 @@ public:
 
 private:
     [[nodiscard]] RenderedFeatures finished(RenderedRays rays) const;
-    [[nodiscard]] SineNetwork network(const Variable& style) const;
+    [[nodiscard]] SineNetwork network(const Variable& style,
+                                      double open_frequencies = all_frequencies) const;
     /// Density and features (K, 1 + width) at points (K, 3) of one face.
-    [[nodiscard]] Variable tracked_samples(const Variable& points, const Variable& style) const;
+    [[nodiscard]] Variable tracked_samples(const Variable& points, const Variable& style,
+                                           double open_frequencies) const;
 
     std::int64_t frequencies_;
     std::size_t skip_layer_;

@@ -1,9 +1,21 @@
 #include "nn/models/significant_rows.h"
 
+#include <algorithm>
+
 #include "core/ops/elementwise.h"
 #include "core/ops/shape_ops.h"
 
 namespace stymo {
+
+Tensor significant_samples(const Tensor& weights, double tolerance) {
+    Tensor result(weights.shape(), weights.dtype());
+    dispatch(weights.dtype(), [&]<class T>(T) {
+        std::ranges::transform(
+            weights.values<T>(), result.mutable_values<T>().begin(),
+            [=](T weight) { return weight >= static_cast<T>(tolerance) ? T(1) : T(0); });
+    });
+    return result;
+}
 
 RowIndices significant_rows(const RayPoints& rays, std::int64_t index) {
     const std::int64_t count = rays.deltas.shape(1) * rays.deltas.shape(2);

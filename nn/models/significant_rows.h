@@ -5,6 +5,10 @@
 
 namespace stymo {
 
+/// DecodeOptions::significant_samples: 1 for every sample whose compositing weight is at least the
+/// tolerance, 0 for the others.
+[[nodiscard]] Tensor significant_samples(const Tensor& weights, double tolerance);
+
 /// Indices into R * N of the samples of face `index` that `RayPoints::significant` does not leave
 /// out.
 [[nodiscard]] RowIndices significant_rows(const RayPoints& rays, std::int64_t index);

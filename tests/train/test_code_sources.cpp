@@ -7,7 +7,7 @@
 #include "core/ops/ops.h"
 #include "support/check_close.h"
 #include "support/error_message.h"
-#include "train/code_offsets.h"
+#include "train/photo_offsets.h"
 #include "train/tiny_training.h"
 #include "train/trainer.h"
 
@@ -93,7 +93,7 @@ TEST_CASE(
     for (std::size_t group = 0; group < 4; ++group)
         CHECK(identical(given.groups[group].value(), batch.codes[group]));
 
-    CodeOffsets offsets(faces().ids());
+    PhotoOffsets offsets(faces().ids(), {.codes = true});
     CHECK(offsets.parameters().element_count() == 4 * code_size);
     const Parameter expression = offsets.parameters().all()[1];
     CHECK(expression.name() == "codes.offset.expr");
@@ -107,8 +107,9 @@ TEST_CASE(
     CHECK(sum(abs(slice(gradient, 0, 1, 3))).value().item() > 0.0);
     CHECK(sum(abs(slice(gradient, 0, 0, 1))).value().item() == 0.0);
     CHECK(sum(abs(slice(gradient, 0, 3, 4))).value().item() == 0.0);
-    CHECK_THROWS_WITH(offsets.of(std::vector<std::string>{"nobody"}),
-                      Catch::Contains("face nobody"));
+    FaceBatch unknown = batch;
+    unknown.ids.back() = "nobody";
+    CHECK_THROWS_WITH(offsets.codes(unknown), Catch::Contains("face nobody"));
 }
 
 TEST_CASE("a photo without a code is refused in one line by what needs it", "[codes]") {
@@ -134,14 +135,14 @@ TEST_CASE("a photo without a code is refused in one line by what needs it", "[co
 
 TEST_CASE("each source of codes trains, and a run that stops and resumes gives the same bits",
           "[codes]") {
-    for (const std::string source : {"morphable", "morphable_offset"}) {
+    for (const std::string source : {"morphable", "morphable_offset", "encoder_offset"}) {
         INFO(source);
         const ScratchFolder folder;
-        const TrainConfig config = with_source(source);
+        TrainConfig config = with_source(source);
+        config.data.mirror = source == "encoder_offset";
         const std::vector<std::string> whole = trained(config, folder / "whole");
         CHECK(trained(config, folder / "parts", 2) == whole);
-        CHECK((whole[1].find("codes.offset.tex") != std::string::npos) ==
-              (source == "morphable_offset"));
+        CHECK((whole[1].find("codes.offset.tex") != std::string::npos) == (source != "morphable"));
     }
 }
 

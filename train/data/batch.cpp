@@ -70,9 +70,14 @@ Face mirrored(const Face& face) {
     result.mask = mirror_image(face.mask);
     result.pose = mirrored(face.pose);
     result.intrinsics.center_x = 1.0 - face.intrinsics.center_x;
+    result.is_mirrored = !face.is_mirrored;
     result.code.clear();
     result.has_code = false;
     return result;
+}
+
+Tensor encoder_input(std::span<const Face> faces) {
+    return affine(Variable(stacked(faces, &Face::image)), 2.0, -1.0).value();
 }
 
 FaceBatch make_batch(std::span<const Face> faces, std::int64_t smallest_target) {
@@ -82,13 +87,14 @@ FaceBatch make_batch(std::span<const Face> faces, std::int64_t smallest_target) 
     FaceBatch batch;
     batch.mask = stacked(faces, &Face::mask);
     batch.ray_mask = shrunk(batch.mask, smallest_target / 2, 0.0, 1.0);
-    batch.input = affine(images, 2.0, -1.0).value();
+    batch.input = encoder_input(faces);
     const Tensor target = affine(images * Variable(batch.mask), 2.0, -1.0).value();
     for (const std::int64_t s : ladder.sides())
         batch.targets.push_back(shrunk(target, s, -1.0, 1.0));
 
     for (const Face& face : faces) {
         batch.ids.push_back(face.id);
+        batch.mirrored.push_back(face.is_mirrored);
         batch.cameras.push_back(camera_from_pose(face.pose, face.intrinsics));
     }
     add_codes(batch, faces);

@@ -18,6 +18,7 @@ struct Face {
     Pose pose;     ///< frontal if there is none
     Intrinsics intrinsics;
     std::vector<float> code;  ///< the 306 elements of a morphable model's fit, or empty
+    bool is_mirrored = false;
     bool has_mask = false;
     bool has_pose = false;
     bool has_code = false;
@@ -25,6 +26,9 @@ struct Face {
 
 /// The mirror image of a face. It has no code, because the code of a mirrored face is unknown.
 [[nodiscard]] Face mirrored(const Face& face);
+
+/// FaceBatch::input of these faces.
+[[nodiscard]] Tensor encoder_input(std::span<const Face> faces);
 
 /// Makes a batch. For the targets each image is multiplied by its mask, mapped to [-1, 1],
 /// downsampled by antialiased bicubic resampling and clipped to [-1, 1]. The targets' sides are

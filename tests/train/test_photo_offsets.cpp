@@ -1,0 +1,143 @@
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "core/autograd/grad.h"
+#include "core/ops/ops.h"
+#include "nn/optim/adam.h"
+#include "render/tracked_rays.h"
+#include "support/check_close.h"
+#include "train/generator_gradients.h"
+#include "train/photo_offsets.h"
+#include "train/tiny_training.h"
+#include "train/trainer.h"
+
+using namespace stymo;
+using namespace stymo::test;
+
+namespace {
+
+const Dataset& faces() {
+    static const Dataset all = synthetic_dataset();
+    return all;
+}
+
+/// The first two photos, and the mirror image of the first one.
+FaceBatch batch_with_mirror_image() {
+    return make_batch(std::vector{faces().load(0), faces().load(1), mirrored(faces().load(0))});
+}
+
+/// Sets row 0 to `first`, and the last row so that the mean is zero.
+void set_rows(const Parameter& offsets, const std::vector<double>& first) {
+    std::vector<double> values(static_cast<std::size_t>(offsets.variable().value().size()));
+    for (std::size_t i = 0; i < first.size(); ++i) {
+        values[i] = first[i];
+        values[values.size() - first.size() + i] = -first[i];
+    }
+    offsets.set_value(Tensor::from(offsets.variable().shape(), std::span<const double>(values))
+                          .to(DType::float32));
+}
+
+TrainConfig with_poses(std::int64_t interval) {
+    TrainConfig config = tiny_train_config();
+    config.stage1.pose_interval = interval;
+    config.optimizer.sample_tolerance = 1e-3;
+    return config;
+}
+
+}  // namespace
+
+TEST_CASE("a learnt offset moves the camera of its photo, and mirrored that of the mirror image",
+          "[poses]") {
+    const FaceBatch batch = batch_with_mirror_image();
+    PhotoOffsets offsets(faces().ids(), {.poses = true});
+    const std::vector<Camera> unmoved = face_cameras(batch, &offsets);
+    for (std::size_t i = 0; i < 3; ++i)
+        CHECK(unmoved[i].center.isApprox(batch.cameras[i].center, 1e-6));
+    set_rows(offsets.parameters().all().front(), {2.0, -1.0, 0.5, 0.3, 0.2, -0.4});
+    const std::vector<Camera> moved = face_cameras(batch, &offsets);
+    const Pose before = pose_from_camera(batch.cameras[0]), after = pose_from_camera(moved[0]);
+    CHECK(after.yaw - before.yaw == Approx(0.1).margin(1e-5));
+    CHECK(after.pitch - before.pitch == Approx(-0.05).margin(1e-5));
+    CHECK(after.roll - before.roll == Approx(0.025).margin(1e-5));
+    CHECK(moved[1].center.isApprox(batch.cameras[1].center, 1e-6));
+    const Camera expected =
+        camera_from_pose(mirrored(pose_from_camera(moved[0])), batch.cameras[2].intrinsics);
+    CHECK(moved[2].center.isApprox(expected.center, 1e-5));
+    CHECK(moved[2].world_from_camera.isApprox(expected.world_from_camera, 1e-5));
+}
+
+TEST_CASE("an offset that all photos share moves no camera", "[poses]") {
+    const FaceBatch batch = batch_with_mirror_image();
+    PhotoOffsets offsets(faces().ids(), {.poses = true});
+    const Parameter& all = offsets.parameters().all().front();
+    all.set_value(Tensor::full(all.variable().shape(), 0.7));
+    const std::vector<Camera> cameras = face_cameras(batch, &offsets);
+    for (std::size_t i = 0; i < 3; ++i)
+        CHECK(cameras[i].center.isApprox(batch.cameras[i].center, 1e-5));
+}
+
+TEST_CASE("a step's gradient leads wrong poses back to those from which the model drew the photos",
+          "[poses]") {
+    TrainConfig config = with_poses(1);
+    config.loss = {.mask_weight = 0.0, .opacity_weight = 0.0};
+    config.loss.code_weights = {0.0, 0.0, 0.0, 0.0};
+    config.optimizer.sample_tolerance = 0.0;
+    const TrainingPosition position = TrainingSchedule(config).position(0);
+    Rng weights(1);
+    Model model(config.model, weights);
+    const ReconstructionLoss reconstruction(config.model.reconstruction);
+    FaceBatch batch = make_batch(std::vector{faces().load(0), faces().load(1)});
+    const std::vector<double> wrong{0.1, -0.1};
+    const Codes codes = detached(face_codes(model, batch));
+    batch.targets = {
+        model.decoder()(codes, batch.cameras, {.samples_per_ray = 4}).images.back().value()};
+    std::vector<double> truth;
+    for (std::size_t i = 0; i < 2; ++i) {
+        Pose pose = pose_from_camera(batch.cameras[i]);
+        truth.push_back(pose.yaw);
+        batch.cameras[i] = camera_from_pose(
+            orbit_pose(pose.yaw + wrong[i], pose.pitch, pose.roll, pose.translation.norm()),
+            batch.cameras[i].intrinsics);
+    }
+    model.parameters().set_trainable("", false);
+    PhotoOffsets offsets(batch.ids, {.poses = true});
+    const std::vector<Parameter> learnt = offsets.parameters().trainable();
+    Adam adam({0.9, 0.999, 1e-8});
+    for (int step = 0; step < 60; ++step) {
+        Rng jitter(2);
+        const LossAndGradients result = generator_gradients(
+            {model, reconstruction, config, &offsets}, position, batch, learnt, jitter);
+        adam.step(learnt, result.gradients, 0.05);
+    }
+    const std::vector<Camera> found = face_cameras(batch, &offsets);
+    for (std::size_t i = 0; i < 2; ++i)
+        CHECK(std::abs(pose_from_camera(found[i]).yaw - truth[i]) < 0.05);
+}
+
+TEST_CASE("poses learn in every n-th step alone, and a run that resumes gives the same bits",
+          "[poses]") {
+    const ScratchFolder folder;
+    const auto trained = [&](const std::string& name, std::int64_t stop) {
+        TrainConfig config = with_poses(2);
+        if (stop > 0) {
+            TrainConfig first = config;
+            first.stage1.steps = stop;
+            Trainer trainer(first, faces(), nullptr, 5);
+            CHECK(trainer.run(RunFolder(folder / name, false), {}).finished);
+        }
+        const RunFolder run(folder / name, stop > 0);
+        Trainer trainer(config, faces(), nullptr, 5);
+        if (stop > 0) trainer.resume(run.checkpoint(stop));
+        CHECK(trainer.run(run, {}).finished);
+        return read_tensor_file(run.checkpoint(4) / "state.safetensors").tensors;
+    };
+    const auto whole = trained("whole", 0), parts = trained("parts", 1);
+    CHECK(identical(whole.at("poses.offset"), parts.at("poses.offset")));
+    const auto first = read_tensor_file(folder / "parts/checkpoints/000001/state.safetensors");
+    CHECK_FALSE(identical(first.tensors.at("poses.offset"), whole.at("poses.offset")));
+    TrainConfig config = with_poses(2);
+    TrainingPosition position = TrainingSchedule(config).position(1);
+    CHECK_FALSE(learns_poses(config, position));
+    position = TrainingSchedule(config).position(2);
+    CHECK(learns_poses(config, position));
+}

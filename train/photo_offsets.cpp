@@ -1,0 +1,93 @@
+#include "train/photo_offsets.h"
+
+#include <algorithm>
+#include <array>
+
+#include "core/error.h"
+#include "core/ops/ops.h"
+#include "render/tracked_rays.h"
+
+namespace stymo {
+
+namespace {
+
+constexpr std::int64_t orbit_size = 6;
+/// Radians and decimetres of an offset of 1, so that the learning rate of weights suits it.
+constexpr double pose_unit = 0.05;
+/// What mirroring does to yaw, pitch, roll and to the centre's right, up and forward part.
+constexpr std::array<double, orbit_size> mirrored_sign{-1.0, 1.0, -1.0, -1.0, 1.0, 1.0};
+
+bool is_mirrored(const FaceBatch& batch, std::size_t face) {
+    return face < batch.mirrored.size() && batch.mirrored[face];
+}
+
+/// (B, 6): 1, or the signs of a mirror image.
+Tensor orbit_signs(const FaceBatch& batch) {
+    std::vector<double> signs;
+    for (std::size_t face = 0; face < batch.ids.size(); ++face)
+        for (const double sign : mirrored_sign)
+            signs.push_back(is_mirrored(batch, face) ? sign : 1.0);
+    return Tensor::from({static_cast<std::int64_t>(batch.ids.size()), orbit_size},
+                        std::span<const double>(signs))
+        .to(DType::float32);
+}
+
+}  // namespace
+
+PhotoOffsets::PhotoOffsets(const std::vector<std::string>& ids, const PhotoOffsetsConfig& config)
+    : config_(config) {
+    for (const std::string& id : ids) rows_.emplace(id, static_cast<std::int64_t>(rows_.size()));
+    const auto count = static_cast<std::int64_t>(rows_.size());
+    for (std::size_t group = 0; config.codes && group < code_names.size(); ++group)
+        parameters_.create(
+            std::string("codes.offset.") + code_names[group],
+            Tensor::zeros({config.mirrored_codes ? 2 * count : count, code_sizes[group]}));
+    if (config.poses) parameters_.create("poses.offset", Tensor::zeros({count, orbit_size}));
+}
+
+std::vector<std::int64_t> PhotoOffsets::rows_of(const FaceBatch& batch, bool mirrored) const {
+    RowIndices rows;
+    for (std::size_t face = 0; face < batch.ids.size(); ++face) {
+        const auto found = rows_.find(batch.ids[face]);
+        if (found == rows_.end())
+            fail<ValueError>("face ", batch.ids[face], " has no learnt offset of its code or pose");
+        const bool second = mirrored && is_mirrored(batch, face);
+        rows.push_back(found->second + (second ? std::ssize(rows_) : 0));
+    }
+    return rows;
+}
+
+Codes PhotoOffsets::codes(const FaceBatch& batch) const {
+    if (!config_.codes) fail<ValueError>("no offsets of codes are learnt");
+    const RowIndices rows = rows_of(batch, config_.mirrored_codes);
+    Codes codes;
+    for (std::size_t group = 0; group < code_names.size(); ++group)
+        codes.groups[group] = gather_rows(parameters_.all()[group].variable(), rows);
+    return codes;
+}
+
+Variable PhotoOffsets::orbits(const FaceBatch& batch) const {
+    if (!config_.poses) fail<ValueError>("no offsets of poses are learnt");
+    std::vector<Pose> poses;
+    for (const Camera& camera : batch.cameras) poses.push_back(pose_from_camera(camera));
+    const Variable& all = parameters_.all().back().variable();
+    const Variable own = gather_rows(all, rows_of(batch, false)) - mean(all, {0});
+    return Variable(orbit_parameters(poses)) + own * Variable(orbit_signs(batch)) * pose_unit;
+}
+
+Codes face_codes(const Model& model, const FaceBatch& batch, const PhotoOffsets* offsets) {
+    const Codes codes = face_codes(model, batch);
+    return offsets != nullptr && offsets->has_codes() ? add(codes, offsets->codes(batch)) : codes;
+}
+
+std::vector<Camera> face_cameras(const FaceBatch& batch, const PhotoOffsets* offsets) {
+    std::vector<Camera> cameras = batch.cameras;
+    if (offsets == nullptr || !offsets->has_poses()) return cameras;
+    const Tensor orbits = offsets->orbits(batch).value();
+    for (std::size_t i = 0; i < cameras.size(); ++i)
+        cameras[i] = camera_from_pose(pose_from_orbit(orbits, static_cast<std::int64_t>(i)),
+                                      cameras[i].intrinsics);
+    return cameras;
+}
+
+}  // namespace stymo

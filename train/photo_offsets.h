@@ -1,0 +1,55 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "nn/models/face_batch.h"
+
+namespace stymo {
+
+/// What training learns for each of its photos.
+struct PhotoOffsetsConfig {
+    bool codes = false;           ///< an offset of its code
+    bool mirrored_codes = false;  ///< and another one of its mirror image's code
+    bool poses = false;           ///< an offset of its pose
+};
+
+/// Offsets of codes and poses of the training photos, which begin as zeros and are trained together
+/// with the weights. HeadNeRF learns such offsets of morphable codes.
+class PhotoOffsets {
+public:
+    static constexpr const char* pose_prefix = "poses.";
+
+    /// Creates codes.offset.{id,expr,tex,light} and poses.offset, as far as they are asked for,
+    /// with one row for each of `ids`; codes of mirror images follow in as many rows.
+    PhotoOffsets(const std::vector<std::string>& ids, const PhotoOffsetsConfig& config);
+
+    [[nodiscard]] bool has_codes() const { return config_.codes; }
+    [[nodiscard]] bool has_poses() const { return config_.poses; }
+    [[nodiscard]] ParameterStore& parameters() { return parameters_; }
+
+    /// Offsets of the codes of the batch's photos, one row for each. Throws ValueError for a photo
+    /// without offset, or if none are learnt.
+    [[nodiscard]] Codes codes(const FaceBatch& batch) const;
+    /// Orbit parameters (render/tracked_rays.h) of the poses of the batch's photos, (B, 6), offset
+    /// included. The mean offset of all photos is subtracted, because a common one would only move
+    /// the head's axes. A mirrored photo has the mirrored offset. Throws as `codes` does.
+    [[nodiscard]] Variable orbits(const FaceBatch& batch) const;
+
+private:
+    [[nodiscard]] std::vector<std::int64_t> rows_of(const FaceBatch& batch, bool mirrored) const;
+
+    PhotoOffsetsConfig config_;
+    std::map<std::string, std::int64_t> rows_;
+    ParameterStore parameters_;
+};
+
+/// The codes of the batch's faces (nn/models/face_batch.h), plus their learnt offsets, if any.
+/// `offsets` may be null.
+[[nodiscard]] Codes face_codes(const Model& model, const FaceBatch& batch,
+                               const PhotoOffsets* offsets);
+/// The cameras of the batch's faces, moved by their learnt offsets, if any. `offsets` may be null.
+[[nodiscard]] std::vector<Camera> face_cameras(const FaceBatch& batch, const PhotoOffsets* offsets);
+
+}  // namespace stymo
