@@ -213,7 +213,7 @@ Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Da
         try {
             const ComparedFace face = compared_face(model, faces, place, options);
             fit = fit_codes(model, loss, face.batch, fitting);
-            if (std::ssize(fit.losses) < fitting.steps) return;
+            if (std::ssize(fit.losses) < fitting.steps && !fit.converged) return;
             FitReport report =
                 report_fit(model, face.batch, face.masks.front(), fit, 0, options.lpips);
             const std::string& id = faces.ids()[static_cast<std::size_t>(place)];

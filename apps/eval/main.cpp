@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "apps/common/command_line.h"
+#include "apps/common/fit_optimizer.h"
 #include "apps/common/lpips_options.h"
 #include "apps/common/model_options.h"
 #include "apps/common/tools.h"
@@ -37,6 +38,7 @@ struct Options {
     bool shape = false;
     fs::path landmarks;
     fs::path morphable;
+    std::string optimizer = "adam";
     std::optional<std::int64_t> samples;
     stymo::LpipsOptions lpips;
     stymo::EvaluationOptions evaluation;
@@ -77,6 +79,7 @@ stymo::Settings settings_of(const Options& options) {
             {"--shape", options.shape},
             {"--fit", options.evaluation.fit},
             {"--steps", fitting.steps},
+            {"--optimizer", options.optimizer},
             {"--learning-rate", fitting.learning_rate},
             {"--regularizer", fitting.regularizer},
             {"--samples", or_own(options.samples)},
@@ -128,6 +131,7 @@ stymo::AppResult evaluate(Options options) {
     stymo::EvaluationOptions& evaluated = options.evaluation;
     evaluated.range = stymo::parse_range(options.ids);
     evaluated.regions = stymo::regions_called(options.region);
+    evaluated.fitting.optimizer = stymo::fit_optimizer(options.optimizer);
     if (options.samples) evaluated.fitting.samples_per_ray = *options.samples;
     const stymo::Model model = stymo::load_model(options.model);
     // Throws for a side that the model does not render.
@@ -245,6 +249,7 @@ int stymo_eval(int argc, char** argv) {
         .range(0, 1e6)
         .needs("--fit");
     line.option("--steps", options.evaluation.fitting.steps, "fitting steps").range(0, 1e6);
+    stymo::declare_fit_optimizer(line, options.optimizer);
     line.option("--learning-rate", options.evaluation.fitting.learning_rate,
                 "learning rate of the first fitting step; 0: the model's setting")
         .range(0, 10);

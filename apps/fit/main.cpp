@@ -9,6 +9,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/explain.h"
 #include "apps/common/face_input.h"
+#include "apps/common/fit_optimizer.h"
 #include "apps/common/lpips_options.h"
 #include "apps/common/model_options.h"
 #include "apps/common/preparation_options.h"
@@ -145,7 +146,7 @@ std::optional<stymo::Model> tune(const Options& options, const stymo::Model& mod
 stymo::AppResult fit(Options options) {
     stymo::require_photo(options.face);
     if (options.samples) options.fit.samples_per_ray = *options.samples;
-    if (options.optimizer == "lbfgs") options.fit.optimizer = stymo::FitOptimizer::lbfgs;
+    options.fit.optimizer = stymo::fit_optimizer(options.optimizer);
     stymo::Explainer explainer(options.explain);
     const stymo::Model model = stymo::load_model(options.model);
     const stymo::ReconstructionConfig config =
@@ -239,10 +240,7 @@ int stymo_fit(int argc, char** argv) {
         .required();
     stymo::declare_preparation_files(line, options.preparation);
     line.option("--steps", options.fit.steps, "optimiser steps").range(0, 1e6);
-    line.option("--optimizer", options.optimizer,
-                "adam (the paper's) or lbfgs, which reaches the same loss in fewer steps; a step "
-                "is one evaluation of loss and gradient")
-        .one_of({"adam", "lbfgs"});
+    stymo::declare_fit_optimizer(line, options.optimizer);
     line.option("--learning-rate", options.fit.learning_rate,
                 "learning rate of the first step; 0: the model's setting")
         .range(0, 10);

@@ -259,6 +259,15 @@ TEST_CASE("stymo-eval scores the faces that were asked for, and the fitted codes
     done(
         "stymo-render --model run/model.safetensors --codes scored/codes/00011.json --out "
         "scored_view.png --samples 4");
+    // As many evaluations of another optimiser end at another loss.
+    const json other = json::parse(
+        done(eval + "--split test --fit --optimizer lbfgs --steps 8 --json --out other").out);
+    const json same =
+        json::parse(done(eval + "--split test --fit --optimizer adam --steps 8 --json").out);
+    CHECK(other["mean"]["head"]["fitted"] != same["mean"]["head"]["fitted"]);
+    CHECK(other["mean"]["head"]["initial"] == same["mean"]["head"]["initial"]);
+    CHECK(parsed_file(stymo::tiny_run() / "other/report.json")["settings"]["--optimizer"] ==
+          "lbfgs");
     const ToolOutcome text = done(eval + "--ids 3");
     CHECK_THAT(text.out, Catch::Contains("initial") && !Catch::Contains("fitted"));
 }
