@@ -40,9 +40,14 @@ PhotoOffsets::PhotoOffsets(const std::vector<std::string>& ids, const PhotoOffse
     const auto count = static_cast<std::int64_t>(rows_.size());
     for (std::size_t group = 0; config.codes && group < code_names.size(); ++group)
         parameters_.create(
-            std::string("codes.offset.") + code_names[group],
+            code_prefix + std::string(code_names[group]),
             Tensor::zeros({config.mirrored_codes ? 2 * count : count, code_sizes[group]}));
     if (config.poses) parameters_.create("poses.offset", Tensor::zeros({count, orbit_size}));
+}
+
+void PhotoOffsets::load(const TensorFile& file, const std::string& source) {
+    for (const char* prefix : {code_prefix, pose_prefix})
+        if (has_prefix(file, prefix)) parameters_.load(file, source, prefix);
 }
 
 std::vector<std::int64_t> PhotoOffsets::rows_of(const FaceBatch& batch, bool mirrored) const {

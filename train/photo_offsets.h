@@ -19,6 +19,7 @@ struct PhotoOffsetsConfig {
 /// with the weights. HeadNeRF learns such offsets of morphable codes.
 class PhotoOffsets {
 public:
+    static constexpr const char* code_prefix = "codes.offset.";
     static constexpr const char* pose_prefix = "poses.";
 
     /// Creates codes.offset.{id,expr,tex,light} and poses.offset, as far as they are asked for,
@@ -28,6 +29,10 @@ public:
     [[nodiscard]] bool has_codes() const { return config_.codes; }
     [[nodiscard]] bool has_poses() const { return config_.poses; }
     [[nodiscard]] ParameterStore& parameters() { return parameters_; }
+
+    /// Restores what `parameters().save` wrote. Offsets of a kind that the file does not have stay
+    /// zeros. Throws FileError, which names `source`, for offsets of other photos.
+    void load(const TensorFile& file, const std::string& source);
 
     /// Offsets of the codes of the batch's photos, one row for each. Throws ValueError for a photo
     /// without offset, or if none are learnt.

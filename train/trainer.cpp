@@ -184,7 +184,7 @@ void Trainer::resume(const std::filesystem::path& folder) {
         ema_.emplace(model_.parameters().all());
         ema_->load(checkpoint.tensors, source, ema_prefix);
     }
-    if (offsets_) offsets_->parameters().load(checkpoint.tensors, source);
+    if (offsets_) offsets_->load(checkpoint.tensors, source);
     enter_stage(schedule_.position(state_.step).phase.stage);
     stage_->load(checkpoint.tensors, source);
 }

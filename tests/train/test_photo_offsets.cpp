@@ -135,7 +135,14 @@ TEST_CASE("poses learn in every n-th step alone, and a run that resumes gives th
     CHECK(identical(whole.at("poses.offset"), parts.at("poses.offset")));
     const auto first = read_tensor_file(folder / "parts/checkpoints/000001/state.safetensors");
     CHECK_FALSE(identical(first.tensors.at("poses.offset"), whole.at("poses.offset")));
-    TrainConfig config = with_poses(2);
+    // A run that did not learn poses goes on learning them.
+    TrainConfig without = with_poses(0), config = with_poses(2);
+    without.stage1.steps = 2;
+    CHECK(
+        Trainer(without, faces(), nullptr, 5).run(RunFolder(folder / "later", false), {}).finished);
+    Trainer later(config, faces(), nullptr, 5);
+    later.resume(folder / "later/checkpoints/000002");
+    CHECK(later.run(RunFolder(folder / "later", true), {}).finished);
     TrainingPosition position = TrainingSchedule(config).position(1);
     CHECK_FALSE(learns_poses(config, position));
     position = TrainingSchedule(config).position(2);
