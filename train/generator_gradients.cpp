@@ -53,7 +53,6 @@ LossAndGradients generator_gradients(const GeneratorInputs& inputs,
                  .keep_field = !recomputation.field,
                  .recompute_blocks = recomputation.blocks,
                  .orbits = learn_poses ? inputs.offsets->orbits(batch) : Variable(),
-                 .open_frequencies = open_frequencies(inputs.config, position),
                  .jitter = &jitter});
 
     LossAndGradients result;

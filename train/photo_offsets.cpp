@@ -14,7 +14,8 @@ namespace {
 constexpr std::int64_t orbit_size = 6;
 /// Radians and decimetres of an offset of 1, so that the learning rate of weights suits it.
 constexpr double pose_unit = 0.05;
-/// What mirroring does to yaw, pitch, roll and to the centre's right, up and forward part.
+/// What mirroring does to yaw, pitch, roll and to the centre's part to the right, up and towards
+/// the camera.
 constexpr std::array<double, orbit_size> mirrored_sign{-1.0, 1.0, -1.0, -1.0, 1.0, 1.0};
 
 bool is_mirrored(const FaceBatch& batch, std::size_t face) {
@@ -76,7 +77,9 @@ Variable PhotoOffsets::orbits(const FaceBatch& batch) const {
     std::vector<Pose> poses;
     for (const Camera& camera : batch.cameras) poses.push_back(pose_from_camera(camera));
     const Variable& all = parameters_.all().back().variable();
-    const Variable own = gather_rows(all, rows_of(batch, false)) - mean(all, {0});
+    // The mean counts as a constant. Otherwise every photo would have a gradient in every step, and
+    // Adam would move all photos that no batch has shown yet.
+    const Variable own = gather_rows(all, rows_of(batch, false)) - mean(all, {0}).detach();
     return Variable(orbit_parameters(poses)) + own * Variable(orbit_signs(batch)) * pose_unit;
 }
 

@@ -31,15 +31,17 @@ public:
     [[nodiscard]] ParameterStore& parameters() { return parameters_; }
 
     /// Restores what `parameters().save` wrote. Offsets of a kind that the file does not have stay
-    /// zeros. Throws FileError, which names `source`, for offsets of other photos.
+    /// zeros. Throws FileError, which names `source`, for offsets of another number of
+    /// photos.
     void load(const TensorFile& file, const std::string& source);
 
     /// Offsets of the codes of the batch's photos, one row for each. Throws ValueError for a photo
     /// without offset, or if none are learnt.
     [[nodiscard]] Codes codes(const FaceBatch& batch) const;
     /// Orbit parameters (render/tracked_rays.h) of the poses of the batch's photos, (B, 6), offset
-    /// included. The mean offset of all photos is subtracted, because a common one would only move
-    /// the head's axes. A mirrored photo has the mirrored offset. Throws as `codes` does.
+    /// included. The mean offset of all photos is subtracted, because other photos, which have no
+    /// offset, must go on fitting the same head. A mirrored photo has the mirrored offset. Throws
+    /// as `codes` does.
     [[nodiscard]] Variable orbits(const FaceBatch& batch) const;
 
 private:

@@ -11,13 +11,6 @@ bool learns_poses(const TrainConfig& config, const TrainingPosition& position) {
     return position.phase.stage == 1 && interval > 0 && position.step % interval == 0;
 }
 
-double open_frequencies(const TrainConfig& config, const TrainingPosition& position) {
-    const std::int64_t steps = config.stage1.opening_steps;
-    if (position.phase.stage != 1 || position.step >= steps) return all_frequencies;
-    return static_cast<double>(config.model.decoder.frequencies) *
-           static_cast<double>(position.step) / static_cast<double>(steps);
-}
-
 TrainingSchedule::TrainingSchedule(const TrainConfig& config) {
     const StageConfig& first = config.stage1;
     phases_.push_back({.resolution = stage1_resolution(config),

@@ -35,8 +35,6 @@ struct TrainingPosition {
 
 /// Whether a step learns the poses of its photos (StageConfig::pose_interval).
 [[nodiscard]] bool learns_poses(const TrainConfig& config, const TrainingPosition& position);
-/// How many frequencies of the encoding take part in a step (DecodeOptions::open_frequencies).
-[[nodiscard]] double open_frequencies(const TrainConfig& config, const TrainingPosition& position);
 
 /// The position of each step, a pure function of the configuration. To continue at the right images
 /// and fade, a checkpoint therefore needs only the number of its step.

@@ -28,7 +28,7 @@ void describe_loss(ConfigSchema& schema, LossConfig& config) {
         "loss.adversarial_weight", config.adversarial_weight, 0.0, 1e6,
         "lambda of the adversarial loss in stage 2 (paper: 0.1); 0: no discriminator is trained");
     schema.number("loss.code_norm_weight", config.code_norm_weight, 0.0, 1e6,
-                  "mean squared number of the encoder's codes (paper: none)");
+                  "mean squared number of the codes, learnt offsets included (paper: none)");
 }
 
 void describe_optimizer(ConfigSchema& schema, OptimizerConfig& config) {
@@ -70,12 +70,8 @@ void describe_stage1(ConfigSchema& schema, StageConfig& config) {
     schema.number("stage1.average_half_life", config.average_half_life, 0.0, 1e12,
                   "half life of the EMA of the weights, in images; 0: no EMA is kept");
     schema.integer("stage1.pose_interval", config.pose_interval, 0, 1'000'000,
-                   "every n-th step also learns an offset of each photo's pose (paper: future "
-                   "work); 0: poses stay as they are");
-    schema.integer(
-        "stage1.opening_steps", config.opening_steps, 0, 100'000'000,
-        "steps in which the frequencies of the encoding open one after the other (BARF); "
-        "0: all are open (paper)");
+                   "every n-th step also learns offsets of the poses of its photos (paper: future "
+                   "work); 0: no step does");
 }
 
 void describe_stage2(ConfigSchema& schema, AdversarialStageConfig& config) {
@@ -229,9 +225,6 @@ void check(const TrainConfig& config, const std::string& source) {
         fail<ConfigError>(source, ": decoder.near_z = ", config.model.decoder.rays.near_z,
                           ": must be above decoder.far_z = ", config.model.decoder.rays.far_z);
     }
-    if (config.stage1.opening_steps > 0 && config.model.decoder.conditioning != "modulation")
-        fail<ConfigError>(source, ": stage1.opening_steps = ", config.stage1.opening_steps,
-                          " needs decoder.conditioning = modulation");
     const std::size_t resolutions = ladder.count();
     if (config.model.reconstruction.resolution_weights.size() < resolutions) {
         fail<ConfigError>(source, ": reconstruction.resolution_weights has ",

@@ -20,8 +20,8 @@ struct LossConfig {
     double opacity_weight = 0.0;         ///< weight of the opacity of rays against the mask
     double depth_variance_weight = 0.0;  ///< weight of the variance of the depth along each ray
     double adversarial_weight = 0.1;     ///< lambda_G, second stage
-    /// Weight of the squared length of the encoder's codes, which keeps them in the range that
-    /// fitting reaches.
+    /// Weight of the squared length of the codes, learnt offsets included, which keeps them in the
+    /// range that fitting reaches.
     double code_norm_weight = 0.0;
 };
 
@@ -50,10 +50,8 @@ struct StageConfig {
     /// Side of the largest image that is rendered and compared; 0: the decoder's resolution.
     std::int64_t resolution = 0;
     double average_half_life = 0.0;  ///< half life of the EMA of the weights, in images; 0: no EMA
-    std::int64_t pose_interval =
-        0;  ///< every n-th step also learns the poses of its photos; 0: none
-    std::int64_t opening_steps = 0;  ///< steps in which the frequencies of the encoding open; 0:
-                                     ///< all are open
+    /// Every n-th step also learns offsets of the poses of its photos; 0: no step does.
+    std::int64_t pose_interval = 0;
 };
 
 /// The second stage: adversarial training of the decoder, from 64 pixels up to the model's

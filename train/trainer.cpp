@@ -55,8 +55,8 @@ Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Datas
       validation_(validation),
       rng_(seed),
       schedule_(config),
-      images_(training, config.data, rng_, resolution_ladder(config.model.decoder).smallest(),
-              config.stage1.batch),
+      images_(training, config.data.mirror, rng_,
+              resolution_ladder(config.model.decoder).smallest(), config.stage1.batch),
       model_(initial_model(config.model, rng_)),
       reconstruction_(config.model.reconstruction) {
     if (uses_encoder(config.model)) require_backbone_weights(config.model.encoder);
@@ -184,6 +184,9 @@ void Trainer::resume(const std::filesystem::path& folder) {
         ema_.emplace(model_.parameters().all());
         ema_->load(checkpoint.tensors, source, ema_prefix);
     }
+    // Poses that were learnt earlier stay as they are if no step learns them.
+    if (!offsets_ && has_prefix(checkpoint.tensors, PhotoOffsets::pose_prefix))
+        offsets_.emplace(training_.ids(), PhotoOffsetsConfig{.poses = true});
     if (offsets_) offsets_->load(checkpoint.tensors, source);
     enter_stage(schedule_.position(state_.step).phase.stage);
     stage_->load(checkpoint.tensors, source);

@@ -25,9 +25,6 @@ struct SineNetworkOf {
 };
 using SineNetwork = SineNetworkOf<Variable>;
 
-/// Every frequency of an encoding takes part.
-inline constexpr double all_frequencies = 64.0;
-
 /// B faces with R rays of N samples each.
 struct RayPoints {
     Tensor points;  ///< (B, R * N, 3)
@@ -38,9 +35,6 @@ struct RayPoints {
     /// Samples with a smaller compositing weight get no gradient in the backward pass, but their
     /// optical depth still counts. 0: every sample gets its gradient.
     double gradient_tolerance = 0.0;
-    /// Frequency 2^k of the encoding has the weight (1 - cos(pi t)) / 2 with t = open - k, clamped
-    /// to [0, 1], as in BARF.
-    double open_frequencies = all_frequencies;
 };
 
 /// The field of one face. Its style is folded into the weights of every layer.

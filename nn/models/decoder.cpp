@@ -209,9 +209,9 @@ Decoded Decoder::operator()(const Codes& z, const std::vector<Camera>& cameras,
     const RaySampling sampling = layers_->sampling_of(options.samples_per_ray, options.resolution);
     RaySamples samples = layers_->samples_of(w, cameras, sampling, options.jitter);
     RayPoints points{samples.points, samples.deltas, options.significant_samples,
-                     options.gradient_tolerance, options.open_frequencies};
+                     options.gradient_tolerance};
     const FieldStyle style = field_style(w);
-    // The ops that track points keep much for each sample, so those of no weight are left out.
+    // The ops that track points keep much for each sample, so those of little weight are left out.
     if (options.orbits.defined() && !points.significant.defined() &&
         options.gradient_tolerance > 0.0)
         points.significant = significant_samples(

@@ -66,7 +66,8 @@ struct DecodeOptions {
     /// (B, rays, samples_per_ray), 0 where a sample is left out as if it were empty. If undefined,
     /// no sample is left out.
     Tensor significant_samples{};
-    /// Samples of a smaller compositing weight get no gradient.
+    /// Samples of a smaller compositing weight get no gradient. With `orbits` they are left out of
+    /// the image too.
     double gradient_tolerance = 0.0;
     /// Keeps the field's activations for the backward pass, layers * width numbers for each sample,
     /// instead of computing them again. A field with concatenated codes never keeps them.
@@ -78,8 +79,6 @@ struct DecodeOptions {
     /// Gradients flow to them. If undefined, there are no gradients of the poses. Much slower than
     /// without orbits; significant_samples reduce the cost.
     Variable orbits{};
-    /// How many frequencies of the encoding take part (RayPoints::open_frequencies).
-    double open_frequencies = all_frequencies;
     /// Random numbers for stratified samples (training); null: fixed samples.
     Rng* jitter = nullptr;
 };

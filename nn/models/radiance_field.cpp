@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "core/autograd/recompute.h"
 #include "core/error.h"
@@ -43,30 +42,16 @@ Variable composed_rays(const RayPoints& rays, const SineNetwork& network) {
         {weights.weights, weights.transmittance, composite(weights.weights, samples.features)}, 2);
 }
 
-/// Channels of the encoding: the point itself, and those of each frequency.
-constexpr std::int64_t plain = 3, per_frequency = 6;
-
 /// Factors on a layer's initial weights: columns of frequency 2^k are multiplied by 2^(-k *
 /// falloff).
 Tensor initial_scale(std::int64_t frequencies, double falloff, std::int64_t inputs) {
+    constexpr std::int64_t plain = 3, per_frequency = 6;
     Tensor scale = Tensor::full({inputs}, 1.0);
     const std::span<float> values = scale.mutable_values<float>();
     for (std::int64_t i = 0; i < per_frequency * frequencies; ++i)
         values[static_cast<std::size_t>(plain + i)] =
             static_cast<float>(std::exp2(-falloff * static_cast<double>(i / per_frequency)));
     return scale;
-}
-
-/// Factors (1, 1, inputs) on the weights of a layer whose input begins with the encoding.
-Tensor opened(std::int64_t frequencies, double open, const Variable& weight) {
-    Tensor factors = Tensor::full({1, 1, weight.shape(2)}, 1.0);
-    const std::span<float> values = factors.mutable_values<float>();
-    for (std::int64_t i = 0; i < per_frequency * frequencies; ++i) {
-        const double t = std::clamp(open - static_cast<double>(i / per_frequency), 0.0, 1.0);
-        values[static_cast<std::size_t>(plain + i)] =
-            static_cast<float>(0.5 * (1.0 - std::cos(std::numbers::pi * t)));
-    }
-    return factors.to(weight.dtype());
 }
 
 SineNetworkOf<Tensor> values_of(const SineNetwork& network) {
@@ -112,20 +97,13 @@ RadianceField::RadianceField(const RadianceFieldConfig& config, ParameterStore& 
     }
 }
 
-SineNetwork RadianceField::network(const Variable& style, double open_frequencies) const {
+SineNetwork RadianceField::network(const Variable& style) const {
     SineNetwork network{.frequencies = frequencies_,
                         .skip_layer = skip_layer_,
                         .layers = {},
                         .density_weight = density_.effective_weight(),
                         .density_bias = density_.effective_bias()};
-    for (std::size_t i = 0; i < layers_.size(); ++i) {
-        ModulatedLayer layer = layers_[i].parts(style);
-        const bool encoded = i == 0 || i == skip_layer_;
-        if (encoded && open_frequencies < static_cast<double>(frequencies_))
-            layer.weight =
-                layer.weight * Variable(opened(frequencies_, open_frequencies, layer.weight));
-        network.layers.push_back(std::move(layer));
-    }
+    for (const ModulatedLinear& layer : layers_) network.layers.push_back(layer.parts(style));
     network.layers.push_back(feature0_.parts(style));
     return network;
 }
@@ -139,28 +117,24 @@ FieldSamples RadianceField::operator()(const Variable& points, const Variable& s
 
 RenderedRays RadianceField::render(const RayPoints& rays, const Variable& style,
                                    SineArguments arguments) const {
-    return taken_apart(
-        sine_rays(rays, network(style, rays.open_frequencies), composed_rays, arguments),
-        rays.deltas.shape(2));
-}
-
-RenderedRays RadianceField::render_reference(const RayPoints& rays, const Variable& style) const {
-    return taken_apart(composed_rays(rays, network(style, rays.open_frequencies)),
+    return taken_apart(sine_rays(rays, network(style), composed_rays, arguments),
                        rays.deltas.shape(2));
 }
 
-Variable RadianceField::tracked_samples(const Variable& points, const Variable& style,
-                                        double open_frequencies) const {
+RenderedRays RadianceField::render_reference(const RayPoints& rays, const Variable& style) const {
+    return taken_apart(composed_rays(rays, network(style)), rays.deltas.shape(2));
+}
+
+Variable RadianceField::tracked_samples(const Variable& points, const Variable& style) const {
     constexpr std::int64_t rows_at_once = 8192;
     std::vector<Variable> parts;
     for (std::int64_t begin = 0; begin < points.shape(0); begin += rows_at_once) {
         const std::int64_t end = std::min(begin + rows_at_once, points.shape(0));
         parts.push_back(recompute(
-            [field = *this, open_frequencies](std::span<const Variable> inputs) {
+            [field = *this](std::span<const Variable> inputs) {
                 const std::int64_t rows = inputs[0].shape(0);
                 const FieldSamples samples =
-                    evaluate(reshape(inputs[0], {1, rows, 3}),
-                             field.network(inputs[1], open_frequencies), false);
+                    evaluate(reshape(inputs[0], {1, rows, 3}), field.network(inputs[1]), false);
                 return reshape(concat({samples.density, samples.features}, 2), {rows, -1});
             },
             {slice(points, 0, begin, end), style}));
@@ -176,8 +150,8 @@ RenderedRays RadianceField::render_tracked(const Variable& points, const RayPoin
         RowIndices rows = significant_rows(rays, face);
         if (rows.empty()) rows.push_back(0);
         const Variable own = reshape(slice(points, 0, face, face + 1), {points.shape(1), 3});
-        const Variable samples = tracked_samples(
-            gather_rows(own, rows), slice(style, 0, face, face + 1), rays.open_frequencies);
+        const Variable samples =
+            tracked_samples(gather_rows(own, rows), slice(style, 0, face, face + 1));
         RenderedRays rendered =
             composited_rows(samples, rows, slice(Variable(rays.deltas), 0, face, face + 1).value());
         weights.push_back(rendered.weights.weights);

@@ -79,11 +79,9 @@ public:
 
 private:
     [[nodiscard]] RenderedFeatures finished(RenderedRays rays) const;
-    [[nodiscard]] SineNetwork network(const Variable& style,
-                                      double open_frequencies = all_frequencies) const;
+    [[nodiscard]] SineNetwork network(const Variable& style) const;
     /// Density and features (K, 1 + width) at points (K, 3) of one face.
-    [[nodiscard]] Variable tracked_samples(const Variable& points, const Variable& style,
-                                           double open_frequencies) const;
+    [[nodiscard]] Variable tracked_samples(const Variable& points, const Variable& style) const;
 
     std::int64_t frequencies_;
     std::size_t skip_layer_;

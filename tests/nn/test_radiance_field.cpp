@@ -149,41 +149,6 @@ TEST_CASE("the fused field has the values and gradients of its composition", "[f
     }
 }
 
-TEST_CASE("a closed frequency takes no part, and an open one takes part as if none were closed",
-          "[field]") {
-    Case given(DType::float64);
-    // Of the encoding only frequency 4 = 2^2 remains.
-    for (const Parameter& parameter : given.store.all()) {
-        if (parameter.name() != "field.layer0.weight" && parameter.name() != "field.layer3.weight")
-            continue;
-        const Tensor old = parameter.variable().value();
-        Tensor kept = old;
-        for (std::int64_t i = 0; i < kept.size(); ++i) {
-            const std::int64_t column = i % kept.shape(1);
-            if (column < 3 + 4 * 6 && (column < 3 + 2 * 6 || column >= 3 + 3 * 6))
-                kept.mutable_values<double>()[static_cast<std::size_t>(i)] = 0.0;
-        }
-        parameter.set_value(kept);
-    }
-    Case elsewhere = given;
-    elsewhere.rays.points = Rng(17).uniform(given.rays.points.shape(), -1.0, 1.0, DType::float64);
-    const auto densities = [](Case& one, double open) {
-        one.rays.open_frequencies = open;
-        return one.field.render(one.rays, one.style).weights.weights.value();
-    };
-    CHECK(identical(densities(given, 2.0), densities(elsewhere, 2.0)));
-    CHECK_FALSE(identical(densities(given, 2.5), densities(elsewhere, 2.5)));
-    CHECK_FALSE(identical(densities(given, 2.5), densities(given, 3.0)));
-    CHECK(identical(densities(given, 3.0), densities(given, all_frequencies)));
-    given.rays.open_frequencies = 2.5;
-    check_equal(given.values_and_gradients(true), given.values_and_gradients(false), 1e-10);
-    check_equal(given.values_and_gradients(true),
-                given.values_and_gradients([&](const Variable& codes) {
-                    return given.field.render_tracked(given.rays.points, given.rays, codes);
-                }),
-                1e-10);
-}
-
 TEST_CASE("samples of little weight are constants of the backward pass", "[field]") {
     for (const bool some_left_out : {false, true}) {
         Case given(DType::float64);

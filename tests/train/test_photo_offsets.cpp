@@ -66,6 +66,33 @@ TEST_CASE("a learnt offset moves the camera of its photo, and mirrored that of t
     CHECK(moved[2].world_from_camera.isApprox(expected.world_from_camera, 1e-5));
 }
 
+TEST_CASE("a step leaves the poses of photos that it does not show as they are", "[poses]") {
+    const FaceBatch batch = make_batch(std::vector{faces().load(0), faces().load(2)});
+    PhotoOffsets offsets(faces().ids(), {.poses = true});
+    const Variable& all = offsets.parameters().all().front().variable();
+    const Tensor gradient = grad(sum(square(offsets.orbits(batch))), all).value();
+    for (std::int64_t row = 0; row < 4; ++row) {
+        const Tensor own = slice(Variable(gradient), 0, row, row + 1).value();
+        const bool shown = row == 0 || row == 2;
+        CHECK((sum(abs(Variable(own))).value().item() > 0.0) == shown);
+    }
+}
+
+TEST_CASE("a photo and its mirror image have an offset of their code each", "[codes]") {
+    const FaceBatch batch = batch_with_mirror_image();
+    PhotoOffsets offsets(faces().ids(), {.codes = true, .mirrored_codes = true});
+    const Parameter& light = offsets.parameters().all().back();
+    CHECK(light.variable().shape() == Shape{8, code_sizes[3]});
+    light.set_value(Rng(3).normal(light.variable().shape(), 0.0, 1.0));
+    const Tensor rows = offsets.codes(batch).light().value();
+    const auto row = [](const Tensor& x, std::int64_t i) {
+        return slice(Variable(x), 0, i, i + 1).value();
+    };
+    CHECK(identical(row(rows, 0), row(light.variable().value(), 0)));
+    CHECK(identical(row(rows, 1), row(light.variable().value(), 1)));
+    CHECK(identical(row(rows, 2), row(light.variable().value(), 4)));
+}
+
 TEST_CASE("an offset that all photos share moves no camera", "[poses]") {
     const FaceBatch batch = batch_with_mirror_image();
     PhotoOffsets offsets(faces().ids(), {.poses = true});
@@ -133,8 +160,19 @@ TEST_CASE("poses learn in every n-th step alone, and a run that resumes gives th
     };
     const auto whole = trained("whole", 0), parts = trained("parts", 1);
     CHECK(identical(whole.at("poses.offset"), parts.at("poses.offset")));
-    const auto first = read_tensor_file(folder / "parts/checkpoints/000001/state.safetensors");
-    CHECK_FALSE(identical(first.tensors.at("poses.offset"), whole.at("poses.offset")));
+    // Of the four steps the first and the third one learn poses.
+    const auto after = [&](std::int64_t steps) {
+        TrainConfig config = with_poses(2);
+        config.stage1.steps = steps;
+        const RunFolder run(folder / std::to_string(steps), false);
+        CHECK(Trainer(config, faces(), nullptr, 5).run(run, {}).finished);
+        return read_tensor_file(run.checkpoint(steps) / "state.safetensors")
+            .tensors.at("poses.offset");
+    };
+    const Tensor one = after(1), two = after(2), three = after(3);
+    CHECK(identical(one, two));
+    CHECK_FALSE(identical(two, three));
+    CHECK(identical(three, whole.at("poses.offset")));
     // A run that did not learn poses goes on learning them.
     TrainConfig without = with_poses(0), config = with_poses(2);
     without.stage1.steps = 2;
@@ -143,6 +181,18 @@ TEST_CASE("poses learn in every n-th step alone, and a run that resumes gives th
     Trainer later(config, faces(), nullptr, 5);
     later.resume(folder / "later/checkpoints/000002");
     CHECK(later.run(RunFolder(folder / "later", true), {}).finished);
+    const auto offsets_at = [&](const char* step) {
+        return read_tensor_file(folder / "later/checkpoints" / step / "state.safetensors")
+            .tensors.at("poses.offset");
+    };
+    const Tensor learnt = offsets_at("000004");
+    CHECK(sum(abs(Variable(learnt))).value().item() > 0.0);
+    // A run that no longer learns poses keeps them.
+    without.stage1.steps = 5;
+    Trainer last(without, faces(), nullptr, 5);
+    last.resume(folder / "later/checkpoints/000004");
+    CHECK(last.run(RunFolder(folder / "later", true), {}).finished);
+    CHECK(identical(offsets_at("000005"), learnt));
     TrainingPosition position = TrainingSchedule(config).position(1);
     CHECK_FALSE(learns_poses(config, position));
     position = TrainingSchedule(config).position(2);

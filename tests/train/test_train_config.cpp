@@ -173,9 +173,3 @@ TEST_CASE("codes of the data do not go with mirrored photos", "[train_config]") 
     CHECK_THAT(refusal({"codes.source=morphable", "data.mirror=true"}),
                Catch::Contains("codes.source = morphable needs data.mirror = false"));
 }
-
-TEST_CASE("only a modulated field opens the frequencies of its encoding", "[train_config]") {
-    CHECK_THAT(
-        refusal({"stage1.opening_steps=10", "decoder.conditioning=concatenation"}),
-        Catch::Contains("stage1.opening_steps = 10 needs decoder.conditioning = modulation"));
-}

@@ -76,10 +76,6 @@ Face mirrored(const Face& face) {
     return result;
 }
 
-Tensor encoder_input(std::span<const Face> faces) {
-    return affine(Variable(stacked(faces, &Face::image)), 2.0, -1.0).value();
-}
-
 FaceBatch make_batch(std::span<const Face> faces, std::int64_t smallest_target) {
     const ResolutionLadder ladder = common_ladder(faces, smallest_target);
     const Variable images(stacked(faces, &Face::image));
@@ -87,7 +83,7 @@ FaceBatch make_batch(std::span<const Face> faces, std::int64_t smallest_target) 
     FaceBatch batch;
     batch.mask = stacked(faces, &Face::mask);
     batch.ray_mask = shrunk(batch.mask, smallest_target / 2, 0.0, 1.0);
-    batch.input = encoder_input(faces);
+    batch.input = affine(images, 2.0, -1.0).value();
     const Tensor target = affine(images * Variable(batch.mask), 2.0, -1.0).value();
     for (const std::int64_t s : ladder.sides())
         batch.targets.push_back(shrunk(target, s, -1.0, 1.0));

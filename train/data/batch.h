@@ -27,9 +27,6 @@ struct Face {
 /// The mirror image of a face. It has no code, because the code of a mirrored face is unknown.
 [[nodiscard]] Face mirrored(const Face& face);
 
-/// FaceBatch::input of these faces.
-[[nodiscard]] Tensor encoder_input(std::span<const Face> faces);
-
 /// Makes a batch. For the targets each image is multiplied by its mask, mapped to [-1, 1],
 /// downsampled by antialiased bicubic resampling and clipped to [-1, 1]. The targets' sides are
 /// `smallest_target` doubled up to the faces' side. Throws ValueError for no faces, ShapeError for

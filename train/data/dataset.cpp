@@ -119,9 +119,6 @@ void describe(ConfigSchema& schema, DataConfig& config) {
                   "last (training, validation, test)");
     schema.boolean("data.mirror", config.mirror,
                    "mirror half of the training faces at random; a mirrored face has no code loss");
-    schema.boolean("data.mirror_keeps_code", config.mirror_keeps_code,
-                   "the code of a mirrored face is that of the face as it is: a second view of a "
-                   "symmetric head");
     schema.integer(
         "data.cache_megabytes", config.cache_megabytes, 0, 10000000,
         "memory for decoded faces at the training size; a larger set is decoded again at each use");

@@ -19,13 +19,12 @@ struct DataConfig {
     std::int64_t validation = 1000;  ///< number of faces held out for validation
     /// Which end of the sorted ids is held out: "first" or "last".
     std::string held_out = "first";
-    bool mirror = false;             ///< whether training mirrors a random half of the faces
-    bool mirror_keeps_code = false;  ///< whether their codes are those of the photos as they are
+    bool mirror = false;  ///< whether training mirrors a random half of the faces
     std::int64_t cache_megabytes = 2048;
 };
 
 /// Binds "data.split.test", "data.split.val", "data.split.held_out", "data.mirror",
-/// "data.mirror_keeps_code", "data.cache_megabytes".
+/// "data.cache_megabytes".
 void describe(ConfigSchema& schema, DataConfig& config);
 
 /// With `held_out` "first" the sorted ids are divided into test, validation, training; with "last"

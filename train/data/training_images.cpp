@@ -39,18 +39,15 @@ std::int64_t TrainingImages::face_of(std::int64_t image) const {
 }
 
 FaceBatch TrainingImages::batch(std::int64_t first_image, std::int64_t count) const {
-    std::vector<Face> faces, inputs;
+    std::vector<Face> faces;
     for (std::int64_t number = first_image; number < first_image + count; ++number) {
         Face face = faces_.load(face_of(number));
         if (ahead_ > 0) faces_.announce(face_of(number + ahead_));
         const bool mirror =
             mirror_ && rng_.split("mirror").split(static_cast<std::uint64_t>(number)).below(2) == 1;
-        if (keep_input_) inputs.push_back(face);
         faces.push_back(mirror ? mirrored(face) : std::move(face));
     }
-    FaceBatch batch = make_batch(faces, smallest_target_);
-    if (keep_input_) batch.input = encoder_input(inputs);
-    return batch;
+    return make_batch(faces, smallest_target_);
 }
 
 }  // namespace stymo

@@ -16,14 +16,13 @@ namespace stymo {
 /// shuffled differently. The n-th image is a pure function of data set and generator.
 class TrainingImages {
 public:
-    /// `config.mirror`: a random half of the faces is mirrored. `smallest_target` as in make_batch.
-    /// When an image is loaded, the operating system is told to read the image `ahead` places
-    /// later; 0: it is not. The data set must outlive this object.
-    TrainingImages(const Dataset& faces, const DataConfig& config, const Rng& rng,
+    /// `mirror`: a random half of the faces is mirrored. `smallest_target` as in make_batch. When
+    /// an image is loaded, the operating system is told to read the image `ahead` places later; 0:
+    /// it is not. The data set must outlive this object.
+    TrainingImages(const Dataset& faces, bool mirror, const Rng& rng,
                    std::int64_t smallest_target = 64, std::int64_t ahead = 0)
         : faces_(faces),
-          mirror_(config.mirror),
-          keep_input_(config.mirror_keeps_code),
+          mirror_(mirror),
           rng_(rng),
           smallest_target_(smallest_target),
           ahead_(ahead) {}
@@ -44,7 +43,6 @@ private:
 
     const Dataset& faces_;
     bool mirror_;
-    bool keep_input_;  ///< the encoder sees mirrored faces as they are
     Rng rng_;
     std::int64_t smallest_target_;
     std::int64_t ahead_;
