@@ -30,12 +30,6 @@ Codes of_one_person(Codes codes) {
     return codes;
 }
 
-Tensor orbits_of(const std::vector<Camera>& cameras, DType dtype) {
-    std::vector<Pose> poses;
-    for (const Camera& camera : cameras) poses.push_back(pose_from_camera(camera));
-    return orbit_parameters(poses, dtype);
-}
-
 /// Largest share of significant samples for which keeping the field's arguments takes little
 /// memory.
 constexpr double few_samples = 0.25;
@@ -76,7 +70,7 @@ FitProblem::FitProblem(const Model& model, const ReconstructionLoss& loss, const
                         Tensor::zeros({rows, values.shape(1)}, values.dtype()));
     }
     if (options.refine_pose)
-        orbits_.create("orbits", orbits_of(faces.cameras, initial_.identity().dtype()));
+        orbits_.create("orbits", orbit_parameters(faces.cameras, initial_.identity().dtype()));
     const std::int64_t own = model.config().reconstruction.fit_samples_per_ray;
     decode_.samples_per_ray = options.samples_per_ray > 0 ? options.samples_per_ray : own;
     decode_.keep_field = options.keep_field;
@@ -90,13 +84,8 @@ Codes FitProblem::code_offsets() const {
 }
 
 std::vector<Camera> FitProblem::cameras() const {
-    std::vector<Camera> cameras = faces_.cameras;
-    if (orbits().empty()) return cameras;
-    const Tensor& parameters = orbits().front().variable().value();
-    for (std::size_t i = 0; i < cameras.size(); ++i)
-        cameras[i] = camera_from_pose(pose_from_orbit(parameters, static_cast<std::int64_t>(i)),
-                                      cameras[i].intrinsics);
-    return cameras;
+    if (orbits().empty()) return faces_.cameras;
+    return cameras_at(orbits().front().variable().value(), faces_.cameras);
 }
 
 void FitProblem::select_samples() {

@@ -57,6 +57,19 @@ Tensor orbit_parameters(std::span<const Pose> poses, DType dtype) {
     return Tensor::from({std::ssize(poses), 6}, std::span<const double>(values)).to(dtype);
 }
 
+Tensor orbit_parameters(std::span<const Camera> cameras, DType dtype) {
+    std::vector<Pose> poses;
+    for (const Camera& camera : cameras) poses.push_back(pose_from_camera(camera));
+    return orbit_parameters(poses, dtype);
+}
+
+std::vector<Camera> cameras_at(const Tensor& parameters, std::vector<Camera> cameras) {
+    for (std::size_t i = 0; i < cameras.size(); ++i)
+        cameras[i] = camera_from_pose(pose_from_orbit(parameters, static_cast<std::int64_t>(i)),
+                                      cameras[i].intrinsics);
+    return cameras;
+}
+
 Pose pose_from_orbit(const Tensor& parameters, std::int64_t index) {
     const std::vector<double> all = parameters.to_vector();
     const double* const row = &all[static_cast<std::size_t>(6 * index)];

@@ -12,6 +12,10 @@ namespace stymo {
 /// then R^T t, the camera's centre in axes that turn with the camera (right, up, towards the
 /// camera). A change of only the angles is an orbit around the head at constant distance.
 [[nodiscard]] Tensor orbit_parameters(std::span<const Pose> poses, DType dtype = DType::float32);
+/// Those of the cameras' poses.
+[[nodiscard]] Tensor orbit_parameters(std::span<const Camera> cameras, DType dtype);
+/// The cameras at the poses of such parameters, (B, 6), with their own intrinsics.
+[[nodiscard]] std::vector<Camera> cameras_at(const Tensor& parameters, std::vector<Camera> cameras);
 /// Row `index` of such parameters as a pose.
 [[nodiscard]] Pose pose_from_orbit(const Tensor& parameters, std::int64_t index);
 

@@ -43,7 +43,8 @@ PhotoOffsets::PhotoOffsets(const std::vector<std::string>& ids, const PhotoOffse
         parameters_.create(
             code_prefix + std::string(code_names[group]),
             Tensor::zeros({config.mirrored_codes ? 2 * count : count, code_sizes[group]}));
-    if (config.poses) parameters_.create("poses.offset", Tensor::zeros({count, orbit_size}));
+    if (config.poses)
+        parameters_.create(pose_prefix + std::string("offset"), Tensor::zeros({count, orbit_size}));
 }
 
 void PhotoOffsets::load(const TensorFile& file, const std::string& source) {
@@ -74,13 +75,12 @@ Codes PhotoOffsets::codes(const FaceBatch& batch) const {
 
 Variable PhotoOffsets::orbits(const FaceBatch& batch) const {
     if (!config_.poses) fail<ValueError>("no offsets of poses are learnt");
-    std::vector<Pose> poses;
-    for (const Camera& camera : batch.cameras) poses.push_back(pose_from_camera(camera));
     const Variable& all = parameters_.all().back().variable();
     // The mean counts as a constant. Otherwise every photo would have a gradient in every step, and
     // Adam would move all photos that no batch has shown yet.
     const Variable own = gather_rows(all, rows_of(batch, false)) - mean(all, {0}).detach();
-    return Variable(orbit_parameters(poses)) + own * Variable(orbit_signs(batch)) * pose_unit;
+    return Variable(orbit_parameters(batch.cameras, DType::float32)) +
+           own * Variable(orbit_signs(batch)) * pose_unit;
 }
 
 Codes face_codes(const Model& model, const FaceBatch& batch, const PhotoOffsets* offsets) {
@@ -89,13 +89,8 @@ Codes face_codes(const Model& model, const FaceBatch& batch, const PhotoOffsets*
 }
 
 std::vector<Camera> face_cameras(const FaceBatch& batch, const PhotoOffsets* offsets) {
-    std::vector<Camera> cameras = batch.cameras;
-    if (offsets == nullptr || !offsets->has_poses()) return cameras;
-    const Tensor orbits = offsets->orbits(batch).value();
-    for (std::size_t i = 0; i < cameras.size(); ++i)
-        cameras[i] = camera_from_pose(pose_from_orbit(orbits, static_cast<std::int64_t>(i)),
-                                      cameras[i].intrinsics);
-    return cameras;
+    if (offsets == nullptr || !offsets->has_poses()) return batch.cameras;
+    return cameras_at(offsets->orbits(batch).value(), batch.cameras);
 }
 
 }  // namespace stymo

@@ -31,9 +31,13 @@ void measure(PhasePlan& plan, Trainer& trainer, const TrainConfig& config) {
     StepReport report;
     plan.step_seconds = measured_step(trainer, report);
     plan.step_loss = report.losses.total;
-    if (report.regularized) {
+    // A phase begins with one of its dear steps.
+    const std::int64_t interval =
+        plan.phase.stage == 1 ? config.stage1.pose_interval : config.stage2.r1_interval;
+    const bool poses = plan.phase.stage == 1 && interval > 1;
+    if (report.regularized || poses) {
         StepReport plain;
-        const double part = 1.0 / static_cast<double>(config.stage2.r1_interval);
+        const double part = 1.0 / static_cast<double>(interval);
         plan.step_seconds = part * plan.step_seconds + (1.0 - part) * measured_step(trainer, plain);
     }
     plan.peak_megabytes = peak_megabytes();

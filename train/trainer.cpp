@@ -62,10 +62,7 @@ Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Datas
     if (uses_encoder(config.model)) require_backbone_weights(config.model.encoder);
     require_codes(config, training);
     if (validation != nullptr) require_codes(config, *validation);
-    const PhotoOffsetsConfig learnt{.codes = learns_codes(config.model),
-                                    .mirrored_codes = config.data.mirror,
-                                    .poses = config.stage1.pose_interval > 0};
-    if (learnt.codes || learnt.poses) offsets_.emplace(training.ids(), learnt);
+    create_offsets(config.stage1.pose_interval > 0);
     for (const TrainingPhase& phase : schedule_.phases()) {
         require_share(ranks_, phase.micro_batches(), "stage " + std::to_string(phase.stage));
         static_cast<void>(choose_execution(model_, reconstruction_, config, phase));
@@ -75,6 +72,14 @@ Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Datas
 }
 
 Trainer::~Trainer() = default;
+
+void Trainer::create_offsets(bool poses) {
+    const bool codes = learns_codes(config_.model);
+    if (!codes && !poses) return;
+    offsets_.emplace(
+        training_.ids(),
+        PhotoOffsetsConfig{.codes = codes, .mirrored_codes = config_.data.mirror, .poses = poses});
+}
 
 Trainer::EvaluationScope::EvaluationScope(Trainer& trainer) : trainer_(trainer) {
     if (trainer_.ema_) trainer_.ema_->swap();
@@ -185,8 +190,7 @@ void Trainer::resume(const std::filesystem::path& folder) {
         ema_->load(checkpoint.tensors, source, ema_prefix);
     }
     // Poses that were learnt earlier stay as they are if no step learns them.
-    if (!offsets_ && has_prefix(checkpoint.tensors, PhotoOffsets::pose_prefix))
-        offsets_.emplace(training_.ids(), PhotoOffsetsConfig{.poses = true});
+    if (has_prefix(checkpoint.tensors, PhotoOffsets::pose_prefix)) create_offsets(true);
     if (offsets_) offsets_->load(checkpoint.tensors, source);
     enter_stage(schedule_.position(state_.step).phase.stage);
     stage_->load(checkpoint.tensors, source);

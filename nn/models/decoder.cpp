@@ -148,6 +148,7 @@ struct Decoder::Layers {
                                           std::int64_t resolution) const;
     [[nodiscard]] RaySamples samples_of(const Codes& w, const std::vector<Camera>& cameras,
                                         const RaySampling& sampling, Rng* jitter) const;
+    [[nodiscard]] Tensor weights_of(const RaySamples& samples, const Codes& w) const;
 };
 
 Decoder::Layers::Layers(const DecoderConfig& decoder_config, ParameterStore& store,
@@ -176,6 +177,11 @@ RaySamples Decoder::Layers::samples_of(const Codes& w, const std::vector<Camera>
     if (static_cast<std::int64_t>(cameras.size()) != w.batch())
         fail<ShapeError>(cameras.size(), " cameras for codes of ", w.batch(), " faces");
     return sample_rays(cameras, sampling, jitter, w.identity().dtype());
+}
+
+Tensor Decoder::Layers::weights_of(const RaySamples& samples, const Codes& w) const {
+    return field->render({samples.points, samples.deltas, {}}, field_style(w), false)
+        .weights.weights.value();
 }
 
 Decoder::Decoder(const DecoderConfig& config, ParameterStore& store, const std::string& prefix,
@@ -214,9 +220,8 @@ Decoded Decoder::operator()(const Codes& z, const std::vector<Camera>& cameras,
     // The ops that track points keep much for each sample, so those of little weight are left out.
     if (options.orbits.defined() && !points.significant.defined() &&
         options.gradient_tolerance > 0.0)
-        points.significant = significant_samples(
-            layers_->field->render(points, style, false).weights.weights.value(),
-            options.gradient_tolerance);
+        points.significant = significant_samples(layers_->weights_of(samples, detached(w)),
+                                                 options.gradient_tolerance);
     RenderedFeatures rays =
         options.orbits.defined()
             ? layers_->field->render_tracked(
@@ -250,8 +255,7 @@ Tensor Decoder::compositing_weights(const Codes& z, const std::vector<Camera>& c
     const Codes w = detached(map(z));
     const RaySamples samples =
         layers_->samples_of(w, cameras, layers_->sampling_of(samples_per_ray, resolution), nullptr);
-    return layers_->field->render({samples.points, samples.deltas, {}}, field_style(w), false)
-        .weights.weights.value();
+    return layers_->weights_of(samples, w);
 }
 
 Variable Decoder::density(const Variable& points, const Codes& w) const {

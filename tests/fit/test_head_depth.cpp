@@ -42,6 +42,24 @@ FaceBatch batch_of(const Camera& camera) {
     return faces;
 }
 
+/// A frozen model, codes, and a batch whose photo is the model's own image of them.
+struct RenderedFace {
+    Model model = tiny_model(1);
+    Codes codes = random_codes(1, 7);
+    Camera camera = model_camera(model, 0.0, 0.0, 0.0);
+    FaceBatch faces = batch_of(camera);
+    ReconstructionLoss loss{model.config().reconstruction};
+
+    RenderedFace() {
+        model.parameters().set_trainable("", false);
+        faces.targets = {
+            model.decoder()(codes, {camera}, {.samples_per_ray = 16}).images.back().value()};
+    }
+    [[nodiscard]] Tensor depths_of(const Model& other) const {
+        return render_view(other, codes, 0, camera, {.samples_per_ray = 16, .depth = true}).depth;
+    }
+};
+
 Tensor vertices_of_batch() {
     const Tensor identity = code(code_sizes[0], 0.5), expression = code(code_sizes[1], 0.0);
     return head_vertices(head(), identity.values<float>(), expression.values<float>());
@@ -110,17 +128,10 @@ TEST_CASE("Faces without a code or a head have no target", "[head_depth]") {
 
 TEST_CASE("The loss of a fit has the mean difference of depths in distances of the eyes",
           "[head_depth]") {
-    Model model = tiny_model(1);
-    model.parameters().set_trainable("", false);
-    const Codes codes = random_codes(1, 7);
-    const Camera camera = model_camera(model, 0.0, 0.0, 0.0);
-    FaceBatch faces = batch_of(camera);
-    faces.targets = {
-        model.decoder()(codes, {camera}, {.samples_per_ray = 16}).images.back().value()};
-    const ReconstructionLoss loss(model.config().reconstruction);
+    const RenderedFace face;
     const auto losses = [&](const MorphableHead* known, double weight) {
-        return fit_codes(model, loss, faces,
-                         {.initial = codes,
+        return fit_codes(face.model, face.loss, face.faces,
+                         {.initial = face.codes,
                           .steps = 40,
                           .samples_per_ray = 16,
                           .tolerance = 0.0,
@@ -128,12 +139,11 @@ TEST_CASE("The loss of a fit has the mean difference of depths in distances of t
                           .depth_weight = weight})
             .losses;
     };
-    const Tensor depths =
-        render_view(model, codes, 0, camera, {.samples_per_ray = 16, .depth = true}).depth;
-    HeadDepth target(&head(), faces);
-    target.place(0, camera, depths);
+    const Tensor depths = face.depths_of(face.model);
+    HeadDepth target(&head(), face.faces);
+    target.place(0, face.camera, depths);
     const double expected =
-        mean_distance(depth_differences(depths, *target.surface(0, camera, depths.shape(0)))) /
+        mean_distance(depth_differences(depths, *target.surface(0, face.camera, depths.shape(0)))) /
         eye_distance(head(), vertices_of_batch());
     const std::vector<double> drawn = losses(&head(), 3.0);
     CHECK(drawn.front() - losses(nullptr, 3.0).front() == Approx(3.0 * expected).epsilon(1e-4));
@@ -142,32 +152,22 @@ TEST_CASE("The loss of a fit has the mean difference of depths in distances of t
 }
 
 TEST_CASE("Tuning brings the depth of a face to that of its head", "[head_depth]") {
-    Model original = tiny_model(1);
-    original.parameters().set_trainable("", false);
-    const Codes codes = random_codes(1, 7);
-    const Camera camera = model_camera(original, 0.0, 0.0, 0.0);
-    FaceBatch faces = batch_of(camera);
-    faces.targets = {
-        original.decoder()(codes, {camera}, {.samples_per_ray = 16}).images.back().value()};
-    const ReconstructionLoss loss(original.config().reconstruction);
+    const RenderedFace face;
     const auto error = [&](double weight) {
         Model tuned = tiny_model(1);
-        static_cast<void>(tune_decoder(original, tuned, loss, faces, codes, {camera},
+        static_cast<void>(tune_decoder(face.model, tuned, face.loss, face.faces, face.codes,
+                                       {face.camera},
                                        {.steps = 80,
                                         .learning_rate = 0.02,
                                         .locality_weight = 0.0,
                                         .head = &head(),
                                         .depth_weight = weight,
                                         .samples_per_ray = 16}));
-        const auto depth_of = [&](const Model& model) {
-            return render_view(model, codes, 0, camera, {.samples_per_ray = 16, .depth = true})
-                .depth;
-        };
-        HeadDepth target(&head(), faces);
-        target.place(0, camera, depth_of(original));
-        const Tensor depths = depth_of(tuned);
+        HeadDepth target(&head(), face.faces);
+        target.place(0, face.camera, face.depths_of(face.model));
+        const Tensor depths = face.depths_of(tuned);
         return mean_distance(
-            depth_differences(depths, *target.surface(0, camera, depths.shape(0))));
+            depth_differences(depths, *target.surface(0, face.camera, depths.shape(0))));
     };
     const double without = error(0.0);
     CHECK(error(3.0) < 0.5 * without);

@@ -1,10 +1,12 @@
 #include <catch2/catch.hpp>
+#include <utility>
 
 #include "core/autograd/grad.h"
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "nn/models/decoder.h"
 #include "nn/models/radiance_field.h"
+#include "nn/models/significant_rows.h"
 #include "render/tracked_rays.h"
 #include "support/check_close.h"
 #include "support/check_grad.h"
@@ -242,6 +244,30 @@ TEST_CASE("a frozen decoder passes gradients to the codes without recording its 
     }
     CHECK_FALSE(
         model.decoder(random_codes(1), {frontal()}, {.samples_per_ray = 4}).images[0].tracked());
+}
+
+TEST_CASE("poses are tracked at the samples that weigh more than the tolerance alone") {
+    const Model model(narrow(64));
+    const Codes codes = random_codes(1);
+    const std::vector<Camera> cameras{frontal(0.2)};
+    const auto decoded = [&](double tolerance, const Tensor& significant) {
+        const Variable orbits = Variable::leaf(orbit_parameters(cameras, DType::float32));
+        Decoded result = model.decoder(codes, cameras,
+                                       {.samples_per_ray = 8,
+                                        .significant_samples = significant,
+                                        .gradient_tolerance = tolerance,
+                                        .orbits = orbits});
+        return std::pair{result.images.back().value(),
+                         grad(sum(square(result.images.back())), orbits).value()};
+    };
+    constexpr double tolerance = 0.05;
+    const auto [image, gradient] = decoded(tolerance, {});
+    const auto [same_image, same_gradient] = decoded(
+        0.0, significant_samples(model.decoder.compositing_weights(codes, cameras, 8), tolerance));
+    CHECK(identical(image, same_image));
+    CHECK(identical(gradient, same_gradient));
+    CHECK(sum(abs(Variable(gradient))).value().item() > 0.0);
+    CHECK_FALSE(identical(image, decoded(0.0, {}).first));
 }
 
 TEST_CASE("a decoder says what does not fit") {

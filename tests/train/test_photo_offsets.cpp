@@ -198,3 +198,31 @@ TEST_CASE("poses learn in every n-th step alone, and a run that resumes gives th
     position = TrainingSchedule(config).position(2);
     CHECK(learns_poses(config, position));
 }
+
+TEST_CASE("learnt poses go on into the second stage as they are, beside learnt codes too",
+          "[poses]") {
+    for (const std::string source : {"encoder", "encoder_offset"}) {
+        INFO(source);
+        const ScratchFolder folder;
+        TrainConfig config = tiny_two_stage_config();
+        config.model.code_source = source;
+        config.stage1.pose_interval = 1;
+        const Dataset large = synthetic_dataset(128);
+        const auto offsets_at = [&](const char* step) {
+            return read_tensor_file(folder / "run/checkpoints" / step / "state.safetensors")
+                .tensors.at("poses.offset");
+        };
+        CHECK(
+            Trainer(config, large, nullptr, 5).run(RunFolder(folder / "run", false), {}).finished);
+        const Tensor learnt = offsets_at("000002");
+        CHECK(sum(abs(Variable(learnt))).value().item() > 0.0);
+        CHECK(identical(offsets_at("000006"), learnt));
+        // Also if the run that goes on does not learn poses.
+        config.stage1.pose_interval = 0;
+        config.output.keep_last = 9;
+        Trainer without(config, large, nullptr, 5);
+        without.resume(folder / "run/checkpoints/000002");
+        CHECK(without.run(RunFolder(folder / "run", true), {}).finished);
+        CHECK(identical(offsets_at("000006"), learnt));
+    }
+}
