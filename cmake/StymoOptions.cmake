@@ -6,6 +6,10 @@ target_compile_options(stymo_options INTERFACE
   # False alarms of GCC 12: its own AVX-512 intrinsics, which Eigen uses, and std::string (GCC bug
   # 105651).
   $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized -Wno-restrict -Wno-uninitialized>
+  # Clang warns of each loop that it does not vectorise, which is no fault. Where files are compiled
+  # together, it warns of local names that another file has in its anonymous namespace.
+  $<$<CXX_COMPILER_ID:Clang>:-Wno-pass-failed>
+  $<$<AND:$<BOOL:${CMAKE_UNITY_BUILD}>,$<CXX_COMPILER_ID:Clang>>:-Wno-shadow>
   $<$<BOOL:${STYMO_WERROR}>:-Werror>
   $<$<BOOL:${STYMO_NATIVE}>:-march=native>)
 # Full-width vectors: the compiler's default prefers 256 bits on processors that have 512.

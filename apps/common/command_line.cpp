@@ -14,6 +14,7 @@
 #include "apps/common/allocator.h"
 #include "core/error.h"
 #include "core/floating_point.h"
+#include "core/kernels/targets.h"
 #include "core/matmul_precision.h"
 #include "core/parallel.h"
 #include "fit/photo/face_detector.h"
@@ -96,6 +97,7 @@ std::string version_text(const std::string& program) {
     std::ostringstream text;
     text << program << " " << STYMO_VERSION << "\nthreads: " << thread_count()
          << "\nvector instructions: " << vector_instructions()
+         << " (kernels: " << kernels::chosen_target() << ")"
          << "\nmatrix tiles: " << (has_matrix_tiles() ? "AMX" : "none") << "\nfaces in photos: "
          << (FaceDetector::available() ? "dlib" : "off (built without dlib)")
          << "\nseveral machines: " << several_machines << "\nviewer: " << viewer;

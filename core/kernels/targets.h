@@ -26,4 +26,7 @@ namespace stymo::kernels {
     return (targets & HWY_AVX3_DL) != 0;
 }
 
+/// Highway's name of the instruction set for which it chooses kernels on this processor.
+[[nodiscard]] const char* chosen_target();
+
 }  // namespace stymo::kernels

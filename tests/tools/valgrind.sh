@@ -7,7 +7,6 @@
 # Usage: valgrind.sh BUILD
 set -euo pipefail
 bin=$(realpath "${1:?usage: valgrind.sh BUILD}")/bin
-suppressions=$(realpath "$(dirname "${BASH_SOURCE[0]}")")/valgrind.supp
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cd "$folder"
@@ -33,7 +32,7 @@ export GOMP_SPINCOUNT=1000
 checked() {
     local begin=$SECONDS
     valgrind --quiet --error-exitcode=99 --leak-check=full --errors-for-leak-kinds=definite \
-        --show-leak-kinds=definite --suppressions="$suppressions" --log-file=errors \
+        --show-leak-kinds=definite --log-file=errors \
         "$bin/$1" "${@:2}" >output 2>&1 ||
         { tail -5 output && cat errors && echo "valgrind.sh: $1 failed" && exit 1; } >&2
     echo "$1: clean, $((SECONDS - begin)) s"

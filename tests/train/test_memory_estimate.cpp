@@ -78,7 +78,7 @@ double memory_status(const std::string& key) {
     return 0.0;
 }
 
-#ifdef __SANITIZE_ADDRESS__
+#ifdef STYMO_TEST_SANITIZED
 constexpr bool keeps_what_is_freed = true;
 #else
 constexpr bool keeps_what_is_freed = false;

@@ -228,7 +228,7 @@ void fail_in_copies(const ShortJob& job, const WatchedCalls& calls, CallPlaces& 
     int sockets[2];
     if (::socketpair(AF_UNIX, SOCK_SEQPACKET, 0, sockets) != 0)
         throw std::runtime_error("socketpair failed");
-    const auto [here, there] = sockets;
+    const int here = sockets[0], there = sockets[1];
     BranchingVisitor visitor(places, chosen, there, whole.path());
     RunningCopy running(
         whole.path(), job.command + "out",

@@ -1,0 +1,14 @@
+#include "core/kernels/targets.h"
+
+#include <hwy/detect_targets.h>
+
+namespace stymo::kernels {
+
+const char* chosen_target() {
+    const std::int64_t targets = hwy::SupportedTargets() & HWY_TARGETS;
+    hwy::GetChosenTarget().Update(targets);
+    // Better targets have smaller numbers.
+    return hwy::TargetName(targets & -targets);
+}
+
+}  // namespace stymo::kernels
