@@ -53,6 +53,11 @@ struct Pairs {
     static constexpr std::int64_t word_length = 2;
 
     struct Both {
+        // GCC for ARM does not compile the constructors that it declares itself for the same
+        // instructions.
+        HWY_INLINE Both() {}  // NOLINT(modernize-use-equals-default)
+        HWY_INLINE Both(Vector first_, Vector second_) : first(first_), second(second_) {}
+
         Vector first;
         Vector second;
     };

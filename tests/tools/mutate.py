@@ -5,7 +5,8 @@ runs the fast tests, which should fail. Works on a copy of the committed sources
 Usage: mutate.py FOLDER [--count N] [--seed N] [--only FILE_PART]
 
 Prints a line for each mutant and writes FOLDER/mutants.json. A mutant that does not compile is
-replaced by another one. Exits with 1 if fewer than nine tenths are killed.
+replaced by another one. A run that was stopped goes on from that file. Exits with 1 if fewer than
+nine tenths are killed.
 """
 import argparse
 import json
@@ -134,17 +135,22 @@ def main() -> None:
     parser.add_argument("--only", default="", help="only files whose name contains this")
     arguments = parser.parse_args()
     tree, seconds = prepare(arguments.folder.resolve())
-    judged = []
+    results = arguments.folder / "mutants.json"
+    known = json.loads(results.read_text()) if results.exists() else []
+    judged, all_outcomes = [], []
     for mutant in in_random_order(tree, arguments.only, random.Random(arguments.seed)):
         if len(judged) == arguments.count:
             break
-        outcome = judge(tree, mutant, seconds)
-        print(f"{outcome}: {mutant['file']}:{mutant['line']}: {mutant['after']}", flush=True)
-        if outcome == "not built":
-            continue
-        judged.append({key: mutant[key] for key in ("file", "line", "before", "after")} |
-                      {"outcome": outcome})
-        (arguments.folder / "mutants.json").write_text(json.dumps(judged, indent=1) + "\n")
+        shown = {key: mutant[key] for key in ("file", "line", "before", "after")}
+        outcome = next((row["outcome"] for row in known if shown.items() <= row.items()), None)
+        if outcome is None:
+            outcome = judge(tree, mutant, seconds)
+            print(f"{outcome}: {mutant['file']}:{mutant['line']}: {mutant['after']}", flush=True)
+        all_outcomes.append(shown | {"outcome": outcome})
+        if outcome != "not built":
+            judged.append(all_outcomes[-1])
+        if len(all_outcomes) > len(known):
+            results.write_text(json.dumps(all_outcomes, indent=1) + "\n")
     killed = sum(mutant["outcome"] == "killed" for mutant in judged)
     print(f"{killed} of {len(judged)} killed")
     sys.exit(0 if 10 * killed >= 9 * len(judged) else 1)
