@@ -15,6 +15,7 @@
 #include "apps/view/page_files.h"
 #include "apps/view/server.h"
 #include "apps/view_client.h"
+#include "core/clock.h"
 #include "core/error.h"
 
 using namespace stymo;
@@ -225,6 +226,7 @@ TEST_CASE("two hundred pages at once are answered, and the picture of others mov
             {"face", page["faces"][0]["face"]}, {"quality", "moving"}, {"camera", {{"yaw", yaw}}}};
         return ask("/api/frame", page["session"], wish.dump());
     };
+    const double start = seconds_now();
     const view::Answer own = open();
     REQUIRE(own.status == 200);
     std::atomic<int> answered = 0;
@@ -237,7 +239,8 @@ TEST_CASE("two hundred pages at once are answered, and the picture of others mov
     for (int i = 0; i < 20; ++i) CHECK(frame(own, double(i)).status == 200);
     pages.clear();
     CHECK(answered == 200);
-    CHECK(open().status == 503);
+    // A session that has been idle for a minute gives up its place; under a sanitizer that happens.
+    if (seconds_now() - start < 60.0) CHECK(open().status == 503);
 }
 
 TEST_CASE("a port that is taken is named", "[view]") {

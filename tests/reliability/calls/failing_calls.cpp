@@ -282,6 +282,13 @@ void* memalign(size_t alignment, size_t size) {
 // NOLINTEND(bugprone-reserved-identifier,readability-identifier-naming)
 
 #ifdef STYMO_TEST_SANITIZED
+// The sanitizer knows which memory is the dynamic loader's by who called malloc, which is this
+// file. NOLINTNEXTLINE(bugprone-reserved-identifier,readability-identifier-naming): the sanitizer's
+// name
+extern "C" const char* __lsan_default_suppressions() {
+    return "leak:add_to_global_resize\n";
+}
+
 // The sanitizer's operators would not call the functions above.
 void* operator new(std::size_t size) {
     void* const memory = ::malloc(size);
