@@ -31,8 +31,8 @@ public:
     [[nodiscard]] ParameterStore& parameters() { return parameters_; }
 
     /// Restores what `parameters().save` wrote. Offsets of a kind that the file does not have stay
-    /// zeros. Throws FileError, which names `source`, for offsets of another
-    /// number of photos.
+    /// zeros. Throws FileError, which names `source`, for offsets of another number of
+    /// photos.
     void load(const TensorFile& file, const std::string& source);
 
     /// Offsets of the codes of the batch's photos, one row for each. Throws ValueError for a photo

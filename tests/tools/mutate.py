@@ -143,13 +143,14 @@ def main() -> None:
             break
         shown = {key: mutant[key] for key in ("file", "line", "before", "after")}
         outcome = next((row["outcome"] for row in known if shown.items() <= row.items()), None)
-        if outcome is None:
+        is_new = outcome is None
+        if is_new:
             outcome = judge(tree, mutant, seconds)
             print(f"{outcome}: {mutant['file']}:{mutant['line']}: {mutant['after']}", flush=True)
         all_outcomes.append(shown | {"outcome": outcome})
         if outcome != "not built":
             judged.append(all_outcomes[-1])
-        if len(all_outcomes) > len(known):
+        if is_new:
             results.write_text(json.dumps(all_outcomes, indent=1) + "\n")
     killed = sum(mutant["outcome"] == "killed" for mutant in judged)
     print(f"{killed} of {len(judged)} killed")

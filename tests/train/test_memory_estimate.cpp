@@ -86,8 +86,8 @@ constexpr bool keeps_what_is_freed = false;
 #endif
 
 /// What `work` takes at most beyond what the process holds already, in bytes; nothing where the
-/// system does not say. The larger of two measurements, because the system may take pages of the
-/// program's files back meanwhile.
+/// system does not say. The larger of two measurements, because one is too small if the work finds
+/// pages that the heap has kept, or if the system takes back pages of files meanwhile.
 template <class Work>
 std::optional<double> measured_peak(const Work& work) {
     if (keeps_what_is_freed) return std::nullopt;
