@@ -20,6 +20,7 @@ struct Options {
 
 stymo::AppResult serve(Options options) {
     using std::chrono_literals::operator""ms;
+    stymo::view::Server::check_available();
     options.studio.chooses_mode = options.mode == "auto";
     if (!options.studio.chooses_mode)
         options.studio.frames.moving_mode = stymo::render_mode(options.mode);

@@ -199,6 +199,8 @@ void Server::Implementation::set_up() {
     http.Post("/api/[a-z]+", served);
 }
 
+void Server::check_available() {}
+
 Server::Server(std::function<Answer(const Request&)> answer, const ServerOptions& options)
     : implementation_(std::make_unique<Implementation>(std::move(answer), options)) {}
 
@@ -246,12 +248,14 @@ int Server::port() const {
 #else
 
 struct Server::Implementation {};
-Server::Server(std::function<Answer(const Request&)> /*answer*/, const ServerOptions& /*options*/) {
-}
-Server::~Server() = default;
-void Server::start() {
+void Server::check_available() {
     fail<Error>("built without cpp-httplib; install libcpp-httplib-dev and build again");
 }
+Server::Server(std::function<Answer(const Request&)> /*answer*/, const ServerOptions& /*options*/) {
+    check_available();
+}
+Server::~Server() = default;
+void Server::start() {}
 void Server::stop() {}
 std::string Server::address() const {
     return {};

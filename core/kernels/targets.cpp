@@ -5,8 +5,7 @@
 namespace stymo::kernels {
 
 const char* chosen_target() {
-    const std::int64_t targets = hwy::SupportedTargets() & HWY_TARGETS;
-    hwy::GetChosenTarget().Update(targets);
+    const std::int64_t targets = allowed_targets() & HWY_TARGETS;
     // Better targets have smaller numbers.
     return hwy::TargetName(targets & -targets);
 }

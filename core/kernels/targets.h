@@ -16,14 +16,20 @@
 
 namespace stymo::kernels {
 
+/// The instruction sets that this processor has and `hwy::DisableTargets` allows, in Highway's
+/// bits.
+[[nodiscard]] inline std::int64_t allowed_targets() {
+    const std::int64_t targets = hwy::SupportedTargets();
+    // That call chose the best target of the processor, even if it is disabled.
+    hwy::GetChosenTarget().Update(targets);
+    return targets;
+}
+
 /// For kernels whose instructions Highway 1.0 does not support. False if `hwy::DisableTargets`
 /// excludes its newest target, so that tests can run as on an older processor. All processors with
 /// AMX or AVX-512-FP16 support that target.
 [[nodiscard]] inline bool allows_newest_instructions() {
-    const std::int64_t targets = hwy::SupportedTargets();
-    // That call chose the best target of the processor, even if it is disabled.
-    hwy::GetChosenTarget().Update(targets);
-    return (targets & HWY_AVX3_DL) != 0;
+    return (allowed_targets() & HWY_AVX3_DL) != 0;
 }
 
 /// Highway's name of the instruction set for which it chooses kernels on this processor.
