@@ -210,8 +210,8 @@ TEST_CASE("Malformed folders of faces are refused, in one line that says why") {
         {folder + "camera_large", 1,
          "bad/camera_large/camera.json: \"cx\" holds 1e+300, which is too large"},
         {folder + "same_ids", 1,
-         "two images have the id \"00000\": bad/same_ids/images/00000.png and "
-         "bad/same_ids/images/00000.jpg; rename or remove one"},
+         "two images have the id \"00000\": bad/same_ids/images/00000.jpg and "
+         "bad/same_ids/images/00000.png; rename or remove one"},
         {folder + "mask_zero", 1,
          "none of the 1 faces could be scored; the first: bad/mask_zero/masks/00000.png: not an "
          "image (zero bytes)"},
@@ -239,8 +239,8 @@ TEST_CASE("Malformed folders of faces are refused, in one line that says why") {
         {"stymo-prep --photos bad/id_twice --out out", 1,
          "bad/id_twice/faces.jsonl, line 2: the id \"00000\" comes twice"},
         {"stymo-prep --photos bad/same_ids --out out", 1,
-         "two images have the id \"00000\": bad/same_ids/images/00000.png and "
-         "bad/same_ids/images/00000.jpg; rename or remove one"},
+         "two images have the id \"00000\": bad/same_ids/images/00000.jpg and "
+         "bad/same_ids/images/00000.png; rename or remove one"},
         {"stymo-fit --model run/model.safetensors --data bad/map_wide --id 00000 --out out", 1,
          "bad/map_wide/parsing/00000.png: has 64 x 32 pixels, its image 64 x 64; the frames must "
          "agree"},

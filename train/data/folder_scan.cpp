@@ -36,7 +36,8 @@ bool is_side_folder(const fs::path& name) {
            name.string().starts_with('.');
 }
 
-/// All images below `folder`, without those in its side folders.
+/// All images below `folder`, without those in its side folders. They are sorted, because the order
+/// in which a file system lists them is its own.
 std::vector<fs::path> images_below(const fs::path& folder) {
     std::vector<fs::path> images;
     for (auto entry = fs::recursive_directory_iterator(folder);
@@ -49,6 +50,7 @@ std::vector<fs::path> images_below(const fs::path& folder) {
             images.push_back(entry->path());
         }
     }
+    std::ranges::sort(images);
     return images;
 }
 
