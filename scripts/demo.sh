@@ -32,6 +32,8 @@ if [[ -e "$out" ]]; then
     exit 1
 fi
 mkdir -p "$out"
+# An attempt that failed must not keep the next one from using the folder.
+trap '[[ -e "$out/orbit.gif" ]] || rm -rf "$out"' EXIT
 
 say() { printf '\n== %s\n' "$*" >&2; }
 

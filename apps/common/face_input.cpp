@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <ostream>
+#include <set>
 
 #include "apps/common/command_line.h"
 #include "core/error.h"
@@ -33,6 +34,12 @@ void require_photo(const FaceSource& source) {
         fail<UsageError>(
             "several photos are prepared by the tool itself: leave out --mask, --pose, --data and "
             "--as-is");
+    std::set<std::string> names;
+    for (const std::string& image : source.images) {
+        const std::string name = std::filesystem::path(image).stem().string();
+        if (!names.insert(name).second)
+            fail<UsageError>("two photos are called ", name, "; give them different names");
+    }
     if (source.data.empty() != source.id.empty())
         fail<UsageError>("--data and --id need each other");
 }

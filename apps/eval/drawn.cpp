@@ -1,10 +1,10 @@
 #include "apps/eval/drawn.h"
 
-#include <algorithm>
 #include <iomanip>
 #include <sstream>
 #include <vector>
 
+#include "apps/common/output_file.h"
 #include "apps/eval/evaluate.h"
 #include "apps/eval/identity.h"
 #include "apps/eval/kernel_distance.h"
@@ -34,11 +34,8 @@ Photos photos_of(const Model& model, const DrawnOptions& options, const Identity
                         frontal_pose(model.config().camera));
     EvaluationOptions selection;
     selection.range = parse_range(options.ids);
-    const std::int64_t last = selection.range.last < 0
-                                  ? faces.size() - 1
-                                  : std::min(selection.range.last, faces.size() - 1);
     Photos photos;
-    for (std::int64_t i = selection.range.first; i <= last; ++i) {
+    for (const std::int64_t i : places_of(faces, selection.range)) {
         const ComparedFace face = compared_face(model, faces, i, selection);
         photos.features.push_back(measure.embedding(display_image(face.batch.targets.back(), 0)));
         photos.cameras.push_back(face.batch.cameras.front());
@@ -61,6 +58,10 @@ AppResult evaluate_drawn(const DrawnOptions& options, std::uint64_t seed) {
     for (const auto& [name, path] :
          {std::pair{"--data", options.data}, std::pair{"--identity", options.identity}})
         if (path.empty()) fail<UsageError>(name, " is required");
+    if (!options.sheet.empty()) {
+        require_extension(options.sheet, {".png", ".jpg"});
+        require_folder_of(options.sheet);
+    }
     const Model model = load_model(options.model, ModelParts::decoder);
     if (!model.code_statistics())
         fail<ValueError>(model_file(options.model).string(),

@@ -66,17 +66,6 @@ std::optional<Model> tuned_model(const Model& model, const ReconstructionLoss& l
     return options.folder->tuned_model(id, options.another_decoder());
 }
 
-/// The selected positions.
-std::vector<std::int64_t> places_of(const Dataset& faces, const FaceRange& range) {
-    const std::int64_t last =
-        range.last < 0 ? faces.size() - 1 : std::min(range.last, faces.size() - 1);
-    if (range.first > last)
-        fail<ConfigError>("--ids: the folder has only ", faces.size(), " faces, counted from 0");
-    std::vector<std::int64_t> places;
-    for (std::int64_t i = range.first; i <= last; ++i) places.push_back(i);
-    return places;
-}
-
 /// The results of several threads, by position in the order of ids.
 class Findings {
 public:
@@ -154,6 +143,16 @@ FaceRange parse_range(const std::string& text) {
     const std::int64_t last = parse_index(std::string_view(text).substr(dash + 1), text);
     if (last < first) fail<UsageError>("--ids ", text, ": the range ends before it begins");
     return {first, last};
+}
+
+std::vector<std::int64_t> places_of(const Dataset& faces, const FaceRange& range) {
+    const std::int64_t last =
+        range.last < 0 ? faces.size() - 1 : std::min(range.last, faces.size() - 1);
+    if (range.first > last)
+        fail<ConfigError>("--ids: the folder has only ", faces.size(), " faces, counted from 0");
+    std::vector<std::int64_t> places;
+    for (std::int64_t i = range.first; i <= last; ++i) places.push_back(i);
+    return places;
 }
 
 void require_comparable(const Dataset& faces, const EvaluationOptions& options) {

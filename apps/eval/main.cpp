@@ -63,6 +63,9 @@ stymo::Settings settings_of(const Options& options) {
     const auto absolute = [](const fs::path& path) {
         return path.empty() ? std::string() : fs::absolute(path).string();
     };
+    const auto weights = [&](const std::string& file) {
+        return file == "random" ? file : absolute(file);
+    };
     std::ostringstream checksum;
     checksum << std::hex << stymo::crc32c(stymo::read_text_file(stymo::model_file(options.model)));
     const stymo::FitOptions& fitting = options.evaluation.fitting;
@@ -77,6 +80,7 @@ stymo::Settings settings_of(const Options& options) {
             {"--parser", absolute(options.parser)},
             {"--identity", absolute(options.identity)},
             {"--shape", options.shape},
+            {"--landmarks", absolute(options.landmarks)},
             {"--fit", options.evaluation.fit},
             {"--steps", fitting.steps},
             {"--optimizer", options.optimizer},
@@ -96,8 +100,8 @@ stymo::Settings settings_of(const Options& options) {
             {"--perceptual-weight", or_own(options.lpips.perceptual_weight)},
             {"--perceptual-resolution", or_own(options.lpips.perceptual_resolution)},
             {"--lpips", options.lpips.metric},
-            {"--lpips-trunk", options.lpips.trunk},
-            {"--lpips-heads", options.lpips.heads}};
+            {"--lpips-trunk", weights(options.lpips.trunk)},
+            {"--lpips-heads", weights(options.lpips.heads)}};
 }
 
 stymo::Dataset faces_of(const Options& options, const stymo::ModelConfig& model) {
@@ -173,7 +177,7 @@ stymo::AppResult evaluate(Options options) {
     if (!options.out.empty()) evaluated.folder = &folder.emplace(options.out, settings_json);
     const stymo::Evaluation evaluation = stymo::evaluate(model, loss, faces, evaluated);
     for (const stymo::FailedFace& face : evaluation.failed)
-        std::cerr << "skipped " << face.reason << std::endl;
+        std::cerr << "skipped " << face.id << ": " << face.reason << std::endl;
 
     stymo::AppResult result = result_of(evaluation, network);
     if (folder && evaluation.incomplete.empty()) {
@@ -231,8 +235,7 @@ int stymo_eval(int argc, char** argv) {
         .needs("--shape");
     line.option("--morphable", options.morphable,
                 "head model that the folder's codes belong to: a .safetensors file or a folder of "
-                "ICT-FaceKit (default: the built-in head)")
-        .needs("--shape");
+                "ICT-FaceKit (default with --shape: the built-in head)");
     line.flag("--fit", options.evaluation.fit, "also fit each face and measure the fitted codes");
     line.option("--tune", options.tuning.seconds,
                 "also tune the decoder to each fitted face for so many seconds on all threads, and "

@@ -68,6 +68,10 @@ struct Photo {
     std::optional<std::vector<std::string>> warnings;  ///< of a photo that was prepared
 };
 
+std::filesystem::path tuned_file(const Options& options) {
+    return options.out / "tuned.safetensors";
+}
+
 /// Prepares the photos and shows the results before the fit, which takes longer.
 std::vector<Photo> prepared(const Options& options, const stymo::ModelConfig& model) {
     std::vector<stymo::PreparedPhoto> ready =
@@ -76,9 +80,6 @@ std::vector<Photo> prepared(const Options& options, const stymo::ModelConfig& mo
     for (stymo::PreparedPhoto& photo : ready) {
         const std::filesystem::path out =
             ready.size() == 1 ? options.out : options.out / photo.face.id;
-        if (std::ranges::any_of(photos, [&](const Photo& other) { return other.out == out; }))
-            stymo::fail<stymo::UsageError>("two photos are called ", photo.face.id,
-                                           "; give them different names");
         stymo::require_writable_folder(out);
         stymo::write_image(out / "aligned.png", photo.aligned);
         stymo::write_image(out / "overlay.png", photo.overlay);
@@ -96,16 +97,25 @@ std::vector<Photo> photos_of(const Options& options, const stymo::ModelConfig& m
     return {std::move(photo)};
 }
 
+/// Writes what the fit has found before the decoder is tuned, which takes long. Changes of weights
+/// that an earlier fit has left belong to other codes.
+void write_codes(const Options& options, const std::vector<Photo>& photos,
+                 const stymo::FitResult& result) {
+    std::error_code ignored;
+    std::filesystem::remove(tuned_file(options), ignored);
+    for (std::size_t i = 0; i < photos.size(); ++i)
+        stymo::write_code_file(photos[i].out / "codes.json", result.fitted,
+                               static_cast<std::int64_t>(i),
+                               stymo::pose_from_camera(result.cameras[i]));
+}
+
 stymo::JsonValue write_fit(const Photo& photo, const stymo::FitReport& report,
-                           const stymo::FitResult& result, std::int64_t index, double seconds) {
+                           const stymo::FitResult& result, double seconds) {
     stymo::JsonValue json = to_json(report, result, seconds);
     if (photo.warnings) json.add("warnings", *photo.warnings);
     stymo::write_image(photo.out / "fit.png", stymo::comparison_sheet(report));
     stymo::write_image(photo.out / "render.png",
                        report.tuned.defined() ? report.tuned : report.fitted);
-    stymo::write_code_file(
-        photo.out / "codes.json", result.fitted, index,
-        stymo::pose_from_camera(result.cameras[static_cast<std::size_t>(index)]));
     stymo::write_text_file(photo.out / "report.json", json.text() + "\n", stymo::Survives::nothing);
     return json;
 }
@@ -137,7 +147,7 @@ std::optional<stymo::Model> tune(const Options& options, const stymo::Model& mod
         stymo::tune_decoder(model, tuned, loss, batch, fitted.fitted, fitted.cameras, tuning));
     progress.finish();
     if (stymo::interrupted()) return std::nullopt;
-    const std::filesystem::path file = options.out / "tuned.safetensors";
+    const std::filesystem::path file = tuned_file(options);
     stymo::WeightChanges::between(model, tuned).save(file);
     // Read back, because other tools will use the 16-bit weights of the file.
     return stymo::load_model({options.model.file, file}, stymo::ModelParts::decoder);
@@ -181,6 +191,7 @@ stymo::AppResult fit(Options options) {
     const stymo::FitResult result = stymo::fit_codes(model, reconstruction, batch, options.fit);
     const double seconds = stymo::seconds_now() - start;
     progress.finish();
+    write_codes(options, photos, result);
     const std::optional<stymo::Model> tuned = tune(options, model, reconstruction, batch, result);
 
     const stymo::Lpips* lpips = metric ? &*metric : reconstruction.lpips();
@@ -194,7 +205,7 @@ stymo::AppResult fit(Options options) {
         stymo::FitReport report =
             stymo::report_fit(model, batch, batch.mask, result, index, lpips, true);
         if (tuned) stymo::add_tuned(report, *tuned, batch, batch.mask, result, index, lpips);
-        reports.push_back(write_fit(photos[i], report, result, index, seconds));
+        reports.push_back(write_fit(photos[i], report, result, seconds));
         if (photos.size() > 1) done.text += photos[i].face.id + "\n";
         done.text += summary(report, seconds);
     }

@@ -12,6 +12,7 @@
 #include "core/error.h"
 #include "core/io/file.h"
 #include "core/io/folder_lock.h"
+#include "train/checkpoint_folder.h"
 #include "train/plan.h"
 #include "train/trainer.h"
 
@@ -44,9 +45,18 @@ void require_paths(const Options& options) {
     }
 }
 
-/// A run before its first step. Nothing has been written but the lock of a folder that exists.
+/// Locks the folder of a run that is to go on, and completes what a crash has left of its
+/// checkpoints, before any process reads them.
+void claim(const Options& options, std::optional<stymo::FolderLock>& lock) {
+    if (options.dry_run || options.resume.empty()) return;
+    if (std::filesystem::is_directory(options.out)) lock.emplace(options.out);
+    const std::filesystem::path checkpoints = options.out / "checkpoints";
+    if (std::filesystem::is_directory(checkpoints)) stymo::repair_checkpoint_folders(checkpoints);
+    if (options.resume != "latest") stymo::repair_checkpoint_folder(options.resume);
+}
+
+/// A run before its first step.
 struct PreparedRun {
-    std::optional<stymo::FolderLock> lock;
     stymo::TrainConfig config;
     stymo::Dataset training;
     std::optional<stymo::Dataset> validation;
@@ -55,10 +65,6 @@ struct PreparedRun {
     PreparedRun(const Options& options, const stymo::CommonOptions& common, stymo::Ranks* ranks)
         : config(stymo::load_train_config(options.config, options.set)),
           training(stymo::faces_for_training(options.data, config, stymo::Split::training)) {
-        // Before a checkpoint is read, which another run might be replacing.
-        if (!options.dry_run && (ranks == nullptr || ranks->leads()) &&
-            std::filesystem::is_directory(options.out))
-            lock.emplace(options.out);
         config.model.camera.intrinsics = training.load(0).intrinsics;
         // A checkpoint or a model contains the backbone's trained weights, so their file need not
         // be given.
@@ -82,9 +88,10 @@ stymo::AppResult plan(const Options& options, PreparedRun& run) {
     return {stymo::plan_text(plan), stymo::to_json(plan)};
 }
 
-stymo::AppResult lead(const Options& options, PreparedRun& run, stymo::Explainer& explainer) {
+stymo::AppResult lead(const Options& options, PreparedRun& run,
+                      std::optional<stymo::FolderLock>& lock, stymo::Explainer& explainer) {
     stymo::require_writable_folder(options.out);
-    if (!run.lock) run.lock.emplace(options.out);
+    if (!lock) lock.emplace(options.out);
     const stymo::RunFolder folder(options.out, !options.resume.empty());
     if (folder.replace_config(stymo::to_json(run.config)))
         std::cerr << "the configuration differs from that of the run so far; the run goes on with "
@@ -103,11 +110,13 @@ stymo::AppResult train(const Options& options, const stymo::CommonOptions& commo
                 stymo::JsonValue::object({{"table", stymo::configuration_table()}})};
     require_paths(options);
     stymo::Explainer explainer(options.explain);
+    std::optional<stymo::FolderLock> lock;
     if (const std::unique_ptr<stymo::Ranks> ranks = stymo::started_ranks()) {
         std::optional<PreparedRun> run;
         return stymo::run_as_rank(
             *ranks, "stymo-train",
-            {.prepare =
+            {.claim = [&] { claim(options, lock); },
+             .prepare =
                  [&] {
                      if (options.dry_run)
                          stymo::fail<stymo::UsageError>(
@@ -119,11 +128,13 @@ stymo::AppResult train(const Options& options, const stymo::CommonOptions& commo
                      return stymo::common_state(run->config, run->training, run->trainer->state(),
                                                 options.initial_model);
                  },
-             .lead = [&] { return lead(options, *run, explainer); },
+             .lead = [&] { return lead(options, *run, lock, explainer); },
              .follow = [&] { static_cast<void>(run->trainer->follow()); }});
     }
+    claim(options, lock);
     PreparedRun run(options, common, nullptr);
-    stymo::AppResult result = options.dry_run ? plan(options, run) : lead(options, run, explainer);
+    stymo::AppResult result =
+        options.dry_run ? plan(options, run) : lead(options, run, lock, explainer);
     explainer.finish(result);
     return result;
 }

@@ -1,9 +1,6 @@
 #include "apps/train/mpi_ranks.h"
 
-#include <unistd.h>
-
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <cstdlib>
 #include <thread>
@@ -126,11 +123,6 @@ std::unique_ptr<Ranks> started_ranks() {
         "built without Open MPI, so it cannot be one of several ranks; install libopenmpi-dev and "
         "build again, or start it without mpirun");
 #endif
-}
-
-std::string host_name() {
-    std::array<char, 256> name{};
-    return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "unknown host";
 }
 
 void end_all_ranks() {

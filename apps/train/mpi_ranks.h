@@ -11,9 +11,6 @@ namespace stymo {
 /// together: the destructor waits for the others.
 [[nodiscard]] std::unique_ptr<Ranks> started_ranks();
 
-/// The name of this rank's host, for messages.
-[[nodiscard]] std::string host_name();
-
 /// Ends all ranks at once, after an error on this rank.
 [[noreturn]] void end_all_ranks();
 

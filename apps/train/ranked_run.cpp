@@ -8,6 +8,7 @@
 #include <fstream>
 #include <iostream>
 
+#include "apps/common/host_name.h"
 #include "apps/train/mpi_ranks.h"
 #include "core/error.h"
 #include "core/io/checksum.h"
@@ -74,6 +75,7 @@ CommonState common_state(const TrainConfig& config, const Dataset& training,
 
 AppResult run_as_rank(Ranks& ranks, const std::string& program, const RankedRun& run) {
     if (!ranks.leads()) be_silent();
+    require_none(ranks, ranks.leads() ? problem_of(run.claim) : "");
     require_none(ranks, problem_of(run.prepare));
     CommonState state;
     require_none(ranks, problem_of([&] { state = run.state(); }));

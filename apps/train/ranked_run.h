@@ -25,15 +25,16 @@ using CommonState = std::vector<std::pair<std::string, std::string>>;
 
 /// The parts of a run with several ranks.
 struct RankedRun {
+    std::function<void()> claim;    ///< runs on rank 0, before the others begin; may write files
     std::function<void()> prepare;  ///< must not write files or communicate with other ranks
     std::function<CommonState()> state;
     std::function<AppResult()> lead;  ///< runs on rank 0
     std::function<void()> follow;     ///< runs on all other ranks
 };
 
-/// Runs one rank. Only rank 0 prints results. If the preparation fails on any rank, or if the ranks
-/// differ in their CommonState, the first problem is thrown on every rank. A later error is printed
-/// by the rank on which it occurs, and ends all ranks at once.
+/// Runs one rank. Only rank 0 prints results. If claim or preparation fails on any rank, or if the
+/// ranks differ in their CommonState, the first problem is thrown on every rank. A later error is
+/// printed by the rank on which it occurs, and ends all ranks at once.
 AppResult run_as_rank(Ranks& ranks, const std::string& program, const RankedRun& run);
 
 }  // namespace stymo

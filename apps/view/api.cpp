@@ -190,10 +190,8 @@ Answer Api::new_face(Session& session, const Request& request) {
             break;
         }
         case FaceWish::Source::moved: {
-            const ShelfFace target = session.shelf().find(wish.face);
-            face = target;
-            face.face.codes = moved(studio_, target.face.codes, wish.sliders);
-            face.name = wish.name.empty() ? target.name + ", changed" : wish.name;
+            face = moved_face(session, wish.face, wish.sliders);
+            face.name = wish.name.empty() ? face.name + ", changed" : wish.name;
             break;
         }
     }
@@ -202,8 +200,12 @@ Answer Api::new_face(Session& session, const Request& request) {
 
 ShelfFace Api::shown_face(Session& session, const Request& request) const {
     const FrameWish wish = frame_wish(request.body, studio_.model()->config().camera);
-    ShelfFace face = session.shelf().find(wish.face);
-    face.face.codes = moved(studio_, face.face.codes, wish.sliders);
+    return moved_face(session, wish.face, wish.sliders);
+}
+
+ShelfFace Api::moved_face(Session& session, const std::string& id, const Sliders& sliders) const {
+    ShelfFace face = session.shelf().find(id);
+    face.face.codes = moved(studio_, face.face.codes, sliders);
     return face;
 }
 
@@ -219,9 +221,7 @@ Answer Api::fit(Session& session, const Request& request) {
 
 Answer Api::color(Session& session, const Request& request) {
     const ColorWish wish = color_wish(request.body, studio_.model()->config().camera);
-    ShelfFace face = session.shelf().find(wish.face);
-    face.face.codes = moved(studio_, face.face.codes, wish.sliders);
-    session.start(recolor(studio_, session, face, wish));
+    session.start(recolor(studio_, session, moved_face(session, wish.face, wish.sliders), wish));
     return job_answer(session);
 }
 
@@ -230,8 +230,7 @@ Answer Api::film_path(Session& session, const Request& request) {
     const std::int64_t side = studio_.model()->config().decoder.resolution;
     if (std::ssize(wish.cameras) * side * side > most_film_pixels)
         throw RequestError(400, "this film is too long for its size; give fewer seconds");
-    ShelfFace face = session.shelf().find(wish.face);
-    face.face.codes = moved(studio_, face.face.codes, wish.sliders);
+    const ShelfFace face = moved_face(session, wish.face, wish.sliders);
     session.start(film(studio_, {face, wish.cameras, wish.frames_per_second, wish.extension}));
     return job_answer(session);
 }

@@ -38,6 +38,8 @@ private:
     [[nodiscard]] Answer make_mesh(Session& session, const Request& request);
     /// The face of the request with its sliders applied.
     [[nodiscard]] ShelfFace shown_face(Session& session, const Request& request) const;
+    [[nodiscard]] ShelfFace moved_face(Session& session, const std::string& id,
+                                       const Sliders& sliders) const;
     [[nodiscard]] Answer codes_file(Session& session, const Request& request);
     [[nodiscard]] Answer tuned_file(Session& session, const Request& request);
     /// The inverse of tuned_file: adds a new face with the codes of this one and the weights in the

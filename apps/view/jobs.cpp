@@ -40,7 +40,9 @@ PreparedPhoto prepared(Studio& studio, const std::string& bytes, Job& job) {
     job.report("finding the face", 0, 0);
     PhotoPreparationSettings settings;
     settings.landmark_model = shipped_landmark_network();
-    settings.mask_model = studio.model()->has_encoder() ? studio.model().get() : nullptr;
+    // Only the shipped model is known to represent heads of photos, as in stymo-fit.
+    const ModelOptions& model = studio.options().model;
+    if (model.file.empty() && model.tuned.empty()) settings.mask_model = studio.model().get();
     settings.parser = studio.options().parser;
     settings.most_pixels = studio.options().most_photo_pixels;
     PreparedPhoto photo;

@@ -1,12 +1,14 @@
 #include <chrono>
 #include <functional>
 #include <iostream>
+#include <string_view>
 #include <thread>
 
 #include "apps/common/command_line.h"
 #include "apps/common/render_modes.h"
 #include "apps/common/tools.h"
 #include "apps/view/server.h"
+#include "core/error.h"
 #include "core/interrupt.h"
 
 namespace {
@@ -18,8 +20,17 @@ struct Options {
     std::string mode = "auto";
 };
 
+/// The token is part of an address.
+void require_plain(const std::string& token) {
+    constexpr std::string_view plain =
+        "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._~-";
+    if (token.find_first_not_of(plain) != std::string::npos)
+        stymo::fail<stymo::UsageError>("--token: use only letters, digits and . _ ~ -");
+}
+
 stymo::AppResult serve(Options options) {
     using std::chrono_literals::operator""ms;
+    require_plain(options.server.token);
     stymo::view::Server::check_available();
     options.studio.chooses_mode = options.mode == "auto";
     if (!options.studio.chooses_mode)
@@ -54,7 +65,8 @@ int stymo_view(int argc, char** argv) {
         .range(0, 65535);
     line.option("--host", options.server.host,
                 "address to listen on; any but this machine's own needs the token that is printed");
-    line.option("--token", options.server.token, "secret that requests must bring");
+    line.option("--token", options.server.token,
+                "secret that requests must bring: letters, digits and . _ ~ -");
     line.option("--mode", options.mode,
                 "how moving images are rendered; auto: the faster one of skip and half here")
         .one_of({"auto", "skip", "half", "baked", "exact"});

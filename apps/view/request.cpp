@@ -202,8 +202,6 @@ FaceWish face_wish(const std::string& json) {
     const Json object = parsed(json);
     auto wish = wish_for_face<FaceWish>(object);
     wish.name = text(object, "name");
-    constexpr std::size_t longest_name = 80;
-    if (wish.name.size() > longest_name) refuse("\"name\" is too long");
     if (object.contains("codes")) {
         wish.source = FaceWish::Source::codes;
         wish.codes = text(object, "codes");

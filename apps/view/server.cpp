@@ -10,6 +10,7 @@
 #include <cmath>
 #include <thread>
 
+#include "apps/common/host_name.h"
 #include "apps/view/page_files.h"
 #include "apps/view/random_token.h"
 #include "core/error.h"
@@ -235,7 +236,8 @@ void Server::stop() {
 std::string Server::address() const {
     const ServerOptions& options = implementation_->options;
     const bool six = options.host.find(':') != std::string::npos;
-    const std::string host = six ? "[" + options.host + "]" : options.host;
+    const bool every = options.host == "0.0.0.0" || options.host == "::";
+    const std::string host = every ? host_name() : six ? "[" + options.host + "]" : options.host;
     std::string address = "http://" + host + ":" + std::to_string(implementation_->port) + "/";
     if (!options.token.empty()) address += "?token=" + options.token;
     return address;

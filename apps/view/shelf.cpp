@@ -16,9 +16,23 @@ constexpr std::size_t most_faces = 64;
 constexpr std::ptrdiff_t most_tuned_faces = 16;
 constexpr std::size_t digits_of_element = 4;
 
+/// The beginning of a name in UTF-8, without half a character at its end.
+std::string shortened(std::string name) {
+    constexpr std::size_t most_bytes = 80;
+    if (name.size() <= most_bytes) return name;
+    const auto continues = [&](std::size_t place) {
+        return (static_cast<unsigned char>(name[place]) & 0xC0U) == 0x80U;
+    };
+    std::size_t end = most_bytes;
+    while (end > 0 && continues(end)) --end;
+    name.resize(end);
+    return name;
+}
+
 }  // namespace
 
 std::string Shelf::add(ShelfFace face) {
+    face.name = shortened(std::move(face.name));
     const std::lock_guard lock(mutex_);
     if (faces_.size() >= most_faces)
         fail<ValueError>("there is room for ", most_faces, " faces; remove one first");

@@ -97,6 +97,7 @@ TEST_CASE("Malformed command lines are refused, in one line that says why") {
         {"stymo-view --psnr 5", 2, "--psnr: 5 is not a number in [20, 90]"},
         {"stymo-view --mode fast", 2, "--mode: fast not in {auto,skip,half,baked,exact}"},
         {"stymo-view --sessions 0", 2, "--sessions: 0 is not a number in [1, 1000]"},
+        {"stymo-view --token a&b", 2, "--token: use only letters, digits and . _ ~ -"},
         {image + "--samples 1", 2, "--samples: 1 is not a number in [2, 4096]"},
         {image + "--tolerance 0.1 --psnr 40", 2, "--tolerance excludes --psnr"},
         {image + "--psnr 40", 2, "--psnr needs --mode skip or half"},

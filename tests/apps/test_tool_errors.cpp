@@ -87,6 +87,8 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
         {eval + "--region nose", "--region"},
         {eval + "--parser run/model.safetensors", "--region"},
         {eval + "--refine-pose", "--fit"},
+        {"stymo-eval drawn --data faces --identity none --sheet out.tiff", "out.tiff"},
+        {fit + "--image faces/images/00000.png --image run/00000.png", "two photos"},
     };
     check_refused(calls, wrong_usage);
 }

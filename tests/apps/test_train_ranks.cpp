@@ -72,6 +72,13 @@ TEST_CASE("1, 2 and 4 ranks write the same files, and any number resumes") {
     const std::string from = "--resume " + (tiny_run() / "ranks4/checkpoints/000002").string();
     REQUIRE(train(2, "resumed", steps + from).exit_code == 0);
     CHECK(bytes("resumed" + state) == bytes("ranks1" + state));
+
+    // What a crash leaves between the two renames of a checkpoint that replaces another.
+    const fs::path checkpoint = tiny_run() / "ranks4/checkpoints/000002";
+    fs::rename(checkpoint, checkpoint.string() + ".replaced");
+    REQUIRE(train(2, "repaired", steps + from).exit_code == 0);
+    CHECK(fs::exists(checkpoint));
+    CHECK(bytes("repaired" + state) == bytes("ranks1" + state));
 }
 
 TEST_CASE("Ranks that do not fit together are refused by one line, and nothing is written") {

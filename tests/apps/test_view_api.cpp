@@ -120,6 +120,24 @@ TEST_CASE("new faces are drawn, opened, shared, mixed and kept", "[view]") {
     CHECK(client.ask("frame", frame_of(other, "still")).status == 400);
 }
 
+TEST_CASE("names of faces do not grow without limit, and end with a whole character", "[view]") {
+    ViewClient client;
+    const std::string first = client.first_face();
+    const auto name_of = [](const json& answer) {
+        return answer["faces"].back()["name"].get<std::string>();
+    };
+    std::string name;
+    for (int i = 0; i < 50; ++i) name += "\u9854";
+    CHECK(name_of(client.json("face", {{"seed", 5}, {"name", name}})) == name.substr(0, 78));
+
+    json mixed = {{"face", first}};
+    for (int i = 0; i < 8; ++i) {
+        const std::string id = mixed["face"];
+        mixed = client.json("face", {{"face", id}, {"source", id}, {"groups", {"tex"}}});
+    }
+    CHECK(name_of(mixed).size() == 80);
+}
+
 TEST_CASE("tuned weights that were saved are opened again, and no others", "[view]") {
     ViewClient client;
     const std::string face = client.first_face();

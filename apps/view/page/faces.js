@@ -129,7 +129,7 @@ async function remove(id) {
 export async function openFiles(files) {
   const weights = files.find((file) => file.name.endsWith(".safetensors"));
   const codes = files.find((file) => file.name.endsWith(".json"));
-  if (codes && !await addFace({ file: await codes.text(), name: codes.name.slice(0, 60) })) return;
+  if (codes && !await addFace({ file: await codes.text(), name: codes.name })) return;
   if (!weights) return;
   try {
     const query = new URLSearchParams({ face: state.face });
