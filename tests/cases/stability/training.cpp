@@ -53,18 +53,18 @@ std::vector<StabilityCase> adam_cases() {
 
 std::vector<StabilityCase> accumulation_cases() {
     std::vector<StabilityCase> rows;
-    rows.push_back(
-        {.name = "1e6 accumulated micro-steps",
-         .behaviour = "added in pairs, pairs in pairs: 20 roundings",
-         .value_bound = 1e-6,
-         .run = [](DType dtype) {
-             constexpr std::int64_t count = 1000000;
-             Tensor sum;
-             GradientTree tree(count, [&sum](std::size_t, Tensor all) { sum = std::move(all); });
-             const Tensor gradient = Rng(1).uniform({4}, 0.5, 1.5).to(dtype);
-             for (std::int64_t i = 0; i < count; ++i) tree.add(i, 0, gradient);
-             return StabilityResult{.values = {(Variable(sum) * (1.0 / count)).value()}};
-         }});
+    rows.push_back({.name = "1e6 accumulated micro-steps",
+                    .behaviour = "added in pairs, pairs in pairs: 20 roundings",
+                    .value_bound = 1e-6,
+                    .run = [](DType dtype) {
+                        constexpr std::int64_t count = 1000000;
+                        Tensor sum;
+                        GradientTree tree(
+                            count, [&sum](std::size_t, Tensor all) { sum = std::move(all); });
+                        const Tensor gradient = Rng(1).uniform({4}, 0.5, 1.5).to(dtype);
+                        for (std::int64_t i = 0; i < count; ++i) tree.add(i, 0, gradient);
+                        return StabilityResult{.values = {(Variable(sum) * (1.0 / count)).value()}};
+                    }});
     rows.push_back({.name = "1e5 steps of a moving average, decay 0.9999",
                     .behaviour = "moves by a part of the difference: a constant stays; stops at "
                                  "most half a rounding / (1 - decay) = 6e-4 short",
