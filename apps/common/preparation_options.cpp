@@ -1,5 +1,7 @@
 #include "apps/common/preparation_options.h"
 
+#include <iostream>
+
 #include "apps/common/shipped_file.h"
 
 namespace stymo {
@@ -23,6 +25,13 @@ void declare_preparation_files(Command& command, PhotoPreparationSettings& setti
         .option("--max-pixels", settings.most_pixels,
                 "unprepared photos with more pixels are refused")
         .range(1, 1e12);
+}
+
+void warn_without_landmark_network(const PhotoPreparationSettings& settings) {
+    if (settings.landmark_model.empty())
+        std::cerr << "warning: the landmark network that comes with stymo was not found near the "
+                     "program, so dlib's landmarks are used; name the network with --landmarks"
+                  << std::endl;
 }
 
 }  // namespace stymo

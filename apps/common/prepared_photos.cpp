@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "apps/common/face_input.h"
+#include "apps/common/preparation_options.h"
 #include "core/error.h"
 #include "core/io/image.h"
 #include "fit/photo/preparation_overlay.h"
@@ -68,6 +69,7 @@ std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
     settings.wanted_side = model.decoder.resolution;
     settings.intrinsics = model.camera.intrinsics;
     settings.pivot = {model.camera.distance, model.camera.pivot_depth};
+    warn_without_landmark_network(settings);
     const PhotoPreparation preparation(settings);
     std::vector<FaceCrop> crops;
     for (const std::string& image : images) crops.push_back(largest_face(preparation, image));

@@ -59,6 +59,7 @@ stymo::AppResult prepare(Options options) {
     std::optional<stymo::Model> mask_model;
     if (!options.mask_model.empty())
         options.settings.mask_model = &mask_model.emplace(stymo::Model::load(options.mask_model));
+    stymo::warn_without_landmark_network(options.settings);
     const stymo::PhotoPreparation preparation(options.settings);
     const stymo::InterruptGuard guard;
     std::optional<stymo::Progress> progress;

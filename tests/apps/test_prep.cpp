@@ -9,6 +9,7 @@
 #include <set>
 #include <sstream>
 
+#include "apps/common/child_process.h"
 #include "apps/tiny_run.h"
 #include "apps/tool_run.h"
 #include "core/io/file.h"
@@ -165,6 +166,18 @@ TEST_CASE("A folder none of whose photos can be used leaves nothing behind") {
             "unusable: none of its 1 photos can be used; the first: unusable/images/zero.png: "
             "not an image (zero bytes)\n"));
     CHECK_FALSE(fs::exists(tiny_run() / "unusable_set"));
+}
+
+TEST_CASE("A copy of stymo-prep without the landmark network says that it uses dlib's") {
+    const fs::path& folder = tiny_run();
+    photos_with_landmarks("copied_photos", 1);
+    fs::create_directory(folder / "copied");
+    fs::copy_file(STYMO_BINARY_DIR "/bin/stymo-prep", folder / "copied/stymo-prep");
+    const stymo::ChildOutcome outcome = stymo::run_child(
+        {(folder / "copied/stymo-prep").string(), "--photos", (folder / "copied_photos").string(),
+         "--out", (folder / "copied/out").string(), "--size", "32", "--threads", "1"});
+    CHECK(outcome.exit_code == 0);
+    CHECK_THAT(outcome.err, Catch::Contains("warning: the landmark network that comes with stymo"));
 }
 
 TEST_CASE("A pose comes back from every form that stymo-prep pose writes") {
