@@ -39,6 +39,11 @@ skipped = re.compile(r"^\s*(//|#|template|using|\*|static_assert|for_each|namesp
                      r"fail<|HWY_|grain|parallel_for|static constexpr|&&\s*\w+\)|Args|include")
 
 
+def runs_here(file: str) -> bool:
+    """Whether this processor runs the code of a file: products of matrix tiles need AMX."""
+    return "gemm_tiles" not in file or "amx_tile" in pathlib.Path("/proc/cpuinfo").read_text()
+
+
 def mutants_of(tree: pathlib.Path, pattern: str, tests: list[str]) -> list[dict]:
     found = []
     for file in sorted(tree.glob(pattern)):
@@ -141,6 +146,8 @@ def main() -> None:
     for mutant in in_random_order(tree, arguments.only, random.Random(arguments.seed)):
         if len(judged) == arguments.count:
             break
+        if not runs_here(mutant["file"]):
+            continue
         shown = {key: mutant[key] for key in ("file", "line", "before", "after")}
         outcome = next((row["outcome"] for row in known if shown.items() <= row.items()), None)
         is_new = outcome is None
