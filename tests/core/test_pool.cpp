@@ -44,6 +44,8 @@ TEST_CASE("A pool that does not fit is refused", "[pool]") {
     CHECK(max_pool2d(x, {.kernel = 3, .stride = 2, .ceil_mode = true}).shape() ==
           Shape{1, 1, 1, 1});
     CHECK_THROWS_AS(max_pool2d(x, {.kernel = 17, .stride = 2}), ValueError);
+    const Variable large = Tensor::zeros({1, 16, 16, 1});
+    CHECK(max_pool2d(large, {.kernel = 16, .stride = 2}).shape() == Shape{1, 1, 1, 1});
     CHECK_THROWS_AS(max_pool2d(x, {.kernel = 2, .stride = 0}), ValueError);
     CHECK_THROWS_AS(max_pool2d(Tensor::zeros({2, 2, 1})), ShapeError);
 }
