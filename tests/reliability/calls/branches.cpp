@@ -40,11 +40,16 @@ void must(bool done) {
     if (!done) ::_exit(126);
 }
 
+/// A copy of a process has only the thread that made it. Threads of libraries are left alone.
+bool is_first_thread() {
+    return ::gettid() == ::getpid();
+}
+
 class CountingVisitor : public CallVisitor {
 public:
     explicit CountingVisitor(CallPlaces& places) : places_(places) {}
     [[nodiscard]] bool fails(long /*number*/) override {
-        ++places_.at(current_call_stack().hash()).calls;
+        if (is_first_thread()) ++places_.at(current_call_stack().hash()).calls;
         return false;
     }
 
@@ -91,6 +96,7 @@ public:
 
     [[nodiscard]] bool fails(long number) override {
         if (is_copy_) return ever_;
+        if (!is_first_thread()) return false;
         CallPlace& place = places_.at(current_call_stack().hash());
         ++place.seen;
         if (chosen_ == Chosen::ends && place.seen != 1 && place.seen != place.calls) return false;
