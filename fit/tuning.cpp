@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <span>
+#include <string_view>
 
 #include "core/angle.h"
 #include "core/autograd/grad.h"
@@ -17,6 +19,7 @@
 #include "fit/head_depth.h"
 #include "fit/turned_photo.h"
 #include "nn/losses.h"
+#include "nn/models/significant_rows.h"
 #include "nn/models/view.h"
 #include "nn/optim/hybrid_optimizer.h"
 
@@ -26,6 +29,16 @@ namespace {
 
 /// Share of the time in which the learning rate rises.
 constexpr double rising = 0.05;
+/// In the few steps of a tuning, Muon's usual momentum of 0.95 would be too slow.
+constexpr double momentum = 0.7;
+/// Factors on the learning rate: of the field, whose shape a single photo does not determine, and
+/// of the parameters that Adam moves, whose changes blur the image if they are as large.
+constexpr double field_rate = 0.25, adam_rate = 0.1;
+constexpr std::string_view field_prefix = "decoder.field.";
+/// One step in so many compares an anchor.
+constexpr std::int64_t anchor_interval = 2;
+/// One comparison in so many with a photo evaluates all samples and selects those of the next.
+constexpr std::int64_t selection_interval = 8;
 constexpr double sample_tolerance = 1e-3;
 constexpr double mask_weight = 0.05;
 constexpr double largest_yaw = 40.0, largest_pitch = 15.0;
@@ -48,7 +61,8 @@ public:
     Tuning(const Model& original, Model& tuned, const ReconstructionLoss& loss,
            const FaceBatch& faces, const Codes& codes, const std::vector<Camera>& cameras,
            const TuningOptions& options)
-        : tuned_(tuned),
+        : original_(original),
+          tuned_(tuned),
           loss_(loss),
           faces_(faces),
           codes_(codes),
@@ -63,25 +77,29 @@ public:
             for (const Tensor& images_of_all : faces.targets)
                 images.push_back(slice(Variable(images_of_all), 0, i, i + 1).value());
             photos_.push_back(loss.kept_target(images));
-            look_at_photo(original, i);
+            look_at_photo(i);
         }
-        Rng rng = Rng(options.seed).split("anchors");
-        for (std::int64_t i = 0; i < options.anchors; ++i)
-            anchors_.push_back(make_anchor(original, rng, i));
+        significant_.resize(photos_.size());
         tuned.parameters().set_trainable("", false);
-        for (const char* prefix : {"decoder.field.", "decoder.block", "decoder.mask."})
+        for (const std::string_view prefix : {field_prefix, {"decoder.block"}, {"decoder.mask."}})
             tuned.parameters().set_trainable(prefix, true);
         parameters_ = tuned.parameters().trainable();
+        const auto images = std::ranges::stable_partition(parameters_, [](const Parameter& each) {
+            return each.name().starts_with(field_prefix);
+        });
+        field_parameters_ = parameters_.size() - images.size();
     }
 
     /// The loss of the photo before the step.
     double step(std::int64_t number, double learning_rate) {
-        const bool anchored = !anchors_.empty() && options_.locality_weight > 0.0;
+        const bool anchored = options_.anchors > 0 && options_.locality_weight > 0.0 &&
+                              number % anchor_interval == anchor_interval - 1;
         std::array<double, 2> losses{};
         std::array<std::vector<Variable>, 2> gradients;
         parallel_for(anchored ? 2 : 1, 1, [&](std::int64_t begin, std::int64_t) {
             const auto which = static_cast<std::size_t>(begin);
-            const Variable loss = which == 0 ? photo_loss(number) : anchor_loss(number);
+            const Variable loss =
+                which == 0 ? photo_loss(number) : anchor_loss(number / anchor_interval);
             losses[which] = loss.value().item();
             gradients[which] = grad(loss, variables_of(parameters_));
         });
@@ -90,11 +108,20 @@ public:
                                ": the loss is not finite; lower the learning rate");
         for (std::size_t i = 0; anchored && i < parameters_.size(); ++i)
             gradients[0][i] = gradients[0][i] + gradients[1][i];
-        optimizer_.step(parameters_, gradients[0], {learning_rate, "", 1.0});
+        move(std::span(parameters_).first(field_parameters_),
+             std::span(gradients[0]).first(field_parameters_), field_rate * learning_rate);
+        move(std::span(parameters_).subspan(field_parameters_),
+             std::span(gradients[0]).subspan(field_parameters_), learning_rate);
         return losses[0];
     }
 
 private:
+    void move(std::span<const Parameter> parameters, std::span<const Variable> gradients,
+              double learning_rate) {
+        optimizer_.step(parameters, gradients,
+                        {.learning_rate = learning_rate, .adam_factor = adam_rate});
+    }
+
     [[nodiscard]] DecodeOptions decoding(std::int64_t resolution, bool mask = false) const {
         return {.samples_per_ray = samples_per_ray_,
                 .resolution = resolution,
@@ -103,25 +130,33 @@ private:
                 .keep_field = true};
     }
 
-    [[nodiscard]] Variable photo_loss(std::int64_t number) const {
+    [[nodiscard]] Variable photo_loss(std::int64_t number) {
         const std::int64_t row = number % codes_.batch();
-        const ReconstructionLoss::Target& photo = photos_[static_cast<std::size_t>(row)];
+        const auto index = static_cast<std::size_t>(row);
+        const ReconstructionLoss::Target& photo = photos_[index];
         const std::int64_t side = photo.images.back().shape(1);
         const bool masked = faces_.mask.defined() && faces_.mask.shape(1) == side &&
                             side == tuned_.decoder().ladder().largest();
+        DecodeOptions decode = decoding(side, masked);
+        const bool select = number / codes_.batch() % selection_interval == 0;
+        if (!select) decode.significant_samples = significant_[index];
         const Decoded decoded =
-            tuned_.decoder()(codes_of_face(codes_, row), {cameras_[static_cast<std::size_t>(row)]},
-                             decoding(side, masked));
-        const Variable loss = loss_(decoded.images, photo).total +
-                              depth_term(decoded, surfaces_[static_cast<std::size_t>(row)], row);
+            tuned_.decoder()(codes_of_face(codes_, row), {cameras_[index]}, decode);
+        if (select)
+            significant_[index] =
+                significant_samples(decoded.weights.weights.value(), sample_tolerance);
+        const Variable loss =
+            loss_(decoded.images, photo).total + depth_term(decoded, surfaces_[index], row);
         if (!masked) return loss;
         // The mask branch reads features of the render blocks, which tuning changes.
         const Tensor mask = slice(Variable(faces_.mask), 0, row, row + 1).value();
         return loss + mask_loss(decoded.mask_logit, mask) * mask_weight;
     }
 
-    [[nodiscard]] Variable anchor_loss(std::int64_t number) const {
-        const Anchor& anchor = anchors_[static_cast<std::size_t>(number) % anchors_.size()];
+    [[nodiscard]] Variable anchor_loss(std::int64_t number) {
+        const std::int64_t index = number % options_.anchors;
+        if (index == std::ssize(anchors_)) anchors_.push_back(make_anchor(index));
+        const Anchor& anchor = anchors_[static_cast<std::size_t>(index)];
         const Decoded decoded = tuned_.decoder()(anchor.codes, {anchor.camera},
                                                  decoding(anchor.images.back().shape(1)));
         // The largest compared image has the weight of the model's largest image.
@@ -139,42 +174,42 @@ private:
         return heads_.loss(expected_depth(decoded), *surface, row) * options_.depth_weight;
     }
 
-    [[nodiscard]] Anchor make_anchor(const Model& original, Rng& rng, std::int64_t number) const {
+    [[nodiscard]] Anchor make_anchor(std::int64_t number) {
         const bool neighbour = number % 3 == 0;
         const std::int64_t row = number / 3 % codes_.batch();
         Anchor anchor{row, codes_of_face(codes_, row), {}, {}};
-        if (neighbour) anchor.codes = add(anchor.codes, random_offset(original, rng));
-        const double yaw = uniform(rng, -largest_yaw, largest_yaw);
-        const double pitch = uniform(rng, -largest_pitch, largest_pitch);
+        if (neighbour) anchor.codes = add(anchor.codes, random_offset());
+        const double yaw = uniform(rng_, -largest_yaw, largest_yaw);
+        const double pitch = uniform(rng_, -largest_pitch, largest_pitch);
         anchor.camera =
-            model_camera(original, radians_from_degrees(yaw), radians_from_degrees(pitch), 0.0);
-        const Decoder& decoder = original.decoder();
+            model_camera(original_, radians_from_degrees(yaw), radians_from_degrees(pitch), 0.0);
+        const Decoder& decoder = original_.decoder();
         if (neighbour) {
             const Decoded decoded =
                 decoder(anchor.codes, {anchor.camera}, decoding(decoder.ladder().largest()));
             for (const Variable& image : decoded.images) anchor.images.push_back(image.value());
         } else {
-            show_from_the_side(original, anchor);
+            show_from_the_side(anchor);
         }
         return anchor;
     }
 
     /// The face rendered by the original decoder, in the range of its images.
-    [[nodiscard]] SeenFace seen_face(const Model& original, std::int64_t row, const Camera& camera,
+    [[nodiscard]] SeenFace seen_face(std::int64_t row, const Camera& camera,
                                      std::int64_t side) const {
         const View view = render_view(
-            original, codes_, row, camera,
+            original_, codes_, row, camera,
             {.samples_per_ray = samples_per_ray_, .resolution = side, .mask = true, .depth = true});
         return {camera, affine(Variable(view.image), 2.0, -1.0).value(), view.mask, view.depth};
     }
 
     /// The photo's colours and mask, with the depth map of the original decoder and, on the face,
     /// the depth of the linear head.
-    void look_at_photo(const Model& original, std::int64_t row) {
+    void look_at_photo(std::int64_t row) {
         const Camera& camera = cameras_[static_cast<std::size_t>(row)];
         const Tensor& image = photos_.back().images.back();
         const std::int64_t side = image.shape(1);
-        SeenFace seen = seen_face(original, row, camera, side);
+        SeenFace seen = seen_face(row, camera, side);
         seen.image = image.to(DType::float32).reshaped({side, side, 3});
         if (faces_.mask.defined() && faces_.mask.shape(1) == side)
             seen.mask = slice(Variable(faces_.mask), 0, row, row + 1)
@@ -189,9 +224,9 @@ private:
 
     /// Sets the images of an anchor to the face from another side: the photo's colours where it
     /// shows the point, else those of the original decoder.
-    void show_from_the_side(const Model& original, Anchor& anchor) const {
-        const std::vector<std::int64_t>& sides = original.decoder().ladder().sides();
-        SeenFace view = seen_face(original, anchor.row, anchor.camera, sides.back());
+    void show_from_the_side(Anchor& anchor) const {
+        const std::vector<std::int64_t>& sides = original_.decoder().ladder().sides();
+        SeenFace view = seen_face(anchor.row, anchor.camera, sides.back());
         anchor.surface = heads_.surface(anchor.row, anchor.camera, view.depth.shape(0));
         if (anchor.surface) view.depth = with_surface(view.depth, *anchor.surface);
         const Tensor image = turned_photo(seen_[static_cast<std::size_t>(anchor.row)], view).image;
@@ -204,15 +239,16 @@ private:
 
     /// A random offset with the covariance of the code statistics, or isotropic for a model without
     /// statistics.
-    [[nodiscard]] Codes random_offset(const Model& original, Rng& rng) const {
-        const std::optional<CodeStatistics>& statistics = original.code_statistics();
+    [[nodiscard]] Codes random_offset() {
+        const std::optional<CodeStatistics>& statistics = original_.code_statistics();
         const double distance = options_.neighbour_distance;
         if (!statistics)
-            return split_codes(Variable(rng.normal({1, code_size}, 0.0, 0.1 * distance)));
+            return split_codes(Variable(rng_.normal({1, code_size}, 0.0, 0.1 * distance)));
         const Variable mean = reshape(Variable(statistics->mean()), {1, code_size});
-        return split_codes(joined(statistics->sample(rng, distance)) - mean);
+        return split_codes(joined(statistics->sample(rng_, distance)) - mean);
     }
 
+    const Model& original_;
     Model& tuned_;
     const ReconstructionLoss& loss_;
     const FaceBatch& faces_;
@@ -224,9 +260,12 @@ private:
     std::vector<std::optional<FaceSurface>> surfaces_;  ///< in the photos
     std::vector<SeenFace> seen_;                        ///< by the cameras of the photos
     std::vector<ReconstructionLoss::Target> photos_;
-    std::vector<Anchor> anchors_;
-    std::vector<Parameter> parameters_;
-    HybridOptimizer optimizer_{{}, true};
+    std::vector<Tensor> significant_;  ///< samples of the photos' rays
+    Rng rng_ = Rng(options_.seed).split("anchors");
+    std::vector<Anchor> anchors_;        ///< those that were needed so far
+    std::vector<Parameter> parameters_;  ///< the field's come first
+    std::size_t field_parameters_ = 0;
+    HybridOptimizer optimizer_{{}, true, {.momentum = momentum}};
 };
 
 /// Finished share of the tuning.

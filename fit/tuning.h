@@ -22,12 +22,12 @@ struct TuningOptions {
     /// 0: no such limit. The result depends on the machine's speed unless `steps` comes first.
     double seconds = 0.0;
     std::int64_t steps = 0;
-    double learning_rate = 1e-2;  ///< the largest rate: it rises over the first twentieth of the
+    double learning_rate = 3e-2;  ///< the largest rate: it rises over the first twentieth of the
                                   ///< time and then falls to 0 along a cosine
-    /// Weight of the locality term, which compares images of the tuned decoder at anchors with
-    /// those of the original one. One of three anchors is a neighbouring code from a random camera.
-    /// The others are the face itself from other sides; there the target has the photo's colours
-    /// where the photo shows the same points (fit/turned_photo.h).
+    /// Weight of the locality term, which every second step compares an image of the tuned decoder
+    /// at an anchor with that of the original one. One of three anchors is a neighbouring code from
+    /// a random camera. The others are the face itself from other sides; there the target has the
+    /// photo's colours where the photo shows the same points (fit/turned_photo.h).
     double locality_weight = 1.0;
     /// The linear head to which the faces' codes belong; null: the tuned shape follows from colours
     /// alone. Where a face has a code, the depth of the tuned face is drawn to this head's, in the

@@ -128,7 +128,8 @@ stymo::JsonValue write_fit(const Photo& photo, const stymo::FitReport& report,
 /// a signal has asked the process to stop.
 std::optional<stymo::Model> tune(const Options& options, const stymo::Model& model,
                                  const stymo::ReconstructionLoss& loss,
-                                 const stymo::FaceBatch& batch, const stymo::FitResult& fitted) {
+                                 const stymo::FaceBatch& batch, const stymo::FitResult& fitted,
+                                 stymo::Explainer& explainer) {
     if (!tunes(options) || stymo::interrupted()) return std::nullopt;
     stymo::Model tuned = stymo::load_model(options.model, stymo::ModelParts::decoder);
     stymo::TuningOptions tuning = options.tuning;
@@ -143,9 +144,10 @@ std::optional<stymo::Model> tune(const Options& options, const stymo::Model& mod
         progress.update(tuning.steps > 0 ? step.steps : std::min(part, total),
                         "loss " + std::to_string(step.loss));
     };
-    static_cast<void>(
-        stymo::tune_decoder(model, tuned, loss, batch, fitted.fitted, fitted.cameras, tuning));
+    const stymo::TuningResult done =
+        stymo::tune_decoder(model, tuned, loss, batch, fitted.fitted, fitted.cameras, tuning);
     progress.finish();
+    explainer.count("tuning steps", std::ssize(done.losses));
     if (stymo::interrupted()) return std::nullopt;
     const std::filesystem::path file = tuned_file(options);
     stymo::WeightChanges::between(model, tuned).save(file);
@@ -192,7 +194,8 @@ stymo::AppResult fit(Options options) {
     const double seconds = stymo::seconds_now() - start;
     progress.finish();
     write_codes(options, photos, result);
-    const std::optional<stymo::Model> tuned = tune(options, model, reconstruction, batch, result);
+    const std::optional<stymo::Model> tuned =
+        tune(options, model, reconstruction, batch, result, explainer);
 
     const stymo::Lpips* lpips = metric ? &*metric : reconstruction.lpips();
     if (lpips == nullptr)

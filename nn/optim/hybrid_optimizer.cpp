@@ -36,8 +36,9 @@ void HybridOptimizer::step(std::span<const Parameter> parameters,
         group.parameters.push_back(parameters[i]);
         group.gradients.push_back(gradients[i]);
     }
-    adam_.step(plain.parameters, plain.gradients, rates.learning_rate);
-    adam_.step(prefixed.parameters, prefixed.gradients, rates.learning_rate * rates.prefix_factor);
+    const double adam_rate = rates.learning_rate * rates.adam_factor;
+    adam_.step(plain.parameters, plain.gradients, adam_rate);
+    adam_.step(prefixed.parameters, prefixed.gradients, adam_rate * rates.prefix_factor);
     muon_.step(matrices.parameters, matrices.gradients, rates.learning_rate);
 }
 

@@ -9,12 +9,13 @@
 
 namespace stymo {
 
-/// A learning rate. Adam multiplies it by `prefix_factor` for parameters whose name begins with
-/// `prefix`.
+/// A learning rate. Adam multiplies it by `adam_factor`, and once more by `prefix_factor` for
+/// parameters whose name begins with `prefix`.
 struct OptimizerRates {
     double learning_rate = 0.0;
-    std::string_view prefix;
+    std::string_view prefix{};
     double prefix_factor = 1.0;
+    double adam_factor = 1.0;
 };
 
 /// The optimiser of encoder and decoder in training, and of the decoder in tuning. Adam for all
@@ -22,7 +23,8 @@ struct OptimizerRates {
 /// rest.
 class HybridOptimizer {
 public:
-    HybridOptimizer(const AdamOptions& adam, bool muon) : adam_(adam), with_muon_(muon) {}
+    HybridOptimizer(const AdamOptions& adam, bool with_muon, const MuonOptions& muon = {})
+        : adam_(adam), muon_(muon), with_muon_(with_muon) {}
 
     /// Updates each parameter with its gradient; there must be one for each. Throws what Adam::step
     /// and Muon::step throw.

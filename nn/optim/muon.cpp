@@ -14,7 +14,6 @@ namespace stymo {
 
 namespace {
 
-constexpr double momentum = 0.95;
 constexpr int iterations = 5;
 /// x -> a x + b x^3 + c x^5 on the singular values.
 constexpr std::array quintic{3.4445, -4.7750, 2.0315};
@@ -42,6 +41,7 @@ void Muon::step(std::span<const Parameter> parameters, std::span<const Variable>
                 double learning_rate) {
     if (parameters.size() != gradients.size())
         fail<ValueError>(gradients.size(), " gradients for ", parameters.size(), " parameters");
+    const double momentum = options_.momentum;
     for (std::size_t i = 0; i < parameters.size(); ++i) {
         const Parameter& parameter = parameters[i];
         const Tensor& value = parameter.variable().value();

@@ -15,12 +15,18 @@ namespace stymo {
 /// stays zero. Throws ShapeError unless the rank is 2.
 [[nodiscard]] Tensor orthogonalised(const Tensor& matrix);
 
+struct MuonOptions {
+    double momentum = 0.95;  ///< share of the earlier direction that stays
+};
+
 /// Muon (Jordan et al. 2024), an optimiser for the matrices of hidden layers: it orthogonalises the
-/// direction of Nesterov momentum (0.95). The elements of a step have a root mean square close to
+/// direction of Nesterov momentum. The elements of a step have a root mean square close to
 /// the learning rate, so learning rates are comparable with Adam's. The momentum is stored by
 /// parameter name.
 class Muon {
 public:
+    explicit Muon(const MuonOptions& options = {}) : options_(options) {}
+
     /// Updates each parameter (R, C) with its gradient. Throws ValueError unless there is one
     /// gradient for each parameter, and ShapeError for a parameter that is not a matrix or a
     /// gradient of another shape.
@@ -33,6 +39,7 @@ public:
     void load(const TensorFile& file, const std::string& prefix);
 
 private:
+    MuonOptions options_;
     std::map<std::string, Tensor, std::less<>> momenta_;
 };
 

@@ -157,8 +157,8 @@ TEST_CASE("Tuning brings the depth of a face to that of its head", "[head_depth]
         Model tuned = tiny_model(1);
         static_cast<void>(tune_decoder(face.model, tuned, face.loss, face.faces, face.codes,
                                        {face.camera},
-                                       {.steps = 80,
-                                        .learning_rate = 0.02,
+                                       {.steps = 120,
+                                        .learning_rate = 0.08,
                                         .locality_weight = 0.0,
                                         .head = &head(),
                                         .depth_weight = weight,
