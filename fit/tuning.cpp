@@ -84,10 +84,11 @@ public:
         for (const std::string_view prefix : {field_prefix, {"decoder.block"}, {"decoder.mask."}})
             tuned.parameters().set_trainable(prefix, true);
         parameters_ = tuned.parameters().trainable();
-        const auto images = std::ranges::stable_partition(parameters_, [](const Parameter& each) {
-            return each.name().starts_with(field_prefix);
-        });
-        field_parameters_ = parameters_.size() - images.size();
+        // Not the one of std::ranges, which clang++ 14 cannot compile.
+        const auto images = std::stable_partition(
+            parameters_.begin(), parameters_.end(),
+            [](const Parameter& each) { return each.name().starts_with(field_prefix); });
+        field_parameters_ = static_cast<std::size_t>(images - parameters_.begin());
     }
 
     /// The loss of the photo before the step.
