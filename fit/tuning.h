@@ -28,7 +28,7 @@ struct TuningOptions {
     /// at an anchor with that of the original one. One of three anchors is a neighbouring code from
     /// a random camera. The others are the face itself from other sides; there the target has the
     /// photo's colours where the photo shows the same points (fit/turned_photo.h).
-    double locality_weight = 1.0;
+    double locality_weight = 2.0;
     /// The linear head to which the faces' codes belong; null: the tuned shape follows from colours
     /// alone. Where a face has a code, the depth of the tuned face is drawn to this head's, in the
     /// photo and at the anchors that show the face, and the anchors' targets are turned by it.
