@@ -41,7 +41,8 @@ TEST_CASE("orthogonalising maps each singular value by the iteration and keeps t
     for (const auto& [rows, columns] :
          {std::array{5, 5}, std::array{3, 7}, std::array{7, 3}, std::array{1, 4}}) {
         const Eigen::MatrixXd matrix = random_matrix(rows, columns);
-        const Eigen::BDCSVD<Eigen::MatrixXd> svd(matrix, Eigen::ComputeThinU | Eigen::ComputeThinV);
+        const Eigen::JacobiSVD<Eigen::MatrixXd> svd(matrix,
+                                                    Eigen::ComputeThinU | Eigen::ComputeThinV);
         const Eigen::VectorXd values = (svd.singularValues() / matrix.norm()).unaryExpr(&iterated);
         const Eigen::MatrixXd expected =
             svd.matrixU() * values.asDiagonal() * svd.matrixV().transpose();
