@@ -29,26 +29,27 @@ namespace {
 
 /// Share of the time in which the learning rate rises.
 constexpr double rising = 0.05;
-/// In the few steps of a tuning, Muon's usual momentum of 0.95 would be too slow.
+/// Tuning takes few steps. Muon's usual momentum of 0.95 averages over about twenty of them, which
+/// is too many.
 constexpr double momentum = 0.7;
-/// Factors on the learning rate: of the field, whose shape a single photo does not determine, and
-/// of the parameters that Adam moves, whose changes blur the image if they are as large.
-constexpr double field_rate = 0.25, adam_rate = 0.1;
+/// Factors on the learning rate. The field gets less, because a single photo does not determine its
+/// shape; so do parameters that Adam moves, because equally large changes of them blur the image.
+constexpr double field_factor = 0.25, adam_factor = 0.1;
 constexpr std::string_view field_prefix = "decoder.field.";
-/// One step in so many compares an anchor.
+/// An anchor is compared in one of so many steps.
 constexpr std::int64_t anchor_interval = 2;
-/// One comparison in so many with a photo evaluates all samples and selects those of the next.
+/// Of so many successive comparisons with a photo, the first evaluates all samples; the others
+/// evaluate only those that were significant in it.
 constexpr std::int64_t selection_interval = 8;
-constexpr double sample_tolerance = 1e-3;
 constexpr double mask_weight = 0.05;
 constexpr double largest_yaw = 40.0, largest_pitch = 15.0;
 
-/// Images that the tuned decoder must preserve.
+/// A view that the tuned decoder is compared with, beside the photo.
 struct Anchor {
     std::int64_t row;  ///< of the face
     Codes codes;
     Camera camera;
-    std::vector<Tensor> images;            ///< of the original decoder
+    std::vector<Tensor> images;            ///< target, in ascending order of sides
     std::optional<FaceSurface> surface{};  ///< what the depth is drawn to
 };
 
@@ -84,11 +85,6 @@ public:
         for (const std::string_view prefix : {field_prefix, {"decoder.block"}, {"decoder.mask."}})
             tuned.parameters().set_trainable(prefix, true);
         parameters_ = tuned.parameters().trainable();
-        // Not the one of std::ranges, which clang++ 14 cannot compile.
-        const auto images = std::stable_partition(
-            parameters_.begin(), parameters_.end(),
-            [](const Parameter& each) { return each.name().starts_with(field_prefix); });
-        field_parameters_ = static_cast<std::size_t>(images - parameters_.begin());
     }
 
     /// The loss of the photo before the step.
@@ -97,6 +93,8 @@ public:
                               number % anchor_interval == anchor_interval - 1;
         std::array<double, 2> losses{};
         std::array<std::vector<Variable>, 2> gradients;
+        // Only photo_loss changes `significant_`, and only anchor_loss `rng_` and `anchors_`, so
+        // that they can run side by side.
         parallel_for(anchored ? 2 : 1, 1, [&](std::int64_t begin, std::int64_t) {
             const auto which = static_cast<std::size_t>(begin);
             const Variable loss =
@@ -109,25 +107,17 @@ public:
                                ": the loss is not finite; lower the learning rate");
         for (std::size_t i = 0; anchored && i < parameters_.size(); ++i)
             gradients[0][i] = gradients[0][i] + gradients[1][i];
-        move(std::span(parameters_).first(field_parameters_),
-             std::span(gradients[0]).first(field_parameters_), field_rate * learning_rate);
-        move(std::span(parameters_).subspan(field_parameters_),
-             std::span(gradients[0]).subspan(field_parameters_), learning_rate);
+        optimizer_.step(parameters_, gradients[0],
+                        {learning_rate, field_prefix, field_factor, adam_factor});
         return losses[0];
     }
 
 private:
-    void move(std::span<const Parameter> parameters, std::span<const Variable> gradients,
-              double learning_rate) {
-        optimizer_.step(parameters, gradients,
-                        {.learning_rate = learning_rate, .adam_factor = adam_rate});
-    }
-
     [[nodiscard]] DecodeOptions decoding(std::int64_t resolution, bool mask = false) const {
         return {.samples_per_ray = samples_per_ray_,
                 .resolution = resolution,
                 .mask = mask,
-                .gradient_tolerance = sample_tolerance,
+                .gradient_tolerance = options_.tolerance,
                 .keep_field = true};
     }
 
@@ -139,13 +129,14 @@ private:
         const bool masked = faces_.mask.defined() && faces_.mask.shape(1) == side &&
                             side == tuned_.decoder().ladder().largest();
         DecodeOptions decode = decoding(side, masked);
-        const bool select = number / codes_.batch() % selection_interval == 0;
-        if (!select) decode.significant_samples = significant_[index];
+        const bool all =
+            options_.tolerance == 0.0 || number / codes_.batch() % selection_interval == 0;
+        if (!all) decode.significant_samples = significant_[index];
         const Decoded decoded =
             tuned_.decoder()(codes_of_face(codes_, row), {cameras_[index]}, decode);
-        if (select)
+        if (all)
             significant_[index] =
-                significant_samples(decoded.weights.weights.value(), sample_tolerance);
+                significant_samples(decoded.weights.weights.value(), options_.tolerance);
         const Variable loss =
             loss_(decoded.images, photo).total + depth_term(decoded, surfaces_[index], row);
         if (!masked) return loss;
@@ -261,11 +252,10 @@ private:
     std::vector<std::optional<FaceSurface>> surfaces_;  ///< in the photos
     std::vector<SeenFace> seen_;                        ///< by the cameras of the photos
     std::vector<ReconstructionLoss::Target> photos_;
-    std::vector<Tensor> significant_;  ///< samples of the photos' rays
+    std::vector<Tensor> significant_;  ///< by photo: 1 for samples that are evaluated
     Rng rng_ = Rng(options_.seed).split("anchors");
-    std::vector<Anchor> anchors_;        ///< those that were needed so far
-    std::vector<Parameter> parameters_;  ///< the field's come first
-    std::size_t field_parameters_ = 0;
+    std::vector<Anchor> anchors_;  ///< those that were needed so far
+    std::vector<Parameter> parameters_;
     HybridOptimizer optimizer_{{}, true, {.momentum = momentum}};
 };
 

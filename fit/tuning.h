@@ -14,7 +14,8 @@ namespace stymo {
 struct TuningStep {
     std::int64_t steps = 0;  ///< number of steps done
     double seconds = 0.0;    ///< since tuning began
-    double loss = 0.0;       ///< of the photo, before the step
+    /// Of the step's photo, before the step. Insignificant samples may be left out.
+    double loss = 0.0;
 };
 
 struct TuningOptions {
@@ -22,27 +23,34 @@ struct TuningOptions {
     /// 0: no such limit. The result depends on the machine's speed unless `steps` comes first.
     double seconds = 0.0;
     std::int64_t steps = 0;
-    double learning_rate = 3e-2;  ///< the largest rate: it rises over the first twentieth of the
-                                  ///< time and then falls to 0 along a cosine
-    /// Weight of the locality term, which every second step compares an image of the tuned decoder
-    /// at an anchor with that of the original one. One of three anchors is a neighbouring code from
-    /// a random camera. The others are the face itself from other sides; there the target has the
-    /// photo's colours where the photo shows the same points (fit/turned_photo.h).
+    /// The largest learning rate, that of the matrices of render blocks and mask branch. Those of
+    /// the field get a quarter of it, and all other parameters a tenth of what matrices beside them
+    /// get. It rises over the first twentieth of the time and then falls to 0 along a cosine.
+    double learning_rate = 3e-2;
+    /// Weight of the locality term. Every second step compares an image of the tuned decoder with a
+    /// target at one of `anchors` anchors, in turn. One anchor of three is a neighbouring code from
+    /// a random camera; its target is the original decoder's image. The others are the face itself
+    /// from other sides; their target has the photo's colours where the photo shows the same points
+    /// (fit/turned_photo.h), elsewhere those of the original decoder. 0: there are no anchors.
     double locality_weight = 2.0;
     /// The linear head to which the faces' codes belong; null: the tuned shape follows from colours
-    /// alone. Where a face has a code, the depth of the tuned face is drawn to this head's, in the
-    /// photo and at the anchors that show the face, and the anchors' targets are turned by it.
+    /// alone. Where a face has a code, the depth of the tuned face is drawn to this head's: in
+    /// every step in the photo, and at the anchors that show the face from other sides. Their
+    /// targets are turned by it.
     const MorphableHead* head = nullptr;
     double depth_weight = 1.0;  ///< of the mean difference of depths, per distance of the eyes
     double neighbour_distance = 0.5;  ///< distance of neighbouring codes, in standard deviations
-    std::int64_t anchors = 32;
+    std::int64_t anchors = 32;        ///< each is made when it is first needed; 0: none
+    /// Samples of a smaller compositing weight get no gradient. Seven of eight comparisons with a
+    /// photo leave them out of the image, too. 0: no sample is left out.
+    double tolerance = 0.001;
     std::int64_t samples_per_ray = 0;  ///< 0: ReconstructionConfig::fit_samples_per_ray
     std::uint64_t seed = 0;            ///< seed of the anchors
     std::function<void(const TuningStep&)> on_step = {};
 };
 
 struct TuningResult {
-    std::vector<double> losses;  ///< of the photo, before each step
+    std::vector<double> losses;  ///< as in TuningStep, of each step
     double seconds = 0.0;
 };
 

@@ -134,6 +134,7 @@ std::optional<stymo::Model> tune(const Options& options, const stymo::Model& mod
     stymo::Model tuned = stymo::load_model(options.model, stymo::ModelParts::decoder);
     stymo::TuningOptions tuning = options.tuning;
     if (options.samples) tuning.samples_per_ray = *options.samples;
+    tuning.tolerance = options.fit.tolerance;
     // If time is the limit, progress is in thousandths of the time.
     const std::int64_t total = tuning.steps > 0 ? tuning.steps : 1000;
     stymo::Progress progress(
@@ -147,7 +148,7 @@ std::optional<stymo::Model> tune(const Options& options, const stymo::Model& mod
     const stymo::TuningResult done =
         stymo::tune_decoder(model, tuned, loss, batch, fitted.fitted, fitted.cameras, tuning);
     progress.finish();
-    explainer.count("tuning steps", std::ssize(done.losses));
+    explainer.count("tuning_steps", std::ssize(done.losses));
     if (stymo::interrupted()) return std::nullopt;
     const std::filesystem::path file = tuned_file(options);
     stymo::WeightChanges::between(model, tuned).save(file);
@@ -270,8 +271,8 @@ int stymo_fit(int argc, char** argv) {
     line.option("--samples", options.samples, "samples per ray (default: the model's setting)")
         .range(2, 4096);
     line.option("--tolerance", options.fit.tolerance,
-                "samples with a smaller compositing weight are left out; all are evaluated again "
-                "every 8 steps; 0: no sample is left out")
+                "samples with a smaller compositing weight are left out of fit and tuning; all are "
+                "evaluated again every 8 steps; 0: no sample is left out")
         .range(0, 1);
     line.flag("--refine-pose", options.fit.refine_pose,
               "also optimise the pose, with a tenth of the learning rate; slower");
@@ -282,8 +283,10 @@ int stymo_fit(int argc, char** argv) {
     line.option("--tune-steps", options.tuning.steps,
                 "end tuning after so many steps, which makes the result repeatable")
         .range(0, 1e6);
-    line.option("--tune-learning-rate", options.tuning.learning_rate,
-                "highest learning rate of tuning")
+    line.option(
+            "--tune-learning-rate", options.tuning.learning_rate,
+            "highest learning rate of tuning, that of the render blocks; the field's is a quarter "
+            "of it")
         .range(0, 1);
     line.option("--depth-weight", options.fit.depth_weight,
                 "weight of the term that draws the depth of the face to that of the linear head "

@@ -1,6 +1,7 @@
 #include "nn/optim/hybrid_optimizer.h"
 
 #include <algorithm>
+#include <array>
 #include <vector>
 
 namespace stymo {
@@ -23,23 +24,25 @@ struct Group {
     std::vector<Variable> gradients;
 };
 
+/// Parameters without the prefix, and those with it.
+using Groups = std::array<Group, 2>;
+
 }  // namespace
 
 void HybridOptimizer::step(std::span<const Parameter> parameters,
                            std::span<const Variable> gradients, const OptimizerRates& rates) {
-    Group plain, prefixed, matrices;
+    Groups matrices, others;
     for (std::size_t i = 0; i < parameters.size(); ++i) {
-        const bool muon = with_muon_ && is_hidden_matrix(parameters[i]);
-        Group& group = muon                                             ? matrices
-                       : parameters[i].name().starts_with(rates.prefix) ? prefixed
-                                                                        : plain;
+        Groups& groups = with_muon_ && is_hidden_matrix(parameters[i]) ? matrices : others;
+        Group& group = groups[parameters[i].name().starts_with(rates.prefix) ? 1 : 0];
         group.parameters.push_back(parameters[i]);
         group.gradients.push_back(gradients[i]);
     }
-    const double adam_rate = rates.learning_rate * rates.adam_factor;
-    adam_.step(plain.parameters, plain.gradients, adam_rate);
-    adam_.step(prefixed.parameters, prefixed.gradients, adam_rate * rates.prefix_factor);
-    muon_.step(matrices.parameters, matrices.gradients, rates.learning_rate);
+    for (std::size_t i = 0; i < 2; ++i) {
+        const double rate = rates.learning_rate * (i == 1 ? rates.prefix_factor : 1.0);
+        adam_.step(others[i].parameters, others[i].gradients, rate * rates.adam_factor);
+        muon_.step(matrices[i].parameters, matrices[i].gradients, rate);
+    }
 }
 
 void HybridOptimizer::save(TensorFile& file, const std::string& prefix) const {

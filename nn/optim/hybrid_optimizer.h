@@ -9,8 +9,8 @@
 
 namespace stymo {
 
-/// A learning rate. Adam multiplies it by `adam_factor`, and once more by `prefix_factor` for
-/// parameters whose name begins with `prefix`.
+/// A learning rate. It is multiplied by `prefix_factor` for parameters whose name begins with
+/// `prefix`, and by `adam_factor` for those that Adam moves.
 struct OptimizerRates {
     double learning_rate = 0.0;
     std::string_view prefix{};

@@ -16,7 +16,7 @@ namespace stymo {
 [[nodiscard]] Tensor orthogonalised(const Tensor& matrix);
 
 struct MuonOptions {
-    double momentum = 0.95;  ///< share of the earlier direction that stays
+    double momentum = 0.95;  ///< in [0, 1): share of the earlier direction that stays
 };
 
 /// Muon (Jordan et al. 2024), an optimiser for the matrices of hidden layers: it orthogonalises the

@@ -70,6 +70,8 @@ TEST_CASE("A fit makes LPIPS only for its weight or for a metric, and has gradie
     CHECK(without["loss_terms"].contains("photometric"));
     CHECK_FALSE(without["loss_terms"].contains("perceptual"));
     CHECK(without["counts"]["gradients"] == 2 * 4);
+    CHECK_FALSE(without["counts"].contains("tuning_steps"));
+    CHECK(explanation(fit + "--steps 2 --tune-steps 3")["counts"]["tuning_steps"] == 3);
 
     const json with = explanation(
         fit + "--steps 2 --perceptual-weight 0.1 --lpips-trunk random --lpips-heads random");

@@ -98,11 +98,56 @@ TEST_CASE("tuning changes all but the mapping networks of the decoder", "[tuning
 
 TEST_CASE("tuning for a number of steps gives the same bits each time", "[tuning]") {
     const Case given;
-    const TuningOptions options{.steps = 3};
+    // Two selections of samples and five anchors.
+    const TuningOptions options{.steps = 10};
     const Model one = given.tuned(options), two = given.tuned(options);
     for (std::size_t i = 0; i < one.parameters().all().size(); ++i)
         CHECK(identical(one.parameters().all()[i].variable().value(),
                         two.parameters().all()[i].variable().value()));
+}
+
+TEST_CASE("tuning uses each photo in turn", "[tuning]") {
+    const Case given;
+    const Camera other = model_camera(given.original, -0.3, 0.0, 0.0);
+    const Codes codes = split_codes(concat({joined(given.codes), joined(random_codes(1, 9))}, 0));
+    FaceBatch faces;
+    faces.cameras = {given.camera, other};
+    faces.targets = {
+        concat({given.face.targets.back(), image_of(frozen_model(3), random_codes(1, 10), other)},
+               0)
+            .value()};
+    Model tuned = frozen_model(1);
+    // Two selections of each photo's samples.
+    const TuningResult result =
+        tune_decoder(given.original, tuned, given.loss, faces, codes, faces.cameras,
+                     {.steps = 18, .learning_rate = 0.02, .locality_weight = 0.0});
+    for (std::int64_t photo = 0; photo < 2; ++photo) {
+        const auto loss_after = [&](const Model& model) {
+            return distance(image_of(model, codes_of_face(codes, photo),
+                                     faces.cameras[static_cast<std::size_t>(photo)]),
+                            slice(Variable(faces.targets.back()), 0, photo, photo + 1).value());
+        };
+        CHECK(loss_after(tuned) < 0.9 * loss_after(given.original));
+    }
+    // The first step sees the first photo alone.
+    TuningResult first;
+    static_cast<void>(given.tuned({.steps = 1}, &first));
+    CHECK(result.losses[0] == first.losses[0]);
+    CHECK(result.losses[1] != first.losses[0]);
+}
+
+TEST_CASE("a tolerance of zero leaves out no sample", "[tuning]") {
+    const Case given;
+    const auto losses = [&](double tolerance) {
+        TuningResult result;
+        static_cast<void>(
+            given.tuned({.steps = 2, .locality_weight = 0.0, .tolerance = tolerance}, &result));
+        return result.losses;
+    };
+    const std::vector<double> all = losses(0.0), some = losses(0.2);
+    // The first comparison with a photo evaluates all samples in either case.
+    CHECK(all[0] == some[0]);
+    CHECK(all[1] < some[1]);
 }
 
 TEST_CASE("tuning ends when its time is over, and needs a limit", "[tuning]") {

@@ -52,7 +52,7 @@ public:
 
     static std::string fit() {
         return "stymo-fit --model whole/model.safetensors --data faces --id 00003 --steps 1 "
-               "--tune-steps 1 --out ";
+               "--tune-steps 4 --out ";
     }
     [[nodiscard]] std::string prepare() const {
         // A preparation remembers the folder of its photos.
