@@ -26,4 +26,4 @@ if [[ -n "$browser" ]]; then
     scripts/install_browser.sh build/browser ||
         echo "The test of the viewer in Chromium is skipped: it cannot be installed here."
 fi
-ctest --preset release --parallel "$(nproc)" "${selection[@]}"
+ctest --preset release "${selection[@]}"
