@@ -129,8 +129,7 @@ private:
         const bool masked = faces_.mask.defined() && faces_.mask.shape(1) == side &&
                             side == tuned_.decoder().ladder().largest();
         DecodeOptions decode = decoding(side, masked);
-        const bool all =
-            options_.tolerance == 0.0 || number / codes_.batch() % selection_interval == 0;
+        const bool all = number / codes_.batch() % selection_interval == 0;
         if (!all) decode.significant_samples = significant_[index];
         const Decoded decoded =
             tuned_.decoder()(codes_of_face(codes_, row), {cameras_[index]}, decode);
