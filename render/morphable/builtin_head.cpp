@@ -5,7 +5,9 @@
 
 namespace stymo {
 
-MorphableHead builtin_head() {
+namespace {
+
+[[nodiscard]] MorphableHead generated_head() {
     const morphable::HeadParameters parameters;
     morphable::HeadMesh mesh = morphable::generate_head(parameters);
     const Shape vertices{static_cast<std::int64_t>(mesh.vertices.size()), 3};
@@ -19,6 +21,13 @@ MorphableHead builtin_head() {
     head.landmarks = morphable::landmark_vertices(mesh, parameters);
     head.triangles = std::move(mesh.triangles);
     head.parts = std::move(mesh.parts);
+    return head;
+}
+
+}  // namespace
+
+const MorphableHead& builtin_head() {
+    static const MorphableHead head = generated_head();
     return head;
 }
 

@@ -1,9 +1,11 @@
 #include "render/morphable/displacement.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
+#include "core/parallel.h"
 #include "render/morphable/skin_surface.h"
 
 namespace stymo::morphable {
@@ -58,7 +60,7 @@ Tensor rows_tensor(const std::vector<BasisRow>& rows) {
 BasisRow displaced(const HeadMesh& mesh, std::span<const Displacement> displacements) {
     const Eigen::Vector3d eye = eye_center({});
     BasisRow row(mesh.vertices.size(), Eigen::Vector3d::Zero());
-    for (std::size_t vertex = 0; vertex < row.size(); ++vertex) {
+    const auto move = [&](std::size_t vertex) {
         const Eigen::Vector3d anchor = anchor_of(mesh.vertices[vertex], mesh.parts[vertex], eye);
         for (const Displacement& d : displacements) {
             const double weight = part_weight(mesh, vertex, d);
@@ -68,17 +70,25 @@ BasisRow displaced(const HeadMesh& mesh, std::span<const Displacement> displacem
                 add_displacement(d, anchor, d.symmetry == Symmetry::opposed ? -weight : weight,
                                  true, row[vertex]);
         }
-    }
+    };
+    parallel_for(std::ssize(row), 2048, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t vertex = begin; vertex < end; ++vertex)
+            move(static_cast<std::size_t>(vertex));
+    });
     return row;
 }
 
 BasisRow differentiated(double HeadParameters::*measure, double deviation, bool one_sided) {
-    HeadParameters more;
-    HeadParameters less;
-    more.*measure += deviation;
-    if (!one_sided) less.*measure -= deviation;
-    const HeadMesh high = generate_head(more);
-    const HeadMesh low = generate_head(less);
+    std::array<HeadMesh, 2> meshes;
+    parallel_for(2, 1, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t side = begin; side < end; ++side) {
+            HeadParameters parameters;
+            if (side == 0) parameters.*measure += deviation;
+            if (side == 1 && !one_sided) parameters.*measure -= deviation;
+            meshes[static_cast<std::size_t>(side)] = generate_head(parameters);
+        }
+    });
+    const auto& [high, low] = meshes;
     const double scale = one_sided ? 1.0 : 0.5;
     BasisRow row(high.vertices.size());
     for (std::size_t vertex = 0; vertex < row.size(); ++vertex)

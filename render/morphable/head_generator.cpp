@@ -1,6 +1,7 @@
 #include "render/morphable/head_generator.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -196,14 +197,23 @@ void add_hair(HeadMesh& mesh, const HeadParameters& p) {
                                                          {95.0, 0.12},
                                                          {120.0, -0.45},
                                                          {180.0, -0.66}}};
+    const auto angle_of = [](std::int64_t column) {
+        return 2.0 * pi * static_cast<double>(column) / static_cast<double>(hair_columns) - pi;
+    };
+    const auto front_of = [](double degrees) { return smooth_step(75.0, 30.0, degrees); };
+    std::array<double, hair_columns> edges{};
+    for (std::int64_t column = 0; column < hair_columns; ++column) {
+        const double degrees = degrees_from_radians(std::abs(angle_of(column)));
+        edges[static_cast<std::size_t>(column)] =
+            profile_parameter(along(line, degrees) + front_of(degrees) * p.hairline);
+    }
     for (std::int64_t row = 0; row < rows; ++row) {
         for (std::int64_t column = 0; column < hair_columns; ++column) {
-            const double angle =
-                2.0 * pi * static_cast<double>(column) / static_cast<double>(hair_columns) - pi;
+            const double angle = angle_of(column);
             const double degrees = degrees_from_radians(std::abs(angle));
             const double depth = static_cast<double>(row) / static_cast<double>(rows - 1);
-            const double front = smooth_step(75.0, 30.0, degrees);
-            const double edge = profile_parameter(along(line, degrees) + front * p.hairline);
+            const double front = front_of(degrees);
+            const double edge = edges[static_cast<std::size_t>(column)];
             Eigen::Vector3d point = loft_point(edge * depth, angle);
             const double top = smooth_step(0.45, 0.85, point[1]);
             const double behind = smooth_step(60.0, 130.0, degrees);

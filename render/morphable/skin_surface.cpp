@@ -42,6 +42,13 @@ constexpr std::array<Knot, 17> profile{{
            slope_b * t * t * u;
 }
 
+/// Index of the knot of the profile at or before s, the last one excepted.
+[[nodiscard]] std::size_t knot_before(double s) {
+    std::size_t index = 0;
+    while (index + 2 < profile.size() && s > profile[index + 1].s) ++index;
+    return index;
+}
+
 [[nodiscard]] double interpolate(std::size_t index, double s, double Section::*member) {
     const auto value = [&](std::size_t k) { return profile[k].section.*member; };
     const auto slope = [&](std::size_t k) {
@@ -272,8 +279,7 @@ Eigen::Vector3d mix(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double w
 
 Section section_at(double s) {
     s = std::clamp(s, 0.0, 1.0);
-    std::size_t index = 0;
-    while (index + 2 < profile.size() && s > profile[index + 1].s) ++index;
+    const std::size_t index = knot_before(s);
     return {interpolate(index, s, &Section::height), interpolate(index, s, &Section::half_width),
             interpolate(index, s, &Section::front), interpolate(index, s, &Section::back)};
 }
@@ -283,7 +289,8 @@ double profile_parameter(double height) {
     double high = 0.95;
     for (int iteration = 0; iteration < 40; ++iteration) {
         const double middle = 0.5 * (low + high);
-        (section_at(middle).height > height ? low : high) = middle;
+        const double at_middle = interpolate(knot_before(middle), middle, &Section::height);
+        (at_middle > height ? low : high) = middle;
     }
     return 0.5 * (low + high);
 }

@@ -1,6 +1,8 @@
 #include <cmath>
 #include <functional>
+#include <utility>
 
+#include "core/parallel.h"
 #include "render/morphable/displacement.h"
 #include "render/morphable/skin_surface.h"
 
@@ -136,15 +138,17 @@ std::vector<BasisRow> texture_basis(std::span<const Eigen::Vector3d> vertices,
     std::vector<Tint> rows = tints();
     const auto count = MorphableHead::texture_size - static_cast<std::int64_t>(rows.size());
     for (std::int64_t index = 0; index < count; ++index) rows.push_back(stain(index, count));
-    std::vector<BasisRow> basis;
-    for (const Tint& tint : rows) {
-        BasisRow row(vertices.size());
+    std::vector<BasisRow> basis(rows.size(), BasisRow(vertices.size()));
+    const auto fill = [&](const Tint& tint, BasisRow& row) {
         for (std::size_t vertex = 0; vertex < row.size(); ++vertex) {
             const double weight = tint.weight({vertices[vertex], parts[vertex], albedo[vertex]});
             row[vertex] = weight * tint.color;
         }
-        basis.push_back(std::move(row));
-    }
+    };
+    parallel_for(std::ssize(rows), 1, [&](std::int64_t begin, std::int64_t end) {
+        for (auto index = static_cast<std::size_t>(begin); std::cmp_less(index, end); ++index)
+            fill(rows[index], basis[index]);
+    });
     return basis;
 }
 
