@@ -6,7 +6,8 @@ set -euo pipefail
 usage="usage: scripts/test.sh [--slow] [--browser]
 --slow: run the slow tests too
 --browser: install Chromium, Node.js and playwright-core, and test the viewer's page in Chromium"
-selection=(--label-exclude slow)
+# Most fast tests use one thread; slow ones also measure.
+selection=(--label-exclude slow --parallel 2)
 browser=
 for argument in "$@"; do
     case "$argument" in

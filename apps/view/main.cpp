@@ -75,6 +75,8 @@ int stymo_view(int argc, char** argv) {
         .range(20, 90);
     line.option("--fit-steps", options.studio.fit_steps, "steps of fitting a photo")
         .range(1, 10000);
+    line.option("--color-steps", options.studio.color_steps, "steps of recolouring a part")
+        .range(1, 10000);
     line.option("--max-pixels", options.studio.most_photo_pixels,
                 "photos with more pixels are refused")
         .range(1, 1e12);
