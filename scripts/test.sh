@@ -6,7 +6,7 @@ set -euo pipefail
 usage="usage: scripts/test.sh [--slow] [--browser]
 --slow: run the slow tests too
 --browser: install Chromium, Node.js and playwright-core, and test the viewer's page in Chromium"
-# Most fast tests use one thread; slow ones also measure.
+# The tests of the tools, the longest of the fast ones, use one thread. Slow tests run alone.
 selection=(--label-exclude slow --parallel 2)
 browser=
 for argument in "$@"; do

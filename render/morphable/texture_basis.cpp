@@ -1,6 +1,5 @@
 #include <cmath>
 #include <functional>
-#include <utility>
 
 #include "core/parallel.h"
 #include "render/morphable/displacement.h"
@@ -146,8 +145,10 @@ std::vector<BasisRow> texture_basis(std::span<const Eigen::Vector3d> vertices,
         }
     };
     parallel_for(std::ssize(rows), 1, [&](std::int64_t begin, std::int64_t end) {
-        for (auto index = static_cast<std::size_t>(begin); std::cmp_less(index, end); ++index)
-            fill(rows[index], basis[index]);
+        for (std::int64_t index = begin; index < end; ++index) {
+            const auto row = static_cast<std::size_t>(index);
+            fill(rows[row], basis[row]);
+        }
     });
     return basis;
 }

@@ -233,11 +233,15 @@ test("a photo is fitted and tuned, picture after picture, saved and opened", asy
   await page.setInputFiles("#photo", file);
   await page.waitForFunction(() => ["fitting"].includes(window.stymo.job.phase) ||
     window.stymo.job.ended > 0, null, { timeout: slow });
-  const frames = (await shown(page)).frames;
+  const begun = (await shown(page)).frames;
+  await page.waitForFunction(() => window.stymo.job.phase === "tuning" ||
+    window.stymo.job.ended > 0, null, { timeout: slow });
+  const fitted = (await shown(page)).frames;
+  assert.ok(fitted > begun + 2, "pictures came while it was fitted");
   const job = await jobEnds(page);
   assert.equal(job.state, "done", job.error);
   assert.equal(await faceCount(page), before + 1);
-  assert.ok((await shown(page)).frames > frames + 2, "pictures came while it was fitted");
+  assert.ok((await shown(page)).frames > fitted + 2, "and while it was tuned");
   await settled(page);
   const tuned = await pixels(page);
   const files = [];

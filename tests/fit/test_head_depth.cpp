@@ -24,8 +24,7 @@ namespace {
 constexpr std::int64_t side = 32;
 
 const MorphableHead& head() {
-    static const MorphableHead built = builtin_head();
-    return built;
+    return builtin_head();
 }
 
 /// Codes of the linear head.

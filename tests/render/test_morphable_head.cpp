@@ -1,3 +1,4 @@
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <map>
@@ -5,8 +6,10 @@
 #include <vector>
 
 #include "core/error.h"
+#include "core/parallel.h"
 #include "core/rng.h"
 #include "render/morphable/builtin_head.h"
+#include "render/morphable/displacement.h"
 #include "render/rasterizer.h"
 
 namespace {
@@ -16,8 +19,7 @@ using stymo::MorphableHead;
 using stymo::Tensor;
 
 const MorphableHead& head() {
-    static const MorphableHead built = stymo::builtin_head();
-    return built;
+    return stymo::builtin_head();
 }
 
 [[nodiscard]] std::vector<float> random_code(std::int64_t size, std::uint64_t seed) {
@@ -52,6 +54,20 @@ TEST_CASE("The built-in head has the sizes of its contract and finite values") {
         CHECK(tensor.all_finite());
     std::set<HeadPart> parts(head().parts.begin(), head().parts.end());
     CHECK(parts.size() == 7);
+}
+
+TEST_CASE("The bases of the built-in head do not depend on the number of threads") {
+    const stymo::morphable::HeadMesh mesh = stymo::morphable::generate_head({});
+    const auto bases = [&](int threads) {
+        stymo::set_thread_count(threads);
+        std::array<bool, MorphableHead::expression_size> one_sided{};
+        return std::array{stymo::morphable::identity_basis(mesh),
+                          stymo::morphable::expression_basis(mesh, one_sided),
+                          stymo::morphable::texture_basis(mesh.vertices, mesh.parts, mesh.albedo)};
+    };
+    const auto one = bases(1), three = bases(3);
+    stymo::set_thread_count(0);
+    CHECK((one == three));
 }
 
 TEST_CASE("No row of a basis is zero and no two are the same") {

@@ -20,8 +20,7 @@ using stymo::Variable;
 
 /// Made once: it takes longer than most of these tests.
 [[nodiscard]] const stymo::MorphableHead& own_head() {
-    static const stymo::MorphableHead head = stymo::builtin_head();
-    return head;
+    return stymo::builtin_head();
 }
 
 /// A state away from anything special: every unknown is at work.

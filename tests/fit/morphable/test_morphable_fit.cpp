@@ -28,8 +28,7 @@ constexpr std::int64_t side = 256;
 
 /// Made once: it takes longer than most of these tests.
 [[nodiscard]] const stymo::MorphableHead& own_head() {
-    static const stymo::MorphableHead head = stymo::builtin_head();
-    return head;
+    return stymo::builtin_head();
 }
 
 /// Faces of known truth, seen from everywhere.

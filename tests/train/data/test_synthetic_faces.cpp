@@ -18,8 +18,7 @@ namespace {
 using stymo::ScratchFolder;
 
 const stymo::MorphableHead& head() {
-    static const stymo::MorphableHead built = stymo::builtin_head();
-    return built;
+    return stymo::builtin_head();
 }
 
 void write(const std::filesystem::path& folder, std::uint64_t seed, std::int64_t count = 3) {
