@@ -27,7 +27,7 @@ cleanup() {
 trap cleanup EXIT
 
 : >"$work/log"
-"$viewer" --port 0 --fit-steps 6 --color-steps 20 ${STYMO_VIEW_OPTIONS:-} 2>"$work/log" &
+"$viewer" --port 0 --fit-steps 12 --color-steps 20 ${STYMO_VIEW_OPTIONS:-} 2>"$work/log" &
 server=$!
 for _ in $(seq 600); do
     address=$(sed -nE 's/^Open (http[^ ]+) .*/\1/p' "$work/log")
