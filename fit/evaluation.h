@@ -5,7 +5,7 @@
 
 #include "core/io/json_writer.h"
 #include "core/tensor.h"
-#include "nn/models/perceptual/lpips.h"
+#include "nn/pretrained/perceptual/lpips.h"
 
 namespace stymo {
 

@@ -9,7 +9,7 @@
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "nn/models/significant_rows.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 #include "render/tracked_rays.h"
 
 namespace stymo {

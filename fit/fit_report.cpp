@@ -3,7 +3,7 @@
 #include "core/io/image.h"
 #include "core/ops/shape_ops.h"
 #include "nn/models/display_image.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 
 namespace stymo {
 

@@ -26,7 +26,7 @@ public:
     [[nodiscard]] std::optional<FaceSurface> surface(std::int64_t row, const Camera& camera,
                                                      std::int64_t side) const;
     /// Mean |depth - surface| on the face in units of the distance of the eyes, a scalar. `depth`
-    /// is row `row` of `expected_depth` (nn/models/view.h).
+    /// is row `row` of `expected_depth` (nn/realtime/view.h).
     [[nodiscard]] Variable loss(const Variable& depth, const FaceSurface& surface,
                                 std::int64_t row) const;
 

@@ -20,8 +20,8 @@
 #include "fit/turned_photo.h"
 #include "nn/losses.h"
 #include "nn/models/significant_rows.h"
-#include "nn/models/view.h"
 #include "nn/optim/hybrid_optimizer.h"
+#include "nn/realtime/view.h"
 
 namespace stymo {
 

@@ -5,8 +5,8 @@
 #include "core/angle.h"
 #include "core/io/image.h"
 #include "nn/models/display_image.h"
-#include "nn/models/view.h"
-#include "train/data/batch.h"
+#include "nn/models/face_batch.h"
+#include "nn/realtime/view.h"
 
 namespace stymo {
 

@@ -6,8 +6,8 @@
 #include <sstream>
 
 #include "core/error.h"
-#include "nn/models/view.h"
 #include "nn/optim/schedule.h"
+#include "nn/realtime/view.h"
 #include "train/adversarial_stage.h"
 #include "train/memory_estimate.h"
 #include "train/reconstruction_stage.h"

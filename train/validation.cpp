@@ -4,7 +4,7 @@
 #include "core/ops/elementwise.h"
 #include "core/ops/resample.h"
 #include "nn/models/display_image.h"
-#include "train/data/batch.h"
+#include "nn/models/face_batch.h"
 
 namespace stymo {
 

@@ -12,7 +12,7 @@
 #include "fit/evaluation.h"
 #include "fit/fitter.h"
 #include "nn/models/display_image.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 #include "train/data/dataset.h"
 
 namespace stymo {

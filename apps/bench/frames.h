@@ -6,7 +6,7 @@
 
 #include "apps/bench/subject.h"
 #include "apps/bench/timing.h"
-#include "nn/models/realtime/face_renderer.h"
+#include "nn/realtime/face_renderer.h"
 
 namespace stymo {
 

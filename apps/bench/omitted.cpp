@@ -13,7 +13,7 @@
 #include "fit/fit_report.h"
 #include "nn/adversarial.h"
 #include "nn/models/discriminator.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 #include "train/generator_gradients.h"
 
 namespace stymo {

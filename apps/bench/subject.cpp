@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "core/angle.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 #include "train/data/dataset.h"
 
 namespace stymo {

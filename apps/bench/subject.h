@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <vector>
 
+#include "nn/models/face_batch.h"
 #include "nn/models/model.h"
-#include "train/data/batch.h"
 
 namespace stymo {
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "nn/models/perceptual/trunk.h"
+#include "nn/pretrained/perceptual/trunk.h"
 
 namespace stymo {
 

@@ -12,8 +12,8 @@
 #include <type_traits>
 
 #include "apps/common/allocator.h"
+#include "apps/common/floating_point.h"
 #include "core/error.h"
-#include "core/floating_point.h"
 #include "core/kernels/targets.h"
 #include "core/matmul_precision.h"
 #include "core/parallel.h"

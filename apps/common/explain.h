@@ -7,7 +7,7 @@
 
 #include "apps/common/command_line.h"
 #include "core/work_counts.h"
-#include "nn/models/realtime/face_renderer.h"
+#include "nn/realtime/face_renderer.h"
 
 namespace stymo {
 

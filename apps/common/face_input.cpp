@@ -9,7 +9,7 @@
 #include "core/io/image.h"
 #include "core/ops/elementwise.h"
 #include "nn/models/code_file.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 
 namespace stymo {
 

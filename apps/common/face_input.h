@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "nn/models/face_batch.h"
 #include "nn/models/model.h"
-#include "train/data/batch.h"
 #include "train/data/dataset.h"
 
 namespace stymo {

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "fit/photo/photo_preparation.h"
+#include "nn/models/face_batch.h"
 #include "nn/models/model.h"
-#include "train/data/batch.h"
 
 namespace stymo {
 

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "nn/models/realtime/face_renderer.h"
+#include "nn/realtime/face_renderer.h"
 
 namespace stymo {
 

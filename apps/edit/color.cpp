@@ -20,7 +20,7 @@
 #include "fit/photo/face_parser.h"
 #include "nn/models/code_file.h"
 #include "nn/models/display_image.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 
 namespace stymo {
 

@@ -14,7 +14,7 @@
 #include "fit/edit/disentanglement.h"
 #include "fit/edit/style_mix.h"
 #include "nn/models/model.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 #include "render/morphable/head_source.h"
 #include "train/data/synthetic_faces.h"
 

@@ -14,7 +14,7 @@
 #include "fit/edit/color_edit.h"
 #include "fit/edit/style_mix.h"
 #include "nn/models/code_file.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 
 namespace stymo {
 

@@ -13,7 +13,7 @@
 #include "core/io/image.h"
 #include "core/progress.h"
 #include "nn/models/display_image.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 
 namespace stymo {
 

@@ -7,7 +7,7 @@
 #include "core/ops/ops.h"
 #include "nn/models/display_image.h"
 #include "nn/models/encoder.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 
 namespace stymo {
 

@@ -19,7 +19,7 @@
 #include "core/io/checksum.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 #include "render/morphable/head_source.h"
 
 namespace {

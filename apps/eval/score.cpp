@@ -10,7 +10,7 @@
 
 #include "core/error.h"
 #include "core/io/json_check.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 
 namespace stymo {
 

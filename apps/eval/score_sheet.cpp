@@ -9,7 +9,7 @@
 #include "core/ops/ops.h"
 #include "nn/models/code_file.h"
 #include "nn/models/display_image.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 
 namespace stymo {
 

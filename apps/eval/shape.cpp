@@ -7,7 +7,7 @@
 #include "core/angle.h"
 #include "core/median.h"
 #include "fit/face_surface.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 #include "render/depth_map.h"
 
 namespace stymo {

@@ -8,7 +8,7 @@
 #include "core/io/image.h"
 #include "fit/photo/face_detector.h"
 #include "fit/photo/marked_points.h"
-#include "nn/models/face_square.h"
+#include "nn/pretrained/face_square.h"
 
 namespace stymo::landmarks {
 namespace {

@@ -9,7 +9,7 @@
 #include "core/interrupt.h"
 #include "core/io/image.h"
 #include "core/progress.h"
-#include "nn/models/realtime/chosen_tolerance.h"
+#include "nn/realtime/chosen_tolerance.h"
 
 namespace stymo {
 

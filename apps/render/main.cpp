@@ -9,7 +9,7 @@
 #include "apps/render/images.h"
 #include "apps/render/new_faces.h"
 #include "core/io/ply_file.h"
-#include "nn/models/mesh_colors.h"
+#include "nn/realtime/mesh_colors.h"
 #include "render/morphable/head.h"
 
 namespace {

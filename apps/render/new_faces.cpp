@@ -8,7 +8,7 @@
 #include "apps/common/face_input.h"
 #include "apps/render/images.h"
 #include "core/io/folder_in_progress.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 #include "train/training_codes.h"
 
 namespace stymo {

@@ -6,8 +6,8 @@
 #include <string>
 
 #include "apps/common/model_options.h"
-#include "nn/models/head_mesh.h"
-#include "nn/models/realtime/face_renderer.h"
+#include "nn/realtime/face_renderer.h"
+#include "nn/realtime/head_mesh.h"
 
 namespace stymo {
 

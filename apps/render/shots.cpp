@@ -8,7 +8,7 @@
 #include "apps/common/command_line.h"
 #include "core/angle.h"
 #include "core/ops/elementwise.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 
 namespace stymo {
 

@@ -5,15 +5,15 @@
 #include <opencv2/imgproc.hpp>
 
 #include "apps/common/render_modes.h"
+#include "apps/view/depth_normals.h"
 #include "apps/view/moving_side.h"
 #include "core/clock.h"
 #include "core/io/image.h"
 #include "core/io/jpeg.h"
 #include "core/metrics.h"
 #include "nn/models/display_image.h"
-#include "nn/models/realtime/chosen_tolerance.h"
-#include "nn/models/view.h"
-#include "render/depth_normals.h"
+#include "nn/realtime/chosen_tolerance.h"
+#include "nn/realtime/view.h"
 
 namespace stymo::view {
 

@@ -7,7 +7,7 @@
 
 #include "nn/models/codes.h"
 #include "nn/models/model.h"
-#include "nn/models/realtime/face_renderer.h"
+#include "nn/realtime/face_renderer.h"
 #include "render/camera.h"
 
 namespace stymo::view {

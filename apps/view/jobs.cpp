@@ -17,10 +17,10 @@
 #include "fit/photo/face_parser.h"
 #include "fit/tuning.h"
 #include "nn/models/display_image.h"
-#include "nn/models/head_mesh.h"
-#include "nn/models/mesh_colors.h"
-#include "nn/models/view.h"
 #include "nn/models/weight_changes.h"
+#include "nn/realtime/head_mesh.h"
+#include "nn/realtime/mesh_colors.h"
+#include "nn/realtime/view.h"
 #include "render/morphable/head_source.h"
 
 namespace stymo::view {

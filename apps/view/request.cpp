@@ -5,9 +5,9 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "apps/view/off_axis_camera.h"
 #include "core/angle.h"
 #include "core/io/json_check.h"
-#include "render/off_axis_camera.h"
 
 namespace stymo::view {
 

@@ -4,8 +4,8 @@
 #include "core/error.h"
 #include "core/rng.h"
 #include "fit/photo/face_parser.h"
-#include "nn/models/realtime/chosen_tolerance.h"
-#include "nn/models/view.h"
+#include "nn/realtime/chosen_tolerance.h"
+#include "nn/realtime/view.h"
 
 namespace stymo::view {
 

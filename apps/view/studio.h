@@ -10,10 +10,10 @@
 #include <vector>
 
 #include "apps/common/model_options.h"
+#include "apps/view/code_directions.h"
 #include "apps/view/frame.h"
 #include "apps/view/scheduler.h"
 #include "fit/photo/face_detector.h"
-#include "nn/models/code_directions.h"
 #include "nn/models/code_file.h"
 #include "nn/models/reconstruction.h"
 

@@ -7,9 +7,9 @@
 #include "apps/common/command_line.h"
 #include "apps/common/output_file.h"
 #include "apps/common/tools.h"
-#include "nn/models/published_model.h"
-#include "nn/models/weights_import.h"
-#include "nn/models/widened_model.h"
+#include "apps/weights/published_model.h"
+#include "apps/weights/widened_model.h"
+#include "nn/pretrained/weights_import.h"
 
 namespace {
 

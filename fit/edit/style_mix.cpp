@@ -2,7 +2,7 @@
 
 #include "core/error.h"
 #include "core/io/image.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 
 namespace stymo {
 

@@ -23,7 +23,7 @@
 #include <string>
 
 #include "core/io/image.h"
-#include "nn/models/landmark_network.h"
+#include "nn/pretrained/landmark_network.h"
 
 namespace stymo {
 namespace {

@@ -10,7 +10,7 @@
 #include "core/parallel.h"
 #include "nn/engine/block_step.h"
 #include "nn/engine/buffer_pool.h"
-#include "nn/kernels/colors.h"
+#include "nn/engine/colors.h"
 
 namespace stymo {
 namespace {

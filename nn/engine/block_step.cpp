@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "core/kernels/blur_upsampled.h"
-#include "nn/kernels/colors.h"
+#include "nn/engine/colors.h"
 
 namespace stymo {
 namespace {

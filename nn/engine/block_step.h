@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "nn/engine/aligned_vector.h"
+#include "nn/engine/image_rows.h"
 #include "nn/engine/packed_block.h"
 #include "nn/engine/pixel_rows.h"
-#include "nn/kernels/image_rows.h"
 
 namespace stymo {
 

@@ -6,7 +6,7 @@
 #include "core/kernels/sine.h"
 #include "core/parallel.h"
 #include "core/work_counts.h"
-#include "nn/kernels/colors.h"
+#include "nn/engine/colors.h"
 #include "render/encoding.h"
 
 namespace stymo {

@@ -10,7 +10,7 @@
 #include "nn/engine/ray_tile.h"
 #include "nn/engine/sine_network.h"
 
-/// Code shared by the forward and the backward pass of nn/engine/sine_rays.h.
+/// Code shared by the forward and the backward pass of nn/engine/render_field_passes.h.
 namespace stymo {
 
 /// Largest number of runs into which the rays of one face are divided. Each run has its own sums,

@@ -35,6 +35,19 @@ Variable arcface_frame(const Variable& image) {
 
 }  // namespace
 
+bool lacks_backbone_weights(const EncoderConfig& config) {
+    return config.backbone_weights.empty() && *published_weights(config.backbone) != '\0';
+}
+
+void require_backbone_weights(const EncoderConfig& config) {
+    if (!lacks_backbone_weights(config)) return;
+    fail<ConfigError>("encoder.backbone_weights: no weights for ", config.backbone, "; get ",
+                      published_weights(config.backbone),
+                      ", import it with `stymo-weights import FILE ", config.backbone,
+                      ".safetensors` and name the result, or set it to ", random_backbone,
+                      " to train the backbone from scratch");
+}
+
 /// One semantic head for each group of the code: embedding -> width -> width / 2 -> size of the
 /// group.
 struct Encoder::Heads {

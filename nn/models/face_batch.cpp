@@ -3,8 +3,99 @@
 #include <algorithm>
 
 #include "core/error.h"
+#include "core/io/image.h"
+#include "core/ops/elementwise.h"
+#include "core/ops/resample.h"
 
 namespace stymo {
+namespace {
+
+/// The sides of the targets.
+ResolutionLadder common_ladder(std::span<const Face> faces, std::int64_t smallest_target) {
+    if (faces.empty()) fail<ValueError>("a batch needs at least one face");
+    const std::int64_t side = faces[0].image.shape(0);
+    for (const Face& face : faces)
+        if (!(face.image.shape() == Shape{side, side, 3}) ||
+            !(face.mask.shape() == Shape{side, side, 1}))
+            fail<ShapeError>("face ", face.id, ": image ", face.image.shape(), " and mask ",
+                             face.mask.shape(), " in a batch of side ", side);
+    try {
+        return {smallest_target, side};
+    } catch (const ValueError&) {
+        fail<ShapeError>("a batch needs faces with a side of ", smallest_target, ", ",
+                         2 * smallest_target, ", ", 4 * smallest_target, ", ..., got ", side);
+    }
+}
+
+Tensor stacked(std::span<const Face> faces, Tensor Face::*member) {
+    const Shape& shape = (faces[0].*member).shape();
+    Tensor result({static_cast<std::int64_t>(faces.size()), shape[0], shape[1], shape[2]});
+    auto place = result.mutable_values<float>().begin();
+    for (const Face& face : faces) {
+        const std::span<const float> values = (face.*member).values<float>();
+        place = std::copy(values.begin(), values.end(), place);
+    }
+    return result;
+}
+
+Tensor shrunk(const Tensor& images, std::int64_t side, double low, double high) {
+    if (images.shape(1) == side) return images;
+    return clamp(resize_bicubic(images, static_cast<int>(side), static_cast<int>(side)), low, high)
+        .value();
+}
+
+void add_codes(FaceBatch& batch, std::span<const Face> faces) {
+    const auto count = static_cast<std::int64_t>(faces.size());
+    batch.code_present = Tensor::zeros({count});
+    const std::span<float> present = batch.code_present.mutable_values<float>();
+    for (std::size_t i = 0; i < faces.size(); ++i) present[i] = faces[i].has_code ? 1.0F : 0.0F;
+    std::ptrdiff_t first = 0;
+    for (std::size_t group = 0; group < code_sizes.size(); ++group) {
+        const std::ptrdiff_t size = code_sizes[group];
+        batch.codes[group] = Tensor::zeros({count, size});
+        auto row = batch.codes[group].mutable_values<float>().begin();
+        for (const Face& face : faces) {
+            if (face.has_code) std::copy_n(face.code.begin() + first, size, row);
+            row += size;
+        }
+        first += size;
+    }
+}
+
+}  // namespace
+
+Face mirrored(const Face& face) {
+    Face result = face;
+    result.image = mirror_image(face.image);
+    result.mask = mirror_image(face.mask);
+    result.pose = mirrored(face.pose);
+    result.intrinsics.center_x = 1.0 - face.intrinsics.center_x;
+    result.is_mirrored = !face.is_mirrored;
+    result.code.clear();
+    result.has_code = false;
+    return result;
+}
+
+FaceBatch make_batch(std::span<const Face> faces, std::int64_t smallest_target) {
+    const ResolutionLadder ladder = common_ladder(faces, smallest_target);
+    const Variable images(stacked(faces, &Face::image));
+
+    FaceBatch batch;
+    batch.mask = stacked(faces, &Face::mask);
+    batch.ray_mask = shrunk(batch.mask, smallest_target / 2, 0.0, 1.0);
+    batch.input = affine(images, 2.0, -1.0).value();
+    const Tensor target = affine(images * Variable(batch.mask), 2.0, -1.0).value();
+    for (const std::int64_t s : ladder.sides())
+        batch.targets.push_back(shrunk(target, s, -1.0, 1.0));
+
+    for (const Face& face : faces) {
+        batch.ids.push_back(face.id);
+        batch.mirrored.push_back(face.is_mirrored);
+        batch.cameras.push_back(camera_from_pose(face.pose, face.intrinsics));
+    }
+    add_codes(batch, faces);
+    return batch;
+}
 
 bool FaceBatch::has_codes() const {
     if (!code_present.defined()) return false;

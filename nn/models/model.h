@@ -8,7 +8,7 @@
 #include "nn/models/code_statistics.h"
 #include "nn/models/decoder.h"
 #include "nn/models/encoder.h"
-#include "nn/models/perceptual/lpips.h"
+#include "nn/pretrained/perceptual/lpips.h"
 
 namespace stymo {
 

@@ -117,7 +117,7 @@ FieldSamples RadianceField::operator()(const Variable& points, const Variable& s
 
 RenderedRays RadianceField::render(const RayPoints& rays, const Variable& style,
                                    SineArguments arguments) const {
-    return taken_apart(sine_rays(rays, network(style), composed_rays, arguments),
+    return taken_apart(render_field(rays, network(style), composed_rays, arguments),
                        rays.deltas.shape(2));
 }
 

@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
+#include "nn/engine/render_field.h"
 #include "nn/layers/modulated_linear.h"
 #include "nn/models/field.h"
-#include "nn/ops/sine_rays.h"
 
 namespace stymo {
 

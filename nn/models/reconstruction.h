@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "nn/models/encoder_distance.h"
 #include "nn/models/model.h"
-#include "nn/models/perceptual/encoder_distance.h"
-#include "nn/models/perceptual/lpips.h"
+#include "nn/pretrained/perceptual/lpips.h"
 
 namespace stymo {
 

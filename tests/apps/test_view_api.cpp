@@ -13,8 +13,8 @@
 #include "core/metrics.h"
 #include "core/ops/elementwise.h"
 #include "nn/models/code_file.h"
-#include "nn/models/view.h"
 #include "nn/models/weight_changes.h"
+#include "nn/realtime/view.h"
 #include "support/tiny_model.h"
 
 using namespace stymo;

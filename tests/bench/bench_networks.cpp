@@ -15,8 +15,8 @@
 #include "core/rng.h"
 #include "nn/adversarial.h"
 #include "nn/models/discriminator.h"
-#include "nn/models/perceptual/lpips.h"
 #include "nn/optim/adam.h"
+#include "nn/pretrained/perceptual/lpips.h"
 
 /// Times the convolutional networks on random weights and images: bench_networks [vgg|disc|r1]
 /// [threads] [repeats].

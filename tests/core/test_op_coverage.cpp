@@ -14,7 +14,7 @@ namespace {
 /// Names of the functions that a header text declares as `[[nodiscard]] Variable name(`.
 std::set<std::string> declared_ops(const std::string& header) {
     static const std::regex declaration(
-        R"(\[\[nodiscard\]\]\s+(?:inline\s+)?Variable\s+(\w+)\s*\()");
+        R"((?:^|\n)\[\[nodiscard\]\]\s+(?:inline\s+)?Variable\s+(\w+)\s*\()");
     std::set<std::string> names;
     for (std::sregex_iterator match(header.begin(), header.end(), declaration), end; match != end;
          ++match) {
@@ -37,7 +37,8 @@ std::string listed(const std::set<std::string>& names) {
 
 std::set<std::string> ops_of_the_library() {
     std::set<std::string> declared;
-    for (const char* folder : {STYMO_SOURCE_DIR "/core/ops", STYMO_SOURCE_DIR "/nn/ops"}) {
+    for (const char* folder : {STYMO_SOURCE_DIR "/core/ops", STYMO_SOURCE_DIR "/nn/engine",
+                               STYMO_SOURCE_DIR "/nn/pretrained/perceptual"}) {
         for (const auto& entry : std::filesystem::directory_iterator(folder)) {
             if (entry.path().extension() != ".h") continue;
             std::ifstream file(entry.path());

@@ -5,7 +5,7 @@
 #include "core/work_counts.h"
 #include "fit/fit_report.h"
 #include "nn/models/display_image.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 #include "support/check_close.h"
 #include "support/tiny_model.h"
 

@@ -11,7 +11,7 @@
 #include "fit/fitter.h"
 #include "fit/head_depth.h"
 #include "fit/tuning.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 #include "render/depth_map.h"
 #include "render/morphable/builtin_head.h"
 #include "support/tiny_model.h"

@@ -3,7 +3,7 @@
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "fit/tuning.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 #include "support/check_close.h"
 #include "support/tiny_model.h"
 

@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "apps/eval/score.h"
+#include "apps/prep/camera_file.h"
 #include "apps/prep/photo_outcome.h"
 #include "apps/prep/progress_file.h"
 #include "core/config.h"
@@ -19,10 +20,9 @@
 #include "fuzz/request_readers.h"
 #include "fuzz/scratch_file.h"
 #include "nn/models/code_file.h"
-#include "nn/models/perceptual/lpips.h"
 #include "nn/models/weight_changes.h"
-#include "nn/models/weights_import.h"
-#include "render/camera_file.h"
+#include "nn/pretrained/perceptual/lpips.h"
+#include "nn/pretrained/weights_import.h"
 #include "render/morphable/head_file.h"
 #include "render/morphable/obj_head.h"
 #include "support/tiny_model.h"

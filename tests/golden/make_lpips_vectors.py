@@ -3,7 +3,7 @@ computes it, in float64.
 
 Written from the papers, torchvision's layer tables and the definition of LPIPS v0.1, independently
 of the C++ code. Weights, heads and images are numbers of a formula (`uniform`), so that no weights
-have to be stored: tests/nn/test_lpips.cpp computes the same ones. Needs torch, numpy and
+have to be stored: tests/nn/pretrained/test_lpips.cpp computes the same ones. Needs torch, numpy and
 safetensors:  python tests/golden/make_lpips_vectors.py
 """
 

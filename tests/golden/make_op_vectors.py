@@ -295,7 +295,7 @@ def rays():
         for shape in shapes
     ]
     for form, kept in {"every sample": torch.ones_like(deltas), "samples left out": some}.items():
-        case(f"sine_rays/{form}", lambda *x, kept=kept: field(kept, *x), *inputs)
+        case(f"render_field/{form}", lambda *x, kept=kept: field(kept, *x), *inputs)
 
 
 def features():

@@ -2,7 +2,7 @@
 
 #include "core/op_cases.h"
 #include "core/ops/ops.h"
-#include "nn/ops/feature_distance.h"
+#include "nn/pretrained/perceptual/feature_distance.h"
 
 namespace stymo::test {
 namespace {

@@ -2,7 +2,7 @@
 
 #include "core/op_cases.h"
 #include "core/ops/ops.h"
-#include "nn/ops/sine_rays.h"
+#include "nn/engine/render_field.h"
 #include "render/composite.h"
 #include "render/encoding.h"
 
@@ -159,12 +159,12 @@ std::vector<OpCase> rays_cases() {
             const bool factor = shape.rank() == 3 && shape[0] == 2;
             inputs.push_back({shape, factor ? 0.5 : -1.0, factor ? 1.5 : 1.0});
         }
-        rows.push_back({"sine_rays", some_left_out ? "samples left out" : "every sample", inputs,
+        rows.push_back({"render_field", some_left_out ? "samples left out" : "every sample", inputs,
                         [=](const std::vector<Variable>& x) {
                             const RayPoints rays =
                                 ray_points(sizes_of(x[1].shape(0), x[0].shape(1)), some_left_out,
                                            x[0].dtype());
-                            return sine_rays(rays, network_of(x), composed);
+                            return render_field(rays, network_of(x), composed);
                         },
                         [=](const std::vector<Array>& x) { return by_loops(x, some_left_out); },
                         shapes(2, 48)});

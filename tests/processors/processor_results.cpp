@@ -15,13 +15,13 @@
 #include <string>
 #include <vector>
 
+#include "apps/common/floating_point.h"
 #include "core/error.h"
-#include "core/floating_point.h"
 #include "core/io/tensor_file.h"
 #include "core/matmul_precision.h"
 #include "core/ops/ops.h"
-#include "nn/models/realtime/face_renderer.h"
-#include "nn/models/view.h"
+#include "nn/realtime/face_renderer.h"
+#include "nn/realtime/view.h"
 #include "train/data/dataset.h"
 #include "train/generator_gradients.h"
 #include "train/schedule.h"

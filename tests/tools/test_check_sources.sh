@@ -8,12 +8,12 @@ failed=0
 
 fresh_tree() {
     rm -rf "${tree:?}"/*
-    mkdir -p "$tree"/{core,nn}/{kernels,ops} "$tree"/nn/{engine,layers,models}
+    mkdir -p "$tree"/core/{kernels,ops} "$tree"/nn/{engine,layers,models,pretrained,realtime}
     mkdir -p "$tree"/{render,train,fit,apps/demo}
     echo '#include "core/shape.h"' >"$tree/core/tensor.h"
     echo '#include <hwy/highway.h>' >"$tree/core/kernels/matrix.h"
     echo '#include "core/kernels/matrix.h"' |
-        tee "$tree"/{core/ops/linalg,nn/{ops/rays,engine/field,kernels/rows}}.cpp >/dev/null
+        tee "$tree"/{core/ops/linalg,nn/engine/field}.cpp >/dev/null
     echo 'std::thread worker;' >"$tree/core/parallel.cpp"
     printf '#include "core/tensor.h"\n#include "nn/parameter_store.h"\n' \
         >"$tree/nn/layers/linear.cpp"
@@ -50,7 +50,10 @@ refuses 'train includes fit' train/bad.cpp '#include "fit/fitter.h"\n'
 refuses 'fit includes train' fit/bad.cpp '#include "train/trainer.h"\n'
 refuses 'the library includes an app' fit/bad.h '#include "apps/common/command_line.h"\n'
 refuses 'a layer calls a kernel' nn/layers/bad.cpp '#include "core/kernels/shape.h"\n'
-refuses 'a model calls a kernel' nn/models/realtime/bad.cpp '#include "nn/kernels/colors.h"\n'
+refuses 'a view calls a kernel' nn/realtime/bad.cpp '#include "core/kernels/shape.h"\n'
+refuses 'a model includes a view' nn/models/bad.cpp '#include "nn/realtime/view.h"\n'
+refuses 'a pretrained network includes a model' nn/pretrained/bad.cpp \
+    '#include "nn/models/decoder.h"\n'
 refuses 'core calls a kernel outside an op' core/bad.cpp '#include "core/kernels/shape.h"\n'
 refuses 'a kernel includes an op' core/kernels/bad.h '#include "core/ops/linalg.h"\n'
 refuses 'the engine includes a model' nn/engine/bad.h '#include "nn/models/decoder.h"\n'

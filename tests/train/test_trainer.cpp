@@ -11,7 +11,7 @@
 #include "core/interrupt.h"
 #include "core/io/file.h"
 #include "core/ops/ops.h"
-#include "nn/models/backbones/mobilefacenet.h"
+#include "nn/pretrained/backbones/mobilefacenet.h"
 #include "support/check_close.h"
 #include "support/error_message.h"
 #include "support/thread_count.h"

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/config.h"
-#include "train/data/batch.h"
+#include "nn/models/face_batch.h"
 #include "train/data/camera_check.h"
 #include "train/data/face_image.h"
 

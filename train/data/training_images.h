@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/rng.h"
-#include "train/data/batch.h"
+#include "nn/models/face_batch.h"
 #include "train/data/dataset.h"
 
 namespace stymo {

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "core/tensor.h"
-#include "nn/models/face_square.h"
+#include "nn/pretrained/face_square.h"
 
 namespace stymo {
 

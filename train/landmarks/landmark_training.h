@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/rng.h"
-#include "nn/models/landmark_network.h"
+#include "nn/pretrained/landmark_network.h"
 #include "train/landmarks/head_pictures.h"
 #include "train/landmarks/landmark_example.h"
 

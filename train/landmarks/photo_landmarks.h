@@ -3,7 +3,7 @@
 #include <optional>
 
 #include "core/rng.h"
-#include "nn/models/landmark_network.h"
+#include "nn/pretrained/landmark_network.h"
 #include "train/landmarks/landmark_example.h"
 
 namespace stymo {

@@ -10,7 +10,7 @@
 #include "core/rng.h"
 #include "nn/adversarial.h"
 #include "nn/models/discriminator.h"
-#include "nn/models/perceptual/lpips.h"
+#include "nn/pretrained/perceptual/lpips.h"
 
 namespace stymo::stability {
 

@@ -2,7 +2,7 @@
 
 #include "core/io/image.h"
 #include "fit/edit/style_mix.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 #include "support/check_close.h"
 #include "support/error_message.h"
 #include "support/tiny_model.h"

@@ -10,7 +10,7 @@
 #include "core/io/image.h"
 #include "core/io/scratch_folder.h"
 #include "fit/photo/face_detector.h"
-#include "nn/models/landmark_network.h"
+#include "nn/pretrained/landmark_network.h"
 #include "render/parsing_classes.h"
 #include "shared_data.h"
 

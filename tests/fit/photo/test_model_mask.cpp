@@ -3,7 +3,7 @@
 
 #include "core/error.h"
 #include "fit/photo/model_mask.h"
-#include "nn/models/view.h"
+#include "nn/realtime/view.h"
 #include "support/tiny_model.h"
 
 using namespace stymo;

@@ -1,0 +1,143 @@
+#include "nn/engine/render_field.h"
+
+#include <algorithm>
+#include <span>
+
+#include "core/autograd/grad.h"
+#include "core/autograd/record.h"
+#include "core/error.h"
+#include "core/ops/elementwise.h"
+#include "core/work_counts.h"
+#include "nn/engine/render_field_passes.h"
+#include "render/composite.h"
+
+namespace stymo {
+
+namespace {
+
+template <class Value>
+std::vector<Value> parts_of(const SineNetworkOf<Value>& network) {
+    std::vector<Value> parts;
+    for (const ModulatedLayerOf<Value>& layer : network.layers) {
+        for (const Value& part : {layer.weight, layer.scale, layer.demodulation, layer.bias})
+            parts.push_back(part);
+    }
+    parts.push_back(network.density_weight);
+    parts.push_back(network.density_bias);
+    return parts;
+}
+
+/// Whether the part of this index is a layer's weight.
+bool is_weight(std::size_t index, std::size_t parts) {
+    return index % 4 == 0 && index + 2 < parts;
+}
+
+template <class Value>
+SineNetworkOf<Value> network_of(std::span<const Value> parts, std::int64_t frequencies,
+                                std::size_t skip_layer) {
+    SineNetworkOf<Value> network{.frequencies = frequencies,
+                                 .skip_layer = skip_layer,
+                                 .layers = {},
+                                 .density_weight = parts[parts.size() - 2],
+                                 .density_bias = parts[parts.size() - 1]};
+    for (std::size_t i = 0; i + 2 < parts.size(); i += 4)
+        network.layers.push_back({parts[i], parts[i + 1], parts[i + 2], parts[i + 3]});
+    return network;
+}
+
+void require(bool fits, const char* what, const Shape& shape) {
+    if (!fits)
+        fail<ShapeError>("[render_field] ", what, " ", shape,
+                         " does not fit the network or its rays");
+}
+
+void check(const RayPoints& rays, const SineNetwork& network) {
+    require(rays.deltas.rank() == 3, "deltas", rays.deltas.shape());
+    require_ordered_samples("render_field", rays.deltas);
+    const std::int64_t batch = rays.deltas.shape(0),
+                       points = rays.deltas.shape(1) * rays.deltas.shape(2);
+    require(rays.points.shape() == Shape{batch, points, 3}, "points", rays.points.shape());
+    require(!rays.significant.defined() || rays.significant.shape() == rays.deltas.shape(),
+            "significant", rays.significant.shape());
+    if (network.layers.size() < 2)
+        fail<ShapeError>("[render_field] needs a layer before that of the features");
+    if (network.skip_layer + 1 >= network.layers.size())
+        fail<ShapeError>("[render_field] the encoding cannot enter at the layer of the features, ",
+                         network.skip_layer);
+    const std::int64_t width = network.layers.front().bias.shape(0),
+                       encoding = 3 + 6 * network.frequencies;
+    for (std::size_t i = 0; i < network.layers.size(); ++i) {
+        const ModulatedLayer& layer = network.layers[i];
+        const std::int64_t in =
+            i == 0 ? encoding : width + (i == network.skip_layer ? encoding : 0);
+        require(layer.weight.shape() == Shape{1, width, in}, "weight", layer.weight.shape());
+        require(layer.scale.shape() == Shape{batch, 1, in}, "scale", layer.scale.shape());
+        require(layer.demodulation.shape() == Shape{batch, width, 1}, "demodulation",
+                layer.demodulation.shape());
+        require(layer.bias.shape() == Shape{width}, "bias", layer.bias.shape());
+    }
+    require(network.density_weight.shape() == Shape{1, width}, "density weight",
+            network.density_weight.shape());
+    require(network.density_bias.shape() == Shape{1}, "density bias", network.density_bias.shape());
+}
+
+}  // namespace
+
+Variable render_field(const RayPoints& rays, const SineNetwork& network,
+                      const FieldComposition& composition, SineArguments arguments) {
+    check(rays, network);
+    const std::vector<Variable> parts = parts_of(network);
+    std::vector<Tensor> values;
+    for (const Variable& part : parts) values.push_back(part.value());
+    const auto with = [frequencies = network.frequencies,
+                       skip_layer = network.skip_layer]<class Value>(const std::vector<Value>& of) {
+        return network_of<Value>(of, frequencies, skip_layer);
+    };
+    const bool tracked = std::ranges::any_of(parts, &Variable::tracked);
+    // With a tolerance the backward pass has few samples. Computing their arguments again is
+    // cheaper than storing those of all samples.
+    const bool keep = arguments == SineArguments::kept && rays.gradient_tolerance == 0.0;
+    FieldPassResult result = render_field_forward(rays, with(values), tracked && keep);
+    if (!tracked) {
+        work::count_operation();
+        return Variable(std::move(result.value));
+    }
+
+    std::vector<Node::Input> inputs;
+    for (const Variable& part : parts) inputs.push_back({part.node(), part.value(), part.shape()});
+    const Tensor value = result.value;
+    if (rays.gradient_tolerance == 0.0) result.value = {};
+    return record("render_field", value, std::move(inputs),
+                  [rays, composition, with, forward = std::move(result), count = parts.size()](
+                      const Vjp& v, const std::vector<bool>& needed) {
+                      std::vector<Variable> given;
+                      // Each part gets its own node, since one variable may be several parts.
+                      for (std::size_t i = 0; i < count; ++i)
+                          given.push_back(v.create_graph() ? v.input(i) * 1.0 : v.input(i));
+                      std::vector<Variable> gradients(count);
+                      if (v.create_graph()) {
+                          std::vector<Variable> xs;
+                          for (std::size_t i = 0; i < count; ++i)
+                              if (needed[i]) xs.push_back(given[i]);
+                          const std::vector<Variable> found =
+                              grad(composition(rays, with(given)), xs,
+                                   {.create_graph = true, .partial = true, .dL_dy = v.grad()});
+                          for (std::size_t i = 0, next = 0; i < count; ++i)
+                              if (needed[i]) gradients[i] = found[next++];
+                          return gradients;
+                      }
+                      bool with_weights = false;
+                      std::vector<Tensor> constants;
+                      for (std::size_t i = 0; i < count; ++i) {
+                          with_weights = with_weights || (needed[i] && is_weight(i, count));
+                          constants.push_back(given[i].value());
+                      }
+                      const std::vector<Tensor> found = parts_of(render_field_backward(
+                          rays, with(constants), forward, v.grad().value(), with_weights));
+                      for (std::size_t i = 0; i < count; ++i)
+                          if (needed[i]) gradients[i] = Variable(found[i]);
+                      return gradients;
+                  });
+}
+
+}  // namespace stymo

@@ -1,0 +1,141 @@
+#include "nn/pretrained/landmark_network.h"
+
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "core/error.h"
+#include "core/io/image.h"
+#include "core/ops/ops.h"
+
+namespace stymo {
+namespace {
+
+constexpr double landmark_slope = 0.1;
+constexpr std::array<std::int64_t, 4> level_widths{24, 48, 96, 128};
+constexpr std::int64_t final_side = LandmarkNetwork::input_side / 16;
+constexpr std::int64_t landmark_hidden = 192;
+constexpr std::int64_t coordinate_count = 136;
+constexpr const char* landmark_prefix = "landmarks.";
+constexpr const char* landmark_format_key = "format";
+constexpr const char* landmark_format = "stymo landmark network 1";
+/// The result for the detector's box is rough; after three squares it does not change any more.
+constexpr int squares_in_turn = 4;
+/// Scales of the last square, whose results are averaged.
+constexpr std::array<double, 3> last_scales{0.94, 1.0, 1.06};
+
+ConvLayer landmark_layer(ParameterStore& store, const std::string& name, std::int64_t in,
+                         std::int64_t out, int stride, double deviation_factor, Rng& rng) {
+    const double deviation = deviation_factor * std::sqrt(2.0 / static_cast<double>(9 * in));
+    return {store, name, in, out, {.stride = stride, .padding = 1, .initial_deviation = deviation},
+            rng};
+}
+
+/// Zero mean and unit deviation over each image.
+Variable unit_contrast(const Variable& images) {
+    const std::vector<int> axes{1, 2, 3};
+    const Variable centered = images - mean(images, axes);
+    return centered / sqrt(mean(square(centered), axes) + 1e-3);
+}
+
+Tensor batch_of(const std::vector<Tensor>& images) {
+    Tensor batch({static_cast<std::int64_t>(images.size()), images.front().shape(0),
+                  images.front().shape(1), images.front().shape(2)});
+    auto target = batch.mutable_values<float>().begin();
+    for (const Tensor& image : images)
+        target = std::ranges::copy(image.values<float>(), target).out;
+    return batch;
+}
+
+}  // namespace
+
+LandmarkNetwork::LandmarkNetwork(ParameterStore& store, const std::string& prefix, Rng& rng) {
+    std::int64_t in = 3;
+    for (const std::int64_t out : level_widths) {
+        const std::string name = prefix + "level" + std::to_string(levels_.size());
+        Level level{landmark_layer(store, name + ".down", in, out, 2, 1.0, rng), {}};
+        if (in != 3) {
+            level.pair.push_back(landmark_layer(store, name + ".first", out, out, 1, 1.0, rng));
+            // A pair begins close to the identity.
+            level.pair.push_back(landmark_layer(store, name + ".second", out, out, 1, 0.2, rng));
+        }
+        levels_.push_back(std::move(level));
+        in = out;
+    }
+    linear_.emplace_back(store, prefix + "hidden", final_side * final_side * in, landmark_hidden,
+                         LinearOptions{.activation = Activation::leaky_relu}, rng);
+    linear_.emplace_back(store, prefix + "points", landmark_hidden, coordinate_count,
+                         LinearOptions{.initial_weight_scale = 0.1}, rng);
+}
+
+Variable LandmarkNetwork::operator()(const Variable& images) const {
+    Variable x = unit_contrast(images);
+    for (const Level& level : levels_) {
+        x = level.down(x, landmark_slope);
+        if (!level.pair.empty())
+            x = x + level.pair[1](level.pair[0](x, landmark_slope), landmark_slope);
+    }
+    return linear_[1](linear_[0](reshape(x, {x.shape(0), -1})));
+}
+
+LandmarkModel make_landmark_model(Rng rng) {
+    auto store = std::make_shared<ParameterStore>();
+    LandmarkNetwork network(*store, landmark_prefix, rng);
+    return {std::move(store), std::move(network)};
+}
+
+LandmarkModel read_landmark_model(const std::filesystem::path& path) {
+    const TensorFile file = read_tensor_file(path);
+    const auto found = file.metadata.find(landmark_format_key);
+    if (found == file.metadata.end() || found->second != landmark_format)
+        fail<FileError>(path.string(), ": not a landmark network of stymo");
+    LandmarkModel model = make_landmark_model(Rng(0));
+    model.store->load(file, path.string());
+    model.store->set_trainable("", false);
+    return model;
+}
+
+void write_landmark_model(const std::filesystem::path& path, const LandmarkModel& model) {
+    TensorFile file;
+    file.metadata[landmark_format_key] = landmark_format;
+    model.store->save(file);
+    write_tensor_file(path, file);
+}
+
+FacePoints points_in_squares(const LandmarkModel& model, const Tensor& photo,
+                             const std::vector<FaceSquare>& squares) {
+    std::vector<Tensor> images;
+    for (const FaceSquare& square : squares) {
+        images.push_back(image_in_square(photo, square, LandmarkNetwork::input_side));
+        images.push_back(mirror_image(images.back()));
+    }
+    const Variable answer = model.network(batch_of(images));
+    const auto values = answer.value().values<float>();
+    FacePoints points;
+    points.fill(Eigen::Vector2d::Zero());
+    for (std::size_t image = 0; image < images.size(); ++image)
+        for (std::size_t k = 0; k < points.size(); ++k) {
+            const bool mirrored = image % 2 == 1;
+            const std::size_t at =
+                image * coordinate_count + 2 * (mirrored ? mirrored_point(k) : k);
+            const auto x = static_cast<double>(values[at]);
+            const auto y = static_cast<double>(values[at + 1]);
+            points[k] += squares[image / 2].point({mirrored ? -x : x, y}) /
+                         static_cast<double>(images.size());
+        }
+    return points;
+}
+
+FacePoints find_points(const LandmarkModel& model, const Tensor& photo, const FaceSquare& start) {
+    FacePoints points = points_in_squares(model, photo, {start});
+    for (int turn = 2; turn < squares_in_turn; ++turn)
+        points = points_in_squares(model, photo, {square_around(points)});
+    std::vector<FaceSquare> last;
+    for (const double scale : last_scales) {
+        last.push_back(square_around(points));
+        last.back().axis *= scale;
+    }
+    return points_in_squares(model, photo, last);
+}
+
+}  // namespace stymo

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/rng.h"
+#include "nn/layers/conv_layer.h"
+#include "nn/layers/linear.h"
+#include "nn/parameter_store.h"
+#include "nn/pretrained/face_square.h"
+
+namespace stymo {
+
+/// A network that finds the 68 landmarks of a face: strided 3x3 convolutions with residual pairs,
+/// from 80 x 80 to 5 x 5 pixels, and two linear layers. 1.3 million parameters, 53 million
+/// multiply-adds.
+class LandmarkNetwork {
+public:
+    static constexpr std::int64_t input_side = 80;
+
+    /// Creates the parameters under `prefix`, which ends with a dot.
+    LandmarkNetwork(ParameterStore& store, const std::string& prefix, Rng& rng);
+
+    /// Images (B, 80, 80, 3) in [0, 1] of squares (`square_around`) -> (B, 136): x and y of each
+    /// point in coordinates of the square, in which it spans [-1, 1], y downwards. The result does
+    /// not depend on the contrast and brightness of an image.
+    [[nodiscard]] Variable operator()(const Variable& images) const;
+
+private:
+    struct Level {
+        ConvLayer down;
+        std::vector<ConvLayer> pair;
+    };
+    std::vector<Level> levels_;
+    std::vector<Linear> linear_;
+};
+
+/// A landmark network with its weights. Copies share them.
+struct LandmarkModel {
+    std::shared_ptr<ParameterStore> store;
+    LandmarkNetwork network;
+};
+
+/// A model with random weights.
+[[nodiscard]] LandmarkModel make_landmark_model(Rng rng);
+/// Throws FileError for a file that was not written by `write_landmark_model`.
+[[nodiscard]] LandmarkModel read_landmark_model(const std::filesystem::path& path);
+/// Writes a .safetensors file, whole or not at all.
+void write_landmark_model(const std::filesystem::path& path, const LandmarkModel& model);
+
+/// Landmarks in pixels of a photo (height, width, 3) in [0, 1]: the mean of the network's results
+/// for several squares and their mirror images.
+[[nodiscard]] FacePoints points_in_squares(const LandmarkModel& model, const Tensor& photo,
+                                           const std::vector<FaceSquare>& squares);
+/// Landmarks of the face near `start`, in pixels of the photo. Each result of the network gives the
+/// square for the next evaluation. Throws NumericError if a result has both eyes at the same point.
+[[nodiscard]] FacePoints find_points(const LandmarkModel& model, const Tensor& photo,
+                                     const FaceSquare& start);
+
+}  // namespace stymo

@@ -1,0 +1,391 @@
+#include "nn/realtime/sampled_field.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <functional>
+#include <numeric>
+
+#include "core/parallel.h"
+#include "nn/engine/evaluate_points.h"
+#include "nn/engine/ray_tile.h"
+#include "nn/realtime/density_grid.h"
+#include "nn/realtime/view_range.h"
+
+namespace stymo {
+namespace {
+
+constexpr std::int64_t rays_per_chunk = 32;
+/// In units of the tolerance: largest total weight of a ray's samples whose features are not
+/// computed.
+constexpr float featureless_share = 0.5F;
+/// In units of the tolerance: largest opacity of a ray that counts as empty.
+constexpr float empty_share = 0.5F;
+/// In units of the tolerance: largest opacity of a ray between the planes whose samples all lie in
+/// thin cells, where the grid is coarse.
+constexpr double thin_share = 0.5;
+/// Length, in units of the depth between the planes, up to which a ray through thin cells has an
+/// opacity below the tolerance: a bit less than 1 / thin_share.
+constexpr double thin_rays = 1.9;
+
+/// Calls body(item, thread) for every item on several threads. `thread` counts from 0 and is unique
+/// among concurrent calls.
+template <class Body>
+void for_each_item(std::int64_t count, const Body& body) {
+    std::atomic<std::int64_t> next{0};
+    const auto worker = [&](std::int64_t thread, std::int64_t) {
+        for (std::int64_t item = next.fetch_add(1); item < count; item = next.fetch_add(1))
+            body(item, static_cast<std::size_t>(thread));
+    };
+    parallel_for(thread_count(), 1, std::ref(worker));
+}
+
+/// Buffers of one thread.
+template <class T>
+struct Scratch {
+    RayTile<T> tile;
+    std::vector<float> points;           ///< of one ray
+    std::vector<std::int32_t> rows;      ///< rows of the tile whose features are computed
+    std::vector<std::int32_t> row_rays;  ///< their rays
+    std::vector<float> row_weights;
+    std::vector<DensityBounds> bounds;
+    std::int64_t significant = 0;  ///< samples with a weight above significant_weight
+};
+
+void append_point(const Ray& ray, double distance, std::vector<float>& points) {
+    for (std::size_t axis = 0; axis < 3; ++axis)
+        points.push_back(static_cast<float>(ray.origin[axis] + distance * ray.direction[axis]));
+}
+
+void append_points(const Ray& ray, std::int64_t samples, std::vector<float>& points) {
+    for (std::int64_t k = 0; k < samples; ++k)
+        append_point(ray, sample_distance(ray, k, samples), points);
+}
+
+/// The samples of a camera's rays, at the places and with the intervals of `sample_rays`.
+struct CameraSamples {
+    const CameraRays& rays;
+
+    [[nodiscard]] double distance(std::int64_t ray, std::int32_t sample) const {
+        return sample_distance(rays.rays[static_cast<std::size_t>(ray)], sample,
+                               rays.samples_per_ray);
+    }
+    void append(std::int64_t ray, std::int32_t sample, std::vector<float>& points) const {
+        append_point(rays.rays[static_cast<std::size_t>(ray)], distance(ray, sample), points);
+    }
+    [[nodiscard]] float length(std::int64_t ray, std::int32_t sample) const {
+        return static_cast<float>(distance(ray, sample + 1) - distance(ray, sample));
+    }
+};
+
+float interval(const Ray& ray, std::int64_t samples) {
+    return static_cast<float>((ray.far_distance - ray.near_distance) /
+                              static_cast<double>(samples));
+}
+
+/// A grid around the volume that the model's camera sees as the head turns, with some room for
+/// other distances.
+DensityGrid make_grid(const ModelConfig& model, double tolerance) {
+    const RaySampling& sampling = model.decoder.rays;
+    const double reach = std::max(std::abs(sampling.near_z), std::abs(sampling.far_z));
+    const double side = 0.5 / model.camera.intrinsics.focal * (model.camera.distance + reach);
+    constexpr double room = 1.25;
+    const double depth = sampling.near_z - sampling.far_z;
+    return {room * std::hypot(reach, side, side), depth / 48.0, thin_share * tolerance / depth};
+}
+
+/// One point in each cell of the grid that the usual views see.
+std::vector<float> points_in_reach(const ModelConfig& model, const DensityGrid& grid) {
+    // Slightly larger than the images, so that views between these need no further cells.
+    constexpr double wider = 0.9, deeper = 0.4;
+    ViewRange range{.camera = model.camera};
+    range.camera.intrinsics.focal *= wider;
+    RaySampling sampling = model.decoder.rays;
+    sampling.samples_per_ray = 48;
+    sampling.near_z += deeper;
+    sampling.far_z -= deeper;
+    const RaySamples samples = sample_rays(cameras_over(range, 7, 3), sampling, nullptr);
+    return grid.one_in_each_cell(samples.points.values<float>());
+}
+
+template <class T>
+class SampledField final : public FieldSource {
+public:
+    SampledField(const ModelConfig& model, const RendererOptions& options);
+
+    void set_field(const FoldedField& field) override;
+    void render(const CameraRays& rays, FeatureMap& map, const std::stop_token& stop) override;
+
+private:
+    void evaluate_grid_around(std::span<const float> points);
+    void select(const CameraRays& rays);
+    [[nodiscard]] bool select_from_grid(const CameraRays& rays);
+    void cut_into_tiles();
+    void reserve();
+    void trace_tile(std::int64_t first, std::int64_t end, const CameraRays& rays,
+                    Scratch<T>& scratch, FeatureMap& map);
+    void finish_ray(std::int64_t ray, const CameraSamples& samples, Scratch<T>& scratch,
+                    FeatureMap& map);
+    void finish(FeatureMap& map);
+
+    RenderMode mode_;
+    float tolerance_;
+    /// Largest length of a ray through only thin cells that is left out.
+    double thin_length_ = 0.0;
+    PackedField<T> field_;
+    DensityGrid grid_;
+    std::vector<float> reach_;  ///< points around which a new head's density is evaluated at once
+    SampleSelection selection_;
+    std::vector<std::int64_t> tiles_;  ///< first ray of each, and the end of the last
+    std::int64_t largest_tile_ = 0;    ///< points
+    std::vector<Scratch<T>> scratch_;  ///< of each thread
+    std::vector<float> composited_;    ///< (rays, width)
+    float background_ = 0.0F;
+};
+
+template <class T>
+SampledField<T>::SampledField(const ModelConfig& model, const RendererOptions& options)
+    : mode_(options.mode),
+      tolerance_(mode_ == RenderMode::exact ? 0.0F : static_cast<float>(options.tolerance)) {
+    if (mode_ != RenderMode::exact) {
+        grid_ = make_grid(model, options.tolerance);
+        thin_length_ = thin_rays * (model.decoder.rays.near_z - model.decoder.rays.far_z);
+        reach_ = points_in_reach(model, grid_);
+    }
+}
+
+template <class T>
+void SampledField<T>::set_field(const FoldedField& field) {
+    field_ = PackedField<T>(field);
+    if (mode_ == RenderMode::exact) return;
+    grid_.forget();
+    evaluate_grid_around(reach_);
+}
+
+template <class T>
+void SampledField<T>::evaluate_grid_around(std::span<const float> points) {
+    grid_.evaluate_around(points, [this](std::span<const float> vertices, std::span<float> logits) {
+        const auto position_of = [&](std::int64_t i) {
+            return vertices.subspan(static_cast<std::size_t>(3 * i), 3);
+        };
+        evaluate_points(field_, std::ssize(logits), position_of,
+                        [&](std::int64_t first, std::int64_t size, const FieldTile<T>& tile) {
+                            std::copy_n(tile.logits.begin(), size, logits.begin() + first);
+                        });
+    });
+}
+
+template <class T>
+void SampledField<T>::render(const CameraRays& rays, FeatureMap& map, const std::stop_token& stop) {
+    const std::size_t count = rays.rays.size();
+    scratch_.resize(static_cast<std::size_t>(thread_count()));
+    for (Scratch<T>& scratch : scratch_) {
+        scratch.significant = 0;
+        scratch.points.reserve(static_cast<std::size_t>(3 * rays.samples_per_ray));
+        scratch.bounds.reserve(static_cast<std::size_t>(rays.samples_per_ray));
+    }
+    composited_.resize(count * static_cast<std::size_t>(field_.width()));
+    map.opacities.resize(count);
+    map.features.resize(count * static_cast<std::size_t>(field_.feature_channels()));
+    map.occupied.resize(count);
+    map.depths.resize(count);
+    background_ = static_cast<float>(farthest_sample(rays));
+
+    select(rays);
+    cut_into_tiles();
+    reserve();
+    for_each_item(static_cast<std::int64_t>(tiles_.size()) - 1,
+                  [&](std::int64_t tile, std::size_t thread) {
+                      if (stop.stop_requested()) return;
+                      const auto index = static_cast<std::size_t>(tile);
+                      trace_tile(tiles_[index], tiles_[index + 1], rays, scratch_[thread], map);
+                  });
+    if (stop.stop_requested()) return;
+    finish(map);
+    map.field_samples = map.significant_samples = 0;
+    for (const std::int32_t selected : selection_.counts) map.field_samples += selected;
+    for (const Scratch<T>& scratch : scratch_) map.significant_samples += scratch.significant;
+    map.tiles = map.field_samples > 0 ? std::ssize(tiles_) - 1 : 0;
+}
+
+template <class T>
+void SampledField<T>::select(const CameraRays& rays) {
+    selection_.resize(static_cast<std::int64_t>(rays.rays.size()), rays.samples_per_ray);
+    if (mode_ == RenderMode::exact) {
+        selection_.keep_all();
+    } else if (!select_from_grid(rays)) {
+        std::vector<float>& points = scratch_.front().points;
+        points.clear();
+        for (const Ray& ray : rays.rays) append_points(ray, rays.samples_per_ray, points);
+        evaluate_grid_around(points);
+        static_cast<void>(select_from_grid(rays));
+    }
+}
+
+/// False if the grid does not know enough yet.
+template <class T>
+bool SampledField<T>::select_from_grid(const CameraRays& rays) {
+    const auto count = static_cast<std::int64_t>(rays.rays.size()), samples = rays.samples_per_ray;
+    std::atomic<bool> known{true};
+    for_each_item(chunk_count(count, rays_per_chunk), [&](std::int64_t chunk, std::size_t thread) {
+        Scratch<T>& scratch = scratch_[thread];
+        scratch.bounds.resize(static_cast<std::size_t>(samples));
+        for (std::int64_t i = chunk * rays_per_chunk;
+             i < std::min(count, (chunk + 1) * rays_per_chunk); ++i) {
+            const Ray& ray = rays.rays[static_cast<std::size_t>(i)];
+            scratch.points.clear();
+            append_points(ray, samples, scratch.points);
+            // Most rays beside a head pass only thin cells; their opacity is too small to count.
+            if (ray.far_distance - ray.near_distance <= thin_length_ &&
+                grid_.all_thin(scratch.points)) {
+                selection_.keep_none(i);
+                continue;
+            }
+            if (!grid_.bounds(scratch.points, scratch.bounds)) known = false;
+            select_samples(scratch.bounds, interval(ray, samples), tolerance_, i, selection_);
+        }
+    });
+    return known;
+}
+
+/// Divides the samples into tiles of whole rays, so that each tile can composite its rays. Tiles
+/// have about the same size, and their number is a multiple of the number of threads.
+template <class T>
+void SampledField<T>::cut_into_tiles() {
+    const std::int64_t all =
+        std::accumulate(selection_.counts.begin(), selection_.counts.end(), std::int64_t{0});
+    const std::int64_t rounds = chunk_count(all, tile_points * thread_count()),
+                       tiles = std::max<std::int64_t>(rounds, 1) * thread_count();
+    tiles_.assign(1, 0);
+    std::int64_t points = 0, done = 0;
+    largest_tile_ = 0;
+    for (std::size_t ray = 0; ray < selection_.counts.size(); ++ray) {
+        if (points > 0 && (done + selection_.counts[ray] / 2) * tiles >= std::ssize(tiles_) * all) {
+            tiles_.push_back(static_cast<std::int64_t>(ray));
+            points = 0;
+        }
+        points += selection_.counts[ray];
+        done += selection_.counts[ray];
+        largest_tile_ = std::max(largest_tile_, points);
+    }
+    tiles_.push_back(static_cast<std::int64_t>(selection_.counts.size()));
+}
+
+/// For every thread, because any of them may get the largest tile.
+template <class T>
+void SampledField<T>::reserve() {
+    const auto points = static_cast<std::size_t>(largest_tile_);
+    for (Scratch<T>& scratch : scratch_) {
+        field_.reserve(largest_tile_, scratch.tile.field);
+        scratch.tile.reserve(largest_tile_, std::ssize(selection_.counts));
+        scratch.rows.reserve(points);
+        scratch.row_rays.reserve(points);
+        scratch.row_weights.reserve(points);
+    }
+}
+
+template <class T>
+void SampledField<T>::trace_tile(std::int64_t first, std::int64_t end, const CameraRays& rays,
+                                 Scratch<T>& scratch, FeatureMap& map) {
+    const CameraSamples samples{rays};
+    RayTile<T>& tile = scratch.tile;
+    tile.take(selection_, samples, first, end);
+    field_.evaluate(tile.points, tile.field);
+    tile.composite(selection_, samples);
+
+    scratch.rows.clear();
+    scratch.row_rays.clear();
+    scratch.row_weights.clear();
+    for (std::int64_t ray = first; ray < end; ++ray) finish_ray(ray, samples, scratch, map);
+    field_.features(scratch.rows, tile.field);
+
+    const std::int64_t width = field_.width();
+    std::fill(composited_.begin() + first * width, composited_.begin() + end * width, 0.0F);
+    for (std::size_t i = 0; i < scratch.rows.size(); ++i) {
+        add_weighted(composited_.data() + scratch.row_rays[i] * width, scratch.row_weights[i],
+                     tile.field.features.data() + static_cast<std::int64_t>(i) * width, width);
+    }
+}
+
+/// Opacity and depth of one ray from its weights, and the rows of the tile whose features are
+/// computed.
+template <class T>
+void SampledField<T>::finish_ray(std::int64_t ray, const CameraSamples& samples,
+                                 Scratch<T>& scratch, FeatureMap& map) {
+    const auto index = static_cast<std::size_t>(ray);
+    const std::span<const std::int32_t> selected = selection_.samples_of(ray);
+    const std::int64_t first_row = scratch.tile.begin_of(ray);
+    const std::span<const float> weights =
+        std::span(scratch.tile.weights)
+            .subspan(static_cast<std::size_t>(first_row), selected.size());
+    float opacity = 0.0F, depth = 0.0F;
+    for (std::size_t k = 0; k < weights.size(); ++k) {
+        opacity += weights[k];
+        depth += weights[k] * static_cast<float>(samples.distance(ray, selected[k]));
+        if (static_cast<double>(weights[k]) > significant_weight) ++scratch.significant;
+    }
+    map.opacities[index] = opacity;
+    map.depths[index] = depth + (1.0F - opacity) * background_;
+
+    const bool empty = opacity <= empty_share * tolerance_;
+    map.occupied[index] = empty ? 0 : 1;
+    if (empty) {
+        map.opacities[index] = 0.0F;
+        return;
+    }
+    // A weight that is too small is added to the next sample whose features are computed.
+    const float least = featureless_share * tolerance_ / static_cast<float>(weights.size());
+    float carried = 0.0F;
+    for (std::size_t k = 0; k < weights.size(); ++k) {
+        carried += weights[k];
+        if (carried < least) continue;
+        scratch.rows.push_back(static_cast<std::int32_t>(first_row) + static_cast<std::int32_t>(k));
+        scratch.row_rays.push_back(static_cast<std::int32_t>(ray));
+        scratch.row_weights.push_back(carried);
+        carried = 0.0F;
+    }
+    scratch.row_weights.back() += carried;
+}
+
+template <class T>
+void SampledField<T>::finish(FeatureMap& map) {
+    const auto count = static_cast<std::int64_t>(map.occupied.size()), width = field_.width(),
+               channels = field_.feature_channels();
+    for_each_item(chunk_count(count, rays_per_chunk), [&](std::int64_t chunk, std::size_t) {
+        const std::int64_t first = chunk * rays_per_chunk,
+                           size = std::min(rays_per_chunk, count - first);
+        const auto part = [&](auto& values, std::int64_t numbers) {
+            return std::span(values).subspan(static_cast<std::size_t>(first * numbers),
+                                             static_cast<std::size_t>(size * numbers));
+        };
+        const auto result = part(map.features, channels);
+        if (std::ranges::any_of(part(map.occupied, 1),
+                                [](std::uint8_t occupied) { return occupied != 0; })) {
+            field_.finish(part(composited_, width), part(map.opacities, 1), result);
+        } else {
+            std::ranges::fill(result, 0.0F);
+        }
+    });
+}
+
+}  // namespace
+
+double farthest_sample(const CameraRays& rays) {
+    double farthest = 0.0;
+    for (const Ray& ray : rays.rays)
+        farthest = std::max(farthest,
+                            sample_distance(ray, rays.samples_per_ray - 1, rays.samples_per_ray));
+    return farthest;
+}
+
+std::unique_ptr<FieldSource> make_sampled_field(const ModelConfig& model,
+                                                const RendererOptions& options,
+                                                Precision precision) {
+    if (precision == Precision::bfloat16)
+        return std::make_unique<SampledField<kernels::BFloat16>>(model, options);
+    if (precision == Precision::float16)
+        return std::make_unique<SampledField<kernels::Float16>>(model, options);
+    return std::make_unique<SampledField<float>>(model, options);
+}
+
+}  // namespace stymo

@@ -1,0 +1,76 @@
+#include "nn/realtime/view.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/ops/ops.h"
+#include "nn/models/display_image.h"
+#include "nn/realtime/face_renderer.h"
+
+namespace stymo {
+
+namespace {
+
+double significant_share(const Tensor& weights) {
+    const std::vector<double> all = weights.to_vector();
+    return static_cast<double>(std::ranges::count_if(
+               all, [](double weight) { return weight > significant_weight; })) /
+           static_cast<double>(all.size());
+}
+
+double largest(const Tensor& values) {
+    const std::vector<double> all = values.to_vector();
+    return *std::ranges::max_element(all);
+}
+
+}  // namespace
+
+Variable expected_depth(const Decoded& decoded) {
+    const Tensor& depths = decoded.samples.depths;
+    return composite_depth(decoded.weights, depths, largest(depths));
+}
+
+View render_view(const Model& model, const Codes& codes, std::int64_t index, const Camera& camera,
+                 const ViewOptions& options) {
+    // The renderer computes in float32.
+    if (codes.groups[0].dtype() != DType::float32)
+        return decoded_view(model, codes, index, camera, options);
+    FaceRenderer renderer(model, {.mode = RenderMode::exact,
+                                  .samples_per_ray = options.samples_per_ray,
+                                  .resolution = options.resolution,
+                                  .mask = options.mask,
+                                  .depth = options.depth});
+    renderer.show(codes, index);
+    return renderer.render(camera);
+}
+
+View decoded_view(const Model& model, const Codes& codes, std::int64_t index, const Camera& camera,
+                  const ViewOptions& options) {
+    const Decoded decoded = model.decoder()(codes_of_face(codes, index), {camera},
+                                            {.samples_per_ray = options.samples_per_ray,
+                                             .resolution = options.resolution,
+                                             .mask = options.mask});
+    View view{display_image(decoded.images.back().value(), 0),
+              {},
+              {},
+              significant_share(decoded.weights.weights.value())};
+    if (options.mask) view.mask = display_mask(sigmoid(decoded.mask_logit).value(), 0);
+    if (options.depth) {
+        const auto side =
+            std::llround(std::sqrt(static_cast<double>(decoded.samples.depths.shape(1))));
+        view.depth = expected_depth(decoded).value().reshaped({side, side, 1});
+    }
+    return view;
+}
+
+Pose frontal_pose(const CameraConfig& camera) {
+    return pivot_pose(0.0, 0.0, 0.0, camera.distance, camera.pivot_depth);
+}
+
+Camera model_camera(const Model& model, double yaw, double pitch, double roll) {
+    const CameraConfig& place = model.config().camera;
+    return camera_from_pose(pivot_pose(yaw, pitch, roll, place.distance, place.pivot_depth),
+                            place.intrinsics);
+}
+
+}  // namespace stymo

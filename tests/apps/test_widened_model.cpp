@@ -1,0 +1,123 @@
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <map>
+
+#include "apps/weights/widened_model.h"
+#include "core/autograd/grad.h"
+#include "core/io/scratch_folder.h"
+#include "core/ops/elementwise.h"
+#include "core/ops/reduce.h"
+#include "nn/realtime/view.h"
+#include "support/check_close.h"
+#include "support/error_message.h"
+#include "support/tiny_model.h"
+
+using namespace stymo;
+using namespace stymo::test;
+
+namespace {
+
+/// Deep enough for the encoding to enter twice, and with two blocks.
+Model deep_model(std::uint64_t seed) {
+    ModelConfig config = tiny_model_config();
+    config.decoder.resolution = 32;
+    config.decoder.field_layers = 4;
+    config.decoder.block_channels = {6, 4};
+    config.reconstruction.resolution_weights = {1.0, 1.0};
+    Rng rng(seed);
+    return {config, rng};
+}
+
+std::map<std::string, Tensor> values_of(const Model& model) {
+    std::map<std::string, Tensor> values;
+    for (const Parameter& parameter : model.parameters().all())
+        values.emplace(parameter.name(), parameter.variable().value());
+    return values;
+}
+
+const std::vector<std::string> wider{"decoder.field_width=12", "decoder.feature_channels=10",
+                                     "decoder.block_channels=[9,7]", "decoder.mask_channels=3"};
+
+std::string refusal(const std::vector<std::string>& settings) {
+    const ScratchFolder folder;
+    deep_model(3).save(folder / "narrow.safetensors");
+    std::string message = error_message<ConfigError>(
+        [&] { widen_model(folder / "narrow.safetensors", folder / "wide.safetensors", settings); });
+    CHECK_FALSE(std::filesystem::exists(folder / "wide.safetensors"));
+    return message;
+}
+
+}  // namespace
+
+TEST_CASE("a widened model makes the same codes and images", "[model]") {
+    const ScratchFolder folder;
+    const Model narrow = deep_model(3);
+    narrow.save(folder / "narrow.safetensors");
+    widen_model(folder / "narrow.safetensors", folder / "wide.safetensors", wider);
+    const Model wide = Model::load(folder / "wide.safetensors");
+    CHECK(wide.config().decoder.field_width == 12);
+    CHECK(wide.config().decoder.block_channels == std::vector<std::int64_t>{9, 7});
+
+    const Codes codes = random_codes(1, 5);
+    const ViewOptions options{.samples_per_ray = 6, .mask = true, .depth = true};
+    const Camera camera = model_camera(narrow, 0.3, 0.1, 0.0);
+    const View before = render_view(narrow, codes, 0, camera, options);
+    const View after = render_view(wide, codes, 0, camera, options);
+    CHECK(check_close(after.image, before.image, 1e-5).passed);
+    CHECK(check_close(after.mask, before.mask, 1e-5).passed);
+    CHECK(check_close(after.depth, before.depth, 1e-5).passed);
+    const std::map<std::string, Tensor> before_values = values_of(narrow);
+    std::size_t unchanged = 0;
+    for (const auto& [name, value] : values_of(wide)) {
+        if (!name.starts_with("encoder.")) continue;
+        ++unchanged;
+        CHECK(identical(value, before_values.at(name)));
+    }
+    CHECK(unchanged > 0);
+}
+
+TEST_CASE("every new channel of a widened model can be learnt", "[model]") {
+    const ScratchFolder folder;
+    const Model narrow = deep_model(3);
+    narrow.save(folder / "narrow.safetensors");
+    widen_model(folder / "narrow.safetensors", folder / "wide.safetensors", wider);
+    Model wide = Model::load(folder / "wide.safetensors");
+    wide.parameters().set_trainable("decoder.", true);
+    const Decoded face = wide.decoder()(random_codes(1, 5), {model_camera(wide, 0.3, 0.1, 0.0)},
+                                        {.samples_per_ray = 6, .mask = true});
+    const std::vector<Parameter> parameters = wide.parameters().trainable();
+    const Variable loss = mean(square(face.images.back())) + mean(square(face.mask_logit));
+    const std::vector<Variable> gradients = grad(loss, variables_of(parameters));
+    const std::map<std::string, Tensor> before = values_of(narrow);
+    std::size_t widened_inputs = 0;
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+        const std::string& name = parameters[i].name();
+        const Shape& old = before.at(name).shape();
+        const Shape& now = parameters[i].variable().shape();
+        if (now.rank() != 2 || now[1] == old[1]) continue;
+        ++widened_inputs;
+        // What was there reads the new channels with zero, and must get gradients to learn from.
+        const std::vector<double> weights = parameters[i].variable().value().to_vector();
+        const std::vector<double> slopes = gradients[i].value().to_vector();
+        for (std::int64_t column = old[1]; column < now[1]; ++column) {
+            INFO(name << " column " << column);
+            double gradient = 0.0;
+            for (std::int64_t row = 0; row < old[0]; ++row) {
+                const auto at = static_cast<std::size_t>(row * now[1] + column);
+                CHECK(weights[at] == 0.0);
+                gradient += std::abs(slopes[at]);
+            }
+            CHECK(gradient > 0.0);
+        }
+    }
+    // The field's layers but the first, its density and two feature layers; of each of two blocks
+    // four layers; two laterals and the logit of the mask.
+    CHECK(widened_inputs == 17);
+}
+
+TEST_CASE("what a model is not widened by is refused", "[model]") {
+    CHECK_THAT(refusal({"decoder.frequencies=3"}), Catch::StartsWith("widening changes"));
+    CHECK_THAT(refusal({"encoder.head_width=16"}), Catch::StartsWith("widening changes"));
+    CHECK_THAT(refusal({"decoder.field_width=4"}), Catch::StartsWith("widening needs"));
+    CHECK_THAT(refusal({"decoder.block_channels=[9]"}), Catch::StartsWith("widening needs"));
+}

@@ -1,0 +1,163 @@
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "core/rng.h"
+#include "nn/engine/sample_selection.h"
+#include "nn/engine/softplus.h"
+#include "nn/realtime/density_grid.h"
+
+using namespace stymo;
+
+namespace {
+
+SampleSelection selected(const std::vector<DensityBounds>& bounds, float delta, float tolerance) {
+    SampleSelection selection;
+    selection.resize(1, static_cast<std::int64_t>(bounds.size()));
+    select_samples(bounds, delta, tolerance, 0, selection);
+    return selection;
+}
+
+/// Logits x + 2 y + 3 z.
+void slope(std::span<const float> points, std::span<float> logits) {
+    for (std::size_t i = 0; i < logits.size(); ++i)
+        logits[i] = points[3 * i] + 2.0F * points[3 * i + 1] + 3.0F * points[3 * i + 2];
+}
+
+void densities_of_slope(std::span<const float> points, std::span<float> densities) {
+    slope(points, densities);
+    std::ranges::transform(densities, densities.begin(), softplus);
+}
+
+}  // namespace
+
+TEST_CASE("samples left out in a row have less weight than the tolerance, if the bounds hold",
+          "[realtime]") {
+    Rng rng(1);
+    for (int trial = 0; trial < 50; ++trial) {
+        const std::vector<double> draws =
+            rng.uniform({64, 3}, 0.0, 1.0, DType::float64).to_vector();
+        std::vector<DensityBounds> bounds;
+        for (std::size_t i = 0; i < 64; ++i) {
+            const auto density = static_cast<float>(std::pow(draws[3 * i], 6.0) * 20.0);
+            bounds.push_back({density * static_cast<float>(draws[3 * i + 1]), density,
+                              density * (1.0F + static_cast<float>(draws[3 * i + 2]))});
+        }
+        const float delta = 0.1F, tolerance = 0.05F;
+        const SampleSelection selection = selected(bounds, delta, tolerance);
+        double transmittance = 1.0, left_out = 0.0, gap = 0.0;
+        std::size_t next = 0;
+        for (std::size_t i = 0; i < bounds.size(); ++i) {
+            const double weight = transmittance * (1.0 - std::exp(-bounds[i].estimate * delta));
+            transmittance -= weight;
+            if (next < static_cast<std::size_t>(selection.counts[0]) &&
+                selection.samples[next] == static_cast<std::int32_t>(i)) {
+                CHECK(selection.gaps[next] == Approx(gap).margin(1e-6));
+                left_out = gap = 0.0;
+                ++next;
+            } else {
+                left_out += weight;
+                gap += bounds[i].estimate * delta;
+            }
+            CHECK(left_out < tolerance);
+        }
+        CHECK(next == static_cast<std::size_t>(selection.counts[0]));
+        CHECK(next < 64);
+        CHECK(selection.tails[0] == Approx(gap).margin(1e-6));
+    }
+}
+
+TEST_CASE(
+    "nothing is left out at tolerance 0 or where nothing is known, everything where there is "
+    "nothing",
+    "[realtime]") {
+    const std::vector<DensityBounds> empty(8),
+        unknown(8, {0.0F, 0.0F, std::numeric_limits<float>::infinity()});
+    CHECK(selected(empty, 0.1F, 0.0F).counts[0] == 8);
+    CHECK(selected(unknown, 0.1F, 0.5F).counts[0] == 8);
+    CHECK(selected(empty, 0.1F, 0.01F).counts[0] == 0);
+}
+
+TEST_CASE("a density grid bounds what it has learnt and nothing else", "[realtime]") {
+    DensityGrid grid(1.0, 0.3);
+    const std::vector<float> points{0.1F, 0.2F, 0.3F, -0.9F, 0.8F, 0.1F, 1.7F, 0.0F, 0.0F};
+    std::vector<DensityBounds> bounds(3);
+    CHECK_FALSE(grid.bounds(points, bounds));
+    CHECK(std::isinf(bounds[0].upper));
+
+    grid.evaluate_around(points, slope);
+    CHECK(grid.known_vertices() == 54);
+    CHECK(grid.bounds(points, bounds));
+    std::vector<float> densities(3);
+    densities_of_slope(points, densities);
+    for (std::size_t i = 0; i < 2; ++i) {
+        CHECK(bounds[i].lower <= densities[i]);
+        CHECK(bounds[i].estimate == Approx(densities[i]).margin(1e-5));
+        CHECK(bounds[i].upper >= densities[i]);
+        CHECK(bounds[i].upper - bounds[i].lower <= Approx(6.0 * 0.3));
+    }
+    CHECK(bounds[2].lower == 0.0F);
+    CHECK(std::isinf(bounds[2].upper));
+
+    grid.evaluate_around(points, slope);
+    CHECK(grid.known_vertices() == 54);
+    grid.forget();
+    CHECK_FALSE(grid.bounds(points, bounds));
+}
+
+TEST_CASE("a density grid looks closely only where the density is not thin", "[realtime]") {
+    DensityGrid grid(1.0, 0.25, 0.5);
+    const std::vector<float> thin{-0.9F, -0.9F, -0.9F}, thick{0.1F, 0.1F, 0.1F};
+    std::vector<DensityBounds> bounds(1);
+    std::vector<float> densities(1);
+    grid.evaluate_around(thin, slope);
+    CHECK(grid.known_vertices() == 8);
+    CHECK(grid.bounds(thin, bounds));
+    densities_of_slope(thin, densities);
+    CHECK(bounds[0].estimate == Approx(densities[0]));
+    CHECK(bounds[0].upper < 0.5F);
+    grid.evaluate_around(thick, slope);
+    CHECK(grid.known_vertices() == 8 + 27);
+    CHECK(grid.bounds(thick, bounds));
+    densities_of_slope(thick, densities);
+    CHECK(bounds[0].estimate == Approx(densities[0]));
+    CHECK(bounds[0].upper - bounds[0].lower <= Approx(6.0 * 0.25));
+}
+
+TEST_CASE("points are thin where their cells are known to be, and nowhere else", "[realtime]") {
+    DensityGrid grid(1.0, 0.25, 0.5);
+    const std::vector<float> thin{-0.9F, -0.9F, -0.9F, -0.8F, -0.7F, -0.9F},
+        thick{0.1F, 0.1F, 0.1F};
+    CHECK_FALSE(grid.all_thin(thin));
+    grid.evaluate_around(thin, slope);
+    grid.evaluate_around(thick, slope);
+    CHECK(grid.all_thin(thin));
+    CHECK_FALSE(grid.all_thin(thick));
+    std::vector<float> mixed = thin;
+    mixed.insert(mixed.end(), thick.begin(), thick.end());
+    CHECK_FALSE(grid.all_thin(mixed));
+    CHECK_FALSE(grid.all_thin(std::vector{-0.9F, -0.9F, -1.1F}));
+    std::vector<DensityBounds> bounds(2);
+    CHECK(grid.bounds(thin, bounds));
+    for (const DensityBounds& bound : bounds) CHECK(bound.upper < 0.5F);
+}
+
+TEST_CASE("a density grid is as well learnt from one point in each cell as from all of them",
+          "[realtime]") {
+    Rng rng(2);
+    const Tensor points = rng.uniform({200, 3}, -1.2, 1.2);
+    const std::span<const float> all = points.values<float>();
+    DensityGrid from_all(1.0, 0.25, 0.5), from_some(1.0, 0.25, 0.5);
+    from_all.evaluate_around(all, slope);
+    const std::vector<float> some = from_all.one_in_each_cell(all);
+    CHECK(some.size() < all.size());
+    from_some.evaluate_around(some, slope);
+    CHECK(from_some.known_vertices() == from_all.known_vertices());
+    std::vector<DensityBounds> expected(200), bounds(200);
+    CHECK(from_all.bounds(all, expected));
+    CHECK(from_some.bounds(all, bounds));
+    for (std::size_t i = 0; i < bounds.size(); ++i)
+        CHECK(bounds[i].estimate == expected[i].estimate);
+}

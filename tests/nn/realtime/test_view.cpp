@@ -1,0 +1,66 @@
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "nn/realtime/view.h"
+#include "support/check_close.h"
+#include "support/tiny_model.h"
+
+using namespace stymo;
+using namespace stymo::test;
+
+TEST_CASE("a view has what was asked for, in the sides of images and rays", "[view]") {
+    const Model model = tiny_model();
+    const Codes codes = random_codes(2, 1);
+    const Camera camera = model_camera(model, 0.3, 0.1, 0.0);
+    const View plain = render_view(model, codes, 0, camera, {.samples_per_ray = 4});
+    CHECK(plain.image.shape() == Shape{16, 16, 3});
+    CHECK_FALSE(plain.mask.defined());
+    CHECK_FALSE(plain.depth.defined());
+
+    const View full =
+        render_view(model, codes, 0, camera,
+                    {.samples_per_ray = 4, .resolution = 16, .mask = true, .depth = true});
+    CHECK(identical(full.image, plain.image));
+    CHECK(full.mask.shape() == Shape{16, 16, 1});
+    CHECK(full.depth.shape() == Shape{8, 8, 1});
+    for (const Tensor& tensor : {full.image, full.mask}) {
+        for (const double value : tensor.to_vector()) {
+            CHECK(value >= 0.0);
+            CHECK(value <= 1.0);
+        }
+    }
+    const RaySampling& rays = model.config().decoder.rays;
+    for (const double depth : full.depth.to_vector()) {
+        CHECK(depth > 5.3 - rays.near_z - 1.0);
+        CHECK(depth < 2.0 * (5.3 - rays.far_z));
+    }
+}
+
+TEST_CASE("a view shows the row of the codes that was asked for", "[view]") {
+    const Model model = tiny_model();
+    const Codes codes = random_codes(2, 1);
+    const Camera camera = model_camera(model, 0.0, 0.0, 0.0);
+    const Tensor first = render_view(model, codes, 0, camera, {.samples_per_ray = 4}).image;
+    const Tensor second = render_view(model, codes, 1, camera, {.samples_per_ray = 4}).image;
+    CHECK_FALSE(check_close(first, second, 1e-3).passed);
+    const Decoded both = model.decoder()(codes, {camera, camera}, {.samples_per_ray = 4});
+    const std::vector<double> images = both.images.back().value().to_vector();
+    const std::vector<double> shown = second.to_vector();
+    for (std::size_t i = 0; i < shown.size(); ++i)
+        CHECK(shown[i] == Approx(0.5 * images[shown.size() + i] + 0.5).margin(1e-5));
+}
+
+TEST_CASE("the model's camera keeps the pivot in the middle of the image, at the model's distance",
+          "[view]") {
+    const Model model = tiny_model();
+    const CameraConfig& place = model.config().camera;
+    for (const double yaw : {-0.7, 0.0, 0.4}) {
+        const Eigen::Vector3d seen =
+            project(model_camera(model, yaw, 0.2, 0.1), {0.0, 0.0, place.pivot_depth});
+        CHECK(seen[0] == Approx(place.intrinsics.center_x));
+        CHECK(seen[1] == Approx(place.intrinsics.center_y));
+        CHECK(seen[2] == Approx(place.distance - place.pivot_depth));
+    }
+    CHECK(model_camera(model, 0.0, 0.0, 0.0).center[2] == Approx(place.distance));
+}
