@@ -59,10 +59,11 @@ FitProblem::FitProblem(const Model& model, const ReconstructionLoss& loss, const
       loss_(loss),
       faces_(faces),
       options_(options),
-      regularizer_(options.regularizer < 0.0 ? model.config().reconstruction.fit_regularizer
-                                             : options.regularizer),
-      heads_(options.depth_weight > 0.0 ? options.head : nullptr, faces),
+      weights_(options.weights),
+      heads_(options.weights.depth > 0.0 ? options.head : nullptr, faces),
       initial_(initial_codes(model, faces, options)) {
+    if (weights_.regularizer < 0.0)
+        weights_.regularizer = model.config().reconstruction.fit_regularizer;
     for (std::size_t group = 0; group < code_names.size(); ++group) {
         const Variable& values = initial_.groups[group];
         const std::int64_t rows = options.one_person && is_of_person(group) ? 1 : initial_.batch();
@@ -88,13 +89,14 @@ std::vector<Camera> FitProblem::cameras() const {
     return cameras_at(orbits().front().variable().value(), faces_.cameras);
 }
 
-void FitProblem::select_samples() {
-    if (options_.tolerance <= 0.0) return;
+bool FitProblem::select_samples() {
+    if (options_.tolerance <= 0.0) return false;
     decode_.significant_samples =
         significant_samples(model_.decoder().compositing_weights(
                                 codes(), cameras(), decode_.samples_per_ray, decode_.resolution),
                             options_.tolerance);
     decode_.keep_field = options_.keep_field || mean_of(decode_.significant_samples) <= few_samples;
+    return true;
 }
 
 bool FitProblem::choose_images(std::int64_t step) {
@@ -113,34 +115,41 @@ bool FitProblem::choose_images(std::int64_t step) {
     return true;
 }
 
-Variable FitProblem::depth_difference(const Decoded& decoded) {
+std::vector<std::optional<FaceSurface>> FitProblem::aligned_surfaces(const Variable& depths) {
     const std::vector<Camera> seen_by = cameras();
-    const Variable depths = expected_depth(decoded);
     const auto side = std::llround(std::sqrt(static_cast<double>(depths.shape(1))));
-    Variable total(Tensor::scalar(0.0, depths.dtype()));
+    std::vector<std::optional<FaceSurface>> surfaces;
     for (std::int64_t row = 0; row < depths.shape(0); ++row) {
-        const Variable depth = slice(depths, 0, row, row + 1);
+        const Tensor depth = slice(depths, 0, row, row + 1).value();
         const Camera& camera = seen_by[static_cast<std::size_t>(row)];
-        heads_.place(row, camera, depth.value().to(DType::float32).reshaped({side, side, 1}));
-        const std::optional<FaceSurface> surface = heads_.surface(row, camera, side);
-        if (surface) total = total + heads_.loss(depth, *surface, row);
+        heads_.align(row, camera, depth.to(DType::float32).reshaped({side, side, 1}));
+        surfaces.push_back(heads_.surface(row, camera, side));
     }
-    return total;
+    return surfaces;
 }
 
 FitProblem::Evaluation FitProblem::evaluate() {
-    const auto batch = static_cast<double>(initial_.batch());
     if (!orbits().empty()) decode_.orbits = orbits().front().variable();
     const Decoded decoded = model_.decoder()(codes(), cameras(), decode_);
-    // The mean over the batch times its size, so that a face's gradient does not depend on the size
-    // of the batch.
-    Variable loss = loss_(decoded.images, photos_).total * batch +
-                    squared_length(code_offsets()) * regularizer_;
-    if (!heads_.empty()) loss = loss + depth_difference(decoded) * options_.depth_weight;
-    Evaluation result{loss.value().item() / batch, {}};
+    const Codes offsets_now = code_offsets();
+    FitComparison seen{.decoded = decoded,
+                       .reconstruction = &loss_,
+                       .photos = &photos_,
+                       .offsets = &offsets_now,
+                       .heads = &heads_};
+    std::vector<std::optional<FaceSurface>> surfaces;
+    if (!heads_.empty()) {
+        seen.depths = expected_depth(decoded);
+        surfaces = aligned_surfaces(seen.depths);
+        seen.surfaces = surfaces;
+    }
+    FitLoss loss = fit_loss(seen, weights_);
+    Evaluation result{loss.total.value().item() / static_cast<double>(initial_.batch()),
+                      std::move(loss.terms),
+                      {}};
     std::vector<Variable> learnt = variables_of(offsets());
     if (!orbits().empty()) learnt.push_back(orbits().front().variable());
-    result.gradients = grad(loss, learnt);
+    result.gradients = grad(loss.total, learnt);
     return result;
 }
 

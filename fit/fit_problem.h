@@ -18,6 +18,7 @@ public:
 
     struct Evaluation {
         double loss = 0.0;  ///< mean over the faces
+        TermValues terms;
         /// Gradients of the sum over the faces: one for each of `offsets`, then of `orbits`.
         std::vector<Variable> gradients;
     };
@@ -31,8 +32,9 @@ public:
     [[nodiscard]] const std::vector<Parameter>& orbits() const { return orbits_.all(); }
 
     /// Evaluates all samples with the current codes. Later evaluations leave out the samples whose
-    /// weight is below the tolerance.
-    void select_samples();
+    /// weight is below the tolerance. Returns whether the function may have changed: with a
+    /// tolerance of 0 nothing is evaluated.
+    bool select_samples();
     /// Chooses the images that this step compares: only coarser ones at first
     /// (FitOptions::coarse_steps). Returns whether the choice has changed.
     bool choose_images(std::int64_t step);
@@ -43,15 +45,14 @@ public:
 
 private:
     [[nodiscard]] Codes code_offsets() const;
-    /// Sum over the faces of the differences between their depth and that of their heads, which are
-    /// moved to the faces first.
-    [[nodiscard]] Variable depth_difference(const Decoded& decoded);
+    /// By face, the surface of its head, which is first moved to the rendered face.
+    [[nodiscard]] std::vector<std::optional<FaceSurface>> aligned_surfaces(const Variable& depths);
 
     const Model& model_;
     const ReconstructionLoss& loss_;
     const FaceBatch& faces_;
     const FitOptions& options_;
-    double regularizer_;
+    FitWeights weights_;
     HeadDepth heads_;
     Codes initial_;
     ParameterStore offsets_;

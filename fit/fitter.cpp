@@ -27,12 +27,13 @@ void fit_by_adam(FitProblem& problem, const FitOptions& options, double learning
     Adam adam;
     for (std::int64_t step = 0; step < options.steps && !interrupted(); ++step) {
         static_cast<void>(problem.choose_images(step));
-        if (step % options.selection_interval == 0) problem.select_samples();
-        const FitProblem::Evaluation evaluation = problem.evaluate();
+        if (step % options.selection_interval == 0) static_cast<void>(problem.select_samples());
+        FitProblem::Evaluation evaluation = problem.evaluate();
         if (!std::isfinite(evaluation.loss))
             fail<NumericError>("fitting step ", step,
                                ": the loss is not finite; lower the learning rate");
         result.losses.push_back(evaluation.loss);
+        result.terms = std::move(evaluation.terms);
         const std::span gradients(evaluation.gradients);
         adam.step(problem.offsets(), gradients.first(code_names.size()), learning_rate);
         adam.step(problem.orbits(), gradients.subspan(code_names.size()),
@@ -44,9 +45,9 @@ void fit_by_adam(FitProblem& problem, const FitOptions& options, double learning
 
 /// The parameters of a problem as one vector. Poses are scaled so that L-BFGS moves them as little
 /// as Adam does with their smaller learning rate.
-class NumbersOf {
+class ParameterVector {
 public:
-    NumbersOf(const FitProblem& problem, double pose_unit)
+    ParameterVector(const FitProblem& problem, double pose_unit)
         : problem_(problem), pose_unit_(pose_unit) {}
 
     [[nodiscard]] Eigen::VectorXd values() const {
@@ -88,7 +89,7 @@ private:
 
 void fit_by_lbfgs(FitProblem& problem, const FitOptions& options, double learning_rate,
                   FitResult& result) {
-    const NumbersOf numbers(problem, options.pose_learning_rate_factor);
+    const ParameterVector numbers(problem, options.pose_learning_rate_factor);
     const auto batch = static_cast<double>(problem.initial().batch());
     Eigen::VectorXd start = numbers.values();
     // The length of Adam's first step.
@@ -97,26 +98,26 @@ void fit_by_lbfgs(FitProblem& problem, const FitOptions& options, double learnin
     std::int64_t steps = 0;
     const auto objective = [&](const Eigen::VectorXd& point) {
         numbers.set(point);
-        const FitProblem::Evaluation evaluation = problem.evaluate();
+        FitProblem::Evaluation evaluation = problem.evaluate();
         if (++steps == 1) result.losses.push_back(evaluation.loss);
+        result.terms = std::move(evaluation.terms);
         return ValueAndGradient{evaluation.loss * batch, numbers.gradient(evaluation.gradients)};
     };
-    std::int64_t place = 0;  // in the order of images
+    std::int64_t schedule_step = 0;  // chooses the images
     for (std::int64_t iteration = 0; steps < options.steps && !interrupted(); ++iteration) {
-        place = std::max(place, steps);
-        const bool other_images = problem.choose_images(place);
-        if (other_images || iteration % options.selection_interval == 0) {
-            problem.select_samples();
-            minimiser.objective_changed();
-        }
+        schedule_step = std::max(schedule_step, steps);
+        const bool other_images = problem.choose_images(schedule_step);
+        const bool select = other_images || iteration % options.selection_interval == 0;
+        const bool other_samples = select && problem.select_samples();
+        if (other_images || other_samples) minimiser.objective_changed();
         const bool moved = minimiser.step(objective, static_cast<int>(options.steps - steps));
         numbers.set(minimiser.point());
         result.losses.resize(static_cast<std::size_t>(steps), minimiser.here()->value / batch);
         report_step(problem, options, result);
         if (moved || steps == options.steps) continue;
-        result.converged = place >= options.coarse_steps;
+        result.converged = schedule_step >= options.coarse_steps;
         if (result.converged) break;
-        place = options.coarse_steps;
+        schedule_step = options.coarse_steps;
     }
 }
 

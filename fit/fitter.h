@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "fit/fit_objective.h"
 #include "nn/models/face_batch.h"
 #include "nn/models/reconstruction.h"
 #include "render/morphable/head.h"
@@ -28,11 +29,10 @@ struct FitOptions {
     std::int64_t steps = 200;    ///< evaluations of loss and gradient
     double learning_rate = 0.0;  ///< 0: ReconstructionConfig::fit_learning_rate
     double decay = 0.99;         ///< Adam's factor on the learning rate after each step
-    /// Weight of the sum of squared offsets; if negative, the model's
-    /// ReconstructionConfig::fit_regularizer.
-    double regularizer = -1.0;
+    FitWeights weights{.depth = 0.25};
     std::int64_t samples_per_ray = 0;  ///< 0: ReconstructionConfig::fit_samples_per_ray
-    /// Every `selection_interval` steps, from the first on, all samples are evaluated. Until the
+    /// Every `selection_interval` steps (iterations of L-BFGS), from the first on, all samples are
+    /// evaluated. Until the
     /// next evaluation, samples of a smaller compositing weight are left out of image and gradient;
     /// 0: none is left out. docs/results.md states how much this biases the gradient.
     double tolerance = 0.001;
@@ -55,7 +55,6 @@ struct FitOptions {
     /// The linear head to which the faces' codes belong; null: depth follows from colours alone.
     /// Where a face has such a code, the depth of its fit is drawn to this head's, up to a shift.
     const MorphableHead* head = nullptr;
-    double depth_weight = 0.25;  ///< of the mean difference of depths, per distance of the eyes
     std::function<void(const FitStep&)> on_step = {};
 };
 
@@ -68,6 +67,7 @@ struct FitResult {
     /// L-BFGS found no lower value and ended before all steps were used.
     bool converged = false;
     std::vector<Camera> cameras{};  ///< the target's, or the optimised ones
+    TermValues terms{};             ///< of the last evaluation
 };
 
 /// The paper's fitting: optimises code offsets that start at zero (with Adam in the paper).

@@ -36,16 +36,16 @@ bool HeadDepth::empty() const {
     return std::ranges::none_of(heads_, [](const auto& head) { return head.has_value(); });
 }
 
-void HeadDepth::place(std::int64_t row, const Camera& camera, const Tensor& depths) {
+void HeadDepth::align(std::int64_t row, const Camera& camera, const Tensor& depths) {
     std::optional<Head>& head = heads_.at(index(row));
-    if (head) head->placed = moved_to_depth(*model_, head->fitted, camera, depths);
+    if (head) head->aligned = moved_to_depth(*model_, head->fitted, camera, depths);
 }
 
 std::optional<FaceSurface> HeadDepth::surface(std::int64_t row, const Camera& camera,
                                               std::int64_t side) const {
     const std::optional<Head>& head = heads_.at(index(row));
     if (!head) return std::nullopt;
-    return face_surface(*model_, head->placed, camera, side);
+    return face_surface(*model_, head->aligned, camera, side);
 }
 
 Variable HeadDepth::loss(const Variable& depth, const FaceSurface& surface,

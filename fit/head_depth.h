@@ -20,7 +20,7 @@ public:
     [[nodiscard]] bool empty() const;
     /// Moves the head of a row, if it has one, to where a depth map of the rendered face has the
     /// face.
-    void place(std::int64_t row, const Camera& camera, const Tensor& depths);
+    void align(std::int64_t row, const Camera& camera, const Tensor& depths);
     /// The face of a row as a camera sees it, with `side` rays along each side of the image. Empty
     /// for a row without a target.
     [[nodiscard]] std::optional<FaceSurface> surface(std::int64_t row, const Camera& camera,
@@ -33,7 +33,7 @@ public:
 private:
     struct Head {
         Tensor fitted;  ///< vertices (V, 3), where the fit to the photo left them
-        Tensor placed;  ///< the same after `place`
+        Tensor aligned;  ///< the same after `align`
         double eye_distance = 0.0;
     };
     static std::size_t index(std::int64_t row) { return static_cast<std::size_t>(row); }

@@ -18,7 +18,6 @@
 #include "core/rng.h"
 #include "fit/head_depth.h"
 #include "fit/turned_photo.h"
-#include "nn/losses.h"
 #include "nn/models/significant_rows.h"
 #include "nn/optim/hybrid_optimizer.h"
 #include "nn/realtime/view.h"
@@ -41,7 +40,6 @@ constexpr std::int64_t anchor_interval = 2;
 /// Of so many successive comparisons with a photo, the first evaluates all samples; the others
 /// evaluate only those that were significant in it.
 constexpr std::int64_t selection_interval = 8;
-constexpr double mask_weight = 0.05;
 constexpr double largest_yaw = 40.0, largest_pitch = 15.0;
 
 /// A view that the tuned decoder is compared with, beside the photo.
@@ -72,7 +70,7 @@ public:
           samples_per_ray_(options.samples_per_ray > 0
                                ? options.samples_per_ray
                                : tuned.config().reconstruction.fit_samples_per_ray),
-          heads_(options.depth_weight > 0.0 ? options.head : nullptr, faces) {
+          heads_(options.weights.depth > 0.0 ? options.head : nullptr, faces) {
         for (std::int64_t i = 0; i < codes.batch(); ++i) {
             std::vector<Tensor> images;
             for (const Tensor& images_of_all : faces.targets)
@@ -87,29 +85,33 @@ public:
         parameters_ = tuned.parameters().trainable();
     }
 
-    /// The loss of the photo before the step.
-    double step(std::int64_t number, double learning_rate) {
-        const bool anchored = options_.anchors > 0 && options_.locality_weight > 0.0 &&
+    struct Step {
+        double loss = 0.0;  ///< of the photo, before the step
+        TermValues terms;
+    };
+    Step step(std::int64_t number, double learning_rate) {
+        const bool anchored = options_.anchors > 0 && options_.weights.locality > 0.0 &&
                               number % anchor_interval == anchor_interval - 1;
-        std::array<double, 2> losses{};
+        std::array<double, 2> values{};
+        std::array<TermValues, 2> terms;
         std::array<std::vector<Variable>, 2> gradients;
         // Only photo_loss changes `significant_`, and only anchor_loss `rng_` and `anchors_`, so
         // that they can run side by side.
         parallel_for(anchored ? 2 : 1, 1, [&](std::int64_t begin, std::int64_t) {
             const auto which = static_cast<std::size_t>(begin);
-            const Variable loss =
-                which == 0 ? photo_loss(number) : anchor_loss(number / anchor_interval);
-            losses[which] = loss.value().item();
-            gradients[which] = grad(loss, variables_of(parameters_));
+            FitLoss loss = which == 0 ? photo_loss(number) : anchor_loss(number / anchor_interval);
+            values[which] = loss.total.value().item();
+            terms[which] = std::move(loss.terms);
+            gradients[which] = grad(loss.total, variables_of(parameters_));
         });
-        if (!std::isfinite(losses[0] + losses[1]))
+        if (!std::isfinite(values[0] + values[1]))
             fail<NumericError>("tuning step ", number,
                                ": the loss is not finite; lower the learning rate");
         for (std::size_t i = 0; anchored && i < parameters_.size(); ++i)
             gradients[0][i] = gradients[0][i] + gradients[1][i];
         optimizer_.step(parameters_, gradients[0],
                         {learning_rate, field_prefix, field_factor, adam_factor});
-        return losses[0];
+        return {values[0], std::move(terms[0])};
     }
 
 private:
@@ -121,11 +123,12 @@ private:
                 .keep_field = true};
     }
 
-    [[nodiscard]] Variable photo_loss(std::int64_t number) {
+    [[nodiscard]] FitLoss photo_loss(std::int64_t number) {
         const std::int64_t row = number % codes_.batch();
         const auto index = static_cast<std::size_t>(row);
         const ReconstructionLoss::Target& photo = photos_[index];
         const std::int64_t side = photo.images.back().shape(1);
+        // The mask branch reads features of the render blocks, which tuning changes.
         const bool masked = faces_.mask.defined() && faces_.mask.shape(1) == side &&
                             side == tuned_.decoder().ladder().largest();
         DecodeOptions decode = decoding(side, masked);
@@ -136,15 +139,12 @@ private:
         if (all)
             significant_[index] =
                 significant_samples(decoded.weights.weights.value(), options_.tolerance);
-        const Variable loss =
-            loss_(decoded.images, photo).total + depth_term(decoded, surfaces_[index], row);
-        if (!masked) return loss;
-        // The mask branch reads features of the render blocks, which tuning changes.
-        const Tensor mask = slice(Variable(faces_.mask), 0, row, row + 1).value();
-        return loss + mask_loss(decoded.mask_logit, mask) * mask_weight;
+        FitComparison seen{.decoded = decoded, .reconstruction = &loss_, .photos = &photo};
+        if (masked) seen.mask = slice(Variable(faces_.mask), 0, row, row + 1).value();
+        return loss_of(seen, surfaces_[index], row);
     }
 
-    [[nodiscard]] Variable anchor_loss(std::int64_t number) {
+    [[nodiscard]] FitLoss anchor_loss(std::int64_t number) {
         const std::int64_t index = number % options_.anchors;
         if (index == std::ssize(anchors_)) anchors_.push_back(make_anchor(index));
         const Anchor& anchor = anchors_[static_cast<std::size_t>(index)];
@@ -152,17 +152,20 @@ private:
                                                  decoding(anchor.images.back().shape(1)));
         // The largest compared image has the weight of the model's largest image.
         const std::span<const double> weights = photos_.front().weights;
-        const Variable loss =
-            photometric_loss(decoded.images, anchor.images, weights.last(anchor.images.size())) *
-            options_.locality_weight;
-        return loss + depth_term(decoded, anchor.surface, anchor.row);
+        return loss_of({.decoded = decoded,
+                        .kept_images = anchor.images,
+                        .kept_weights = weights.last(anchor.images.size())},
+                       anchor.surface, anchor.row);
     }
 
-    [[nodiscard]] Variable depth_term(const Decoded& decoded,
-                                      const std::optional<FaceSurface>& surface,
-                                      std::int64_t row) const {
-        if (!surface) return Variable(Tensor::scalar(0.0, decoded.images.back().dtype()));
-        return heads_.loss(expected_depth(decoded), *surface, row) * options_.depth_weight;
+    /// The loss of a comparison, which also gets the depth of the face of this row.
+    [[nodiscard]] FitLoss loss_of(FitComparison seen, const std::optional<FaceSurface>& surface,
+                                  std::int64_t row) const {
+        if (surface) seen.depths = expected_depth(seen.decoded);
+        seen.surfaces = {&surface, 1};
+        seen.heads = &heads_;
+        seen.first_row = row;
+        return fit_loss(seen, options_.weights);
     }
 
     [[nodiscard]] Anchor make_anchor(std::int64_t number) {
@@ -207,7 +210,7 @@ private:
                             .value()
                             .to(DType::float32)
                             .reshaped({side, side, 1});
-        heads_.place(row, camera, seen.depth);
+        heads_.align(row, camera, seen.depth);
         surfaces_.push_back(heads_.surface(row, camera, seen.depth.shape(0)));
         if (surfaces_.back()) seen.depth = with_surface(seen.depth, *surfaces_.back());
         seen_.push_back(std::move(seen));
@@ -281,7 +284,9 @@ TuningResult tune_decoder(const Model& original, Model& tuned, const Reconstruct
         if (part >= 1.0 && step > 0) break;
         const double rate = options.learning_rate * std::min(1.0, (part + 1e-3) / rising) * 0.5 *
                             (1.0 + std::cos(std::numbers::pi * part));
-        result.losses.push_back(tuning.step(step, rate));
+        Tuning::Step done = tuning.step(step, rate);
+        result.losses.push_back(done.loss);
+        result.terms = std::move(done.terms);
         if (options.on_step)
             options.on_step({step + 1, seconds_now() - start, result.losses.back()});
     }

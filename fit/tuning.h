@@ -4,6 +4,7 @@
 #include <functional>
 #include <vector>
 
+#include "fit/fit_objective.h"
 #include "nn/models/face_batch.h"
 #include "nn/models/reconstruction.h"
 #include "render/morphable/head.h"
@@ -27,18 +28,18 @@ struct TuningOptions {
     /// the field get a quarter of it, and all other parameters a tenth of what matrices beside them
     /// get. It rises over the first twentieth of the time and then falls to 0 along a cosine.
     double learning_rate = 3e-2;
-    /// Weight of the locality term. Every second step compares an image of the tuned decoder with a
+    /// Every second step compares an image of the tuned decoder with a
     /// target at one of `anchors` anchors, in turn. One anchor of three is a neighbouring code from
     /// a random camera; its target is the original decoder's image. The others are the face itself
     /// from other sides; their target has the photo's colours where the photo shows the same points
-    /// (fit/turned_photo.h), elsewhere those of the original decoder. 0: there are no anchors.
-    double locality_weight = 2.0;
+    /// (fit/turned_photo.h), elsewhere those of the original decoder. A locality weight of 0: there
+    /// are no anchors.
+    FitWeights weights{.regularizer = 0.0, .locality = 2.0, .depth = 1.0, .mask = 0.05};
     /// The linear head to which the faces' codes belong; null: the tuned shape follows from colours
     /// alone. Where a face has a code, the depth of the tuned face is drawn to this head's: in
     /// every step in the photo, and at the anchors that show the face from other sides. Their
     /// targets are turned by it.
     const MorphableHead* head = nullptr;
-    double depth_weight = 1.0;  ///< of the mean difference of depths, per distance of the eyes
     double neighbour_distance = 0.5;  ///< distance of neighbouring codes, in standard deviations
     std::int64_t anchors = 32;        ///< each is made when it is first needed; 0: none
     /// Samples of a smaller compositing weight get no gradient. Seven of eight comparisons with a
@@ -52,6 +53,7 @@ struct TuningOptions {
 struct TuningResult {
     std::vector<double> losses;  ///< as in TuningStep, of each step
     double seconds = 0.0;
+    TermValues terms{};  ///< of the last step's photo
 };
 
 /// Pivotal tuning (Roich et al. 2022), which the paper names as future work: trains the decoder on

@@ -7,7 +7,7 @@
 #include "apps/common/command_line.h"
 #include "core/error.h"
 #include "core/io/image.h"
-#include "core/ops/elementwise.h"
+#include "fit/photo/prepared_photos.h"
 #include "nn/models/code_file.h"
 #include "nn/realtime/view.h"
 
@@ -42,11 +42,6 @@ void require_photo(const FaceSource& source) {
     }
     if (source.data.empty() != source.id.empty())
         fail<UsageError>("--data and --id need each other");
-}
-
-Tensor at_model_side(const Tensor& image, std::int64_t side) {
-    const int length = static_cast<int>(side);
-    return clamp(resize_image(central_square(image), length, length), 0.0, 1.0).value();
 }
 
 void write_broken_files(std::ostream& stream, const DatasetSummary& summary, std::size_t known) {

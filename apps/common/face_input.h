@@ -33,8 +33,6 @@ struct FaceSource {
 /// Throws UsageError unless there is --image, or --data with --id. Also throws it if there are
 /// several photos with known mask or pose.
 void require_photo(const FaceSource& source);
-/// The central square of an image, resized to side x side pixels.
-[[nodiscard]] Tensor at_model_side(const Tensor& image, std::int64_t side);
 /// A photo with known mask or pose, at the model's resolution. Throws FileError if a file cannot be
 /// read.
 [[nodiscard]] Face read_face(const FaceSource& source, const ModelConfig& config);

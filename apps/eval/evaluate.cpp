@@ -17,7 +17,6 @@
 #include "core/parallel.h"
 #include "core/progress.h"
 #include "nn/models/display_image.h"
-#include "nn/models/weight_changes.h"
 
 namespace stymo {
 
@@ -37,33 +36,19 @@ std::int64_t parse_index(std::string_view text, const std::string& whole) {
 FaceScore score_of(const std::string& id, const FitReport& report, const ComparedFace& face,
                    const EvaluationOptions& options) {
     FaceScore score{id, {}, report.counting_samples};
+    const bool tuned = report.tuned.defined();
     for (std::size_t k = 0; k < options.regions.size(); ++k) {
         RegionScore& region =
             score.regions.emplace_back(RegionScore{options.regions[k], report.initial_metrics});
         if (options.fit) region.fitted = report.fitted_metrics;
-        if (options.tuning) region.tuned = report.tuned_metrics;
+        if (tuned) region.tuned = report.tuned_metrics;
         if (k == 0) continue;
         const MetricTarget measured(report.target, display_mask(face.masks[k], 0), options.lpips);
         region.initial = measured.measure(report.initial);
         if (options.fit) region.fitted = measured.measure(report.fitted);
-        if (options.tuning) region.tuned = measured.measure(report.tuned);
+        if (tuned) region.tuned = measured.measure(report.tuned);
     }
     return score;
-}
-
-/// The decoder tuned to a fitted face, with the 16-bit weights that other tools use. Nothing after
-/// an interruption.
-std::optional<Model> tuned_model(const Model& model, const ReconstructionLoss& loss,
-                                 const ComparedFace& face, const FitResult& fit,
-                                 const std::string& id, const EvaluationOptions& options) {
-    Model tuned = options.another_decoder();
-    static_cast<void>(
-        tune_decoder(model, tuned, loss, face.batch, fit.fitted, fit.cameras, *options.tuning));
-    if (interrupted()) return std::nullopt;
-    if (options.folder == nullptr) return tuned;
-    WeightChanges::between(model, tuned).save(options.folder->tuned_of(id));
-    // Read back, because other tools will use the 16-bit weights of the file.
-    return options.folder->tuned_model(id, options.another_decoder());
 }
 
 /// The results of several threads, by position in the order of ids.
@@ -132,6 +117,22 @@ private:
     std::map<std::int64_t, FailedFace> failed_;
 };
 
+/// Adds identity and shape to a score, if they are measured.
+void measure_person(const FitJob& job, const Dataset& faces, const ComparedFace& face,
+                    const FittedFaces& done, const EvaluationOptions& options, FaceScore& score) {
+    if (options.identity != nullptr) {
+        const ComparedFace other =
+            compared_face(job.model(), faces, (face.index + 1) % faces.size(), options);
+        score.identity = options.identity->measure(job.model(), face, other, done.fit);
+        if (done.tuned)
+            score.tuned_identity = options.identity->measure(*done.tuned, face, other, done.fit);
+    }
+    if (options.shape != nullptr) {
+        score.shape = options.shape->measure(job.model(), face, done.fit);
+        if (done.tuned) score.tuned_shape = options.shape->measure(*done.tuned, face, done.fit);
+    }
+}
+
 }  // namespace
 
 FaceRange parse_range(const std::string& text) {
@@ -192,12 +193,9 @@ ComparedFace compared_face(const Model& model, const Dataset& faces, std::int64_
     return result;
 }
 
-Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Dataset& faces,
-                    const EvaluationOptions& options) {
+Evaluation evaluate(const FitJob& job, const Dataset& faces, const EvaluationOptions& options) {
     require_comparable(faces, options);
     std::vector<std::int64_t> places = places_of(faces, options.range);
-    FitOptions fitting = options.fitting;
-    if (!options.fit) fitting.steps = 0;
     Findings findings(faces, places, options.folder);
     const auto asked = std::ssize(places);
     std::erase_if(places, [&](std::int64_t place) { return findings.contains(place); });
@@ -207,37 +205,23 @@ Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Da
         {.title = "evaluate", .total = asked, .first = findings.count(), .unit = "faces"});
     std::atomic<bool> stopped = false;
     const auto do_face = [&](std::int64_t place) {
-        FitResult fit;
+        std::optional<FittedFaces> done;
         FaceScore score;
         try {
-            const ComparedFace face = compared_face(model, faces, place, options);
-            fit = fit_codes(model, loss, face.batch, fitting);
-            if (std::ssize(fit.losses) < fitting.steps && !fit.converged) return;
-            FitReport report =
-                report_fit(model, face.batch, face.masks.front(), fit, 0, options.lpips);
+            const ComparedFace face = compared_face(job.model(), faces, place, options);
+            done.emplace(options.fit ? job.fit(face.batch) : job.unfitted(face.batch));
+            if (!done->incomplete.empty()) return;
             const std::string& id = faces.ids()[static_cast<std::size_t>(place)];
-            const std::optional<Model> tuned =
-                options.tuning ? tuned_model(model, loss, face, fit, id, options) : std::nullopt;
-            if (options.tuning && !tuned) return;
-            if (tuned)
-                add_tuned(report, *tuned, face.batch, face.masks.front(), fit, 0, options.lpips);
-            score = score_of(id, report, face, options);
-            if (options.identity != nullptr) {
-                const ComparedFace other =
-                    compared_face(model, faces, (place + 1) % faces.size(), options);
-                score.identity = options.identity->measure(model, face, other, fit);
-                if (tuned)
-                    score.tuned_identity = options.identity->measure(*tuned, face, other, fit);
-            }
-            if (options.shape != nullptr) {
-                score.shape = options.shape->measure(model, face, fit);
-                if (tuned) score.tuned_shape = options.shape->measure(*tuned, face, fit);
-            }
+            if (done->changes && options.folder != nullptr)
+                done->changes->save(options.folder->tuned_of(id));
+            score = score_of(id, job.report(*done, 0, face.masks.front(), options.lpips), face,
+                             options);
+            measure_person(job, faces, face, *done, options, score);
         } catch (const Error& error) {
             findings.add_failure(place, error.what());
             return;
         }
-        findings.add(place, std::move(score), fit, progress);
+        findings.add(place, std::move(score), done->fit, progress);
     };
     const auto work = [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t k = begin; k < end && !interrupted() && !stopped.load(); ++k) {
@@ -250,7 +234,7 @@ Evaluation evaluate(const Model& model, const ReconstructionLoss& loss, const Da
             }
         }
     };
-    if (options.one_by_one || options.tuning)
+    if (options.one_by_one || (options.fit && job.options().tunes()))
         work(0, std::ssize(places));
     else
         parallel_for(std::ssize(places), 1, work);

@@ -1,16 +1,13 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "apps/eval/face_region.h"
 #include "apps/eval/score.h"
 #include "apps/eval/score_folder.h"
-#include "fit/fit_report.h"
-#include "fit/tuning.h"
+#include "fit/fit_job.h"
 #include "train/data/dataset.h"
 
 namespace stymo {
@@ -32,13 +29,9 @@ struct EvaluationOptions {
     FaceRange range;
     std::vector<Region> regions{Region::head};
     FaceRegion* face_region = nullptr;  ///< required for Region::face
-    bool fit = false;
-    FitOptions fitting;
-    std::optional<TuningOptions> tuning{};  ///< also tunes the decoder to each fitted face
-    /// Makes another copy of the model's decoder; required for tuning.
-    std::function<Model()> another_decoder{};
-    std::int64_t resolution = 0;   ///< side of the compared images; 0: the model's resolution
-    const Lpips* lpips = nullptr;  ///< null: LPIPS is not measured
+    bool fit = false;                   ///< fits each face, and tunes the decoder if the job does
+    std::int64_t resolution = 0;        ///< side of the compared images; 0: the model's resolution
+    const Lpips* lpips = nullptr;       ///< null: LPIPS is not measured
     const IdentityMeasure* identity = nullptr;  ///< null: identity is not measured
     const ShapeMeasure* shape = nullptr;        ///< null: shape is not measured
     bool one_by_one = false;  ///< evaluates each face on all threads instead of one face on each
@@ -70,11 +63,11 @@ struct Evaluation {
     std::string incomplete{};        ///< progress at an interruption; empty if it is complete
 };
 
-/// Scores faces against the model; `loss` is what fitting minimises. A face's score does not depend
+/// Scores faces against the job's model. A face's score does not depend
 /// on the other faces or on the number of threads. When interrupted, it returns the scores so far,
 /// without faces whose fit was not finished. Throws what require_comparable throws, and FileError
 /// if no face could be scored.
-[[nodiscard]] Evaluation evaluate(const Model& model, const ReconstructionLoss& loss,
-                                  const Dataset& faces, const EvaluationOptions& options);
+[[nodiscard]] Evaluation evaluate(const FitJob& job, const Dataset& faces,
+                                  const EvaluationOptions& options);
 
 }  // namespace stymo

@@ -1,8 +1,8 @@
 #include "apps/eval/face_region.h"
 
-#include "apps/common/face_input.h"
 #include "core/error.h"
 #include "core/io/image.h"
+#include "fit/photo/prepared_photos.h"
 #include "render/parsing_classes.h"
 
 namespace stymo {

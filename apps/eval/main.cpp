@@ -4,7 +4,7 @@
 #include <sstream>
 
 #include "apps/common/command_line.h"
-#include "apps/common/fit_optimizer.h"
+#include "apps/common/fit_options.h"
 #include "apps/common/lpips_options.h"
 #include "apps/common/model_options.h"
 #include "apps/common/tools.h"
@@ -20,7 +20,6 @@
 #include "core/io/file.h"
 #include "core/io/image.h"
 #include "nn/realtime/view.h"
-#include "render/morphable/head_source.h"
 
 namespace {
 
@@ -38,13 +37,9 @@ struct Options {
     bool shape = false;
     fs::path landmarks;
     fs::path morphable;
-    std::string optimizer = "adam";
-    std::optional<std::int64_t> samples;
+    stymo::FitToolOptions fit;
     stymo::LpipsOptions lpips;
     stymo::EvaluationOptions evaluation;
-    stymo::TuningOptions tuning;
-
-    [[nodiscard]] bool tunes() const { return tuning.seconds > 0.0 || tuning.steps > 0; }
 };
 
 /// The network of the metric: that of the loss if it is the same, else a separate one that `own`
@@ -68,7 +63,7 @@ stymo::Settings settings_of(const Options& options) {
     };
     std::ostringstream checksum;
     checksum << std::hex << stymo::crc32c(stymo::read_text_file(stymo::model_file(options.model)));
-    const stymo::FitOptions& fitting = options.evaluation.fitting;
+    const stymo::FitJobOptions& job = options.fit.job;
     const auto or_own = [](const auto& value) {
         return value ? stymo::JsonValue(*value) : stymo::JsonValue("the model's own");
     };
@@ -82,17 +77,22 @@ stymo::Settings settings_of(const Options& options) {
             {"--shape", options.shape},
             {"--landmarks", absolute(options.landmarks)},
             {"--fit", options.evaluation.fit},
-            {"--steps", fitting.steps},
-            {"--optimizer", options.optimizer},
-            {"--learning-rate", fitting.learning_rate},
-            {"--regularizer", fitting.regularizer},
-            {"--samples", or_own(options.samples)},
-            {"--refine-pose", fitting.refine_pose},
+            {"--steps", job.fit.steps},
+            {"--optimizer", options.fit.optimizer},
+            {"--learning-rate", job.fit.learning_rate},
+            {"--regularizer", job.fit.weights.regularizer},
+            {"--decay", job.fit.decay},
+            {"--coarse-steps", job.fit.coarse_steps},
+            {"--tolerance", job.fit.tolerance},
+            {"--tune-learning-rate", job.tuning.learning_rate},
+            {"--locality", job.tuning.weights.locality},
+            {"--samples", or_own(options.fit.samples)},
+            {"--refine-pose", job.fit.refine_pose},
             {"--morphable", absolute(options.morphable)},
-            {"--depth-weight", fitting.depth_weight},
-            {"--tune", options.tuning.seconds},
-            {"--tune-steps", options.tuning.steps},
-            {"--tune-depth", options.tuning.depth_weight},
+            {"--depth-weight", job.fit.weights.depth},
+            {"--tune", job.tuning.seconds},
+            {"--tune-steps", job.tuning.steps},
+            {"--tune-depth", job.tuning.weights.depth},
             {"--resolution", options.evaluation.resolution},
             {"--perceptual-network", options.lpips.perceptual_network.empty()
                                          ? stymo::JsonValue("the model's own")
@@ -135,8 +135,9 @@ stymo::AppResult evaluate(Options options) {
     stymo::EvaluationOptions& evaluated = options.evaluation;
     evaluated.range = stymo::parse_range(options.ids);
     evaluated.regions = stymo::regions_called(options.region);
-    evaluated.fitting.optimizer = stymo::fit_optimizer(options.optimizer);
-    if (options.samples) evaluated.fitting.samples_per_ray = *options.samples;
+    stymo::FitJobOptions fitting = options.fit.job_options();
+    if (!evaluated.fit && (fitting.tunes() || fitting.fit.refine_pose))
+        stymo::fail<stymo::UsageError>("--tune, --tune-steps and --refine-pose require --fit");
     const stymo::Model model = stymo::load_model(options.model);
     // Throws for a side that the model does not render.
     static_cast<void>(model.decoder().ladder().count_up_to(evaluated.resolution));
@@ -145,28 +146,19 @@ stymo::AppResult evaluate(Options options) {
     evaluated.face_region = &face_region;
     stymo::ReconstructionConfig config =
         stymo::fitting_config(options.lpips, model.config().reconstruction);
-    std::optional<stymo::MorphableHead> head;
     // A folder does not say to which head its codes belong.
-    if (options.shape || !options.morphable.empty())
-        head = stymo::morphable_head_from(options.morphable);
-    evaluated.fitting.head = options.tuning.head = head ? &*head : nullptr;
-    if (options.tunes()) {
-        evaluated.tuning = options.tuning;
-        if (options.samples) evaluated.tuning->samples_per_ray = *options.samples;
-        evaluated.another_decoder = [&options] {
-            return stymo::load_model(options.model, stymo::ModelParts::decoder);
-        };
-    }
+    if (options.shape || !options.morphable.empty()) fitting.head = options.morphable;
     if (!evaluated.fit) config.perceptual_weight = 0.0;
     const stymo::ReconstructionLoss loss(config, "--perceptual-weight 0",
                                          model.has_encoder() ? &model.encoder() : nullptr);
+    const stymo::FitJob job(model, loss, std::move(fitting));
     std::optional<stymo::Lpips> own;
     evaluated.lpips =
         metric_network(options.lpips, model.config().reconstruction.perceptual, loss, own);
     std::optional<stymo::IdentityMeasure> identity;
     if (!options.identity.empty()) evaluated.identity = &identity.emplace(options.identity);
     std::optional<stymo::ShapeMeasure> shape;
-    if (options.shape) evaluated.shape = &shape.emplace(options.landmarks, *head);
+    if (options.shape) evaluated.shape = &shape.emplace(options.landmarks, *job.head());
     const std::string network = evaluated.lpips != nullptr ? evaluated.lpips->label() : "";
     stymo::require_comparable(faces, evaluated);
 
@@ -175,7 +167,7 @@ stymo::AppResult evaluate(Options options) {
     for (const auto& [name, value] : settings) settings_json.add(name, value);
     std::optional<stymo::ScoreFolder> folder;
     if (!options.out.empty()) evaluated.folder = &folder.emplace(options.out, settings_json);
-    const stymo::Evaluation evaluation = stymo::evaluate(model, loss, faces, evaluated);
+    const stymo::Evaluation evaluation = stymo::evaluate(job, faces, evaluated);
     for (const stymo::FailedFace& face : evaluation.failed)
         std::cerr << "skipped " << face.id << ": " << face.reason << std::endl;
 
@@ -183,7 +175,7 @@ stymo::AppResult evaluate(Options options) {
     if (folder && evaluation.incomplete.empty()) {
         const std::vector<stymo::SheetRow> rows = stymo::sheet_rows(evaluation.scores);
         stymo::write_image(options.out / "sheet.png",
-                           stymo::score_sheet(model, loss, faces, evaluated, rows));
+                           stymo::score_sheet(job, faces, evaluated, rows));
         stymo::JsonValue json = result.json;
         json.add("sheet", sheet_json(rows)).add("settings", settings_json);
         stymo::write_text_file(options.out / "report.json", json.text() + "\n",
@@ -237,37 +229,10 @@ int stymo_eval(int argc, char** argv) {
                 "head model that the folder's codes belong to: a .safetensors file or a folder of "
                 "ICT-FaceKit (default with --shape: the built-in head)");
     line.flag("--fit", options.evaluation.fit, "also fit each face and measure the fitted codes");
-    line.option("--tune", options.tuning.seconds,
-                "also tune the decoder to each fitted face for so many seconds on all threads, and "
-                "measure the result")
-        .range(0, 86400)
-        .needs("--fit");
-    line.option("--depth-weight", options.evaluation.fitting.depth_weight,
-                "weight of the term that draws the depth of a fitted face to that of the head "
-                "model to which the folder's codes belong; needs --shape or --morphable")
-        .range(0, 1e6);
-    line.option("--tune-depth", options.tuning.depth_weight, "the same while tuning").range(0, 1e6);
-    line.option("--tune-steps", options.tuning.steps,
-                "end tuning after so many steps, which makes the result repeatable")
-        .range(0, 1e6)
-        .needs("--fit");
-    line.option("--steps", options.evaluation.fitting.steps, "fitting steps").range(0, 1e6);
-    stymo::declare_fit_optimizer(line, options.optimizer);
-    line.option("--learning-rate", options.evaluation.fitting.learning_rate,
-                "learning rate of the first fitting step; 0: the model's setting")
-        .range(0, 10);
-    line.option("--regularizer", options.evaluation.fitting.regularizer,
-                "weight of the squared code offsets; negative: the model's setting")
-        .range(-1, 1e6);
-    line.flag("--refine-pose", options.evaluation.fitting.refine_pose,
-              "also optimise the poses while fitting, with a tenth of the learning rate; slower")
-        .needs("--fit");
+    stymo::declare_fit(line, options.fit);
     line.option("--resolution", options.evaluation.resolution,
                 "side of the compared images: 64, 128, ... (default: the model's resolution)")
         .range(64, 4096);
-    line.option("--samples", options.samples,
-                "samples per ray while fitting (default: the model's setting)")
-        .range(2, 4096);
     line.flag("--one-by-one", options.evaluation.one_by_one,
               "give all threads to one face after the other; by default each thread works on a "
               "face of its own");

@@ -34,11 +34,6 @@ std::filesystem::path ScoreFolder::tuned_of(const std::string& id) const {
     return path_ / "tuned" / (id + ".safetensors");
 }
 
-Model ScoreFolder::tuned_model(const std::string& id, Model decoder) const {
-    WeightChanges::load(tuned_of(id)).apply(decoder);
-    return decoder;
-}
-
 void ScoreFolder::add(const FaceScore& score, const FitResult& fit) {
     if (score.regions.front().fitted) {
         require_writable_folder(path_ / "codes");

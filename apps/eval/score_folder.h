@@ -27,8 +27,6 @@ public:
     }
     /// The file of the weight changes of tuning. Creates its folder.
     [[nodiscard]] std::filesystem::path tuned_of(const std::string& id) const;
-    /// `decoder` with these changes. Throws what WeightChanges throws.
-    [[nodiscard]] Model tuned_model(const std::string& id, Model decoder) const;
     /// Adds a score, and the codes of the fit if the face was fitted. Both are on the disk when
     /// this function returns. Not thread-safe.
     void add(const FaceScore& score, const FitResult& fit);

@@ -25,15 +25,18 @@ Tensor error_map(const FitReport& report, const Tensor& mask) {
     return broadcast_to(grey, last.shape()).value();
 }
 
-/// The initial and the fitted codes of the evaluation.
-FitResult result_of(const Model& model, const ReconstructionLoss& loss, const ComparedFace& face,
-                    const std::string& id, const EvaluationOptions& options) {
-    FitResult result = fit_codes(model, loss, face.batch, {.steps = 0});
-    if (!options.fit) return result;
+/// The codes and the tuned decoder that the evaluation has stored.
+FittedFaces stored(const FitJob& job, const ComparedFace& face, const std::string& id,
+                   const EvaluationOptions& options) {
+    FittedFaces done = job.unfitted(face.batch);
+    if (!options.fit) return done;
     const CodeFile file = read_code_file(options.folder->codes_of(id));
-    result.fitted = file.codes;
-    result.cameras = {camera_from_pose(file.pose, face.batch.cameras.front().intrinsics)};
-    return result;
+    done.fit.fitted = file.codes;
+    done.fit.cameras = {camera_from_pose(file.pose, face.batch.cameras.front().intrinsics)};
+    if (job.options().tunes())
+        done.tuned.emplace(
+            WeightChanges::load(options.folder->tuned_of(id)).applied_to(job.model()));
+    return done;
 }
 
 std::int64_t place_of(const Dataset& faces, const std::string& id) {
@@ -63,33 +66,28 @@ std::vector<SheetRow> sheet_rows(const std::vector<FaceScore>& scores) {
     return rows;
 }
 
-Tensor score_sheet(const Model& model, const ReconstructionLoss& loss, const Dataset& faces,
-                   const EvaluationOptions& options, const std::vector<SheetRow>& rows) {
-    const int columns = options.tuning ? 7 : 6;
+Tensor score_sheet(const FitJob& job, const Dataset& faces, const EvaluationOptions& options,
+                   const std::vector<SheetRow>& rows) {
+    const Model& model = job.model();
     std::vector<Tensor> tiles;
     for (const SheetRow& row : rows) {
         const ComparedFace face = compared_face(model, faces, place_of(faces, row.id), options);
-        const FitResult result = result_of(model, loss, face, row.id, options);
-        FitReport report = report_fit(model, face.batch, face.masks.front(), result, 0);
+        const FittedFaces done = stored(job, face, row.id, options);
+        const FitReport report = job.report(done, 0, face.masks.front(), nullptr);
         tiles.insert(tiles.end(), {report.target, report.initial, report.fitted});
-        const std::optional<Model> tuned =
-            options.tuning ? options.folder->tuned_model(row.id, options.another_decoder())
-                           : std::optional<Model>();
-        if (tuned) {
-            add_tuned(report, *tuned, face.batch, face.masks.front(), result, 0, nullptr);
-            tiles.push_back(report.tuned);
-        }
+        if (done.tuned) tiles.push_back(report.tuned);
         for (const double yaw_degrees : {-30.0, 30.0}) {
             const Camera camera = model_camera(model, radians_from_degrees(yaw_degrees), 0.0, 0.0);
             const ViewOptions view{
                 .samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
                 .resolution = report.target.shape(0)};
             tiles.push_back(
-                render_view(tuned ? *tuned : model, result.fitted, 0, camera, view).image);
+                render_view(done.tuned ? *done.tuned : model, done.fit.fitted, 0, camera, view)
+                    .image);
         }
         tiles.push_back(error_map(report, display_mask(face.masks.front(), 0)));
     }
-    return tile_images(tiles, columns);
+    return tile_images(tiles, options.fit && job.options().tunes() ? 7 : 6);
 }
 
 }  // namespace stymo

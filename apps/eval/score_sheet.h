@@ -22,8 +22,8 @@ struct SheetRow {
 /// degrees | error. The error is 4 |last stage - target| within the first region, mean over RGB.
 /// Fitted codes and tuned weights are read from the folder; without fitting the initial codes are
 /// shown.
-[[nodiscard]] Tensor score_sheet(const Model& model, const ReconstructionLoss& loss,
-                                 const Dataset& faces, const EvaluationOptions& options,
+[[nodiscard]] Tensor score_sheet(const FitJob& job, const Dataset& faces,
+                                 const EvaluationOptions& options,
                                  const std::vector<SheetRow>& rows);
 
 }  // namespace stymo

@@ -4,7 +4,6 @@
 #include <chrono>
 #include <cmath>
 
-#include "apps/common/prepared_photos.h"
 #include "apps/common/shipped_file.h"
 #include "apps/view/private_file.h"
 #include "core/error.h"
@@ -13,15 +12,12 @@
 #include "fit/edit/color_edit.h"
 #include "fit/edit/part_mask.h"
 #include "fit/edit/region_at.h"
-#include "fit/fitter.h"
+#include "fit/fit_job.h"
 #include "fit/photo/face_parser.h"
-#include "fit/tuning.h"
 #include "nn/models/display_image.h"
-#include "nn/models/weight_changes.h"
 #include "nn/realtime/head_mesh.h"
 #include "nn/realtime/mesh_colors.h"
 #include "nn/realtime/view.h"
-#include "render/morphable/head_source.h"
 
 namespace stymo::view {
 
@@ -36,38 +32,90 @@ std::unique_lock<std::timed_mutex> turn(Studio& studio, Job& job) {
     return lock;
 }
 
-PreparedPhoto prepared(Studio& studio, const std::string& bytes, Job& job) {
-    job.report("finding the face", 0, 0);
-    PhotoPreparationSettings settings;
-    settings.landmark_model = shipped_landmark_network();
+FitJobOptions fit_options(const Studio& studio, double tune_seconds) {
+    FitJobOptions options;
+    PhotoPreparationSettings& preparation = options.preparation;
+    preparation.landmark_model = shipped_landmark_network();
     // Only the shipped model is known to represent heads of photos, as in stymo-fit.
     const ModelOptions& model = studio.options().model;
-    if (model.file.empty() && model.tuned.empty()) settings.mask_model = studio.model().get();
-    settings.parser = studio.options().parser;
-    settings.most_pixels = studio.options().most_photo_pixels;
+    if (model.file.empty() && model.tuned.empty()) preparation.mask_model = studio.model().get();
+    preparation.parser = studio.options().parser;
+    preparation.most_pixels = studio.options().most_photo_pixels;
+    options.head = preparation.morphable;
+    options.fit.optimizer = FitOptimizer::lbfgs;
+    options.fit.steps = studio.options().fit_steps;
+    options.tuning.seconds = tune_seconds;
+    return options;
+}
+
+/// The prepared photo whose file has these bytes. Its warnings become the job's note.
+PreparedPhoto prepared(const FitJob& fit, const std::string& bytes, Job& job) {
+    job.report("finding the face", 0, 0);
     PreparedPhoto photo;
     read_bytes(bytes, "the photo", [&](const std::filesystem::path& file) {
         const std::string name = file.string();
-        photo = prepare_photos(std::span(&name, 1), studio.model()->config(), settings).front();
+        photo = fit.prepare({&name, 1}).front();
     });
+    std::string note;
+    for (const std::string& warning : photo.warnings) note += (note.empty() ? "" : "; ") + warning;
+    job.set_note(note);
     return photo;
 }
 
-/// A model with this face's tuned weights.
-std::shared_ptr<const Model> tuned_model(Studio& studio, const FaceBatch& batch,
-                                         const FitResult& fitted, const MorphableHead& head,
-                                         double seconds, Job& job) {
-    auto tuned = std::make_shared<Model>(load_model(studio.options().model, ModelParts::decoder));
-    TuningOptions options{.seconds = seconds, .head = &head};
-    constexpr std::int64_t parts = 1000;
-    options.on_step = [&](const TuningStep& step) {
-        const auto part = static_cast<std::int64_t>(parts * step.seconds / seconds);
-        job.report("tuning", std::min(part, parts), parts, step.loss);
-    };
-    static_cast<void>(tune_decoder(*studio.model(), *tuned, studio.loss(), batch, fitted.fitted,
-                                   fitted.cameras, options));
-    return tuned;
-}
+/// Shows a face of the shelf while it is fitted and tuned.
+class ShownFit {
+public:
+    ShownFit(Session& session, Job& job, const FitJobOptions& options, ShelfFace face)
+        : shelf_(session.shelf()),
+          job_(job),
+          options_(options),
+          face_(std::move(face)),
+          id_(shelf_.add(face_)) {
+        job.set_face(id_);
+    }
+
+    [[nodiscard]] FitObserver observer() {
+        return {.on_fit_step =
+                    [this](const FitStep& step) {
+                        show(detached(step.codes));
+                        job_.report("fitting", step.steps, options_.fit.steps, step.loss);
+                    },
+                .on_fitted =
+                    [this](const FitResult& result) {
+                        show(result.fitted);
+                        fitted_ = true;
+                    },
+                .on_tuning_step =
+                    [this](const TuningStep& step) {
+                        constexpr std::int64_t parts = 1000;
+                        const auto part = static_cast<std::int64_t>(parts * step.seconds /
+                                                                    options_.tuning.seconds);
+                        job_.report("tuning", std::min(part, parts), parts, step.loss);
+                    }};
+    }
+    void show_tuned(Model tuned) {
+        face_.model = std::make_shared<const Model>(std::move(tuned));
+        face_.tuned = true;
+        shelf_.replace(id_, face_);
+    }
+    /// Removes the face if the fit has not ended.
+    void give_up() {
+        if (!fitted_) shelf_.remove(id_);
+    }
+
+private:
+    void show(Codes codes) {
+        face_.face.codes = std::move(codes);
+        shelf_.replace(id_, face_);
+    }
+
+    Shelf& shelf_;
+    Job& job_;
+    const FitJobOptions& options_;
+    ShelfFace face_;
+    std::string id_;
+    bool fitted_ = false;
+};
 
 /// Keeps the codes close to those of real faces, even for a colour that no face has: steps and
 /// offsets are scaled by the variation of the training faces' textures.
@@ -113,39 +161,18 @@ Job::Body fit_photo(Studio& studio, Session& session, std::string photo, const s
                     double tune_seconds) {
     return [&studio, &session, photo = std::move(photo), name, tune_seconds](Job& job) {
         const auto lock = turn(studio, job);
-        const Model& model = *studio.model();
-        const PreparedPhoto ready = prepared(studio, photo, job);
-        std::string note;
-        for (const std::string& warning : ready.warnings)
-            note += (note.empty() ? "" : "; ") + warning;
-        job.set_note(note);
-        const FaceBatch batch =
-            make_batch(std::span(&ready.face, 1), model.decoder().ladder().smallest());
-        const MorphableHead head = morphable_head_from({});
-        ShelfFace shown{name, {face_codes(model, batch), ready.face.pose}, studio.model()};
-        const std::string id = session.shelf().add(shown);
-        FitResult result;
+        const FitJob fit(*studio.model(), studio.loss(), fit_options(studio, tune_seconds));
+        const PreparedPhoto ready = prepared(fit, photo, job);
+        FaceBatch batch = fit.batch_of({&ready.face, 1});
+        ShownFit shown(
+            session, job, fit.options(),
+            {name, {face_codes(*studio.model(), batch), ready.face.pose}, studio.model()});
         try {
-            job.set_face(id);
-            FitOptions options{.optimizer = FitOptimizer::lbfgs,
-                               .steps = studio.options().fit_steps,
-                               .head = &head};
-            options.on_step = [&](const FitStep& step) {
-                shown.face.codes = detached(step.codes);
-                session.shelf().replace(id, shown);
-                job.report("fitting", step.steps, options.steps, step.loss);
-            };
-            result = fit_codes(model, studio.loss(), batch, options);
+            FittedFaces done = fit.fit(std::move(batch), shown.observer());
+            if (done.tuned) shown.show_tuned(std::move(*done.tuned));
         } catch (...) {
-            session.shelf().remove(id);  // removes an unfinished face
+            shown.give_up();
             throw;
-        }
-        shown.face.codes = result.fitted;
-        session.shelf().replace(id, shown);
-        if (tune_seconds > 0.0) {
-            shown.model = tuned_model(studio, batch, result, head, tune_seconds, job);
-            shown.tuned = true;
-            session.shelf().replace(id, shown);
         }
     };
 }

@@ -32,7 +32,7 @@ constexpr double largest_landmark_error = 0.10;
 /// spots for faces.
 constexpr double least_resolution = 0.25;
 
-struct Face {
+struct FoundFace {
     Landmarks landmarks;
     std::int64_t faces = 1;
 };
@@ -95,11 +95,11 @@ struct PhotoPreparation::Implementation {
         return *detector;
     }
 
-    [[nodiscard]] std::vector<Face> faces_in(const Tensor& photo, const KnownOfPhoto& known) {
+    [[nodiscard]] std::vector<FoundFace> faces_in(const Tensor& photo, const KnownOfPhoto& known) {
         if (known.landmarks) return {{*known.landmarks, 1}};
         const std::vector<DetectedFace> found = read_detector().find(photo);
         if (found.empty()) fail<ValueError>("no face was found");
-        std::vector<Face> faces;
+        std::vector<FoundFace> faces;
         for (const DetectedFace& face : found) faces.push_back({face.landmarks, std::ssize(found)});
         if (!settings.all_faces) faces.resize(1);
         return faces;
@@ -111,7 +111,7 @@ struct PhotoPreparation::Implementation {
         return parser->head_mask(image, landmarks);
     }
 
-    [[nodiscard]] FaceCrop crop(const Tensor& photo, const Tensor& known_mask, const Face& face);
+    [[nodiscard]] FaceCrop crop(const Tensor& photo, const Tensor& known_mask, const FoundFace& face);
     [[nodiscard]] PreparedFace joined(FaceCrop crop, std::optional<MorphableFit> fit);
     /// The mask by the model, now that the pose is known, and its agreement with a known one.
     void complete_mask(FaceCrop& crop, const Pose& pose) const;
@@ -124,7 +124,7 @@ struct PhotoPreparation::Implementation {
 };
 
 FaceCrop PhotoPreparation::Implementation::crop(const Tensor& photo, const Tensor& known_mask,
-                                                const Face& face) {
+                                                const FoundFace& face) {
     const std::int64_t height = photo.shape(0), width = photo.shape(1);
     const Alignment alignment = ffhq_alignment(face.landmarks);
     FaceCrop crop;
@@ -226,10 +226,10 @@ void PhotoPreparation::require_detector() const {
 
 std::vector<FaceCrop> PhotoPreparation::crops(const Tensor& photo,
                                               const KnownOfPhoto& known) const {
-    const std::vector<Face> faces = implementation_->faces_in(photo, known);
+    const std::vector<FoundFace> faces = implementation_->faces_in(photo, known);
     const Tensor mask = known.mask.defined() ? in_frame_of(photo, known.mask) : Tensor();
     std::vector<FaceCrop> crops;
-    for (const Face& face : faces) crops.push_back(implementation_->crop(photo, mask, face));
+    for (const FoundFace& face : faces) crops.push_back(implementation_->crop(photo, mask, face));
     return crops;
 }
 

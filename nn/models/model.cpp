@@ -112,6 +112,22 @@ Model Model::load(const std::filesystem::path& path, ModelParts parts) {
     return model;
 }
 
+Model Model::copy(ModelParts parts) const {
+    if (parts == ModelParts::all && uses_encoder(config_)) static_cast<void>(encoder());
+    TensorFile values;
+    parameters_.save(values);
+    ModelConfig config = config_;
+    config.encoder.backbone_weights.clear();
+    Rng unused(0);
+    Model model(config, unused, parts, {values, "a copy of a model"});
+    model.config_ = config_;
+    model.parameters_.convert(parameters_.all().front().variable().dtype());
+    model.parameters_.load(values, "a copy of a model");
+    model.parameters_.set_trainable("", false);
+    model.code_statistics_ = code_statistics_;
+    return model;
+}
+
 void Model::save(const std::filesystem::path& path) const {
     if (!has_encoder() && uses_encoder(config_))
         fail<ValueError>(path.string(), ": a model without its encoder is not saved");

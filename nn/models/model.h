@@ -76,6 +76,10 @@ public:
     /// any; completely or not at all. Throws ValueError if only the decoder was loaded.
     void save(const std::filesystem::path& path) const;
 
+    /// A frozen model with the same values, for example to change them. Throws ValueError for
+    /// ModelParts::all if only the decoder was loaded.
+    [[nodiscard]] Model copy(ModelParts parts = ModelParts::all) const;
+
     [[nodiscard]] const ModelConfig& config() const { return config_; }
     [[nodiscard]] ParameterStore& parameters() { return parameters_; }
     [[nodiscard]] const ParameterStore& parameters() const { return parameters_; }

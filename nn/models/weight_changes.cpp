@@ -1,6 +1,8 @@
 #include "nn/models/weight_changes.h"
 
+#include <Eigen/Core>
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <span>
 #include <sstream>
@@ -25,6 +27,17 @@ std::string_view bytes_of(const Tensor& tensor) {
         const std::span<const T> values = tensor.values<T>();
         return std::string_view(reinterpret_cast<const char*>(values.data()), values.size_bytes());
     });
+}
+
+/// As a file with 16-bit numbers returns it.
+Tensor rounded_to_half(const std::string& name, const Tensor& differences) {
+    Tensor rounded = differences.to(DType::float32);
+    for (float& value : rounded.mutable_values<float>()) {
+        value = static_cast<float>(Eigen::half(value));
+        if (!std::isfinite(value))
+            fail<ValueError>("the change of ", name, " exceeds the range of 16-bit numbers");
+    }
+    return rounded;
 }
 
 std::vector<Parameter> decoder_parameters(const Model& model) {
@@ -60,8 +73,8 @@ WeightChanges WeightChanges::between(const Model& before, const Model& after) {
             fail<ValueError>("changes of weights are between decoders of the same shape, not ",
                              name, ' ', from.shape(), " and ", new_ones[i].name(), ' ', to.shape());
         if (bytes_of(from.value()) != bytes_of(to.value()))
-            changes.differences_.emplace(name,
-                                         (Variable(to.value()) - Variable(from.value())).value());
+            changes.differences_.emplace(
+                name, rounded_to_half(name, (Variable(to.value()) - from).value()));
     }
     return changes;
 }
@@ -107,6 +120,12 @@ void WeightChanges::apply(Model& model) const {
     }
     if (applied != differences_.size())
         fail<ValueError>("the weight changes name parameters that the model does not have");
+}
+
+Model WeightChanges::applied_to(const Model& model) const {
+    Model changed = model.copy(ModelParts::decoder);
+    apply(changed);
+    return changed;
 }
 
 }  // namespace stymo

@@ -12,8 +12,10 @@ namespace stymo {
 /// are stored in a small file next to the codes of that photo.
 class WeightChanges {
 public:
-    /// The differences after - before of all parameters that differ. Throws ValueError for decoders
-    /// of different shapes.
+    /// The differences after - before of all parameters that differ, rounded to the 16 bits that
+    /// the file has, so that a face looks the same before it is saved and after it is loaded.
+    /// Throws ValueError for decoders of different shapes and for a difference beyond the range of
+    /// 16-bit numbers.
     [[nodiscard]] static WeightChanges between(const Model& before, const Model& after);
     /// Throws FileError for a file that is malformed or holds something else.
     [[nodiscard]] static WeightChanges load(const std::filesystem::path& path);
@@ -23,6 +25,8 @@ public:
     /// Adds the changes to the weights. Throws ValueError unless `model` is the one that they were
     /// made for.
     void apply(Model& model) const;
+    /// A decoder with the weights of `model` and these changes. Throws what `apply` throws.
+    [[nodiscard]] Model applied_to(const Model& model) const;
 
     /// The differences of the changed parameters, by name.
     [[nodiscard]] const std::map<std::string, Tensor>& differences() const { return differences_; }

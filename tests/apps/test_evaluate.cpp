@@ -22,7 +22,6 @@
 #include "fit/photo/face_detector.h"
 #include "nn/models/code_file.h"
 #include "nn/models/display_image.h"
-#include "nn/models/weight_changes.h"
 #include "nn/pretrained/backbones/mobilefacenet.h"
 #include "nn/realtime/view.h"
 #include "render/depth_map.h"
@@ -71,14 +70,16 @@ struct TinyEvaluation {
     Model model = Model::load(tiny_run() / "run/model.safetensors");
     Dataset faces{tiny_run() / "faces", 64, {.cache_megabytes = 0}, Split::all};
     ReconstructionLoss loss{model.config().reconstruction};
+    FitJobOptions fitting;
     EvaluationOptions options;
 
     TinyEvaluation() {
         options.range = {0, 2};
         options.fit = true;
-        options.fitting.steps = 2;
+        fitting.fit.steps = 2;
     }
-    [[nodiscard]] Evaluation run() const { return evaluate(model, loss, faces, options); }
+    [[nodiscard]] FitJob job() const { return {model, loss, fitting}; }
+    [[nodiscard]] Evaluation run() const { return evaluate(job(), faces, options); }
 };
 
 std::vector<std::string> lines_of(const std::vector<FaceScore>& scores) {
@@ -326,15 +327,13 @@ TEST_CASE("A tuned face is scored as its files show it") {
     ScoreFolder folder(scratch.path() / "out", JsonValue::object());
     tiny.options.folder = &folder;
     tiny.options.range = {0, 0};
-    tiny.options.tuning = TuningOptions{.steps = 3};
-    const fs::path file = tiny_run() / "run/model.safetensors";
-    tiny.options.another_decoder = [&] { return Model::load(file, ModelParts::decoder); };
+    tiny.fitting.tuning.steps = 3;
     const FaceScore score = tiny.run().scores.front();
     const RegionScore& head = score.regions.front();
     REQUIRE(head.tuned);
     CHECK(head.tuned->l1 != head.fitted->l1);
 
-    Model tuned = Model::load(file, ModelParts::decoder);
+    Model tuned = Model::load(tiny_run() / "run/model.safetensors", ModelParts::decoder);
     WeightChanges::load(folder.tuned_of(score.id)).apply(tuned);
     const CodeFile codes = read_code_file(folder.codes_of(score.id));
     const ComparedFace face = compared_face(tiny.model, tiny.faces, 0, tiny.options);
@@ -345,7 +344,7 @@ TEST_CASE("A tuned face is scored as its files show it") {
                                 display_mask(face.masks.front(), 0), nullptr);
     CHECK(measured.measure(view.image).l1 == Approx(head.tuned->l1).epsilon(1e-4));
     const Tensor sheet =
-        score_sheet(tiny.model, tiny.loss, tiny.faces, tiny.options, sheet_rows({score}));
+        score_sheet(tiny.job(), tiny.faces, tiny.options, sheet_rows({score}));
     CHECK(sheet.shape(1) > 7 * 64 - 1);
 }
 

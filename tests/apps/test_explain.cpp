@@ -68,6 +68,7 @@ TEST_CASE("A fit makes LPIPS only for its weight or for a metric, and has gradie
     CHECK_FALSE(made(without, "lpips"));
     CHECK(without["counts"]["steps"] == 2);
     CHECK(without["loss_terms"].contains("photometric"));
+    CHECK(without["loss_terms"].contains("regularizer"));
     CHECK_FALSE(without["loss_terms"].contains("perceptual"));
     CHECK(without["counts"]["gradients"] == 2 * 4);
     CHECK_FALSE(without["counts"].contains("tuning_steps"));

@@ -68,7 +68,7 @@ TEST_CASE("fitting finds codes that give the images of known codes", "[fitter]")
     const FitOptions options{.steps = 150,
                              .learning_rate = 0.03,
                              .decay = 0.98,
-                             .regularizer = 0.0,
+                             .weights = {.regularizer = 0.0, .depth = 0.25},
                              .on_step = [&](const FitStep& step) { CHECK(step.steps == ++calls); }};
     const FitResult result = fit_codes(model, loss_of(model), target, options);
     REQUIRE(result.losses.size() == 150);
@@ -92,8 +92,11 @@ TEST_CASE("fitting finds codes that give the images of known codes", "[fitter]")
 TEST_CASE("L-BFGS needs fewer evaluations than Adam to the same loss", "[fitter]") {
     const Model model = frozen_model();
     const FaceBatch target = target_of(model, random_codes(1, 7, 1.0, DType::float64));
-    FitOptions options{
-        .steps = 100, .learning_rate = 0.03, .decay = 0.98, .regularizer = 1e-4, .tolerance = 0.0};
+    FitOptions options{.steps = 100,
+                       .learning_rate = 0.03,
+                       .decay = 0.98,
+                       .weights = {.regularizer = 1e-4, .depth = 0.25},
+                       .tolerance = 0.0};
     const FitResult adam = fit_codes(model, loss_of(model), target, options);
     options.optimizer = FitOptimizer::lbfgs;
     options.steps = 60;
@@ -114,6 +117,20 @@ TEST_CASE("L-BFGS needs fewer evaluations than Adam to the same loss", "[fitter]
         CHECK(identical(codes.groups[group].value(), lbfgs.fitted.groups[group].value()));
 }
 
+TEST_CASE("L-BFGS repeats no evaluation if no sample is left out", "[fitter]") {
+    const Model model = frozen_model();
+    const FaceBatch target = target_of(model, random_codes(1, 7, 1.0, DType::float64));
+    const auto losses = [&](std::int64_t selection_interval) {
+        return fit_codes(model, loss_of(model), target,
+                         {.optimizer = FitOptimizer::lbfgs,
+                          .steps = 30,
+                          .tolerance = 0.0,
+                          .selection_interval = selection_interval})
+            .losses;
+    };
+    CHECK(losses(1) == losses(1000));
+}
+
 TEST_CASE("L-BFGS fits poses and several photos of one person, and stops where nothing is lower",
           "[fitter]") {
     const Model model = frozen_model();
@@ -122,7 +139,7 @@ TEST_CASE("L-BFGS fits poses and several photos of one person, and stops where n
     target.cameras[0] = model_camera(model, truth.yaw + 0.1, truth.pitch - 0.05, 0.0);
     const FitOptions options{.optimizer = FitOptimizer::lbfgs,
                              .steps = 40,
-                             .regularizer = 1e-4,
+                             .weights = {.regularizer = 1e-4, .depth = 0.25},
                              .tolerance = 1e-4,
                              .selection_interval = 4,
                              .one_person = true,
@@ -170,8 +187,10 @@ TEST_CASE(
     ReconstructionConfig as_the_largest = config.reconstruction;
     as_the_largest.resolution_weights = {2.0};
     for (const FitOptimizer optimizer : {FitOptimizer::adam, FitOptimizer::lbfgs}) {
-        FitOptions options{
-            .optimizer = optimizer, .steps = 12, .regularizer = 1e-3, .coarse_steps = 6};
+        FitOptions options{.optimizer = optimizer,
+                           .steps = 12,
+                           .weights = {.regularizer = 1e-3, .depth = 0.25},
+                           .coarse_steps = 6};
         const FitResult mixed = fit_codes(model, loss_of(model), target, options);
         options.coarse_steps = 0;
         const FitResult coarse =
@@ -187,7 +206,8 @@ TEST_CASE(
 TEST_CASE("faces fitted together come out as each alone", "[fitter]") {
     const Model model = frozen_model();
     const FaceBatch target = target_of(model, random_codes(3, 8, 1.0, DType::float64));
-    const FitOptions options{.steps = 15, .learning_rate = 0.03, .regularizer = 1e-3};
+    const FitOptions options{
+        .steps = 15, .learning_rate = 0.03, .weights = {.regularizer = 1e-3, .depth = 0.25}};
     const FitResult together = fit_codes(model, loss_of(model), target, options);
     double loss = 0.0;
     for (std::int64_t i = 0; i < 3; ++i) {
@@ -209,16 +229,19 @@ TEST_CASE("the regularizer holds the offsets near zero, the more the bigger it i
     const FaceBatch target = target_of(model, random_codes(1, 9, 1.0, DType::float64));
     std::vector<double> lengths;
     for (const double regularizer : {0.0, 1e-3, 1e-1}) {
-        lengths.push_back(offset_length(fit_codes(
-            model, loss_of(model), target,
-            {.steps = 60, .learning_rate = 0.03, .decay = 0.97, .regularizer = regularizer})));
+        lengths.push_back(
+            offset_length(fit_codes(model, loss_of(model), target,
+                                    {.steps = 60,
+                                     .learning_rate = 0.03,
+                                     .decay = 0.97,
+                                     .weights = {.regularizer = regularizer, .depth = 0.25}})));
     }
     CHECK(lengths[1] < 0.9 * lengths[0]);
     CHECK(lengths[2] < 0.5 * lengths[1]);
     // The model's own weight is the paper's 1.
     const FitOptions own{.steps = 5};
     FitOptions one = own;
-    one.regularizer = 1.0;
+    one.weights = {.regularizer = 1.0, .depth = 0.25};
     CHECK(fit_codes(model, loss_of(model), target, own).losses ==
           fit_codes(model, loss_of(model), target, one).losses);
 }
@@ -261,9 +284,11 @@ TEST_CASE("fitting lowers the perceptual term if it has a weight", "[fitter]") {
         model.decoder()(random_codes(1, 7), target.cameras, {.samples_per_ray = samples})
             .images.back()
             .value()};
-    const FitResult result =
-        fit_codes(model, loss, target,
-                  {.steps = 40, .learning_rate = 0.03, .decay = 0.97, .regularizer = 0.0});
+    const FitResult result = fit_codes(model, loss, target,
+                                       {.steps = 40,
+                                        .learning_rate = 0.03,
+                                        .decay = 0.97,
+                                        .weights = {.regularizer = 0.0, .depth = 0.25}});
     CHECK(result.losses.back() < 0.5 * result.losses.front());
 }
 
@@ -350,8 +375,11 @@ TEST_CASE("a pose that is learnt comes nearer to the one of the image, and the i
     FaceBatch target = target_of(model, random_codes(1, 7, 1.0, DType::float64));
     const Pose truth = pose_from_camera(target.cameras[0]);
     target.cameras[0] = model_camera(model, truth.yaw + 0.1, truth.pitch - 0.05, 0.0);
-    FitOptions options{
-        .steps = 60, .learning_rate = 0.03, .decay = 0.98, .regularizer = 0.0, .tolerance = 0.0};
+    FitOptions options{.steps = 60,
+                       .learning_rate = 0.03,
+                       .decay = 0.98,
+                       .weights = {.regularizer = 0.0, .depth = 0.25},
+                       .tolerance = 0.0};
     const FitResult fixed = fit_codes(model, loss_of(model), target, options);
     CHECK(pose_from_camera(fixed.cameras[0]).yaw == Approx(truth.yaw + 0.1));
     options.refine_pose = true;
@@ -365,9 +393,11 @@ TEST_CASE("a pose that is learnt comes nearer to the one of the image, and the i
 TEST_CASE("several photos of one person share identity and texture, and nothing else", "[fitter]") {
     const Model model = frozen_model();
     const FaceBatch target = target_of(model, random_codes(2, 7, 1.0, DType::float64));
-    const FitResult result =
-        fit_codes(model, loss_of(model), target,
-                  {.steps = 30, .learning_rate = 0.02, .regularizer = 0.0, .one_person = true});
+    const FitResult result = fit_codes(model, loss_of(model), target,
+                                       {.steps = 30,
+                                        .learning_rate = 0.02,
+                                        .weights = {.regularizer = 0.0, .depth = 0.25},
+                                        .one_person = true});
     const Codes apart = detached(model.encoder()(Variable(target.input)));
     for (std::size_t group = 0; group < code_names.size(); ++group) {
         const auto difference_of_rows = [&](const Codes& codes) {
@@ -404,8 +434,10 @@ TEST_CASE(
             model.decoder()(random_codes(1, 3), target.cameras, {.samples_per_ray = 4})
                 .images.back()
                 .value()};
-        FitOptions options{
-            .steps = 12, .learning_rate = 0.05, .regularizer = 0.0, .selection_interval = 4};
+        FitOptions options{.steps = 12,
+                           .learning_rate = 0.05,
+                           .weights = {.regularizer = 0.0, .depth = 0.25},
+                           .selection_interval = 4};
         CHECK(is_one_line(error_message<ValueError>(
             [&] { static_cast<void>(fit_codes(model, loss, target, options)); })));
         options.initial = random_codes(1, 5);

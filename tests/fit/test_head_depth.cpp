@@ -132,15 +132,15 @@ TEST_CASE("The loss of a fit has the mean difference of depths in distances of t
         return fit_codes(face.model, face.loss, face.faces,
                          {.initial = face.codes,
                           .steps = 40,
+                          .weights = {.depth = weight},
                           .samples_per_ray = 16,
                           .tolerance = 0.0,
-                          .head = known,
-                          .depth_weight = weight})
+                          .head = known})
             .losses;
     };
     const Tensor depths = face.depths_of(face.model);
     HeadDepth target(&head(), face.faces);
-    target.place(0, face.camera, depths);
+    target.align(0, face.camera, depths);
     const double expected =
         mean_distance(depth_differences(depths, *target.surface(0, face.camera, depths.shape(0)))) /
         eye_distance(head(), vertices_of_batch());
@@ -158,7 +158,7 @@ double depth_error(const RenderedFace& face, const Camera& camera, const TuningO
     static_cast<void>(
         tune_decoder(face.model, tuned, face.loss, face.faces, face.codes, {face.camera}, options));
     HeadDepth target(&head(), face.faces);
-    target.place(0, face.camera, face.depths_of(face.model));
+    target.align(0, face.camera, face.depths_of(face.model));
     const Tensor depths =
         render_view(tuned, face.codes, 0, camera, {.samples_per_ray = 16, .depth = true}).depth;
     return mean_distance(depth_differences(depths, *target.surface(0, camera, depths.shape(0))));
@@ -172,9 +172,8 @@ TEST_CASE("Tuning brings the depth of a face to that of its head", "[head_depth]
         return depth_error(face, face.camera,
                            {.steps = 120,
                             .learning_rate = 0.08,
-                            .locality_weight = 0.0,
+                            .weights = {.depth = weight, .mask = 0.05},
                             .head = &head(),
-                            .depth_weight = weight,
                             .samples_per_ray = 16});
     };
     const double without = error(0.0);
@@ -189,9 +188,8 @@ TEST_CASE("Anchors that show the face from other sides have the depth of its hea
         return depth_error(face, side_camera,
                            {.steps = 240,
                             .learning_rate = 0.08,
-                            .locality_weight = locality,
+                            .weights = {.locality = locality, .depth = 3.0, .mask = 0.05},
                             .head = &head(),
-                            .depth_weight = 3.0,
                             .samples_per_ray = 16});
     };
     // Without the locality term there are no anchors.

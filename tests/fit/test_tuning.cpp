@@ -56,7 +56,7 @@ TEST_CASE("tuning brings the decoder's image to the photo", "[tuning]") {
     const Model tuned =
         given.tuned({.steps = 60,
                      .learning_rate = 0.02,
-                     .locality_weight = 0.0,
+                     .weights = {.regularizer = 0.0, .locality = 0.0, .depth = 1.0, .mask = 0.05},
                      .on_step = [&](const TuningStep& step) { CHECK(step.steps == ++calls); }},
                     &result);
     REQUIRE(result.losses.size() == 60);
@@ -74,8 +74,10 @@ TEST_CASE("the locality term keeps other faces as they were", "[tuning]") {
     const Codes other = random_codes(1, 11);
     const Camera side = model_camera(given.original, -0.5, 0.1, 0.0);
     const auto moved = [&](double weight) {
-        const Model tuned =
-            given.tuned({.steps = 60, .learning_rate = 0.02, .locality_weight = weight});
+        const Model tuned = given.tuned(
+            {.steps = 60,
+             .learning_rate = 0.02,
+             .weights = {.regularizer = 0.0, .locality = weight, .depth = 1.0, .mask = 0.05}});
         return distance(image_of(tuned, other, side), image_of(given.original, other, side));
     };
     CHECK(moved(10.0) < 0.7 * moved(0.0));
@@ -118,9 +120,11 @@ TEST_CASE("tuning uses each photo in turn", "[tuning]") {
             .value()};
     Model tuned = frozen_model(1);
     // Two selections of each photo's samples.
-    const TuningResult result =
-        tune_decoder(given.original, tuned, given.loss, faces, codes, faces.cameras,
-                     {.steps = 18, .learning_rate = 0.02, .locality_weight = 0.0});
+    const TuningResult result = tune_decoder(
+        given.original, tuned, given.loss, faces, codes, faces.cameras,
+        {.steps = 18,
+         .learning_rate = 0.02,
+         .weights = {.regularizer = 0.0, .locality = 0.0, .depth = 1.0, .mask = 0.05}});
     for (std::int64_t photo = 0; photo < 2; ++photo) {
         const auto loss_after = [&](const Model& model) {
             return distance(image_of(model, codes_of_face(codes, photo),
@@ -140,8 +144,11 @@ TEST_CASE("a tolerance of zero leaves out no sample", "[tuning]") {
     const Case given;
     const auto losses = [&](double tolerance) {
         TuningResult result;
-        static_cast<void>(
-            given.tuned({.steps = 2, .locality_weight = 0.0, .tolerance = tolerance}, &result));
+        static_cast<void>(given.tuned(
+            {.steps = 2,
+             .weights = {.regularizer = 0.0, .locality = 0.0, .depth = 1.0, .mask = 0.05},
+             .tolerance = tolerance},
+            &result));
         return result.losses;
     };
     const std::vector<double> all = losses(0.0), some = losses(0.2);

@@ -1,12 +1,11 @@
-#include "apps/common/prepared_photos.h"
+#include "fit/photo/prepared_photos.h"
 
 #include <algorithm>
 #include <filesystem>
 
-#include "apps/common/face_input.h"
-#include "apps/common/preparation_options.h"
 #include "core/error.h"
 #include "core/io/image.h"
+#include "core/ops/elementwise.h"
 #include "fit/photo/preparation_overlay.h"
 
 namespace stymo {
@@ -62,6 +61,11 @@ PreparedPhoto photo_of(const std::string& image, PreparedFace prepared,
 
 }  // namespace
 
+Tensor at_model_side(const Tensor& image, std::int64_t side) {
+    const int length = static_cast<int>(side);
+    return clamp(resize_image(central_square(image), length, length), 0.0, 1.0).value();
+}
+
 std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
                                           const ModelConfig& model,
                                           PhotoPreparationSettings settings) {
@@ -69,7 +73,6 @@ std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
     settings.wanted_side = model.decoder.resolution;
     settings.intrinsics = model.camera.intrinsics;
     settings.pivot = {model.camera.distance, model.camera.pivot_depth};
-    warn_without_landmark_network(settings);
     const PhotoPreparation preparation(settings);
     std::vector<FaceCrop> crops;
     for (const std::string& image : images) crops.push_back(largest_face(preparation, image));

@@ -19,6 +19,9 @@ struct PreparedPhoto {
     std::vector<std::string> warnings;
 };
 
+/// The central square of an image, resized to side x side pixels.
+[[nodiscard]] Tensor at_model_side(const Tensor& image, std::int64_t side);
+
 /// Finds, aligns and masks the largest face of each photo, with its pose for the model's camera.
 /// `settings` gives the files of the networks and the model whose heads guide the masks. Throws
 /// FileError, which names the photo, for a photo that cannot be read or used.

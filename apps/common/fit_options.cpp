@@ -1,0 +1,86 @@
+#include "apps/common/fit_options.h"
+
+namespace stymo {
+
+FitJobOptions FitToolOptions::job_options() const {
+    FitJobOptions options = job;
+    options.fit.optimizer = optimizer == "lbfgs" ? FitOptimizer::lbfgs : FitOptimizer::adam;
+    if (samples) options.fit.samples_per_ray = *samples;
+    return options;
+}
+
+namespace {
+
+void declare_codes(Command& command, FitToolOptions& options) {
+    FitOptions& fit = options.job.fit;
+    command.option("--steps", fit.steps, "optimiser steps").range(0, 1e6);
+    command
+        .option("--optimizer", options.optimizer,
+                "adam (the paper's) or lbfgs, which reaches the same loss in fewer steps; a step "
+                "is one evaluation of loss and gradient")
+        .one_of({"adam", "lbfgs"});
+    command
+        .option("--learning-rate", fit.learning_rate,
+                "learning rate of the first step; 0: the model's setting")
+        .range(0, 10);
+    command.option("--decay", fit.decay, "Adam's factor on the learning rate after each step")
+        .range(0, 1);
+    command
+        .option("--coarse-steps", fit.coarse_steps,
+                "number of initial steps that compare images of 64 pixels, then 128, up to half "
+                "of the largest compared side; faster")
+        .range(0, 1e6);
+    command
+        .option("--regularizer", fit.weights.regularizer,
+                "weight of the squared code offsets; negative: the model's setting")
+        .range(-1, 1e6);
+    command
+        .option("--samples", options.samples,
+                "samples per ray while fitting (default: the model's setting)")
+        .range(2, 4096);
+    command
+        .option("--tolerance", fit.tolerance,
+                "samples with a smaller compositing weight are left out of fit and tuning; all "
+                "are evaluated again every 8 steps; 0: no sample is left out")
+        .range(0, 1);
+    command.flag("--refine-pose", fit.refine_pose,
+                 "also optimise the pose, with a tenth of the learning rate; slower");
+    command
+        .option("--depth-weight", fit.weights.depth,
+                "weight of the term that draws the depth of the face to that of the linear head "
+                "that was fitted to the photo; with --data it needs --morphable")
+        .range(0, 1e6);
+}
+
+void declare_tuning(Command& command, TuningOptions& tuning) {
+    command
+        .option("--tune", tuning.seconds,
+                "also tune the decoder to the fitted face for so many seconds; stymo-render and "
+                "stymo-edit take the result, tuned.safetensors, with --tuned")
+        .range(0, 86400);
+    command
+        .option("--tune-steps", tuning.steps,
+                "end tuning after so many steps, which makes the result repeatable")
+        .range(0, 1e6);
+    command
+        .option("--tune-learning-rate", tuning.learning_rate,
+                "highest learning rate of tuning, that of the render blocks; the field's is a "
+                "quarter of it")
+        .range(0, 1);
+    command.option("--tune-depth", tuning.weights.depth, "--depth-weight while tuning")
+        .range(0, 1e6);
+    command
+        .option("--locality", tuning.weights.locality,
+                "weight of the term that keeps other faces and other views as they were while "
+                "tuning")
+        .range(0, 1e6);
+}
+
+}  // namespace
+
+void declare_fit(Command& command, FitToolOptions& options) {
+    declare_codes(command, options);
+    declare_tuning(command, options.job.tuning);
+}
+
+}  // namespace stymo

@@ -1,0 +1,90 @@
+#include "fit/fit_job.h"
+
+#include "core/clock.h"
+#include "core/interrupt.h"
+#include "render/morphable/head_source.h"
+
+namespace stymo {
+
+namespace {
+
+JsonValue json_of(const TermValues& terms) {
+    JsonValue json = JsonValue::object();
+    for (const auto& [name, value] : terms) json.add(name, value);
+    return json;
+}
+
+}  // namespace
+
+FitJob::FitJob(const Model& model, const ReconstructionLoss& loss, FitJobOptions options)
+    : model_(model), loss_(loss), options_(std::move(options)) {
+    if (options_.head) head_ = morphable_head_from(*options_.head);
+    options_.fit.head = options_.tuning.head = nullptr;
+    options_.tuning.samples_per_ray = options_.fit.samples_per_ray;
+    options_.tuning.tolerance = options_.fit.tolerance;
+}
+
+std::vector<PreparedPhoto> FitJob::prepare(std::span<const std::string> images) const {
+    return prepare_photos(images, model_.config(), options_.preparation);
+}
+
+FaceBatch FitJob::batch_of(std::span<const Face> faces) const {
+    return make_batch(faces, model_.decoder().ladder().smallest());
+}
+
+FittedFaces FitJob::unfitted(FaceBatch faces) const {
+    FittedFaces done{.faces = std::move(faces)};
+    done.fit = fit_codes(model_, loss_, done.faces, {.steps = 0});
+    return done;
+}
+
+FittedFaces FitJob::fit(FaceBatch faces, const FitObserver& observer) const {
+    FittedFaces done{.faces = std::move(faces)};
+    FitOptions options = options_.fit;
+    options.one_person = done.faces.cameras.size() > 1;
+    options.head = head();
+    options.on_step = observer.on_fit_step;
+    const double start = seconds_now();
+    done.fit = fit_codes(model_, loss_, done.faces, options);
+    done.fit_seconds = seconds_now() - start;
+    if (observer.on_fitted) observer.on_fitted(done.fit);
+    const std::int64_t steps = std::ssize(done.fit.losses);
+    if (steps < options.steps && !done.fit.converged)
+        done.incomplete = "interrupted after " + std::to_string(steps) + " of " +
+                          std::to_string(options.steps) + " steps";
+    else if (options_.tunes())
+        tune(done, observer);
+    return done;
+}
+
+void FitJob::tune(FittedFaces& done, const FitObserver& observer) const {
+    done.incomplete = "interrupted while tuning; the fit is complete";
+    if (interrupted()) return;
+    TuningOptions options = options_.tuning;
+    options.head = head();
+    options.on_step = observer.on_tuning_step;
+    Model tuned = model_.copy(ModelParts::decoder);
+    done.tuning =
+        tune_decoder(model_, tuned, loss_, done.faces, done.fit.fitted, done.fit.cameras, options);
+    if (interrupted()) return;
+    done.changes = WeightChanges::between(model_, tuned);
+    done.tuned.emplace(done.changes->applied_to(model_));
+    done.incomplete.clear();
+}
+
+FitReport FitJob::report(const FittedFaces& done, std::int64_t index, const Tensor& mask,
+                         const Lpips* lpips, bool with_head_mask) const {
+    FitReport report = report_fit(model_, done.faces, mask, done.fit, index, lpips, with_head_mask);
+    if (done.tuned) add_tuned(report, *done.tuned, done.faces, mask, done.fit, index, lpips);
+    return report;
+}
+
+JsonValue to_json(const FitReport& report, const FittedFaces& done) {
+    JsonValue json = to_json(report, done.fit, done.fit_seconds);
+    JsonValue terms = JsonValue::object({{"fitted", json_of(done.fit.terms)}});
+    if (done.tuned) terms.add("tuned", json_of(done.tuning.terms));
+    json.add("terms", terms);
+    return json;
+}
+
+}  // namespace stymo

@@ -1,0 +1,103 @@
+#include "fit/fit_objective.h"
+
+#include <algorithm>
+
+#include "core/error.h"
+#include "core/ops/ops.h"
+#include "core/work_counts.h"
+#include "nn/losses.h"
+
+namespace stymo {
+
+namespace {
+
+double face_count(const FitComparison& seen) {
+    return static_cast<double>(seen.decoded.images.back().shape(0));
+}
+
+/// The mean over the batch times its size, so that a face's gradient does not depend on the size of
+/// the batch.
+Variable reconstruction_term(const FitComparison& seen, TermValues& parts) {
+    if (seen.photos == nullptr) return {};
+    const ReconstructionLoss::Terms terms =
+        (*seen.reconstruction)(seen.decoded.images, *seen.photos);
+    parts.emplace_back("photometric", terms.photometric.value().item());
+    if (terms.perceptual.defined())
+        parts.emplace_back("perceptual", terms.perceptual.value().item());
+    return terms.total * face_count(seen);
+}
+
+Variable regularizer_term(const FitComparison& seen, TermValues&) {
+    return seen.offsets == nullptr ? Variable() : squared_length(*seen.offsets);
+}
+
+Variable locality_term(const FitComparison& seen, TermValues&) {
+    if (seen.kept_images.empty()) return {};
+    return photometric_loss(seen.decoded.images, seen.kept_images, seen.kept_weights);
+}
+
+Variable depth_term(const FitComparison& seen, TermValues&) {
+    Variable total;
+    for (std::size_t i = 0; i < seen.surfaces.size(); ++i) {
+        if (!seen.surfaces[i]) continue;
+        const auto row = static_cast<std::int64_t>(i);
+        const Variable loss = seen.heads->loss(slice(seen.depths, 0, row, row + 1),
+                                               *seen.surfaces[i], seen.first_row + row);
+        total = total.defined() ? total + loss : loss;
+    }
+    return total;
+}
+
+Variable mask_term(const FitComparison& seen, TermValues&) {
+    return seen.mask.defined() ? mask_loss(seen.decoded.mask_logit, seen.mask) : Variable();
+}
+
+template <double FitWeights::*member>
+double weight_of(const FitWeights& weights) {
+    return weights.*member;
+}
+
+/// Adds the weighted term and its values, if it is computed.
+void add_term(const FitTerm& term, const FitComparison& seen, const FitWeights& weights,
+              FitLoss& loss) {
+    const double weight = term.weight(weights);
+    if (weight == 0.0) return;
+    const std::size_t before = loss.terms.size();
+    const Variable value = term.value(seen, loss.terms);
+    if (!value.defined()) return;
+    // The reconstruction loss counts its own parts.
+    if (loss.terms.size() == before) {
+        loss.terms.emplace_back(term.name, value.value().item() / face_count(seen));
+        work::count_named("loss_terms", term.name, 1);
+    }
+    const Variable weighted = weight == 1.0 ? value : value * weight;
+    loss.total = loss.total.defined() ? loss.total + weighted : weighted;
+}
+
+}  // namespace
+
+std::span<const FitTerm> fit_terms() {
+    static const std::vector<FitTerm> terms{
+        // It applies the weights of its parts itself.
+        {.name = "reconstruction",
+         .weight = [](const FitWeights&) { return 1.0; },
+         .value = reconstruction_term,
+         .parts = {"photometric", "perceptual"}},
+        {.name = "regularizer",
+         .weight = weight_of<&FitWeights::regularizer>,
+         .value = regularizer_term},
+        {.name = "locality", .weight = weight_of<&FitWeights::locality>, .value = locality_term},
+        {.name = "depth", .weight = weight_of<&FitWeights::depth>, .value = depth_term},
+        {.name = "mask", .weight = weight_of<&FitWeights::mask>, .value = mask_term},
+    };
+    return terms;
+}
+
+FitLoss fit_loss(const FitComparison& seen, const FitWeights& weights) {
+    FitLoss loss;
+    for (const FitTerm& term : fit_terms()) add_term(term, seen, weights, loss);
+    if (!loss.total.defined()) fail<ValueError>("a fit needs something to compare");
+    return loss;
+}
+
+}  // namespace stymo

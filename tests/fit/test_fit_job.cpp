@@ -1,0 +1,117 @@
+#include <catch2/catch.hpp>
+#include <filesystem>
+
+#include "core/autograd/grad.h"
+#include "core/io/scratch_folder.h"
+#include "fit/fit_job.h"
+#include "nn/models/code_file.h"
+#include "nn/realtime/view.h"
+#include "support/tiny_model.h"
+
+using namespace stymo;
+using namespace stymo::test;
+
+namespace {
+
+/// A face of another model, as a photo that the model does not know.
+struct Case {
+    Model model = tiny_model(1).copy();
+    ReconstructionLoss loss{model.config().reconstruction};
+
+    [[nodiscard]] FaceBatch photo() const {
+        const Model other = tiny_model(2).copy();
+        const Camera camera = model_camera(model, 0.1, 0.0, 0.0);
+        const Tensor image = other.decoder()(random_codes(1, 8), {camera}, {.samples_per_ray = 4})
+                                 .images.back()
+                                 .value();
+        const std::int64_t side = image.shape(1);
+        FaceBatch faces{.input = image, .targets = {image}, .cameras = {camera}};
+        faces.mask = Tensor::full({1, side, side, 1}, 1.0);
+        return faces;
+    }
+    [[nodiscard]] FitJob job(std::int64_t steps, std::int64_t tuning_steps) const {
+        FitJobOptions options;
+        options.fit.initial = random_codes(1, 7);
+        options.fit.steps = steps;
+        options.fit.samples_per_ray = 4;
+        options.tuning.steps = tuning_steps;
+        options.tuning.anchors = 3;
+        return {model, loss, options};
+    }
+};
+
+bool same_weights(const Model& a, const Model& b) {
+    const std::vector<Parameter>& all = a.parameters().all();
+    for (std::size_t i = 0; i < all.size(); ++i)
+        if (all[i].variable().value().to_vector() !=
+            b.parameters().all()[i].variable().value().to_vector())
+            return false;
+    return true;
+}
+
+}  // namespace
+
+TEST_CASE("The tuned decoder of a job has the bits that its file gives other tools", "[fit_job]") {
+    const Case given;
+    const FittedFaces done = given.job(2, 4).fit(given.photo());
+    REQUIRE((done.tuned && done.changes));
+    CHECK(done.incomplete.empty());
+    const ScratchFolder scratch;
+    const std::filesystem::path file = scratch.path() / "tuned.safetensors";
+    done.changes->save(file);
+    const Model loaded = WeightChanges::load(file).applied_to(given.model);
+    CHECK(same_weights(loaded, *done.tuned));
+    CHECK_FALSE(same_weights(given.model.copy(ModelParts::decoder), *done.tuned));
+}
+
+TEST_CASE("A job without a limit for tuning fits only, and its report says what it compared",
+          "[fit_job]") {
+    const Case given;
+    const FitJob job = given.job(3, 0);
+    const FittedFaces done = job.fit(given.photo());
+    CHECK_FALSE(done.tuned);
+    CHECK(done.fit.losses.size() == 3);
+    const FitReport report = job.report(done, 0, done.faces.mask, nullptr);
+    const std::string json = to_json(report, done).text();
+    CHECK_THAT(json, Catch::Contains("\"terms\"") && Catch::Contains("\"photometric\"") &&
+                         Catch::Contains("\"regularizer\""));
+    CHECK_THAT(json, !Catch::Contains("\"tuned\""));
+}
+
+TEST_CASE("An observer sees each step, and its exception ends the job", "[fit_job]") {
+    const Case given;
+    std::int64_t fit_steps = 0, tuning_steps = 0;
+    bool fitted_before_tuning = false;
+    FitObserver observer;
+    observer.on_fit_step = [&](const FitStep&) { ++fit_steps; };
+    observer.on_fitted = [&](const FitResult& result) {
+        fitted_before_tuning = tuning_steps == 0 && result.losses.size() == 3;
+    };
+    observer.on_tuning_step = [&](const TuningStep&) { ++tuning_steps; };
+    static_cast<void>(given.job(3, 2).fit(given.photo(), observer));
+    CHECK(fit_steps == 3);
+    CHECK(tuning_steps == 2);
+    CHECK(fitted_before_tuning);
+    struct Stop {};
+    observer.on_fit_step = [](const FitStep&) { throw Stop(); };
+    CHECK_THROWS_AS(given.job(3, 2).fit(given.photo(), observer), Stop);
+}
+
+TEST_CASE("Tuning of a job uses the samples and the tolerance of its fit", "[fit_job]") {
+    const Case given;
+    FitJobOptions options = given.job(1, 1).options();
+    options.fit.samples_per_ray = 6;
+    options.fit.tolerance = 0.25;
+    const FitJob job(given.model, given.loss, options);
+    CHECK(job.options().tuning.samples_per_ray == 6);
+    CHECK(job.options().tuning.tolerance == 0.25);
+}
+
+TEST_CASE("A copy of a model has its values and is frozen", "[fit_job]") {
+    const Model model = tiny_model(3);
+    const Model copy = model.copy();
+    CHECK(same_weights(model, copy));
+    CHECK(copy.parameters().trainable().empty());
+    CHECK(copy.has_encoder() == model.has_encoder());
+    CHECK_FALSE(model.copy(ModelParts::decoder).has_encoder());
+}
