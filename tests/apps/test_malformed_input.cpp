@@ -385,7 +385,8 @@ TEST_CASE("Malformed codes, poses and begun jobs are refused, in one line that s
          "bad/prep_file/progress.jsonl, line 2: not what became of a photo; remove the folder and "
          "start again"},
         {eval + "--out bad/eval_settings", 1,
-         "bad/eval_settings: was begun with other settings (--data was \"unknown\", now \"..."},
+         "bad/eval_settings: was begun with other settings (--coarse-steps was \"unknown\", now "
+         "..."},
         {eval + "--out bad/eval_scores", 1,
          "bad/eval_scores: holds scores.jsonl but no settings.json; give another --out"},
     });

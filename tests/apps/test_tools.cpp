@@ -114,7 +114,8 @@ TEST_CASE("stymo-fit writes four files; the report says how good and how fast") 
     CHECK(names_in(folder / "fit") ==
           std::set<std::string>{"codes.json", "fit.png", "render.png", "report.json"});
     const json report = parsed_file(folder / "fit/report.json");
-    CHECK(keys(report) == std::set<std::string>{"initial", "fitted", "steps", "seconds", "loss"});
+    CHECK(keys(report) ==
+          std::set<std::string>{"initial", "fitted", "steps", "seconds", "loss", "terms"});
     for (const char* when : {"initial", "fitted"})
         for (const char* metric : {"l1", "ssim", "psnr"}) CHECK(report[when][metric].is_number());
     CHECK(report["steps"] == 3);
