@@ -34,7 +34,7 @@ struct FitOptions {
     /// Every `selection_interval` steps (iterations of L-BFGS), from the first on, all samples are
     /// evaluated. Until the
     /// next evaluation, samples of a smaller compositing weight are left out of image and gradient;
-    /// 0: none is left out. docs/results.md states how much this biases the gradient.
+    /// 0: none is left out. docs/studies/samples-of-a-fit.md has the bias of the gradient.
     double tolerance = 0.001;
     std::int64_t selection_interval = 8;
     /// Keeps the field's activations for the gradient instead of computing them again. This is

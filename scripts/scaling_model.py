@@ -1,4 +1,4 @@
-"""Days and cost of a training on several machines, by the model of docs/scaling.md.
+"""Days and cost of a training on several machines, by the model of docs/studies/scaling.md.
 
 Seconds for an image on one node, parameters in millions and the network are arguments, so that
 other machines can be put in. usage: scaling_model.py [--image 2.9] [--image-512 8.7] ...

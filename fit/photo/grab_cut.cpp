@@ -178,7 +178,7 @@ private:
 };
 
 /// Adds the log odds of the prior to those of the place. The weights of both are those that agree
-/// best with hand-made masks (docs/results.md).
+/// best with hand-made masks (docs/studies/preparing-photos.md).
 void add_probability(cv::Mat& odds, const HeadPrior& known) {
     // Both sources contain the position, so neither has its full weight.
     const float share_of_place = known.is_sharp ? 0.5F : 0.25F;

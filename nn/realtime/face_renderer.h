@@ -10,7 +10,7 @@
 
 namespace stymo {
 
-/// How a face is rendered. All modes except `exact` save work; docs/results.md states their errors.
+/// How a face is rendered. All modes but `exact` save work; docs/numerics.md has their errors.
 enum class RenderMode {
     exact,  ///< every sample, float32
     skip,   ///< float32, without samples that are insignificant at the tolerance and without pixels
@@ -26,7 +26,7 @@ struct RendererOptions {
     std::int64_t resolution = 0;  ///< 0: the model's resolution
     /// Largest total compositing weight of consecutive samples that are left out, in [0, 1). A ray
     /// whose opacity is at most half of it counts as empty. Read by the modes skip and half.
-    /// docs/numerics.md has the error of each tolerance.
+    /// The error of a tolerance depends on the model (docs/numerics.md).
     double tolerance = 0.3;
     std::int64_t bake_resolution = 96;  ///< cells along the longest side of the baked box
     bool mask = false;
