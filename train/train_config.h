@@ -128,7 +128,7 @@ void describe(ConfigSchema& schema, TrainConfig& config);
                                             const std::vector<std::string>& overrides);
 /// Every key with its value, in the format of `config.json` in the run folder.
 [[nodiscard]] std::string to_json(const TrainConfig& config);
-/// Table of all keys for docs/configuration.md.
+/// Table of all keys for configs/keys.md.
 [[nodiscard]] std::string configuration_table();
 
 }  // namespace stymo

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The table at the end of docs/configuration.md is what `stymo-train --print-keys` prints.
+# The table at the end of configs/keys.md is what `stymo-train --print-keys` prints.
 # Usage: configuration_page.sh STYMO_TRAIN PAGE            fails if the page is out of date
 #        configuration_page.sh STYMO_TRAIN PAGE --update   writes the table anew
 set -euo pipefail
