@@ -111,7 +111,8 @@ struct PhotoPreparation::Implementation {
         return parser->head_mask(image, landmarks);
     }
 
-    [[nodiscard]] FaceCrop crop(const Tensor& photo, const Tensor& known_mask, const FoundFace& face);
+    [[nodiscard]] FaceCrop crop(const Tensor& photo, const Tensor& known_mask,
+                                const FoundFace& face);
     [[nodiscard]] PreparedFace joined(FaceCrop crop, std::optional<MorphableFit> fit);
     /// The mask by the model, now that the pose is known, and its agreement with a known one.
     void complete_mask(FaceCrop& crop, const Pose& pose) const;
