@@ -8,16 +8,13 @@
 #include <mutex>
 
 #include "core/error.h"
+#include "core/machine_limits.h"
 
 namespace stymo {
 
 namespace {
 
-int processor_count() {
-    return std::max(1, omp_get_num_procs());
-}
-
-/// 0 means one thread for each processor.
+/// 0 means one thread for each usable processor.
 std::atomic<int> requested_threads{0};
 
 /// Held by the thread whose team is running. A process has one set of processors, so another thread
@@ -51,7 +48,7 @@ void set_thread_count(int count) {
 
 int thread_count() {
     const int requested = requested_threads;
-    return requested > 0 ? requested : processor_count();
+    return requested > 0 ? requested : usable_processors();
 }
 
 void parallel_for(std::int64_t count, std::int64_t grain,
@@ -79,6 +76,12 @@ void parallel_for(std::int64_t count, std::int64_t grain,
         }
     }
     error.rethrow();
+}
+
+void parallel_tasks(std::int64_t count, const std::function<void(std::int64_t)>& body) {
+    const std::int64_t together = count - count % thread_count();
+    parallel_for(together, 1, [&](std::int64_t i, std::int64_t) { body(i); });
+    for (std::int64_t i = together; i < count; ++i) body(i);
 }
 
 }  // namespace stymo

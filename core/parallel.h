@@ -6,7 +6,8 @@
 namespace stymo {
 
 /// Sets the number of threads that `parallel_for` uses in this process; 0 means one for each
-/// processor. Throws ValueError for a negative count.
+/// processor that the process may use (core/machine_limits.h). Throws ValueError for a negative
+/// count.
 void set_thread_count(int count);
 [[nodiscard]] int thread_count();
 
@@ -24,5 +25,10 @@ void set_thread_count(int count);
 /// first exception that a body throws is rethrown.
 void parallel_for(std::int64_t count, std::int64_t grain,
                   const std::function<void(std::int64_t, std::int64_t)>& body);
+
+/// Calls `body(i)` for each i of [0, count), for bodies that call `parallel_for` themselves. As
+/// long as there is a call for every thread, calls run side by side, each on one thread; the others
+/// follow one by one, each on all threads. Exceptions are those of `parallel_for`.
+void parallel_tasks(std::int64_t count, const std::function<void(std::int64_t)>& body);
 
 }  // namespace stymo

@@ -97,8 +97,8 @@ public:
         std::array<std::vector<Variable>, 2> gradients;
         // Only photo_loss changes `significant_`, and only anchor_loss `rng_` and `anchors_`, so
         // that they can run side by side.
-        parallel_for(anchored ? 2 : 1, 1, [&](std::int64_t begin, std::int64_t) {
-            const auto which = static_cast<std::size_t>(begin);
+        parallel_tasks(anchored ? 2 : 1, [&](std::int64_t task) {
+            const auto which = static_cast<std::size_t>(task);
             FitLoss loss = which == 0 ? photo_loss(number) : anchor_loss(number / anchor_interval);
             values[which] = loss.total.value().item();
             terms[which] = std::move(loss.terms);

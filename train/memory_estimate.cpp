@@ -1,11 +1,10 @@
 #include "train/memory_estimate.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
 
 #include "core/error.h"
+#include "core/machine_limits.h"
 #include "core/parallel.h"
 #include "train/gradient_tree.h"
 
@@ -25,8 +24,7 @@ constexpr double estimate_margin = 1.25;
 constexpr double machine_part = 0.5;
 
 double machine_gibibytes() {
-    return static_cast<double>(::sysconf(_SC_PHYS_PAGES)) *
-           static_cast<double>(::sysconf(_SC_PAGESIZE)) / gibibyte;
+    return static_cast<double>(usable_memory_bytes()) / gibibyte;
 }
 
 std::int64_t micro_batches_of(const TrainingPhase& phase) {

@@ -1,5 +1,6 @@
 #include <atomic>
 #include <catch2/catch.hpp>
+#include <chrono>
 #include <mutex>
 #include <numeric>
 #include <set>
@@ -79,6 +80,33 @@ TEST_CASE("A loop inside a loop runs on its own thread", "[parallel]") {
         });
     });
     CHECK(totals == std::vector<double>(8, 4950.0));
+}
+
+TEST_CASE("Tasks run side by side where each thread has one, else one by one on all threads",
+          "[parallel]") {
+    const ThreadCount restored;
+    // Waits until `wanted` callers are here at the same time.
+    const auto meet = [](std::atomic<int>& here, int wanted) {
+        ++here;
+        const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+        while (here < wanted && std::chrono::steady_clock::now() < end) std::this_thread::yield();
+        return here >= wanted;
+    };
+    std::atomic<int> met{0};
+    set_thread_count(2);
+    std::atomic<int> tasks{0};
+    parallel_tasks(2, [&](std::int64_t) { met += meet(tasks, 2) ? 1 : 0; });
+    CHECK(met == 2);
+    set_thread_count(3);
+    met = 0;
+    std::vector<std::int64_t> order;
+    parallel_tasks(2, [&](std::int64_t task) {
+        order.push_back(task);
+        std::atomic<int> chunks{0};
+        parallel_for(3, 1, [&](std::int64_t, std::int64_t) { met += meet(chunks, 3) ? 1 : 0; });
+    });
+    CHECK(met == 6);
+    CHECK(order == std::vector<std::int64_t>{0, 1});
 }
 
 TEST_CASE("A negative number of threads is refused, zero is one for each processor", "[parallel]") {
