@@ -9,6 +9,7 @@
 #include <new>
 
 #include "core/error.h"
+#include "core/sole_owner.h"
 #include "core/work_counts.h"
 
 namespace stymo {
@@ -81,7 +82,7 @@ template <class T>
 std::span<T> Tensor::mutable_values() {
     require(dtype_of<T>());
     const auto count = static_cast<std::size_t>(shape_.size());
-    if (buffer_.use_count() > 1) {
+    if (!is_sole_owner(buffer_)) {
         auto copy = allocate(count * sizeof(T));
         std::memcpy(copy.get(), buffer_.get(), count * sizeof(T));
         buffer_ = std::move(copy);

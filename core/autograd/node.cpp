@@ -3,6 +3,7 @@
 #include <atomic>
 
 #include "core/error.h"
+#include "core/sole_owner.h"
 
 namespace stymo {
 
@@ -53,7 +54,7 @@ Node::~Node() {
     while (!pending.empty()) {
         const std::shared_ptr<Node> node = std::move(pending.back());
         pending.pop_back();
-        if (node.use_count() == 1) take_inputs(*node);
+        if (is_sole_owner(node)) take_inputs(*node);
     }
 }
 

@@ -1,5 +1,7 @@
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <limits>
+#include <thread>
 
 #include "core/error.h"
 #include "core/ops/ops.h"
@@ -50,6 +52,25 @@ TEST_CASE("Copies of a tensor share their elements until one is written", "[tens
     const float* own = a.values<float>().data();
     a.mutable_values<float>()[1] = 6.0F;
     CHECK(a.values<float>().data() == own);
+}
+
+TEST_CASE("A tensor is written in place once a reader in another thread has let it go",
+          "[tensor]") {
+    constexpr std::int64_t count = 1 << 12;
+    Tensor tensor = Tensor::zeros({count});
+    for (int round = 1; round <= 200; ++round) {
+        double seen = 0.0;
+        std::jthread reader([copy = tensor, &seen]() mutable {
+            for (const float value : copy.values<float>()) seen += value;
+            copy = {};
+        });
+        // Whether the copy is still there or not, the reader sees the old values.
+        std::ranges::fill(tensor.mutable_values<float>(), static_cast<float>(round));
+        reader.join();
+        CHECK(seen == static_cast<double>(count) * (round - 1));
+    }
+    const float* own = tensor.values<float>().data();
+    CHECK(tensor.mutable_values<float>().data() == own);
 }
 
 TEST_CASE("A value in the graph does not change when the tensor it came from is written",
