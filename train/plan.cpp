@@ -1,8 +1,12 @@
 #include "train/plan.h"
 
-#include <sys/resource.h>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 
 #include <cmath>
+#include <cstdlib>
+#include <fstream>
 #include <iomanip>
 #include <sstream>
 
@@ -13,10 +17,26 @@ namespace stymo {
 
 namespace {
 
-double peak_megabytes() {
-    rusage usage{};
-    getrusage(RUSAGE_SELF, &usage);
-    return static_cast<double>(usage.ru_maxrss) / 1024.0;
+/// A value of this process in MiB, such as its resident memory ("VmRSS:"); 0 if the system does not
+/// tell.
+double memory_status(std::string_view key) {
+    std::ifstream status("/proc/self/status");
+    for (std::string line; std::getline(status, line);) {
+        if (line.starts_with(key))
+            return std::strtod(line.c_str() + key.size(), nullptr) / 1024.0;  // from kB
+    }
+    return 0.0;
+}
+
+/// Makes the present resident memory the largest one so far. Returns whether the system did so.
+bool reset_peak_memory() {
+#ifdef __GLIBC__
+    malloc_trim(0);  // what earlier phases have left is not part of the next one
+#endif
+    std::ofstream("/proc/self/clear_refs") << "5";
+    constexpr double meanwhile = 8.0;
+    const double resident = memory_status("VmRSS:");
+    return resident > 0.0 && memory_status("VmHWM:") <= resident + meanwhile;
 }
 
 /// Does one more step and returns its time.
@@ -27,6 +47,7 @@ double measured_step(Trainer& trainer, StepReport& report) {
 }
 
 void measure(PhasePlan& plan, Trainer& trainer, const TrainConfig& config) {
+    const bool knows_peak = reset_peak_memory();
     trainer.skip_to(plan.phase.first_step);
     StepReport report;
     plan.step_seconds = measured_step(trainer, report);
@@ -40,7 +61,7 @@ void measure(PhasePlan& plan, Trainer& trainer, const TrainConfig& config) {
         const double part = 1.0 / static_cast<double>(interval);
         plan.step_seconds = part * plan.step_seconds + (1.0 - part) * measured_step(trainer, plain);
     }
-    plan.peak_megabytes = peak_megabytes();
+    if (knows_peak) plan.peak_megabytes = memory_status("VmHWM:");
     plan.measured = true;
 }
 
@@ -111,7 +132,12 @@ std::string plan_text(const TrainingPlan& plan) {
              << execution_text(part.execution, phase) << '\n';
         if (!part.measured) continue;
         text << "  one step    " << part.step_seconds << " s, loss " << part.step_loss
-             << ", peak memory " << part.peak_megabytes << " MiB\n  all steps   "
+             << ", peak memory ";
+        if (part.peak_megabytes)
+            text << *part.peak_megabytes << " MiB";
+        else
+            text << "not measured";
+        text << "\n  all steps   "
              << duration_text(part.step_seconds * static_cast<double>(phase.steps)) << '\n';
     }
     return text.str();
@@ -136,7 +162,7 @@ JsonValue to_json(const TrainingPlan& plan) {
         if (part.measured) {
             phase.add("step_seconds", part.step_seconds);
             phase.add("step_loss", part.step_loss);
-            phase.add("peak_megabytes", part.peak_megabytes);
+            if (part.peak_megabytes) phase.add("peak_megabytes", *part.peak_megabytes);
         }
         phases.push_back(phase);
     }

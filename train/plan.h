@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,11 +17,13 @@ struct PhasePlan {
     StepExecution execution{};
     double estimated_megabytes = 0.0;  ///< peak memory of a step
     bool measured = false;
-    /// Mean time of a step, including its share of R1. This and the following values are 0 unless
+    /// Mean time of a step, including its share of R1. This and the following value are 0 unless
     /// measured.
     double step_seconds = 0.0;
     double step_loss = 0.0;  ///< of the first step
-    double peak_megabytes = 0.0;
+    /// Largest resident memory of the process during the steps of this phase. Nothing unless
+    /// measured, and where the system cannot forget the peak of an earlier phase.
+    std::optional<double> peak_megabytes{};
 };
 
 /// The phases of a run and their costs.

@@ -327,6 +327,18 @@ TEST_CASE("the plan of both stages counts the discriminator and measures what it
     for (const PhasePlan& phase : plan_of(MeasuredPhases::none).phases) CHECK_FALSE(phase.measured);
 }
 
+TEST_CASE("the peak memory of a phase is not that of what came before", "[two_stages]") {
+    constexpr std::size_t mebibytes = 1024;
+    { const std::vector<char> released(mebibytes << 20U, 'x'); }
+    const TrainConfig config = tiny_two_stage_config();
+    Trainer trainer(config, faces(), nullptr, 5);
+    const TrainingPlan plan = measure_plan(trainer, config, faces(), MeasuredPhases::ends);
+    const std::optional<double> peak = plan.phases[0].peak_megabytes;
+    if (peak) CHECK((*peak > 0.0 && *peak < double(mebibytes)));
+    CHECK_THAT(plan_text(plan), Catch::Contains(peak ? " MiB\n  all steps" : "not measured"));
+    CHECK((to_json(plan).text().find("peak_megabytes") != std::string::npos) == peak.has_value());
+}
+
 TEST_CASE("random weights of LPIPS are reported as such by the plan and by the run",
           "[two_stages]") {
     TrainConfig config = tiny_two_stage_config();
