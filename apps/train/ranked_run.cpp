@@ -21,7 +21,8 @@ namespace {
 
 /// From here on this process prints nothing.
 void be_silent() {
-    static std::ofstream nowhere("/dev/null");
+    // Never destroyed, because the streams are flushed after every destructor of this file.
+    static std::ofstream& nowhere = *new std::ofstream("/dev/null");
     std::cout.rdbuf(nowhere.rdbuf());
     std::cerr.rdbuf(nowhere.rdbuf());
 }
