@@ -41,6 +41,9 @@ std::optional<Lbfgs::Place> Lbfgs::search(const Objective& objective,
                                           const Eigen::VectorXd& direction, double first_part,
                                           int& evaluations_left) const {
     const double slope = here_->gradient.dot(direction);
+    // The estimate of the curvature is positive definite but for rounding. Along a direction that
+    // does not descend, the condition below would accept a higher value.
+    if (!std::isfinite(slope) || slope >= 0.0) return std::nullopt;
     std::optional<Place> lower;
     double near = 0.0, far = std::numeric_limits<double>::infinity();
     double part = first_part;
@@ -51,8 +54,10 @@ std::optional<Lbfgs::Place> Lbfgs::search(const Objective& objective,
         // The step is too small to change the point.
         if (trial.point == point_) break;
         trial.at = objective(trial.point);
-        const bool low =
-            finite(trial.at) && trial.at.value <= here_->value + options_.decrease * part * slope;
+        // The first comparison counts where the predicted decrease is below the rounding of the
+        // value.
+        const bool low = finite(trial.at) && trial.at.value < here_->value &&
+                         trial.at.value <= here_->value + options_.decrease * part * slope;
         if (!low) {
             far = part;
         } else {

@@ -134,6 +134,32 @@ TEST_CASE("L-BFGS keeps to its evaluations, and stays where nothing is lower", "
     CHECK(arrived.here()->value == 0.0);
 }
 
+TEST_CASE("L-BFGS descends steeply where its estimate of the curvature gives no descent",
+          "[lbfgs]") {
+    // Step and change of the gradient are so large that their product overflows.
+    const auto huge = [](const Eigen::VectorXd& x) {
+        REQUIRE(x.allFinite());
+        const double parts = x[0] / 1e160;
+        const double slope = parts < 0.5 ? -1e150 : parts < 1.5 ? -5e149 : -1e149;
+        return ValueAndGradient{10.0 - parts, Eigen::VectorXd::Constant(1, slope)};
+    };
+    Lbfgs minimiser(Eigen::VectorXd::Zero(1), {.first_step = 1e160, .decrease = 0.0});
+    CHECK(minimiser.step(huge, plenty));
+    CHECK(minimiser.here()->value == Approx(9.0));
+    CHECK(minimiser.step(huge, plenty));
+    CHECK(minimiser.here()->value == Approx(8.0));
+}
+
+TEST_CASE("L-BFGS stays where a value is not lower but equal", "[lbfgs]") {
+    // The slope promises less than the rounding of the value.
+    const auto flat = [](const Eigen::VectorXd&) {
+        return ValueAndGradient{1.0, Eigen::VectorXd::Constant(1, 1e-20)};
+    };
+    Lbfgs minimiser(Eigen::VectorXd::Zero(1));
+    CHECK_FALSE(minimiser.step(flat, plenty));
+    CHECK(minimiser.point()[0] == 0.0);
+}
+
 TEST_CASE("When the objective changes, L-BFGS goes on from where it is", "[lbfgs]") {
     Lbfgs minimiser(Eigen::Vector2d(-1.2, 1.0));
     minimised(minimiser, rosenbrock, 0.0, 5);
