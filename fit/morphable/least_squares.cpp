@@ -18,8 +18,8 @@ void NormalEquations::add(std::span<const double> row, std::size_t first, double
     cost += 0.5 * weight * residual * residual;
 }
 
-Eigen::VectorXd damped_step(const NormalEquations& equations, double damping,
-                            const std::vector<bool>& fixed) {
+std::optional<Eigen::VectorXd> damped_step(const NormalEquations& equations, double damping,
+                                           const std::vector<bool>& fixed) {
     std::vector<Eigen::Index> free;
     for (std::size_t i = 0; i < fixed.size(); ++i) {
         if (!fixed[i]) free.push_back(static_cast<Eigen::Index>(i));
@@ -29,8 +29,7 @@ Eigen::VectorXd damped_step(const NormalEquations& equations, double damping,
     const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> factor(matrix);
     Eigen::VectorXd step = Eigen::VectorXd::Zero(equations.gradient.size());
     step(free) = -factor.solve(equations.gradient(free).eval());
-    if (factor.info() != Eigen::Success || !step.allFinite())
-        fail<NumericError>("[least squares] the normal equations are not positive definite");
+    if (factor.info() != Eigen::Success || !step.allFinite()) return std::nullopt;
     return step;
 }
 
@@ -46,18 +45,22 @@ std::vector<double> minimized(const LeastSquaresProblem& problem, std::vector<do
             fixed[i] = fixed[i] || (problem.non_negative[i] && x[i] <= 0.0 &&
                                     equations.gradient[static_cast<Eigen::Index>(i)] >= 0.0);
         }
-        bool improved = false;
+        bool improved = false, factorised = false;
         while (!improved && damping < most_damping) {
-            const Eigen::VectorXd direction = damped_step(equations, damping, fixed);
-            std::vector<double> candidate = x;
-            for (std::size_t i = 0; i < x.size(); ++i) {
-                candidate[i] += direction[static_cast<Eigen::Index>(i)];
-                if (problem.non_negative[i]) candidate[i] = std::max(candidate[i], 0.0);
+            if (const auto direction = damped_step(equations, damping, fixed)) {
+                factorised = true;
+                std::vector<double> candidate = x;
+                for (std::size_t i = 0; i < x.size(); ++i) {
+                    candidate[i] += (*direction)[static_cast<Eigen::Index>(i)];
+                    if (problem.non_negative[i]) candidate[i] = std::max(candidate[i], 0.0);
+                }
+                improved = problem.cost(candidate) < equations.cost;
+                if (improved) x = std::move(candidate);
             }
-            improved = problem.cost(candidate) < equations.cost;
             damping = improved ? std::max(damping / 10.0, 1e-6) : damping * 10.0;
-            if (improved) x = std::move(candidate);
         }
+        if (!factorised)
+            fail<NumericError>("[least squares] the normal equations are not positive definite");
         if (!improved) break;
     }
     return x;

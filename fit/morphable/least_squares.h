@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -23,9 +24,10 @@ struct NormalEquations {
 };
 
 /// The step d that minimises the model with `damping` times its diagonal added to the matrix; d[i]
-/// = 0 where `fixed`. Throws NumericError if the matrix is not positive definite.
-[[nodiscard]] Eigen::VectorXd damped_step(const NormalEquations& equations, double damping,
-                                          const std::vector<bool>& fixed);
+/// = 0 where `fixed`. Nothing if the matrix is not positive definite.
+[[nodiscard]] std::optional<Eigen::VectorXd> damped_step(const NormalEquations& equations,
+                                                         double damping,
+                                                         const std::vector<bool>& fixed);
 
 struct LeastSquaresProblem {
     /// Updates the quantities that are constant within a step (weights, visibility), and returns
@@ -38,7 +40,8 @@ struct LeastSquaresProblem {
 };
 
 /// Minimises by Levenberg-Marquardt from `start`. Unknowns at their bound stay there while the
-/// gradient pushes outwards.
+/// gradient pushes outwards. A matrix that is not positive definite is damped more, as is a step
+/// that does not improve. Throws NumericError if no damping up to 1e4 makes it positive definite.
 [[nodiscard]] std::vector<double> minimized(const LeastSquaresProblem& problem,
                                             std::vector<double> start, int steps);
 

@@ -94,8 +94,30 @@ TEST_CASE("Least squares stop at the bounds of the unknowns") {
     CHECK(found[0] == Approx(1.0).margin(1e-6));
     CHECK(found[1] == 0.0);
     CHECK(found[2] == 7.0);
-    CHECK_THROWS_AS(morphable::damped_step(morphable::NormalEquations(2), 0.0, {false, false}),
-                    stymo::NumericError);
+    CHECK_FALSE(morphable::damped_step(morphable::NormalEquations(2), 0.0, {false, false}));
+}
+
+TEST_CASE("Least squares damp a matrix that is not positive definite, and give up in the end") {
+    // (x + y - 2)^2 / 2 + (x - 1)^2 / 2 with a matrix whose off-diagonal part is too large, as
+    // rounding makes it: the matrix is positive definite only with more than the first damping.
+    morphable::LeastSquaresProblem problem;
+    problem.fixed = problem.non_negative = {false, false};
+    double too_much = 0.5;
+    problem.linearized = [&](std::span<const double> x) {
+        morphable::NormalEquations equations(2);
+        equations.add(std::array{1.0, 1.0}, 0, x[0] + x[1] - 2.0, 1.0);
+        equations.add(std::array{1.0}, 0, x[0] - 1.0, 1.0);
+        equations.matrix(1, 0) += too_much;
+        return equations;
+    };
+    problem.cost = [&](std::span<const double> x) { return problem.linearized(x).cost; };
+    const std::vector<double> start{4.0, 3.0};
+    REQUIRE_FALSE(morphable::damped_step(problem.linearized(start), 1e-3, {false, false}));
+    const std::vector<double> found = morphable::minimized(problem, start, 200);
+    CHECK(found[0] == Approx(1.0).margin(1e-3));
+    CHECK(found[1] == Approx(1.0).margin(1e-3));
+    too_much = 1e6;
+    CHECK_THROWS_AS(morphable::minimized(problem, start, 200), stymo::NumericError);
 }
 
 TEST_CASE("The jaw slides on the side that turns away and stays on the other") {
