@@ -25,9 +25,40 @@ template <class... Parts>
     throw RequestError(400, text.str());
 }
 
+/// Finds the key of a number that float64 cannot hold, for which the parser fails without a name.
+struct OverflowFinder : nlohmann::json_sax<Json> {
+    std::string last_key;
+    bool overflows = false;
+
+    bool key(string_t& name) override {
+        last_key = name;
+        return true;
+    }
+    bool parse_error(std::size_t /*place*/, const std::string& /*token*/,
+                     const nlohmann::detail::exception& error) override {
+        constexpr int out_of_range = 406;
+        overflows = error.id == out_of_range;
+        return false;
+    }
+    bool null() override { return true; }
+    bool boolean(bool /*value*/) override { return true; }
+    bool number_integer(number_integer_t /*value*/) override { return true; }
+    bool number_unsigned(number_unsigned_t /*value*/) override { return true; }
+    bool number_float(number_float_t /*value*/, const string_t& /*text*/) override { return true; }
+    bool string(string_t& /*value*/) override { return true; }
+    bool binary(binary_t& /*value*/) override { return true; }
+    bool start_object(std::size_t /*size*/) override { return true; }
+    bool end_object() override { return true; }
+    bool start_array(std::size_t /*size*/) override { return true; }
+    bool end_array() override { return true; }
+};
+
 Json parsed(const std::string& text) {
     if (const auto fault = json_fault(text)) refuse("the request: ", *fault);
     Json json = Json::parse(text, nullptr, false);
+    if (OverflowFinder finder; json.is_discarded() && !Json::sax_parse(text, &finder) &&
+                               finder.overflows && !finder.last_key.empty())
+        refuse('"', finder.last_key, "\" is too large a number");
     if (json.is_discarded() || !json.is_object()) refuse("the request is not a JSON object");
     return json;
 }
@@ -172,7 +203,8 @@ double Request::number(const std::string& name, double usual, double low, double
     const std::string& text = found->second;
     double result = 0.0;
     const char* end = text.data() + text.size();
-    if (std::from_chars(text.data(), end, result).ptr != end || !(result >= low && result <= high))
+    const auto [last, error] = std::from_chars(text.data(), end, result);
+    if (error != std::errc() || last != end || !(result >= low && result <= high))
         refuse('"', name, "\" must be a number from ", low, " to ", high);
     return result;
 }

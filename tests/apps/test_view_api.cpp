@@ -231,6 +231,8 @@ TEST_CASE("requests that are wrong are refused with a reason", "[view]") {
         {"frame", R"({"camera": 1})", "\"camera\" is not an object"},
         {"frame", R"({"camera": {"yaw": 1e9}})", "\"yaw\" must be from -180 to 180, got 1e+09"},
         {"frame", R"({"camera": {"yaw": "left"}})", "\"yaw\" is not a number"},
+        {"frame", R"({"camera": {"yaw": 1e999}})", "\"yaw\" is too large a number"},
+        {"frame", R"({"sliders": {"id": [-1e999]}})", "\"id\" is too large a number"},
         {"frame", R"({"camera": {"eye": [0, 1]}})", "\"eye\" must be three numbers"},
         {"frame", R"({"sliders": {"id": [9]}})", "\"id\" must be numbers from -6 to 6"},
         {"face", R"({"codes": "12"})", "codes are 1224 hexadecimal digits, got 2 characters"},
@@ -257,7 +259,12 @@ TEST_CASE("requests that are wrong are refused with a reason", "[view]") {
         CHECK(json::parse(answer.body)["error"].get<std::string>().starts_with(row.reason));
     }
     CHECK(client.send("tuned", "", {{"face", face}}).status == 400);
-    CHECK(client.send("photo", "x", {{"tune", "long"}}).status == 400);
+    for (const char* number : {"long", "1e999", "1e-999", "-1e999", "inf", "nan", ""}) {
+        INFO(number);
+        const view::Answer answer = client.send("photo", "x", {{"tune", number}});
+        CHECK(answer.status == 400);
+        CHECK_THAT(answer.body, Catch::Contains("\\\"tune\\\" must be a number from 0 to 600"));
+    }
     CHECK(client.api()({.path = "/api/frame", .session = "unknown"}).status == 410);
 }
 
