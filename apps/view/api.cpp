@@ -215,6 +215,7 @@ Answer Api::fit(Session& session, const Request& request) {
     if (request.body.empty()) throw RequestError(400, "the photo is missing");
     if (!studio_.model()->has_encoder())
         throw RequestError(400, "this model has no encoder, so no photo can be fitted");
+    if (tune > 0.0) session.shelf().require_room_for_tuned();
     session.start(fit_photo(studio_, session, request.body, "photo", tune));
     return job_answer(session);
 }

@@ -17,7 +17,10 @@ constexpr double idle_limit_seconds = 60.0;
 }  // namespace
 
 Session::Session(std::string id, Studio& studio)
-    : id_(std::move(id)), studio_(studio), allowance_(requests_at_once) {
+    : id_(std::move(id)),
+      studio_(studio),
+      shelf_(studio.tuned_models()),
+      allowance_(requests_at_once) {
     for (const auto& [name, face] : studio.first_faces())
         static_cast<void>(shelf_.add({name, face, studio.model()}));
 }

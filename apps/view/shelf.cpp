@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <set>
 
 #include "core/error.h"
 
@@ -12,8 +13,7 @@ namespace stymo::view {
 namespace {
 
 constexpr std::size_t most_faces = 64;
-/// Each has a decoder of its own.
-constexpr std::ptrdiff_t most_tuned_faces = 16;
+constexpr std::size_t most_tuned_models = 16;
 constexpr std::size_t digits_of_element = 4;
 
 /// The beginning of a name in UTF-8, without half a character at its end.
@@ -31,15 +31,50 @@ std::string shortened(std::string name) {
 
 }  // namespace
 
+void TunedModels::require_room_locked() {
+    std::erase_if(models_, [](const auto& model) { return model.expired(); });
+    if (models_.size() >= most_)
+        fail<ValueError>("all open pages have room for ", most_,
+                         " faces with tuned weights; remove one first");
+}
+
+void TunedModels::require_room() {
+    const std::lock_guard lock(mutex_);
+    require_room_locked();
+}
+
+void TunedModels::count(const std::shared_ptr<const Model>& model) {
+    const std::lock_guard lock(mutex_);
+    if (std::ranges::any_of(models_, [&](const auto& known) { return known.lock() == model; }))
+        return;
+    require_room_locked();
+    models_.emplace_back(model);
+}
+
+void Shelf::require_room_for_model(const ShelfFace& face, const std::string& except) const {
+    if (!face.tuned) return;
+    std::set<const Model*> models{face.model.get()};
+    for (const auto& [id, other] : faces_) {
+        if (other.tuned && id != except) models.insert(other.model.get());
+    }
+    if (models.size() > most_tuned_models)
+        fail<ValueError>("there is room for ", most_tuned_models,
+                         " faces with tuned weights; remove one first");
+    if (face.model) all_.count(face.model);
+}
+
+void Shelf::require_room_for_tuned() const {
+    const std::lock_guard lock(mutex_);
+    require_room_for_model({.name = {}, .face = {}, .model = nullptr, .tuned = true});
+    all_.require_room();
+}
+
 std::string Shelf::add(ShelfFace face) {
     face.name = shortened(std::move(face.name));
     const std::lock_guard lock(mutex_);
     if (faces_.size() >= most_faces)
         fail<ValueError>("there is room for ", most_faces, " faces; remove one first");
-    const auto is_tuned = [](const auto& entry) { return entry.second.tuned; };
-    if (face.tuned && std::ranges::count_if(faces_, is_tuned) >= most_tuned_faces)
-        fail<ValueError>("there is room for ", most_tuned_faces,
-                         " faces with tuned weights; remove one first");
+    require_room_for_model(face);
     const std::string id = "f" + std::to_string(++count_);
     faces_.emplace_back(id, std::move(face));
     return id;
@@ -56,6 +91,7 @@ void Shelf::replace(const std::string& id, ShelfFace face) {
     const std::lock_guard lock(mutex_);
     const auto found = std::ranges::find(faces_, id, &std::pair<std::string, ShelfFace>::first);
     if (found == faces_.end()) fail<ValueError>("there is no face ", id);
+    require_room_for_model(face, id);
     found->second = std::move(face);
 }
 

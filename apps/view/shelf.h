@@ -20,20 +20,51 @@ struct ShelfFace {
     bool tuned = false;
 };
 
-/// The faces that one viewer can show and mix. Thread-safe.
+/// Counts the tuned models that exist in all sessions. Thread-safe.
+class TunedModels {
+public:
+    explicit TunedModels(std::size_t most = 64) : most_(most) {}
+    /// Counts a model until it is released. A model is counted once. Throws ValueError if there are
+    /// too many.
+    void count(const std::shared_ptr<const Model>& model);
+    /// Throws ValueError if `count` would for a further model.
+    void require_room();
+
+private:
+    void require_room_locked();
+
+    std::size_t most_;
+    std::mutex mutex_;
+    std::vector<std::weak_ptr<const Model>> models_;
+};
+
+/// The faces that one viewer can show and mix: at most 64. Thread-safe.
+///
+/// A tuned model holds a decoder of its own, which mixed faces share. A shelf has at most 16 tuned
+/// models, and all shelves have at most as many as `TunedModels` allows. So the faces of all
+/// sessions take no more memory than 64 decoders, besides the common model.
 class Shelf {
 public:
-    /// Adds a face and returns its id. Throws ValueError if the shelf is full.
+    explicit Shelf(TunedModels& all) : all_(all) {}
+    /// Adds a face and returns its id. Throws ValueError if there is no room for the face or its
+    /// model.
     [[nodiscard]] std::string add(ShelfFace face);
     /// Throws ValueError for an unknown id.
     [[nodiscard]] ShelfFace find(const std::string& id) const;
-    /// Replaces a face, for example during its fit. Throws ValueError for an unknown id.
+    /// Replaces a face, for example during its fit. Throws ValueError for an unknown id, and if
+    /// there is no room for the new model; then the old face stays.
     void replace(const std::string& id, ShelfFace face);
+    /// Throws ValueError if there is no room for a further tuned model.
+    void require_room_for_tuned() const;
     void remove(const std::string& id);
     /// All pairs (id, face) in the order in which they were added.
     [[nodiscard]] std::vector<std::pair<std::string, ShelfFace>> all() const;
 
 private:
+    /// `except`: the id of a face that does not count.
+    void require_room_for_model(const ShelfFace& face, const std::string& except = {}) const;
+
+    TunedModels& all_;
     mutable std::mutex mutex_;
     std::uint64_t count_ = 0;
     std::vector<std::pair<std::string, ShelfFace>> faces_;

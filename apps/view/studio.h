@@ -13,6 +13,7 @@
 #include "apps/view/code_directions.h"
 #include "apps/view/frame.h"
 #include "apps/view/scheduler.h"
+#include "apps/view/shelf.h"
 #include "fit/photo/face_detector.h"
 #include "nn/models/code_file.h"
 #include "nn/models/reconstruction.h"
@@ -57,6 +58,7 @@ public:
     /// The face detector, which is made when first needed. Throws Error in a build without dlib.
     [[nodiscard]] std::shared_ptr<const FaceDetector> face_detector();
     [[nodiscard]] Scheduler& scheduler() { return *scheduler_; }
+    [[nodiscard]] TunedModels& tuned_models() { return tuned_models_; }
     /// Locked by the job that uses all threads, so that other jobs wait.
     [[nodiscard]] std::timed_mutex& heavy_work() { return heavy_work_; }
 
@@ -71,6 +73,7 @@ private:
     std::mutex made_when_needed_;
     std::unique_ptr<ReconstructionLoss> loss_;
     std::shared_ptr<const FaceDetector> detector_;
+    TunedModels tuned_models_;
     std::timed_mutex heavy_work_;
     std::unique_ptr<Scheduler> scheduler_;
 };

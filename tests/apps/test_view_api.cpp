@@ -12,6 +12,7 @@
 #include "core/io/jpeg.h"
 #include "core/metrics.h"
 #include "core/ops/elementwise.h"
+#include "core/rng.h"
 #include "nn/models/code_file.h"
 #include "nn/models/weight_changes.h"
 #include "nn/realtime/view.h"
@@ -169,6 +170,44 @@ TEST_CASE("tuned weights that were saved are opened again, and no others", "[vie
     for (int i = 0; i < 20; ++i)
         static_cast<void>(client.send("weights", weights, {{"face", face}}));
     CHECK_THAT(reason(weights), Catch::Contains("remove one first"));
+    // A fit that could not keep its tuned weights does not begin.
+    const view::Answer fit = client.send("photo", "x", {{"tune", "5"}});
+    CHECK(fit.status == 400);
+    CHECK_THAT(fit.body, Catch::Contains("remove one first"));
+    CHECK(client.send("photo", "x").status == 200);
+}
+
+TEST_CASE("tuned models are counted, however they come to a shelf, and faces of one model once",
+          "[view]") {
+    Rng rng(1);
+    const auto tuned = [&] {
+        return view::ShelfFace{
+            .name = "tuned",
+            .face = {},
+            .model = std::make_shared<const Model>(test::tiny_model_config(), rng),
+            .tuned = true};
+    };
+    view::TunedModels all(20);
+    view::Shelf shelf(all), other(all);
+    const view::ShelfFace first = tuned();
+    const std::string removed = shelf.add(tuned());
+    for (int i = 0; i < 20; ++i) static_cast<void>(shelf.add(first));  // as mixed faces do
+    for (int i = 0; i < 14; ++i) static_cast<void>(shelf.add(tuned()));
+    // As a fit does: its face is there before it is tuned.
+    const std::string fitted = shelf.add({.name = "fitted", .face = {}, .model = first.model});
+    CHECK_THROWS_AS(shelf.require_room_for_tuned(), ValueError);
+    CHECK_THROWS_WITH(shelf.replace(fitted, tuned()), Catch::Contains("remove one first"));
+    CHECK_THROWS_WITH(shelf.add(tuned()), Catch::Contains("remove one first"));
+    CHECK_FALSE(shelf.find(fitted).tuned);
+    shelf.remove(removed);
+    CHECK_NOTHROW(shelf.require_room_for_tuned());
+    CHECK_NOTHROW(shelf.replace(fitted, tuned()));
+    CHECK_NOTHROW(shelf.replace(fitted, tuned()));  // in place of its own
+
+    for (int i = 0; i < 4; ++i) static_cast<void>(other.add(tuned()));
+    CHECK_THROWS_WITH(other.add(tuned()), Catch::Contains("all open pages have room for 20"));
+    CHECK_THROWS_AS(other.require_room_for_tuned(), ValueError);
+    CHECK_NOTHROW(other.add(first));
 }
 
 TEST_CASE("a film, a mesh and a change of colour are made; a job is cancelled", "[view]") {
