@@ -2,12 +2,10 @@
 
 #include <array>
 
-#include "apps/view/private_file.h"
 #include "core/clock.h"
 #include "core/io/jpeg.h"
 #include "core/io/json_writer.h"
 #include "fit/edit/style_mix.h"
-#include "nn/models/weight_changes.h"
 
 namespace stymo::view {
 
@@ -250,26 +248,16 @@ Answer Api::codes_file(Session& session, const Request& request) {
 Answer Api::tuned_file(Session& session, const Request& request) {
     const ShelfFace face = session.shelf().find(request.value("face"));
     if (!face.tuned) throw RequestError(400, "this face is not tuned");
-    // The file holds all changes against the model of --model, including those of --tuned.
-    const Model plain =
-        load_model({.file = studio_.options().model.file, .tuned = {}}, ModelParts::decoder);
-    return download(written_bytes(".safetensors",
-                                  [&](const std::filesystem::path& file) {
-                                      WeightChanges::between(plain, *face.model).save(file);
-                                  }),
-                    "application/octet-stream", "tuned.safetensors");
+    session.start(save_tuned(studio_, face));
+    return job_answer(session);
 }
 
 Answer Api::tuned_face(Session& session, const Request& request) {
-    ShelfFace face = session.shelf().find(request.value("face"));
+    const ShelfFace face = session.shelf().find(request.value("face"));
     if (request.body.empty()) throw RequestError(400, "the tuned file is missing");
-    read_bytes(request.body, "the file", [&](const std::filesystem::path& file) {
-        face.model = std::make_shared<const Model>(
-            load_model({.file = studio_.options().model.file, .tuned = file}, ModelParts::decoder));
-    });
-    face.tuned = true;
-    face.name += ", tuned";
-    return faces_answer(session, session.shelf().add(face));
+    session.shelf().require_room_for_tuned();
+    session.start(open_tuned(studio_, session, face, request.body));
+    return job_answer(session);
 }
 
 Answer Api::eyes(Session& session, const Request& request) {

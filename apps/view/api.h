@@ -42,8 +42,7 @@ private:
                                        const Sliders& sliders) const;
     [[nodiscard]] Answer codes_file(Session& session, const Request& request);
     [[nodiscard]] Answer tuned_file(Session& session, const Request& request);
-    /// The inverse of tuned_file: adds a new face with the codes of this one and the weights in the
-    /// request's body.
+    /// The inverse of tuned_file; the body of the request is the file.
     [[nodiscard]] Answer tuned_face(Session& session, const Request& request);
     [[nodiscard]] Answer eyes(Session& session, const Request& request);
 

@@ -15,6 +15,7 @@
 #include "fit/fit_job.h"
 #include "fit/photo/face_parser.h"
 #include "nn/models/display_image.h"
+#include "nn/models/weight_changes.h"
 #include "nn/realtime/head_mesh.h"
 #include "nn/realtime/mesh_colors.h"
 #include "nn/realtime/view.h"
@@ -236,6 +237,37 @@ Job::Body mesh(Studio& studio, const ShelfFace& face) {
                              .triangles = surface.triangles});
         });
         job.set_artifact({bytes, "application/octet-stream", "face.ply"});
+    };
+}
+
+Job::Body save_tuned(Studio& studio, const ShelfFace& face) {
+    return [&studio, face](Job& job) {
+        const auto lock = turn(studio, job);
+        job.report("saving the tuned weights", 0, 0);
+        // The file holds all changes against the model of --model, including those of --tuned.
+        const Model plain =
+            load_model({.file = studio.options().model.file, .tuned = {}}, ModelParts::decoder);
+        const std::string bytes =
+            written_bytes(".safetensors", [&](const std::filesystem::path& file) {
+                WeightChanges::between(plain, *face.model).save(file);
+            });
+        job.set_artifact({bytes, "application/octet-stream", "tuned.safetensors"});
+    };
+}
+
+Job::Body open_tuned(Studio& studio, Session& session, const ShelfFace& face, std::string weights) {
+    return [&studio, &session, face, weights = std::move(weights)](Job& job) {
+        const auto lock = turn(studio, job);
+        session.shelf().require_room_for_tuned();
+        job.report("opening the tuned weights", 0, 0);
+        ShelfFace tuned = face;
+        read_bytes(weights, "the file", [&](const std::filesystem::path& file) {
+            tuned.model = std::make_shared<const Model>(load_model(
+                {.file = studio.options().model.file, .tuned = file}, ModelParts::decoder));
+        });
+        tuned.tuned = true;
+        tuned.name += ", tuned";
+        job.set_face(session.shelf().add(std::move(tuned)));
     };
 }
 

@@ -42,4 +42,12 @@ struct FilmWish {
 /// The surface of a face as a PLY file.
 [[nodiscard]] Job::Body mesh(Studio& studio, const ShelfFace& face);
 
+/// The weights of a tuned face as a file for --tuned.
+[[nodiscard]] Job::Body save_tuned(Studio& studio, const ShelfFace& face);
+
+/// The inverse of `save_tuned`: adds a new face with the codes of this one and the weights of the
+/// file with the bytes `weights`.
+[[nodiscard]] Job::Body open_tuned(Studio& studio, Session& session, const ShelfFace& face,
+                                   std::string weights);
+
 }  // namespace stymo::view

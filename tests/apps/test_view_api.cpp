@@ -1,7 +1,10 @@
 // The requests of stymo-view without HTTP, on the tiny run's model.
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <chrono>
 #include <future>
+#include <mutex>
+#include <thread>
 
 #include "apps/tiny_run.h"
 #include "apps/view/private_file.h"
@@ -151,30 +154,47 @@ TEST_CASE("tuned weights that were saved are opened again, and no others", "[vie
                                    [&](const std::filesystem::path& file) { changes.save(file); });
     };
     const std::string weights = bytes_of(WeightChanges::between(model, tuned));
-    const json opened = json::parse(client.send("weights", weights, {{"face", face}}).body);
-    const std::string id = opened["face"];
-    CHECK(opened["faces"].back()["tuned"] == true);
-    CHECK(client.send("tuned", "", {{"face", id}}).body == weights);
+    const auto opening = [&](const std::string& bytes) {
+        const view::Answer answer = client.send("weights", bytes, {{"face", face}});
+        return answer.status == 200 ? client.ended_job() : json::parse(answer.body);
+    };
+    const std::string id = opening(weights)["face"];
+    CHECK(client.json("faces")["faces"].back()["tuned"] == true);
+    CHECK(client.send("tuned", "", {{"face", id}}).status == 200);
+    CHECK(client.ended_job()["state"] == "done");
+    CHECK(client.ask("result").body == weights);
     CHECK(peak_signal_to_noise_ratio(picture(client.ask("frame", frame_of(id, "still"))),
                                      picture(client.ask("frame", frame_of(face, "still")))) < 50.0);
 
     const auto reason = [&](const std::string& bytes) {
-        const view::Answer answer = client.send("weights", bytes, {{"face", face}});
-        CHECK(answer.status == 400);
-        return json::parse(answer.body)["error"].get<std::string>();
+        return opening(bytes)["error"].get<std::string>();
     };
     CHECK_THAT(reason("no weights"), Catch::StartsWith("the file: "));
     CHECK_THAT(reason(bytes_of(WeightChanges::between(tuned, model))),
                Catch::StartsWith("the file: these weight changes were made for another model"));
     CHECK(client.send("weights", "", {{"face", face}}).status == 400);
-    for (int i = 0; i < 20; ++i)
-        static_cast<void>(client.send("weights", weights, {{"face", face}}));
+    for (int i = 0; i < 15; ++i) CHECK(opening(weights)["state"] == "done");
     CHECK_THAT(reason(weights), Catch::Contains("remove one first"));
     // A fit that could not keep its tuned weights does not begin.
     const view::Answer fit = client.send("photo", "x", {{"tune", "5"}});
     CHECK(fit.status == 400);
     CHECK_THAT(fit.body, Catch::Contains("remove one first"));
     CHECK(client.send("photo", "x").status == 200);
+}
+
+TEST_CASE("a model is loaded by a job, which waits for others, and not by the request", "[view]") {
+    ViewClient client;
+    const std::string face = client.first_face();
+    std::unique_lock other(client.studio().heavy_work());
+    CHECK(client.send("weights", "no weights", {{"face", face}}).status == 200);
+    json job = client.json("job");
+    for (int i = 0; i < 100 && job["phase"] == ""; ++i) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+        job = client.json("job");
+    }
+    CHECK(job["phase"] == "waiting for another job");
+    other.unlock();
+    CHECK(client.ended_job()["state"] == "failed");
 }
 
 TEST_CASE("tuned models are counted, however they come to a shelf, and faces of one model once",

@@ -22,15 +22,19 @@ async function snapshot() {
 
 const shownFace = () => JSON.stringify({ face: state.face, sliders: state.sliders });
 
-async function saveOf(path) {
-  const query = new URLSearchParams({ face: state.face });
-  const response = await post(path + "?" + query, shownFace());
+async function saveCodes() {
+  const response = await post("codes", shownFace());
   const name = /filename="([^"]+)"/.exec(response.headers.get("Content-Disposition"))[1];
   save(await response.blob(), name);
 }
 
 async function saveMesh() {
   await post("mesh", shownFace());
+  await watchJob(false);
+}
+
+async function saveTuned() {
+  await post("tuned?" + new URLSearchParams({ face: state.face }));
   await watchJob(false);
 }
 
@@ -45,8 +49,8 @@ function keepSliders() {
 function connectButtons() {
   element("reset").onclick = () => { stopFollowing(); resetView(); };
   element("snapshot").onclick = guarded(snapshot);
-  element("codes").onclick = guarded(() => saveOf("codes"));
-  element("tuned").onclick = guarded(() => saveOf("tuned"));
+  element("codes").onclick = guarded(saveCodes);
+  element("tuned").onclick = guarded(saveTuned);
   element("mesh").onclick = guarded(saveMesh);
   element("draw").onclick = drawNew;
   element("photo").onchange = (event) => {

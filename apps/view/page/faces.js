@@ -133,12 +133,12 @@ export async function openFiles(files) {
   if (!weights) return;
   try {
     const query = new URLSearchParams({ face: state.face });
-    const answer = await (await post("weights?" + query, weights)).json();
-    setFaces(answer);
-    showFace(answer.face);
+    await post("weights?" + query, weights);
   } catch (error) {
     say(error.message);
+    return;
   }
+  await watchJob(false);
 }
 
 export async function fitPhoto(file) {

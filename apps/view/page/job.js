@@ -1,4 +1,4 @@
-// Follows what takes seconds: a fit, a change of colour, a film, a mesh.
+// Follows what takes seconds: a fit, a change of colour, a film, a mesh, tuned weights.
 
 import { ask, post, save } from "/page/api.js";
 import { drawThumbnail, faceOf, refreshFaces, showFace } from "/page/faces.js";
