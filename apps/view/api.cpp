@@ -123,6 +123,8 @@ Answer Api::answer(const Request& request) {
 }
 
 Answer Api::open_session() {
+    if (!sessions_.allows_opening())
+        throw RequestError(429, "too many pages are opened at once; wait a moment");
     const std::shared_ptr<Session> session = sessions_.open();
     if (!session) throw RequestError(503, "too many viewers are open; close one and try again");
     std::vector<JsonValue> groups;

@@ -11,16 +11,31 @@ namespace {
 
 /// Rate limit of a session: requests per second, and largest burst.
 constexpr double requests_per_second = 200.0, requests_at_once = 400.0;
-/// A session that has been idle for longer may be replaced by a new one.
-constexpr double idle_limit_seconds = 60.0;
+constexpr double openings_per_second = 1.0;
 
 }  // namespace
+
+bool RateLimit::allows() {
+    const std::lock_guard lock(mutex_);
+    const Clock::time_point now = Clock::now();
+    const double passed = std::chrono::duration<double>(now - last_).count();
+    last_ = now;
+    allowance_ = std::min(allowance_ + passed * per_second_, at_once_);
+    if (allowance_ < 1.0) return false;
+    allowance_ -= 1.0;
+    return true;
+}
+
+double RateLimit::idle_seconds() const {
+    const std::lock_guard lock(mutex_);
+    return std::chrono::duration<double>(Clock::now() - last_).count();
+}
 
 Session::Session(std::string id, Studio& studio)
     : id_(std::move(id)),
       studio_(studio),
       shelf_(studio.tuned_models()),
-      allowance_(requests_at_once) {
+      requests_(requests_per_second, requests_at_once) {
     for (const auto& [name, face] : studio.first_faces())
         static_cast<void>(shelf_.add({name, face, studio.model()}));
 }
@@ -55,38 +70,38 @@ std::optional<Artifact> Session::artifact() const {
 }
 
 std::optional<EyeTracker::Sight> Session::see(const Tensor& image, const EyeCamera& camera) {
-    const double seconds = std::chrono::duration<double>(Clock::now().time_since_epoch()).count();
+    const double seconds =
+        std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
     const std::lock_guard lock(eye_mutex_);
     if (!eyes_) eyes_.emplace(studio_.face_detector());
     return eyes_->see(image, camera, seconds);
 }
 
-bool Session::allows_request() {
-    const std::lock_guard lock(rate_mutex_);
-    const Clock::time_point now = Clock::now();
-    const double passed = std::chrono::duration<double>(now - last_used_).count();
-    last_used_ = now;
-    allowance_ = std::min(allowance_ + passed * requests_per_second, requests_at_once);
-    if (allowance_ < 1.0) return false;
-    allowance_ -= 1.0;
-    return true;
+bool Session::in_use(double idle_seconds) const {
+    const std::optional<JobStatus> job = job_status();
+    return (job && job->state == JobStatus::State::running) ||
+           requests_.idle_seconds() < idle_seconds;
 }
 
-double Session::idle_seconds() const {
-    const std::lock_guard lock(rate_mutex_);
-    return std::chrono::duration<double>(Clock::now() - last_used_).count();
-}
-
-Sessions::Sessions(Studio& studio, std::size_t most) : studio_(studio), most_(most) {}
+Sessions::Sessions(Studio& studio, std::size_t most, double idle_seconds)
+    : studio_(studio),
+      most_(most),
+      idle_seconds_(idle_seconds),
+      openings_(openings_per_second, 2.0 * static_cast<double>(most) + 16.0) {}
 
 std::shared_ptr<Session> Sessions::open() {
     std::shared_ptr<Session> leaving;  // ends without the lock, since its job may take a moment
     const std::lock_guard lock(mutex_);
     if (sessions_.size() >= most_) {
-        const auto idlest = std::ranges::max_element(
-            sessions_, {}, [](const auto& entry) { return entry.second->idle_seconds(); });
-        if (idlest == sessions_.end() || idlest->second->idle_seconds() < idle_limit_seconds)
-            return nullptr;
+        auto idlest = sessions_.end();
+        for (auto entry = sessions_.begin(); entry != sessions_.end(); ++entry) {
+            const Session& session = *entry->second;
+            if (session.in_use(idle_seconds_)) continue;
+            if (idlest == sessions_.end() ||
+                session.idle_seconds() > idlest->second->idle_seconds())
+                idlest = entry;
+        }
+        if (idlest == sessions_.end()) return nullptr;
         leaving = std::move(idlest->second);
         sessions_.erase(idlest);
     }

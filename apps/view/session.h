@@ -14,6 +14,26 @@
 
 namespace stymo::view {
 
+/// Limits how often something happens. Thread-safe.
+class RateLimit {
+public:
+    RateLimit(double per_second, double at_once)
+        : per_second_(per_second), at_once_(at_once), allowance_(at_once) {}
+    /// Counts an event, and returns whether it is within the limit.
+    [[nodiscard]] bool allows();
+    /// Since the last event, or since the beginning.
+    [[nodiscard]] double idle_seconds() const;
+
+private:
+    using Clock = std::chrono::steady_clock;
+
+    double per_second_;
+    double at_once_;
+    mutable std::mutex mutex_;
+    Clock::time_point last_ = Clock::now();
+    double allowance_;
+};
+
 /// One page in one browser: its faces, its job, and the eye tracker of its viewer.
 class Session {
 public:
@@ -39,12 +59,13 @@ public:
                                                        const EyeCamera& camera);
 
     /// Counts a request, and returns whether it is within the rate limit of a session.
-    [[nodiscard]] bool allows_request();
-    [[nodiscard]] double idle_seconds() const;
+    [[nodiscard]] bool allows_request() { return requests_.allows(); }
+    /// Whether its job runs, or it had a request within the last `idle_seconds`. The page makes one
+    /// every 20 s while it is open.
+    [[nodiscard]] bool in_use(double idle_seconds) const;
+    [[nodiscard]] double idle_seconds() const { return requests_.idle_seconds(); }
 
 private:
-    using Clock = std::chrono::steady_clock;
-
     std::string id_;
     Studio& studio_;
     Shelf shelf_;
@@ -52,18 +73,20 @@ private:
     std::unique_ptr<Job> job_;
     std::mutex eye_mutex_;
     std::optional<EyeTracker> eyes_;
-    mutable std::mutex rate_mutex_;
-    Clock::time_point last_used_ = Clock::now();
-    double allowance_;
+    RateLimit requests_;
 };
 
 /// The open sessions. Their number is limited. Thread-safe.
 class Sessions {
 public:
-    Sessions(Studio& studio, std::size_t most);
+    /// A session without requests for `idle_seconds` may be closed for a new one.
+    Sessions(Studio& studio, std::size_t most, double idle_seconds = 180.0);
 
-    /// Opens a session with the first faces on its shelf. If there are too many sessions, one that
-    /// has not been used for a while is closed; if there is none, the result is null.
+    /// Counts a request to open a session, and returns whether it is within the rate limit: one
+    /// each second, and more than twice as many as there may be sessions at once.
+    [[nodiscard]] bool allows_opening() { return openings_.allows(); }
+    /// Opens a session with the first faces on its shelf. If there are too many sessions, the one
+    /// that has been idle for longest is closed. The result is null if all of them are in use.
     [[nodiscard]] std::shared_ptr<Session> open();
     /// Null for an unknown id.
     [[nodiscard]] std::shared_ptr<Session> find(const std::string& id) const;
@@ -73,6 +96,8 @@ public:
 private:
     Studio& studio_;
     std::size_t most_;
+    double idle_seconds_;
+    RateLimit openings_;
     mutable std::mutex mutex_;
     std::map<std::string, std::shared_ptr<Session>> sessions_;
 };

@@ -36,6 +36,8 @@ export async function ask(path, value) {
 export async function openSession() {
   const opened = await ask("session");
   session = opened.session;
+  // So that the program does not take a page that nobody touches for one that is closed.
+  setInterval(() => post("job").catch(() => {}), 20000);
   addEventListener("pagehide", () => { post("close", "", { keepalive: true }).catch(() => {}); });
   // A page that the browser has kept comes back to a session that has ended.
   addEventListener("pageshow", (event) => { if (event.persisted) location.reload(); });
