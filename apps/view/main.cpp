@@ -1,4 +1,5 @@
 #include <chrono>
+#include <cstdlib>
 #include <functional>
 #include <iostream>
 #include <string_view>
@@ -10,27 +11,47 @@
 #include "apps/view/server.h"
 #include "core/error.h"
 #include "core/interrupt.h"
+#include "core/io/file.h"
 
 namespace {
 
 struct Options {
     stymo::view::StudioOptions studio;
     stymo::view::ServerOptions server;
+    std::string token_file;
     int most_sessions = 32;
     std::string mode = "auto";
 };
 
+constexpr const char* token_variable = "STYMO_TOKEN";
+
 /// The token is part of an address.
-void require_plain(const std::string& token) {
+void require_plain(const std::string& token, const std::string& source) {
     constexpr std::string_view plain =
         "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._~-";
     if (token.find_first_not_of(plain) != std::string::npos)
-        stymo::fail<stymo::UsageError>("--token: use only letters, digits and . _ ~ -");
+        stymo::fail<stymo::UsageError>(source, ": use only letters, digits and . _ ~ -");
+}
+
+/// From --token, else from --token-file, else from the environment; empty if there is none.
+std::string chosen_token(const Options& options) {
+    std::string token = options.server.token, source = "--token";
+    if (token.empty() && !options.token_file.empty()) {
+        source = options.token_file;
+        token = stymo::read_text_file(options.token_file);
+        while (token.ends_with('\n') || token.ends_with('\r')) token.pop_back();
+        if (token.empty()) stymo::fail<stymo::FileError>(source, ": holds no token");
+    } else if (const char* set = std::getenv(token_variable); token.empty() && set != nullptr) {
+        source = token_variable;
+        token = set;
+    }
+    require_plain(token, source);
+    return token;
 }
 
 stymo::AppResult serve(Options options) {
     using std::chrono_literals::operator""ms;
-    require_plain(options.server.token);
+    options.server.token = chosen_token(options);
     stymo::view::Server::check_available();
     options.studio.chooses_mode = options.mode == "auto";
     if (!options.studio.chooses_mode)
@@ -66,7 +87,11 @@ int stymo_view(int argc, char** argv) {
     line.option("--host", options.server.host,
                 "address to listen on; any but this machine's own needs the token that is printed");
     line.option("--token", options.server.token,
-                "secret that requests must bring: letters, digits and . _ ~ -");
+                "secret that requests must bring: letters, digits and . _ ~ -; other users of this "
+                "machine see it in the list of processes");
+    line.option("--token-file", options.token_file,
+                "file that holds the token, unseen by others (default: the environment variable "
+                "STYMO_TOKEN)");
     line.option("--mode", options.mode,
                 "how moving images are rendered; auto: the faster one of skip and half here")
         .one_of({"auto", "skip", "half", "baked", "exact"});

@@ -7,6 +7,7 @@
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <csignal>
+#include <cstdlib>
 #include <functional>
 #include <thread>
 
@@ -17,6 +18,7 @@
 #include "apps/view_client.h"
 #include "core/clock.h"
 #include "core/error.h"
+#include "core/io/file.h"
 
 using namespace stymo;
 
@@ -266,4 +268,31 @@ TEST_CASE("stymo-view says where its page is and ends with the signal", "[view]"
     CHECK(line_count(refused.err) == 1);
     CHECK_THAT(refused.err,
                Catch::StartsWith("stymo-view: ") && Catch::Contains("cut.safetensors"));
+}
+
+TEST_CASE("stymo-view takes its token from a file or the environment", "[view]") {
+    const TemporaryFile file, empty;
+    write_text_file(file.path(), "from-file\n", Survives::nothing);
+    struct Row {
+        std::vector<std::string> options;
+        const char* token;
+    };
+    const std::string name = file.path().string();
+    ::setenv("STYMO_TOKEN", "from-environment", 1);
+    for (const Row& row : {Row{{}, "from-environment"}, Row{{"--token-file", name}, "from-file"},
+                           Row{{"--token-file", name, "--token", "given"}, "given"}}) {
+        std::vector<std::string> arguments{"--model", "run/model.safetensors", "--port", "0"};
+        arguments.insert(arguments.end(), row.options.begin(), row.options.end());
+        RunningTool running(tiny_run(), "stymo-view", arguments);
+        CHECK(running.says("/?token=" + std::string(row.token) + " in a browser"));
+        running.send(SIGTERM);
+        CHECK(running.wait().exit_code == 0);
+    }
+    ::setenv("STYMO_TOKEN", "a&b", 1);
+    const std::string command = "stymo-view --model run/model.safetensors --port 0";
+    CHECK_THAT(run_tool(tiny_run(), command).err, Catch::Contains("STYMO_TOKEN: use only letters"));
+    ::unsetenv("STYMO_TOKEN");
+    CHECK_THAT(run_tool(tiny_run(), command + " --token-file " + empty.path().string()).err,
+               Catch::Contains(": holds no token"));
+    CHECK(run_tool(tiny_run(), command + " --token-file none").exit_code == 1);
 }
