@@ -1,13 +1,12 @@
 #include "apps/view/server.h"
 
 #ifdef STYMO_WITH_HTTPLIB
-#include <httplib.h>
+#include "apps/view/timed_server.h"
 #endif
 
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <cmath>
 #include <thread>
 
 #include "apps/common/host_name.h"
@@ -78,12 +77,12 @@ bool is_longer(const httplib::Request& request, std::size_t most_bytes) {
 struct Server::Implementation {
     std::function<Answer(const Request&)> answer_to;
     ServerOptions options;
-    httplib::Server http;
+    TimedServer http;
     std::thread listener;
     int port = 0;
 
     Implementation(std::function<Answer(const Request&)> answers, ServerOptions given)
-        : answer_to(std::move(answers)), options(std::move(given)) {}
+        : answer_to(std::move(answers)), options(std::move(given)), http(options.clients) {}
 
     /// Rejects requests from other origins before their body is read.
     [[nodiscard]] httplib::Server::HandlerResponse guard(const httplib::Request& request,
@@ -165,13 +164,6 @@ void Server::Implementation::page(const httplib::Request& request, httplib::Resp
 }
 
 void Server::Implementation::set_up() {
-    http.new_task_queue = [count = options.threads] {
-        return new httplib::ThreadPool(static_cast<std::size_t>(count));  // httplib deletes it
-    };
-    const double whole = std::floor(options.read_seconds);
-    const auto microseconds = static_cast<time_t>(1e6 * (options.read_seconds - whole));
-    http.set_read_timeout(static_cast<time_t>(whole), microseconds);
-    http.set_write_timeout(static_cast<time_t>(whole), microseconds);
     http.set_keep_alive_max_count(1'000'000);
     http.set_keep_alive_timeout(5);
     http.set_payload_max_length(options.most_body_bytes);
@@ -229,7 +221,7 @@ void Server::start() {
 void Server::stop() {
     Implementation& server = *implementation_;
     if (!server.listener.joinable()) return;
-    server.http.stop();
+    server.http.stop_serving();
     server.listener.join();
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "apps/view/api.h"
+#include "apps/view/client_limits.h"
 
 namespace stymo::view {
 
@@ -14,13 +15,13 @@ struct ServerOptions {
     int port = 8080;      ///< 0: any free port
     std::string token{};  ///< token that every request under /api must have; empty: none
     std::size_t most_body_bytes = 32U << 20U;
-    int threads = 128;  ///< number of connections that are served at once; further ones wait
-    double read_seconds = 10.0;  ///< largest time between two bytes from a client
+    ClientLimits clients{};
 };
 
 /// Serves the page and its requests over HTTP. Requests whose Host is not this server, or whose
 /// Origin is another page, are rejected, so that no other web page can use it. It serves no files
-/// of the machine.
+/// of the machine. Clients that send or read slowly do not keep others out (ClientLimits): a
+/// request that takes too long ends with its connection.
 class Server {
 public:
     /// Throws Error if stymo was built without cpp-httplib. The constructor does so too.

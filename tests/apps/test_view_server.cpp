@@ -74,8 +74,8 @@ struct Running {
     }
     static view::ServerOptions with_port(view::ServerOptions options) {
         options.port = 0;
-        options.threads = 8;
-        options.read_seconds = 0.5;
+        options.clients.connections = 8;
+        options.clients.read_seconds = 0.5;
         return options;
     }
     [[nodiscard]] std::string exchange(const std::string& request) const {
@@ -196,6 +196,65 @@ TEST_CASE("clients that send nothing, or a byte now and then, do not keep others
         idle.back()->send("POST /api/fr");
     }
     CHECK(is_status(running.exchange(running.request("GET /")), 200));
+}
+
+TEST_CASE("clients that drip requests do not keep others out", "[view]") {
+    const Running running;  // eight connections at once
+    std::vector<std::unique_ptr<Connection>> slow;
+    for (int i = 0; i < 20; ++i) {
+        slow.push_back(std::make_unique<Connection>(running.server.port()));
+        slow.back()->send("POST /api/session HTTP/1.1\r\nX: ");
+    }
+    const std::jthread dripping([&](const std::stop_token& stop) {
+        while (!stop.stop_requested()) {
+            for (const auto& connection : slow) connection->send("x");
+            std::this_thread::sleep_for(50ms);
+        }
+    });
+    for (int i = 0; i < 3; ++i) {
+        std::this_thread::sleep_for(300ms);
+        const double start = seconds_now();
+        CHECK(is_status(running.exchange(running.request("GET /")), 200));
+        CHECK(seconds_now() - start < 5.0);
+    }
+}
+
+TEST_CASE("a request and an answer have a deadline as a whole", "[view]") {
+    view::ServerOptions options;
+    options.clients.head_seconds = options.clients.body_seconds = 0.7;
+    const Running running(options);
+    const std::string head = "POST /api/frame HTTP/1.1\r\nHost: " + running.host() + "\r\n";
+    for (const std::string& start : {head + "X: ", head + "Content-Length: 10000\r\n\r\n"}) {
+        INFO(start);
+        const Connection connection(running.server.port());
+        connection.send(start);
+        const std::jthread dripping([&](const std::stop_token& stop) {
+            while (!stop.stop_requested()) {
+                connection.send("x");
+                std::this_thread::sleep_for(50ms);
+            }
+        });
+        const double begin = seconds_now();
+        static_cast<void>(connection.rest());
+        CHECK(seconds_now() - begin < 5.0);
+    }
+}
+
+TEST_CASE("a large body gets the time that it takes", "[view]") {
+    view::ServerOptions options;
+    options.clients.body_seconds = 0.5;
+    const Running running(options);
+    const std::string body(std::size_t{512} << 10U, ' ');
+    const std::string request = running.request("POST /api/frame", "", body);
+    const Connection connection(running.server.port());
+    constexpr std::size_t parts = 8;
+    for (std::size_t i = 0; i < parts; ++i) {
+        connection.send(
+            request.substr(i * request.size() / parts,
+                           (i + 1) * request.size() / parts - i * request.size() / parts));
+        std::this_thread::sleep_for(200ms);
+    }
+    CHECK(is_status(connection.rest(), 410));  // an unknown session
 }
 
 TEST_CASE("clients that read a byte now and then do not keep others out", "[view]") {

@@ -26,7 +26,8 @@ view::Answer answer(const view::Request& request) {
 
 class RunningServer {
 public:
-    RunningServer() : server_(answer, {.port = 0, .most_body_bytes = 4096, .threads = 1}) {
+    RunningServer()
+        : server_(answer, {.port = 0, .most_body_bytes = 4096, .clients = {.connections = 1}}) {
         server_.start();
         address_.sin_family = AF_INET;
         address_.sin_port = htons(static_cast<std::uint16_t>(server_.port()));

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <httplib.h>
+
+#include <chrono>
+#include <condition_variable>
+#include <functional>
+#include <map>
+#include <mutex>
+
+#include "apps/view/client_limits.h"
+
+namespace stymo::view {
+
+/// httplib's server limits the time between two bytes of a request only, so that clients that drip
+/// hold its threads for ever. This one limits the time of whole requests. While all connections are
+/// taken, a new one takes the place of the connection whose client has taken longest to send the
+/// head of its next request; so clients that do not know the token cannot keep others out.
+class TimedServer : public httplib::Server {
+public:
+    explicit TimedServer(const ClientLimits& limits);
+    /// Stops listening. Clients that have not sent a complete request are not waited for.
+    void stop_serving();
+
+private:
+    using Clock = std::chrono::steady_clock;
+
+    bool process_and_close_socket(socket_t socket) override;
+    void serve(socket_t socket);
+    /// Waits until there is room for a further connection.
+    void enter();
+    void leave();
+    void begin_head(socket_t socket);
+    void end_head(socket_t socket);
+
+    ClientLimits limits_;
+    std::mutex mutex_;
+    std::condition_variable left_;
+    std::size_t open_ = 0;
+    std::map<socket_t, Clock::time_point> heads_;  ///< since when a request is awaited
+};
+
+}  // namespace stymo::view
