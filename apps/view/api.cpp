@@ -2,6 +2,7 @@
 
 #include <array>
 
+#include "apps/view/jobs.h"
 #include "core/clock.h"
 #include "core/io/jpeg.h"
 #include "core/io/json_writer.h"
@@ -16,7 +17,7 @@ constexpr std::int64_t most_camera_pixels = 1280 * 960;
 /// A film is kept as a whole until it is written, with 12 bytes for each pixel.
 constexpr std::int64_t most_film_pixels = 900 * 256 * 256;
 
-JsonValue to_json(const std::string& id, const ShelfFace& face) {
+JsonValue to_json(const std::string& id, const ListedFace& face) {
     return JsonValue::object({{"face", id},
                               {"name", face.name},
                               {"tuned", face.tuned},
@@ -29,7 +30,7 @@ Answer json(const JsonValue& value) {
 
 Answer faces_answer(Session& session, const std::string& chosen) {
     std::vector<JsonValue> faces;
-    for (const auto& [id, face] : session.shelf().all()) faces.push_back(to_json(id, face));
+    for (const auto& [id, face] : session.faces().all()) faces.push_back(to_json(id, face));
     JsonValue value = JsonValue::object({{"faces", faces}});
     if (!chosen.empty()) value.add("face", chosen);
     return json(value);
@@ -56,14 +57,14 @@ Answer download(std::string bytes, const std::string& type, const std::string& n
             .headers = {{"Content-Disposition", "attachment; filename=\"" + name + "\""}}};
 }
 
-Codes moved(const Studio& studio, const Codes& codes, const Sliders& sliders) {
-    return moved_along(codes, studio.directions(), sliders);
+Codes moved(const SharedState& shared, const Codes& codes, const Sliders& sliders) {
+    return moved_along(codes, shared.directions(), sliders);
 }
 
 }  // namespace
 
-Api::Api(Studio& studio, std::size_t most_sessions)
-    : studio_(studio), sessions_(studio, most_sessions) {}
+Api::Api(SharedState& shared, std::size_t most_sessions)
+    : shared_(shared), sessions_(shared, most_sessions) {}
 
 Answer Api::operator()(const Request& request) {
     const auto failed = [](int status, const std::string& message) {
@@ -94,7 +95,7 @@ Answer Api::answer(const Request& request) {
     if (path == "/api/faces") return faces_answer(*session, "");
     if (path == "/api/face") return new_face(*session, request);
     if (path == "/api/remove") {
-        session->shelf().remove(request.value("face"));
+        session->faces().remove(request.value("face"));
         return faces_answer(*session, "");
     }
     if (path == "/api/photo") return fit(*session, request);
@@ -131,81 +132,84 @@ Answer Api::open_session() {
     for (std::size_t group = 0; group < code_names.size(); ++group) {
         groups.push_back(JsonValue::object({{"group", code_names[group]},
                                             {"label", group_labels[group]},
-                                            {"shares", studio_.directions()[group].shares}}));
+                                            {"shares", shared_.directions()[group].shares}}));
     }
     std::vector<JsonValue> faces;
-    for (const auto& [id, face] : session->shelf().all()) faces.push_back(to_json(id, face));
-    const Model& model = *studio_.model();
+    for (const auto& [id, face] : session->faces().all()) faces.push_back(to_json(id, face));
+    const Model& model = *shared_.model();
     return json(JsonValue::object({{"session", session->id()},
                                    {"faces", faces},
                                    {"groups", groups},
                                    {"resolution", model.config().decoder.resolution},
-                                   {"psnr", studio_.options().frames.psnr},
+                                   {"psnr", shared_.options().frames.psnr},
                                    {"draws", model.code_statistics().has_value()},
                                    {"fits", model.has_encoder() && FaceDetector::available()}}));
 }
 
 Answer Api::frame(Session& session, const Request& request) {
-    const FrameWish wish = frame_wish(request.body, studio_.model()->config().camera);
-    const ShelfFace face = session.shelf().find(wish.face);
+    const FrameQuery query = frame_query(request.body, shared_.model()->config().camera);
+    const ListedFace face = session.faces().find(query.face);
     const double start = seconds_now();
-    const std::optional<Frame> frame = studio_.scheduler().render(
-        session.id(), {face.model, moved(studio_, face.face.codes, wish.sliders), wish.camera,
-                       wish.layer, wish.quality});
+    const std::optional<Frame> frame = shared_.scheduler().render(
+        session.id(), {face.model, moved(shared_, face.face.codes, query.sliders), query.camera,
+                       query.layer, query.quality});
     if (!frame) return {.status = 204, .body = {}};  // a newer one was asked for
-    JsonValue told = JsonValue::object({{"milliseconds", frame->milliseconds},
-                                        {"waited", 1e3 * (seconds_now() - start)},
-                                        {"mode", frame->mode},
-                                        {"side", frame->side},
-                                        {"tolerance", frame->tolerance}});
-    if (frame->moving_psnr) told.add("psnr", *frame->moving_psnr);
-    return {.type = "image/jpeg", .body = frame->jpeg, .headers = {{"X-Stymo-Frame", told.text()}}};
+    JsonValue frame_info = JsonValue::object({{"milliseconds", frame->milliseconds},
+                                              {"waited", 1e3 * (seconds_now() - start)},
+                                              {"mode", frame->mode},
+                                              {"side", frame->side},
+                                              {"tolerance", frame->tolerance}});
+    if (frame->moving_psnr) frame_info.add("psnr", *frame->moving_psnr);
+    return {.type = "image/jpeg",
+            .body = frame->jpeg,
+            .headers = {{"X-Stymo-Frame", frame_info.text()}}};
 }
 
 Answer Api::new_face(Session& session, const Request& request) {
-    const FaceWish wish = face_wish(request.body);
-    ShelfFace face{wish.name, {}, studio_.model()};
-    switch (wish.source) {
-        case FaceWish::Source::drawn:
-            face.face = studio_.drawn_face(wish.seed, wish.truncation);
-            if (face.name.empty()) face.name = "drawn " + std::to_string(wish.seed);
+    const FaceQuery query = face_query(request.body);
+    ListedFace face{query.name, {}, shared_.model()};
+    switch (query.source) {
+        case FaceQuery::Source::drawn:
+            face.face = shared_.drawn_face(query.seed, query.truncation);
+            if (face.name.empty()) face.name = "drawn " + std::to_string(query.seed);
             break;
-        case FaceWish::Source::codes:
-            face.face = {codes_of_text(wish.codes), frontal_pose(studio_.model()->config().camera)};
+        case FaceQuery::Source::codes:
+            face.face = {codes_of_text(query.codes),
+                         frontal_pose(shared_.model()->config().camera)};
             if (face.name.empty()) face.name = "shared";
             break;
-        case FaceWish::Source::file:
-            face.face = parse_code_file(wish.codes, "the file");
+        case FaceQuery::Source::file:
+            face.face = parse_code_file(query.codes, "the file");
             if (face.name.empty()) face.name = "opened";
             break;
-        case FaceWish::Source::mixed: {
-            const ShelfFace target = session.shelf().find(wish.face),
-                            source = session.shelf().find(wish.other);
+        case FaceQuery::Source::mixed: {
+            const ListedFace target = session.faces().find(query.face),
+                             source = session.faces().find(query.other);
             face.model = target.model;
             face.tuned = target.tuned;
             face.face = target.face;
-            face.face.codes = mix_codes(moved(studio_, target.face.codes, wish.sliders),
-                                        source.face.codes, wish.groups);
+            face.face.codes = mix_codes(moved(shared_, target.face.codes, query.sliders),
+                                        source.face.codes, query.groups);
             if (face.name.empty()) face.name = target.name + " + " + source.name;
             break;
         }
-        case FaceWish::Source::moved: {
-            face = moved_face(session, wish.face, wish.sliders);
-            face.name = wish.name.empty() ? face.name + ", changed" : wish.name;
+        case FaceQuery::Source::moved: {
+            face = moved_face(session, query.face, query.sliders);
+            face.name = query.name.empty() ? face.name + ", changed" : query.name;
             break;
         }
     }
-    return faces_answer(session, session.shelf().add(face));
+    return faces_answer(session, session.faces().add(face));
 }
 
-ShelfFace Api::shown_face(Session& session, const Request& request) const {
-    const FrameWish wish = frame_wish(request.body, studio_.model()->config().camera);
-    return moved_face(session, wish.face, wish.sliders);
+ListedFace Api::shown_face(Session& session, const Request& request) const {
+    const FrameQuery query = frame_query(request.body, shared_.model()->config().camera);
+    return moved_face(session, query.face, query.sliders);
 }
 
-ShelfFace Api::moved_face(Session& session, const std::string& id, const Sliders& sliders) const {
-    ShelfFace face = session.shelf().find(id);
-    face.face.codes = moved(studio_, face.face.codes, sliders);
+ListedFace Api::moved_face(Session& session, const std::string& id, const Sliders& sliders) const {
+    ListedFace face = session.faces().find(id);
+    face.face.codes = moved(shared_, face.face.codes, sliders);
     return face;
 }
 
@@ -213,52 +217,52 @@ Answer Api::fit(Session& session, const Request& request) {
     constexpr double longest_tuning = 600.0;
     const double tune = request.number("tune", 0.0, 0.0, longest_tuning);
     if (request.body.empty()) throw RequestError(400, "the photo is missing");
-    if (!studio_.model()->has_encoder())
+    if (!shared_.model()->has_encoder())
         throw RequestError(400, "this model has no encoder, so no photo can be fitted");
-    if (tune > 0.0) session.shelf().require_room_for_tuned();
-    session.start(fit_photo(studio_, session, request.body, "photo", tune));
+    if (tune > 0.0) session.faces().require_room_for_tuned();
+    session.start(fit_photo(shared_, session, request.body, "photo", tune));
     return job_answer(session);
 }
 
 Answer Api::color(Session& session, const Request& request) {
-    const ColorWish wish = color_wish(request.body, studio_.model()->config().camera);
-    session.start(recolor(studio_, session, moved_face(session, wish.face, wish.sliders), wish));
+    const ColorQuery query = color_query(request.body, shared_.model()->config().camera);
+    session.start(recolor(shared_, session, moved_face(session, query.face, query.sliders), query));
     return job_answer(session);
 }
 
 Answer Api::film_path(Session& session, const Request& request) {
-    const PathWish wish = path_wish(request.body, studio_.model()->config().camera);
-    const std::int64_t side = studio_.model()->config().decoder.resolution;
-    if (std::ssize(wish.cameras) * side * side > most_film_pixels)
+    const FilmQuery query = film_query(request.body, shared_.model()->config().camera);
+    const std::int64_t side = shared_.model()->config().decoder.resolution;
+    if (std::ssize(query.cameras) * side * side > most_film_pixels)
         throw RequestError(400, "this film is too long for its size; give fewer seconds");
-    const ShelfFace face = moved_face(session, wish.face, wish.sliders);
-    session.start(film(studio_, {face, wish.cameras, wish.frames_per_second, wish.extension}));
+    const ListedFace face = moved_face(session, query.face, query.sliders);
+    session.start(film(shared_, face, query));
     return job_answer(session);
 }
 
 Answer Api::make_mesh(Session& session, const Request& request) {
-    session.start(mesh(studio_, shown_face(session, request)));
+    session.start(mesh(shared_, shown_face(session, request)));
     return job_answer(session);
 }
 
 Answer Api::codes_file(Session& session, const Request& request) {
-    const ShelfFace face = shown_face(session, request);
+    const ListedFace face = shown_face(session, request);
     return download(code_file_text(face.face.codes, 0, face.face.pose), "application/json",
                     "codes.json");
 }
 
 Answer Api::tuned_file(Session& session, const Request& request) {
-    const ShelfFace face = session.shelf().find(request.value("face"));
+    const ListedFace face = session.faces().find(request.value("face"));
     if (!face.tuned) throw RequestError(400, "this face is not tuned");
-    session.start(save_tuned(studio_, face));
+    session.start(save_tuned(shared_, face));
     return job_answer(session);
 }
 
 Answer Api::tuned_face(Session& session, const Request& request) {
-    const ShelfFace face = session.shelf().find(request.value("face"));
+    const ListedFace face = session.faces().find(request.value("face"));
     if (request.body.empty()) throw RequestError(400, "the tuned file is missing");
-    session.shelf().require_room_for_tuned();
-    session.start(open_tuned(studio_, session, face, request.body));
+    session.faces().require_room_for_tuned();
+    session.start(open_tuned(shared_, session, face, request.body));
     return job_answer(session);
 }
 

@@ -6,7 +6,7 @@
 
 #include "apps/view/request.h"
 #include "apps/view/session.h"
-#include "apps/view/studio.h"
+#include "apps/view/shared_state.h"
 
 namespace stymo::view {
 
@@ -21,7 +21,7 @@ struct Answer {
 /// Handles the requests of the page under /api, independently of the HTTP library. Thread-safe.
 class Api {
 public:
-    Api(Studio& studio, std::size_t most_sessions);
+    Api(SharedState& shared, std::size_t most_sessions);
 
     /// Handles a request. Errors become answers {"error": one line}; it throws nothing.
     [[nodiscard]] Answer operator()(const Request& request);
@@ -37,16 +37,16 @@ private:
     [[nodiscard]] Answer film_path(Session& session, const Request& request);
     [[nodiscard]] Answer make_mesh(Session& session, const Request& request);
     /// The face of the request with its sliders applied.
-    [[nodiscard]] ShelfFace shown_face(Session& session, const Request& request) const;
-    [[nodiscard]] ShelfFace moved_face(Session& session, const std::string& id,
-                                       const Sliders& sliders) const;
+    [[nodiscard]] ListedFace shown_face(Session& session, const Request& request) const;
+    [[nodiscard]] ListedFace moved_face(Session& session, const std::string& id,
+                                        const Sliders& sliders) const;
     [[nodiscard]] Answer codes_file(Session& session, const Request& request);
     [[nodiscard]] Answer tuned_file(Session& session, const Request& request);
     /// The inverse of tuned_file; the body of the request is the file.
     [[nodiscard]] Answer tuned_face(Session& session, const Request& request);
     [[nodiscard]] Answer eyes(Session& session, const Request& request);
 
-    Studio& studio_;
+    SharedState& shared_;
     Sessions sessions_;
 };
 

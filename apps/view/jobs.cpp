@@ -27,24 +27,24 @@ namespace {
 using std::chrono_literals::operator""ms;
 
 /// Waits for the other jobs that use all threads.
-std::unique_lock<std::timed_mutex> turn(Studio& studio, Job& job) {
-    std::unique_lock lock(studio.heavy_work(), std::defer_lock);
+std::unique_lock<std::timed_mutex> wait_for_heavy_work(SharedState& shared, Job& job) {
+    std::unique_lock lock(shared.heavy_work(), std::defer_lock);
     while (!lock.try_lock_for(50ms)) job.report("waiting for another job", 0, 0);
     return lock;
 }
 
-FitJobOptions fit_options(const Studio& studio, double tune_seconds) {
+FitJobOptions fit_options(const SharedState& shared, double tune_seconds) {
     FitJobOptions options;
     PhotoPreparationSettings& preparation = options.preparation;
     preparation.landmark_model = shipped_landmark_network();
     // Only the shipped model is known to represent heads of photos, as in stymo-fit.
-    const ModelOptions& model = studio.options().model;
-    if (model.file.empty() && model.tuned.empty()) preparation.mask_model = studio.model().get();
-    preparation.parser = studio.options().parser;
-    preparation.most_pixels = studio.options().most_photo_pixels;
+    const ModelOptions& model = shared.options().model;
+    if (model.file.empty() && model.tuned.empty()) preparation.mask_model = shared.model().get();
+    preparation.parser = shared.options().parser;
+    preparation.most_pixels = shared.options().most_photo_pixels;
     options.head = preparation.morphable;
     options.fit.optimizer = FitOptimizer::lbfgs;
-    options.fit.steps = studio.options().fit_steps;
+    options.fit.steps = shared.options().fit_steps;
     options.tuning.seconds = tune_seconds;
     return options;
 }
@@ -63,15 +63,15 @@ PreparedPhoto prepared(const FitJob& fit, const std::string& bytes, Job& job) {
     return photo;
 }
 
-/// Shows a face of the shelf while it is fitted and tuned.
+/// Shows a face in the list while it is fitted and tuned.
 class ShownFit {
 public:
-    ShownFit(Session& session, Job& job, const FitJobOptions& options, ShelfFace face)
-        : shelf_(session.shelf()),
+    ShownFit(Session& session, Job& job, const FitJobOptions& options, ListedFace face)
+        : faces_(session.faces()),
           job_(job),
           options_(options),
           face_(std::move(face)),
-          id_(shelf_.add(face_)) {
+          id_(faces_.add(face_)) {
         job.set_face(id_);
     }
 
@@ -97,23 +97,23 @@ public:
     void show_tuned(Model tuned) {
         face_.model = std::make_shared<const Model>(std::move(tuned));
         face_.tuned = true;
-        shelf_.replace(id_, face_);
+        faces_.replace(id_, face_);
     }
     /// Removes the face if the fit has not ended.
     void give_up() {
-        if (!fitted_) shelf_.remove(id_);
+        if (!fitted_) faces_.remove(id_);
     }
 
 private:
     void show(Codes codes) {
         face_.face.codes = std::move(codes);
-        shelf_.replace(id_, face_);
+        faces_.replace(id_, face_);
     }
 
-    Shelf& shelf_;
+    FaceList& faces_;
     Job& job_;
     const FitJobOptions& options_;
-    ShelfFace face_;
+    ListedFace face_;
     std::string id_;
     bool fitted_ = false;
 };
@@ -135,21 +135,21 @@ void keep_near_faces(const Model& model, ColorEditOptions& options) {
 }
 
 /// 1 on the part of the head that the user points at. Throws ValueError for a point beside it.
-Tensor pointed_part(const Studio& studio, const ShelfFace& face, const ColorWish& wish) {
+Tensor pointed_part(const SharedState& shared, const ListedFace& face, const ColorQuery& query) {
     const ViewOptions as_shown{
         .samples_per_ray = face.model->config().reconstruction.fit_samples_per_ray, .mask = true};
-    const View view = render_view(*face.model, face.face.codes, 0, wish.camera, as_shown);
+    const View view = render_view(*face.model, face.face.codes, 0, query.camera, as_shown);
     const std::int64_t side = view.mask.shape(0);
     const auto index = [&](double part) {
         return std::min(static_cast<std::int64_t>(part * static_cast<double>(side)), side - 1);
     };
-    const auto pixel = static_cast<std::size_t>(index(wish.y) * side + index(wish.x));
+    const auto pixel = static_cast<std::size_t>(index(query.y) * side + index(query.x));
     const std::span<const float> mask = view.mask.values<float>();
     if (mask[pixel] < 0.5F * std::ranges::max(mask))
         fail<ValueError>("there is no head at this place; click on the hair, the skin or the lips");
-    if (studio.options().parser.empty())
-        return masked_image(region_at(view.image, wish.x, wish.y), view.mask);
-    FaceParser parser(studio.options().parser);
+    if (shared.options().parser.empty())
+        return masked_image(region_at(view.image, query.x, query.y), view.mask);
+    FaceParser parser(shared.options().parser);
     const Tensor classes = parser.parse_head(view.image, view.mask);
     ParsingClassSet chosen{};
     chosen[static_cast<std::size_t>(classes.values<float>()[pixel])] = true;
@@ -158,16 +158,16 @@ Tensor pointed_part(const Studio& studio, const ShelfFace& face, const ColorWish
 
 }  // namespace
 
-Job::Body fit_photo(Studio& studio, Session& session, std::string photo, const std::string& name,
-                    double tune_seconds) {
-    return [&studio, &session, photo = std::move(photo), name, tune_seconds](Job& job) {
-        const auto lock = turn(studio, job);
-        const FitJob fit(*studio.model(), studio.loss(), fit_options(studio, tune_seconds));
+Job::Body fit_photo(SharedState& shared, Session& session, std::string photo,
+                    const std::string& name, double tune_seconds) {
+    return [&shared, &session, photo = std::move(photo), name, tune_seconds](Job& job) {
+        const auto lock = wait_for_heavy_work(shared, job);
+        const FitJob fit(*shared.model(), shared.loss(), fit_options(shared, tune_seconds));
         const PreparedPhoto ready = prepared(fit, photo, job);
         FaceBatch batch = fit.batch_of({&ready.face, 1});
         ShownFit shown(
             session, job, fit.options(),
-            {name, {face_codes(*studio.model(), batch), ready.face.pose}, studio.model()});
+            {name, {face_codes(*shared.model(), batch), ready.face.pose}, shared.model()});
         try {
             FittedFaces done = fit.fit(std::move(batch), shown.observer());
             if (done.tuned) shown.show_tuned(std::move(*done.tuned));
@@ -178,53 +178,54 @@ Job::Body fit_photo(Studio& studio, Session& session, std::string photo, const s
     };
 }
 
-Job::Body recolor(Studio& studio, Session& session, const ShelfFace& shown, const ColorWish& wish) {
-    return [&studio, &session, shown, wish](Job& job) {
-        const auto lock = turn(studio, job);
-        ShelfFace face = shown;
-        const Tensor part = pointed_part(studio, face, wish);
-        ColorEditOptions options{.steps = studio.options().color_steps};
-        keep_near_faces(*studio.model(), options);
+Job::Body recolor(SharedState& shared, Session& session, const ListedFace& shown,
+                  const ColorQuery& query) {
+    return [&shared, &session, shown, query](Job& job) {
+        const auto lock = wait_for_heavy_work(shared, job);
+        ListedFace face = shown;
+        const Tensor part = pointed_part(shared, face, query);
+        ColorEditOptions options{.steps = shared.options().color_steps};
+        keep_near_faces(*shared.model(), options);
         options.on_step = [&](std::int64_t step, double loss) {
             job.report("recolouring", step, options.steps, loss);
         };
         const ColorEdit edit =
-            edit_color(*face.model, face.face.codes, wish.camera, part, wish.color, options);
+            edit_color(*face.model, face.face.codes, query.camera, part, query.color, options);
         face.face.codes = edit.codes;
         face.name += ", recoloured";
-        job.set_face(session.shelf().add(face));
+        job.set_face(session.faces().add(face));
     };
 }
 
-Job::Body film(Studio& studio, const FilmWish& wish) {
-    return [&studio, wish](Job& job) {
-        const auto lock = turn(studio, job);
-        const Model& model = *wish.face.model;
-        const FrameSettings& settings = studio.options().frames;
+Job::Body film(SharedState& shared, const ListedFace& face, const FilmQuery& query) {
+    return [&shared, face, query](Job& job) {
+        const auto lock = wait_for_heavy_work(shared, job);
+        const Model& model = *face.model;
+        const FrameSettings& settings = shared.options().frames;
         FaceRenderer renderer(
             model, {.mode = model.decoder().folds() ? settings.moving_mode : RenderMode::exact,
                     .samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
                     .tolerance = settings.tolerance,
                     .remove_floaters = true});
-        renderer.show(wish.face.face.codes);
+        renderer.show(face.face.codes);
         std::vector<Tensor> frames;
-        for (const Camera& camera : wish.cameras) {
+        for (const Camera& camera : query.cameras) {
             frames.push_back(renderer.render(camera).image);
-            job.report("rendering the film", std::ssize(frames), std::ssize(wish.cameras));
+            job.report("rendering the film", std::ssize(frames), std::ssize(query.cameras));
         }
         job.report("writing the film", 0, 0);
         const std::string bytes =
-            written_bytes(wish.extension, [&](const std::filesystem::path& file) {
-                write_animation(file, frames, wish.frames_per_second);
+            written_bytes(query.extension, [&](const std::filesystem::path& file) {
+                write_animation(file, frames, query.frames_per_second);
             });
-        const bool gif = wish.extension == ".gif";
-        job.set_artifact({bytes, gif ? "image/gif" : "video/mp4", "face" + wish.extension});
+        const bool gif = query.extension == ".gif";
+        job.set_artifact({bytes, gif ? "image/gif" : "video/mp4", "face" + query.extension});
     };
 }
 
-Job::Body mesh(Studio& studio, const ShelfFace& face) {
-    return [&studio, face](Job& job) {
-        const auto lock = turn(studio, job);
+Job::Body mesh(SharedState& shared, const ListedFace& face) {
+    return [&shared, face](Job& job) {
+        const auto lock = wait_for_heavy_work(shared, job);
         job.report("making the mesh", 0, 0);
         const TriangleMesh surface = head_mesh(*face.model, face.face.codes, 0, {});
         const Tensor normals = vertex_normals(surface.vertices, surface.triangles);
@@ -240,13 +241,13 @@ Job::Body mesh(Studio& studio, const ShelfFace& face) {
     };
 }
 
-Job::Body save_tuned(Studio& studio, const ShelfFace& face) {
-    return [&studio, face](Job& job) {
-        const auto lock = turn(studio, job);
+Job::Body save_tuned(SharedState& shared, const ListedFace& face) {
+    return [&shared, face](Job& job) {
+        const auto lock = wait_for_heavy_work(shared, job);
         job.report("saving the tuned weights", 0, 0);
         // The file holds all changes against the model of --model, including those of --tuned.
         const Model plain =
-            load_model({.file = studio.options().model.file, .tuned = {}}, ModelParts::decoder);
+            load_model({.file = shared.options().model.file, .tuned = {}}, ModelParts::decoder);
         const std::string bytes =
             written_bytes(".safetensors", [&](const std::filesystem::path& file) {
                 WeightChanges::between(plain, *face.model).save(file);
@@ -255,19 +256,20 @@ Job::Body save_tuned(Studio& studio, const ShelfFace& face) {
     };
 }
 
-Job::Body open_tuned(Studio& studio, Session& session, const ShelfFace& face, std::string weights) {
-    return [&studio, &session, face, weights = std::move(weights)](Job& job) {
-        const auto lock = turn(studio, job);
-        session.shelf().require_room_for_tuned();
+Job::Body open_tuned(SharedState& shared, Session& session, const ListedFace& face,
+                     std::string weights) {
+    return [&shared, &session, face, weights = std::move(weights)](Job& job) {
+        const auto lock = wait_for_heavy_work(shared, job);
+        session.faces().require_room_for_tuned();
         job.report("opening the tuned weights", 0, 0);
-        ShelfFace tuned = face;
+        ListedFace tuned = face;
         read_bytes(weights, "the file", [&](const std::filesystem::path& file) {
             tuned.model = std::make_shared<const Model>(load_model(
-                {.file = studio.options().model.file, .tuned = file}, ModelParts::decoder));
+                {.file = shared.options().model.file, .tuned = file}, ModelParts::decoder));
         });
         tuned.tuned = true;
         tuned.name += ", tuned";
-        job.set_face(session.shelf().add(std::move(tuned)));
+        job.set_face(session.faces().add(std::move(tuned)));
     };
 }
 

@@ -16,7 +16,7 @@
 namespace {
 
 struct Options {
-    stymo::view::StudioOptions studio;
+    stymo::view::ViewerOptions viewer;
     stymo::view::ServerOptions server;
     std::string token_file;
     int most_sessions = 32;
@@ -53,12 +53,12 @@ stymo::AppResult serve(Options options) {
     using std::chrono_literals::operator""ms;
     options.server.token = chosen_token(options);
     stymo::view::Server::check_available();
-    options.studio.chooses_mode = options.mode == "auto";
-    if (!options.studio.chooses_mode)
-        options.studio.frames.moving_mode = stymo::render_mode(options.mode);
+    options.viewer.chooses_mode = options.mode == "auto";
+    if (!options.viewer.chooses_mode)
+        options.viewer.frames.moving_mode = stymo::render_mode(options.mode);
     const stymo::InterruptGuard guard;
-    stymo::view::Studio studio(options.studio);
-    stymo::view::Api api(studio, static_cast<std::size_t>(options.most_sessions));
+    stymo::view::SharedState shared(options.viewer);
+    stymo::view::Api api(shared, static_cast<std::size_t>(options.most_sessions));
     stymo::view::Server server(std::ref(api), options.server);
     server.start();
     std::cerr << "Open " << server.address() << " in a browser. Ctrl-C ends the viewer."
@@ -75,11 +75,11 @@ int stymo_view(int argc, char** argv) {
     stymo::CommandLine line("stymo-view",
                             "Shows faces in a web browser: turns, mixes, recolours and fits them. "
                             "Serves its page on this machine alone.");
-    stymo::declare_model(line, options.studio.model);
-    stymo::declare_tuned(line, options.studio.model);
-    line.option("--codes", options.studio.codes,
+    stymo::declare_model(line, options.viewer.model);
+    stymo::declare_tuned(line, options.viewer.model);
+    line.option("--codes", options.viewer.codes,
                 "codes.json of a face to begin with; may be repeated (default: drawn faces)");
-    line.option("--parser", options.studio.parser,
+    line.option("--parser", options.viewer.parser,
                 "ONNX file of a face parser, which finds the part to recolour (default: the "
                 "region of similar colour)");
     line.option("--port", options.server.port, "port of the page; 0: any that is free")
@@ -95,14 +95,14 @@ int stymo_view(int argc, char** argv) {
     line.option("--mode", options.mode,
                 "how moving images are rendered; auto: the faster one of skip and half here")
         .one_of({"auto", "skip", "half", "baked", "exact"});
-    line.option("--psnr", options.studio.frames.psnr,
+    line.option("--psnr", options.viewer.frames.psnr,
                 "error of moving images against exact ones, in decibels")
         .range(20, 90);
-    line.option("--fit-steps", options.studio.fit_steps, "steps of fitting a photo")
+    line.option("--fit-steps", options.viewer.fit_steps, "steps of fitting a photo")
         .range(1, 10000);
-    line.option("--color-steps", options.studio.color_steps, "steps of recolouring a part")
+    line.option("--color-steps", options.viewer.color_steps, "steps of recolouring a part")
         .range(1, 10000);
-    line.option("--max-pixels", options.studio.most_photo_pixels,
+    line.option("--max-pixels", options.viewer.most_photo_pixels,
                 "photos with more pixels are refused")
         .range(1, 1e12);
     line.option("--sessions", options.most_sessions, "largest number of open pages").range(1, 1000);

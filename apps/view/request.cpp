@@ -155,20 +155,20 @@ Camera camera_of(const Json& object, const CameraConfig& model) {
 }
 
 /// What a request of any kind shows: face and sliders.
-template <class Wish>
-Wish wish_for_face(const Json& object) {
-    Wish wish;
-    wish.face = text(object, "face");
-    wish.sliders = sliders_of(object);
-    return wish;
+template <class Query>
+Query query_for_face(const Json& object) {
+    Query query;
+    query.face = text(object, "face");
+    query.sliders = sliders_of(object);
+    return query;
 }
 
 /// The same as seen by a camera.
-template <class Wish>
-Wish wish_for_view(const Json& object, const CameraConfig& model) {
-    Wish wish = wish_for_face<Wish>(object);
-    wish.camera = camera_of(object.value("camera", Json::object()), model);
-    return wish;
+template <class Query>
+Query query_for_view(const Json& object, const CameraConfig& model) {
+    auto query = query_for_face<Query>(object);
+    query.camera = camera_of(object.value("camera", Json::object()), model);
+    return query;
 }
 
 /// A smooth curve through the keys (Catmull and Rom 1974), limited to the range of the keys; `part`
@@ -209,60 +209,60 @@ double Request::number(const std::string& name, double usual, double low, double
     return result;
 }
 
-FrameWish frame_wish(const std::string& json, const CameraConfig& camera) {
+FrameQuery frame_query(const std::string& json, const CameraConfig& camera) {
     const Json object = parsed(json);
-    auto wish = wish_for_view<FrameWish>(object, camera);
-    wish.layer = static_cast<Layer>(
+    auto query = query_for_view<FrameQuery>(object, camera);
+    query.layer = static_cast<Layer>(
         choice(object, "layer", std::array{"image", "depth", "mask", "normals"}));
-    wish.quality = static_cast<Quality>(
+    query.quality = static_cast<Quality>(
         choice(object, "quality", std::array{"moving", "still", "thumbnail", "snapshot"}));
-    return wish;
+    return query;
 }
 
-ColorWish color_wish(const std::string& json, const CameraConfig& camera) {
+ColorQuery color_query(const std::string& json, const CameraConfig& camera) {
     const Json object = parsed(json);
-    auto wish = wish_for_view<ColorWish>(object, camera);
-    wish.x = number(object, "x", 0.5, 0.0, 1.0);
-    wish.y = number(object, "y", 0.5, 0.0, 1.0);
+    auto query = query_for_view<ColorQuery>(object, camera);
+    query.x = number(object, "x", 0.5, 0.0, 1.0);
+    query.y = number(object, "y", 0.5, 0.0, 1.0);
     const std::vector<double> color = numbers(member(object, "color"), "color", 3, 0.0, 1.0);
     if (color.size() != 3) refuse("\"color\" must be three numbers");
-    wish.color = {color[0], color[1], color[2]};
-    return wish;
+    query.color = {color[0], color[1], color[2]};
+    return query;
 }
 
-FaceWish face_wish(const std::string& json) {
+FaceQuery face_query(const std::string& json) {
     const Json object = parsed(json);
-    auto wish = wish_for_face<FaceWish>(object);
-    wish.name = text(object, "name");
+    auto query = query_for_face<FaceQuery>(object);
+    query.name = text(object, "name");
     if (object.contains("codes")) {
-        wish.source = FaceWish::Source::codes;
-        wish.codes = text(object, "codes");
+        query.source = FaceQuery::Source::codes;
+        query.codes = text(object, "codes");
     } else if (object.contains("file")) {
-        wish.source = FaceWish::Source::file;
-        wish.codes = text(object, "file");
+        query.source = FaceQuery::Source::file;
+        query.codes = text(object, "file");
     } else if (object.contains("source")) {
-        wish.source = FaceWish::Source::mixed;
-        wish.other = text(object, "source");
+        query.source = FaceQuery::Source::mixed;
+        query.other = text(object, "source");
         for (const Json& group : member(object, "groups")) {
             const auto found = std::ranges::find(
                 code_names, group.is_string() ? group.get<std::string>() : std::string());
             if (found == code_names.end()) refuse("\"groups\" are id, expr, tex, light");
-            wish.groups[static_cast<std::size_t>(found - code_names.begin())] = true;
+            query.groups[static_cast<std::size_t>(found - code_names.begin())] = true;
         }
-    } else if (!wish.face.empty()) {
-        wish.source = FaceWish::Source::moved;
+    } else if (!query.face.empty()) {
+        query.source = FaceQuery::Source::moved;
     } else {
-        wish.seed = static_cast<std::uint64_t>(number(object, "seed", 1.0, 0.0, 4294967295.0));
-        wish.truncation = number(object, "truncation", 0.7, 0.0, 2.0);
+        query.seed = static_cast<std::uint64_t>(number(object, "seed", 1.0, 0.0, 4294967295.0));
+        query.truncation = number(object, "truncation", 0.7, 0.0, 2.0);
     }
-    return wish;
+    return query;
 }
 
-PathWish path_wish(const std::string& json, const CameraConfig& camera) {
+FilmQuery film_query(const std::string& json, const CameraConfig& camera) {
     const Json object = parsed(json);
-    auto wish = wish_for_face<PathWish>(object);
-    wish.frames_per_second = number(object, "fps", 24.0, 1.0, 60.0);
-    wish.extension = choice(object, "format", std::array{"gif", "mp4"}) == 0 ? ".gif" : ".mp4";
+    auto query = query_for_face<FilmQuery>(object);
+    query.frames_per_second = number(object, "fps", 24.0, 1.0, 60.0);
+    query.extension = choice(object, "format", std::array{"gif", "mp4"}) == 0 ? ".gif" : ".mp4";
     const Json& keys = member(object, "keys");
     if (!keys.is_array() || keys.size() < 2 || keys.size() > most_keys)
         refuse("a path has from 2 to ", most_keys, " keys");
@@ -276,16 +276,16 @@ PathWish path_wish(const std::string& json, const CameraConfig& camera) {
     }
     const double seconds = number(object, "seconds", 3.0, 0.1, 60.0);
     const auto frames =
-        std::max<std::size_t>(static_cast<std::size_t>(seconds * wish.frames_per_second), 2);
+        std::max<std::size_t>(static_cast<std::size_t>(seconds * query.frames_per_second), 2);
     if (frames > most_frames)
         refuse("a film of ", frames, " frames is too long; at most ", most_frames, " are made");
     for (std::size_t i = 0; i < frames; ++i) {
         const double part = static_cast<double>(i) / static_cast<double>(frames - 1);
-        wish.cameras.push_back(orbit_camera(along(tracks[0], part), along(tracks[1], part),
-                                            along(tracks[2], part), along(tracks[3], part),
-                                            camera));
+        query.cameras.push_back(orbit_camera(along(tracks[0], part), along(tracks[1], part),
+                                             along(tracks[2], part), along(tracks[3], part),
+                                             camera));
     }
-    return wish;
+    return query;
 }
 
 }  // namespace stymo::view

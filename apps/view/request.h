@@ -1,14 +1,16 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
+#include <cstdint>
 #include <map>
 #include <string>
 #include <vector>
 
 #include "apps/view/frame.h"
-#include "apps/view/jobs.h"
 #include "core/error.h"
 #include "nn/models/codes.h"
+#include "render/camera.h"
 
 namespace stymo::view {
 
@@ -41,7 +43,7 @@ struct Request {
 using Sliders = std::array<std::vector<double>, code_names.size()>;
 
 /// A frame that the page requests.
-struct FrameWish {
+struct FrameQuery {
     std::string face;
     Sliders sliders;
     Camera camera;
@@ -49,14 +51,24 @@ struct FrameWish {
     Quality quality = Quality::moving;
 };
 
+/// A request to change the colour of the part of the face at (x, y) of the image, both in [0, 1].
+struct ColorQuery {
+    std::string face;
+    Sliders sliders;
+    Camera camera;
+    double x = 0.5;
+    double y = 0.5;
+    Eigen::Vector3d color = Eigen::Vector3d::Zero();
+};
+
 // These functions parse the JSON body of a request. They throw RequestError for a body that is
 // malformed, too large or has numbers out of range.
 
-[[nodiscard]] FrameWish frame_wish(const std::string& json, const CameraConfig& camera);
-[[nodiscard]] ColorWish color_wish(const std::string& json, const CameraConfig& camera);
+[[nodiscard]] FrameQuery frame_query(const std::string& json, const CameraConfig& camera);
+[[nodiscard]] ColorQuery color_query(const std::string& json, const CameraConfig& camera);
 
 /// A request for a new face.
-struct FaceWish {
+struct FaceQuery {
     enum class Source {
         drawn,  ///< {"seed", "truncation"}
         codes,  ///< {"codes": text_of_codes}
@@ -74,17 +86,18 @@ struct FaceWish {
     std::array<bool, code_names.size()> groups{};
     Sliders sliders;
 };
-[[nodiscard]] FaceWish face_wish(const std::string& json);
+[[nodiscard]] FaceQuery face_query(const std::string& json);
 
+/// A request for a film:
 /// {"face", "sliders", "keys": [camera, ...], "seconds", "fps", "format": "gif" or "mp4"}: cameras
 /// along a smooth path through the keys.
-struct PathWish {
+struct FilmQuery {
     std::string face;
     Sliders sliders;
     std::vector<Camera> cameras;
     double frames_per_second = 24.0;
     std::string extension;
 };
-[[nodiscard]] PathWish path_wish(const std::string& json, const CameraConfig& camera);
+[[nodiscard]] FilmQuery film_query(const std::string& json, const CameraConfig& camera);
 
 }  // namespace stymo::view

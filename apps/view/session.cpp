@@ -31,18 +31,18 @@ double RateLimit::idle_seconds() const {
     return std::chrono::duration<double>(Clock::now() - last_).count();
 }
 
-Session::Session(std::string id, Studio& studio)
+Session::Session(std::string id, SharedState& shared)
     : id_(std::move(id)),
-      studio_(studio),
-      shelf_(studio.tuned_models()),
+      shared_(shared),
+      faces_(shared.tuned_models()),
       requests_(requests_per_second, requests_at_once) {
-    for (const auto& [name, face] : studio.first_faces())
-        static_cast<void>(shelf_.add({name, face, studio.model()}));
+    for (const auto& [name, face] : shared.first_faces())
+        static_cast<void>(faces_.add({name, face, shared.model()}));
 }
 
 Session::~Session() {
     job_.reset();
-    studio_.scheduler().forget(id_);
+    shared_.scheduler().forget(id_);
 }
 
 void Session::start(Job::Body body) {
@@ -73,7 +73,7 @@ std::optional<EyeTracker::Sight> Session::see(const Tensor& image, const EyeCame
     const double seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
     const std::lock_guard lock(eye_mutex_);
-    if (!eyes_) eyes_.emplace(studio_.face_detector());
+    if (!eyes_) eyes_.emplace(shared_.face_detector());
     return eyes_->see(image, camera, seconds);
 }
 
@@ -83,8 +83,8 @@ bool Session::in_use(double idle_seconds) const {
            requests_.idle_seconds() < idle_seconds;
 }
 
-Sessions::Sessions(Studio& studio, std::size_t most, double idle_seconds)
-    : studio_(studio),
+Sessions::Sessions(SharedState& shared, std::size_t most, double idle_seconds)
+    : shared_(shared),
       most_(most),
       idle_seconds_(idle_seconds),
       openings_(openings_per_second, 2.0 * static_cast<double>(most) + 16.0) {}
@@ -105,7 +105,7 @@ std::shared_ptr<Session> Sessions::open() {
         leaving = std::move(idlest->second);
         sessions_.erase(idlest);
     }
-    auto session = std::make_shared<Session>(random_token(), studio_);
+    auto session = std::make_shared<Session>(random_token(), shared_);
     sessions_.emplace(session->id(), session);
     return session;
 }

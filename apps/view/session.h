@@ -8,9 +8,9 @@
 #include <string>
 
 #include "apps/view/eye_tracker.h"
+#include "apps/view/face_list.h"
 #include "apps/view/job.h"
-#include "apps/view/shelf.h"
-#include "apps/view/studio.h"
+#include "apps/view/shared_state.h"
 
 namespace stymo::view {
 
@@ -37,14 +37,14 @@ private:
 /// One page in one browser: its faces, its job, and the eye tracker of its viewer.
 class Session {
 public:
-    Session(std::string id, Studio& studio);
+    Session(std::string id, SharedState& shared);
     /// Cancels the job and waits for it.
     ~Session();
     Session(const Session&) = delete;
     Session& operator=(const Session&) = delete;
 
     [[nodiscard]] const std::string& id() const { return id_; }
-    [[nodiscard]] Shelf& shelf() { return shelf_; }
+    [[nodiscard]] FaceList& faces() { return faces_; }
 
     /// Starts a job. Throws ValueError while another job runs.
     void start(Job::Body body);
@@ -67,8 +67,8 @@ public:
 
 private:
     std::string id_;
-    Studio& studio_;
-    Shelf shelf_;
+    SharedState& shared_;
+    FaceList faces_;
     mutable std::mutex mutex_;
     std::unique_ptr<Job> job_;
     std::mutex eye_mutex_;
@@ -80,12 +80,12 @@ private:
 class Sessions {
 public:
     /// A session without requests for `idle_seconds` may be closed for a new one.
-    Sessions(Studio& studio, std::size_t most, double idle_seconds = 180.0);
+    Sessions(SharedState& shared, std::size_t most, double idle_seconds = 180.0);
 
     /// Counts a request to open a session, and returns whether it is within the rate limit: one
     /// each second, and more than twice as many as there may be sessions at once.
     [[nodiscard]] bool allows_opening() { return openings_.allows(); }
-    /// Opens a session with the first faces on its shelf. If there are too many sessions, the one
+    /// Opens a session with the first faces in its list. If there are too many sessions, the one
     /// that has been idle for longest is closed. The result is null if all of them are in use.
     [[nodiscard]] std::shared_ptr<Session> open();
     /// Null for an unknown id.
@@ -94,7 +94,7 @@ public:
     [[nodiscard]] std::size_t count() const;
 
 private:
-    Studio& studio_;
+    SharedState& shared_;
     std::size_t most_;
     double idle_seconds_;
     RateLimit openings_;

@@ -7,8 +7,8 @@
 #include <thread>
 
 #include "apps/tiny_run.h"
+#include "apps/view/face_list.h"
 #include "apps/view/private_file.h"
-#include "apps/view/shelf.h"
 #include "apps/view_client.h"
 #include "core/angle.h"
 #include "core/error.h"
@@ -30,7 +30,7 @@ json frame_of(const std::string& face, const std::string& quality, double yaw = 
     return {{"face", face}, {"quality", quality}, {"camera", {{"yaw", yaw}}}};
 }
 
-json told(const view::Answer& answer) {
+json frame_info(const view::Answer& answer) {
     const auto found = std::ranges::find(answer.headers, "X-Stymo-Frame",
                                          &std::pair<std::string, std::string>::first);
     REQUIRE(found != answer.headers.end());
@@ -50,45 +50,45 @@ TEST_CASE("a still frame is the exact view, a moving one is as near as promised"
     const std::string face = client.first_face();
     const view::Answer still = client.ask("frame", frame_of(face, "still", 20.0));
     const Tensor image = picture(still);
-    const Model& model = *client.studio().model();
-    const Codes codes = client.studio().first_faces().front().second.codes;
+    const Model& model = *client.shared().model();
+    const Codes codes = client.shared().first_faces().front().second.codes;
     const Tensor exact =
         render_view(model, codes, 0, model_camera(model, radians_from_degrees(20.0), 0.0, 0.0),
                     {.samples_per_ray = 4})
             .image;
     CHECK(peak_signal_to_noise_ratio(image, exact) > 33.0);  // what JPEG leaves
-    CHECK(told(still)["mode"] == "exact");
-    double psnr = told(still)["psnr"];
-    for (int i = 0; i < 4 && psnr < client.studio().options().frames.psnr; ++i)
-        psnr = told(client.ask("frame", frame_of(face, "still", 20.0)))["psnr"];
-    CHECK(psnr >= client.studio().options().frames.psnr);
+    CHECK(frame_info(still)["mode"] == "exact");
+    double psnr = frame_info(still)["psnr"];
+    for (int i = 0; i < 4 && psnr < client.shared().options().frames.psnr; ++i)
+        psnr = frame_info(client.ask("frame", frame_of(face, "still", 20.0)))["psnr"];
+    CHECK(psnr >= client.shared().options().frames.psnr);
     const view::Answer moving = client.ask("frame", frame_of(face, "moving", 20.0));
     CHECK(peak_signal_to_noise_ratio(picture(moving), exact) > 28.0);
-    CHECK(told(moving)["mode"] != "exact");
+    CHECK(frame_info(moving)["mode"] != "exact");
     CHECK(picture(client.ask("frame", frame_of(face, "thumbnail"))).shape(0) == 64);
 }
 
 TEST_CASE("sliders, layers and the window change the picture", "[view]") {
     ViewClient client;
-    json wish = frame_of(client.first_face(), "still");
-    const Tensor plain = picture(client.ask("frame", wish));
+    json query = frame_of(client.first_face(), "still");
+    const Tensor plain = picture(client.ask("frame", query));
     const auto differs = [&](const json& other) {
         return peak_signal_to_noise_ratio(picture(client.ask("frame", other)), plain) < 60.0;
     };
-    CHECK_FALSE(differs(wish));
+    CHECK_FALSE(differs(query));
     for (const char* layer : {"depth", "normals"}) {
-        json other = wish;
+        json other = query;
         other["layer"] = layer;
         INFO(layer);
         CHECK(differs(other));
     }
     for (const char* group : {"id", "expr", "tex", "light"}) {
-        json other = wish;
+        json other = query;
         other["sliders"] = {{group, {3.0}}};
         INFO(group);
         CHECK(differs(other));
     }
-    json window = wish;
+    json window = query;
     window["camera"] = {{"eye", {0.1, 0.0, 0.4}}, {"screen", 0.2}};
     CHECK(differs(window));
 }
@@ -145,7 +145,7 @@ TEST_CASE("names of faces do not grow without limit, and end with a whole charac
 TEST_CASE("tuned weights that were saved are opened again, and no others", "[view]") {
     ViewClient client;
     const std::string face = client.first_face();
-    const Model& model = *client.studio().model();
+    const Model& model = *client.shared().model();
     const Model tuned = Model::load(tiny_run() / "run/model.safetensors", ModelParts::decoder);
     const Parameter& parameter = tuned.parameters().all().front();
     parameter.set_value((Variable(parameter.variable().value()) * 1.25).value());
@@ -185,7 +185,7 @@ TEST_CASE("tuned weights that were saved are opened again, and no others", "[vie
 TEST_CASE("a model is loaded by a job, which waits for others, and not by the request", "[view]") {
     ViewClient client;
     const std::string face = client.first_face();
-    std::unique_lock other(client.studio().heavy_work());
+    std::unique_lock other(client.shared().heavy_work());
     CHECK(client.send("weights", "no weights", {{"face", face}}).status == 200);
     json job = client.json("job");
     for (int i = 0; i < 100 && job["phase"] == ""; ++i) {
@@ -197,32 +197,32 @@ TEST_CASE("a model is loaded by a job, which waits for others, and not by the re
     CHECK(client.ended_job()["state"] == "failed");
 }
 
-TEST_CASE("tuned models are counted, however they come to a shelf, and faces of one model once",
+TEST_CASE("tuned models are counted, however they come to a list, and faces of one model once",
           "[view]") {
     Rng rng(1);
     const auto tuned = [&] {
-        return view::ShelfFace{
+        return view::ListedFace{
             .name = "tuned",
             .face = {},
             .model = std::make_shared<const Model>(test::tiny_model_config(), rng),
             .tuned = true};
     };
     view::TunedModels all(20);
-    view::Shelf shelf(all), other(all);
-    const view::ShelfFace first = tuned();
-    const std::string removed = shelf.add(tuned());
-    for (int i = 0; i < 20; ++i) static_cast<void>(shelf.add(first));  // as mixed faces do
-    for (int i = 0; i < 14; ++i) static_cast<void>(shelf.add(tuned()));
+    view::FaceList list(all), other(all);
+    const view::ListedFace first = tuned();
+    const std::string removed = list.add(tuned());
+    for (int i = 0; i < 20; ++i) static_cast<void>(list.add(first));  // as mixed faces do
+    for (int i = 0; i < 14; ++i) static_cast<void>(list.add(tuned()));
     // As a fit does: its face is there before it is tuned.
-    const std::string fitted = shelf.add({.name = "fitted", .face = {}, .model = first.model});
-    CHECK_THROWS_AS(shelf.require_room_for_tuned(), ValueError);
-    CHECK_THROWS_WITH(shelf.replace(fitted, tuned()), Catch::Contains("remove one first"));
-    CHECK_THROWS_WITH(shelf.add(tuned()), Catch::Contains("remove one first"));
-    CHECK_FALSE(shelf.find(fitted).tuned);
-    shelf.remove(removed);
-    CHECK_NOTHROW(shelf.require_room_for_tuned());
-    CHECK_NOTHROW(shelf.replace(fitted, tuned()));
-    CHECK_NOTHROW(shelf.replace(fitted, tuned()));  // in place of its own
+    const std::string fitted = list.add({.name = "fitted", .face = {}, .model = first.model});
+    CHECK_THROWS_AS(list.require_room_for_tuned(), ValueError);
+    CHECK_THROWS_WITH(list.replace(fitted, tuned()), Catch::Contains("remove one first"));
+    CHECK_THROWS_WITH(list.add(tuned()), Catch::Contains("remove one first"));
+    CHECK_FALSE(list.find(fitted).tuned);
+    list.remove(removed);
+    CHECK_NOTHROW(list.require_room_for_tuned());
+    CHECK_NOTHROW(list.replace(fitted, tuned()));
+    CHECK_NOTHROW(list.replace(fitted, tuned()));  // in place of its own
 
     for (int i = 0; i < 4; ++i) static_cast<void>(other.add(tuned()));
     CHECK_THROWS_WITH(other.add(tuned()), Catch::Contains("all open pages have room for 20"));
@@ -358,7 +358,7 @@ TEST_CASE("sessions are not opened without limit", "[view]") {
 
 TEST_CASE("a new session takes the place of an idle one, but of none whose job runs", "[view]") {
     ViewClient client;
-    view::Sessions sessions(client.studio(), 1, 0.0);
+    view::Sessions sessions(client.shared(), 1, 0.0);
     const std::shared_ptr<view::Session> busy = sessions.open();
     REQUIRE(busy);
     busy->start([](view::Job& job) {
@@ -397,7 +397,7 @@ TEST_CASE("a newer frame takes the place of one that waits, and none is lost", "
 TEST_CASE("a frame that waits is dropped when a newer one is asked for", "[view]") {
     ViewClient client;
     view::Scheduler scheduler({});
-    const Codes codes = client.studio().first_faces().front().second.codes;
+    const Codes codes = client.shared().first_faces().front().second.codes;
     // Frames of this size take so long that two more requests come while one is rendered.
     ModelConfig config = test::tiny_model_config();
     config.decoder.resolution = 512;
@@ -435,7 +435,7 @@ TEST_CASE("a page that is closed ends its work", "[view]") {
     CHECK(client.ask("close").status == 200);
     CHECK(client.ask("job").status == 410);
     // The lock of heavy work is free again, so the job is not running.
-    std::timed_mutex& lock = client.studio().heavy_work();
+    std::timed_mutex& lock = client.shared().heavy_work();
     REQUIRE(lock.try_lock());
     lock.unlock();
 }

@@ -277,7 +277,7 @@ TEST_CASE("clients that read a byte now and then do not keep others out", "[view
 
 TEST_CASE("two hundred pages at once are answered, and the picture of others moves on", "[view]") {
     ViewClient client;
-    view::Api api(client.studio(), 201);
+    view::Api api(client.shared(), 201);
     const auto ask = [&](const std::string& path, const std::string& session,
                          const std::string& body) {
         return api({.path = path, .session = session, .query = {}, .body = body});
@@ -285,9 +285,9 @@ TEST_CASE("two hundred pages at once are answered, and the picture of others mov
     const auto open = [&] { return ask("/api/session", "", ""); };
     const auto frame = [&](const view::Answer& opened, double yaw) {
         const nlohmann::json page = nlohmann::json::parse(opened.body);
-        const nlohmann::json wish = {
+        const nlohmann::json query = {
             {"face", page["faces"][0]["face"]}, {"quality", "moving"}, {"camera", {{"yaw", yaw}}}};
-        return ask("/api/frame", page["session"], wish.dump());
+        return ask("/api/frame", page["session"], query.dump());
     };
     const double start = seconds_now();
     const view::Answer own = open();

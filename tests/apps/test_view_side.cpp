@@ -1,7 +1,7 @@
 // When the viewer's moving frames are made at half their side.
 #include <catch2/catch.hpp>
 
-#include "apps/view/moving_side.h"
+#include "apps/view/frame.h"
 
 using stymo::view::MovingSide;
 

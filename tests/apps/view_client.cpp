@@ -10,8 +10,8 @@ namespace stymo {
 
 namespace {
 
-view::StudioOptions tiny_studio() {
-    view::StudioOptions options;
+view::ViewerOptions tiny_viewer() {
+    view::ViewerOptions options;
     options.model.file = tiny_run() / "run/model.safetensors";
     options.codes = {(tiny_run() / "fit/codes.json").string()};
     options.fit_steps = 3;
@@ -21,7 +21,7 @@ view::StudioOptions tiny_studio() {
 
 }  // namespace
 
-ViewClient::ViewClient() : studio_(tiny_studio()), api_(studio_, 4) {
+ViewClient::ViewClient() : shared_(tiny_viewer()), api_(shared_, 4) {
     opened_ = nlohmann::json::parse(api_({.path = "/api/session"}).body);
 }
 

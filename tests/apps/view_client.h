@@ -20,7 +20,7 @@ public:
     /// Waits for the job to end, at most half a minute.
     [[nodiscard]] nlohmann::json ended_job();
 
-    [[nodiscard]] view::Studio& studio() { return studio_; }
+    [[nodiscard]] view::SharedState& shared() { return shared_; }
     [[nodiscard]] view::Api& api() { return api_; }
     [[nodiscard]] std::size_t sessions() const { return api_.sessions().count(); }
     /// What opening the session answered.
@@ -28,7 +28,7 @@ public:
     [[nodiscard]] std::string first_face() const { return opened_["faces"][0]["face"]; }
 
 private:
-    view::Studio studio_;
+    view::SharedState shared_;
     view::Api api_;
     nlohmann::json opened_;
 };

@@ -43,7 +43,7 @@ function mark() {
   }
 }
 
-/// Shows what the program says is on the shelf.
+/// Shows the faces of the session.
 export function setFaces(answer) {
   faces = answer.faces;
   const cards = new Map([...strip.children].map((card) => [card.dataset.face, card]));

@@ -2,7 +2,7 @@
 // reload or a shared link shows the same.
 
 export const state = {
-  face: "",           // id on the shelf
+  face: "",           // id of the face
   codes: "",          // its codes as digits
   sliders: {},        // group -> amounts
   camera: { yaw: 0, pitch: 0, roll: 0, distance: 1 },

@@ -11,16 +11,16 @@
 
 #include "apps/common/model_options.h"
 #include "apps/view/code_directions.h"
+#include "apps/view/face_list.h"
 #include "apps/view/frame.h"
 #include "apps/view/scheduler.h"
-#include "apps/view/shelf.h"
 #include "fit/photo/face_detector.h"
 #include "nn/models/code_file.h"
 #include "nn/models/reconstruction.h"
 
 namespace stymo::view {
 
-struct StudioOptions {
+struct ViewerOptions {
     ModelOptions model;
     std::vector<std::string> codes;  ///< files of the faces with which every session starts
     std::filesystem::path parser;  ///< face parser that finds the part to recolour; empty: the part
@@ -35,12 +35,12 @@ struct StudioOptions {
 
 /// The objects that all sessions share: the model and its data. They do not change after their
 /// creation, except for the scheduler and the locks.
-class Studio {
+class SharedState {
 public:
     /// Throws what loading the model and the faces throws.
-    explicit Studio(const StudioOptions& options);
+    explicit SharedState(const ViewerOptions& options);
 
-    [[nodiscard]] const StudioOptions& options() const { return options_; }
+    [[nodiscard]] const ViewerOptions& options() const { return options_; }
     [[nodiscard]] const std::shared_ptr<const Model>& model() const { return model_; }
     [[nodiscard]] const std::vector<std::pair<std::string, CodeFile>>& first_faces() const {
         return first_faces_;
@@ -66,7 +66,7 @@ private:
     /// The tolerance for which the first face has the wanted PSNR.
     [[nodiscard]] double chosen_tolerance() const;
 
-    StudioOptions options_;
+    ViewerOptions options_;
     std::shared_ptr<const Model> model_;
     std::vector<std::pair<std::string, CodeFile>> first_faces_;
     std::array<GroupDirections, code_names.size()> directions_;

@@ -12,7 +12,7 @@
 namespace stymo::view {
 
 /// One face of a viewer.
-struct ShelfFace {
+struct ListedFace {
     std::string name;
     CodeFile face;
     /// The tuned model if the face is tuned, else the common one.
@@ -40,34 +40,34 @@ private:
 
 /// The faces that one viewer can show and mix: at most 64. Thread-safe.
 ///
-/// A tuned model holds a decoder of its own, which mixed faces share. A shelf has at most 16 tuned
-/// models, and all shelves have at most as many as `TunedModels` allows. So the faces of all
+/// A tuned model holds a decoder of its own, which mixed faces share. A list has at most 16 tuned
+/// models, and all lists have at most as many as `TunedModels` allows. So the faces of all
 /// sessions take no more memory than 64 decoders, besides the common model.
-class Shelf {
+class FaceList {
 public:
-    explicit Shelf(TunedModels& all) : all_(all) {}
+    explicit FaceList(TunedModels& all) : all_(all) {}
     /// Adds a face and returns its id. Throws ValueError if there is no room for the face or its
     /// model.
-    [[nodiscard]] std::string add(ShelfFace face);
+    [[nodiscard]] std::string add(ListedFace face);
     /// Throws ValueError for an unknown id.
-    [[nodiscard]] ShelfFace find(const std::string& id) const;
+    [[nodiscard]] ListedFace find(const std::string& id) const;
     /// Replaces a face, for example during its fit. Throws ValueError for an unknown id, and if
     /// there is no room for the new model; then the old face stays.
-    void replace(const std::string& id, ShelfFace face);
+    void replace(const std::string& id, ListedFace face);
     /// Throws ValueError if there is no room for a further tuned model.
     void require_room_for_tuned() const;
     void remove(const std::string& id);
     /// All pairs (id, face) in the order in which they were added.
-    [[nodiscard]] std::vector<std::pair<std::string, ShelfFace>> all() const;
+    [[nodiscard]] std::vector<std::pair<std::string, ListedFace>> all() const;
 
 private:
     /// `except`: the id of a face that does not count.
-    void require_room_for_model(const ShelfFace& face, const std::string& except = {}) const;
+    void require_room_for_model(const ListedFace& face, const std::string& except = {}) const;
 
     TunedModels& all_;
     mutable std::mutex mutex_;
     std::uint64_t count_ = 0;
-    std::vector<std::pair<std::string, ShelfFace>> faces_;
+    std::vector<std::pair<std::string, ListedFace>> faces_;
 };
 
 /// Codes in Z as hexadecimal digits, four for each of the 306 elements (float16): short enough for

@@ -1,4 +1,4 @@
-#include "apps/view/shelf.h"
+#include "apps/view/face_list.h"
 
 #include <Eigen/Core>
 #include <algorithm>
@@ -51,7 +51,7 @@ void TunedModels::count(const std::shared_ptr<const Model>& model) {
     models_.emplace_back(model);
 }
 
-void Shelf::require_room_for_model(const ShelfFace& face, const std::string& except) const {
+void FaceList::require_room_for_model(const ListedFace& face, const std::string& except) const {
     if (!face.tuned) return;
     std::set<const Model*> models{face.model.get()};
     for (const auto& [id, other] : faces_) {
@@ -63,13 +63,13 @@ void Shelf::require_room_for_model(const ShelfFace& face, const std::string& exc
     if (face.model) all_.count(face.model);
 }
 
-void Shelf::require_room_for_tuned() const {
+void FaceList::require_room_for_tuned() const {
     const std::lock_guard lock(mutex_);
     require_room_for_model({.name = {}, .face = {}, .model = nullptr, .tuned = true});
     all_.require_room();
 }
 
-std::string Shelf::add(ShelfFace face) {
+std::string FaceList::add(ListedFace face) {
     face.name = shortened(std::move(face.name));
     const std::lock_guard lock(mutex_);
     if (faces_.size() >= most_faces)
@@ -80,27 +80,27 @@ std::string Shelf::add(ShelfFace face) {
     return id;
 }
 
-ShelfFace Shelf::find(const std::string& id) const {
+ListedFace FaceList::find(const std::string& id) const {
     const std::lock_guard lock(mutex_);
-    const auto found = std::ranges::find(faces_, id, &std::pair<std::string, ShelfFace>::first);
+    const auto found = std::ranges::find(faces_, id, &std::pair<std::string, ListedFace>::first);
     if (found == faces_.end()) fail<ValueError>("there is no face ", id);
     return found->second;
 }
 
-void Shelf::replace(const std::string& id, ShelfFace face) {
+void FaceList::replace(const std::string& id, ListedFace face) {
     const std::lock_guard lock(mutex_);
-    const auto found = std::ranges::find(faces_, id, &std::pair<std::string, ShelfFace>::first);
+    const auto found = std::ranges::find(faces_, id, &std::pair<std::string, ListedFace>::first);
     if (found == faces_.end()) fail<ValueError>("there is no face ", id);
     require_room_for_model(face, id);
     found->second = std::move(face);
 }
 
-void Shelf::remove(const std::string& id) {
+void FaceList::remove(const std::string& id) {
     const std::lock_guard lock(mutex_);
     std::erase_if(faces_, [&](const auto& entry) { return entry.first == id; });
 }
 
-std::vector<std::pair<std::string, ShelfFace>> Shelf::all() const {
+std::vector<std::pair<std::string, ListedFace>> FaceList::all() const {
     const std::lock_guard lock(mutex_);
     return faces_;
 }

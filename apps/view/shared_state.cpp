@@ -1,4 +1,4 @@
-#include "apps/view/studio.h"
+#include "apps/view/shared_state.h"
 
 #include "apps/common/shipped_file.h"
 #include "core/error.h"
@@ -18,7 +18,7 @@ constexpr double usual_truncation = 0.7;
 
 }  // namespace
 
-Studio::Studio(const StudioOptions& options) : options_(options) {
+SharedState::SharedState(const ViewerOptions& options) : options_(options) {
     model_ = std::make_shared<const Model>(load_model(options.model));
     // Reports unreadable files at the start instead of at the first use by the page.
     if (!options.parser.empty()) static_cast<void>(FaceParser(options.parser));
@@ -40,7 +40,7 @@ Studio::Studio(const StudioOptions& options) : options_(options) {
     scheduler_ = std::make_unique<Scheduler>(options_.frames);
 }
 
-double Studio::chosen_tolerance() const {
+double SharedState::chosen_tolerance() const {
     const RenderMode mode = options_.frames.moving_mode;
     if (mode != RenderMode::skip && mode != RenderMode::half) return options_.frames.tolerance;
     const std::vector<Camera> cameras{model_camera(*model_, 0.0, 0.0, 0.0),
@@ -54,7 +54,7 @@ double Studio::chosen_tolerance() const {
         .tolerance;
 }
 
-CodeFile Studio::drawn_face(std::uint64_t seed, double truncation) const {
+CodeFile SharedState::drawn_face(std::uint64_t seed, double truncation) const {
     if (!model_->code_statistics())
         fail<ValueError>("this model has no statistics to draw faces from");
     Rng rng = Rng(0).split("new faces").split(seed);
@@ -62,7 +62,7 @@ CodeFile Studio::drawn_face(std::uint64_t seed, double truncation) const {
             frontal_pose(model_->config().camera)};
 }
 
-const ReconstructionLoss& Studio::loss() {
+const ReconstructionLoss& SharedState::loss() {
     const std::lock_guard lock(made_when_needed_);
     if (!loss_)
         loss_ = std::make_unique<ReconstructionLoss>(
@@ -71,7 +71,7 @@ const ReconstructionLoss& Studio::loss() {
     return *loss_;
 }
 
-std::shared_ptr<const FaceDetector> Studio::face_detector() {
+std::shared_ptr<const FaceDetector> SharedState::face_detector() {
     const std::lock_guard lock(made_when_needed_);
     if (!detector_) detector_ = std::make_shared<const FaceDetector>(shipped_landmark_network());
     return detector_;
