@@ -370,14 +370,14 @@ void ConfigSchema::set(std::string_view assignment) {
 std::string ConfigSchema::to_json() const {
     Json root = Json::object();
     for (const Entry& entry : implementation_->entries) {
-        Json* place = &root;
+        Json* node = &root;
         std::istringstream parts(entry.key);
         for (std::string part; std::getline(parts, part, '.');) {
             // [] would do so, but leave the value without its object if memory runs out.
-            if (place->is_null()) *place = Json::object();
-            place = &(*place)[part];
+            if (node->is_null()) *node = Json::object();
+            node = &(*node)[part];
         }
-        *place = present_value(entry);
+        *node = present_value(entry);
     }
     return root.dump(2) + "\n";
 }

@@ -13,7 +13,8 @@ public:
         int input = 0;
         double weight = 0.0;
     };
-    /// Entries at the same place add up. Throws ValueError for a place outside the matrix.
+    /// Entries with the same output and input add up. Throws ValueError for an entry outside the
+    /// matrix.
     ResampleMatrix(int output_length, int input_length, std::vector<Entry> entries);
 
     [[nodiscard]] int output_length() const { return output_length_; }

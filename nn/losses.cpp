@@ -41,8 +41,8 @@ Variable code_loss(const Codes& z, const std::array<Tensor, 4>& targets,
         require_same_shape("code_loss", z.groups[i].shape(), targets[i].shape());
         // A missing target may hold any value, even NaN, so it is selected out rather than
         // multiplied by 0.
-        const Tensor there = broadcast_to(factor, targets[i].shape()).value();
-        const Variable difference = where(there, z.groups[i] - Variable(targets[i]),
+        const Tensor included = broadcast_to(factor, targets[i].shape()).value();
+        const Variable difference = where(included, z.groups[i] - Variable(targets[i]),
                                           Tensor::zeros(targets[i].shape(), z.groups[i].dtype()));
         const Variable term = sum(square(difference)) * (weights[i] / static_cast<double>(batch));
         total = i == 0 ? term : total + term;

@@ -5,18 +5,18 @@
 
 namespace stymo {
 
-Eigen::Vector3d direction_at(const Intrinsics& intrinsics, const Eigen::Vector2d& place) {
-    return Eigen::Vector3d((place[0] - intrinsics.center_x) / intrinsics.focal,
-                           (place[1] - intrinsics.center_y) / intrinsics.focal, 1.0)
+Eigen::Vector3d direction_at(const Intrinsics& intrinsics, const Eigen::Vector2d& image_point) {
+    return Eigen::Vector3d((image_point[0] - intrinsics.center_x) / intrinsics.focal,
+                           (image_point[1] - intrinsics.center_y) / intrinsics.focal, 1.0)
         .normalized();
 }
 
-double depth_at(const Tensor& depths, const Eigen::Vector2d& place) {
+double depth_at(const Tensor& depths, const Eigen::Vector2d& image_point) {
     const std::int64_t side = depths.shape(0);
     std::array<std::int64_t, 2> first{};
     std::array<double, 2> part{};
     for (int axis = 0; axis < 2; ++axis) {
-        const double position = std::clamp(place[axis] * static_cast<double>(side) - 0.5, 0.0,
+        const double position = std::clamp(image_point[axis] * static_cast<double>(side) - 0.5, 0.0,
                                            static_cast<double>(side - 1));
         const auto index = static_cast<std::size_t>(axis);
         first[index] = std::min(static_cast<std::int64_t>(position), side - 2);
@@ -30,9 +30,11 @@ double depth_at(const Tensor& depths, const Eigen::Vector2d& place) {
            part[1] * ((1.0 - part[0]) * depth(1, 0) + part[0] * depth(1, 1));
 }
 
-Eigen::Vector3d point_at(const Camera& camera, const Tensor& depths, const Eigen::Vector2d& place) {
-    return camera.center + depth_at(depths, place) *
-                               (camera.world_from_camera * direction_at(camera.intrinsics, place));
+Eigen::Vector3d point_at(const Camera& camera, const Tensor& depths,
+                         const Eigen::Vector2d& image_point) {
+    return camera.center +
+           depth_at(depths, image_point) *
+               (camera.world_from_camera * direction_at(camera.intrinsics, image_point));
 }
 
 }  // namespace stymo

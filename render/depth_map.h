@@ -6,18 +6,20 @@
 #include "render/camera.h"
 
 /// Depth maps: float32 (R, R, 1), Euclidean distances from the camera along rays through the
-/// centres of pixels. Places are image coordinates in units of the image's side.
+/// centres of pixels. Image points are in units of the image's side.
 namespace stymo {
 
-/// Unit vector from the camera through a place, in the camera's axes: x right, y down, z forward.
+/// Unit vector from the camera through an image point, in the camera's axes: x right, y down, z
+/// forward.
 [[nodiscard]] Eigen::Vector3d direction_at(const Intrinsics& intrinsics,
-                                           const Eigen::Vector2d& place);
+                                           const Eigen::Vector2d& image_point);
 
-/// The depth at a place, interpolated bilinearly between pixel centres and clamped at the border.
-[[nodiscard]] double depth_at(const Tensor& depths, const Eigen::Vector2d& place);
+/// The depth at an image point, interpolated bilinearly between pixel centres and clamped at the
+/// border.
+[[nodiscard]] double depth_at(const Tensor& depths, const Eigen::Vector2d& image_point);
 
-/// The point in the world that the camera sees at a place.
+/// The point in the world that the camera sees at an image point.
 [[nodiscard]] Eigen::Vector3d point_at(const Camera& camera, const Tensor& depths,
-                                       const Eigen::Vector2d& place);
+                                       const Eigen::Vector2d& image_point);
 
 }  // namespace stymo

@@ -65,23 +65,23 @@ public:
     }
 
 private:
-    using Place = std::array<std::int64_t, 3>;
+    using Coordinates = std::array<std::int64_t, 3>;
 
     /// The value at a vertex of the grid, which is extended by a margin of one vertex.
-    [[nodiscard]] double value(const Place& place) const {
+    [[nodiscard]] double value(const Coordinates& vertex) const {
         for (std::size_t axis = 0; axis < 3; ++axis) {
-            if (place[axis] == 0 || place[axis] + 1 == size_[axis]) return outside_;
+            if (vertex[axis] == 0 || vertex[axis] + 1 == size_[axis]) return outside_;
         }
         const std::int64_t index =
-            ((place[2] - 1) * (size_[1] - 2) + place[1] - 1) * (size_[0] - 2) + place[0] - 1;
+            ((vertex[2] - 1) * (size_[1] - 2) + vertex[1] - 1) * (size_[0] - 2) + vertex[0] - 1;
         return static_cast<double>(values_[static_cast<std::size_t>(index)]);
     }
 
-    static Place corner_of(const Place& cube, Corner corner) {
+    static Coordinates corner_of(const Coordinates& cube, Corner corner) {
         return {cube[0] + (corner & 1), cube[1] + (corner >> 1 & 1), cube[2] + (corner >> 2)};
     }
 
-    void add_cube(const Place& cube) {
+    void add_cube(const Coordinates& cube) {
         unsigned inside = 0;
         for (Corner corner = 0; corner <= all_axes; ++corner) {
             corner_values_[corner] = value(corner_of(cube, corner));
@@ -92,7 +92,7 @@ private:
             add_tetrahedron(cube, tetrahedron, inside);
     }
 
-    void add_tetrahedron(const Place& cube, const Tetrahedron& tetrahedron,
+    void add_tetrahedron(const Coordinates& cube, const Tetrahedron& tetrahedron,
                          unsigned inside_corners) {
         unsigned inside = 0;
         for (unsigned i = 0; i < 4; ++i)
@@ -125,8 +125,8 @@ private:
 
     /// Lower corners of a path are subsets of upper ones, so an edge is identified by its lower end
     /// and the set of its axes.
-    std::int32_t vertex_on(const Place& cube, Corner lower, Corner upper) {
-        const Place begin = corner_of(cube, lower);
+    std::int32_t vertex_on(const Coordinates& cube, Corner lower, Corner upper) {
+        const Coordinates begin = corner_of(cube, lower);
         std::vector<std::int32_t>& slice = edges_[lower >> 2];
         std::int32_t& vertex = slice[static_cast<std::size_t>(
             (begin[1] * size_[0] + begin[0]) * directions + (upper ^ lower) - 1)];
@@ -146,7 +146,7 @@ private:
     }
 
     std::span<const float> values_;
-    Place size_;
+    Coordinates size_;
     Eigen::Vector3d origin_;
     double spacing_;
     double level_;

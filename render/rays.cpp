@@ -29,15 +29,15 @@ void sample_ray(const Ray& ray, std::span<const double> uniforms, std::span<T> p
             stratified_position(k, samples, uniforms[static_cast<std::size_t>(k)]);
         return ray.near_distance + (ray.far_distance - ray.near_distance) * position;
     };
-    double here = distance(0);
+    double start = distance(0);
     for (std::int64_t k = 0; k < samples; ++k) {
         const double next = distance(k + 1);
         const auto index = static_cast<std::size_t>(k);
-        depths[index] = static_cast<T>(here);
-        deltas[index] = static_cast<T>(next - here);
+        depths[index] = static_cast<T>(start);
+        deltas[index] = static_cast<T>(next - start);
         Eigen::Map<Eigen::Vector3<T>>{&points[3 * index]} =
-            (ray.origin + here * ray.direction).cast<T>();
-        here = next;
+            (ray.origin + start * ray.direction).cast<T>();
+        start = next;
     }
 }
 

@@ -21,8 +21,8 @@ namespace stymo {
 
 /// The sample points (B, R * N, 3) of rays as a differentiable function of orbit parameters (B, 6).
 /// Of `cameras` only the intrinsics are used. depths (B, R, N) are those of sample_rays and count
-/// as constants, since the places of samples on a ray do not change the integral along it. Throws
-/// ShapeError for extents that do not match.
+/// as constants, since the positions of samples on a ray do not change the integral along it.
+/// Throws ShapeError for extents that do not match.
 [[nodiscard]] Variable tracked_points(const Variable& orbits, const std::vector<Camera>& cameras,
                                       const RaySampling& sampling, const Tensor& depths);
 

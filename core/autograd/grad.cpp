@@ -122,14 +122,14 @@ private:
             fail<ShapeError>("[", node.name(), "] the rule of input ", i, " returned ",
                              contribution.shape(), " for an input of ", input.shape);
         }
-        const auto place = gradients_.try_emplace(input.node.get()).first;
-        Variable& sum = place->second;
+        const auto entry = gradients_.try_emplace(input.node.get()).first;
+        Variable& sum = entry->second;
         sum = sum.defined() ? add(sum, contribution) : std::move(contribution);
         // A complete gradient of a leaf is passed on at once, since a leaf may come late in the
         // order.
         if (--missing_.at(input.node.get()) > 0 || !input.node->inputs().empty()) return;
         sink_(targets_.at(input.node.get()), std::move(sum));
-        gradients_.erase(place);
+        gradients_.erase(entry);
     }
 
     std::vector<Visit> order_;

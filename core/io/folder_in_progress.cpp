@@ -49,12 +49,12 @@ void FolderInProgress::finish() {
     std::vector<fs::path> files;
     std::set<fs::path> folders;
     for (const auto& entry : fs::recursive_directory_iterator(path_)) {
-        const fs::path place = target_ / entry.path().lexically_relative(path_);
+        const fs::path destination = target_ / entry.path().lexically_relative(path_);
         if (entry.is_directory()) {
-            require_writable_folder(place);
+            require_writable_folder(destination);
         } else {
-            files.push_back(place);
-            folders.insert(place.parent_path());
+            files.push_back(destination);
+            folders.insert(destination.parent_path());
         }
     }
     for (const fs::path& file : files)

@@ -39,7 +39,7 @@ struct PickleNode {
     std::vector<PickleValue> items{};
 };
 
-/// The contents of a pickle as plain data. Nodes may occur in several places and may contain
+/// The contents of a pickle as plain data. Nodes may occur several times and may contain
 /// themselves.
 class Pickle {
 public:

@@ -77,15 +77,15 @@ HWY_INLINE void blur_channels(D tag, const RowUpsampling<T>& image, std::int64_t
     const std::int64_t first = std::max<std::int64_t>(begin - 1, 0) / 2,
                        last = std::min(end / 2, image.side - 1);
     // Pixels outside a row's interval are read by no pixel that is stored.
-    const auto place = [](const DetailedRow<T>& row, std::int64_t pixel) {
+    const auto stored_index = [](const DetailedRow<T>& row, std::int64_t pixel) {
         return std::min(std::max(pixel, row.begin), row.end - 1) - row.begin;
     };
     const auto three = simd::Set(tag, 3.0F);
     BlurredRow<D, T> upper(first_row, channels, channel), lower(second_row, channels, channel);
     for (std::int64_t pixel = first; pixel <= last; ++pixel) {
         const std::int64_t at = pixel - image.middle.begin;
-        const std::int64_t at_above = place(image.above, pixel),
-                           at_below = place(image.below, pixel);
+        const std::int64_t at_above = stored_index(image.above, pixel),
+                           at_below = stored_index(image.below, pixel);
         const auto center =
             simd::Mul(three, load_numbers(tag, image.middle.features + at * channels + channel));
         const auto center_above = simd::Add(

@@ -14,8 +14,8 @@ std::int64_t band(const ConvGeometry& g) {
     return std::max<std::int64_t>(1, 1024 / std::max<std::int64_t>(1, g.out_width));
 }
 
-/// Calls visit(output row, output column, kernel place, offset of the input pixel) for output rows
-/// [first, last), for every kernel place inside the image.
+/// Calls visit(output row, output column, tap, offset of the input pixel) for output rows
+/// [first, last), for every tap inside the image.
 template <class Visit>
 void for_each_pair(const ConvGeometry& g, std::int64_t first, std::int64_t last, Visit visit) {
     for (std::int64_t out_row = first; out_row < last; ++out_row) {
@@ -35,15 +35,14 @@ void for_each_pair(const ConvGeometry& g, std::int64_t first, std::int64_t last,
     }
 }
 
-/// Weights (channels, places) turned to (places, channels).
+/// Weights (channels, taps) turned to (taps, channels).
 template <class T>
-std::vector<T> by_place(const T* weight, const ConvGeometry& g) {
-    const std::int64_t places = g.kernel_height * g.kernel_width;
-    std::vector<T> result(static_cast<std::size_t>(places * g.in_channels));
+std::vector<T> by_tap(const T* weight, const ConvGeometry& g) {
+    const std::int64_t taps = g.kernel_height * g.kernel_width;
+    std::vector<T> result(static_cast<std::size_t>(taps * g.in_channels));
     for (std::int64_t c = 0; c < g.in_channels; ++c) {
-        for (std::int64_t place = 0; place < places; ++place)
-            result[static_cast<std::size_t>(place * g.in_channels + c)] =
-                weight[c * places + place];
+        for (std::int64_t tap = 0; tap < taps; ++tap)
+            result[static_cast<std::size_t>(tap * g.in_channels + c)] = weight[c * taps + tap];
     }
     return result;
 }
@@ -58,7 +57,7 @@ void add_products(const T* a, const T* b, T* sum, std::int64_t channels) {
 template <class T>
 void depthwise_conv2d(const T* x, const T* weight, const ConvFinish<T>& finish, T* y,
                       const ConvGeometry& g) {
-    const std::vector<T> places = by_place(weight, g);
+    const std::vector<T> weights = by_tap(weight, g);
     const std::int64_t channels = g.in_channels;
     const std::int64_t bands = chunk_count(g.out_height, band(g));
     parallel_for(g.batch * bands, 1, [&](std::int64_t index, std::int64_t) {
@@ -70,8 +69,8 @@ void depthwise_conv2d(const T* x, const T* weight, const ConvFinish<T>& finish, 
                     T(0));
         for_each_pair(
             g, first, last,
-            [&](std::int64_t out, std::int64_t place, std::int64_t row, std::int64_t column) {
-                add_products(places.data() + place * channels,
+            [&](std::int64_t out, std::int64_t tap, std::int64_t row, std::int64_t column) {
+                add_products(weights.data() + tap * channels,
                              image + (row * g.in_width + column) * channels, to + out, channels);
             });
         finish.apply(to + first * g.out_width * channels, (last - first) * g.out_width, channels);
@@ -80,7 +79,7 @@ void depthwise_conv2d(const T* x, const T* weight, const ConvFinish<T>& finish, 
 
 template <class T>
 void depthwise_conv2d_transpose(const T* dL_dy, const T* weight, T* dL_dx, const ConvGeometry& g) {
-    const std::vector<T> places = by_place(weight, g);
+    const std::vector<T> weights = by_tap(weight, g);
     const std::int64_t channels = g.in_channels;
     // Bands of input rows: each is written by one thread only.
     const std::int64_t rows = band(g) * g.stride;
@@ -96,9 +95,9 @@ void depthwise_conv2d_transpose(const T* dL_dy, const T* weight, T* dL_dx, const
         for_each_pair(
             g, chunk_count(low, g.stride),
             std::min(g.out_height, (last - 1 + g.padding) / g.stride + 1),
-            [&](std::int64_t out, std::int64_t place, std::int64_t row, std::int64_t column) {
+            [&](std::int64_t out, std::int64_t tap, std::int64_t row, std::int64_t column) {
                 if (row < first || row >= last) return;
-                add_products(places.data() + place * channels, from + out,
+                add_products(weights.data() + tap * channels, from + out,
                              image + (row * g.in_width + column) * channels, channels);
             });
     });
@@ -114,29 +113,28 @@ void depthwise_conv2d_weight_grad(const T* dL_dy, const T* x, T* dL_dweight,
     const std::int64_t run = std::max<std::int64_t>(1, chunk_count(g.batch * bands, runs));
     const std::int64_t used = chunk_count(g.batch * bands, run);
     const std::int64_t channels = g.in_channels;
-    const std::int64_t kernel_places = g.kernel_height * g.kernel_width;
-    std::vector<T> partial(static_cast<std::size_t>(used * kernel_places * channels), T(0));
+    const std::int64_t taps = g.kernel_height * g.kernel_width;
+    std::vector<T> partial(static_cast<std::size_t>(used * taps * channels), T(0));
     parallel_for(g.batch * bands, run, [&](std::int64_t begin, std::int64_t end) {
-        T* sum = partial.data() + begin / run * kernel_places * channels;
+        T* sum = partial.data() + begin / run * taps * channels;
         for (std::int64_t index = begin; index < end; ++index) {
             const std::int64_t first = index % bands * band(g);
             const T* from = dL_dy + index / bands * g.output_image();
             const T* image = x + index / bands * g.input_image();
             for_each_pair(
                 g, first, std::min(g.out_height, first + band(g)),
-                [&](std::int64_t out, std::int64_t place, std::int64_t row, std::int64_t column) {
+                [&](std::int64_t out, std::int64_t tap, std::int64_t row, std::int64_t column) {
                     add_products(from + out, image + (row * g.in_width + column) * channels,
-                                 sum + place * channels, channels);
+                                 sum + tap * channels, channels);
                 });
         }
     });
     for (std::int64_t c = 0; c < channels; ++c) {
-        for (std::int64_t place = 0; place < kernel_places; ++place) {
+        for (std::int64_t tap = 0; tap < taps; ++tap) {
             T total = T(0);
             for (std::int64_t part = 0; part < used; ++part)
-                total += partial[static_cast<std::size_t>(
-                    (part * kernel_places + place) * channels + c)];
-            dL_dweight[c * kernel_places + place] = total;
+                total += partial[static_cast<std::size_t>((part * taps + tap) * channels + c)];
+            dL_dweight[c * taps + tap] = total;
         }
     }
 }

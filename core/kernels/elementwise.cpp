@@ -128,8 +128,8 @@ Tensor clamp(const Tensor& x, double low, double high) {
         return value < bottom ? bottom : (value > top ? top : value);
     });
 }
-Tensor where_within(const Tensor& x, const Tensor& place, double low, double high) {
-    return zip(x, place, "where_within", [=](auto value, auto at) {
+Tensor where_within(const Tensor& x, const Tensor& selector, double low, double high) {
+    return zip(x, selector, "where_within", [=](auto value, auto at) {
         using T = decltype(at);
         // Two choices without a branch between them, which vectorise.
         const T above = at >= static_cast<T>(low) ? value : T(0);

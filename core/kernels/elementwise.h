@@ -23,8 +23,8 @@ namespace stymo::kernels {
 [[nodiscard]] Tensor abs(const Tensor& x);
 [[nodiscard]] Tensor sign(const Tensor& x);
 [[nodiscard]] Tensor clamp(const Tensor& x, double low, double high);
-/// x where `place` is in [low, high], else 0.
-[[nodiscard]] Tensor where_within(const Tensor& x, const Tensor& place, double low, double high);
+/// x where `selector` is in [low, high], else 0.
+[[nodiscard]] Tensor where_within(const Tensor& x, const Tensor& selector, double low, double high);
 /// 1 where x is not 0, else 0.
 [[nodiscard]] Tensor nonzero(const Tensor& x);
 

@@ -28,31 +28,31 @@ std::int64_t clipped(std::int64_t start, std::int64_t length, int kernel) {
 /// One output pixel: `window` points at its first input pixel.
 template <class T>
 void choose_largest(const T* window, std::int64_t rows, std::int64_t columns, int kernel,
-                    std::int64_t line, std::int64_t channels, T* largest, std::uint8_t* places) {
+                    std::int64_t line, std::int64_t channels, T* largest, std::uint8_t* indices) {
     std::copy_n(window, channels, largest);
-    std::fill_n(places, channels, std::uint8_t{0});
+    std::fill_n(indices, channels, std::uint8_t{0});
     for (std::int64_t row = 0; row < rows; ++row) {
         for (std::int64_t column = 0; column < columns; ++column) {
             const T* pixel = window + row * line + column * channels;
-            const auto place = static_cast<std::uint8_t>(row * kernel + column);
+            const auto index = static_cast<std::uint8_t>(row * kernel + column);
             for (std::int64_t c = 0; c < channels; ++c) {
                 const bool better = pixel[c] > largest[c] || pixel[c] != pixel[c];
                 largest[c] = better ? pixel[c] : largest[c];
-                places[c] = better ? place : places[c];
+                indices[c] = better ? index : indices[c];
             }
         }
     }
 }
 
-/// Adds those channels of one output pixel whose place lies in the window's row that begins at
-/// place `first`; `row` points at the first of the `columns` input pixels of that row.
+/// Adds those channels of one output pixel whose index lies in the window's row that begins at
+/// index `first`; `row` points at the first of the `columns` input pixels of that row.
 template <class T>
-void add_to_row(const T* pixel, const std::uint8_t* places, std::int64_t channels,
+void add_to_row(const T* pixel, const std::uint8_t* indices, std::int64_t channels,
                 std::int64_t first, std::int64_t columns, T* row) {
     for (std::int64_t column = 0; column < columns; ++column, row += channels) {
-        const auto place = static_cast<std::uint8_t>(first + column);
+        const auto index = static_cast<std::uint8_t>(first + column);
 #pragma omp simd
-        for (std::int64_t c = 0; c < channels; ++c) row[c] += places[c] == place ? pixel[c] : T(0);
+        for (std::int64_t c = 0; c < channels; ++c) row[c] += indices[c] == index ? pixel[c] : T(0);
     }
 }
 
@@ -65,7 +65,7 @@ MaxPooled max_pool2d(const Tensor& x, const Shape& output_shape, const MaxPoolOp
     const std::int64_t out_height = output_shape[1];
     const std::int64_t out_width = output_shape[2];
     MaxPooled result{Tensor(output_shape, x.dtype()),
-                     WindowPlaces(static_cast<std::size_t>(output_shape.size()))};
+                     WindowIndices(static_cast<std::size_t>(output_shape.size()))};
     dispatch(x.dtype(), [&]<class T>(T) {
         const T* in = x.values<T>().data();
         T* out = result.values.mutable_values<T>().data();
@@ -78,14 +78,14 @@ MaxPooled max_pool2d(const Tensor& x, const Shape& output_shape, const MaxPoolOp
                     in + ((out_row / out_height * height + row) * width + column) * channels,
                     clipped(row, height, options.kernel), clipped(column, width, options.kernel),
                     options.kernel, width * channels, channels, out + to,
-                    result.places.data() + to);
+                    result.indices.data() + to);
             }
         });
     });
     return result;
 }
 
-Tensor gather_windows(const Tensor& x, const WindowPlaces& places, const Shape& output_shape,
+Tensor gather_windows(const Tensor& x, const WindowIndices& indices, const Shape& output_shape,
                       const MaxPoolOptions& options) {
     const std::int64_t height = x.shape(1);
     const std::int64_t width = x.shape(2);
@@ -93,9 +93,9 @@ Tensor gather_windows(const Tensor& x, const WindowPlaces& places, const Shape& 
     const std::int64_t out_height = output_shape[1];
     const std::int64_t out_width = output_shape[2];
     std::array<std::int64_t, max_pool_kernel * max_pool_kernel> offsets{};
-    for (std::int64_t place = 0; place < options.kernel * options.kernel; ++place)
-        offsets[static_cast<std::size_t>(place)] =
-            (place / options.kernel * width + place % options.kernel) * channels;
+    for (std::int64_t index = 0; index < options.kernel * options.kernel; ++index)
+        offsets[static_cast<std::size_t>(index)] =
+            (index / options.kernel * width + index % options.kernel) * channels;
     Tensor y(output_shape, x.dtype());
     dispatch(x.dtype(), [&]<class T>(T) {
         const T* in = x.values<T>().data();
@@ -108,14 +108,14 @@ Tensor gather_windows(const Tensor& x, const WindowPlaces& places, const Shape& 
                 const T* window = line + out_column * options.stride * channels;
                 const std::int64_t to = (out_row * out_width + out_column) * channels;
                 for (std::int64_t c = 0; c < channels; ++c)
-                    out[to + c] = window[offsets[places[static_cast<std::size_t>(to + c)]] + c];
+                    out[to + c] = window[offsets[indices[static_cast<std::size_t>(to + c)]] + c];
             }
         });
     });
     return y;
 }
 
-Tensor scatter_windows(const Tensor& y, const WindowPlaces& places, const Shape& input_shape,
+Tensor scatter_windows(const Tensor& y, const WindowIndices& indices, const Shape& input_shape,
                        const MaxPoolOptions& options) {
     const std::int64_t height = input_shape[1];
     const std::int64_t width = input_shape[2];
@@ -140,7 +140,7 @@ Tensor scatter_windows(const Tensor& y, const WindowPlaces& places, const Shape&
                     (in_row / height * out_height + out_row) * out_width * channels;
                 for (std::int64_t out_column = 0; out_column < out_width; ++out_column) {
                     add_to_row(from + line + out_column * channels,
-                               places.data() + line + out_column * channels, channels,
+                               indices.data() + line + out_column * channels, channels,
                                row_in_window * options.kernel,
                                clipped(out_column * options.stride, width, options.kernel),
                                to + (in_row * width + out_column * options.stride) * channels);

@@ -166,9 +166,9 @@ Tensor cumsum(const Tensor& x, int axis, bool exclusive) {
                     i / blocks.inner * blocks.middle * blocks.inner + i % blocks.inner;
                 double running = 0.0;
                 for (std::int64_t j = 0; j < blocks.middle; ++j) {
-                    const std::int64_t place = start + j * blocks.inner;
-                    const double next = running + static_cast<double>(in[place]);
-                    out[place] = static_cast<T>(exclusive ? running : next);
+                    const std::int64_t index = start + j * blocks.inner;
+                    const double next = running + static_cast<double>(in[index]);
+                    out[index] = static_cast<T>(exclusive ? running : next);
                     running = next;
                 }
             }

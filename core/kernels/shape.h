@@ -10,7 +10,8 @@ namespace stymo::kernels {
 [[nodiscard]] Tensor flip(const Tensor& x, int axis);
 [[nodiscard]] Tensor slice(const Tensor& x, int axis, std::int64_t begin, std::int64_t end);
 [[nodiscard]] Tensor concat(const std::vector<Tensor>& parts, int axis);
-/// If `coarse` is defined, each of its pixels is added to the four upsampled pixels at its place.
+/// If `coarse` is defined, each of its pixels is added to the four upsampled pixels at its
+/// position.
 [[nodiscard]] Tensor pixel_shuffle(const Tensor& x, const Tensor& coarse = {});
 [[nodiscard]] Tensor pixel_unshuffle(const Tensor& x);
 

@@ -30,8 +30,7 @@ std::int64_t tiles_of_sum(std::int64_t in, std::int64_t out) {
 /// Blocks that share their buffers; also a bound on the number of chunks.
 constexpr std::int64_t runs = 16;
 
-/// Pixels of a batch of images, cut into tiles of the outputs' side; `offset` is the row and column
-/// of the first pixel of the first tile's square, which may lie outside the image.
+/// Pixels of a batch of images, cut into tiles of the outputs' side.
 struct Tiling {
     std::int64_t rows, columns, count;
 
@@ -47,10 +46,10 @@ struct Image {
 
 /// Pointers at a tile's square of pixels, whose first one is `padding` rows and columns outside the
 /// tile; `outside` stands for what lies beyond the image.
-template <class T, std::size_t places>
-void point_at_square(std::array<T*, places>& pixels, T* images, T* outside, const Image& image,
+template <class T, std::size_t pixel_count>
+void point_at_square(std::array<T*, pixel_count>& pixels, T* images, T* outside, const Image& image,
                      const Tiling& tiling, std::int64_t tile, std::int64_t padding) {
-    constexpr std::int64_t side = places == 36 ? winograd_patch : winograd_tile;
+    constexpr std::int64_t side = pixel_count == 36 ? winograd_patch : winograd_tile;
     const std::int64_t tile_in_image = tile % (tiling.rows * tiling.columns);
     T* const first = images + tile / (tiling.rows * tiling.columns) * image.height * image.width *
                                   image.channels;
@@ -72,9 +71,9 @@ Buffer uninitialised(std::int64_t size) {
     return std::make_unique_for_overwrite<float[]>(static_cast<std::size_t>(size));
 }
 
-/// Places of a buffer that would lie a multiple of 4 KiB apart compete for the same few lines of
+/// Elements of a buffer that would lie a multiple of 4 KiB apart compete for the same few lines of
 /// the caches.
-std::int64_t place_stride(std::int64_t tiles, std::int64_t channels) {
+std::int64_t element_stride(std::int64_t tiles, std::int64_t channels) {
     return tiles * channels + 16;
 }
 
@@ -96,7 +95,7 @@ Buffer input_first(const float* weight, std::int64_t out, std::int64_t in) {
     return result;
 }
 
-/// Filters (from, 3, 3, to) at all places, as right operands from one kind of channels to the
+/// Filters (from, 3, 3, to) for all elements, as right operands from one kind of channels to the
 /// other.
 class TransformedFilters {
 public:
@@ -104,13 +103,13 @@ public:
         : from_(from), to_(to) {
         const std::int64_t width = PackedMatrix<float>::usual_panel_width();
         const std::int64_t panels = chunk_count(to, width);
-        stride_ = place_stride(from, panels * width);
-        storage_ = uninitialised(winograd_places * stride_ + line);
+        stride_ = element_stride(from, panels * width);
+        storage_ = uninitialised(winograd_elements * stride_ + line);
         void* start = storage_.get();
         std::size_t space = line * sizeof(float) * 2;
         first_ = static_cast<float*>(std::align(line * sizeof(float), sizeof(float), start, space));
         // The last panel has columns that no filter writes.
-        if (to % width != 0) std::fill_n(first_, winograd_places * stride_, 0.0F);
+        if (to % width != 0) std::fill_n(first_, winograd_elements * stride_, 0.0F);
         parallel_for(from, 8, [&](std::int64_t begin, std::int64_t end) {
             for (std::int64_t i = begin; i < end; ++i)
                 winograd_transform_filter(taps + i * 9 * to, turned,
@@ -118,8 +117,8 @@ public:
         });
     }
 
-    [[nodiscard]] PackedMatrix<float> at(std::int64_t place) const {
-        return PackedMatrix<float>::of_panels(first_ + place * stride_, from_, to_);
+    [[nodiscard]] PackedMatrix<float> at(std::int64_t element) const {
+        return PackedMatrix<float>::of_panels(first_ + element * stride_, from_, to_);
     }
 
 private:
@@ -145,13 +144,13 @@ struct Correlation {
 
 struct TileBuffers {
     Buffer patches, products;
-    std::int64_t patch_stride, product_stride;  ///< from place to place
+    std::int64_t patch_stride, product_stride;  ///< from element to element
 
     TileBuffers(std::int64_t tiles, std::int64_t in, std::int64_t out)
-        : patches(uninitialised(winograd_places * place_stride(tiles, in))),
-          products(uninitialised(winograd_places * place_stride(tiles, out))),
-          patch_stride(place_stride(tiles, in)),
-          product_stride(place_stride(tiles, out)) {}
+        : patches(uninitialised(winograd_elements * element_stride(tiles, in))),
+          products(uninitialised(winograd_elements * element_stride(tiles, out))),
+          patch_stride(element_stride(tiles, in)),
+          product_stride(element_stride(tiles, out)) {}
 };
 
 /// The tiles [first, first + count), by one thread within a parallel loop and by all of them
@@ -164,23 +163,23 @@ void correlate_block(const Correlation& c, const TileBuffers& buffers, std::int6
         PatchPixels patch;
         for (std::int64_t i = begin; i < end; ++i) {
             point_at_square(patch, c.x, zeros.data(), c.in, c.tiling, first + i, c.padding);
-            float* const places = buffers.patches.get() + i * c.in.channels;
+            float* const elements = buffers.patches.get() + i * c.in.channels;
             if (c.gate.signs == nullptr) {
-                winograd_transform_patch(patch, places, buffers.patch_stride, c.in.channels);
+                winograd_transform_patch(patch, elements, buffers.patch_stride, c.in.channels);
                 continue;
             }
             PatchPixels signs;
             point_at_square(signs, c.gate.signs, zeros.data(), c.in, c.tiling, first + i,
                             c.padding);
-            winograd_transform_gated_patch(patch, signs, c.gate.slope, places, buffers.patch_stride,
-                                           c.in.channels);
+            winograd_transform_gated_patch(patch, signs, c.gate.slope, elements,
+                                           buffers.patch_stride, c.in.channels);
         }
     });
-    parallel_for(winograd_places, 1, [&](std::int64_t place, std::int64_t) {
+    parallel_for(winograd_elements, 1, [&](std::int64_t element, std::int64_t) {
         multiply_packed<float>(
-            buffers.products.get() + place * buffers.product_stride, c.out.channels,
-            {buffers.patches.get() + place * buffers.patch_stride, c.in.channels, 1}, count,
-            c.filters->at(place));
+            buffers.products.get() + element * buffers.product_stride, c.out.channels,
+            {buffers.patches.get() + element * buffers.patch_stride, c.in.channels, 1}, count,
+            c.filters->at(element));
     });
     parallel_for(count, 16, [&](std::int64_t begin, std::int64_t end) {
         const Buffer sink = uninitialised(c.out.channels);
@@ -265,12 +264,12 @@ void winograd_conv2d_weight_grad(const float* dL_dy, const float* x, float* dL_d
     const Image in = input_of(g);
     const Image out = output_of(g);
     const std::int64_t block = tiles_of_sum(in.channels, out.channels);
-    const std::int64_t stride_in = place_stride(block, in.channels);
-    const std::int64_t stride_out = place_stride(block, out.channels);
-    const std::int64_t stride_sum = place_stride(out.channels, in.channels);
-    const Buffer patches = uninitialised(winograd_places * stride_in);
-    const Buffer gradients = uninitialised(winograd_places * stride_out);
-    const Buffer sums = uninitialised(winograd_places * stride_sum);
+    const std::int64_t stride_in = element_stride(block, in.channels);
+    const std::int64_t stride_out = element_stride(block, out.channels);
+    const std::int64_t stride_sum = element_stride(out.channels, in.channels);
+    const Buffer patches = uninitialised(winograd_elements * stride_in);
+    const Buffer gradients = uninitialised(winograd_elements * stride_out);
+    const Buffer sums = uninitialised(winograd_elements * stride_sum);
     const std::vector<float> zeros(static_cast<std::size_t>(std::max(in.channels, out.channels)));
     for (std::int64_t first = 0; first < tiling.count; first += block) {
         const std::int64_t count = std::min(block, tiling.count - first);
@@ -286,11 +285,11 @@ void winograd_conv2d_weight_grad(const float* dL_dy, const float* x, float* dL_d
                                         out.channels);
             }
         });
-        parallel_for(winograd_places, 1, [&](std::int64_t place, std::int64_t) {
-            const PackedMatrix<float> right(patches.get() + place * stride_in, count, in.channels,
+        parallel_for(winograd_elements, 1, [&](std::int64_t element, std::int64_t) {
+            const PackedMatrix<float> right(patches.get() + element * stride_in, count, in.channels,
                                             in.channels, 1);
-            multiply_packed<float>(sums.get() + place * stride_sum, in.channels,
-                                   {gradients.get() + place * stride_out, 1, out.channels},
+            multiply_packed<float>(sums.get() + element * stride_sum, in.channels,
+                                   {gradients.get() + element * stride_out, 1, out.channels},
                                    out.channels, right, {.present_values = first > 0});
         });
     }

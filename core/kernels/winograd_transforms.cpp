@@ -152,7 +152,7 @@ HWY_INLINE void transform(std::int64_t channels, Load load, Store store) {
     }
 }
 
-void transform_patch(const PatchPixels& patch, float* places, std::int64_t place_stride,
+void transform_patch(const PatchPixels& patch, float* elements, std::int64_t element_stride,
                      std::int64_t channels) {
     transform<PatchLine>(
         channels,
@@ -160,12 +160,12 @@ void transform_patch(const PatchPixels& patch, float* places, std::int64_t place
             return simd::LoadU(Tag(), patch[static_cast<std::size_t>(row * 6 + column)] + c);
         },
         [&](int row, int column, std::int64_t c, Vector v) {
-            simd::StoreU(v, Tag(), places + (row * 6 + column) * place_stride + c);
+            simd::StoreU(v, Tag(), elements + (row * 6 + column) * element_stride + c);
         });
 }
 
 void transform_gated_patch(const PatchPixels& patch, const PatchPixels& signs, float slope,
-                           float* places, std::int64_t place_stride, std::int64_t channels) {
+                           float* elements, std::int64_t element_stride, std::int64_t channels) {
     transform<PatchLine>(
         channels,
         [&](int row, int column, std::int64_t c) {
@@ -175,16 +175,16 @@ void transform_gated_patch(const PatchPixels& patch, const PatchPixels& signs, f
             return simd::IfThenElse(positive, value, times(value, slope));
         },
         [&](int row, int column, std::int64_t c, Vector v) {
-            simd::StoreU(v, Tag(), places + (row * 6 + column) * place_stride + c);
+            simd::StoreU(v, Tag(), elements + (row * 6 + column) * element_stride + c);
         });
 }
 
-void transform_products(const float* places, std::int64_t place_stride, const float* bias,
+void transform_products(const float* elements, std::int64_t element_stride, const float* bias,
                         float slope, const TilePixels& tile, std::int64_t channels) {
     transform<ProductLine>(
         channels,
         [&](int row, int column, std::int64_t c) {
-            return simd::LoadU(Tag(), places + (row * 6 + column) * place_stride + c);
+            return simd::LoadU(Tag(), elements + (row * 6 + column) * element_stride + c);
         },
         [&](int row, int column, std::int64_t c, Vector v) {
             const Vector sum = simd::Add(v, simd::LoadU(Tag(), bias + c));
@@ -194,7 +194,7 @@ void transform_products(const float* places, std::int64_t place_stride, const fl
         });
 }
 
-void transform_tile(const ConstTilePixels& tile, float* places, std::int64_t place_stride,
+void transform_tile(const ConstTilePixels& tile, float* elements, std::int64_t element_stride,
                     std::int64_t channels) {
     transform<TileLine>(
         channels,
@@ -202,7 +202,7 @@ void transform_tile(const ConstTilePixels& tile, float* places, std::int64_t pla
             return simd::LoadU(Tag(), tile[static_cast<std::size_t>(row * 4 + column)] + c);
         },
         [&](int row, int column, std::int64_t c, Vector v) {
-            simd::StoreU(v, Tag(), places + (row * 6 + column) * place_stride + c);
+            simd::StoreU(v, Tag(), elements + (row * 6 + column) * element_stride + c);
         });
 }
 
@@ -216,17 +216,17 @@ void transform_filter(const float* taps, bool turned, const PanelRows& rows,
         },
         [&](int row, int column, std::int64_t c, Vector v) {
             simd::StoreU(v, Tag(),
-                         rows.first + (row * 6 + column) * rows.place_stride +
+                         rows.first + (row * 6 + column) * rows.element_stride +
                              c / rows.panel_width * rows.panel_stride + c % rows.panel_width);
         });
 }
 
-void transform_to_filter(const float* places, std::int64_t place_stride, float* taps,
+void transform_to_filter(const float* elements, std::int64_t element_stride, float* taps,
                          std::int64_t channels) {
     transform<FilterGradientLine>(
         channels,
         [&](int row, int column, std::int64_t c) {
-            return simd::LoadU(Tag(), places + (row * 6 + column) * place_stride + c);
+            return simd::LoadU(Tag(), elements + (row * 6 + column) * element_stride + c);
         },
         [&](int row, int column, std::int64_t c, Vector v) {
             simd::StoreU(v, Tag(), taps + (row * 3 + column) * channels + c);
@@ -246,26 +246,27 @@ HWY_EXPORT(transform_tile);
 HWY_EXPORT(transform_filter);
 HWY_EXPORT(transform_to_filter);
 
-void winograd_transform_patch(const PatchPixels& patch, float* places, std::int64_t place_stride,
-                              std::int64_t channels) {
-    HWY_DYNAMIC_DISPATCH(transform_patch)(patch, places, place_stride, channels);
+void winograd_transform_patch(const PatchPixels& patch, float* elements,
+                              std::int64_t element_stride, std::int64_t channels) {
+    HWY_DYNAMIC_DISPATCH(transform_patch)(patch, elements, element_stride, channels);
 }
 
 void winograd_transform_gated_patch(const PatchPixels& patch, const PatchPixels& signs, float slope,
-                                    float* places, std::int64_t place_stride,
+                                    float* elements, std::int64_t element_stride,
                                     std::int64_t channels) {
     HWY_DYNAMIC_DISPATCH(transform_gated_patch)
-    (patch, signs, slope, places, place_stride, channels);
+    (patch, signs, slope, elements, element_stride, channels);
 }
 
-void winograd_transform_products(const float* places, std::int64_t place_stride, const float* bias,
-                                 float slope, const TilePixels& tile, std::int64_t channels) {
-    HWY_DYNAMIC_DISPATCH(transform_products)(places, place_stride, bias, slope, tile, channels);
+void winograd_transform_products(const float* elements, std::int64_t element_stride,
+                                 const float* bias, float slope, const TilePixels& tile,
+                                 std::int64_t channels) {
+    HWY_DYNAMIC_DISPATCH(transform_products)(elements, element_stride, bias, slope, tile, channels);
 }
 
-void winograd_transform_tile(const ConstTilePixels& tile, float* places, std::int64_t place_stride,
-                             std::int64_t channels) {
-    HWY_DYNAMIC_DISPATCH(transform_tile)(tile, places, place_stride, channels);
+void winograd_transform_tile(const ConstTilePixels& tile, float* elements,
+                             std::int64_t element_stride, std::int64_t channels) {
+    HWY_DYNAMIC_DISPATCH(transform_tile)(tile, elements, element_stride, channels);
 }
 
 void winograd_transform_filter(const float* taps, bool turned, const PanelRows& rows,
@@ -273,9 +274,9 @@ void winograd_transform_filter(const float* taps, bool turned, const PanelRows& 
     HWY_DYNAMIC_DISPATCH(transform_filter)(taps, turned, rows, channels);
 }
 
-void winograd_transform_to_filter(const float* places, std::int64_t place_stride, float* taps,
+void winograd_transform_to_filter(const float* elements, std::int64_t element_stride, float* taps,
                                   std::int64_t channels) {
-    HWY_DYNAMIC_DISPATCH(transform_to_filter)(places, place_stride, taps, channels);
+    HWY_DYNAMIC_DISPATCH(transform_to_filter)(elements, element_stride, taps, channels);
 }
 
 }  // namespace stymo::kernels

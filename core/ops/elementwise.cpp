@@ -136,11 +136,11 @@ Variable abs(const Variable& x) {
 
 namespace {
 
-/// x where `place` is in [low, high], else 0.
-Variable where_within(const Variable& x, const Tensor& place, double low, double high) {
-    return record("where_within", kernels::where_within(x.value(), place, low, high), {x},
+/// x where `selector` is in [low, high], else 0.
+Variable where_within(const Variable& x, const Tensor& selector, double low, double high) {
+    return record("where_within", kernels::where_within(x.value(), selector, low, high), {x},
                   Save::none(),
-                  {[=](const Vjp& v) { return where_within(v.grad(), place, low, high); }});
+                  {[=](const Vjp& v) { return where_within(v.grad(), selector, low, high); }});
 }
 
 }  // namespace

@@ -11,7 +11,7 @@ namespace stymo {
 namespace {
 
 /// Shared by an op, its adjoint and the adjoint of that.
-using SharedPlaces = std::shared_ptr<const kernels::WindowPlaces>;
+using SharedIndices = std::shared_ptr<const kernels::WindowIndices>;
 
 std::int64_t output_length(std::int64_t length, const MaxPoolOptions& options) {
     const std::int64_t rest = length - options.kernel;
@@ -34,23 +34,23 @@ Shape output_shape(const Shape& x, const MaxPoolOptions& options) {
     return shape;
 }
 
-Variable scatter_windows(const Variable& y, const SharedPlaces& places, const Shape& input_shape,
+Variable scatter_windows(const Variable& y, const SharedIndices& indices, const Shape& input_shape,
                          const MaxPoolOptions& options);
 
-Variable gather_windows(const Variable& x, const SharedPlaces& places, const Shape& shape,
+Variable gather_windows(const Variable& x, const SharedIndices& indices, const Shape& shape,
                         const MaxPoolOptions& options) {
-    return record("gather_windows", kernels::gather_windows(x.value(), *places, shape, options),
+    return record("gather_windows", kernels::gather_windows(x.value(), *indices, shape, options),
                   {x}, Save::none(), {[=](const Vjp& v) {
-                      return scatter_windows(v.grad(), places, v.shape(0), options);
+                      return scatter_windows(v.grad(), indices, v.shape(0), options);
                   }});
 }
 
-Variable scatter_windows(const Variable& y, const SharedPlaces& places, const Shape& input_shape,
+Variable scatter_windows(const Variable& y, const SharedIndices& indices, const Shape& input_shape,
                          const MaxPoolOptions& options) {
     return record(
-        "scatter_windows", kernels::scatter_windows(y.value(), *places, input_shape, options), {y},
+        "scatter_windows", kernels::scatter_windows(y.value(), *indices, input_shape, options), {y},
         Save::none(),
-        {[=](const Vjp& v) { return gather_windows(v.grad(), places, v.shape(0), options); }});
+        {[=](const Vjp& v) { return gather_windows(v.grad(), indices, v.shape(0), options); }});
 }
 
 }  // namespace
@@ -58,9 +58,9 @@ Variable scatter_windows(const Variable& y, const SharedPlaces& places, const Sh
 Variable max_pool2d(const Variable& x, const MaxPoolOptions& options) {
     kernels::MaxPooled pooled =
         kernels::max_pool2d(x.value(), output_shape(x.shape(), options), options);
-    const auto places = std::make_shared<const kernels::WindowPlaces>(std::move(pooled.places));
+    const auto indices = std::make_shared<const kernels::WindowIndices>(std::move(pooled.indices));
     return record("max_pool2d", std::move(pooled.values), {x}, Save::none(), {[=](const Vjp& v) {
-                      return scatter_windows(v.grad(), places, v.shape(0), options);
+                      return scatter_windows(v.grad(), indices, v.shape(0), options);
                   }});
 }
 

@@ -99,8 +99,8 @@ void PixelTerm::hold(std::span<const double> state) {
     visible_.clear();
     std::vector<double> harmonics;
     for (std::size_t row = 0; row < face_->size(); ++row) {
-        const Eigen::Vector3d place = point(vertices, face_->vertices[row]);
-        const Eigen::Vector3d seen = project(camera, place);
+        const Eigen::Vector3d position = point(vertices, face_->vertices[row]);
+        const Eigen::Vector3d seen = project(camera, position);
         if (!inside_mask(seen[0], seen[1])) continue;
         const std::int64_t pixel =
             clamped(seen[1] * photo_side) * photo_side + clamped(seen[0] * photo_side);
@@ -109,7 +109,7 @@ void PixelTerm::hold(std::span<const double> state) {
                 depth_tolerance)
             continue;
         const Eigen::Vector3d world_normal = point(normals, face_->vertices[row]);
-        const double facing = world_normal.dot(camera.center - place) / seen.z();
+        const double facing = world_normal.dot(camera.center - position) / seen.z();
         if (facing < grazing) continue;
         const Eigen::Vector3d normal = camera.world_from_camera.transpose() * world_normal;
         visible_.push_back(row);
@@ -153,14 +153,14 @@ PixelTerm::Rows PixelTerm::rows_at(std::span<const double> state) const {
 
 Variable PixelTerm::photo_at(const Variable& image_points) const {
     const Variable pixels = affine(image_points, photo_side, -0.5);
-    const auto places = pixels.value().values<double>();
+    const auto positions = pixels.value().values<double>();
     const auto photo = photo_.values<double>();
-    const std::size_t count = places.size() / 2;
+    const std::size_t count = positions.size() / 2;
     std::vector<double> floors;
     std::array<std::vector<double>, 4> corners;
     for (std::size_t i = 0; i < count; ++i) {
-        const double x = std::floor(places[2 * i]);
-        const double y = std::floor(places[2 * i + 1]);
+        const double x = std::floor(positions[2 * i]);
+        const double y = std::floor(positions[2 * i + 1]);
         floors.insert(floors.end(), {x, y});
         for (std::size_t corner = 0; corner < 4; ++corner) {
             const std::size_t column = corner % 2, row = corner / 2;
@@ -225,9 +225,10 @@ void PixelTerm::add_to(NormalEquations& equations, std::span<const double> state
             Row row(&target[(3 * i + channel) * (state_size + 1)], state_size + 1);
             row.head<pose_size>() =
                 weight * Slopes(&by_pose[pose_size * i], pose_size).cast<float>();
-            const Eigen::RowVector3f by_place = weight * Slopes(&by_point[3 * i], 3).cast<float>();
+            const Eigen::RowVector3f by_position =
+                weight * Slopes(&by_point[3 * i], 3).cast<float>();
             row.segment(identity_begin, shape_size) =
-                by_place.lazyProduct(face_->shape_rows(vertex));
+                by_position.lazyProduct(face_->shape_rows(vertex));
             row.segment(texture_begin, light_begin - texture_begin) =
                 weight * static_cast<float>(by_albedo[3 * i + channel]) *
                 face_->color_rows(vertex).row(static_cast<Eigen::Index>(channel));

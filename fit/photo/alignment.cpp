@@ -28,8 +28,8 @@ struct Box {
 std::int64_t reflected(std::int64_t i, std::int64_t length) {
     if (length == 1) return 0;
     const std::int64_t period = 2 * (length - 1);
-    const std::int64_t place = ((i % period) + period) % period;
-    return std::min(place, period - place);
+    const std::int64_t phase = ((i % period) + period) % period;
+    return std::min(phase, period - phase);
 }
 
 /// The box of the photo, which is continued by reflection.
@@ -148,7 +148,7 @@ void fade_out(Tensor& image, const Padding& padding, double side) {
 }
 
 /// An image and the square in its pixels.
-struct Placed {
+struct PhotoPart {
     Tensor image;
     Alignment square;
 };
@@ -177,8 +177,8 @@ Box bounds(const Alignment& square) {
 
 /// The part of the photo around the square with a border, reduced by an integer factor for which
 /// the square keeps at least twice the pixels of the output.
-Placed cut_out(const Tensor& photo, const Alignment& alignment, std::int64_t output_side,
-               std::int64_t& border) {
+PhotoPart cut_out(const Tensor& photo, const Alignment& alignment, std::int64_t output_side,
+                  std::int64_t& border) {
     const double ratio = alignment.side() / static_cast<double>(output_side);
     const auto factor =
         std::max<std::int64_t>(1, static_cast<std::int64_t>(std::floor(ratio * 0.5)));
@@ -199,28 +199,28 @@ Placed cut_out(const Tensor& photo, const Alignment& alignment, std::int64_t out
 }
 
 /// Extends the image where the square reaches beyond it or close to its border.
-Placed padded(Placed placed, std::int64_t border) {
-    const Box box = bounds(placed.square);
-    const std::int64_t height = placed.image.shape(0);
-    const std::int64_t width = placed.image.shape(1);
+PhotoPart padded(PhotoPart part, std::int64_t border) {
+    const Box box = bounds(part.square);
+    const std::int64_t height = part.image.shape(0);
+    const std::int64_t width = part.image.shape(1);
     Padding padding{border - box.left, border - box.top, box.right - width + border,
                     box.bottom - height + border};
     if (std::max({padding.left, padding.top, padding.right, padding.bottom}) <= border - 4)
-        return placed;
+        return part;
     for (std::int64_t* strip : {&padding.left, &padding.top, &padding.right, &padding.bottom})
-        *strip = std::max<std::int64_t>(*strip, std::llround(0.3 * placed.square.side()));
-    Tensor image = reflected_part(placed.image, {-padding.left, -padding.top, width + padding.right,
-                                                 height + padding.bottom});
-    fade_out(image, padding, placed.square.side());
-    return {std::move(image), moved(placed.square, -static_cast<double>(padding.left),
+        *strip = std::max<std::int64_t>(*strip, std::llround(0.3 * part.square.side()));
+    Tensor image = reflected_part(
+        part.image, {-padding.left, -padding.top, width + padding.right, height + padding.bottom});
+    fade_out(image, padding, part.square.side());
+    return {std::move(image), moved(part.square, -static_cast<double>(padding.left),
                                     -static_cast<double>(padding.top))};
 }
 
 /// side x side samples of the square, bilinear.
-Tensor sampled_square(const Placed& placed, std::int64_t side) {
+Tensor sampled_square(const PhotoPart& part, std::int64_t side) {
     // No structured binding: Clang 14 cannot capture one.
-    const auto& image = placed.image;
-    const auto& square = placed.square;
+    const auto& image = part.image;
+    const auto& square = part.square;
     const std::int64_t channels = image.shape(2);
     const auto last_row = static_cast<double>(image.shape(0) - 1);
     const auto last_column = static_cast<double>(image.shape(1) - 1);
@@ -244,11 +244,12 @@ Tensor sampled_square(const Placed& placed, std::int64_t side) {
                                       std::max<std::int64_t>(image.shape(0) - 2, 0));
             const auto across = static_cast<float>(x - static_cast<double>(column));
             const auto down = static_cast<float>(y - static_cast<double>(row));
-            const float* const here = from + (row * image.shape(1) + column) * channels;
-            const float* const below = image.shape(0) > 1 ? here + image.shape(1) * channels : here;
+            const float* const pixel = from + (row * image.shape(1) + column) * channels;
+            const float* const below =
+                image.shape(0) > 1 ? pixel + image.shape(1) * channels : pixel;
             const std::int64_t right = image.shape(1) > 1 ? channels : 0;
             for (std::int64_t c = 0; c < channels; ++c) {
-                const float upper = here[c] + (here[c + right] - here[c]) * across;
+                const float upper = pixel[c] + (pixel[c + right] - pixel[c]) * across;
                 const float lower = below[c] + (below[c + right] - below[c]) * across;
                 to[i * channels + c] = upper + (lower - upper) * down;
             }
@@ -299,8 +300,8 @@ Tensor aligned_crop(const Tensor& photo, const Alignment& alignment, std::int64_
                          photo.shape());
     constexpr std::int64_t samples_of_a_pixel = 4;
     std::int64_t border = 0;
-    const Placed placed = padded(cut_out(photo, alignment, side, border), border);
-    Tensor crop = resize_image(sampled_square(placed, samples_of_a_pixel * side),
+    const PhotoPart part = padded(cut_out(photo, alignment, side, border), border);
+    Tensor crop = resize_image(sampled_square(part, samples_of_a_pixel * side),
                                static_cast<int>(side), static_cast<int>(side));
     for (float& value : crop.mutable_values<float>()) value = std::clamp(value, 0.0F, 1.0F);
     return crop;

@@ -17,7 +17,7 @@ namespace {
 constexpr int side = 128;  ///< side of the copy that is segmented
 
 /// The position of a head in pixels of the upright copy, from the landmarks.
-struct HeadPlace {
+struct HeadPosition {
     Landmarks landmarks;
     double center_x;
     double eyes_y;
@@ -26,7 +26,7 @@ struct HeadPlace {
     double eyes_to_chin;
 };
 
-HeadPlace place_of(const Landmarks& landmarks) {
+HeadPosition head_position(const Landmarks& landmarks) {
     const Eigen::Vector2d left_eye = mean_landmark(landmarks, 36, 41);
     const Eigen::Vector2d right_eye = mean_landmark(landmarks, 42, 47);
     const double eyes_x = (left_eye[0] + right_eye[0]) / 2;
@@ -49,7 +49,7 @@ float log_odds(double probability) {
 
 /// Log odds that a pixel belongs to the head, from its position alone: an ellipse around the skull,
 /// and hair that may fall beside the face.
-cv::Mat log_odds_of_place(const HeadPlace& head) {
+cv::Mat log_odds_of_position(const HeadPosition& head) {
     constexpr double half_width = 0.70;
     constexpr double half_height = 1.15;
     constexpr double border = 1.08;
@@ -79,7 +79,7 @@ void fill(cv::Mat& mask, const std::vector<cv::Point>& polygon) {
 }
 
 /// The convex hull of the landmarks and the forehead above it.
-cv::Mat face_of(const HeadPlace& head) {
+cv::Mat face_of(const HeadPosition& head) {
     cv::Mat face = cv::Mat::zeros(side, side, CV_8U);
     std::vector<cv::Point> points;
     for (const Eigen::Vector2d& point : head.landmarks)
@@ -95,7 +95,7 @@ cv::Mat face_of(const HeadPlace& head) {
 
 /// The region below the chin. The neck has the colour of the face, so only its position
 /// distinguishes it from the head.
-cv::Mat neck_of(const HeadPlace& head) {
+cv::Mat neck_of(const HeadPosition& head) {
     cv::Mat neck = cv::Mat::zeros(side, side, CV_8U);
     std::vector<cv::Point> points;
     for (std::size_t i = 4; i <= 12; ++i)
@@ -136,8 +136,8 @@ public:
         cv::Mat result(side, side, CV_32F);
         std::transform(cells_.begin<int>(), cells_.end<int>(), result.begin<float>(),
                        [&](int cell) {
-                           const auto place = static_cast<std::size_t>(cell);
-                           return std::log(of_a[place] / of_b[place]);
+                           const auto index = static_cast<std::size_t>(cell);
+                           return std::log(of_a[index] / of_b[index]);
                        });
         cv::GaussianBlur(result, result, {}, 0.8 * side / 96.0);
         return result;
@@ -167,9 +167,9 @@ private:
     static void smooth(std::vector<float>& values, std::size_t stride) {
         const std::vector<float> former = values;
         for (std::size_t i = 0; i < values.size(); ++i) {
-            const std::size_t place = i / stride % across;
-            const float before = former[place == 0 ? i : i - stride];
-            const float after = former[place == across - 1 ? i : i + stride];
+            const std::size_t index = i / stride % across;
+            const float before = former[index == 0 ? i : i - stride];
+            const float after = former[index == across - 1 ? i : i + stride];
             values[i] = 0.25F * before + 0.5F * former[i] + 0.25F * after;
         }
     }
@@ -177,25 +177,25 @@ private:
     cv::Mat cells_;
 };
 
-/// Adds the log odds of the prior to those of the place. The weights of both are those that agree
-/// best with hand-made masks (docs/studies/preparing-photos.md).
+/// Adds the log odds of the prior to those of the position. The weights of both are those that
+/// agree best with hand-made masks (docs/studies/preparing-photos.md).
 void add_probability(cv::Mat& odds, const HeadPrior& known) {
     // Both sources contain the position, so neither has its full weight.
-    const float share_of_place = known.is_sharp ? 0.5F : 0.25F;
+    const float share_of_position = known.is_sharp ? 0.5F : 0.25F;
     const float share_of_known = known.is_sharp ? 1.0F : 0.35F;
     const Tensor small = resize_image(known.probability, side, side);
     const std::span<const float> probability = small.values<float>();
     std::transform(odds.begin<float>(), odds.end<float>(), probability.begin(), odds.begin<float>(),
-                   [&](float place, float value) {
+                   [&](float position, float value) {
                        const double clamped = std::clamp(static_cast<double>(value), 0.01, 0.99);
-                       return share_of_place * place + share_of_known * log_odds(clamped);
+                       return share_of_position * position + share_of_known * log_odds(clamped);
                    });
 }
 
 /// Log odds that a pixel belongs to the head, regardless of its colour.
-cv::Mat prior_log_odds(const HeadPlace& head, const cv::Mat& face, const cv::Mat& neck,
+cv::Mat prior_log_odds(const HeadPosition& head, const cv::Mat& face, const cv::Mat& neck,
                        const HeadPrior& known) {
-    cv::Mat odds = log_odds_of_place(head);
+    cv::Mat odds = log_odds_of_position(head);
     if (known.probability.defined()) add_probability(odds, known);
     if (known.is_sharp) {
         cv::add(odds, cv::Scalar(3.0), odds, face);
@@ -269,8 +269,8 @@ Tensor grab_cut_head_mask(const Tensor& crop, const Landmarks& landmarks, const 
         !(prior.probability.shape() == Shape{crop.shape(0), crop.shape(1), 1}))
         fail<ShapeError>("[grab_cut] a probability for each pixel of ", crop.shape(),
                          " is wanted; got ", prior.probability.shape());
-    const HeadPlace head =
-        place_of(scaled_landmarks(landmarks, side / static_cast<double>(crop.shape(0))));
+    const HeadPosition head =
+        head_position(scaled_landmarks(landmarks, side / static_cast<double>(crop.shape(0))));
     if (!(head.jaw_width > 0.0 && head.eyes_to_chin > 0.0))
         fail<ValueError>("[grab_cut] the landmarks are not those of an upright face");
     const cv::Mat image = bytes_of(resize_image(crop, side, side));

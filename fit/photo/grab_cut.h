@@ -5,7 +5,7 @@
 
 namespace stymo {
 
-/// A prior on the place of the head, in addition to the landmarks.
+/// A prior on the position of the head, in addition to the landmarks.
 struct HeadPrior {
     Tensor probability;  ///< probability that a pixel belongs to the head, (side, side, 1);
                          ///< undefined: no prior

@@ -59,7 +59,7 @@ void BlockStep<T>::blur_rows(std::int64_t row, std::span<const T* const> detail_
                              T* out) const {
     const std::int64_t channels = block.in();
     const auto detailed = [&](std::int64_t y) {
-        // No pixel reads a row that is empty, so any other row may take its place.
+        // No pixel reads a row that is empty, so any other row may be read instead.
         if (y < 0 || y >= below.side || below.read[y].size() == 0) y = row;
         const PixelRow& pixels = below.read[y];
         return kernels::DetailedRow<T>{pixels.begin, pixels.end,
@@ -150,8 +150,8 @@ void BlockStep<T>::finish_rows(std::int64_t begin, std::int64_t end, const T* bl
     }
 }
 
-/// Fills the pixels of row y that the next block reads but that are not computed. Returns the place
-/// of the first computed pixel.
+/// Fills the pixels of row y that the next block reads but that are not computed. Returns a
+/// pointer to the first computed pixel.
 template <class T>
 T* BlockStep<T>::surround_with_background(std::int64_t y) const {
     const std::int64_t channels = block.out();
@@ -173,9 +173,9 @@ T* BlockStep<T>::surround_with_background(std::int64_t y) const {
 
 /// Upsamples one row of the sum over the blocks below; zero where only the background is shown.
 template <class T>
-void BlockStep<T>::double_sum(float* to, const AlignedVector<float>& sum, std::int64_t row,
-                              std::int64_t channels, const kernels::UpsampleFilter& filter,
-                              StripBuffers<T>& buffers) const {
+void BlockStep<T>::upsample_sum(float* to, const AlignedVector<float>& sum, std::int64_t row,
+                                std::int64_t channels, const kernels::UpsampleFilter& filter,
+                                StripBuffers<T>& buffers) const {
     const PixelRow& shown = above.shown[row];
     if (first || shown.size() == 0) {
         std::fill_n(to, above.side * channels, 0.0F);
@@ -196,7 +196,7 @@ void BlockStep<T>::finish_rgb_row(std::int64_t row, const T* features,
         return;
     }
     float* to = last ? buffers.rgb_row.data() : above.rgb.data() + row * length;
-    double_sum(to, below.rgb, row, colors, kernels::smooth_upsample, buffers);
+    upsample_sum(to, below.rgb, row, colors, kernels::smooth_upsample, buffers);
     const PixelRow &pixels = above.occupied[row], &shown = above.shown[row];
     kernels::add_colors(to + pixels.begin * colors, features, block.rgb_weight.data(),
                         above.background.rgb.data(), pixels.size(), block.out());
@@ -217,7 +217,7 @@ void BlockStep<T>::finish_mask_row(std::int64_t row, StripBuffers<T>& buffers) c
         return;
     }
     float* to = last ? buffers.mask_row.data() : above.mask.data() + row * above.side * channels;
-    double_sum(to, below.mask, row, channels, kernels::bilinear_upsample, buffers);
+    upsample_sum(to, below.mask, row, channels, kernels::bilinear_upsample, buffers);
     const PixelRow &pixels = above.occupied[row], &shown = above.shown[row];
     kernels::add_difference(to + pixels.begin * channels, buffers.lateral.data(),
                             above.background.mask.data(), pixels.size(), channels);

@@ -94,9 +94,9 @@ private:
     void finish_rows(std::int64_t begin, std::int64_t end, const T* blurred,
                      StripBuffers<T>& buffers) const;
     [[nodiscard]] T* surround_with_background(std::int64_t y) const;
-    void double_sum(float* to, const AlignedVector<float>& sum, std::int64_t row,
-                    std::int64_t channels, const kernels::UpsampleFilter& filter,
-                    StripBuffers<T>& buffers) const;
+    void upsample_sum(float* to, const AlignedVector<float>& sum, std::int64_t row,
+                      std::int64_t channels, const kernels::UpsampleFilter& filter,
+                      StripBuffers<T>& buffers) const;
     void finish_rgb_row(std::int64_t row, const T* features, StripBuffers<T>& buffers) const;
     void finish_mask_row(std::int64_t row, StripBuffers<T>& buffers) const;
 };

@@ -38,10 +38,10 @@ void upsample_colors(float* out, const float* x, std::int64_t pixels,
     for (; x < last; x += colors, out += 2 * colors) {
         std::array<float, wide> even, odd;
         for (std::size_t c = 0; c < even.size(); ++c) {
-            const float left = x[static_cast<std::int64_t>(c) - colors], here = at * x[c],
+            const float left = x[static_cast<std::int64_t>(c) - colors], center = at * x[c],
                         right = x[c + colors];
-            even[c] = before * left + here + after * right;
-            odd[c] = after * left + here + before * right;
+            even[c] = before * left + center + after * right;
+            odd[c] = after * left + center + before * right;
         }
         std::copy_n(even.data(), wide, out);
         std::copy_n(odd.data(), wide, out + colors);
@@ -76,11 +76,11 @@ void upsample_row(float* out, float* scratch, const float* image, std::int64_t r
     const auto at = [&](std::int64_t y) {
         return image + (std::clamp<std::int64_t>(y, 0, side - 1) * side + begin) * channels;
     };
-    const float *before = at(m - 1), *here = at(m), *after = at(m + 1);
+    const float *before = at(m - 1), *center = at(m), *after = at(m + 1);
     // One more pixel on both sides, if there is one.
     const std::int64_t left = begin > 0 ? -channels : 0, right = end < side ? channels : 0;
     float* mixed = scratch + channels;
-    combine(mixed + left, before + left, here + left, after + left, weights_at(filter, row, side),
+    combine(mixed + left, before + left, center + left, after + left, weights_at(filter, row, side),
             length - left + right);
     if (left == 0) std::copy_n(mixed, channels, scratch);
     if (right == 0) std::copy_n(mixed + length - channels, channels, mixed + length);

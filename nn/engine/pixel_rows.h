@@ -7,7 +7,7 @@
 namespace stymo {
 
 /// The interval [begin, end) of pixels in one row of an image. `offset` is the number of pixels in
-/// the intervals of all rows before it, that is, the place of its first pixel in packed storage.
+/// the intervals of all rows before it, that is, the index of its first pixel in packed storage.
 struct PixelRow {
     std::int64_t begin = 0;
     std::int64_t end = 0;

@@ -142,7 +142,7 @@ public:
                                                                std::int64_t resolution = 0) const;
     /// Throws ValueError without render blocks.
     [[nodiscard]] FoldedMaskBranch folded_mask() const;
-    /// Decoded::weights.weights for samples at fixed places, (B, rays, samples_per_ray), without
+    /// Decoded::weights.weights for samples at fixed positions, (B, rays, samples_per_ray), without
     /// computing features or images. Throws the same errors as decoding.
     [[nodiscard]] Tensor compositing_weights(const Codes& z, const std::vector<Camera>& cameras,
                                              std::int64_t samples_per_ray,

@@ -30,10 +30,10 @@ ResolutionLadder common_ladder(std::span<const Face> faces, std::int64_t smalles
 Tensor stacked(std::span<const Face> faces, Tensor Face::*member) {
     const Shape& shape = (faces[0].*member).shape();
     Tensor result({static_cast<std::int64_t>(faces.size()), shape[0], shape[1], shape[2]});
-    auto place = result.mutable_values<float>().begin();
+    auto next = result.mutable_values<float>().begin();
     for (const Face& face : faces) {
         const std::span<const float> values = (face.*member).values<float>();
-        place = std::copy(values.begin(), values.end(), place);
+        next = std::copy(values.begin(), values.end(), next);
     }
     return result;
 }

@@ -40,7 +40,7 @@ struct FaceSquare {
 /// another rank.
 [[nodiscard]] Tensor image_in_square(const Tensor& photo, const FaceSquare& square,
                                      std::int64_t side);
-/// The index of the point that takes point k's place in the mirror image.
+/// The index of the point that point k becomes in the mirror image.
 [[nodiscard]] std::size_t mirrored_point(std::size_t k);
 /// The points of the mirror image of a photo that is `width` pixels wide.
 [[nodiscard]] FacePoints mirrored_points(const FacePoints& points, double width);

@@ -44,7 +44,7 @@ Network trunk(const TrunkDescription& description) {
     Network network{.title = "torchvision " + description.name, .other_prefix = "features."};
     std::int64_t in = 3;
     for (const TrunkLayer& layer : description.layers) {
-        const std::string name = "features." + std::to_string(layer.place);
+        const std::string name = "features." + std::to_string(layer.index);
         if (layer.kind == TrunkLayer::Kind::max_pool) continue;
         if (layer.kind == TrunkLayer::Kind::convolution) {
             network.conv(name, layer.out, in, layer.kernel);

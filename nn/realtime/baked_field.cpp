@@ -43,12 +43,12 @@ void BakedField::mark_empty_blocks() {
     parallel_for(blocks_[2], 1, [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t block = begin * blocks_[0] * blocks_[1];
              block < end * blocks_[0] * blocks_[1]; ++block) {
-            const std::array<std::int64_t, 3> place{block % blocks_[0],
-                                                    block / blocks_[0] % blocks_[1],
-                                                    block / (blocks_[0] * blocks_[1])};
+            const std::array<std::int64_t, 3> coordinates{block % blocks_[0],
+                                                          block / blocks_[0] % blocks_[1],
+                                                          block / (blocks_[0] * blocks_[1])};
             std::array<std::int64_t, 3> first{}, last{};
             for (std::size_t axis = 0; axis < 3; ++axis) {
-                first[axis] = place[axis] * block_cells;
+                first[axis] = coordinates[axis] * block_cells;
                 last[axis] = std::min(first[axis] + block_cells, grid.vertices[axis] - 1);
             }
             bool empty = true;
@@ -118,17 +118,17 @@ BakedField::Marched BakedField::march(const Ray& ray, std::int64_t samples_per_r
     Marched seen;
     Transmittance<float> light;
     for (std::int64_t k = 0; k < samples_per_ray && light.value() > least_transmittance; ++k) {
-        std::array<float, 3> place{}, fraction{};
+        std::array<float, 3> position{}, fraction{};
         std::array<std::int64_t, 3> cell{};
         bool inside = true;
         for (std::size_t axis = 0; axis < 3; ++axis) {
-            place[axis] = start[axis] + static_cast<float>(k) * step[axis];
-            inside = inside && place[axis] >= 0.0F && place[axis] < limit[axis];
+            position[axis] = start[axis] + static_cast<float>(k) * step[axis];
+            inside = inside && position[axis] >= 0.0F && position[axis] < limit[axis];
         }
         if (!inside) continue;
         for (std::size_t axis = 0; axis < 3; ++axis) {
-            cell[axis] = static_cast<std::int64_t>(place[axis]);
-            fraction[axis] = place[axis] - static_cast<float>(cell[axis]);
+            cell[axis] = static_cast<std::int64_t>(position[axis]);
+            fraction[axis] = position[axis] - static_cast<float>(cell[axis]);
         }
         const std::int64_t block =
             (cell[2] / block_cells * blocks_[1] + cell[1] / block_cells) * blocks_[0] +
@@ -144,20 +144,20 @@ BakedField::Marched BakedField::march(const Ray& ray, std::int64_t samples_per_r
             softplus(between(on_face(corner), on_face(corner + back), fraction[2])) *
             static_cast<float>(delta);
         const float weight = light.pass(optical_depth);
-        if (weight > least_weight) add_features(place, weight, coefficients);
+        if (weight > least_weight) add_features(position, weight, coefficients);
         seen.opacity += weight;
         seen.depth += weight * static_cast<float>(sample_distance(ray, k, samples_per_ray));
     }
     return seen;
 }
 
-void BakedField::add_features(const std::array<float, 3>& place, float weight,
+void BakedField::add_features(const std::array<float, 3>& position, float weight,
                               std::span<float> coefficients) const {
     std::array<std::int64_t, 3> cell{};
     std::array<std::array<float, 2>, 3> share{};
     for (std::size_t axis = 0; axis < 3; ++axis) {
-        cell[axis] = static_cast<std::int64_t>(place[axis]);
-        const float fraction = place[axis] - static_cast<float>(cell[axis]);
+        cell[axis] = static_cast<std::int64_t>(position[axis]);
+        const float fraction = position[axis] - static_cast<float>(cell[axis]);
         share[axis] = {1.0F - fraction, fraction};
     }
     const VertexGrid& grid = samples_.grid;

@@ -11,9 +11,9 @@
 namespace stymo {
 
 /// A field that is sampled once for each face. Every view interpolates the density's logits and the
-/// features trilinearly between these samples, at the same places along the rays as an exact frame.
-/// Parts of the head that no view from outside sees have the mean feature; a camera inside the head
-/// sees them. The space outside the baked box is empty.
+/// features trilinearly between these samples, at the same positions along the rays as an exact
+/// frame. Parts of the head that no view from outside sees have the mean feature; a camera inside
+/// the head sees them. The space outside the baked box is empty.
 class BakedField final : public FieldSource {
 public:
     /// Throws what `bake` throws.
@@ -33,7 +33,7 @@ private:
     void mark_empty_blocks();
     [[nodiscard]] Marched march(const Ray& ray, std::int64_t samples_per_ray,
                                 std::span<float> coefficients) const;
-    void add_features(const std::array<float, 3>& place, float weight,
+    void add_features(const std::array<float, 3>& position, float weight,
                       std::span<float> coefficients) const;
 
     RaySampling sampling_;

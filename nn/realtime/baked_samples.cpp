@@ -99,7 +99,7 @@ std::vector<std::uint8_t> marks(const BakedSamples& samples, double step, double
 }
 
 struct WeightedPoint {
-    Eigen::Vector3d place = Eigen::Vector3d::Zero();
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();
     double weight = 0.0;
 };
 
@@ -143,11 +143,11 @@ Box box_of(std::vector<WeightedPoint> points, double share, double margin) {
     Box box;
     for (std::size_t axis = 0; axis < 3; ++axis) {
         std::ranges::sort(points, {},
-                          [axis](const WeightedPoint& point) { return point.place[axis]; });
+                          [axis](const WeightedPoint& point) { return point.position[axis]; });
         const auto reach = [&](auto first, auto last) {
             double passed = first->weight;
             while (passed <= share * total && first + 1 != last) passed += (++first)->weight;
-            return first->place[axis];
+            return first->position[axis];
         };
         box.lower[axis] = reach(points.begin(), points.end()) - margin;
         box.upper[axis] = reach(points.rbegin(), points.rend()) + margin;

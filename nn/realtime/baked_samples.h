@@ -46,7 +46,7 @@ inline constexpr std::int64_t most_baked_bytes = 300'000'000;
 /// Bytes of a field that is baked with these options if every cell is visible.
 [[nodiscard]] std::int64_t baked_bytes(const BakeOptions& options);
 
-/// Bakes a field for these views. `rays` gives the places and the intervals of the samples along
+/// Bakes a field for these views. `rays` gives the positions and the intervals of the samples along
 /// rays. Throws ValueError for a resolution below 8, a dimension below 1 and options whose
 /// `baked_bytes` exceed `most_baked_bytes`, and what `sample_rays` throws for the outermost views.
 [[nodiscard]] BakedSamples bake(const FoldedField& field, const RaySampling& rays,

@@ -15,8 +15,8 @@ constexpr double largest_tolerance = 0.5;
 constexpr int series_length = 19;
 constexpr double psnr_of_equal_frames = 100.0;
 
-double series_tolerance(int place) {
-    return largest_tolerance * std::pow(2.0, -0.5 * place);
+double series_tolerance(int index) {
+    return largest_tolerance * std::pow(2.0, -0.5 * index);
 }
 
 std::vector<Tensor> frames(const Model& model, const Codes& codes, std::span<const Camera> cameras,

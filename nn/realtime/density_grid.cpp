@@ -27,7 +27,7 @@ DensityBounds bounds_of_logits(float lower, float estimate, float upper) {
 
 /// The cell of a point, the first of the eight vertices around it, the step to the others, and the
 /// position of the point between them.
-struct DensityGrid::Place {
+struct DensityGrid::Location {
     std::int64_t cell = -1;  ///< outside the cube
     std::int64_t corner = 0;
     std::int64_t step = 2;
@@ -47,7 +47,7 @@ std::vector<float> DensityGrid::one_in_each_cell(std::span<const float> points) 
     std::vector<bool> taken(states_.size());
     std::vector<float> result;
     for (std::size_t i = 0; i + 2 < points.size(); i += 3) {
-        const std::int64_t cell = place_of(points.data() + i).cell;
+        const std::int64_t cell = locate(points.data() + i).cell;
         if (cell < 0 || taken[static_cast<std::size_t>(cell)]) continue;
         taken[static_cast<std::size_t>(cell)] = true;
         result.insert(result.end(), points.begin() + static_cast<std::ptrdiff_t>(i),
@@ -67,27 +67,27 @@ std::int64_t DensityGrid::first_vertex(std::int64_t cell) const {
                 cell % cells_);
 }
 
-DensityGrid::Place DensityGrid::place_of(const float* point) const {
-    Place place;
+DensityGrid::Location DensityGrid::locate(const float* point) const {
+    Location location;
     std::array<std::int64_t, 3> index{};
     for (std::size_t axis = 0; axis < 3; ++axis) {
         const float position = (point[axis] + half_side_) / (2.0F * spacing_);
-        if (!(position >= 0.0F && position < static_cast<float>(cells_))) return place;
+        if (!(position >= 0.0F && position < static_cast<float>(cells_))) return location;
         index[axis] = static_cast<std::int64_t>(position);
-        place.part[axis] = position - static_cast<float>(index[axis]);
+        location.part[axis] = position - static_cast<float>(index[axis]);
     }
-    place.cell = (index[2] * cells_ + index[1]) * cells_ + index[0];
-    const bool fine = states_[static_cast<std::size_t>(place.cell)] == CellState::fine;
+    location.cell = (index[2] * cells_ + index[1]) * cells_ + index[0];
+    const bool fine = states_[static_cast<std::size_t>(location.cell)] == CellState::fine;
     for (std::size_t axis = 0; axis < 3; ++axis) {
         index[axis] *= 2;
         if (!fine) continue;
-        const bool second = place.part[axis] >= 0.5F;
+        const bool second = location.part[axis] >= 0.5F;
         index[axis] += second ? 1 : 0;
-        place.part[axis] = 2.0F * place.part[axis] - (second ? 1.0F : 0.0F);
+        location.part[axis] = 2.0F * location.part[axis] - (second ? 1.0F : 0.0F);
     }
-    place.corner = (index[2] * vertices_ + index[1]) * vertices_ + index[0];
-    place.step = fine ? 1 : 2;
-    return place;
+    location.corner = (index[2] * vertices_ + index[1]) * vertices_ + index[0];
+    location.step = fine ? 1 : 2;
+    return location;
 }
 
 std::int64_t DensityGrid::cell_of(const float* point) const {
@@ -118,9 +118,9 @@ void DensityGrid::evaluate(std::span<const std::int64_t> cells, std::int64_t ste
         if (logit != unknown) return;
         logit = wanted;
         wanted_.push_back(vertex);
-        for (const std::int64_t place :
+        for (const std::int64_t coordinate :
              {vertex % vertices_, vertex / vertices_ % vertices_, vertex / vertices_ / vertices_})
-            points_.push_back(static_cast<float>(place) * spacing_ - half_side_);
+            points_.push_back(static_cast<float>(coordinate) * spacing_ - half_side_);
     };
     for (const std::int64_t cell : cells) {
         const std::int64_t first = first_vertex(cell);
@@ -152,7 +152,7 @@ bool DensityGrid::is_thin(std::int64_t cell) const {
 void DensityGrid::evaluate_around(std::span<const float> points, const LogitFunction& logits_at) {
     new_cells_.clear();
     for (std::size_t i = 0; i + 2 < points.size(); i += 3) {
-        const std::int64_t cell = place_of(points.data() + i).cell;
+        const std::int64_t cell = locate(points.data() + i).cell;
         if (cell < 0 || states_[static_cast<std::size_t>(cell)] != CellState::unknown) continue;
         states_[static_cast<std::size_t>(cell)] = CellState::coarse;
         new_cells_.push_back(cell);
@@ -167,24 +167,24 @@ void DensityGrid::evaluate_around(std::span<const float> points, const LogitFunc
 bool DensityGrid::bounds(std::span<const float> points, std::span<DensityBounds> result) const {
     bool all_known = true;
     for (std::size_t i = 0; i < result.size(); ++i) {
-        const Place place = place_of(points.data() + 3 * i);
-        const bool inside = place.cell >= 0;
-        if (!inside || states_[static_cast<std::size_t>(place.cell)] == CellState::unknown) {
+        const Location location = locate(points.data() + 3 * i);
+        const bool inside = location.cell >= 0;
+        if (!inside || states_[static_cast<std::size_t>(location.cell)] == CellState::unknown) {
             result[i] = anything;
             all_known = all_known && !inside;
             continue;
         }
-        const float* corner = logits_.data() + place.corner;
+        const float* corner = logits_.data() + location.corner;
         float lower = *corner, upper = *corner, estimate = 0.0F;
         for (std::int64_t z = 0; z < 2; ++z) {
             for (std::int64_t y = 0; y < 2; ++y) {
-                const float* row = corner + place.step * (z * vertices_ + y) * vertices_;
-                const float first = row[0], second = row[place.step];
+                const float* row = corner + location.step * (z * vertices_ + y) * vertices_;
+                const float first = row[0], second = row[location.step];
                 lower = std::min({lower, first, second});
                 upper = std::max({upper, first, second});
-                const float share = (z == 1 ? place.part[2] : 1.0F - place.part[2]) *
-                                    (y == 1 ? place.part[1] : 1.0F - place.part[1]);
-                estimate += share * (first + place.part[0] * (second - first));
+                const float share = (z == 1 ? location.part[2] : 1.0F - location.part[2]) *
+                                    (y == 1 ? location.part[1] : 1.0F - location.part[1]);
+                estimate += share * (first + location.part[0] * (second - first));
             }
         }
         result[i] = bounds_of_logits(lower, estimate, upper);

@@ -44,8 +44,8 @@ public:
 
 private:
     enum class CellState : std::uint8_t { unknown, coarse, fine };
-    struct Place;
-    [[nodiscard]] Place place_of(const float* point) const;
+    struct Location;
+    [[nodiscard]] Location locate(const float* point) const;
     /// The cell of a point, negative outside the cube.
     [[nodiscard]] std::int64_t cell_of(const float* point) const;
     [[nodiscard]] std::int64_t first_vertex(std::int64_t cell) const;

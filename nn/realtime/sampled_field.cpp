@@ -62,7 +62,7 @@ void append_points(const Ray& ray, std::int64_t samples, std::vector<float>& poi
         append_point(ray, sample_distance(ray, k, samples), points);
 }
 
-/// The samples of a camera's rays, at the places and with the intervals of `sample_rays`.
+/// The samples of a camera's rays, at the positions and with the intervals of `sample_rays`.
 struct CameraSamples {
     const CameraRays& rays;
 

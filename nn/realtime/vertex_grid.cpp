@@ -35,15 +35,16 @@ std::vector<float> least_optical_depth(const VertexGrid& grid, const std::vector
         for (std::int64_t z = 0; z < grid.vertices[2]; ++z) {
             for (std::int64_t y = 0; y < grid.vertices[1]; ++y) {
                 for (std::int64_t x = 0; x < grid.vertices[0]; ++x) {
-                    const auto here =
+                    const auto vertex =
                         static_cast<std::size_t>(grid.index(along(0, x), along(1, y), along(2, z)));
                     const auto from = [&](std::size_t axis, std::int64_t step) {
                         if (step == 0) return 0.0F;
-                        const auto there =
-                            static_cast<std::size_t>(static_cast<std::int64_t>(here) + back[axis]);
-                        return least[there] + half_edge * (density[there] + density[here]);
+                        const auto neighbour = static_cast<std::size_t>(
+                            static_cast<std::int64_t>(vertex) + back[axis]);
+                        return least[neighbour] +
+                               half_edge * (density[neighbour] + density[vertex]);
                     };
-                    least[here] = std::min({least[here], from(0, x), from(1, y), from(2, z)});
+                    least[vertex] = std::min({least[vertex], from(0, x), from(1, y), from(2, z)});
                 }
             }
         }
@@ -73,7 +74,7 @@ void for_each_marked_cell(const VertexGrid& grid, const std::vector<std::uint8_t
 }  // namespace
 
 Eigen::Vector3d VertexGrid::position(std::int64_t index) const {
-    const std::array<std::int64_t, 3> steps = place(index);
+    const std::array<std::int64_t, 3> steps = coordinates(index);
     return origin + spacing * Eigen::Vector3<std::int64_t>(steps.data()).cast<double>();
 }
 

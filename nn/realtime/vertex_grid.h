@@ -18,7 +18,7 @@ struct VertexGrid {
     [[nodiscard]] std::int64_t index(std::int64_t x, std::int64_t y, std::int64_t z) const {
         return (z * vertices[1] + y) * vertices[0] + x;
     }
-    [[nodiscard]] std::array<std::int64_t, 3> place(std::int64_t index) const {
+    [[nodiscard]] std::array<std::int64_t, 3> coordinates(std::int64_t index) const {
         return {index % vertices[0], index / vertices[0] % vertices[1],
                 index / (vertices[0] * vertices[1])};
     }

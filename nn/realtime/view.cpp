@@ -68,9 +68,9 @@ Pose frontal_pose(const CameraConfig& camera) {
 }
 
 Camera model_camera(const Model& model, double yaw, double pitch, double roll) {
-    const CameraConfig& place = model.config().camera;
-    return camera_from_pose(pivot_pose(yaw, pitch, roll, place.distance, place.pivot_depth),
-                            place.intrinsics);
+    const CameraConfig& camera = model.config().camera;
+    return camera_from_pose(pivot_pose(yaw, pitch, roll, camera.distance, camera.pivot_depth),
+                            camera.intrinsics);
 }
 
 }  // namespace stymo

@@ -26,7 +26,7 @@ constexpr std::array<Measure, 24> measures{{
     {&HeadParameters::hair_parting, 0.40},    {&HeadParameters::hair_wave, 0.012},
 }};
 
-/// Proportions: of the head, jaw and chin, cheeks, places of eyes, nose, mouth and brows.
+/// Proportions: of the head, jaw and chin, cheeks, positions of eyes, nose, mouth and brows.
 [[nodiscard]] std::vector<Displacement> proportions() {
     std::vector<Displacement> result{
         {none, everywhere, none, {0.020, 0.0, 0.0}, Symmetry::mirrored},

@@ -22,7 +22,7 @@ struct ScannedHead {
     std::array<std::int32_t, 68> landmarks{};
 };
 
-/// Moves and scales the head so that its eyes and mouth are at the places of the built-in head,
+/// Moves and scales the head so that its eyes and mouth are at the positions of the built-in head,
 /// fills the bases up with zero rows, removes the triangles of the neck, and adds parts and the
 /// smooth colour basis of the built-in head. Throws FileError if the landmarks of eyes and mouth
 /// are not arranged as in a face.

@@ -116,16 +116,16 @@ struct Tint {
 [[nodiscard]] Tint stain(std::int64_t index, std::int64_t count) {
     const std::array<Eigen::Vector3d, 3> colors{
         {{0.010, 0.010, 0.010}, {0.007, -0.005, -0.005}, {0.006, 0.002, -0.007}}};
-    const Displacement place = smooth_mode(index, count, -0.7, 1.0, 1.0);
-    return {colors[static_cast<std::size_t>(index % 3)], [place](const Surface& s) {
+    const Displacement mode = smooth_mode(index, count, -0.7, 1.0, 1.0);
+    return {colors[static_cast<std::size_t>(index % 3)], [mode](const Surface& s) {
                 if (!s.skin() && s.part != HeadPart::hair) return 0.0;
                 const auto bump = [&](double x) {
                     const Eigen::Vector3d offset =
-                        Eigen::Vector3d(x, s.point[1], s.point[2]) - place.center;
-                    return std::exp(-offset.cwiseQuotient(place.radius).squaredNorm());
+                        Eigen::Vector3d(x, s.point[1], s.point[2]) - mode.center;
+                    return std::exp(-offset.cwiseQuotient(mode.radius).squaredNorm());
                 };
                 return bump(s.point[0]) +
-                       (place.symmetry == Symmetry::opposed ? -1.0 : 1.0) * bump(-s.point[0]);
+                       (mode.symmetry == Symmetry::opposed ? -1.0 : 1.0) * bump(-s.point[0]);
             }};
 }
 

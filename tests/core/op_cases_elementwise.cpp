@@ -86,9 +86,9 @@ Variable masked_choice(const std::vector<Variable>& x) {
 }
 
 Array masked_choice_reference(const std::vector<Array>& x) {
-    std::int64_t place = 0;
+    std::int64_t index = 0;
     return generate(broadcast_extents(x[0], x[1]), [&](const Index& i) {
-        return place++ % 3 != 0 ? x[0].broadcast_at(i) : x[1].broadcast_at(i);
+        return index++ % 3 != 0 ? x[0].broadcast_at(i) : x[1].broadcast_at(i);
     });
 }
 
@@ -177,10 +177,10 @@ std::vector<OpCase> activation_cases() {
     rows.push_back({"prelu", "image", {image, {{3}}}, prelu_function, prelu_reference});
 
     for (const int axis : {-1, 0, 1}) {
-        const std::size_t place = axis < 0 ? 2 : static_cast<std::size_t>(axis);
-        const auto total_of_exp = [place](const Array& x, Index i) {
+        const std::size_t along = axis < 0 ? 2 : static_cast<std::size_t>(axis);
+        const auto total_of_exp = [along](const Array& x, Index i) {
             double total = 0.0;
-            for (i[place] = 0; i[place] < x.extents[place]; ++i[place]) total += std::exp(x.at(i));
+            for (i[along] = 0; i[along] < x.extents[along]; ++i[along]) total += std::exp(x.at(i));
             return total;
         };
         const std::string form = "axis " + std::to_string(axis);
@@ -191,7 +191,7 @@ std::vector<OpCase> activation_cases() {
                         [axis](const auto& x) { return log_sum_exp(x[0], axis); },
                         [=](const std::vector<Array>& x) {
                             auto extents = x[0].extents;
-                            extents[place] = 1;
+                            extents[along] = 1;
                             return generate(extents, [&](const Index& i) {
                                 return std::log(total_of_exp(x[0], i));
                             });

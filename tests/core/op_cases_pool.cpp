@@ -14,9 +14,9 @@ Array pooled(const Array& x, const MaxPoolOptions& options, std::int64_t height,
              std::int64_t width) {
     return generate({x.extents[0], height, width, x.extents[3]}, [&](const Index& i) {
         double largest = -std::numeric_limits<double>::infinity();
-        for_each_index({options.kernel, options.kernel}, [&](const Index& place) {
-            const std::int64_t row = i[1] * options.stride + place[0];
-            const std::int64_t column = i[2] * options.stride + place[1];
+        for_each_index({options.kernel, options.kernel}, [&](const Index& tap) {
+            const std::int64_t row = i[1] * options.stride + tap[0];
+            const std::int64_t column = i[2] * options.stride + tap[1];
             if (row < x.extents[1] && column < x.extents[2])
                 largest = std::max(largest, x.at({i[0], row, column, i[3]}));
         });

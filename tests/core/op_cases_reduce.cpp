@@ -6,7 +6,7 @@
 namespace stymo::test {
 namespace {
 
-/// Adds every element of x at the place of `extents` (aligned at the last axis) that broadcasting
+/// Adds every element of x at the index of `extents` (aligned at the last axis) that broadcasting
 /// would take it from.
 Array summed_to(const Array& x, const std::vector<std::int64_t>& extents) {
     Array total = generate(extents, [](const Index&) { return 0.0; });
@@ -72,7 +72,7 @@ void add_totals(std::vector<OpCase>& rows) {
 void add_running_sums(std::vector<OpCase>& rows) {
     for (const int axis : {0, 1, -1}) {
         for (const bool exclusive : {false, true}) {
-            const std::size_t place = axis < 0 ? 2 : static_cast<std::size_t>(axis);
+            const std::size_t along = axis < 0 ? 2 : static_cast<std::size_t>(axis);
             rows.push_back(
                 {"cumsum",
                  (exclusive ? "exclusive axis " : "inclusive axis ") + std::to_string(axis),
@@ -82,8 +82,8 @@ void add_running_sums(std::vector<OpCase>& rows) {
                      return generate(x[0].extents, [&](const Index& i) {
                          double total = 0.0;
                          Index j = i;
-                         const std::int64_t end = i[place] + (exclusive ? 0 : 1);
-                         for (j[place] = 0; j[place] < end; ++j[place]) total += x[0].at(j);
+                         const std::int64_t end = i[along] + (exclusive ? 0 : 1);
+                         for (j[along] = 0; j[along] < end; ++j[along]) total += x[0].at(j);
                          return total;
                      });
                  },

@@ -25,7 +25,7 @@ Array separable(const Array& x, std::int64_t height, std::int64_t width, const A
 
 const Shape speed_image{4, 96, 96, 16};
 
-/// An arbitrary sparse matrix with one row more than columns, some of its places given twice.
+/// An arbitrary sparse matrix with one row more than columns, some of its entries given twice.
 ResampleMatrix arbitrary_matrix(int length) {
     std::vector<ResampleMatrix::Entry> entries;
     for (int output = 0; output <= length; ++output) {

@@ -4,8 +4,8 @@
 namespace stymo::test {
 namespace {
 
-Index moved(Index index, std::size_t axis, std::int64_t place) {
-    index[axis] = place;
+Index moved(Index index, std::size_t axis, std::int64_t position) {
+    index[axis] = position;
     return index;
 }
 
@@ -57,15 +57,15 @@ void add_permutations(std::vector<OpCase>& rows) {
 
 void add_axis_cases(std::vector<OpCase>& rows) {
     for (const int axis : {0, 1, -1}) {
-        const std::size_t place = axis < 0 ? 2 : static_cast<std::size_t>(axis);
+        const std::size_t along = axis < 0 ? 2 : static_cast<std::size_t>(axis);
         const std::string form = "axis " + std::to_string(axis);
         rows.push_back({"flip",
                         form,
                         {{{2, 3, 4}}},
                         [axis](const auto& x) { return flip(x[0], axis); },
-                        [place](const std::vector<Array>& x) {
+                        [along](const std::vector<Array>& x) {
                             return generate(x[0].extents, [&](const Index& i) {
-                                return x[0].at(moved(i, place, x[0].extents[place] - 1 - i[place]));
+                                return x[0].at(moved(i, along, x[0].extents[along] - 1 - i[along]));
                             });
                         },
                         {{64, 64, 256}}});
@@ -74,11 +74,11 @@ void add_axis_cases(std::vector<OpCase>& rows) {
              form,
              {{{4, 3, 5}}},
              [axis](const auto& x) { return slice(x[0], axis, 1, x[0].shape(axis) - 1); },
-             [place](const std::vector<Array>& x) {
+             [along](const std::vector<Array>& x) {
                  auto extents = x[0].extents;
-                 extents[place] -= 2;
+                 extents[along] -= 2;
                  return generate(extents, [&](const Index& i) {
-                     return x[0].at(moved(i, place, i[place] + 1));
+                     return x[0].at(moved(i, along, i[along] + 1));
                  });
              },
              {{64, 64, 256}}});
@@ -86,13 +86,13 @@ void add_axis_cases(std::vector<OpCase>& rows) {
                         form,
                         {{{2, 3, 2}}},
                         [axis](const auto& x) { return pad(x[0], axis, 1, 2); },
-                        [place](const std::vector<Array>& x) {
+                        [along](const std::vector<Array>& x) {
                             auto extents = x[0].extents;
-                            extents[place] += 3;
+                            extents[along] += 3;
                             return generate(extents, [&](const Index& i) {
-                                const std::int64_t source = i[place] - 1;
-                                const bool inside = source >= 0 && source < x[0].extents[place];
-                                return inside ? x[0].at(moved(i, place, source)) : 0.0;
+                                const std::int64_t source = i[along] - 1;
+                                const bool inside = source >= 0 && source < x[0].extents[along];
+                                return inside ? x[0].at(moved(i, along, source)) : 0.0;
                             });
                         },
                         {{64, 64, 256}}});
@@ -101,20 +101,20 @@ void add_axis_cases(std::vector<OpCase>& rows) {
 
 OpCase concatenation(const char* form, int axis, const std::vector<Shape>& shapes,
                      const std::vector<Shape>& speed) {
-    const std::size_t place = axis < 0 ? 1 : static_cast<std::size_t>(axis);
+    const std::size_t along = axis < 0 ? 1 : static_cast<std::size_t>(axis);
     OpCase row{"concat",
                form,
                {},
                [axis](const auto& x) { return concat(x, axis); },
-               [place](const std::vector<Array>& x) {
+               [along](const std::vector<Array>& x) {
                    auto extents = x[0].extents;
-                   extents[place] = 0;
-                   for (const Array& part : x) extents[place] += part.extents[place];
+                   extents[along] = 0;
+                   for (const Array& part : x) extents[along] += part.extents[along];
                    return generate(extents, [&](const Index& i) {
-                       std::int64_t rest = i[place];
+                       std::int64_t rest = i[along];
                        std::size_t part = 0;
-                       while (rest >= x[part].extents[place]) rest -= x[part++].extents[place];
-                       return x[part].at(moved(i, place, rest));
+                       while (rest >= x[part].extents[along]) rest -= x[part++].extents[along];
+                       return x[part].at(moved(i, along, rest));
                    });
                },
                speed};

@@ -61,7 +61,7 @@ TEST_CASE("Recomputed layers have the bits of kept ones: values, gradients, grad
             }
             for (std::size_t i = 0; i < found.size(); ++i) {
                 CAPTURE(dtype, i);
-                // Second derivatives meet in several places, so that the sums are grouped in
+                // Second derivatives meet at several nodes, so that the sums are grouped in
                 // another way.
                 const bool second_order = i > 3 && i <= 6;
                 if (second_order)

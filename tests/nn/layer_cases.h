@@ -11,7 +11,7 @@ namespace stymo::test {
 
 using LayerFunction = std::function<Variable(const std::vector<Variable>&)>;
 
-/// One layer or loss on small inputs. The table is the one place that a new layer or loss is
+/// One layer or loss on small inputs. The table is all that a new layer or loss is
 /// entered for the tests.
 struct LayerCase {
     std::string name;

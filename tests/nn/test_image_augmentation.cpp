@@ -23,7 +23,7 @@ Tensor changed(const Tensor& images, const ImageAugmentation& augmentation) {
     return augmented(images, all).value();
 }
 
-/// An image that is the same but for the pixels' places.
+/// An image that is the same but for the pixels' positions.
 Tensor moved_right(const Tensor& images, std::int64_t pixels) {
     const std::int64_t side = images.shape(2);
     return (pad(slice(Variable(images), 2, 0, side - pixels) + 1.0, 2, pixels, 0) - 1.0).value();

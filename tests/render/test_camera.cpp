@@ -98,7 +98,7 @@ TEST_CASE("positive angles turn the face to the image's left, up and clockwise",
     CHECK(seen(0, 0, 0.3, top)[0] > 0.5);
 }
 
-TEST_CASE("a mirrored pose sees the mirrored point at the mirrored place", "[camera]") {
+TEST_CASE("a mirrored pose sees the mirrored point at the mirrored position", "[camera]") {
     const Pose pose{0.4, -0.2, 0.3, {1.0, 0.5, 5.0}};
     const Eigen::Vector3d seen = project(camera_from_pose(pose, Intrinsics{}), {0.3, 0.2, -0.1});
     const Eigen::Vector3d mirror_seen =

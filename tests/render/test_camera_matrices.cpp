@@ -52,7 +52,7 @@ TEST_CASE("cameras come back from every form they are written in", "[camera]") {
     check_same(with_focal(camera_from_eg3d(eg3d_label(camera)), camera.intrinsics.focal), camera);
 }
 
-TEST_CASE("a camera with another focal length shows the origin at the same place and size",
+TEST_CASE("a camera with another focal length shows the origin at the same position and size",
           "[camera]") {
     const Camera camera = some_camera();
     const Camera other = with_focal(camera, 4.0);

@@ -219,7 +219,7 @@ TEST_CASE("samples in reverse order are refused", "[composite]") {
     CHECK_THROWS_AS(composite_weights(row({1.0}), row({std::nan("")})), ValueError);
 }
 
-TEST_CASE("Samples that are not in order are refused with their place", "[composite]") {
+TEST_CASE("Samples that are not in order are refused with their index", "[composite]") {
     Tensor deltas = Tensor::full({2, 3, 4}, 0.0);
     CHECK_NOTHROW(require_ordered_samples("f", deltas));
     deltas.mutable_values<float>()[12 + 6] = -0.25F;

@@ -75,7 +75,7 @@ TEST_CASE("The closed forms of the rays agree with Gauss-Legendre", "[quadrature
             const auto weight = [&](double s) {
                 return std::exp(-ray.optical_depth(s)) * ray.density(s);
             };
-            // Places within the wall are rounded to 1e-16, of which it makes optical depths of
+            // Positions within the wall are rounded to 1e-16, of which it makes optical depths of
             // 1e-8.
             const double tolerance = one.name == "wall" ? 1e-8 : 1e-12;
             const double depth = ray.optical_depth(1.0);

@@ -15,19 +15,20 @@ using namespace stymo::test;
 
 namespace {
 
-/// Values of a function of place at the vertices of a cube of `cells` cells from -1 to 1 along each
-/// axis.
+/// Values of a function of position at the vertices of a cube of `cells` cells from -1 to 1 along
+/// each axis.
 Tensor sampled(std::int64_t cells, const std::function<double(double, double, double)>& field) {
     Tensor values({cells + 1, cells + 1, cells + 1});
     const std::span<float> numbers = values.mutable_values<float>();
-    const auto place = [&](std::int64_t i) {
+    const auto coordinate = [&](std::int64_t i) {
         return -1.0 + 2.0 * static_cast<double>(i) / static_cast<double>(cells);
     };
     std::size_t next = 0;
     for (std::int64_t z = 0; z <= cells; ++z) {
         for (std::int64_t y = 0; y <= cells; ++y) {
             for (std::int64_t x = 0; x <= cells; ++x)
-                numbers[next++] = static_cast<float>(field(place(x), place(y), place(z)));
+                numbers[next++] =
+                    static_cast<float>(field(coordinate(x), coordinate(y), coordinate(z)));
         }
     }
     return values;

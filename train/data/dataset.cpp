@@ -66,16 +66,16 @@ bool has_mask(const FaceFiles& files) {
 
 /// Rank of a face's photo among all photos from which the folder was prepared.
 std::int64_t rank_of(const std::string& id, const std::vector<std::string>& photo_ids) {
-    const auto place = [&](const std::string& photo) {
+    const auto rank_in_order = [&](const std::string& photo) {
         return std::ranges::lower_bound(photo_ids, photo, id_less) - photo_ids.begin();
     };
     const auto is_photo = [&](const std::string& photo) {
-        const auto rank = static_cast<std::size_t>(place(photo));
+        const auto rank = static_cast<std::size_t>(rank_in_order(photo));
         return rank < photo_ids.size() && photo_ids[rank] == photo;
     };
     // "ID_2" is the second face of the photo "ID".
     const std::string photo = id.substr(0, id.rfind('_'));
-    const std::int64_t rank = place(!is_photo(id) && is_photo(photo) ? photo : id);
+    const std::int64_t rank = rank_in_order(!is_photo(id) && is_photo(photo) ? photo : id);
     return std::min(rank, std::ssize(photo_ids) - 1);
 }
 
@@ -323,7 +323,7 @@ DatasetSummary Dataset::summary() const {
         if (entry == nullptr || !entry->pose) ++summary.without_pose;
         if (entry == nullptr || !entry->has_code) ++summary.without_code;
     }
-    for (const auto& [place, item] : data.broken) summary.broken.push_back(item);
+    for (const auto& [index, item] : data.broken) summary.broken.push_back(item);
     summary.refused = data.refused;
     return summary;
 }

@@ -65,10 +65,10 @@ using PathById = std::map<std::string, fs::path>;
 PathById by_id(const std::vector<fs::path>& images) {
     PathById result;
     for (const fs::path& path : images) {
-        const auto [place, added] = result.emplace(path.stem().string(), path);
+        const auto [entry, added] = result.emplace(path.stem().string(), path);
         if (!added)
-            fail<FileError>("two images have the id \"", place->first,
-                            "\": ", place->second.string(), " and ", path.string(),
+            fail<FileError>("two images have the id \"", entry->first,
+                            "\": ", entry->second.string(), " and ", path.string(),
                             "; rename or remove one");
     }
     return result;

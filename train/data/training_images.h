@@ -17,8 +17,8 @@ namespace stymo {
 class TrainingImages {
 public:
     /// `mirror`: a random half of the faces is mirrored. `smallest_target` as in make_batch. When
-    /// an image is loaded, the operating system is told to read the image `ahead` places later; 0:
-    /// it is not. The data set must outlive this object.
+    /// an image is loaded, the operating system is told to read the image that is used `ahead`
+    /// images later; 0: it is not. The data set must outlive this object.
     TrainingImages(const Dataset& faces, bool mirror, const Rng& rng,
                    std::int64_t smallest_target = 64, std::int64_t ahead = 0)
         : faces_(faces),

@@ -120,10 +120,10 @@ private:
     }
 
     [[noreturn]] void refuse(const std::string& expected) const {
-        std::ostringstream place;
-        if (next_ < nodes_.size()) place << " (" << nodes_[next_]->name << ")";
+        std::ostringstream name;
+        if (next_ < nodes_.size()) name << " (" << nodes_[next_]->name << ")";
         fail<FileError>(source_, ": not an iresnet: operation ", next_, " is ", operation_at(0),
-                        place.str(), " where an iresnet has ", expected);
+                        name.str(), " where an iresnet has ", expected);
     }
 
     [[nodiscard]] bool is_pointwise(const OnnxNode& node) const {

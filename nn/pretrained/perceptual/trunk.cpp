@@ -9,21 +9,21 @@ using Kind = TrunkLayer::Kind;
 
 constexpr bool tap = true;
 
-TrunkLayer conv(int place, std::int64_t out, bool is_tap = false, int kernel = 3, int stride = 1,
+TrunkLayer conv(int index, std::int64_t out, bool is_tap = false, int kernel = 3, int stride = 1,
                 int padding = 1) {
     return {.kind = Kind::convolution,
-            .place = place,
+            .index = index,
             .out = out,
             .kernel = kernel,
             .stride = stride,
             .padding = padding,
             .tap = is_tap};
 }
-TrunkLayer fire(int place, std::int64_t squeezed, std::int64_t out, bool is_tap = false) {
-    return {.kind = Kind::fire, .place = place, .out = out, .squeezed = squeezed, .tap = is_tap};
+TrunkLayer fire(int index, std::int64_t squeezed, std::int64_t out, bool is_tap = false) {
+    return {.kind = Kind::fire, .index = index, .out = out, .squeezed = squeezed, .tap = is_tap};
 }
-TrunkLayer pool(int place, int kernel) {
-    return {.kind = Kind::max_pool, .place = place, .kernel = kernel, .stride = 2};
+TrunkLayer pool(int index, int kernel) {
+    return {.kind = Kind::max_pool, .index = index, .kernel = kernel, .stride = 2};
 }
 
 TrunkDescription vgg16() {
@@ -97,7 +97,7 @@ Trunk::Trunk(const TrunkDescription& description, ParameterStore& store, const s
     : pool_ceil_mode_(description.pool_ceil_mode) {
     std::int64_t in = 3;
     for (const TrunkLayer& layer : description.layers) {
-        const std::string name = prefix + "features." + std::to_string(layer.place);
+        const std::string name = prefix + "features." + std::to_string(layer.index);
         Stage stage{layer, {}};
         if (layer.kind == Kind::convolution) {
             stage.convolutions.emplace_back(store, name, in, layer.out, options_of(layer), rng);

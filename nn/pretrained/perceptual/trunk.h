@@ -20,7 +20,7 @@ struct TrunkLayer {
         max_pool  ///< rounds the size of its result as TrunkDescription::pool_ceil_mode says
     };
     Kind kind;
-    int place;             ///< index in torchvision's `features`
+    int index;             ///< index in torchvision's `features`
     std::int64_t out = 0;  ///< channels
     int kernel = 3;
     int stride = 1;
@@ -50,8 +50,8 @@ struct TrunkDescription {
 /// The feature stack of one of these networks.
 class Trunk {
 public:
-    /// Creates `prefix`features.{place}.weight and .bias, with He-normal weights from `rng`. A fire
-    /// layer has `prefix`features.{place}.squeeze, .expand1x1 and .expand3x3, as in torchvision.
+    /// Creates `prefix`features.{index}.weight and .bias, with He-normal weights from `rng`. A fire
+    /// layer has `prefix`features.{index}.squeeze, .expand1x1 and .expand3x3, as in torchvision.
     /// Weights are (out, kernel, kernel, in).
     Trunk(const TrunkDescription& description, ParameterStore& store, const std::string& prefix,
           Rng& rng);

@@ -48,7 +48,7 @@ struct Intervals {
 };
 
 /// Where a rule evaluates density and colour.
-enum class SamplePlaces {
+enum class SamplePositions {
     renderer,  ///< render/rays.h: the left ends of N intervals
     jittered,  ///< render/rays.h as in training
     middle     ///< the middles of N intervals
@@ -58,7 +58,7 @@ enum class SamplePlaces {
 struct QuadratureRule {
     std::string name;
     std::string what;
-    SamplePlaces places = SamplePlaces::renderer;
+    SamplePositions positions = SamplePositions::renderer;
     bool euler = false;  ///< T - T sigma delta instead of T exp(-sigma delta)
     DType dtype = DType::float64;
 };

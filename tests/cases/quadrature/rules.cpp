@@ -9,10 +9,10 @@ namespace stymo {
 
 namespace {
 
-void append(Intervals& intervals, const RayProfile& ray, double place, double length) {
-    intervals.density.push_back(ray.density(place));
+void append(Intervals& intervals, const RayProfile& ray, double position, double length) {
+    intervals.density.push_back(ray.density(position));
     intervals.length.push_back(length);
-    intervals.colour.push_back(ray.colour(place));
+    intervals.colour.push_back(ray.colour(position));
 }
 
 /// The renderer's own sampling of a frontal camera's rays, each scaled to the length 1.
@@ -63,19 +63,19 @@ std::vector<QuadratureRule> quadrature_rules() {
              .dtype = DType::float32},
             {.name = "jittered",
              .what = "the renderer's in training: every bound moves within its stratum",
-             .places = SamplePlaces::jittered},
+             .positions = SamplePositions::jittered},
             {.name = "midpoint",
              .what = "density and colour in the middle of N intervals",
-             .places = SamplePlaces::middle},
+             .positions = SamplePositions::middle},
             {.name = "Euler", .what = "explicit Euler on dT/ds = -sigma T", .euler = true}};
 }
 
 Intervals cut(const QuadratureRule& rule, std::span<const RayProfile> rays, std::int64_t samples,
               const Rng& rng) {
     Rng jitter = rng;
-    if (rule.places != SamplePlaces::middle)
+    if (rule.positions != SamplePositions::middle)
         return renderer_cut(rays, samples,
-                            rule.places == SamplePlaces::jittered ? &jitter : nullptr);
+                            rule.positions == SamplePositions::jittered ? &jitter : nullptr);
     Intervals intervals;
     intervals.rays = rays.size();
     const double length = 1.0 / static_cast<double>(samples);

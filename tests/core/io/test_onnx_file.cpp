@@ -86,7 +86,7 @@ TEST_CASE(
                Contains("tensor \"words\" has the unsupported element type 8"));
 }
 
-TEST_CASE("a tensor of an ONNX model that lies about its type, extents or place is refused") {
+TEST_CASE("a tensor of an ONNX model that lies about its type, extents or position is refused") {
     const auto field = [](int tag, const std::string& bytes) {
         return std::string{static_cast<char>(tag << 3 | 2), static_cast<char>(bytes.size())} +
                bytes;

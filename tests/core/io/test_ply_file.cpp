@@ -19,9 +19,9 @@ Tensor numbers(std::int64_t rows, double first) {
     return Tensor::from({rows, 3}, std::span<const double>(values)).to(DType::float32);
 }
 
-float float_at(const std::string& bytes, std::size_t place) {
+float float_at(const std::string& bytes, std::size_t offset) {
     float value = 0.0F;
-    std::memcpy(&value, bytes.data() + place, sizeof(value));
+    std::memcpy(&value, bytes.data() + offset, sizeof(value));
     return value;
 }
 

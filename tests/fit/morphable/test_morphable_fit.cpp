@@ -229,7 +229,7 @@ TEST_CASE(
     CHECK(error < 0.015);
     CHECK(given_error < 0.015);
     if (!stymo::FaceDetector::available()) return;
-    // What dlib takes for the jaw of a head without neck is a place of its own; the figures are for
+    // What dlib takes for the jaw of a head without neck is a point of its own; the figures are for
     // the record.
     const stymo::FaceDetector detector;
     std::vector<stymo::MorphableFitTarget> detected;

@@ -34,15 +34,15 @@ Landmarks landmarks_at(double x, double y, double interocular, double degrees, d
     Landmarks landmarks;
     landmarks.fill(Eigen::Vector2d::Zero());
     const double angle = degrees * std::numbers::pi / 180.0;
-    const auto place = [&](double right, double down) {
+    const auto point_at = [&](double right, double down) {
         return Eigen::Vector2d{
             x + interocular * (right * std::cos(angle) - down * std::sin(angle)),
             y + interocular * (right * std::sin(angle) + down * std::cos(angle))};
     };
-    for (std::size_t i = 36; i < 42; ++i) landmarks[i] = place(-0.5, 0.0);
-    for (std::size_t i = 42; i < 48; ++i) landmarks[i] = place(0.5, 0.0);
-    landmarks[48] = place(-0.4, mouth_drop);
-    landmarks[54] = place(0.4, mouth_drop);
+    for (std::size_t i = 36; i < 42; ++i) landmarks[i] = point_at(-0.5, 0.0);
+    for (std::size_t i = 42; i < 48; ++i) landmarks[i] = point_at(0.5, 0.0);
+    landmarks[48] = point_at(-0.4, mouth_drop);
+    landmarks[54] = point_at(0.4, mouth_drop);
     return landmarks;
 }
 

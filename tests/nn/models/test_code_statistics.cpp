@@ -55,15 +55,15 @@ TEST_CASE("statistics of codes are the mean and the covariance computed by hand"
     CHECK(statistics.faces() == 4);
     const std::vector<double> mean = statistics.mean().to_vector();
     const std::vector<double> covariance = covariance_of(statistics).to_vector();
-    const std::array<std::size_t, 3> places{99, 199, 299};
+    const std::array<std::size_t, 3> indices{99, 199, 299};
     const std::array<double, 3> means{3.0, 3.0, 9.0};
     const std::array<std::array<double, 3>, 3> covariances{{{8.0 / 3.0, 4.0 / 3.0, 20.0 / 3.0},
                                                             {4.0 / 3.0, 20.0 / 3.0, 28.0 / 3.0},
                                                             {20.0 / 3.0, 28.0 / 3.0, 68.0 / 3.0}}};
     for (std::size_t i = 0; i < 3; ++i) {
-        CHECK(mean[places[i]] == Approx(means[i]));
+        CHECK(mean[indices[i]] == Approx(means[i]));
         for (std::size_t k = 0; k < 3; ++k)
-            CHECK(covariance[places[i] * code_size + places[k]] == Approx(covariances[i][k]));
+            CHECK(covariance[indices[i] * code_size + indices[k]] == Approx(covariances[i][k]));
     }
     double total = 0.0;
     for (const double value : covariance) total += std::abs(value);

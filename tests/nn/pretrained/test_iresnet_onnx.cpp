@@ -36,8 +36,8 @@ Tensor embedding(const TensorFile& weights, const Tensor& image) {
     return (*backbone)(Variable(image)).value();
 }
 
-/// Place of the n-th node with this operation.
-std::size_t place_of(const OnnxGraph& graph, const std::string& operation, int n) {
+/// Index of the n-th node with this operation.
+std::size_t index_of(const OnnxGraph& graph, const std::string& operation, int n) {
     for (std::size_t i = 0; i < graph.nodes.size(); ++i) {
         if (graph.nodes[i].operation == operation && n-- == 0) return i;
     }
@@ -90,7 +90,7 @@ TEST_CASE("tensors of an unfolded ONNX iresnet come through as they are in PyTor
 TEST_CASE("names within the ONNX file and second names for the same constant do not matter") {
     OnnxGraph graph = folded();
     const auto expected = iresnet_from_onnx(graph, "a.onnx").file.tensors;
-    OnnxNode& norm = graph.nodes.at(place_of(graph, "BatchNormalization", 0));
+    OnnxNode& norm = graph.nodes.at(index_of(graph, "BatchNormalization", 0));
     graph.tensors["1234"] = graph.tensors.at(norm.inputs[1]);
     graph.tensors.erase(norm.inputs[1]);
     norm.inputs[1] = "5678";
@@ -106,11 +106,11 @@ TEST_CASE(
     OnnxGraph graph = folded();
     const Tensor image = Rng(2).uniform({1, 32, 32, 3}, -1.0, 1.0);
     const Tensor expected = embedding(iresnet_from_onnx(graph, "a.onnx").file, image);
-    OnnxNode& gemm = graph.nodes.at(place_of(graph, "Gemm", 0));
+    OnnxNode& gemm = graph.nodes.at(index_of(graph, "Gemm", 0));
     gemm.numbers.erase("transB");
     Tensor& weight = graph.tensors.at(gemm.inputs[1]);
     weight = transpose(weight).value();
-    OnnxNode& norm = graph.nodes.at(place_of(graph, "BatchNormalization", 1));
+    OnnxNode& norm = graph.nodes.at(index_of(graph, "BatchNormalization", 1));
     norm.numbers["epsilon"] = 1e-3;
     for (float& variance : graph.tensors.at(norm.inputs[4]).mutable_values<float>())
         variance += 1e-5F - 1e-3F;
@@ -124,7 +124,7 @@ TEST_CASE(
     "an ONNX network that is no iresnet is refused in one line by the first operation that "
     "differs") {
     OnnxGraph other = folded();
-    other.nodes.at(place_of(other, "PRelu", 1)).operation = "Relu";
+    other.nodes.at(index_of(other, "PRelu", 1)).operation = "Relu";
     CHECK_THAT(refusal(other), Catch::StartsWith("a.onnx: ") && Catch::Contains("Relu") &&
                                    Catch::Contains("PRelu"));
     CHECK(is_one_line(refusal(other)));
@@ -136,7 +136,7 @@ TEST_CASE(
     CHECK_THAT(refusal(longer), Catch::Contains("Softmax"));
 
     OnnxGraph computed = folded();
-    computed.nodes.at(place_of(computed, "Gemm", 0)).inputs[1] = "elsewhere";
+    computed.nodes.at(index_of(computed, "Gemm", 0)).inputs[1] = "elsewhere";
     CHECK_THAT(refusal(computed), Catch::Contains("Gemm") && Catch::Contains("not a constant"));
 
     CHECK(begins_like_iresnet(folded()));
@@ -146,7 +146,7 @@ TEST_CASE(
     // Without its second block, the third stage has one.
     OnnxGraph shallow = folded();
     const auto first_of = [&](int add) {
-        return shallow.nodes.begin() + static_cast<std::ptrdiff_t>(place_of(shallow, "Add", add)) +
+        return shallow.nodes.begin() + static_cast<std::ptrdiff_t>(index_of(shallow, "Add", add)) +
                1;
     };
     shallow.nodes.erase(first_of(4), first_of(5));

@@ -27,7 +27,7 @@ TEST_CASE("a grid covers its box with cubes", "[baked]") {
     CHECK(grid.vertices == std::array<std::int64_t, 3>{9, 6, 3});
     CHECK(refined(grid).vertices == std::array<std::int64_t, 3>{17, 11, 5});
     const std::int64_t index = grid.index(3, 4, 1);
-    CHECK(grid.place(index) == std::array<std::int64_t, 3>{3, 4, 1});
+    CHECK(grid.coordinates(index) == std::array<std::int64_t, 3>{3, 4, 1});
     CHECK(grid.position(index)[1] == Approx(1.0));
 }
 
@@ -65,10 +65,11 @@ TEST_CASE("of a dense ball the shell shows, neither what is around it nor what i
     const VertexGrid fine = refined(grid);
     for (std::int64_t i = 0; i < grid.size(); ++i) {
         if (marks[static_cast<std::size_t>(i)] == 0) continue;
-        const auto place = grid.place(i);
+        const auto coordinates = grid.coordinates(i);
         for (const std::int64_t step : {-1, 0, 1})
             CHECK(std::ranges::binary_search(
-                vertices, fine.index(2 * place[0] + step, 2 * place[1], 2 * place[2] - step)));
+                vertices, fine.index(2 * coordinates[0] + step, 2 * coordinates[1],
+                                     2 * coordinates[2] - step)));
     }
 }
 

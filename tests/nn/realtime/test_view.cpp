@@ -54,13 +54,13 @@ TEST_CASE("a view shows the row of the codes that was asked for", "[view]") {
 TEST_CASE("the model's camera keeps the pivot in the middle of the image, at the model's distance",
           "[view]") {
     const Model model = tiny_model();
-    const CameraConfig& place = model.config().camera;
+    const CameraConfig& camera = model.config().camera;
     for (const double yaw : {-0.7, 0.0, 0.4}) {
         const Eigen::Vector3d seen =
-            project(model_camera(model, yaw, 0.2, 0.1), {0.0, 0.0, place.pivot_depth});
-        CHECK(seen[0] == Approx(place.intrinsics.center_x));
-        CHECK(seen[1] == Approx(place.intrinsics.center_y));
-        CHECK(seen[2] == Approx(place.distance - place.pivot_depth));
+            project(model_camera(model, yaw, 0.2, 0.1), {0.0, 0.0, camera.pivot_depth});
+        CHECK(seen[0] == Approx(camera.intrinsics.center_x));
+        CHECK(seen[1] == Approx(camera.intrinsics.center_y));
+        CHECK(seen[2] == Approx(camera.distance - camera.pivot_depth));
     }
-    CHECK(model_camera(model, 0.0, 0.0, 0.0).center[2] == Approx(place.distance));
+    CHECK(model_camera(model, 0.0, 0.0, 0.0).center[2] == Approx(camera.distance));
 }

@@ -121,11 +121,11 @@ std::string code_json(int first) {
 
 TEST_CASE("images are found flat, below images and below images1024x1024, in order of id",
           "[dataset]") {
-    for (const char* place : {"", "images/", "images1024x1024/00000/", "some/where/"}) {
-        INFO("place '" << place << "'");
+    for (const char* sub_folder : {"", "images/", "images1024x1024/00000/", "some/where/"}) {
+        INFO("folder '" << sub_folder << "'");
         const TemporaryFolder folder;
         for (const char* id : {"10", "9", "a", "007"})
-            write_image(folder / (place + std::string(id) + ".png"), plain(8, 8, grey));
+            write_image(folder / (sub_folder + std::string(id) + ".png"), plain(8, 8, grey));
         write_image(folder / "masks/9.png", mask_of(8, 1.0F, 0.0F));
         const FolderScan scan = scan_folder(folder.path());
         std::vector<std::string> ids;
@@ -518,7 +518,8 @@ TEST_CASE("a mirrored face shows its mask and pose mirrored and has no code", "[
     CHECK(pixel(mirror.mask, 5, 3, 0) == 0.0F);
     CHECK_FALSE(mirror.has_code);
     CHECK(make_batch(std::vector{mirror}).code_present.item() == 0.0);
-    // A point and its mirror image about the plane x = 0 fall on mirrored places of the two images.
+    // A point and its mirror image about the plane x = 0 fall on mirrored positions of the two
+    // images.
     const Eigen::Vector3d seen =
         project(camera_from_pose(face.pose, face.intrinsics), {0.3, 0.4, 0.5});
     const Eigen::Vector3d seen_in_mirror =

@@ -30,10 +30,10 @@ TEST_CASE("each pass shows every face once, in the same order from wherever one 
     // Two orders are kept; here three are wanted in turn, forwards and backwards.
     const TrainingImages images(faces, true, rng, 8, count + 1);
     CHECK(images.batch(0, 3 * count).ids == ids);
-    for (std::int64_t place = 0; place < count; ++place) {
+    for (std::int64_t index = 0; index < count; ++index) {
         for (const std::int64_t pass : {2, 0, 1})
-            CHECK(id_of(images, pass * count + place) ==
-                  ids[static_cast<std::size_t>(pass * count + place)]);
+            CHECK(id_of(images, pass * count + index) ==
+                  ids[static_cast<std::size_t>(pass * count + index)]);
     }
     // All faces are in memory.
     CHECK(images.waiting_seconds() == 0.0);
