@@ -100,7 +100,7 @@ PackedField<T>::PackedField(const FoldedField& field)
       feature_(field.feature0) {
     for (std::size_t i = 0; i < field.layers.size(); ++i)
         layers_.emplace_back(reordered(field.layers[i], i));
-    if (field.feature1.weight.defined()) finish_ = PackedLayer<Real<T>>(field.feature1);
+    if (field.feature1.weight.defined()) last_layer_ = PackedLayer<Real<T>>(field.feature1);
 }
 
 template <class T>
@@ -242,18 +242,19 @@ void PackedField<T>::features(std::span<const std::int32_t> points, FieldTile<T>
 }
 
 template <class T>
-void PackedField<T>::finish(std::span<const Real<T>> composited, std::span<const Real<T>> opacities,
-                            std::span<Real<T>> result) const {
+void PackedField<T>::apply_last_layer(std::span<const Real<T>> composited,
+                                      std::span<const Real<T>> opacities,
+                                      std::span<Real<T>> result) const {
     const auto rays = static_cast<std::int64_t>(opacities.size()), channels = feature_channels();
     for (std::int64_t ray = 0; ray < rays; ++ray) {
         const Real<T> opacity = opacities[static_cast<std::size_t>(ray)];
         for (std::int64_t i = 0; i < channels; ++i)
             result[static_cast<std::size_t>(ray * channels + i)] =
-                opacity * finish_.bias[static_cast<std::size_t>(i)];
+                opacity * last_layer_.bias[static_cast<std::size_t>(i)];
     }
-    kernels::multiply_packed(result.data(), channels,
-                             kernels::LeftMatrix<Real<T>>{composited.data(), width_}, rays,
-                             finish_.weight, kernels::Epilogue<Real<T>>{.present_values = true});
+    kernels::multiply_packed(
+        result.data(), channels, kernels::LeftMatrix<Real<T>>{composited.data(), width_}, rays,
+        last_layer_.weight, kernels::Epilogue<Real<T>>{.present_values = true});
 }
 
 template class PackedField<float>;

@@ -49,7 +49,7 @@ public:
     explicit PackedField(const FoldedField& field);
 
     [[nodiscard]] std::int64_t width() const { return width_; }
-    [[nodiscard]] std::int64_t feature_channels() const { return finish_.outputs(); }
+    [[nodiscard]] std::int64_t feature_channels() const { return last_layer_.outputs(); }
     /// Channels of the encoding, padded with zeros to a multiple of a cache line.
     [[nodiscard]] std::int64_t encoding() const { return encoding_; }
     /// Elements from one row of FieldTile::joined to the next.
@@ -69,8 +69,8 @@ public:
     /// Computes the same logits from the stored sine arguments of the last layer before the
     /// features. Does nothing if T has 16 bits.
     void evaluate(const Real<T>* arguments, std::int64_t points, FieldTile<T>& tile) const;
-    /// Writes the input of the last layer (`finish`) to tile.features, for the first `points`
-    /// points of the last call of `evaluate`.
+    /// Writes the input of the last layer (`apply_last_layer`) to tile.features, for the first
+    /// `points` points of the last call of `evaluate`.
     void features(std::int64_t points, FieldTile<T>& tile,
                   const SineArgumentRows<T>& arguments = {}) const;
     /// The same for these points, in ascending order. Overwrites the activations in the tile.
@@ -79,8 +79,8 @@ public:
     void feature_arguments(std::int64_t points, const FieldTile<T>& tile, Real<T>* result) const;
     /// Applies the last layer: composited features (rays, width) and opacities (rays) -> (rays,
     /// feature_channels).
-    void finish(std::span<const Real<T>> composited, std::span<const Real<T>> opacities,
-                std::span<Real<T>> result) const;
+    void apply_last_layer(std::span<const Real<T>> composited, std::span<const Real<T>> opacities,
+                          std::span<Real<T>> result) const;
 
 private:
     /// Rows of a tile's activations.
@@ -106,7 +106,7 @@ private:
     std::vector<Real<T>> density_weight_;
     Real<T> density_bias_ = 0;
     PackedLayer<T> feature_;
-    PackedLayer<Real<T>> finish_;
+    PackedLayer<Real<T>> last_layer_;
 };
 
 extern template class PackedField<float>;

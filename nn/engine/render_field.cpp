@@ -1,7 +1,6 @@
 #include "nn/engine/render_field.h"
 
 #include <algorithm>
-#include <span>
 
 #include "core/autograd/grad.h"
 #include "core/autograd/record.h"
@@ -15,35 +14,43 @@ namespace stymo {
 
 namespace {
 
+/// Calls f(part) for each part of a network, in the order of the node's inputs.
+template <class Network, class Function>
+void visit(Network& network, Function f) {
+    for (auto& layer : network.layers) {
+        f(layer.weight);
+        f(layer.scale);
+        f(layer.demodulation);
+        f(layer.bias);
+    }
+    f(network.density_weight);
+    f(network.density_bias);
+}
+
 template <class Value>
 std::vector<Value> parts_of(const SineNetworkOf<Value>& network) {
     std::vector<Value> parts;
-    for (const ModulatedLayerOf<Value>& layer : network.layers) {
-        for (const Value& part : {layer.weight, layer.scale, layer.demodulation, layer.bias})
-            parts.push_back(part);
-    }
-    parts.push_back(network.density_weight);
-    parts.push_back(network.density_bias);
+    visit(network, [&](const Value& part) { parts.push_back(part); });
     return parts;
 }
 
-/// Whether the part of this index is a layer's weight.
-bool is_weight(std::size_t index, std::size_t parts) {
-    return index % 4 == 0 && index + 2 < parts;
-}
+/// Makes networks of one form from their parts, the inverse of `parts_of`.
+struct NetworkForm {
+    std::int64_t frequencies;
+    std::size_t skip_layer;
+    std::size_t layers;
 
-template <class Value>
-SineNetworkOf<Value> network_of(std::span<const Value> parts, std::int64_t frequencies,
-                                std::size_t skip_layer) {
-    SineNetworkOf<Value> network{.frequencies = frequencies,
-                                 .skip_layer = skip_layer,
-                                 .layers = {},
-                                 .density_weight = parts[parts.size() - 2],
-                                 .density_bias = parts[parts.size() - 1]};
-    for (std::size_t i = 0; i + 2 < parts.size(); i += 4)
-        network.layers.push_back({parts[i], parts[i + 1], parts[i + 2], parts[i + 3]});
-    return network;
-}
+    template <class Value>
+    [[nodiscard]] SineNetworkOf<Value> operator()(const std::vector<Value>& parts) const {
+        SineNetworkOf<Value> network{.frequencies = frequencies,
+                                     .skip_layer = skip_layer,
+                                     .layers = std::vector<ModulatedLayerOf<Value>>(layers),
+                                     .density_weight = {},
+                                     .density_bias = {}};
+        visit(network, [next = parts.begin()](Value& part) mutable { part = *next++; });
+        return network;
+    }
+};
 
 void require(bool fits, const char* what, const Shape& shape) {
     if (!fits)
@@ -89,15 +96,12 @@ Variable render_field(const RayPoints& rays, const SineNetwork& network,
     const std::vector<Variable> parts = parts_of(network);
     std::vector<Tensor> values;
     for (const Variable& part : parts) values.push_back(part.value());
-    const auto with = [frequencies = network.frequencies,
-                       skip_layer = network.skip_layer]<class Value>(const std::vector<Value>& of) {
-        return network_of<Value>(of, frequencies, skip_layer);
-    };
+    const NetworkForm network_of{network.frequencies, network.skip_layer, network.layers.size()};
     const bool tracked = std::ranges::any_of(parts, &Variable::tracked);
     // With a tolerance the backward pass has few samples. Computing their arguments again is
     // cheaper than storing those of all samples.
     const bool keep = arguments == SineArguments::kept && rays.gradient_tolerance == 0.0;
-    FieldPassResult result = render_field_forward(rays, with(values), tracked && keep);
+    FieldPassResult result = render_field_forward(rays, network_of(values), tracked && keep);
     if (!tracked) {
         work::count_operation();
         return Variable(std::move(result.value));
@@ -108,8 +112,8 @@ Variable render_field(const RayPoints& rays, const SineNetwork& network,
     const Tensor value = result.value;
     if (rays.gradient_tolerance == 0.0) result.value = {};
     return record("render_field", value, std::move(inputs),
-                  [rays, composition, with, forward = std::move(result), count = parts.size()](
-                      const Vjp& v, const std::vector<bool>& needed) {
+                  [rays, composition, network_of, forward = std::move(result),
+                   count = parts.size()](const Vjp& v, const std::vector<bool>& needed) {
                       std::vector<Variable> given;
                       // Each part gets its own node, since one variable may be several parts.
                       for (std::size_t i = 0; i < count; ++i)
@@ -120,20 +124,18 @@ Variable render_field(const RayPoints& rays, const SineNetwork& network,
                           for (std::size_t i = 0; i < count; ++i)
                               if (needed[i]) xs.push_back(given[i]);
                           const std::vector<Variable> found =
-                              grad(composition(rays, with(given)), xs,
+                              grad(composition(rays, network_of(given)), xs,
                                    {.create_graph = true, .partial = true, .dL_dy = v.grad()});
                           for (std::size_t i = 0, next = 0; i < count; ++i)
                               if (needed[i]) gradients[i] = found[next++];
                           return gradients;
                       }
-                      bool with_weights = false;
+                      const bool with_weights = std::ranges::any_of(
+                          network_of(needed).layers, &ModulatedLayerOf<bool>::weight);
                       std::vector<Tensor> constants;
-                      for (std::size_t i = 0; i < count; ++i) {
-                          with_weights = with_weights || (needed[i] && is_weight(i, count));
-                          constants.push_back(given[i].value());
-                      }
+                      for (const Variable& part : given) constants.push_back(part.value());
                       const std::vector<Tensor> found = parts_of(render_field_backward(
-                          rays, with(constants), forward, v.grad().value(), with_weights));
+                          rays, network_of(constants), forward, v.grad().value(), with_weights));
                       for (std::size_t i = 0; i < count; ++i)
                           if (needed[i]) gradients[i] = Variable(found[i]);
                       return gradients;

@@ -143,7 +143,7 @@ public:
 
     void operator()(std::int64_t first, std::int64_t end) {
         for_each_tile(face_.samples, extents_, first, end, tile_, [&] {
-            take_arguments();
+            load_or_recompute_arguments();
             tile_.composite(face_.samples.selection, face_.samples);
             differentiate_compositing();
             for (std::size_t layer = features_; layer > 0; --layer) {
@@ -166,7 +166,7 @@ private:
     }
 
     /// Makes the arguments of all layers, the encoding and the logits available.
-    void take_arguments() {
+    void load_or_recompute_arguments() {
         if (face_.kept != nullptr) {
             face_.field.encode(tile_.points, tile_.field);
             face_.field.evaluate(arguments(features_ - 1), tile_.count(), tile_.field);

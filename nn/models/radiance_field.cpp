@@ -33,7 +33,7 @@ FieldSamples evaluate(const Variable& points, const SineNetwork& network, bool d
     return samples;
 }
 
-Variable composed_rays(const RayPoints& rays, const SineNetwork& network) {
+Variable render_by_ops(const RayPoints& rays, const SineNetwork& network) {
     const FieldSamples samples = evaluate(rays.points, network, false);
     Variable density = reshape(samples.density, rays.deltas.shape());
     if (rays.significant.defined()) density = density * Variable(rays.significant);
@@ -67,7 +67,7 @@ SineNetworkOf<Tensor> values_of(const SineNetwork& network) {
     return values;
 }
 
-RenderedRays taken_apart(const Variable& rays, std::int64_t samples) {
+RenderedRays split_result(const Variable& rays, std::int64_t samples) {
     return {{slice(rays, 2, 0, samples), slice(rays, 2, samples, samples + 1)},
             slice(rays, 2, samples + 1, rays.shape(2))};
 }
@@ -117,12 +117,12 @@ FieldSamples RadianceField::operator()(const Variable& points, const Variable& s
 
 RenderedRays RadianceField::render(const RayPoints& rays, const Variable& style,
                                    SineArguments arguments) const {
-    return taken_apart(render_field(rays, network(style), composed_rays, arguments),
-                       rays.deltas.shape(2));
+    return split_result(render_field(rays, network(style), render_by_ops, arguments),
+                        rays.deltas.shape(2));
 }
 
 RenderedRays RadianceField::render_reference(const RayPoints& rays, const Variable& style) const {
-    return taken_apart(composed_rays(rays, network(style)), rays.deltas.shape(2));
+    return split_result(render_by_ops(rays, network(style)), rays.deltas.shape(2));
 }
 
 Variable RadianceField::tracked_samples(const Variable& points, const Variable& style) const {
@@ -170,20 +170,20 @@ FoldedField RadianceField::folded(const Variable& style) const {
     return field;
 }
 
-RenderedFeatures RadianceField::finished(RenderedRays rays) const {
-    const Variable features = finish(rays.composited, sum(rays.weights.weights, {2}));
+RenderedFeatures RadianceField::with_last_layer(RenderedRays rays) const {
+    const Variable features = apply_last_layer(rays.composited, sum(rays.weights.weights, {2}));
     return {std::move(rays.weights), features};
 }
 
 RenderedFeatures RadianceField::render(const RayPoints& rays, const FieldStyle& style,
                                        bool keep) const {
-    return finished(
+    return with_last_layer(
         render(rays, style.geometry, keep ? SineArguments::kept : SineArguments::recomputed));
 }
 
 RenderedFeatures RadianceField::render_tracked(const Variable& points, const RayPoints& rays,
                                                const FieldStyle& style) const {
-    return finished(render_tracked(points, rays, style.geometry));
+    return with_last_layer(render_tracked(points, rays, style.geometry));
 }
 
 Variable RadianceField::density(const Variable& points, const FieldStyle& style) const {
@@ -201,7 +201,8 @@ FieldWork RadianceField::work() const {
     return work;
 }
 
-Variable RadianceField::finish(const Variable& composited, const Variable& opacity) const {
+Variable RadianceField::apply_last_layer(const Variable& composited,
+                                         const Variable& opacity) const {
     const Variable weight = feature1_.effective_weight();
     const Variable product =
         linear(composited, reshape(weight, {1, weight.shape(0), weight.shape(1)}), {});

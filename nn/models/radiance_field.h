@@ -28,7 +28,7 @@ struct FieldSamples {
 /// Composited rays of the field.
 struct RenderedRays {
     CompositeWeights weights;  ///< (B, R, N)
-    Variable composited;       ///< (B, R, width): weighted sums of the features, for `finish`
+    Variable composited;  ///< (B, R, width): weighted sums of the features, for `apply_last_layer`
 };
 
 /// The paper's NeRF: modulated sine layers on encoded points. With four or more layers, the
@@ -61,7 +61,8 @@ public:
     /// opacity (B, R, 1) = sum_i w_i -> (B, R, feature_channels). The result W sum_i w_i r_i + b
     /// sum_i w_i equals sum_i w_i (W r_i + b), but the layer has one row for each ray instead of
     /// one for each sample.
-    [[nodiscard]] Variable finish(const Variable& composited, const Variable& opacity) const;
+    [[nodiscard]] Variable apply_last_layer(const Variable& composited,
+                                            const Variable& opacity) const;
     /// Folds the style of one face, (1, style_size), into the weights.
     [[nodiscard]] FoldedField folded(const Variable& style) const;
 
@@ -78,7 +79,7 @@ public:
                                      bool keep) const override;
 
 private:
-    [[nodiscard]] RenderedFeatures finished(RenderedRays rays) const;
+    [[nodiscard]] RenderedFeatures with_last_layer(RenderedRays rays) const;
     [[nodiscard]] SineNetwork network(const Variable& style) const;
     /// Density and features (K, 1 + width) at points (K, 3) of one face.
     [[nodiscard]] Variable tracked_samples(const Variable& points, const Variable& style) const;

@@ -27,7 +27,7 @@ BakedField::BakedField(const RaySampling& rays, const ViewRange& views, const Ba
 
 void BakedField::set_field(const FoldedField& field) {
     samples_ = bake(field, sampling_, views_, options_);
-    finish_ = PackedLayer<float>(
+    last_layer_ = PackedLayer<float>(
         {transpose(samples_.finish).value(), Tensor::zeros({samples_.finish.shape(1)})});
     mark_empty_blocks();
 }
@@ -66,7 +66,7 @@ void BakedField::mark_empty_blocks() {
 
 void BakedField::render(const CameraRays& rays, FeatureMap& map, const std::stop_token& /*stop*/) {
     const auto count = static_cast<std::int64_t>(rays.rays.size());
-    const std::int64_t row_size = samples_.dimension + 1, channels = finish_.outputs();
+    const std::int64_t row_size = samples_.dimension + 1, channels = last_layer_.outputs();
     map.features.resize(static_cast<std::size_t>(count * channels));
     map.occupied.resize(rays.rays.size());
     map.opacities.resize(rays.rays.size());
@@ -93,8 +93,8 @@ void BakedField::render(const CameraRays& rays, FeatureMap& map, const std::stop
                 std::ranges::fill(row, 0.0F);
             }
         }
-        finish_.apply(map.features.data() + begin * channels,
-                      coefficients_.data() + begin * row_size, end - begin);
+        last_layer_.apply(map.features.data() + begin * channels,
+                          coefficients_.data() + begin * row_size, end - begin);
     });
 }
 

@@ -40,7 +40,7 @@ private:
     ViewRange views_;
     BakeOptions options_;
     BakedSamples samples_;
-    PackedLayer<float> finish_;
+    PackedLayer<float> last_layer_;
     std::array<std::int64_t, 3> blocks_{};
     std::vector<std::uint8_t> block_is_empty_;
     std::vector<float> coefficients_;  ///< (rays, dimension + 1)

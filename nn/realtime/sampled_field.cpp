@@ -361,7 +361,7 @@ void SampledField<T>::finish(FeatureMap& map) {
         const auto result = part(map.features, channels);
         if (std::ranges::any_of(part(map.occupied, 1),
                                 [](std::uint8_t occupied) { return occupied != 0; })) {
-            field_.finish(part(composited_, width), part(map.opacities, 1), result);
+            field_.apply_last_layer(part(composited_, width), part(map.opacities, 1), result);
         } else {
             std::ranges::fill(result, 0.0F);
         }

@@ -289,7 +289,8 @@ TEST_CASE("a decoder with modulation is the modulated field and the render block
     const Decoded decoded = decoder(random_codes(1, 3), cameras, {.samples_per_ray = 4});
     const RenderedRays rays = field.render({decoded.samples.points, decoded.samples.deltas, {}},
                                            concat({w.identity(), w.expression()}, 1));
-    const Variable features = field.finish(rays.composited, sum(rays.weights.weights, {2}));
+    const Variable features =
+        field.apply_last_layer(rays.composited, sum(rays.weights.weights, {2}));
     const Rendered rendered =
         block({reshape(features, {1, 8, 8, 8}), {}}, concat({w.texture(), w.light()}, 1));
     CHECK(identical(decoded.feature_map.value().reshaped(features.shape()), features.value()));

@@ -172,8 +172,9 @@ TEST_CASE("the last feature layer after compositing equals the same layer before
     const Tensor r = rng.normal({2, 4 * 3, 6}, 0.0, 1.0, DType::float64);
     const Tensor weights = rng.uniform({2, 4, 3}, 0.0, 0.5, DType::float64);
     const Tensor ones = Tensor::full({2, 4 * 3, 1}, 1.0, DType::float64);
-    const Variable before = composite(weights, field.finish(r, ones));
-    const Variable after = field.finish(composite(weights, r), sum(Variable(weights), {2}));
+    const Variable before = composite(weights, field.apply_last_layer(r, ones));
+    const Variable after =
+        field.apply_last_layer(composite(weights, r), sum(Variable(weights), {2}));
     CHECK(check_close(after.value(), before.value(), 1e-13).passed);
 }
 
@@ -270,7 +271,7 @@ TEST_CASE("poses are tracked at the samples that weigh more than the tolerance a
     CHECK_FALSE(identical(image, decoded(0.0, {}).first));
 }
 
-TEST_CASE("a decoder says what does not fit") {
+TEST_CASE("a decoder rejects wrong shapes and configurations") {
     const auto build = [](const DecoderConfig& config) {
         return Model(config).store.element_count();
     };
