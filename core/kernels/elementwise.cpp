@@ -136,6 +136,21 @@ Tensor where_within(const Tensor& x, const Tensor& selector, double low, double 
         return at <= static_cast<T>(high) ? above : T(0);
     });
 }
+Tensor select(const Tensor& condition, const Tensor& a, const Tensor& b) {
+    Tensor result(a.shape(), a.dtype());
+    dispatch(a.dtype(), [&]<class T>(T) {
+        const T* const takes_a = condition.values<T>().data();
+        const T* const from_a = a.values<T>().data();
+        const T* const from_b = b.values<T>().data();
+        T* const out = result.mutable_values<T>().data();
+        parallel_for(a.size(), elementwise_grain, [=](std::int64_t begin, std::int64_t end) {
+#pragma omp simd
+            for (std::int64_t i = begin; i < end; ++i)
+                out[i] = takes_a[i] != T(0) ? from_a[i] : from_b[i];
+        });
+    });
+    return result;
+}
 Tensor nonzero(const Tensor& x) {
     return map(x, [](auto value) {
         using T = decltype(value);

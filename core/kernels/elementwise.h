@@ -25,6 +25,9 @@ namespace stymo::kernels {
 [[nodiscard]] Tensor clamp(const Tensor& x, double low, double high);
 /// x where `selector` is in [low, high], else 0.
 [[nodiscard]] Tensor where_within(const Tensor& x, const Tensor& selector, double low, double high);
+/// a where `condition` is not 0, else b; all three have one shape and type. A NaN or an infinity
+/// that is not selected has no effect.
+[[nodiscard]] Tensor select(const Tensor& condition, const Tensor& a, const Tensor& b);
 /// 1 where x is not 0, else 0.
 [[nodiscard]] Tensor nonzero(const Tensor& x);
 

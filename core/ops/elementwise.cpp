@@ -71,22 +71,13 @@ Variable minimum(const Variable& a, const Variable& b) {
 }
 
 Variable where(const Tensor& condition, const Variable& a, const Variable& b) {
-    const Tensor takes_a = kernels::nonzero(condition);
     const Shape shape =
         broadcast_shape(broadcast_shape(a.shape(), b.shape(), "where"), condition.shape(), "where");
-    // Selected instead of multiplied, so that a NaN or infinity in the other branch has no effect.
-    Tensor value(shape, a.dtype());
-    const Tensor mask = kernels::broadcast_to(takes_a, shape);
-    const Tensor from_a = kernels::broadcast_to(a.value(), shape);
-    const Tensor from_b = kernels::broadcast_to(b.value(), shape);
-    dispatch(a.dtype(), [&]<class T>(T) {
-        const auto m = mask.values<T>();
-        const auto x = from_a.values<T>();
-        const auto y = from_b.values<T>();
-        const auto out = value.mutable_values<T>();
-        for (std::size_t i = 0; i < out.size(); ++i) out[i] = m[i] != T(0) ? x[i] : y[i];
-    });
-    return choose("where", std::move(value), mask, a, b);
+    const Tensor takes_a = kernels::broadcast_to(kernels::nonzero(condition), shape);
+    return choose("where",
+                  kernels::select(takes_a, kernels::broadcast_to(a.value(), shape),
+                                  kernels::broadcast_to(b.value(), shape)),
+                  takes_a, a, b);
 }
 
 Variable negate(const Variable& x) {
