@@ -1,3 +1,27 @@
+// Reverse-mode differentiation over a recorded graph.
+//
+// A node's gradient may be passed on only when it is complete: when every node that reads its
+// output has contributed. Nodes are therefore visited in reverse topological order. That order is
+// the order of creation, and no search is needed to find it: a node receives its inputs in its
+// constructor and never changes them, so they all exist before it and have smaller numbers. The
+// numbers come from one atomic counter; a thread that uses another thread's node as an input has
+// seen it made, and draws a larger number. Sorting the nodes behind y by number is thus a
+// topological sort, also if several threads recorded the graph, and needs no recursion, which would
+// overflow the stack on long graphs.
+//
+// Going up in this order, a node is needed if it is a target or if one of its inputs is needed;
+// only the rules of needed inputs run. Going down, gradients are passed from each node to its
+// inputs. Contributions are added in this order, so a graph that one thread records gives the same
+// bits in every run.
+//
+// Leaves are an exception to the order. A parameter was created before everything else, so it would
+// come last, and its gradient would wait in memory until the sweep ends. But a count of missing
+// contributions tells when it is complete, and it is then handed to the sink at once
+// (`grad_in_turn` relies on it to overlap the backward pass with the exchange between machines).
+//
+// Rules call ops, so the backward pass can be recorded like any other computation. With
+// `create_graph` the gradients are themselves variables, which gives derivatives of every order.
+
 #include "core/autograd/grad.h"
 
 #include <algorithm>

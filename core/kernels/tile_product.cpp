@@ -1,3 +1,36 @@
+// Products on matrix tiles (AMX).
+//
+// TDPBF16PS multiplies a tile of 16 rows by 32 inner elements of bfloat16 with one of 32 inner
+// elements by 16 columns, and adds the product to a tile of 16 x 16 float32 sums: 8,192
+// multiply-adds in one instruction, many times the rate of float32 vectors. Two things stand
+// between this and a product of float32.
+//
+// Precision. A bfloat16 number has 8 significant bits. Rounding both factors gives a product with a
+// relative error of up to 2^-7. With each number as a sum of two, a = a1 + a2 + r, the rounding of
+// the first leaves |a2| <= 2^-8 |a|, and that of the remainder |r| <= 2^-17 |a|. Of the product
+//
+//     a b = a1 b1 + a1 b2 + a2 b1 + (a2 b2 + terms with r)
+//
+// three terms are computed, in float32. What is left out is at most 2^-16 + 2 * 2^-17 = 2^-15 of
+// |a b| (Henry, Tang and Heinecke 2019). Three instructions for one are still faster than float32
+// vectors; the fourth term would gain one bit for a third more work. matmul_precision.h selects one
+// part (`medium`), two (`high`) or float32 (`highest`). tile_split.cpp makes the parts.
+//
+// Loads. There are eight tile registers. A block of 2 x 2 tiles of sums takes four of them and two
+// tiles of each operand the rest, so that every operand is used twice for one load. With two parts
+// the three terms are taken in the order
+//
+//     left upper * right lower,   left upper * right upper,   left lower * right upper.
+//
+// From one term to the next only one operand changes, so each of the eight operand tiles of a step
+// is loaded once for its twelve products.
+//
+// Sums begin with the bias or with the values that are present, and stay in the tiles for up to
+// 1,024 inner elements (gemm_tiles-inl.h). On one processor and at one precision, whether a product
+// uses tiles depends on its inner length and panel width, never on the block or the thread, so
+// results are the same on any number of threads. `stymo-bench kernels` compares the speed with that
+// of vectors.
+
 #include "core/kernels/tile_product.h"
 
 #include "core/kernels/targets.h"

@@ -1,3 +1,24 @@
+// Operands for matrix tiles: float32 numbers become one or two parts of bfloat16, in the order in
+// which TDPBF16PS reads them.
+//
+// Parts. A bfloat16 number is the upper half of a float32 number. One part is made by the
+// processor's own conversion. Two parts are made with integers, because the remainder needs the
+// first part as a float32 number again: adding 0x8000 and clearing the lower half rounds to nearest
+// (ties away from zero) and leaves the number where a float32 subtraction can use it. The remainder
+// x - upper is exact. It is rounded in the same way and is the second part. Why two parts suffice
+// is said in tile_product.cpp.
+//
+// Order. The instruction sums pairs: a row of the left tile is 16 pairs of consecutive inner
+// elements, and a row of the right tile has, for each of 16 columns, the pair of elements of two
+// consecutive inner rows. Left rows that are contiguous therefore keep their order, and right rows
+// that are contiguous are interleaved two by two. Operands that are contiguous along the other
+// dimension are first made into pairs, each of which is one 32-bit number, and a 16 x 16 matrix of
+// such numbers is transposed in registers.
+//
+// Products thus never need a transposed copy of an operand, which the gradients of a linear layer
+// would otherwise make. Inner elements and right columns beyond the extents become zeros, so that
+// the product works with whole steps.
+
 #include "core/kernels/tile_split.h"
 
 #if defined(__x86_64__) && defined(__linux__)

@@ -1,3 +1,39 @@
+// 3x3 convolutions by Winograd's minimal filtering.
+//
+// A 4x4 tile of outputs of a 3x3 convolution needs 16 * 9 = 144 multiplications for each pair of
+// channels. The tile depends on a 6x6 patch d of the input, and can be had with 36:
+//
+//     Y = A^T [ (G g G^T) * (B^T d B) ] A         (* is elementwise)
+//
+// In one dimension this is the transpose of multiplying polynomials by evaluation at six points and
+// interpolation: G evaluates the filter, B^T transposes the interpolation and acts on the data, A^T
+// transposes the evaluation and acts on the products. Two dimensions apply it along columns and
+// rows (Lavin and Gray 2016, F(4x4, 3x3)). Larger tiles save more multiplications but round much
+// worse.
+//
+// Input channels are summed before the last transformation, so each of the 36 elements is a matrix
+// product of its own, (tiles, in) x (in, out), and runs in the packed kernel. The transformations
+// treat all channels alike, and channels are contiguous, so they work on whole vectors.
+//
+// Gradients use the same maps. The one of the input is a convolution with the filters turned by 180
+// degrees. The one of the filter transposes the algorithm:
+//
+//     dL/dg = G^T [ sum over tiles of (A dL/dY A^T) * (B^T d B) ] G,
+//
+// which is 36 products with the tiles as the inner dimension.
+//
+// Rounding. Errors are smallest if the powers of the points are near 1. The points 0, 5/8, -5/8,
+// 3/2, -3/2 and infinity give half the error of the usual 0, 1, -1, 2, -2 and infinity, about twice
+// that of the direct convolution (`test_core "[winograd]" -s` prints both). float64, in which
+// gradients are checked, uses the direct convolution.
+//
+// Memory. The transformed filters are four times the filters. With up to 128 x 128 channels they
+// fit into the second-level cache, and each thread takes its own block of tiles through all three
+// steps. With more channels each block would read the filters from memory again, so all threads
+// share one larger block, and each filter is read once for it. Transformed filters are not kept
+// from call to call: those of VGG-16 would take 450 MiB. Small images do not repay transforming
+// them and use the direct form (`winograd_pays`).
+
 #include "core/kernels/winograd.h"
 
 #include <algorithm>

@@ -14,6 +14,19 @@ namespace stymo {
 /// used by one thread at a time. Training, fitting and rendering differ in the samples that they
 /// select and in the use that they make of the weights.
 ///
+/// Why tiles. Layer by layer over all samples of an image, each activation would be written to
+/// memory and read again, and memory would limit the speed. Sample by sample, the matrix products
+/// would have one row. A tile of `tile_points` samples is in between: products are large, while the
+/// activations of a tile and the weights of a layer stay in the second-level cache. Memory does not
+/// grow with the number of samples.
+///
+/// Why whole rays. The weight of a sample depends on all samples in front of it on its ray, so a
+/// divided ray would have to carry its transmittance and its composited features from tile to tile.
+/// A tile of whole rays depends on no other tile, and threads can take tiles in any order.
+///
+/// The optical depth of a ray is summed in double and its transmittance is the exponential of that
+/// sum, not a product of factors, which would accumulate their rounding (compositing.h).
+///
 /// The type Samples must have `append(ray, sample, points)`, which appends the 3 coordinates of a
 /// sample, and `length(ray, sample)`, which returns the length of its interval.
 template <class T>

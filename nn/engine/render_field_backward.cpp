@@ -1,3 +1,54 @@
+// The gradient of field and compositing, tile by tile.
+//
+// A step has hundreds of thousands of samples, each with `layers * width` activations, which would
+// not fit into memory for a batch. Each tile of rays is therefore computed again (or, if there is
+// memory for it, the arguments of its sines are read back) and is then differentiated from the rays
+// to the first layer. The arguments z suffice: sin(z), the input of the next layer, and cos(z), the
+// derivative, come from one range reduction.
+//
+// A layer. With the input x, the weight W, the scale s and the demodulation d of a face, and the
+// bias b, a layer computes
+//
+//     z_o = d_o sum_i W_oi s_i x_i + b_o,        next input: sin(z_o).
+//
+// Let g_o = dL/dz_o at a sample p. One matrix product,
+//
+//     h_i = sum_o W_oi d_o g_o,
+//
+// gives all that a fit of codes needs:
+//
+//     dL/dx_i = s_i h_i                          goes on to the layer below, times cos(z_i)
+//     dL/ds_i = sum_p x_pi h_pi
+//     dL/dd_o = sum_p g_po sum_i W_oi s_i x_pi = sum_p g_po (z_po - b_o) / d_o
+//     dL/db_o = sum_p g_po
+//
+// The second form of dL/dd needs no product, because z is known. The way over the gradient of the
+// folded weight d_o W_oi s_i would need one more product, g^T x, for each layer and face. Only if a
+// weight is trained is this product made:
+//
+//     dL/dW_oi = d_o s_i sum_p g_po x_pi.
+//
+// s and d are functions of the style, and d of W too. Autograd continues from their gradients
+// (ModulatedLinear::parts).
+//
+// Compositing. Let tau_i be the optical depth of sample i, t_1 = 1, t_{i+1} = t_i exp(-tau_i), and
+// w_i = t_i - t_{i+1} its weight. The result has all w_i, t_{N+1}, and sum_i w_i f_i with the
+// features f_i. So dL/dw_i has two parts, the gradient of the weight itself and f_i dL/df. From
+// dw_k/dtau_k = t_{k+1}, dw_i/dtau_k = -w_i for i > k and dt_{N+1}/dtau_k = -t_{N+1} follows
+//
+//     dL/dtau_k = t_{k+1} dL/dw_k - (sum_{i>k} w_i dL/dw_i + t_{N+1} dL/dt_{N+1}).
+//
+// The sum in brackets grows from back to front. It is kept in double, because the two terms cancel
+// if all dL/dw_i and dL/dt_{N+1} are equal.
+//
+// Samples whose weight is below RayPoints::gradient_tolerance are left out: they get no gradient,
+// but their optical depth still attenuates those behind them. docs/studies/samples-of-training.md
+// measures what this changes.
+//
+// The sums of a face are kept for each of at most `ray_runs` runs of rays and are added in order.
+// The result therefore does not depend on the number of threads. Derivatives of higher order come
+// from the composition of ops (render_field.cpp).
+
 #include <utility>
 
 #include "core/kernels/sine.h"
@@ -40,9 +91,8 @@ struct BackwardLayer {
     }
 };
 
-/// Sums over the points of one run or of all runs. Let g be the gradient of a layer's argument. The
-/// terms are x_i sum_o(W_oi demodulation_o g_o) for input i, g_o (argument_o - bias_o) for output
-/// o, g_o for the bias, and g_o x_i for the weight.
+/// Sums over the points p of one run or of all runs: x_pi h_pi for input i, g_po (z_po - b_o) for
+/// output o, g_po for the bias, and g_po x_pi for the weight.
 template <class T>
 struct LayerSums {
     std::vector<T> inputs, outputs, bias, weight;
@@ -217,8 +267,7 @@ private:
         }
     }
 
-    /// With w_i = t_i - t_{i+1} and t_{i+1} = t_i exp(-x_i), dL/dx_k = t_{k+1} dL/dw_k - sum_{i>k}
-    /// w_i dL/dw_i - t_N dL/dt_N.
+    /// Computes dL/dlogit of a ray's samples from dL/dw and the gradient of its transmittance.
     void differentiate_weights(std::int64_t ray, T dL_dtransmittance) {
         const std::span<const std::int32_t> selected = face_.samples.selection.samples_of(ray);
         double behind = static_cast<double>(tile_.transmittance_of(ray)) *

@@ -1,3 +1,32 @@
+// Which samples of a ray must be evaluated?
+//
+// Most of a ray is empty, or hidden by the surface in front, and evaluating the field takes most of
+// the time of an exact frame. A sample matters by its compositing weight
+//
+//     w_i = T_i (1 - exp(-sigma_i delta)),    T_i = exp(-sum_{j<i} sigma_j delta),
+//
+// which is known only after evaluation. From bounds lower_i <= sigma_i <= upper_i follows
+//
+//     w_i <= exp(-sum_{j<i} lower_j delta) (1 - exp(-upper_i delta)) = u_i.
+//
+// Leaving out every sample with a small u_i would not bound the error: a ray through thin haze has
+// many small weights whose sum is large, and would lose all of them. Leaving out the smallest u_i
+// of a ray up to a given total would bound it, but needs a sort. Instead the u_i are added up from
+// front to back. Samples are left out while the sum is below the tolerance; the sample that reaches
+// it is kept, and the sum starts again at 0. So each stretch that is left out has a total weight
+// below the tolerance (the whole ray may have more), what is left out is spread along the ray, and
+// one pass suffices.
+//
+// A sample that is left out does not become empty space. Its estimated optical depth (`gaps`, and
+// `tails` behind the last selected sample) is added to that of the next selected sample, which so
+// stands for the whole stretch with its own features (ray_tile.h). Opacity and occlusion are then
+// nearly right; only the features of the stretch are those of one sample.
+//
+// The bounds of a density grid (nn/realtime/density_grid.h) are not guaranteed, so the error of a
+// tolerance is measured: docs/studies/rendering.md compares it with frames of fewer samples per
+// ray, which were much worse at the same cost. Fits select by the weights of an earlier evaluation
+// instead and count the other samples as empty (`keep_if`; docs/studies/samples-of-a-fit.md).
+
 #include "nn/engine/sample_selection.h"
 
 #include <algorithm>

@@ -1,3 +1,29 @@
+// Bounds of the density without evaluating the field.
+//
+// The selection of samples needs to know where a head may be before the field is evaluated. The
+// density does not depend on the camera, so it is tabulated once for each head and serves all
+// views.
+//
+// The table holds logits at the vertices of a regular grid. In the cell around a point, the
+// smallest and the largest of the eight corners serve as bounds, and their trilinear interpolation
+// as the estimate. A grid of booleans (occupied or not) would be smaller. But the selection needs
+// both bounds: the upper one says that a sample may matter, and the lower one that what is in front
+// hides it. The estimate gives the optical depth of samples that are left out. Logits are
+// interpolated rather than densities: they are the output of the network, of which the density is
+// an exponential where it is low. Softplus is monotonic, so bounds of logits are bounds of
+// densities.
+//
+// Two levels save evaluations. A cell is first evaluated at its eight corners, two spacings apart.
+// If all of them are below `thin`, it stays coarse, as most of space does. Otherwise all 27
+// vertices are evaluated. A structure that lies between the corners may exceed their bounds, so the
+// error of a tolerance is measured, not guaranteed (docs/studies/rendering.md). A coarser grid has
+// looser bounds and keeps more samples for the same error; a finer one loses quality.
+//
+// The cells of the usual views are evaluated when a head is first shown, the others when a view
+// needs them (sampled_field.cpp). A vertex belongs to the grid, not to a cell: neighbours share its
+// value. Bounds therefore do not depend on the order of evaluations, nor on the view that asked for
+// them.
+
 #include "nn/realtime/density_grid.h"
 
 #include <algorithm>

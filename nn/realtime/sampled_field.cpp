@@ -1,3 +1,30 @@
+// A view of the field by skipping: the field is evaluated only where it can be seen.
+//
+// A frame has one ray for each pixel of the feature map, with 64 samples by default, and all layers
+// of the field would run at each of them. Only a few per cent of the samples have a weight that
+// counts (docs/studies/left-out-work.md). The work is cut down in the order in which it would
+// arise:
+//
+// First, a ray of usual length whose samples all lie in thin cells of the density grid is empty.
+// This holds for most rays beside the head, and costs the state of one cell for each sample.
+//
+// Second, the grid bounds the density at each sample of the other rays, and `select_samples` (its
+// file says why) picks the samples that are evaluated. They are divided into tiles of whole rays. A
+// tile evaluates the density, which is all that the weights need, and composites.
+//
+// Third, the layer of the features runs only for samples whose weight, together with the small
+// weights in front of it, is not negligible.
+//
+// Fourth, the last layer runs once for each ray, since it commutes with compositing, and not for
+// chunks of rays that are all empty. The render blocks then skip what only empty rays reach.
+//
+// All limits are fixed shares of one number, the tolerance, so that a single setting trades
+// accuracy for time.
+//
+// Mode `exact` is the same code with all samples selected and a tolerance of 0. What a frame of
+// mode `skip` lacks is thus what was left out, not another arithmetic. docs/studies/rendering.md
+// has error and time of the modes.
+
 #include "nn/realtime/sampled_field.h"
 
 #include <algorithm>
