@@ -1,8 +1,6 @@
 #include "nn/models/decoder.h"
 
-#include <algorithm>
-#include <array>
-#include <optional>
+#include <memory>
 #include <utility>
 
 #include "core/error.h"
@@ -15,51 +13,6 @@
 namespace stymo {
 namespace {
 
-constexpr std::int64_t geometry_size = code_sizes[0] + code_sizes[1];
-constexpr std::int64_t appearance_size = code_sizes[2] + code_sizes[3];
-
-DepthPlanes parse_planes(const std::string& name) {
-    if (name == "world_z") return DepthPlanes::world_z;
-    if (name == "optical_axis") return DepthPlanes::optical_axis;
-    fail<ConfigError>("decoder.depth_planes must be world_z or optical_axis, got ", name);
-}
-
-Conditioning parse_conditioning(const DecoderConfig& config) {
-    if (config.render != "blocks" && config.render != "none")
-        fail<ConfigError>("decoder.render must be blocks or none, got ", config.render);
-    if (config.conditioning == "concatenation") {
-        if (config.frequency_falloff != 0.0)
-            fail<ConfigError>("decoder.frequency_falloff needs decoder.conditioning = modulation");
-        if (config.render == "none" && config.mask_detach)
-            fail<ConfigError>(
-                "decoder.mask_detach needs render blocks; with decoder.render = none the field "
-                "itself is the mask");
-        return Conditioning::concatenation;
-    }
-    if (config.conditioning != "modulation")
-        fail<ConfigError>("decoder.conditioning must be modulation or concatenation, got ",
-                          config.conditioning);
-    if (config.render == "none")
-        fail<ConfigError>(
-            "decoder.render = none needs decoder.conditioning = concatenation: only render blocks "
-            "bring texture and "
-            "light to a modulated field");
-    return Conditioning::modulation;
-}
-
-FieldConfig field_config(const DecoderConfig& config) {
-    const bool colors = config.render == "none";
-    return {.conditioning = parse_conditioning(config),
-            .frequencies = config.frequencies,
-            .width = config.field_width,
-            .layers = config.field_layers,
-            .channels = colors ? 3 : config.feature_channels,
-            .geometry_size = geometry_size,
-            .appearance_size = appearance_size,
-            .colors = colors,
-            .frequency_falloff = config.frequency_falloff};
-}
-
 Variable geometry_style(const Codes& w) {
     return concat({w.identity(), w.expression()}, 1);
 }
@@ -71,69 +24,6 @@ FieldStyle field_style(const Codes& w) {
 }
 
 }  // namespace
-
-void describe(ConfigSchema& schema, DecoderConfig& config) {
-    const auto key = [](const char* name) { return std::string("decoder.") + name; };
-    schema.integer(key("resolution"), config.resolution, 16, 1024,
-                   "side of the largest image (paper: 512); 64, 128 or 256 use fewer blocks");
-    schema.integer(key("rays_per_side"), config.rays.rays_per_side, 4, 128,
-                   "rays along one side of the feature map (paper: 32)");
-    schema.choice(key("conditioning"), config.conditioning, {"modulation", "concatenation"},
-                  "codes modulate sine layers and render blocks (paper), or are concatenated to "
-                  "the inputs of plain ones (HeadNeRF)");
-    schema.choice(key("render"), config.render, {"blocks", "none"},
-                  "render blocks on a feature map of few rays (paper), or one ray per pixel "
-                  "without blocks (needs concatenation)");
-    schema.integer(key("field_width"), config.field_width, 1, 4096,
-                   "channels of the field's layers (paper: silent)");
-    schema.integer(key("field_layers"), config.field_layers, 1, 32,
-                   "the field's layers before the density (paper: silent; NeRF has 8)");
-    schema.integer(key("feature_channels"), config.feature_channels, 1, 4096,
-                   "channels of the rendered feature map (paper: 256)");
-    schema.integer(key("frequencies"), config.frequencies, 0, 16,
-                   "number of frequencies of the positional encoding (paper: silent; NeRF has 10)");
-    schema.number(key("frequency_falloff"), config.frequency_falloff, 0.0, 4.0,
-                  "the first weights of frequency 2^k are multiplied by 2^(-k falloff), so that "
-                  "training opens the encoding from coarse to fine (paper: none)");
-    schema.integers(key("block_channels"), config.block_channels, 1, 4096,
-                    "channels of the render blocks from coarse to fine (paper: silent; HeadNeRF "
-                    "has 128, 64, 32, 32)");
-    schema.integer(key("mask_channels"), config.mask_channels, 1, 4096,
-                   "channels of the mask branch (paper: silent)");
-    schema.boolean(key("mask_detach"), config.mask_detach,
-                   "the mask loss trains the mask branch alone (paper: false)");
-    schema.integer(
-        key("mapping_layers"), config.mapping_layers, 0, 16,
-        "layers of each mapping network (paper: silent; StyleGAN2 has 8); 0: no mapping networks");
-    schema.number(
-        key("mapping_learning_rate_multiplier"), config.mapping_learning_rate_multiplier, 1e-4, 1.0,
-        "learning rate multiplier of the mapping networks (paper: silent; StyleGAN2 has 0.01)");
-    schema.choice(key("depth_planes"), config.depth_planes, {"world_z", "optical_axis"},
-                  "planes that bound the samples: world planes (paper: silent; HeadNeRF) or depths "
-                  "along the optical axis, for any yaw");
-    schema.number(key("near_z"), config.rays.near_z, -100.0, 100.0,
-                  "near plane (paper: silent; HeadNeRF has 2.5)");
-    schema.number(key("far_z"), config.rays.far_z, -100.0, 100.0,
-                  "far plane (paper: silent; HeadNeRF has -3.5)");
-    schema.boolean(key("pixel_centers"), config.rays.pixel_centers,
-                   "rays through pixel centres; HeadNeRF's go through a corner");
-}
-
-ResolutionLadder resolution_ladder(const DecoderConfig& config) {
-    const std::int64_t rays = config.rays.rays_per_side;
-    if (rays < 1) fail<ConfigError>("decoder.rays_per_side must be positive, got ", rays);
-    try {
-        const ResolutionLadder ladder(2 * rays, config.resolution);
-        if (config.render == "blocks" && ladder.count() > config.block_channels.size())
-            fail<ConfigError>("decoder.resolution ", config.resolution, " needs ", ladder.count(),
-                              " numbers in decoder.block_channels, got ",
-                              config.block_channels.size());
-        return ladder;
-    } catch (const ValueError&) {
-        fail<ConfigError>("decoder.resolution ", config.resolution,
-                          " is not decoder.rays_per_side ", rays, " upsampled once or more");
-    }
-}
 
 struct Decoder::Layers {
     DecoderConfig config;
@@ -156,12 +46,12 @@ Decoder::Layers::Layers(const DecoderConfig& decoder_config, ParameterStore& sto
     : config(decoder_config),
       ladder(resolution_ladder(config)),
       field(make_field(field_config(config), store, prefix + ".field", rng)) {
-    config.rays.planes = parse_planes(config.depth_planes);
+    config.rays = ray_sampling(config);
     for (std::size_t i = 0; config.mapping_layers > 0 && i < code_names.size(); ++i) {
         mappings.emplace_back(store, prefix + ".mapping." + code_names[i], code_sizes[i],
                               config.mapping_layers, config.mapping_learning_rate_multiplier, rng);
     }
-    images = make_image_stage(config, ladder, store, prefix, appearance_size, rng);
+    images = make_image_stage(config, ladder, store, prefix, code_sizes[2] + code_sizes[3], rng);
 }
 
 RaySampling Decoder::Layers::sampling_of(std::int64_t samples_per_ray,

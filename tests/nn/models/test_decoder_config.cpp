@@ -1,7 +1,7 @@
 #include <catch2/catch.hpp>
 
 #include "core/error.h"
-#include "nn/models/decoder.h"
+#include "nn/models/decoder_config.h"
 
 using namespace stymo;
 
