@@ -79,9 +79,9 @@ std::int64_t generator_numbers(const Model& model, const ReconstructionLoss& los
     if (has_discriminator(config, phase)) {
         const LayerMemory discriminator = discriminator_memory(config, phase);
         // A frozen layer keeps no input, only what its activation needs.
-        memory.add({0, discriminator.saved / 2 + discriminator.passing});
+        memory.add({0, discriminator.saved / 2 + discriminator.transient});
     }
-    return memory.saved + memory.passing;
+    return memory.saved + memory.transient;
 }
 
 }  // namespace
@@ -91,7 +91,7 @@ std::int64_t StepExecution::at_once(const TrainingPhase& phase) const {
 }
 
 std::int64_t StepMemory::peak() const {
-    return lasting + std::max({generator, discriminator, regularizer});
+    return persistent + std::max({generator, discriminator, regularizer});
 }
 
 StepMemory estimate_step_memory(const Model& model, const ReconstructionLoss& loss,
@@ -103,14 +103,14 @@ StepMemory estimate_step_memory(const Model& model, const ReconstructionLoss& lo
                                          static_cast<double>(bytes_per_number * at_once * numbers));
     };
     StepMemory memory;
-    memory.lasting =
+    memory.persistent =
         program_bytes + bytes_per_number * lasting_numbers(model, loss, config, phase, at_once);
     memory.generator =
         heap_bytes(generator_numbers(model, loss, config, phase, execution.recomputation));
     if (has_discriminator(config, phase)) {
         const LayerMemory discriminator = discriminator_memory(config, phase);
-        memory.discriminator = heap_bytes(discriminator.saved + discriminator.passing);
-        memory.regularizer = heap_bytes(9 * discriminator.saved / 4 + discriminator.passing);
+        memory.discriminator = heap_bytes(discriminator.saved + discriminator.transient);
+        memory.regularizer = heap_bytes(9 * discriminator.saved / 4 + discriminator.transient);
     }
     return memory;
 }

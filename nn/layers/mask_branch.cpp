@@ -41,9 +41,9 @@ LayerMemory MaskBranch::memory(std::span<const std::int64_t> sides, std::int64_t
     for (const std::int64_t side : sides) saved += images * logit_.inputs() * side * side;
     const std::int64_t pixels = images * sides.back() * sides.back();
     const std::int64_t sum = pixels * logit_.inputs();
-    const std::int64_t passing = 3 * sum + pixels * laterals_[sides.size() - 1].inputs();
-    if (recomputed) return {0, saved + sum + passing};
-    return {saved + sum, passing};
+    const std::int64_t transient = 3 * sum + pixels * laterals_[sides.size() - 1].inputs();
+    if (recomputed) return {0, saved + sum + transient};
+    return {saved + sum, transient};
 }
 
 FoldedMaskBranch MaskBranch::folded() const {

@@ -120,7 +120,7 @@ LayerMemory Discriminator::memory(const DiscriminatorConfig& config, std::int64_
     for (std::int64_t s = 2 * final_side; s <= side; s *= 2) {
         const LayerMemory one =
             DiscriminatorBlock::memory(channels_at(config, s), channels_at(config, s / 2), s);
-        memory.add({images * one.saved, images * one.passing});
+        memory.add({images * one.saved, images * one.transient});
     }
     return memory;
 }

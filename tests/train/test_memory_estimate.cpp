@@ -114,7 +114,7 @@ TEST_CASE("every backbone and perceptual network says what its backward pass nee
         CHECK(make_backbone(name, store, "", rng)->saved() > 0);
     }
     for (const std::string& network : lpips_networks())
-        CHECK(Lpips(LpipsConfig{network, "random", "random"}, "").memory(64).passing > 0);
+        CHECK(Lpips(LpipsConfig{network, "random", "random"}, "").memory(64).transient > 0);
 }
 
 TEST_CASE("micro-batches run side by side where the budget holds them all", "[memory]") {
@@ -147,25 +147,25 @@ TEST_CASE("what lasts is the weights with gradients, moments and averages", "[me
     TrainConfig config = paper();
     config.model.encoder.backbone = "mobilefacenet";
     Estimated estimated(config);
-    const auto lasting = [&](int stage) {
+    const auto persistent = [&](int stage) {
         return static_cast<double>(
-                   estimated.memory(phase_of(estimated.config, stage, 1), {}).lasting) -
+                   estimated.memory(phase_of(estimated.config, stage, 1), {}).persistent) -
                120.0 * mebibyte;
     };
     estimated.config.stage1.average_half_life = 0.0;
     const auto weights = static_cast<double>(4 * estimated.model.parameters().element_count());
-    CHECK(lasting(1) == Approx(5.0 * weights).epsilon(0.05));
+    CHECK(persistent(1) == Approx(5.0 * weights).epsilon(0.05));
     estimated.config.stage1.average_half_life = 1000.0;
-    CHECK(lasting(1) == Approx(6.0 * weights).epsilon(0.05));
+    CHECK(persistent(1) == Approx(6.0 * weights).epsilon(0.05));
 
     estimated.config.discriminator.max_channels = 64;
     ParameterStore store;
     Rng rng(1);
     const Discriminator discriminator(estimated.config.discriminator, 512, store, "discriminator",
                                       rng);
-    const double with = lasting(2);
+    const double with = persistent(2);
     estimated.config.loss.adversarial_weight = 0.0;
-    CHECK(with - lasting(2) ==
+    CHECK(with - persistent(2) ==
           Approx(static_cast<double>(8 * 4 * store.element_count())).epsilon(0.02));
 }
 
