@@ -112,7 +112,7 @@ void fit_by_lbfgs(FitProblem& problem, const FitOptions& options, double learnin
         if (other_images || other_samples) minimiser.objective_changed();
         const bool moved = minimiser.step(objective, static_cast<int>(options.steps - steps));
         numbers.set(minimiser.point());
-        result.losses.resize(static_cast<std::size_t>(steps), minimiser.here()->value / batch);
+        result.losses.resize(static_cast<std::size_t>(steps), minimiser.current()->value / batch);
         report_step(problem, options, result);
         if (moved || steps == options.steps) continue;
         result.converged = schedule_step >= options.coarse_steps;

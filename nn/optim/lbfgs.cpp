@@ -37,27 +37,27 @@ Eigen::VectorXd inverse_hessian_product(const std::deque<CurvaturePair>& pairs,
     return result;
 }
 
-std::optional<Lbfgs::Place> Lbfgs::search(const Objective& objective,
-                                          const Eigen::VectorXd& direction, double first_part,
-                                          int& evaluations_left) const {
-    const double slope = here_->gradient.dot(direction);
+std::optional<Lbfgs::Iterate> Lbfgs::search(const Objective& objective,
+                                            const Eigen::VectorXd& direction, double first_part,
+                                            int& evaluations_left) const {
+    const double slope = current_->gradient.dot(direction);
     // The estimate of the curvature is positive definite but for rounding. Along a direction that
     // does not descend, the condition below would accept a higher value.
     if (!std::isfinite(slope) || slope >= 0.0) return std::nullopt;
-    std::optional<Place> lower;
+    std::optional<Iterate> lower;
     double near = 0.0, far = std::numeric_limits<double>::infinity();
     double part = first_part;
     const int last = std::max(0, evaluations_left - options_.evaluations);
     while (evaluations_left > last) {
         --evaluations_left;
-        Place trial{point_ + part * direction, {}};
+        Iterate trial{point_ + part * direction, {}};
         // The step is too small to change the point.
         if (trial.point == point_) break;
         trial.at = objective(trial.point);
         // The first comparison counts where the predicted decrease is below the rounding of the
         // value.
-        const bool low = finite(trial.at) && trial.at.value < here_->value &&
-                         trial.at.value <= here_->value + options_.decrease * part * slope;
+        const bool low = finite(trial.at) && trial.at.value < current_->value &&
+                         trial.at.value <= current_->value + options_.decrease * part * slope;
         if (!low) {
             far = part;
         } else {
@@ -71,10 +71,10 @@ std::optional<Lbfgs::Place> Lbfgs::search(const Objective& objective,
     return lower;
 }
 
-void Lbfgs::move_to(Place place) {
-    CurvaturePair pair{place.point - point_, place.at.gradient - here_->gradient};
-    point_ = std::move(place.point);
-    here_ = std::move(place.at);
+void Lbfgs::move_to(Iterate next) {
+    CurvaturePair pair{next.point - point_, next.at.gradient - current_->gradient};
+    point_ = std::move(next.point);
+    current_ = std::move(next.at);
     // Without positive curvature the estimate would not stay positive definite. This happens if the
     // search ended before the slope was small enough.
     constexpr double least = 1e-12;
@@ -85,30 +85,30 @@ void Lbfgs::move_to(Place place) {
 
 bool Lbfgs::step(const Objective& objective, int most_evaluations) {
     if (most_evaluations < 1) return false;
-    if (!here_) {
+    if (!current_) {
         --most_evaluations;
-        here_ = objective(point_);
-        if (here_->gradient.size() != point_.size())
-            fail<ShapeError>("L-BFGS: a gradient of ", here_->gradient.size(),
+        current_ = objective(point_);
+        if (current_->gradient.size() != point_.size())
+            fail<ShapeError>("L-BFGS: a gradient of ", current_->gradient.size(),
                              " numbers at a point of ", point_.size());
-        if (!finite(*here_))
+        if (!finite(*current_))
             fail<NumericError>("L-BFGS: the value or the gradient is not finite where it stands");
     }
-    const double length = here_->gradient.norm();
+    const double length = current_->gradient.norm();
     if (length == 0.0) return false;
     if (!pairs_.empty()) {
-        const Eigen::VectorXd direction = -inverse_hessian_product(pairs_, here_->gradient);
-        if (std::optional<Place> place = search(objective, direction, 1.0, most_evaluations)) {
-            move_to(std::move(*place));
+        const Eigen::VectorXd direction = -inverse_hessian_product(pairs_, current_->gradient);
+        if (std::optional<Iterate> next = search(objective, direction, 1.0, most_evaluations)) {
+            move_to(std::move(*next));
             return true;
         }
         // The curvature estimate gave no descent, so it is discarded.
         pairs_.clear();
     }
-    std::optional<Place> place =
-        search(objective, -here_->gradient, options_.first_step / length, most_evaluations);
-    if (place) move_to(std::move(*place));
-    return place.has_value();
+    std::optional<Iterate> next =
+        search(objective, -current_->gradient, options_.first_step / length, most_evaluations);
+    if (next) move_to(std::move(*next));
+    return next.has_value();
 }
 
 }  // namespace stymo

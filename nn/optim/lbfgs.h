@@ -54,26 +54,26 @@ public:
     [[nodiscard]] bool step(const Objective& objective, int most_evaluations);
     /// Call this if the objective changes: the next iteration evaluates the current point again.
     /// The curvature pairs are kept.
-    void objective_changed() { here_.reset(); }
+    void objective_changed() { current_.reset(); }
 
     [[nodiscard]] const Eigen::VectorXd& point() const { return point_; }
     /// Value and gradient at the point; nothing before the first iteration and after
     /// `objective_changed`.
-    [[nodiscard]] const std::optional<ValueAndGradient>& here() const { return here_; }
+    [[nodiscard]] const std::optional<ValueAndGradient>& current() const { return current_; }
 
 private:
-    struct Place {
+    struct Iterate {
         Eigen::VectorXd point;
         ValueAndGradient at;
     };
-    [[nodiscard]] std::optional<Place> search(const Objective& objective,
-                                              const Eigen::VectorXd& direction, double first_part,
-                                              int& evaluations_left) const;
-    void move_to(Place place);
+    [[nodiscard]] std::optional<Iterate> search(const Objective& objective,
+                                                const Eigen::VectorXd& direction, double first_part,
+                                                int& evaluations_left) const;
+    void move_to(Iterate next);
 
     LbfgsOptions options_;
     Eigen::VectorXd point_;
-    std::optional<ValueAndGradient> here_;
+    std::optional<ValueAndGradient> current_;
     std::deque<CurvaturePair> pairs_;
 };
 

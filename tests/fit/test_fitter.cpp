@@ -329,7 +329,7 @@ TEST_CASE("a fit that keeps the field's arguments takes the same steps", "[fitte
         CHECK(kept[i] == Approx(recomputed[i]).epsilon(1e-9));
 }
 
-TEST_CASE("no steps leave the encoder's codes", "[fitter]") {
+TEST_CASE("zero steps return the encoder's codes", "[fitter]") {
     const Model model = frozen_model();
     const FaceBatch target = target_of(model, random_codes(2, 10, 1.0, DType::float64));
     const FitResult result = fit_codes(model, loss_of(model), target, {.steps = 0});

@@ -22,7 +22,7 @@ int minimised(Lbfgs& minimiser, const Objective& objective, double wanted = 0.0,
         return objective(x);
     };
     for (int i = 0; i < most_iterations && minimiser.step(counted, plenty); ++i) {
-        if (minimiser.here()->value < wanted) break;
+        if (minimiser.current()->value < wanted) break;
     }
     return evaluations;
 }
@@ -131,7 +131,7 @@ TEST_CASE("L-BFGS keeps to its evaluations, and stays where nothing is lower", "
 
     Lbfgs arrived(Eigen::Vector2d(1.0, 1.0));
     CHECK_FALSE(arrived.step(rosenbrock, plenty));
-    CHECK(arrived.here()->value == 0.0);
+    CHECK(arrived.current()->value == 0.0);
 }
 
 TEST_CASE("L-BFGS descends steeply where its estimate of the curvature gives no descent",
@@ -164,7 +164,7 @@ TEST_CASE("When the objective changes, L-BFGS goes on from where it is", "[lbfgs
     Lbfgs minimiser(Eigen::Vector2d(-1.2, 1.0));
     minimised(minimiser, rosenbrock, 0.0, 5);
     minimiser.objective_changed();
-    CHECK_FALSE(minimiser.here().has_value());
+    CHECK_FALSE(minimiser.current().has_value());
     const auto moved = [](const Eigen::VectorXd& x) {
         return ValueAndGradient{std::pow(x[0] - 3.0, 2) + std::pow(x[1] + 2.0, 2),
                                 Eigen::Vector2d(2.0 * (x[0] - 3.0), 2.0 * (x[1] + 2.0))};
