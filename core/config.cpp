@@ -283,18 +283,18 @@ struct ConfigSchema::Implementation {
         read_object(source, "", json);
     }
 
-    void read_file(const std::filesystem::path& path,
-                   std::vector<std::filesystem::path>& open) const {
+    void read_with_parents(const std::filesystem::path& path,
+                           std::vector<std::filesystem::path>& open) const {
         const std::filesystem::path canonical = std::filesystem::weakly_canonical(path);
         if (std::ranges::find(open, canonical) != open.end())
             fail<ConfigError>(path.string(), ": its parents lead back to itself");
         open.push_back(canonical);
-        const Json json = parse_strictly(read_text_file(path), path.string());
+        const Json json = parse_strictly(stymo::read_file(path), path.string());
         if (json.is_object() && json.contains("parent")) {
             if (!json.at("parent").is_string())
                 fail<ConfigError>(path.string(), ": parent = ", message_text(json.at("parent")),
                                   ": must be a file name");
-            read_file(path.parent_path() / json.at("parent").get<std::string>(), open);
+            read_with_parents(path.parent_path() / json.at("parent").get<std::string>(), open);
         }
         read_json(path.string(), json);
         open.pop_back();
@@ -341,7 +341,7 @@ void ConfigSchema::numbers(std::string key, std::vector<double>& target, double 
 
 void ConfigSchema::read_file(const std::filesystem::path& path) {
     std::vector<std::filesystem::path> open;
-    implementation_->read_file(path, open);
+    implementation_->read_with_parents(path, open);
 }
 
 void ConfigSchema::read_text(std::string_view json, const std::string& source) {

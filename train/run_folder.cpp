@@ -58,7 +58,7 @@ std::filesystem::path latest_checkpoint(const std::filesystem::path& run) {
     const std::filesystem::path pointer = run / "latest";
     if (!std::filesystem::exists(pointer))
         fail<FileError>(run.string(), ": no checkpoint to resume from; start without --resume");
-    std::string name = read_text_file(pointer);
+    std::string name = read_file(pointer);
     while (!name.empty() && (name.back() == '\n' || name.back() == '\r' || name.back() == ' '))
         name.pop_back();
     return run / "checkpoints" / name;
@@ -89,18 +89,18 @@ std::filesystem::path RunFolder::checkpoint(std::int64_t step) const {
 
 bool RunFolder::replace_config(std::string_view json) const {
     const std::filesystem::path file = path_ / "config.json";
-    const bool changed = std::filesystem::exists(file) && read_text_file(file) != json;
+    const bool changed = std::filesystem::exists(file) && read_file(file) != json;
     if (changed) log("the configuration has changed");
-    write_text_file(file, json);
+    write_file(file, json);
     return changed;
 }
 
 void RunFolder::log(std::string_view line) const {
-    append_line(path_ / "log.txt", time_text() + " " + std::string(line), Survives::nothing);
+    append_line(path_ / "log.txt", time_text() + " " + std::string(line), Durability::none);
 }
 
 void RunFolder::statistics(const JsonValue& object) const {
-    append_line(path_ / "stats.jsonl", object.text(), Survives::nothing);
+    append_line(path_ / "stats.jsonl", object.text(), Durability::none);
     nlohmann::ordered_json numbers = nlohmann::ordered_json::parse(object.text());
     const std::int64_t step = numbers.value("step", std::int64_t{0});
     numbers.erase("step");
@@ -111,14 +111,14 @@ void RunFolder::forget_statistics_after(std::int64_t step) const {
     events().restart(step + 1);
     const std::filesystem::path file = path_ / "stats.jsonl";
     if (!std::filesystem::exists(file)) return;
-    std::istringstream lines(read_text_file(file));
+    std::istringstream lines(read_file(file));
     std::string kept;
     for (std::string line; std::getline(lines, line);) {
         // A crash may have cut off or emptied the last lines.
         const std::int64_t number = step_of(line);
         if (line.ends_with('}') && number >= 0 && number <= step) kept += line + '\n';
     }
-    write_text_file(file, kept);
+    write_file(file, kept);
 }
 
 void RunFolder::sample(std::int64_t step, const Tensor& image) const {
@@ -131,7 +131,7 @@ void RunFolder::finish_checkpoint(std::int64_t step, std::int64_t keep) const {
     const std::filesystem::path statistics = path_ / "stats.jsonl";
     if (std::filesystem::exists(statistics)) flush_to_disk(statistics);
     flush_names(path_);
-    write_text_file(path_ / "latest", numbered(step) + "\n");
+    write_file(path_ / "latest", numbered(step) + "\n");
     repair_checkpoint_folders(path_ / "checkpoints");
     std::vector<std::pair<std::int64_t, std::filesystem::path>> older;
     for (const auto& entry : std::filesystem::directory_iterator(path_ / "checkpoints")) {

@@ -25,21 +25,21 @@ void Page::add(const Table& table) {
     fact(table.name, to_json(table));
     if (folder_.empty()) return;
     const std::string file = name_ + "_" + table.name + ".csv";
-    write_text_file(folder_ / file, csv(table), Survives::nothing);
+    write_file(folder_ / file, csv(table), Durability::none);
     text("Numbers: [" + file + "](" + file + ")");
 }
 
 void Page::plot(const std::string& name, const Plot& plot) {
     claim(name);
     if (folder_.empty() || plot.series.empty()) return;
-    write_text_file(folder_ / (name + ".svg"), to_svg(plot), Survives::nothing);
+    write_file(folder_ / (name + ".svg"), to_svg(plot), Durability::none);
     text("![" + plot.title + "](" + name + ".svg)");
 }
 
 AppResult Page::finish() const {
     if (!folder_.empty()) {
-        write_text_file(folder_ / (name_ + ".md"), result_.text, Survives::nothing);
-        write_text_file(folder_ / (name_ + ".json"), result_.json.text() + "\n", Survives::nothing);
+        write_file(folder_ / (name_ + ".md"), result_.text, Durability::none);
+        write_file(folder_ / (name_ + ".json"), result_.json.text() + "\n", Durability::none);
     }
     return result_;
 }

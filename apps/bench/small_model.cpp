@@ -15,8 +15,7 @@ namespace stymo {
 TrainConfig embedded_configuration(const std::string& name,
                                    const std::vector<std::string>& overrides) {
     const FolderInProgress folder(std::filesystem::temp_directory_path() / "stymo-report-config");
-    for (const auto& [file, text] : embedded_configurations)
-        write_text_file(folder.path() / file, text);
+    for (const auto& [file, text] : embedded_configurations) write_file(folder.path() / file, text);
     return load_train_config(folder.path() / (name + ".json"), overrides);
 }
 

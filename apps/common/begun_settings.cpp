@@ -32,7 +32,7 @@ void visit_whole_lines(
     const std::filesystem::path& file,
     const std::function<void(const std::string& line, int number, std::int64_t offset)>& visit) {
     if (!std::filesystem::exists(file)) return;
-    std::istringstream stream(read_text_file(file));
+    std::istringstream stream(read_file(file));
     std::string line;
     std::streamoff whole = 0;
     // The last line is complete only if a line break ends it.

@@ -193,7 +193,7 @@ AppResult color(ColorOptions options) {
                             3));
     write_image(options.out / "render.png", edit.after);
     write_code_file(options.out / "codes.json", edit.codes, 0, face.pose);
-    write_text_file(options.out / "report.json", report.json.text() + "\n", Survives::nothing);
+    write_file(options.out / "report.json", report.json.text() + "\n", Durability::none);
     AppResult result{report.text, report.json};
     const std::int64_t steps = std::ssize(edit.losses);
     if (steps < options.edit.steps)

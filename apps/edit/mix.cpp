@@ -73,7 +73,7 @@ void add_sampled(const Model& model, MixOptions& options, std::vector<CodeFile>&
 
 /// The result of the tool, whose JSON is also written to its folder.
 AppResult written(const std::filesystem::path& out, const char* image, const JsonValue& report) {
-    write_text_file(out / "report.json", report.text() + "\n", Survives::nothing);
+    write_file(out / "report.json", report.text() + "\n", Durability::none);
     return {(out / image).string() + "\n", report};
 }
 

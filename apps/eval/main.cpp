@@ -62,7 +62,7 @@ stymo::Settings settings_of(const Options& options) {
         return file == "random" ? file : absolute(file);
     };
     std::ostringstream checksum;
-    checksum << std::hex << stymo::crc32c(stymo::read_text_file(stymo::model_file(options.model)));
+    checksum << std::hex << stymo::crc32c(stymo::read_file(stymo::model_file(options.model)));
     const stymo::FitJobOptions& job = options.fit.job;
     const auto or_own = [](const auto& value) {
         return value ? stymo::JsonValue(*value) : stymo::JsonValue("the model's own");
@@ -178,11 +178,10 @@ stymo::AppResult evaluate(Options options) {
                            stymo::score_sheet(job, faces, evaluated, rows));
         stymo::JsonValue json = result.json;
         json.add("sheet", sheet_json(rows)).add("settings", settings_json);
-        stymo::write_text_file(options.out / "report.json", json.text() + "\n",
-                               stymo::Survives::nothing);
-        stymo::write_text_file(options.out / "report.md",
-                               stymo::report_page(evaluation, {settings, network, rows}),
-                               stymo::Survives::nothing);
+        stymo::write_file(options.out / "report.json", json.text() + "\n", stymo::Durability::none);
+        stymo::write_file(options.out / "report.md",
+                          stymo::report_page(evaluation, {settings, network, rows}),
+                          stymo::Durability::none);
     }
     stymo::JsonValue scores = stymo::JsonValue::object();
     for (const stymo::FaceScore& score : evaluation.scores) scores.add(score.id, to_json(score));

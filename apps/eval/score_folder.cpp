@@ -12,7 +12,7 @@ ScoreFolder::ScoreFolder(std::filesystem::path path, const JsonValue& settings)
     : path_(std::move(path)), scores_(path_ / "scores.jsonl") {
     const std::filesystem::path settings_file = path_ / "settings.json";
     if (std::filesystem::exists(settings_file)) {
-        std::string begun = read_text_file(settings_file);
+        std::string begun = read_file(settings_file);
         if (begun.ends_with('\n')) begun.pop_back();
         require_same_settings(path_, begun, settings.text());
         visit_whole_lines(scores_, [&](const std::string& line, int, std::int64_t) {
@@ -26,7 +26,7 @@ ScoreFolder::ScoreFolder(std::filesystem::path path, const JsonValue& settings)
         fail<FileError>(path_.string(),
                         ": holds scores.jsonl but no settings.json; give another --out");
     require_writable_folder(path_);
-    write_text_file(settings_file, settings.text() + "\n");
+    write_file(settings_file, settings.text() + "\n");
 }
 
 std::filesystem::path ScoreFolder::tuned_of(const std::string& id) const {
@@ -40,7 +40,7 @@ void ScoreFolder::add(const FaceScore& score, const FitResult& fit) {
         write_code_file(codes_of(score.id), fit.fitted, 0, pose_from_camera(fit.cameras.front()));
     }
     // Written after the codes, so that the codes of every line exist.
-    append_line(scores_, to_json(score).text(), Survives::crash);
+    append_line(scores_, to_json(score).text(), Durability::crash_safe);
 }
 
 }  // namespace stymo

@@ -83,8 +83,7 @@ public:
         stymo::write_image(of(photo) / "fit.png", stymo::comparison_sheet(report));
         stymo::write_image(of(photo) / "render.png",
                            report.tuned.defined() ? report.tuned : report.fitted);
-        stymo::write_text_file(of(photo) / "report.json", json.text() + "\n",
-                               stymo::Survives::nothing);
+        stymo::write_file(of(photo) / "report.json", json.text() + "\n", stymo::Durability::none);
     }
 
 private:

@@ -104,7 +104,7 @@ Camera camera_in(const std::string& text, const std::string& id, const Intrinsic
 
 Camera read_camera(const std::filesystem::path& path, const std::string& id,
                    const Intrinsics& intrinsics) {
-    const std::string text = read_text_file(path);
+    const std::string text = read_file(path);
     try {
         return camera_in(text, id, intrinsics);
     } catch (const Error& error) {

@@ -157,7 +157,7 @@ std::optional<PrepareReport> write_data_set(const FolderPreparation& folders,
                             ": cannot be written; is the disk full?");
     });
     write_intrinsics(folders.out / "camera.json", preparation.settings().intrinsics);
-    write_text_file(folders.out / "report.json", to_json(report).text() + "\n");
+    write_file(folders.out / "report.json", to_json(report).text() + "\n");
     if (!complete) return std::move(summary.report);
     if (folders.overlays && !write_sheets(folders.out, preparation, files, notes, summary.poses))
         return std::nullopt;

@@ -105,8 +105,8 @@ PhotoOutcome written(const fs::path& photos, const fs::path& out, PhotoInWork wo
             outcome.failure = faces[i].failure;
             continue;
         }
-        write_image(out / "images" / (id + ".png"), faces[i].crop.image, Survives::crash);
-        write_image(out / "masks" / (id + ".png"), faces[i].crop.mask, Survives::crash);
+        write_image(out / "images" / (id + ".png"), faces[i].crop.image, Durability::crash_safe);
+        write_image(out / "masks" / (id + ".png"), faces[i].crop.mask, Durability::crash_safe);
         outcome.faces.push_back(outcome_of(std::move(id), std::move(faces[i])));
     }
     return outcome;

@@ -135,7 +135,7 @@ AppResult convert_pose(const PoseCommand& options) {
     const Tensor drawing = options.draw ? drawing_of(camera, options) : Tensor();
     for (const auto& file : {options.out, options.draw})
         if (file) require_folder_of(*file);
-    if (options.out) write_text_file(*options.out, json.text() + "\n");
+    if (options.out) write_file(*options.out, json.text() + "\n");
     if (options.draw) write_image(*options.draw, drawing);
     return {text_of(camera), json};
 }

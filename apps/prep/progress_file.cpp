@@ -30,7 +30,7 @@ ProgressFile::ProgressFile(const std::filesystem::path& folder, const JsonValue&
         }
     });
     if (!begun.empty()) require_same_settings(folder, begun, settings.text());
-    if (begun.empty()) append_line(path_, settings.text(), Survives::crash);
+    if (begun.empty()) append_line(path_, settings.text(), Durability::crash_safe);
 }
 
 PhotoOutcome ProgressFile::read(const std::string& file) const {
@@ -47,7 +47,7 @@ PhotoOutcome ProgressFile::read(const std::string& file) const {
 
 void ProgressFile::append(const PhotoOutcome& outcome) {
     const auto place = static_cast<std::streamoff>(std::filesystem::file_size(path_));
-    append_line(path_, to_json(outcome).text(), Survives::crash);
+    append_line(path_, to_json(outcome).text(), Durability::crash_safe);
     lines_[outcome.file] = place;
 }
 

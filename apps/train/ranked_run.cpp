@@ -63,15 +63,14 @@ CommonState common_state(const TrainConfig& config, const Dataset& training,
         photos += image.filename().string() + ' ' +
                   std::to_string(std::filesystem::file_size(image)) + '\n';
     }
-    return {
-        {"a precision of matrix products",
-         has_matrix_tiles() ? name_of(matmul_precision()) : name_of(MatmulPrecision::highest)},
-        {"a program", checksum(read_text_file("/proc/self/exe"))},
-        {"a configuration", checksum(to_json(config))},
-        {"a seed", std::to_string(state.seed)},
-        {"a folder of photos", checksum(photos)},
-        {"a checkpoint", std::to_string(state.step)},
-        {"an initial model", initial_model.empty() ? "" : checksum(read_text_file(initial_model))}};
+    return {{"a precision of matrix products",
+             has_matrix_tiles() ? name_of(matmul_precision()) : name_of(MatmulPrecision::highest)},
+            {"a program", checksum(read_file("/proc/self/exe"))},
+            {"a configuration", checksum(to_json(config))},
+            {"a seed", std::to_string(state.seed)},
+            {"a folder of photos", checksum(photos)},
+            {"a checkpoint", std::to_string(state.step)},
+            {"an initial model", initial_model.empty() ? "" : checksum(read_file(initial_model))}};
 }
 
 AppResult run_as_rank(Ranks& ranks, const std::string& program, const RankedRun& run) {

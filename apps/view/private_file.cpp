@@ -39,14 +39,14 @@ std::string written_bytes(const std::string& extension,
     const PrivateFolder folder;
     const std::filesystem::path file = folder.path() / ("file" + extension);
     write(file);
-    return read_text_file(file);
+    return read_file(file);
 }
 
 void read_bytes(const std::string& bytes, const std::string& called,
                 const std::function<void(const std::filesystem::path&)>& read) {
     const PrivateFolder folder;
     const std::filesystem::path file = folder.path() / "file";
-    write_text_file(file, bytes, Survives::nothing);
+    write_file(file, bytes, Durability::none);
     try {
         read(file);
     } catch (const FileError& error) {

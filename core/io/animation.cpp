@@ -35,7 +35,7 @@ void write_gif(const fs::path& path, const std::vector<Tensor>& frames, double f
         bytes = image_bytes(frames[frame]);
         return bytes.data();
     };
-    write_text_file(path, encoded_frames(encoding, frames.size(), pixels), Survives::nothing);
+    write_file(path, encoded_frames(encoding, frames.size(), pixels), Durability::none);
 }
 
 /// Whether an MP4 file consists of whole boxes, one of which is the index of the film. The encoder
@@ -74,7 +74,7 @@ void encode_mp4(const fs::path& path, const fs::path& temporary, const std::vect
         writer.write(image);
     }
     writer.release();
-    if (!is_whole_mp4(read_text_file(temporary)))
+    if (!is_whole_mp4(read_file(temporary)))
         fail<FileError>(path.string(),
                         ": cannot be written (the film is not whole; is the disk full?)");
 }
@@ -102,7 +102,7 @@ void write_animation(const fs::path& path, const std::vector<Tensor>& frames,
     const auto write = [&](const fs::path& temporary) {
         encode_mp4(path, temporary, frames, frames_per_second);
     };
-    write_whole(path, write, Survives::nothing);
+    write_whole(path, write, Durability::none);
 }
 
 }  // namespace stymo

@@ -126,7 +126,7 @@ void read_parts(const fs::path& path, const std::function<void(std::string_view)
     while (const std::size_t count = read_some(path, file, part)) visit({part.data(), count});
 }
 
-std::string read_text_file(const fs::path& path) {
+std::string read_file(const fs::path& path) {
     const Descriptor file = open_for_reading(path);
     // One byte more than the file is said to have shows its end. Files of /proc are said to be
     // empty.
@@ -176,14 +176,14 @@ std::string OpenFile::read(std::int64_t offset, std::int64_t size) const {
     return bytes;
 }
 
-void announce_reading(const fs::path& path) {
+void prefetch(const fs::path& path) {
     const Descriptor file(path, O_RDONLY);
     if (file.is_open())
         static_cast<void>(::posix_fadvise(file.number(), 0, 0, POSIX_FADV_WILLNEED));
 }
 
 void write_whole(const fs::path& path, const std::function<void(const fs::path&)>& write,
-                 Survives survives) {
+                 Durability durability) {
     std::error_code error;
     if (fs::is_directory(path, error)) {
         fail<FileError>(path.string(), ": cannot be written (is a folder)");
@@ -196,21 +196,21 @@ void write_whole(const fs::path& path, const std::function<void(const fs::path&)
     const TemporaryFile temporary(temporary_beside(path));
     write(temporary.path());
     // A name must not reach the disk before the bytes that it stands for.
-    if (survives == Survives::crash) flush_one(temporary.path());
+    if (durability == Durability::crash_safe) flush_one(temporary.path());
     fs::rename(temporary.path(), path, error);
     if (error) {
         fail<FileError>(path.string(), ": cannot be written (", error.message(), ")");
     }
-    if (survives == Survives::crash) flush_names(folder);
+    if (durability == Durability::crash_safe) flush_names(folder);
 }
 
-void write_text_file(const fs::path& path, std::string_view text, Survives survives) {
+void write_file(const fs::path& path, std::string_view text, Durability durability) {
     const auto write = [&](const fs::path& temporary) {
         const Descriptor file(temporary, O_WRONLY | O_CREAT | O_TRUNC);
         if (!file.is_open() || !written(file, text))
             fail<FileError>(path.string(), ": cannot be written (", reason_of(errno), ")");
     };
-    write_whole(path, write, survives);
+    write_whole(path, write, durability);
 }
 
 void remove_temporary_files(const fs::path& folder) {
@@ -219,10 +219,10 @@ void remove_temporary_files(const fs::path& folder) {
         if (is_temporary(entry.path())) fs::remove(entry.path(), ignored);
 }
 
-void append_line(const fs::path& path, std::string_view line, Survives survives) {
+void append_line(const fs::path& path, std::string_view line, Durability durability) {
     const Descriptor file(path, O_WRONLY | O_CREAT | O_APPEND);
     const off_t end = file.is_open() ? ::lseek(file.number(), 0, SEEK_END) : -1;
-    const bool flush = survives == Survives::crash;
+    const bool flush = durability == Durability::crash_safe;
     if (end < 0 || !written(file, std::string(line) + '\n') || (flush && !flushed(file))) {
         const int reason = errno;
         if (end >= 0) static_cast<void>(::ftruncate(file.number(), end) == 0);

@@ -11,7 +11,7 @@
 namespace stymo {
 
 /// Whole contents of a file; throws FileError if it cannot be read.
-[[nodiscard]] std::string read_text_file(const std::filesystem::path& path);
+[[nodiscard]] std::string read_file(const std::filesystem::path& path);
 /// Calls `visit` with the contents of a file, part by part; throws FileError if it cannot be read.
 void read_parts(const std::filesystem::path& path,
                 const std::function<void(std::string_view part)>& visit);
@@ -34,14 +34,14 @@ private:
 
 /// Tells the operating system that a file will be read soon, so that it can read ahead. A missing
 /// file is ignored.
-void announce_reading(const std::filesystem::path& path);
+void prefetch(const std::filesystem::path& path);
 /// Whether a written file survives a crash of the system or a power cut. A program that is killed
 /// never leaves a partial file in either case.
-enum class Survives {
-    crash,    ///< the file is on the disk when the function returns; a crash before that leaves the
-              ///< old file
-    nothing,  ///< the file may be empty after a crash: for images and reports, which can be made
-              ///< again
+enum class Durability {
+    crash_safe,  ///< the file is on the disk when the function returns; a crash before that leaves
+                 ///< the old file
+    none,  ///< the file may be empty after a crash: for images and reports, which can be made
+           ///< again
 };
 
 /// Calls `write(temporary)` and renames the result to `path`, so that `path` is never partial. The
@@ -49,17 +49,17 @@ enum class Survives {
 /// flushing or renaming fails.
 void write_whole(const std::filesystem::path& path,
                  const std::function<void(const std::filesystem::path&)>& write,
-                 Survives survives = Survives::crash);
-/// Writes a text with `write_whole`.
-void write_text_file(const std::filesystem::path& path, std::string_view text,
-                     Survives survives = Survives::crash);
+                 Durability durability = Durability::crash_safe);
+/// Writes these bytes with `write_whole`.
+void write_file(const std::filesystem::path& path, std::string_view text,
+                Durability durability = Durability::crash_safe);
 /// Removes temporary files that killed processes left in a folder. No other process may be writing
 /// there.
 void remove_temporary_files(const std::filesystem::path& folder);
 /// Appends a line and a line break to a file, which is created if it is missing. Throws FileError
 /// if that fails, and removes the part of the line that was written. A crash of the system can
 /// still leave a partial line.
-void append_line(const std::filesystem::path& path, std::string_view line, Survives survives);
+void append_line(const std::filesystem::path& path, std::string_view line, Durability durability);
 /// Flushes a file, or a folder with everything in it, to the disk. Throws FileError if the disk
 /// fails.
 void flush_to_disk(const std::filesystem::path& path);

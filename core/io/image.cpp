@@ -87,7 +87,7 @@ std::optional<std::string> png_damage(std::string_view bytes) {
 
 /// Bytes of a file whose header is that of an image.
 std::string read_image_bytes(const fs::path& path) {
-    std::string bytes = read_text_file(path);
+    std::string bytes = read_file(path);
     if (bytes.empty()) {
         fail<FileError>(path.string(), ": not an image (zero bytes)");
     }
@@ -239,13 +239,13 @@ Tensor read_class_map(const fs::path& path) {
     return result;
 }
 
-void write_image(const fs::path& path, const Tensor& image, Survives survives) {
+void write_image(const fs::path& path, const Tensor& image, Durability durability) {
     require_image(image, "write_image");
     const std::string extension = path.extension().string();
     if (extension != ".png" && extension != ".jpg" && extension != ".jpeg") {
         fail<FileError>(path.string(), ": cannot be written (images end in .png or .jpg)");
     }
-    write_text_file(path, encoded(path.filename(), image), survives);
+    write_file(path, encoded(path.filename(), image), durability);
 }
 
 std::string png_bytes(const Tensor& image) {
@@ -265,8 +265,7 @@ void write_exr(const fs::path& path, const Tensor& image) {
                                  .channels = image.shape(2),
                                  .floats = true,
                                  .attributes = {{"compression", "zip"}}};
-    write_text_file(path, encoded_image(encoding, values.values<float>().data()),
-                    Survives::nothing);
+    write_file(path, encoded_image(encoding, values.values<float>().data()), Durability::none);
 }
 
 }  // namespace stymo

@@ -31,7 +31,7 @@ inline constexpr std::int64_t usual_most_pixels = std::int64_t{1} << 28;
 /// extension selects the format (png, jpg). The file is written completely or not at all. Throws
 /// ShapeError for other shapes, FileError if the file cannot be written.
 void write_image(const std::filesystem::path& path, const Tensor& image,
-                 Survives survives = Survives::nothing);
+                 Durability durability = Durability::none);
 /// The bytes that write_image writes to a .png file.
 [[nodiscard]] std::string png_bytes(const Tensor& image);
 /// Writes 32-bit float channels to an .exr file without clipping. A single channel is named "Z"

@@ -20,7 +20,7 @@ struct ImageEncoding {
 };
 
 /// The bytes of an image file. They are encoded in memory, because OpenImageIO does not notice
-/// when the disk refuses a part of a file; `write_text_file` does. Throws FileError if the image
+/// when the disk refuses a part of a file; `write_file` does. Throws FileError if the image
 /// cannot be encoded.
 [[nodiscard]] std::string encoded_image(const ImageEncoding& encoding, const void* pixels);
 /// The bytes of an animation of `count` frames. The pixels of a frame must stay valid until those

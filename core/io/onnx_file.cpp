@@ -286,7 +286,7 @@ private:
 }  // namespace
 
 OnnxGraph read_onnx_file(const fs::path& path) {
-    const std::string bytes = read_text_file(path);
+    const std::string bytes = read_file(path);
     return OnnxReader(path).read_model(bytes);
 }
 

@@ -55,7 +55,7 @@ void write_ply(const std::filesystem::path& path, const PlyMesh& mesh) {
         for (const std::int32_t vertex : triangle)
             append_word(bytes, static_cast<std::uint32_t>(vertex));
     }
-    write_text_file(path, bytes, Survives::nothing);
+    write_file(path, bytes, Durability::none);
 }
 
 }  // namespace stymo

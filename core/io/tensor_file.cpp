@@ -200,7 +200,7 @@ bool has_prefix(const TensorFile& file, std::string_view prefix) {
 }
 
 TensorFile read_tensor_file(const fs::path& path) {
-    const std::string bytes = read_text_file(path);
+    const std::string bytes = read_file(path);
     if (bytes.size() < length_bytes) {
         refuse(path, "truncated before the header");
     }

@@ -47,7 +47,7 @@ bool is_legacy_torch_file(std::string_view beginning) {
 
 TorchContainer read_legacy_torch_file(const fs::path& path, const NameFilter& allowed,
                                       const ElementBytes& element_bytes) {
-    const std::string bytes = read_text_file(path);
+    const std::string bytes = read_file(path);
     std::string_view rest = bytes;
     const auto next_pickle = [&] {
         Pickle pickle(rest, path.string(), allowed);

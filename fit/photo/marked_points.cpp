@@ -51,7 +51,7 @@ constexpr std::size_t right_corner = 45;
 }  // namespace
 
 std::vector<MarkedPhoto> read_marked_photos(const std::filesystem::path& path) {
-    const std::string text = read_text_file(path);
+    const std::string text = read_file(path);
     try {
         require_sound_json(text);
         std::vector<MarkedPhoto> photos;

@@ -48,7 +48,7 @@ struct OnnxNetwork::Implementation {
 
 OnnxNetwork::OnnxNetwork(const std::filesystem::path& onnx)
     : implementation_(std::make_unique<Implementation>()) {
-    const std::string bytes = read_text_file(onnx);
+    const std::string bytes = read_file(onnx);
     const QuietOpenCv quiet;
     try {
         implementation_->network = cv::dnn::readNetFromONNX(bytes.data(), bytes.size());

@@ -64,11 +64,11 @@ Pose pose_of(const Json& json, const std::string& source) {
 }  // namespace
 
 Pose read_pose(const std::filesystem::path& path) {
-    return pose_of(parsed(read_text_file(path), path.string()), path.string());
+    return pose_of(parsed(read_file(path), path.string()), path.string());
 }
 
 CodeFile read_code_file(const std::filesystem::path& path) {
-    return parse_code_file(read_text_file(path), path.string());
+    return parse_code_file(read_file(path), path.string());
 }
 
 CodeFile parse_code_file(const std::string& text, const std::string& source) {
@@ -96,7 +96,7 @@ std::string code_file_text(const Codes& codes, std::int64_t index, const Pose& p
 
 void write_code_file(const std::filesystem::path& path, const Codes& codes, std::int64_t index,
                      const Pose& pose) {
-    write_text_file(path, code_file_text(codes, index, pose));
+    write_file(path, code_file_text(codes, index, pose));
 }
 
 }  // namespace stymo

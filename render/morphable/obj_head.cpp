@@ -64,7 +64,7 @@ void add_face(ObjMesh& mesh, std::string_view corners, const std::filesystem::pa
 }
 
 [[nodiscard]] ObjMesh read_obj(const std::filesystem::path& path, bool with_faces) {
-    const std::string text = read_text_file(path);
+    const std::string text = read_file(path);
     ObjMesh mesh;
     std::size_t line_number = 0;
     for (std::string_view rest = text; !rest.empty();) {
@@ -115,7 +115,7 @@ struct Indices {
 };
 
 [[nodiscard]] Indices read_indices(const std::filesystem::path& path, std::size_t vertex_count) {
-    const std::string text = read_text_file(path);
+    const std::string text = read_file(path);
     if (const auto fault = json_fault(text)) fail<FileError>(path.string(), ": ", *fault);
     const Json json = Json::parse(text, nullptr, false);
     if (!json.is_object()) fail<FileError>(path.string(), ": is not a JSON object");

@@ -23,7 +23,7 @@ fs::path bad() {
 
 void put(const std::string& name, const std::string& text) {
     fs::create_directories((bad() / name).parent_path());
-    write_text_file(bad() / name, text);
+    write_file(bad() / name, text);
 }
 
 std::string replaced(std::string text, const std::string& old, const std::string& by) {
@@ -48,7 +48,7 @@ void put_configurations() {
 }
 
 void put_codes() {
-    const std::string text = read_text_file(tiny_run() / "fit/codes.json");
+    const std::string text = read_file(tiny_run() / "fit/codes.json");
     json codes = json::parse(text);
     put("nested_codes.json", replaced(text, "\"pose\":", "\"pose\":" + nested + ",\"other\":"));
     put("twice_codes.json", replaced(text, "\"pose\":", "\"pose\":{},\"pose\":"));
@@ -86,13 +86,13 @@ void put_folders() {
     put_folder("camera_text", "camera.json", "focal 3");
     put_folder("camera_key", "camera.json", R"({"fokal":3})");
     put_folder("camera_large", "camera.json", R"({"cx":1e300})");
-    put_folder("same_ids", "images/00000.jpg", read_text_file(tiny_run() / "whole.jpg"));
+    put_folder("same_ids", "images/00000.jpg", read_file(tiny_run() / "whole.jpg"));
     put_folder("mask_zero", "masks/00000.png", "");
     put_folder("mask_text", "masks/00000.png", "no image\n");
     put_folder("map_of_colours", "parsing/00000.png",
-               read_text_file(tiny_run() / "faces/images/00000.png"));
+               read_file(tiny_run() / "faces/images/00000.png"));
     put_folder("map_cut", "parsing/00000.png",
-               read_text_file(tiny_run() / "faces/masks/00000.png").substr(0, 80));
+               read_file(tiny_run() / "faces/masks/00000.png").substr(0, 80));
     put_folder("map_wide", "parsing/00000.png", png_bytes(Tensor::full({32, 64, 1}, 0.0)));
     put_folder("only_text", "images/00000.png", "no image\n");
 }
@@ -102,11 +102,10 @@ std::string header(std::uint64_t length, const std::string& rest) {
 }
 
 void put_models() {
-    const std::string model = read_text_file(tiny_run() / "run/model.safetensors");
+    const std::string model = read_file(tiny_run() / "run/model.safetensors");
     put("long_header.safetensors", header(std::uint64_t{1} << 32, "{}"));
     put("nested.safetensors", header(2000000, nested));
-    put("system.pth",
-        read_text_file(fs::path(STYMO_SOURCE_DIR) / "tests/golden/weights/system.pth"));
+    put("system.pth", read_file(fs::path(STYMO_SOURCE_DIR) / "tests/golden/weights/system.pth"));
     put("text.safetensors", "no tensors, but words\n");
     put("rest.safetensors", model + "more");
     TensorFile file = read_tensor_file(tiny_run() / "run/model.safetensors");

@@ -55,7 +55,7 @@ std::string section(const std::string& text, const std::string& heading) {
 }  // namespace
 
 TEST_CASE("The published table of speeds has the rows that stymo-bench measures, and no others") {
-    const std::string page = stymo::read_text_file(fs::path(STYMO_SOURCE_DIR) / "docs/results.md");
+    const std::string page = stymo::read_file(fs::path(STYMO_SOURCE_DIR) / "docs/results.md");
     std::set<std::string> names;
     for (const json& row : rows_listed()) names.insert(row["name"].get<std::string>());
     CHECK(names_in_table(section(page, "## Speed")) == names);
@@ -91,13 +91,13 @@ TEST_CASE("Steps of fitting are measured on the photos of a folder") {
 TEST_CASE("The curve is written as JSON, CSV, Markdown and SVG") {
     done("stymo-bench curve --out bench" + small);
     const fs::path folder = tiny_run() / "bench";
-    const json curve = json::parse(stymo::read_text_file(folder / "curve.json"));
+    const json curve = json::parse(stymo::read_file(folder / "curve.json"));
     const auto points = static_cast<std::ptrdiff_t>(curve["curve"].size());
-    CHECK(stymo::line_count(stymo::read_text_file(folder / "curve_curve.csv")) == points + 1);
-    const std::string plot = stymo::read_text_file(folder / "error_against_time.svg");
+    CHECK(stymo::line_count(stymo::read_file(folder / "curve_curve.csv")) == points + 1);
+    const std::string plot = stymo::read_file(folder / "error_against_time.svg");
     CHECK_THAT(plot, Catch::StartsWith("<svg ") && Catch::EndsWith("</svg>\n") &&
                          Catch::Contains("frame, ms"));
-    CHECK(names_in_table(stymo::read_text_file(folder / "curve.md")).empty());
+    CHECK(names_in_table(stymo::read_file(folder / "curve.md")).empty());
 }
 
 TEST_CASE("The growth of a frame's cost has time beside work") {
@@ -110,8 +110,8 @@ TEST_CASE("The growth of a frame's cost has time beside work") {
 }
 
 TEST_CASE("A peer stands beside the rows that it has, and one that fails is named") {
-    stymo::write_text_file(tiny_run() / "peer.py", "print('disc: 1500.0 ms  (threads 1)')\n");
-    stymo::write_text_file(tiny_run() / "broken.py", "raise SystemExit('no memory')\n");
+    stymo::write_file(tiny_run() / "peer.py", "print('disc: 1500.0 ms  (threads 1)')\n");
+    stymo::write_file(tiny_run() / "broken.py", "raise SystemExit('no memory')\n");
     const bool torch =
         stymo::run_child({"/usr/bin/python3", "-c", "import torch, torchvision"}).exit_code == 0;
     const ToolOutcome outcome = run_tool(tiny_run(), "stymo-bench render --peer none.py" + small);

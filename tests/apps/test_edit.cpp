@@ -39,7 +39,7 @@ void check_refused(const std::string& command, int exit_code, const std::string&
 }
 
 json parsed(const fs::path& file) {
-    return json::parse(stymo::read_text_file(tiny_run() / file));
+    return json::parse(stymo::read_file(tiny_run() / file));
 }
 
 /// Another face's codes beside those of the tiny run.
@@ -91,13 +91,13 @@ TEST_CASE("Sources may be drawn from the training's codes, and are the same for 
         mix + "--sample 2 --truncation 0.5 --target fit/codes.json --take id --out drawn --json ";
     const json report = json::parse(done(command).out);
     CHECK(report["sources"] == json({"sample 0", "sample 1"}));
-    const std::string sheet = stymo::read_text_file(tiny_run() / "drawn/sheet.png");
+    const std::string sheet = stymo::read_file(tiny_run() / "drawn/sheet.png");
     CHECK(stymo::read_image(tiny_run() / "drawn/sheet.png").shape() ==
           stymo::Shape{3 * 64, 2 * 64, 3});
     done(command);
-    CHECK(stymo::read_text_file(tiny_run() / "drawn/sheet.png") == sheet);
+    CHECK(stymo::read_file(tiny_run() / "drawn/sheet.png") == sheet);
     done(command + "--seed 5");
-    CHECK(stymo::read_text_file(tiny_run() / "drawn/sheet.png") != sheet);
+    CHECK(stymo::read_file(tiny_run() / "drawn/sheet.png") != sheet);
 }
 
 TEST_CASE("stymo-edit color writes codes that differ in texture, an image and a report") {

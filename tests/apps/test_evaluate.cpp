@@ -343,8 +343,7 @@ TEST_CASE("A tuned face is scored as its files show it") {
     const MetricTarget measured(display_image(face.batch.targets.back(), 0),
                                 display_mask(face.masks.front(), 0), nullptr);
     CHECK(measured.measure(view.image).l1 == Approx(head.tuned->l1).epsilon(1e-4));
-    const Tensor sheet =
-        score_sheet(tiny.job(), tiny.faces, tiny.options, sheet_rows({score}));
+    const Tensor sheet = score_sheet(tiny.job(), tiny.faces, tiny.options, sheet_rows({score}));
     CHECK(sheet.shape(1) > 7 * 64 - 1);
 }
 
@@ -359,15 +358,15 @@ TEST_CASE("An evaluation goes on where it was stopped, without the line that was
         static_cast<void>(tiny.run());
     }
     const fs::path file = scratch.path() / "out/scores.jsonl";
-    const std::string two_lines = read_text_file(file);
+    const std::string two_lines = read_file(file);
     std::ofstream(file, std::ios::app) << R"({"id":"00002","head":{"ini)";
     ScoreFolder folder(scratch.path() / "out", settings);
     CHECK(folder.known().size() == 2);
-    CHECK(read_text_file(file) == two_lines);
+    CHECK(read_file(file) == two_lines);
     tiny.options.folder = &folder;
     tiny.options.range = {0, 2};
     const Evaluation continued = tiny.run();
-    CHECK(read_text_file(file) == two_lines + to_json(continued.scores[2]).text() + "\n");
+    CHECK(read_file(file) == two_lines + to_json(continued.scores[2]).text() + "\n");
     CHECK(fs::exists(folder.codes_of("00002")));
     tiny.options.folder = nullptr;
     CHECK(lines_of(continued.scores) == lines_of(tiny.run().scores));
@@ -383,10 +382,10 @@ TEST_CASE("A folder of scores that was begun otherwise is refused by the setting
     CHECK_NOTHROW(open(100));
     CHECK_THAT(error_message([&] { open(50); }),
                Catch::Contains("other settings (--steps was 100, now 50)"));
-    write_text_file(scratch.path() / "out/scores.jsonl", "{}\n");
+    write_file(scratch.path() / "out/scores.jsonl", "{}\n");
     CHECK_THAT(error_message([&] { open(100); }), Catch::Contains("scores.jsonl, line 1: "));
     fs::create_directory(scratch.path() / "other");
-    write_text_file(scratch.path() / "other/scores.jsonl", "");
+    write_file(scratch.path() / "other/scores.jsonl", "");
     CHECK_THAT(error_message([&] { ScoreFolder(scratch.path() / "other", JsonValue::object()); }),
                Catch::Contains("settings.json"));
 }

@@ -32,7 +32,7 @@ TEST_CASE("stymo-landmarks trains the same network with the same seed") {
     CHECK(nlohmann::json::parse(first.out).at("written") == "a.safetensors");
     succeed(folder.path(), "stymo-landmarks train --out b.safetensors" + small);
     succeed(folder.path(), "stymo-landmarks train --out c.safetensors --seed 1" + small);
-    const auto bytes = [&](const char* name) { return read_text_file(folder / name); };
+    const auto bytes = [&](const char* name) { return read_file(folder / name); };
     CHECK(bytes("a.safetensors") == bytes("b.safetensors"));
     CHECK(bytes("a.safetensors") != bytes("c.safetensors"));
     succeed(folder.path(), "stymo-landmarks train --out a.safetensors --sheet sheet.png");
@@ -49,7 +49,7 @@ TEST_CASE("stymo-landmarks refuses what it cannot use, in one line") {
         CHECK(line_count(outcome.err) == 1);
         CHECK(outcome.out.empty());
     };
-    write_text_file(folder / "marks.json", "{}");
+    write_file(folder / "marks.json", "{}");
     refused("", 2, "a command is required: train, adapt, measure");
     refused("train --out a.txt", 2, "a.txt: the name must end in .safetensors");
     refused("train --out a.safetensors --batch 0", 2, "--batch: 0 is not a number in [1, 4096]");
@@ -80,7 +80,7 @@ TEST_CASE("stymo-landmarks adapts a network to photos and measures it") {
                      small);
     // A network without training may find nothing.
     if (adapted.exit_code != 0) CHECK_THAT(adapted.err, Contains("no face was found"));
-    write_text_file(folder / "marks.json", R"({"photos": [
+    write_file(folder / "marks.json", R"({"photos": [
         {"file": "0.png", "points": {"36": [50, 60], "45": [90, 60]}},
         {"file": "1.png", "points": {"36": [50, 60], "45": [90, 60]}}]})");
     const ToolOutcome measured = run_tool(

@@ -41,7 +41,7 @@ std::set<std::string> names_in(const fs::path& folder) {
 }
 
 std::vector<json> records_in(const fs::path& file) {
-    std::istringstream text(stymo::read_text_file(file));
+    std::istringstream text(stymo::read_file(file));
     std::vector<json> records;
     for (std::string line; std::getline(text, line);) records.push_back(json::parse(line));
     return records;
@@ -64,8 +64,8 @@ fs::path photos_with_landmarks(const std::string& name, int count) {
     fs::copy_file(tiny_run() / "zero.png", folder / "images/zero.png",
                   fs::copy_options::overwrite_existing);
     const json landmarks = records_in(tiny_run() / "faces/faces.jsonl").front()["landmarks"];
-    stymo::write_text_file(folder / "faces.jsonl",
-                           lines + json{{"id", "zero"}, {"landmarks", landmarks}}.dump() + "\n");
+    stymo::write_file(folder / "faces.jsonl",
+                      lines + json{{"id", "zero"}, {"landmarks", landmarks}}.dump() + "\n");
     return folder;
 }
 
@@ -89,7 +89,7 @@ TEST_CASE(
     CHECK(report["made_masks"] == 0);
     CHECK(report["failed"] ==
           json{{{"file", "photos/images/zero.png"}, {"reason", "not an image (zero bytes)"}}});
-    CHECK(report == json::parse(stymo::read_text_file(folder / "prepared/report.json")));
+    CHECK(report == json::parse(stymo::read_file(folder / "prepared/report.json")));
     CHECK(names_in(folder / "prepared") == std::set<std::string>{"camera.json", "faces.jsonl",
                                                                  "images", "masks", "overlays",
                                                                  "report.json"});
@@ -126,7 +126,7 @@ TEST_CASE("A preparation that was stopped goes on with the next call, as if it h
     // Past the first batch.
     for (int i = 0; i < 600; ++i) {
         if (fs::exists(folder / "in_two/progress.jsonl") &&
-            stymo::line_count(stymo::read_text_file(folder / "in_two/progress.jsonl")) > 1)
+            stymo::line_count(stymo::read_file(folder / "in_two/progress.jsonl")) > 1)
             break;
         ::usleep(100000);
     }
@@ -151,8 +151,8 @@ TEST_CASE("A preparation that was stopped goes on with the next call, as if it h
     CHECK(names_in(folder / "in_two") == names_in(folder / "in_one_go"));
     for (const char* file : {"faces.jsonl", "report.json", "camera.json", "images/00010.png",
                              "overlays/sheet_000.png"})
-        CHECK(stymo::read_text_file(folder / "in_two" / file) ==
-              stymo::read_text_file(folder / "in_one_go" / file));
+        CHECK(stymo::read_file(folder / "in_two" / file) ==
+              stymo::read_file(folder / "in_one_go" / file));
 }
 
 TEST_CASE("A folder none of whose photos can be used leaves nothing behind") {
@@ -185,7 +185,7 @@ TEST_CASE("A pose comes back from every form that stymo-prep pose writes") {
     const json pose = json::parse(
         done("stymo-prep pose --yaw 20 --pitch -5 --roll 3 --out pose.json --json").out);
     CHECK(pose["pose"]["yaw_deg"].get<double>() == Approx(20.0));
-    CHECK(pose == json::parse(stymo::read_text_file(folder / "pose.json")));
+    CHECK(pose == json::parse(stymo::read_file(folder / "pose.json")));
     const json record = {{"id", "a"}, {"pose", pose["pose"]}};
     const json other = {
         {"id", "b"},
@@ -202,7 +202,7 @@ TEST_CASE("A pose comes back from every form that stymo-prep pose writes") {
         {"form.json --json --id a", other.dump() + "\n" + record.dump() + "\n"},
         {"form.json --json --id 00000/a.png", labels.dump()}};
     for (const auto& [arguments, text] : forms) {
-        stymo::write_text_file(folder / "form.json", text);
+        stymo::write_file(folder / "form.json", text);
         const json back = json::parse(done("stymo-prep pose " + arguments).out);
         for (const char* angle : {"yaw_deg", "pitch_deg", "roll_deg"})
             CHECK(back["pose"][angle].get<double>() ==
@@ -217,8 +217,8 @@ TEST_CASE("A pose comes back from every form that stymo-prep pose writes") {
 
 TEST_CASE("What is no pose is named") {
     const fs::path& folder = tiny_run();
-    stymo::write_text_file(folder / "seven.txt", "1 2 3 4 5 6 7");
-    stymo::write_text_file(folder / "many.jsonl", "{\"id\": \"a\"}\n{\"id\": \"b\"}\n");
+    stymo::write_file(folder / "seven.txt", "1 2 3 4 5 6 7");
+    stymo::write_file(folder / "many.jsonl", "{\"id\": \"a\"}\n{\"id\": \"b\"}\n");
     const std::vector<std::pair<std::string, std::string>> calls = {
         {"seven.txt", "seven.txt: holds 7 numbers"},
         {"text.png", "text.png: neither JSON nor numbers"},
@@ -247,11 +247,11 @@ TEST_CASE(
                                     "render.png", "report.json"});
         CHECK(stymo::read_image(folder / "person" / id / "aligned.png").shape() ==
               stymo::Shape{512, 512, 3});
-        CHECK(json::parse(stymo::read_text_file(folder / "person" / id / "report.json"))["warnings"]
+        CHECK(json::parse(stymo::read_file(folder / "person" / id / "report.json"))["warnings"]
                   .is_array());
     }
     const auto codes = [&](const char* id) {
-        return json::parse(stymo::read_text_file(folder / "person" / id / "codes.json"))["code"];
+        return json::parse(stymo::read_file(folder / "person" / id / "codes.json"))["code"];
     };
     CHECK(codes("00000")["id"] == codes("00001")["id"]);
     CHECK(codes("00000")["tex"] == codes("00001")["tex"]);

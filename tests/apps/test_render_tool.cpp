@@ -78,7 +78,7 @@ TEST_CASE(
     CHECK(identical(tile("way.png", 0, 0), read_image(tiny_run() / "from.png")));
     CHECK(identical(tile("way.png", 0, 2), read_image(tiny_run() / "to.png")));
     done(way + "--frames 3 --out way.gif --mask --depth");
-    CHECK(stymo::read_text_file(tiny_run() / "way_mask.gif").starts_with("GIF89a"));
+    CHECK(stymo::read_file(tiny_run() / "way_mask.gif").starts_with("GIF89a"));
     for (const char* frame : {"way_0000_depth.exr", "way_0002_depth.exr"})
         CHECK(fs::exists(tiny_run() / frame));
     CHECK_FALSE(fs::exists(tiny_run() / "way_0003_depth.exr"));
@@ -135,7 +135,7 @@ TEST_CASE("A mesh is written alone or beside an image", "[render_tool]") {
     const std::string surface = "--mesh head.ply --mesh-resolution 12 --mesh-level 0.05 ";
     const ToolOutcome outcome = done(of_fit + surface + "--json");
     CHECK(json::parse(outcome.out)["written"] == json{"head.ply"});
-    CHECK(stymo::read_text_file(tiny_run() / "head.ply")
+    CHECK(stymo::read_file(tiny_run() / "head.ply")
               .starts_with("ply\nformat binary_little_endian 1.0\n"));
     done(of_fit + surface + "--out beside.png");
     CHECK(fs::exists(tiny_run() / "beside.png"));

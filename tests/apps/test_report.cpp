@@ -14,7 +14,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 using stymo::Page;
-using stymo::read_text_file;
+using stymo::read_file;
 using stymo::run_tool;
 using stymo::tiny_run;
 
@@ -39,13 +39,13 @@ TEST_CASE("A table of a page is Markdown for people, CSV and JSON for programs",
               .rows = {{"a, \"b\"", 1.0 / 3e2, std::int64_t{7}, "1 | 2"},
                        {"µ", {}, std::int64_t{8}, true}}});
     static_cast<void>(page.finish());
-    CHECK(read_text_file(folder / "speed_rows.csv") ==
+    CHECK(read_file(folder / "speed_rows.csv") ==
           "what,seconds,count,x\n\"a, \"\"b\"\"\",0.0033333333333333335,7,1 | 2\nµ,,8,true\n");
-    const json rows = json::parse(read_text_file(folder / "speed.json"))["rows"];
+    const json rows = json::parse(read_file(folder / "speed.json"))["rows"];
     CHECK(rows ==
           json::parse(R"([{"what":"a, \"b\"","seconds":0.0033333333333333335,"count":7,"x":"1 | 2"},
                                   {"what":"µ","seconds":null,"count":8,"x":true}])"));
-    CHECK(read_text_file(folder / "speed.md") ==
+    CHECK(read_file(folder / "speed.md") ==
           "# Title\n\n"
           "| what   | ms   | \\|x\\|  |\n|--------|------|--------|\n| a, \"b\" | 3.33 | 1 \\| 2 "
           "|\n| "
@@ -124,11 +124,11 @@ TEST_CASE("The report on quadrature has its page, plots and numbers", "[report][
     REQUIRE(outcome.exit_code == 0);
     CHECK(json::parse(outcome.out)["parts"][0]["name"] == "quadrature");
     const fs::path folder = tiny_run() / "quadrature";
-    const std::string page = read_text_file(folder / "report.md");
+    const std::string page = read_file(folder / "report.md");
     for (const auto& entry : fs::directory_iterator(folder))
         if (!entry.path().filename().string().starts_with("report."))
             CHECK_THAT(page, Catch::Contains("(" + entry.path().filename().string() + ")"));
-    for (const json& row : json::parse(read_text_file(folder / "report.json"))["quadrature"]) {
+    for (const json& row : json::parse(read_file(folder / "report.json"))["quadrature"]) {
         if (row["rule"] != "Euler" && row["samples"] == 4096)
             CHECK(row["colour_error"].get<double>() < 2e-3);
     }

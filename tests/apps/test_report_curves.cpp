@@ -34,7 +34,7 @@ json written(const Study& study, double seconds) {
     Page page("report", folder);
     study.write(page, {.bench = bench, .fitting = bench, .lpips = lpips, .seconds = seconds});
     static_cast<void>(page.finish());
-    return json::parse(read_text_file(folder / "report.json"));
+    return json::parse(read_file(folder / "report.json"));
 }
 
 }  // namespace
@@ -99,7 +99,7 @@ TEST_CASE("The study of training lowers the loss with every number of samples", 
         INFO(samples);
         CHECK(curve.back() < curve.front());
     }
-    CHECK_THAT(read_text_file(tiny_run() / "report-training/report.md"),
+    CHECK_THAT(read_file(tiny_run() / "report-training/report.md"),
                Catch::Contains("training in 16 bits does not exist"));
 }
 

@@ -40,11 +40,11 @@ void check_refused(const std::vector<BadCall>& calls, int exit_code,
 }
 
 json codes() {
-    return json::parse(stymo::read_text_file(tiny_run() / "fit/codes.json"));
+    return json::parse(stymo::read_file(tiny_run() / "fit/codes.json"));
 }
 
 void write_codes(const char* name, const json& value) {
-    stymo::write_text_file(tiny_run() / name, value.dump());
+    stymo::write_file(tiny_run() / name, value.dump());
 }
 
 }  // namespace
@@ -229,11 +229,11 @@ TEST_CASE("A run that cannot begin or resume as wanted leaves no run folder behi
 
 TEST_CASE(
     "A run folder is not trained over, and a smaller set of heads not mixed into a larger one") {
-    const std::string log = stymo::read_text_file(tiny_run() / "run/log.txt");
+    const std::string log = stymo::read_file(tiny_run() / "run/log.txt");
     check_refused({{"stymo-train --config tiny.json --data faces --out run",
                     "run: holds a training run already"}},
                   failed, 1);
-    CHECK(stymo::read_text_file(tiny_run() / "run/log.txt") == log);
+    CHECK(stymo::read_file(tiny_run() / "run/log.txt") == log);
     check_refused({{"stymo-synth --out faces --count 5 --size 64", "faces/images/"}}, failed);
 }
 

@@ -44,12 +44,12 @@ TEST_CASE("Training that is interrupted saves a checkpoint first, and goes on fr
     CHECK(first.exit_code == 0);
     const json outcome = json::parse(first.out);
     CHECK(outcome["finished"] == false);
-    const std::string latest = stymo::read_text_file(tiny_run() / "stopped/latest");
+    const std::string latest = stymo::read_file(tiny_run() / "stopped/latest");
     CHECK(std::stoll(latest) == outcome["steps"].get<std::int64_t>());
     CHECK(fs::exists(tiny_run() / "stopped/model.safetensors"));
     const ToolOutcome second = interrupted(train + "--resume latest", "train ", SIGINT);
     CHECK(second.exit_code == 0);
-    CHECK(std::stoll(stymo::read_text_file(tiny_run() / "stopped/latest")) > std::stoll(latest));
+    CHECK(std::stoll(stymo::read_file(tiny_run() / "stopped/latest")) > std::stoll(latest));
     CHECK_THAT(second.out, Catch::Contains("stopped early"));
 }
 
@@ -104,7 +104,7 @@ TEST_CASE(
     CHECK_THAT(other.err,
                Catch::Contains(
                    "was begun with other settings (--samples was \"the model's own\", now 4)"));
-    CHECK(stymo::line_count(stymo::read_text_file(out / "scores.jsonl")) == faces);
+    CHECK(stymo::line_count(stymo::read_file(out / "scores.jsonl")) == faces);
 }
 
 TEST_CASE("What cannot be of use in part is not written when it is interrupted") {

@@ -26,7 +26,7 @@ std::set<std::string> names_in(const fs::path& folder) {
 }
 
 json parsed_file(const fs::path& file) {
-    return json::parse(stymo::read_text_file(file));
+    return json::parse(stymo::read_file(file));
 }
 
 /// Runs a command of the tools in the tiny run's folder, which must succeed.
@@ -55,7 +55,7 @@ TEST_CASE("stymo-synth writes a folder of faces and nothing else") {
           std::set<std::string>{"camera.json", "faces.jsonl", "images", "masks"});
     CHECK(names_in(folder / "faces/images").size() == 12);
     CHECK(names_in(folder / "faces/masks") == names_in(folder / "faces/images"));
-    CHECK(stymo::line_count(stymo::read_text_file(folder / "faces/faces.jsonl")) == 12);
+    CHECK(stymo::line_count(stymo::read_file(folder / "faces/faces.jsonl")) == 12);
     CHECK(stymo::read_image(folder / "faces/images/00000.png").shape() == stymo::Shape{64, 64, 3});
 }
 
@@ -70,8 +70,8 @@ TEST_CASE("A training run leaves everything that fitting, resuming and looking b
     CHECK(names_in(run / "checkpoints/000004") ==
           std::set<std::string>{"checksums.txt", "model.safetensors", "state.safetensors"});
     CHECK(names_in(run / "samples") == std::set<std::string>{"000002.png", "000004.png"});
-    CHECK(stymo::read_text_file(run / "latest") == "000004\n");
-    CHECK(stymo::line_count(stymo::read_text_file(run / "stats.jsonl")) == 4);
+    CHECK(stymo::read_file(run / "latest") == "000004\n");
+    CHECK(stymo::line_count(stymo::read_file(run / "stats.jsonl")) == 4);
     const json config = parsed_file(run / "config.json");
     CHECK(config["stage1"]["steps"] == 4);
     CHECK(config["optimizer"]["beta1"] == 0.9);
@@ -85,17 +85,17 @@ TEST_CASE("Two steps, stop, resume for two more are four steps, bit for bit") {
     for (const char* file : {"model.safetensors", "checkpoints/000004/model.safetensors",
                              "checkpoints/000004/state.safetensors"}) {
         INFO(file);
-        CHECK(stymo::read_text_file(folder / "halves" / file) ==
-              stymo::read_text_file(folder / "run" / file));
+        CHECK(stymo::read_file(folder / "halves" / file) ==
+              stymo::read_file(folder / "run" / file));
     }
-    CHECK(stymo::line_count(stymo::read_text_file(folder / "halves/stats.jsonl")) == 4);
+    CHECK(stymo::line_count(stymo::read_file(folder / "halves/stats.jsonl")) == 4);
 }
 
 TEST_CASE("The written configuration trains the same model again") {
     done("stymo-train --config run/config.json --data faces --out again");
     const fs::path& folder = stymo::tiny_run();
-    CHECK(stymo::read_text_file(folder / "again/model.safetensors") ==
-          stymo::read_text_file(folder / "run/model.safetensors"));
+    CHECK(stymo::read_file(folder / "again/model.safetensors") ==
+          stymo::read_file(folder / "run/model.safetensors"));
 }
 
 TEST_CASE("A dry run and the table of keys write nothing, and are one object with --json") {
@@ -144,11 +144,11 @@ TEST_CASE(
     "A second fit into the same folder replaces the files of the first and leaves no others") {
     const fs::path& folder = stymo::tiny_run();
     done(std::string(fit) + "--image faces/images/00002.png --as-is --out twice --steps 1");
-    const std::string first = stymo::read_text_file(folder / "twice/codes.json");
+    const std::string first = stymo::read_file(folder / "twice/codes.json");
     done(std::string(fit) +
          "--image faces/images/00003.png --mask faces/masks/00003.png --pose fit/codes.json --out "
          "twice --steps 2");
-    CHECK(stymo::read_text_file(folder / "twice/codes.json") != first);
+    CHECK(stymo::read_file(folder / "twice/codes.json") != first);
     CHECK(parsed_file(folder / "twice/report.json")["steps"] == 2);
     CHECK(names_in(folder / "twice").size() == 4);
     CHECK(parsed_file(folder / "twice/codes.json")["pose"]["yaw_deg"].get<double>() ==
@@ -227,8 +227,8 @@ TEST_CASE("An orbit becomes a GIF or a film, of one frame or more") {
     done(std::string(render) + "--out orbit.mp4 --orbit 3 --samples 4");
     done(std::string(render) + "--out one.gif --orbit 1 --samples 4");
     done(std::string(render) + "--out one.mp4 --orbit 1 --samples 4");
-    CHECK(stymo::read_text_file(folder / "orbit.gif").starts_with("GIF89a"));
-    CHECK(stymo::read_text_file(folder / "orbit.mp4").substr(4, 4) == "ftyp");
+    CHECK(stymo::read_file(folder / "orbit.gif").starts_with("GIF89a"));
+    CHECK(stymo::read_file(folder / "orbit.mp4").substr(4, 4) == "ftyp");
     CHECK(fs::file_size(folder / "one.gif") < fs::file_size(folder / "orbit.gif"));
     CHECK(fs::file_size(folder / "one.mp4") > 0);
 }
@@ -256,7 +256,7 @@ TEST_CASE("stymo-eval scores the faces that were asked for, and the fitted codes
     CHECK(parsed_file(out / "report.json")["settings"]["--refine-pose"] == true);
     CHECK(parsed_file(out / "report.json")["mean"] == scores["mean"]);
     CHECK(json::parse(done(fitted).out) == scores);
-    CHECK(stymo::line_count(stymo::read_text_file(out / "scores.jsonl")) == 2);
+    CHECK(stymo::line_count(stymo::read_file(out / "scores.jsonl")) == 2);
     done(
         "stymo-render --model run/model.safetensors --codes scored/codes/00011.json --out "
         "scored_view.png --samples 4");

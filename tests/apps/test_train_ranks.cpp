@@ -53,7 +53,7 @@ std::vector<std::string> complaints(const ChildOutcome& outcome) {
 }
 
 std::string bytes(const std::string& file) {
-    return stymo::read_text_file(tiny_run() / file);
+    return stymo::read_file(tiny_run() / file);
 }
 
 }  // namespace

@@ -91,10 +91,9 @@ TEST_CASE("stymo-weights widens a model, and asks by what if it is not told") {
 
 TEST_CASE("What stymo-weights cannot or will not read gives one line and no file") {
     const ScratchFolder folder;
-    stymo::write_text_file(folder / "zero.pth", "");
-    stymo::write_text_file(folder / "page.pth", "<!DOCTYPE html>");
-    stymo::write_text_file(folder / "cut.pth",
-                           stymo::read_text_file(golden + "views.pth").substr(0, 2000));
+    stymo::write_file(folder / "zero.pth", "");
+    stymo::write_file(folder / "page.pth", "<!DOCTYPE html>");
+    stymo::write_file(folder / "cut.pth", stymo::read_file(golden + "views.pth").substr(0, 2000));
     const std::vector<std::pair<std::string, std::string>> refused = {
         {"none.pth", "none.pth: cannot be read"},
         {"zero.pth", "zero.pth: not a weight file (zero bytes)"},

@@ -24,15 +24,15 @@ constexpr const char* configuration = R"({
 class TinyRun {
 public:
     TinyRun() {
-        write_text_file(path() / "tiny.json", configuration);
+        write_file(path() / "tiny.json", configuration);
         must("stymo-synth --out faces --count 12 --size 64");
         must("stymo-train --config tiny.json --data faces --out run");
         must("stymo-fit --model run/model.safetensors --data faces --id 00011 --out fit --steps 3");
         must("stymo-render --model run/model.safetensors --codes fit/codes.json --out whole.jpg");
         std::filesystem::create_directory(path() / "empty");
-        write_text_file(path() / "zero.png", "");
-        write_text_file(path() / "text.png", "no image\n");
-        write_text_file(path() / "file", "");
+        write_file(path() / "zero.png", "");
+        write_file(path() / "text.png", "no image\n");
+        write_file(path() / "file", "");
         cut("faces/images/00000.png", "cut.png");
         cut("whole.jpg", "cut.jpg");
         cut("run/model.safetensors", "cut.safetensors");
@@ -45,8 +45,8 @@ private:
         if (outcome.exit_code != 0) throw std::runtime_error(command + ": " + outcome.err);
     }
     void cut(const char* whole, const char* half) const {
-        const std::string text = read_text_file(path() / whole);
-        write_text_file(path() / half, text.substr(0, text.size() / 2));
+        const std::string text = read_file(path() / whole);
+        write_file(path() / half, text.substr(0, text.size() / 2));
     }
 
     ScratchFolder folder_;

@@ -152,7 +152,7 @@ bool RunningTool::has_ended() {
 
 bool RunningTool::says(const std::string& text) {
     const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(1);
-    while (read_text_file(err_.path()).find(text) == std::string::npos) {
+    while (read_file(err_.path()).find(text) == std::string::npos) {
         if (has_ended() || std::chrono::steady_clock::now() > end) return false;
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
@@ -161,8 +161,8 @@ bool RunningTool::says(const std::string& text) {
 
 ToolOutcome RunningTool::wait() {
     if (!ended_) ended_ = ::waitpid(process_, &status_, 0) == process_;
-    return {WIFEXITED(status_) ? WEXITSTATUS(status_) : -1, read_text_file(out_.path()),
-            read_text_file(err_.path())};
+    return {WIFEXITED(status_) ? WEXITSTATUS(status_) : -1, read_file(out_.path()),
+            read_file(err_.path())};
 }
 
 ToolOutcome run_tool(const std::filesystem::path& folder, const std::string& command) {
@@ -179,8 +179,8 @@ ToolOutcome run_tool(const std::filesystem::path& folder, const std::string& com
         const Surroundings surroundings(folder, out.path(), err.path());
         outcome.exit_code = main(argv.count(), argv.pointers());
     }
-    outcome.out = read_text_file(out.path());
-    outcome.err = read_text_file(err.path());
+    outcome.out = read_file(out.path());
+    outcome.err = read_file(err.path());
     return outcome;
 }
 
@@ -224,8 +224,8 @@ RunningCopy::~RunningCopy() {
 ToolOutcome RunningCopy::wait() {
     int status = 0;
     ::waitpid(std::exchange(process_, -1), &status, 0);
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_text_file(out_.path()),
-            read_text_file(err_.path())};
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(out_.path()),
+            read_file(err_.path())};
 }
 
 std::vector<std::string> words(const std::string& line) {

@@ -174,12 +174,12 @@ TEST_CASE("what is not JSON is refused with its line") {
 TEST_CASE("a file changes what its parents say") {
     const ScratchFolder folder;
     require_writable_folder(folder / "base");
-    write_text_file(folder / "base/root.json",
-                    R"({"seed": 1, "optimizer": {"steps": 10, "learning_rate": 0.5}})");
-    write_text_file(folder / "base/middle.json",
-                    R"({"parent": "root.json", "optimizer": {"steps": 20}})");
-    write_text_file(folder / "leaf.json",
-                    R"({"optimizer": {"learning_rate": 0.25}, "parent": "base/middle.json"})");
+    write_file(folder / "base/root.json",
+               R"({"seed": 1, "optimizer": {"steps": 10, "learning_rate": 0.5}})");
+    write_file(folder / "base/middle.json",
+               R"({"parent": "root.json", "optimizer": {"steps": 20}})");
+    write_file(folder / "leaf.json",
+               R"({"optimizer": {"learning_rate": 0.25}, "parent": "base/middle.json"})");
     Example example;
     ConfigSchema schema = schema_of(example);
     schema.read_file(folder / "leaf.json");
@@ -190,13 +190,13 @@ TEST_CASE("a file changes what its parents say") {
 
 TEST_CASE("parents that are missing, wrong or lead in a circle are refused") {
     const ScratchFolder folder;
-    write_text_file(folder / "a.json", R"({"parent": "b.json"})");
-    write_text_file(folder / "b.json", R"({"parent": "./a.json"})");
-    write_text_file(folder / "self.json", R"({"parent": "self.json"})");
-    write_text_file(folder / "lost.json", R"({"parent": "none.json"})");
-    write_text_file(folder / "wrong.json", R"({"parent": 3})");
-    write_text_file(folder / "bad_parent.json", R"({"parent": "wrong_key.json"})");
-    write_text_file(folder / "wrong_key.json", R"({"sead": 3})");
+    write_file(folder / "a.json", R"({"parent": "b.json"})");
+    write_file(folder / "b.json", R"({"parent": "./a.json"})");
+    write_file(folder / "self.json", R"({"parent": "self.json"})");
+    write_file(folder / "lost.json", R"({"parent": "none.json"})");
+    write_file(folder / "wrong.json", R"({"parent": 3})");
+    write_file(folder / "bad_parent.json", R"({"parent": "wrong_key.json"})");
+    write_file(folder / "wrong_key.json", R"({"sead": 3})");
     Example example;
     ConfigSchema schema = schema_of(example);
     CHECK_THROWS_WITH(schema.read_file(folder / "a.json"), Contains("lead back to itself"));

@@ -70,7 +70,7 @@ void read_model(const std::string& bytes) {
     static const Parts parts = [] {
         const std::filesystem::path path = scratch_file("whole.safetensors", "");
         small_model().save(path);
-        const std::string whole = read_text_file(path);
+        const std::string whole = read_file(path);
         std::uint64_t length = 0;
         std::memcpy(&length, whole.data(), sizeof length);
         const std::string header = whole.substr(sizeof length, length);

@@ -318,7 +318,7 @@ WholeVersions whole_versions(const std::vector<Operation>& operations) {
 void restore(const DiskState& state, const std::filesystem::path& folder) {
     for (const auto& [path, version] : state) {
         std::filesystem::create_directories((folder / path).parent_path());
-        write_text_file(folder / path, version.bytes(), Survives::nothing);
+        write_file(folder / path, version.bytes(), Durability::none);
     }
 }
 

@@ -54,7 +54,7 @@ Operation operation_of(const std::string& line) {
 }  // namespace
 
 std::vector<Operation> read_operation_log(const std::filesystem::path& log) {
-    std::istringstream stream(read_text_file(log));
+    std::istringstream stream(read_file(log));
     std::vector<Operation> operations;
     for (std::string line; std::getline(stream, line);) {
         operations.push_back(operation_of(line));

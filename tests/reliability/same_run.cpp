@@ -34,10 +34,10 @@ void check_same_run(const fs::path& run, const fs::path& expected, int steps) {
                                  checkpoint / "state.safetensors"}) {
         INFO(file);
         // Not by CHECK, which would print megabytes.
-        const bool equal = read_text_file(run / file) == read_text_file(expected / file);
+        const bool equal = read_file(run / file) == read_file(expected / file);
         CHECK(equal);
     }
-    const std::string statistics = read_text_file(run / "stats.jsonl");
+    const std::string statistics = read_file(run / "stats.jsonl");
     CHECK(std::ranges::count(statistics, '\n') == steps);
     CHECK(listing(run) == listing(expected));
 }

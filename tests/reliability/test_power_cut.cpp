@@ -145,9 +145,9 @@ void check_resumed(const DiskState& state, const fs::path& expected) {
          {"model.safetensors", "best.safetensors", "latest", "checkpoints/000005/model.safetensors",
           "checkpoints/000005/state.safetensors"}) {
         INFO(file);
-        CHECK(read_text_file(disk / "run" / file) == read_text_file(expected / file));
+        CHECK(read_file(disk / "run" / file) == read_file(expected / file));
     }
-    CHECK(line_count(read_text_file(disk / "run/stats.jsonl")) == 5);
+    CHECK(line_count(read_file(disk / "run/stats.jsonl")) == 5);
 }
 
 // ---- Preparing, fitting, measuring -------------------------------------------------------------
@@ -194,7 +194,7 @@ void check_prepared(const DiskState& state, const fs::path& expected, const std:
         if (!entry.is_regular_file()) continue;
         const fs::path place = disk / "out" / entry.path().lexically_relative(expected);
         INFO(place);
-        CHECK(read_text_file(place) == read_text_file(entry.path()));
+        CHECK(read_file(place) == read_file(entry.path()));
     }
 }
 

@@ -32,8 +32,8 @@ SlowRun train_with_delay(const std::string& milliseconds) {
                                 "stymo-train --config tiny.json --data faces --set stage1.steps=8 "
                                 "--set data.cache_megabytes=0 --set output.tick_steps=2 --out " +
                                     (disk / "run").string());
-    run.announced = std::atol(read_text_file(counted.path()).c_str());
-    std::istringstream lines(read_text_file(disk / "run" / "stats.jsonl"));
+    run.announced = std::atol(read_file(counted.path()).c_str());
+    std::istringstream lines(read_file(disk / "run" / "stats.jsonl"));
     for (std::string line; std::getline(lines, line);)
         run.disk_share = nlohmann::json::parse(line).value("disk_share", 0.0);
     return run;

@@ -26,7 +26,7 @@ constexpr const char* configuration = R"({
 })";
 
 TwoStageRun trained() {
-    write_text_file(tiny_run() / "two.json", configuration);
+    write_file(tiny_run() / "two.json", configuration);
     const double start = seconds_now();
     RunningTool running(tiny_run(), "stymo-train",
                         words(std::string(two_stages).substr(12) + "two"));

@@ -51,7 +51,7 @@ constexpr int vertex_count = 70;
 }
 
 void write(const std::filesystem::path& folder, const Files& files) {
-    for (const auto& [name, text] : files) stymo::write_text_file(folder / name, text);
+    for (const auto& [name, text] : files) stymo::write_file(folder / name, text);
 }
 
 [[nodiscard]] std::string refusal(const Files& files) {

@@ -180,9 +180,9 @@ TEST_CASE("a damaged checkpoint is refused, and the newest older one that is who
     std::string offered = "; --resume " + at(20).string() + " works";
     std::string named = weights.string() + ": is damaged (checksum and size are ";
     SECTION("one bit") {
-        std::string bytes = read_text_file(weights);
+        std::string bytes = read_file(weights);
         bytes[bytes.size() / 2] ^= '\1';
-        write_text_file(weights, bytes);
+        write_file(weights, bytes);
     }
     SECTION("a file that ends early") {
         cut(weights, fs::file_size(weights) - 5);
@@ -220,7 +220,7 @@ TEST_CASE("a damaged checkpoint is refused, and the newest older one that is who
 
 TEST_CASE("a checkpoint that cannot be written says so and leaves nothing", "[checkpoint]") {
     const ScratchFolder folder;
-    write_text_file(folder / "file", "");
+    write_file(folder / "file", "");
     const std::string message = error_message<FileError>(
         [&] { write_checkpoint(folder / "file" / "c", tiny_model(), some_checkpoint()); });
     CHECK(is_one_line(message));

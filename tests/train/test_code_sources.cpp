@@ -64,7 +64,7 @@ std::vector<std::string> trained(const TrainConfig& config, const fs::path& fold
     const TrainingOutcome outcome = trainer.run(run, {});
     CHECK(outcome.finished);
     const fs::path last = run.checkpoint(outcome.steps);
-    return {read_text_file(last / "model.safetensors"), read_text_file(last / "state.safetensors")};
+    return {read_file(last / "model.safetensors"), read_file(last / "state.safetensors")};
 }
 
 FaceBatch batch_of(std::int64_t first, std::int64_t count) {

@@ -19,7 +19,7 @@ namespace {
 /// As if training had written a checkpoint at this step.
 void finish(const RunFolder& run, std::int64_t step, std::int64_t keep) {
     fs::create_directories(run.checkpoint(step));
-    write_text_file(run.checkpoint(step) / "model.safetensors", "weights");
+    write_file(run.checkpoint(step) / "model.safetensors", "weights");
     run.finish_checkpoint(step, keep);
 }
 
@@ -75,7 +75,7 @@ TEST_CASE("what TensorBoard shows is written beside statistics and samples, once
         std::vector<std::string> texts;
         for (const auto& entry : fs::directory_iterator(folder / "run")) {
             if (entry.path().filename().string().starts_with("events.out.tfevents."))
-                texts.push_back(read_text_file(entry.path()));
+                texts.push_back(read_file(entry.path()));
         }
         return texts;
     };
@@ -95,7 +95,7 @@ TEST_CASE("what TensorBoard shows is written beside statistics and samples, once
                          Catch::Contains("samples"));
     CHECK_THAT(
         text, !Catch::Contains("step") && !Catch::Contains("unknown") && !Catch::Contains("phase"));
-    CHECK(text.find(read_text_file(folder / "run/samples/000050.png")) != std::string::npos);
+    CHECK(text.find(read_file(folder / "run/samples/000050.png")) != std::string::npos);
     // A START event (field 7 holding field 1 = 1) behind the first step (field 2) that is written
     // again.
     const RunFolder resumed(folder / "run", true);
@@ -121,7 +121,7 @@ TEST_CASE("a checkpoint that is written again is complete or comes back, whereve
     const fs::path replaced = checkpoint.string() + ".replaced";
     const auto write = [](const fs::path& where, const char* text) {
         fs::create_directories(where);
-        write_text_file(where / "model.safetensors", text);
+        write_file(where / "model.safetensors", text);
     };
     std::string expected = "weights";
     SECTION("while the new one was written") {
@@ -152,7 +152,7 @@ TEST_CASE("a checkpoint that is written again is complete or comes back, whereve
     }
     const RunFolder run(path, true);
     CHECK(run.latest_checkpoint() == checkpoint);
-    CHECK(read_text_file(checkpoint / "model.safetensors") == expected);
+    CHECK(read_file(checkpoint / "model.safetensors") == expected);
     CHECK(checkpoints(run) == std::set<std::string>{"000005"});
 }
 
@@ -180,7 +180,7 @@ TEST_CASE("statistics beyond the step that a run resumes from are dropped", "[ru
         if (step <= 10) kept += line.text() + "\n";
     }
     run.forget_statistics_after(10);
-    CHECK(read_text_file(run.path() / "stats.jsonl") == kept);
+    CHECK(read_file(run.path() / "stats.jsonl") == kept);
 }
 
 TEST_CASE("a line of statistics that a crash cut off or emptied goes too", "[run_folder]") {
@@ -190,15 +190,15 @@ TEST_CASE("a line of statistics that a crash cut off or emptied goes too", "[run
     const std::string zeros(8, '\0');
     for (const std::string& rest :
          {std::string("{\"step\":10,\"lo"), zeros, zeros + "\"b\":1}\n"}) {
-        write_text_file(run.path() / "stats.jsonl", whole + rest);
+        write_file(run.path() / "stats.jsonl", whole + rest);
         run.forget_statistics_after(10);
-        CHECK(read_text_file(run.path() / "stats.jsonl") == whole);
+        CHECK(read_file(run.path() / "stats.jsonl") == whole);
     }
 }
 
 TEST_CASE("a run folder that cannot be written is refused before anything is", "[run_folder]") {
     const ScratchFolder folder;
-    write_text_file(folder / "file", "kept");
+    write_file(folder / "file", "kept");
     for (const bool resume : {false, true}) {
         const std::string message =
             error_message<FileError>([&] { const RunFolder run(folder / "file" / "run", resume); });
@@ -206,5 +206,5 @@ TEST_CASE("a run folder that cannot be written is refused before anything is", "
         CHECK_THAT(message, Catch::Contains((folder / "file").string()));
     }
     CHECK(folder.file_count() == 1);
-    CHECK(read_text_file(folder / "file") == "kept");
+    CHECK(read_file(folder / "file") == "kept");
 }

@@ -27,7 +27,7 @@ std::vector<fs::path> configuration_files() {
 
 std::string refusal(const std::vector<std::string>& overrides) {
     const ScratchFolder folder;
-    write_text_file(folder / "config.json", "{}");
+    write_file(folder / "config.json", "{}");
     std::string message = error_message<ConfigError>(
         [&] { static_cast<void>(load_train_config(folder / "config.json", overrides)); });
     CHECK(is_one_line(message));
@@ -133,7 +133,7 @@ TEST_CASE(
 TEST_CASE("an empty list of resolutions is no second stage, whatever the other lists hold",
           "[train_config]") {
     const ScratchFolder folder;
-    write_text_file(folder / "config.json", "{}");
+    write_file(folder / "config.json", "{}");
     const TrainConfig config =
         load_train_config(folder / "config.json",
                           {"stage2.resolutions=[]", "decoder.resolution=64", "stage2.batch=[3]"});
@@ -155,7 +155,7 @@ TEST_CASE("what is written of a configuration reads back to the same", "[train_c
     for (const fs::path& file : configuration_files()) {
         const std::string text =
             to_json(load_train_config(file, {"optimizer.learning_rate=0.1234567890123"}));
-        write_text_file(folder / "config.json", text);
+        write_file(folder / "config.json", text);
         CHECK(to_json(load_train_config(folder / "config.json", {})) == text);
     }
 }

@@ -46,7 +46,7 @@ void check_same_run(const fs::path& a, const fs::path& b, const std::string& che
     for (const fs::path& file : {folder / "model.safetensors", folder / "state.safetensors",
                                  fs::path("model.safetensors")}) {
         INFO(file.string());
-        CHECK(read_text_file(a / file) == read_text_file(b / file));
+        CHECK(read_file(a / file) == read_file(b / file));
     }
     CHECK(statistics(a) == statistics(b));
 }
@@ -260,14 +260,14 @@ TEST_CASE("a photo near profile is skipped and named where the sampling planes a
           "[trainer]") {
     const ScratchFolder folder;
     fs::copy(synthetic_folder(), folder.path() / "faces", fs::copy_options::recursive);
-    std::istringstream lines(read_text_file(synthetic_folder() / "faces.jsonl"));
+    std::istringstream lines(read_file(synthetic_folder() / "faces.jsonl"));
     std::string records;
     for (std::string line; std::getline(lines, line);) {
         nlohmann::json record = nlohmann::json::parse(line);
         if (record["id"] == "00001") record["pose"]["yaw_deg"] = 80.0;
         records += record.dump() + "\n";
     }
-    write_text_file(folder.path() / "faces/faces.jsonl", records);
+    write_file(folder.path() / "faces/faces.jsonl", records);
     TrainConfig config = tiny_train_config();
     const Dataset training = faces_for_training(folder.path() / "faces", config, Split::training);
     CHECK(training.ids() == std::vector<std::string>{"00000", "00002", "00003"});

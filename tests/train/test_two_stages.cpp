@@ -129,7 +129,7 @@ TEST_CASE(
     INFO("stopped after step " << stop);
     for (const char* file : {"checkpoints/000006/model.safetensors",
                              "checkpoints/000006/state.safetensors", "model.safetensors"})
-        CHECK(read_text_file(folder / "run" / file) == read_text_file(whole_run() / file));
+        CHECK(read_file(folder / "run" / file) == read_file(whole_run() / file));
     const std::vector<nlohmann::json> whole = statistics(whole_run());
     const std::vector<nlohmann::json> rest = statistics(folder / "run");
     REQUIRE(whole.size() == 6);
@@ -232,8 +232,8 @@ TEST_CASE("a finished first stage goes on with a second one, with and without a 
     first.stage2.resolutions = {};
     train(first, folder / "first");
     train(tiny_two_stage_config(), folder / "both", checkpoint(folder / "first", 2));
-    CHECK(read_text_file(checkpoint(folder / "both", 6) / "state.safetensors") ==
-          read_text_file(checkpoint(whole_run(), 6) / "state.safetensors"));
+    CHECK(read_file(checkpoint(folder / "both", 6) / "state.safetensors") ==
+          read_file(checkpoint(whole_run(), 6) / "state.safetensors"));
 
     TrainConfig without = tiny_two_stage_config();
     without.loss.adversarial_weight = 0.0;
@@ -306,7 +306,7 @@ TEST_CASE("the best model is chosen anew at each resolution, by its reconstructi
     CHECK(std::stod(state_at(folder / "run", 6).metadata.at("best_validation")) < 10.0);
     CHECK(fs::exists(folder / "run/best.safetensors"));
     CHECK_THAT(
-        read_text_file(folder / "run/log.txt"),
+        read_file(folder / "run/log.txt"),
         Catch::Contains("validation at 64 pixels: reconstruction") && Catch::Contains("PSNR"));
 }
 
@@ -349,7 +349,7 @@ TEST_CASE("random weights of LPIPS are reported as such by the plan and by the r
         .network = "squeezenet1_1", .trunk = "random", .heads = "random"};
     const ScratchFolder folder;
     train(config, folder / "run");
-    CHECK_THAT(read_text_file(folder / "run/log.txt"),
+    CHECK_THAT(read_file(folder / "run/log.txt"),
                Catch::Contains("LPIPS: squeezenet1_1, random weights"));
 
     Trainer trainer(config, faces(), nullptr, 5);

@@ -85,7 +85,7 @@ namespace stymo::test {
 
 /// The lines of stats.jsonl without the speed, which no two runs share.
 [[nodiscard]] inline std::vector<nlohmann::json> statistics(const std::filesystem::path& folder) {
-    std::istringstream lines(read_text_file(folder / "stats.jsonl"));
+    std::istringstream lines(read_file(folder / "stats.jsonl"));
     std::vector<nlohmann::json> result;
     for (std::string line; std::getline(lines, line);) {
         result.push_back(nlohmann::json::parse(line));

@@ -302,7 +302,7 @@ void Dataset::announce(std::int64_t index) const {
     if (!implementation_->cache.empty()) return;
     const FaceFiles& face = files(index);
     for (const std::filesystem::path* file : {&face.image, &face.mask, &face.parsing})
-        if (!file->empty()) announce_reading(*file);
+        if (!file->empty()) prefetch(*file);
 }
 
 double Dataset::waiting_seconds() const {

@@ -103,7 +103,7 @@ std::optional<FaceEntries> read_face_index(const fs::path& file, const FileVersi
     std::error_code ignored;
     if (!fs::exists(index_path(file), ignored)) return std::nullopt;
     try {
-        const std::string text = read_text_file(index_path(file));
+        const std::string text = read_file(index_path(file));
         std::string_view rest = text;
         Words first(next_line(rest));
         FileVersion indexed;
@@ -140,7 +140,7 @@ void write_face_index(const fs::path& file, const FileVersion& version,
     append(text, crc32c(lines));
     text += '\n';
     try {
-        write_text_file(index_path(file), text + lines, Survives::nothing);
+        write_file(index_path(file), text + lines, Durability::none);
     } catch (const FileError&) {
         // Ignored: without an index only the next start is slower.
     }

@@ -100,7 +100,7 @@ std::pair<std::string, FaceRecord> parse_face_record(std::string_view line) {
 }
 
 std::vector<std::string> read_photo_ids(const std::filesystem::path& path) {
-    const std::string text = read_text_file(path);
+    const std::string text = read_file(path);
     if (json_fault(text)) return {};
     const Json report = Json::parse(text, nullptr, false);
     if (!report.is_object() || !report.contains("photos")) return {};
@@ -113,7 +113,7 @@ std::vector<std::string> read_photo_ids(const std::filesystem::path& path) {
 
 Intrinsics read_intrinsics(const std::filesystem::path& path) {
     try {
-        const std::string text = read_text_file(path);
+        const std::string text = read_file(path);
         require_sound_json(text);
         const Json object = Json::parse(text);
         require_keys(object, "the file", {"focal", "cx", "cy"});
@@ -137,7 +137,7 @@ Intrinsics read_intrinsics(const std::filesystem::path& path) {
 void write_intrinsics(const std::filesystem::path& path, const Intrinsics& intrinsics) {
     const JsonValue camera = JsonValue::object(
         {{"focal", intrinsics.focal}, {"cx", intrinsics.center_x}, {"cy", intrinsics.center_y}});
-    write_text_file(path, camera.text() + "\n");
+    write_file(path, camera.text() + "\n");
 }
 
 }  // namespace stymo

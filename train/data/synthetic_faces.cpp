@@ -176,7 +176,7 @@ void write_synthetic_faces(const MorphableHead& head, const SyntheticFaceSetting
     }
     std::string lines;
     for (const std::string& record : records) lines += record;
-    write_text_file(output.path() / "faces.jsonl", lines);
+    write_file(output.path() / "faces.jsonl", lines);
     output.finish();
 }
 

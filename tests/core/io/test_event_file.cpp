@@ -37,7 +37,7 @@ bool checksum_fits(std::string_view bytes, std::string_view stored) {
 
 /// The messages of a file; checks the checksums of each record.
 std::vector<std::string> read_records(const fs::path& path) {
-    const std::string file = read_text_file(path);
+    const std::string file = read_file(path);
     std::string_view rest = file;
     std::vector<std::string> messages;
     while (!rest.empty()) {
@@ -95,8 +95,8 @@ TEST_CASE("an event file has the bytes that TensorBoard's own writer gives it", 
     }
     REQUIRE(files(folder).size() == 1);
     CHECK(files(folder)[0].filename() == "events.out.tfevents.1700000000.stymo");
-    CHECK(read_text_file(files(folder)[0]) ==
-          read_text_file(fs::path(STYMO_SOURCE_DIR) / "tests/golden/event_file.tfevents"));
+    CHECK(read_file(files(folder)[0]) ==
+          read_file(fs::path(STYMO_SOURCE_DIR) / "tests/golden/event_file.tfevents"));
 }
 
 TEST_CASE(
@@ -114,7 +114,7 @@ TEST_CASE(
     // Height, width and colour space are the fields 1, 2 and 3, the image's bytes the field 4.
     CHECK_THAT(messages[1],
                Catch::Contains("samples") && Catch::Contains("\x08\x02\x10\x03\x18\x03\x22"));
-    write_text_file(scratch / "image.png", png_within(messages[1]));
+    write_file(scratch / "image.png", png_within(messages[1]));
     CHECK(read_image(scratch / "image.png").to_vector() == image.to_vector());
     events.scalar(8, "loss", 1.0);
     CHECK(read_records(files(folder)[0]).size() == 3);

@@ -12,33 +12,33 @@ using Catch::Matchers::Contains;
 TEST_CASE("a text comes back as it was written and nothing is left beside it") {
     const ScratchFolder folder;
     const std::string text("one\ntwo\r\n\0three", 16);
-    write_text_file(folder / "a.txt", text);
-    write_text_file(folder / "a.txt", text);
-    CHECK(read_text_file(folder / "a.txt") == text);
+    write_file(folder / "a.txt", text);
+    write_file(folder / "a.txt", text);
+    CHECK(read_file(folder / "a.txt") == text);
     CHECK(folder.file_count() == 1);
 }
 
 TEST_CASE("a file is read to its end, whatever size the system says it has") {
     // Those of /proc are said to be empty.
-    CHECK_THAT(read_text_file("/proc/self/status"), Contains("VmPeak"));
+    CHECK_THAT(read_file("/proc/self/status"), Contains("VmPeak"));
     const ScratchFolder folder;
     for (const std::size_t size : {0U, 1U, 4095U, 4096U, 4097U, 300'000U}) {
         const std::string text(size, 'a');
-        write_text_file(folder / "a.txt", text);
-        CHECK(read_text_file(folder / "a.txt") == text);
+        write_file(folder / "a.txt", text);
+        CHECK(read_file(folder / "a.txt") == text);
     }
 }
 
 TEST_CASE("a missing file and a folder are refused as texts") {
     const ScratchFolder folder;
-    CHECK_THROWS_WITH(read_text_file(folder / "none.txt"),
+    CHECK_THROWS_WITH(read_file(folder / "none.txt"),
                       Contains("none.txt: cannot be read (No such file or directory)"));
-    CHECK_THROWS_AS(read_text_file(folder.path()), FileError);
+    CHECK_THROWS_AS(read_file(folder.path()), FileError);
 }
 
 TEST_CASE("a write that fails leaves the old file and no temporary one") {
     const ScratchFolder folder;
-    write_text_file(folder / "a.txt", "old");
+    write_file(folder / "a.txt", "old");
     CHECK_THROWS_AS(write_whole(folder / "a.txt",
                                 [](const std::filesystem::path& temporary) {
                                     CHECK(temporary.extension() == ".txt");
@@ -46,16 +46,16 @@ TEST_CASE("a write that fails leaves the old file and no temporary one") {
                                     fail<ValueError>("stopped");
                                 }),
                     ValueError);
-    CHECK(read_text_file(folder / "a.txt") == "old");
+    CHECK(read_file(folder / "a.txt") == "old");
     CHECK(folder.file_count() == 1);
 }
 
 TEST_CASE("what killed processes left half-written is removed, and nothing else") {
     const ScratchFolder folder;
     for (const char* name : {".a.12.part.txt", ".a.12.part", "..a.1.2.part.png"})
-        write_text_file(folder / name, "half", Survives::nothing);
+        write_file(folder / name, "half", Durability::none);
     for (const char* name : {"a.12.part.txt", ".a.part.txt", ".a.x.part", ".part", "a.txt"})
-        write_text_file(folder / name, "kept", Survives::nothing);
+        write_file(folder / name, "kept", Durability::none);
     remove_temporary_files(folder.path());
     CHECK(folder.file_count() == 5);
     CHECK_FALSE(std::filesystem::exists(folder / ".a.12.part.txt"));
@@ -63,14 +63,14 @@ TEST_CASE("what killed processes left half-written is removed, and nothing else"
 
 TEST_CASE("writing into a missing folder is refused") {
     const ScratchFolder folder;
-    CHECK_THROWS_WITH(write_text_file(folder / "none/a.txt", "x"),
+    CHECK_THROWS_WITH(write_file(folder / "none/a.txt", "x"),
                       Contains("cannot be written (No such file or directory)"));
-    CHECK_THROWS_AS(write_text_file(folder.path(), "x"), FileError);
+    CHECK_THROWS_AS(write_file(folder.path(), "x"), FileError);
 }
 
 TEST_CASE("files and folders are flushed to the disk; what is not there is named") {
     const ScratchFolder folder;
-    write_text_file(folder / "text.txt", "text");
+    write_file(folder / "text.txt", "text");
     CHECK_NOTHROW(flush_to_disk(folder / "text.txt"));
     require_writable_folder(folder / "a/b");
     CHECK_NOTHROW(flush_to_disk(folder / "."));
@@ -83,12 +83,12 @@ TEST_CASE("files and folders are flushed to the disk; what is not there is named
 
 TEST_CASE("lines are appended to a file that need not exist; what cannot be written is refused") {
     const ScratchFolder folder;
-    for (const Survives survives : {Survives::crash, Survives::nothing})
-        append_line(folder / "lines", "one more", survives);
-    CHECK(read_text_file(folder / "lines") == "one more\none more\n");
-    CHECK_THROWS_WITH(append_line(folder.path(), "x", Survives::crash),
+    for (const Durability durability : {Durability::crash_safe, Durability::none})
+        append_line(folder / "lines", "one more", durability);
+    CHECK(read_file(folder / "lines") == "one more\none more\n");
+    CHECK_THROWS_WITH(append_line(folder.path(), "x", Durability::crash_safe),
                       Contains("cannot be written (Is a directory)"));
-    CHECK_THROWS_WITH(append_line("/dev/full", "x", Survives::nothing),
+    CHECK_THROWS_WITH(append_line("/dev/full", "x", Durability::none),
                       Contains("/dev/full: cannot be written (No space left on device)"));
 }
 
@@ -97,7 +97,7 @@ TEST_CASE("a folder is made with its parents unless a file is in the way") {
     require_writable_folder(folder / "a/b/c");
     require_writable_folder(folder / "a/b/c");
     CHECK(std::filesystem::is_directory(folder / "a/b/c"));
-    write_text_file(folder / "file", "x");
+    write_file(folder / "file", "x");
     CHECK_THROWS_AS(require_writable_folder(folder / "file"), FileError);
     CHECK_THROWS_AS(require_writable_folder(folder / "file/below"), FileError);
 }

@@ -107,12 +107,12 @@ TEST_CASE("a JPEG with an orientation is turned upright") {
         values[i] = i / 3 % 16 < 8 ? 1.0F : 0.0F;  // 8 rows of 16: the left half is white
     }
     write_image(folder / "flat.jpg", Tensor::from({8, 16, 3}, std::span<const float>(values)));
-    const std::string flat = read_text_file(folder / "flat.jpg");
+    const std::string flat = read_file(folder / "flat.jpg");
     const std::string exif(
         "\xff\xe1\x00\x22"
         "Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0",
         36);
-    write_text_file(folder / "turned.jpg", flat.substr(0, 2) + exif + flat.substr(2));
+    write_file(folder / "turned.jpg", flat.substr(0, 2) + exif + flat.substr(2));
     const Tensor turned = read_image(folder / "turned.jpg");
     REQUIRE(turned.shape() == Shape{16, 8, 3});
     for (std::int64_t i = 0; i < turned.size(); ++i) {
@@ -155,7 +155,7 @@ TEST_CASE("float files keep their bytes and are clipped when read as images") {
     check_values(read_image(folder / "colour.exr"), {1, 1, 3}, {0.0, 0.25, 1.0});
     write_exr(folder / "depth.exr", Tensor::full({2, 3, 1}, 0.75));
     check_values(read_mask(folder / "depth.exr"), {2, 3, 1}, std::vector<double>(6, 0.75));
-    const std::string bytes = read_text_file(folder / "depth.exr");
+    const std::string bytes = read_file(folder / "depth.exr");
     CHECK(bytes.find(std::string("Z\0\x02\0\0\0", 6)) !=
           std::string::npos);  // channel Z of 32-bit floats
 }
@@ -176,8 +176,8 @@ TEST_CASE("what is not a readable image is refused in one line that says why") {
     };
     write_image(folder / "whole.png", random_image(32, 32, 3));
     write_image(folder / "whole.jpg", random_image(32, 32, 3));
-    const std::string png = read_text_file(folder / "whole.png");
-    const std::string jpg = read_text_file(folder / "whole.jpg");
+    const std::string png = read_file(folder / "whole.png");
+    const std::string jpg = read_file(folder / "whole.jpg");
     std::string damaged = png;
     damaged[damaged.size() / 2] ^= 1;
 
@@ -218,7 +218,7 @@ TEST_CASE("a header that claims more pixels than its file can hold is refused wi
         return bytes;
     };
     const auto lying_png = [&](std::uint32_t width, std::uint32_t height) {
-        std::string bytes = read_text_file(folder / "small.png");
+        std::string bytes = read_file(folder / "small.png");
         bytes.replace(16, 8, number(width, true) + number(height, true));
         std::uint32_t sum = 0xFFFFFFFFU;  // of the header's type and data
         for (std::size_t i = 12; i < 29; ++i) {
@@ -228,19 +228,19 @@ TEST_CASE("a header that claims more pixels than its file can hold is refused wi
         return bytes.replace(29, 4, number(~sum, true));
     };
     const auto lying_exr = [&](std::uint32_t last) {
-        std::string bytes = read_text_file(folder / "small.exr");
+        std::string bytes = read_file(folder / "small.exr");
         for (const char* name : {"dataWindow", "displayWindow"}) {
             const std::size_t box = bytes.find(name) + std::string(name).size() + 1 + 6 + 4;
             bytes.replace(box + 8, 8, number(last, false) + number(last, false));
         }
         return bytes;
     };
-    write_text_file(folder / "huge.png", lying_png(30000, 30000));
-    write_text_file(folder / "large.png", lying_png(16000, 16000));
+    write_file(folder / "huge.png", lying_png(30000, 30000));
+    write_file(folder / "large.png", lying_png(16000, 16000));
     // OpenImageIO would read hundreds of rows of this width at a time.
-    write_text_file(folder / "wide.png", lying_png(851'972, 1));
-    write_text_file(folder / "huge.exr", lying_exr(29999));
-    write_text_file(folder / "large.exr", lying_exr(15999));
+    write_file(folder / "wide.png", lying_png(851'972, 1));
+    write_file(folder / "huge.exr", lying_exr(29999));
+    write_file(folder / "large.exr", lying_exr(15999));
     CHECK_THROWS_WITH(read_image(folder / "huge.png"), Contains("too large: 30000 x 30000 pixels"));
     for (const auto& read : {&read_mask, &read_class_map})
         CHECK_THROWS_WITH(read(folder / "wide.png"),
@@ -309,7 +309,7 @@ TEST_CASE("animations repeat without end and hold every frame") {
         frames.push_back(Tensor::full({31, 33, 3}, 0.2 * i));
     }
     write_animation(folder / "a.gif", frames, 12.5);
-    const std::string gif = read_text_file(folder / "a.gif");
+    const std::string gif = read_file(folder / "a.gif");
     CHECK(gif.find(std::string("NETSCAPE2.0\x03\x01\0\0", 15)) != std::string::npos);
     std::size_t frame_count = 0;
     const std::string frame_header("\x21\xf9\x04\x05\x08\0", 6);  // a delay of 8 hundredths
@@ -321,7 +321,7 @@ TEST_CASE("animations repeat without end and hold every frame") {
     CHECK(read_image(folder / "a.gif").shape() == Shape{31, 33, 3});
 
     write_animation(folder / "a.mp4", frames, 12.5);
-    CHECK(read_text_file(folder / "a.mp4").substr(4, 4) == "ftyp");
+    CHECK(read_file(folder / "a.mp4").substr(4, 4) == "ftyp");
     CHECK(folder.file_count() == 2);
 }
 
@@ -363,6 +363,6 @@ TEST_CASE("a PNG in memory has the bytes of the file") {
     for (const std::int64_t channels : {1, 3}) {
         const Tensor image = random_image(7, 5, channels);
         write_image(folder / "a.png", image);
-        CHECK(png_bytes(image) == read_text_file(folder / "a.png"));
+        CHECK(png_bytes(image) == read_file(folder / "a.png"));
     }
 }

@@ -98,8 +98,8 @@ TEST_CASE("a tensor of an ONNX model that lies about its type, extents or positi
     };
     const auto error = [&](const std::string& description) {
         const ScratchFolder folder;
-        write_text_file(folder / "bad.onnx",
-                        field(7, field(5, description + field(8, "w") + field(9, "12345678"))));
+        write_file(folder / "bad.onnx",
+                   field(7, field(5, description + field(8, "w") + field(9, "12345678"))));
         return error_of(folder / "bad.onnx");
     };
     const std::string f32 = number(2, 1);
@@ -120,7 +120,7 @@ TEST_CASE("what is no ONNX model is refused") {
     const ScratchFolder folder;
     for (const std::string& text : {std::string(), std::string("text"), std::string("\x08\x07", 2),
                                     std::string("\x3a\x7f", 2)}) {
-        write_text_file(folder / "bad.onnx", text);
+        write_file(folder / "bad.onnx", text);
         CHECK_THAT(error_of(folder / "bad.onnx"),
                    Contains("bad.onnx: not a readable ONNX model ("));
     }
@@ -130,7 +130,7 @@ TEST_CASE(
     "an ONNX model that is cut anywhere, or in which a byte is wrong, is read or refused but never "
     "worse") {
     const ScratchFolder folder;
-    const std::string bytes = read_text_file(golden("small.onnx"));
+    const std::string bytes = read_file(golden("small.onnx"));
     bool all = true;
     int number = 0;
     const auto survives = [&](const std::string& changed) {

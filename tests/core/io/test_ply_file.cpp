@@ -34,7 +34,7 @@ TEST_CASE("a mesh's file has the header and the bytes that PLY 1.0 asks for", "[
     colors.mutable_values<float>()[3] = 1.0F;
     colors.mutable_values<float>()[4] = 0.5F;
     write_ply(folder / "mesh.ply", {vertices, normals, colors, triangles});
-    const std::string bytes = read_text_file(folder / "mesh.ply");
+    const std::string bytes = read_file(folder / "mesh.ply");
     const std::string header =
         "ply\nformat binary_little_endian 1.0\ncomment stymo\nelement vertex 259\n"
         "property float x\nproperty float y\nproperty float z\n"

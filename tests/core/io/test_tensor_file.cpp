@@ -31,7 +31,7 @@ std::string entry(const std::string& name, const std::string& dtype, const std::
 
 void check_refused(const std::string& bytes, const std::string& reason) {
     const ScratchFolder folder;
-    write_text_file(folder / "bad.safetensors", bytes);
+    write_file(folder / "bad.safetensors", bytes);
     try {
         static_cast<void>(read_tensor_file(folder / "bad.safetensors"));
         FAIL("read in spite of: " << reason);
@@ -91,7 +91,7 @@ TEST_CASE("what is written comes back bit for bit, and the tensors are aligned")
     CHECK(folder.file_count() == 1);
 
     std::uint64_t header_length = 0;
-    const std::string bytes = read_text_file(folder / "a.safetensors");
+    const std::string bytes = read_file(folder / "a.safetensors");
     std::memcpy(&header_length, bytes.data(), 8);
     CHECK(header_length % 8 == 0);
     CHECK(bytes.size() == 8 + header_length + 12 + 16);

@@ -44,7 +44,7 @@ std::string legacy_file(const std::string& object, const std::string& keys = "]"
 
 std::string error_of_bytes(const std::string& bytes) {
     const ScratchFolder folder;
-    write_text_file(folder / "bad.pth", bytes);
+    write_file(folder / "bad.pth", bytes);
     return error_of(folder / "bad.pth");
 }
 
@@ -168,7 +168,7 @@ TEST_CASE("a tensor must lie within its storage") {
         return legacy_file("}U\x01w" + tensor + "s", "]U\x01\x30\x61", six_floats());
     };
     const ScratchFolder folder;
-    write_text_file(folder / "good.pth", file(tensor_pickle({2, 2}, {3, 1}, 1)));
+    write_file(folder / "good.pth", file(tensor_pickle({2, 2}, {3, 1}, 1)));
     CHECK(read_torch_file(folder / "good.pth").tensors.at("w").to_vector() == Values{1, 2, 4, 5});
     CHECK_THAT(error_of_bytes(file(tensor_pickle({2, 2}, {3, 1}, 2))),
                Contains("reaches beyond storage 0"));
@@ -220,7 +220,7 @@ TEST_CASE(
                (error.find(".pth: ") != std::string::npos && error.find('\n') == std::string::npos);
     };
     for (const char* name : {"views.pth", "views_legacy.pth"}) {
-        const std::string bytes = read_text_file(golden(name));
+        const std::string bytes = read_file(golden(name));
         bool all = true;
         for (std::size_t length = 0; length < bytes.size(); ++length) {
             all = all && survives(bytes.substr(0, length));

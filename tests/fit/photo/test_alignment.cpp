@@ -49,8 +49,8 @@ Landmarks landmarks_at(double x, double y, double interocular, double degrees, d
 }  // namespace
 
 TEST_CASE("squares and crops are those of FFHQ's recipe as Pillow and SciPy compute it") {
-    const auto cases = nlohmann::json::parse(
-        read_text_file(STYMO_SOURCE_DIR "/tests/golden/alignment_vectors.json"));
+    const auto cases =
+        nlohmann::json::parse(read_file(STYMO_SOURCE_DIR "/tests/golden/alignment_vectors.json"));
     REQUIRE(cases.size() == 4);
     for (const auto& item : cases) {
         // There, the centre of the first pixel is at 0.

@@ -41,7 +41,7 @@ TEST_CASE("The marked portraits have the points that their page names") {
 TEST_CASE("A file of marked points that is malformed is refused with its name and reason") {
     const ScratchFolder folder;
     const auto refusal = [&](const std::string& text) {
-        write_text_file(folder / "marks.json", text);
+        write_file(folder / "marks.json", text);
         try {
             (void)read_marked_photos(folder / "marks.json");
         } catch (const FileError& error) {

@@ -122,7 +122,7 @@ TEST_CASE("the medians of pitch and roll are subtracted, the yaw stays", "[photo
 
 TEST_CASE("a file that is not a pose network is refused in one line", "[photo]") {
     const ScratchFolder folder;
-    write_text_file(folder.path() / "net.onnx", "not a network");
+    write_file(folder.path() / "net.onnx", "not a network");
     CHECK_THROWS_AS(PoseNetwork(folder.path() / "none.onnx"), FileError);
     CHECK_THAT(test::error_message<Error>([&] { PoseNetwork(folder.path() / "net.onnx"); }),
                Catch::Contains("not an ONNX network"));

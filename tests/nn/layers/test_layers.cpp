@@ -95,7 +95,7 @@ TEST_CASE("every header of nn/layers and every loss has a row in the table of ca
     }
     CHECK(headers >= 8);
 
-    const std::string losses = read_text_file(source / "nn/losses.h");
+    const std::string losses = read_file(source / "nn/losses.h");
     const std::regex declaration(R"(Variable (\w+)\()");
     int functions = 0;
     for (std::sregex_iterator match(losses.begin(), losses.end(), declaration);

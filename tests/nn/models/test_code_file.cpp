@@ -21,12 +21,12 @@ const Pose some_pose{0.3, -0.1, 0.02, {0.5, -0.25, 5.125}};
 nlohmann::json some_json() {
     const ScratchFolder folder;
     write_code_file(folder / "codes.json", random_codes(1, 1), 0, some_pose);
-    return nlohmann::json::parse(read_text_file(folder / "codes.json"));
+    return nlohmann::json::parse(read_file(folder / "codes.json"));
 }
 
 std::string refusal(const std::string& text) {
     const ScratchFolder folder;
-    write_text_file(folder / "codes.json", text);
+    write_file(folder / "codes.json", text);
     std::string message =
         error_message<FileError>([&] { static_cast<void>(read_code_file(folder / "codes.json")); });
     INFO(text.substr(0, 100));
@@ -66,8 +66,8 @@ TEST_CASE("codes read back bit for bit and the pose to the last digits", "[code_
 
 TEST_CASE("a pose is read from any object that has one", "[code_file]") {
     const ScratchFolder folder;
-    write_text_file(folder / "p.json",
-                    R"({"id": "7",
+    write_file(folder / "p.json",
+               R"({"id": "7",
             "pose": {"yaw_deg": 90, "pitch_deg": -45, "roll_deg": 180, "t": [1, 2, 3]}})");
     const Pose pose = read_pose(folder / "p.json");
     CHECK(pose.yaw == Approx(std::numbers::pi / 2.0));
@@ -107,7 +107,7 @@ TEST_CASE("a malformed code file is refused in one line with file and key", "[co
 
 TEST_CASE("a code file below a regular file is not written", "[code_file]") {
     const ScratchFolder folder;
-    write_text_file(folder / "file", "");
+    write_file(folder / "file", "");
     CHECK(is_one_line(error_message<FileError>([&] {
         write_code_file(folder / "file" / "codes.json", random_codes(1, 1), 0, some_pose);
     })));

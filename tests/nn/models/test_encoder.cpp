@@ -246,7 +246,7 @@ TEST_CASE("mobilefacenet reproduces the reference embedding of its published wei
         pixels[i] = static_cast<float>(std::sin(0.01 * static_cast<double>(i)));
     const std::vector<double> embedding =
         (*backbone)(Variable(Tensor::from({1, 112, 112, 3}, pixels))).value().to_vector();
-    const auto reference = nlohmann::json::parse(read_text_file(*shared / "data/reference.json"))
+    const auto reference = nlohmann::json::parse(read_file(*shared / "data/reference.json"))
                                .at("mobilefacenet")
                                .at("embedding_before_normalisation")
                                .get<std::vector<double>>();

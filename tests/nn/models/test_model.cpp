@@ -49,8 +49,7 @@ TEST_CASE("a model that was saved and loaded encodes and renders to the same bit
     CHECK(identical(view.depth, loaded_view.depth));
 
     loaded.save(folder / "again.safetensors");
-    CHECK(read_text_file(folder / "again.safetensors") ==
-          read_text_file(folder / "model.safetensors"));
+    CHECK(read_file(folder / "again.safetensors") == read_file(folder / "model.safetensors"));
 }
 
 TEST_CASE("of a model that only renders no encoder is made, and its frames have the same bits",
@@ -89,7 +88,7 @@ TEST_CASE("a model loads though the weights its backbone came from are gone", "[
 TEST_CASE("what is not a model is refused in one line that names the file", "[model]") {
     const ScratchFolder folder;
     CHECK_THAT(refusal(folder / "missing.safetensors"), Catch::Contains("cannot be read"));
-    write_text_file(folder / "text.safetensors", "not a model at all");
+    write_file(folder / "text.safetensors", "not a model at all");
     static_cast<void>(refusal(folder / "text.safetensors"));
 
     tiny_model(3).save(folder / "model.safetensors");
@@ -143,7 +142,7 @@ TEST_CASE("a small file that claims a large network is refused before its memory
 
 TEST_CASE("a model is written whole or not at all", "[model]") {
     const ScratchFolder folder;
-    write_text_file(folder / "file", "");
+    write_file(folder / "file", "");
     CHECK(is_one_line(error_message<FileError>(
         [&] { tiny_model().save(folder / "file" / "model.safetensors"); })));
     CHECK(folder.file_count() == 1);

@@ -129,7 +129,7 @@ TEST_CASE("LPIPS with the published SqueezeNet and heads gives the published num
     CHECK_FALSE(lpips.random());
     CHECK(lpips.label() == "squeezenet1_1");
     const nlohmann::json reference =
-        nlohmann::json::parse(read_text_file(shared / "data/reference.json"))["lpips_squeeze"];
+        nlohmann::json::parse(read_file(shared / "data/reference.json"))["lpips_squeeze"];
     const Lpips::Features target =
         lpips.features(image_batch(shared / "data/lpips_example/ex_ref.png"));
     for (const auto& [name, total] : {std::pair{"ex_p0", 0.711211}, std::pair{"ex_p1", 0.147935}}) {

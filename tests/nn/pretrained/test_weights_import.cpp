@@ -22,7 +22,7 @@ std::string golden(const std::string& name) {
 }
 
 const json& published() {
-    static const json names = json::parse(read_text_file(golden("published_names.json")));
+    static const json names = json::parse(read_file(golden("published_names.json")));
     return names;
 }
 

@@ -253,8 +253,8 @@ void fail_in_copies(const ShortJob& job, const WatchedCalls& calls, CallPlaces& 
             visit({.number = question.number,
                    .ever = later,
                    .outcome = {WIFEXITED(status) ? WEXITSTATUS(status) : -1,
-                               read_text_file(folder.path() / "stdout"),
-                               read_text_file(folder.path() / "stderr")},
+                               read_file(folder.path() / "stdout"),
+                               read_file(folder.path() / "stderr")},
                    .out = folder.out()});
         }
         const Order go_on{};

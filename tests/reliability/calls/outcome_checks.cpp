@@ -21,9 +21,8 @@ std::string digest(const fs::path& folder) {
         for (const auto& entry : fs::recursive_directory_iterator(folder)) {
             const std::string name = entry.path().lexically_relative(folder).string();
             if (name == "log.txt" || name.starts_with("events.")) continue;
-            files[name] = entry.is_regular_file()
-                              ? std::hash<std::string>()(read_text_file(entry.path()))
-                              : 0;
+            files[name] =
+                entry.is_regular_file() ? std::hash<std::string>()(read_file(entry.path())) : 0;
         }
     std::string text;
     for (const auto& [name, hash] : files) text += name + ' ' + std::to_string(hash) + '\n';

@@ -38,7 +38,7 @@ void must(const fs::path& folder, const std::string& command) {
 class ShortData {
 public:
     ShortData() {
-        write_text_file(path() / "short.json", configuration);
+        write_file(path() / "short.json", configuration);
         must(path(), "stymo-synth --out faces --count 4 --size 64");
         must(path(), train + "whole");
         must(path(), train + "begun --max-minutes 1e-6");
@@ -73,7 +73,7 @@ std::function<void(const fs::path&)> same_files(const std::string& whole,
     return [expected = short_data() / whole, files = std::move(files)](const fs::path& out) {
         for (const std::string& file : files) {
             INFO(file);
-            const bool equal = read_text_file(out / file) == read_text_file(expected / file);
+            const bool equal = read_file(out / file) == read_file(expected / file);
             CHECK(equal);
         }
     };

@@ -266,11 +266,11 @@ TEST_CASE("what a face lacks is filled in, counted and said once", "[dataset]") 
     for (const char* id : {"1", "2", "3"})
         write_image(folder / ("images/" + std::string(id) + ".png"), plain(64, 64, grey));
     write_image(folder / "masks/1.png", mask_of(64, 1.0F, 0.0F));
-    write_text_file(
+    write_file(
         folder / "faces.jsonl",
         R"({"id":"1","pose":{"yaw_deg":30,"pitch_deg":-10,"roll_deg":5,"t":[1,2,3]},"code":)" +
             code_json(0) + "}\n\n" + R"({"id":"2","code":)" + code_json(0) + "}\r\n");
-    write_text_file(folder / "camera.json", R"({"focal":3.5,"cx":0.4,"cy":0.6})");
+    write_file(folder / "camera.json", R"({"focal":3.5,"cx":0.4,"cy":0.6})");
 
     const Pose frontal{0.0, 0.0, 0.0, {0.0, 0.0, 7.5}};
     const Dataset faces(folder.path(), 64, nothing_held_out(), Split::all, frontal);
@@ -347,9 +347,9 @@ TEST_CASE("a malformed line of faces.jsonl is refused with its number", "[datase
     const TemporaryFolder folder;
     write_image(folder / "1.png", plain(8, 8, grey));
     const auto message_for = [&](const std::string& line) {
-        write_text_file(folder / "faces.jsonl", R"({"id":"0"})"
-                                                "\n" +
-                                                    line + "\n");
+        write_file(folder / "faces.jsonl", R"({"id":"0"})"
+                                           "\n" +
+                                               line + "\n");
         return line_of<FileError>([&] { open(folder); });
     };
     for (const auto& [line, reason] : std::vector<std::pair<std::string, std::string>>{
@@ -374,7 +374,7 @@ TEST_CASE("a malformed line of faces.jsonl is refused with its number", "[datase
                    Catch::Contains("faces.jsonl, line 2: ") && Catch::Contains(reason));
     }
     fs::remove(folder / "faces.jsonl");
-    write_text_file(folder / "camera.json", R"({"focal":0})");
+    write_file(folder / "camera.json", R"({"focal":0})");
     CHECK_THAT(line_of<FileError>([&] { open(folder); }),
                Catch::Contains("camera.json") && Catch::Contains("positive"));
 }
@@ -417,7 +417,7 @@ TEST_CASE("the split is by the photos that the folder was made of, whichever of 
     const auto ids = [&](Split split) { return Dataset(folder.path(), 8, config, split).ids(); };
     using Ids = std::vector<std::string>;
     CHECK(ids(Split::test) == Ids{"0", "2", "3"});
-    write_text_file(folder / "report.json", "{\"ok\": 10, \"photos\": [" + photos + "]}");
+    write_file(folder / "report.json", "{\"ok\": 10, \"photos\": [" + photos + "]}");
     CHECK(ids(Split::test) == Ids{"0", "2"});
     CHECK(ids(Split::validation) == Ids{"3", "3_2"});
     CHECK(ids(Split::training) == Ids{"5", "6", "7", "8", "9", "10", "11"});
@@ -426,7 +426,7 @@ TEST_CASE("the split is by the photos that the folder was made of, whichever of 
     CHECK(ids(Split::validation) == Ids{"7", "8"});
     CHECK(ids(Split::all).size() == 11);
     // Reports of other tools say nothing of photos.
-    write_text_file(folder / "report.json", R"({"photos": 3})");
+    write_file(folder / "report.json", R"({"photos": 3})");
     CHECK(ids(Split::test) == Ids{"10", "11", "3_2"});
 }
 
@@ -464,7 +464,7 @@ TEST_CASE(
     write_image(folder / "images/1.png", halves(128, {1.0F, 0.0F, 0.2F}, {0.4F, 1.0F, 0.8F}));
     write_image(folder / "masks/1.png", mask_of(128, 1.0F, 0.0F));
     write_image(folder / "images/2.png", plain(128, 128, grey));
-    write_text_file(folder / "faces.jsonl", R"({"id":"2","code":)" + code_json(1) + "}\n");
+    write_file(folder / "faces.jsonl", R"({"id":"2","code":)" + code_json(1) + "}\n");
     const Dataset faces = open(folder, 128);
     const FaceBatch batch = make_batch(faces.load(std::vector<std::int64_t>{0, 1}));
 
@@ -506,11 +506,11 @@ TEST_CASE("a mirrored face shows its mask and pose mirrored and has no code", "[
     const TemporaryFolder folder;
     write_image(folder / "images/1.png", halves(64, {1.0F, 0.0F, 0.0F}, {0.0F, 0.0F, 1.0F}));
     write_image(folder / "masks/1.png", mask_of(64, 1.0F, 0.0F));
-    write_text_file(
+    write_file(
         folder / "faces.jsonl",
         R"({"id":"1","pose":{"yaw_deg":20,"pitch_deg":10,"roll_deg":5,"t":[1,2,3]},"code":)" +
             code_json(0) + "}\n");
-    write_text_file(folder / "camera.json", R"({"focal":2,"cx":0.4,"cy":0.6})");
+    write_file(folder / "camera.json", R"({"focal":2,"cx":0.4,"cy":0.6})");
     const Face face = open(folder).load(0);
     const Face mirror = mirrored(face);
     CHECK(pixel(mirror.image, 5, 60, 0) == 1.0F);

@@ -24,15 +24,14 @@ std::string line_of(const std::string& id, double yaw) {
 
 fs::path three_faces(const ScratchFolder& folder) {
     const fs::path file = folder.path() / "faces.jsonl";
-    write_text_file(file,
-                    line_of("b c", 10.0) + "\n\n" + line_of("a", 20.0) + "\n" + R"({"id":"d"})");
+    write_file(file, line_of("b c", 10.0) + "\n\n" + line_of("a", 20.0) + "\n" + R"({"id":"d"})");
     return file;
 }
 
 /// Other contents of the same size, and the same time.
 void change_unnoticed(const fs::path& file) {
     const auto time = fs::last_write_time(file);
-    std::string text = read_text_file(file);
+    std::string text = read_file(file);
     text.replace(text.find("20.0"), 4, "21.0");
     std::ofstream(file) << text;
     fs::last_write_time(file, time);
@@ -59,7 +58,7 @@ TEST_CASE("faces.jsonl is listed, and lines are read when they are asked for", "
 
     // Another file of this name leaves the open one as it is; changed bytes are noticed.
     fs::rename(folder.path() / "faces.jsonl", folder.path() / "old");
-    write_text_file(folder.path() / "faces.jsonl", "");
+    write_file(folder.path() / "faces.jsonl", "");
     CHECK(records.read("a").pose);
     std::ofstream(folder.path() / "old") << std::string(300, 'x');
     CHECK_THAT(error_message<FileError>([&] { static_cast<void>(records.read("a")); }),
@@ -71,7 +70,7 @@ TEST_CASE("the index stands for faces.jsonl until one of them changes", "[datase
     const fs::path file = three_faces(folder);
     const FaceRecords listed(file, always);
     REQUIRE(fs::exists(index_path(file)));
-    const std::string index = read_text_file(index_path(file));
+    const std::string index = read_file(index_path(file));
 
     const FileVersion version = version_of(file);
     const std::optional<FaceEntries> read = read_face_index(file, version);
@@ -98,18 +97,18 @@ TEST_CASE("the index stands for faces.jsonl until one of them changes", "[datase
     SECTION("a later time") {
         fs::last_write_time(file, fs::last_write_time(file) + std::chrono::seconds(1));
         CHECK(listed_anew());
-        CHECK(read_text_file(index_path(file)) != index);
+        CHECK(read_file(index_path(file)) != index);
     }
     SECTION("a damaged index") {
         std::string damaged = index;
         damaged[index.find("b c")] = 'x';
-        write_text_file(index_path(file), damaged);
+        write_file(index_path(file), damaged);
         CHECK(listed_anew());
-        CHECK(read_text_file(index_path(file)) != damaged);
+        CHECK(read_file(index_path(file)) != damaged);
     }
     SECTION("no index") {
         for (const char* text : {"", "stymo-face-index-1", "stymo-face-index-1 x y z\n", "\n\n"}) {
-            write_text_file(index_path(file), text);
+            write_file(index_path(file), text);
             CHECK(listed_anew());
         }
     }

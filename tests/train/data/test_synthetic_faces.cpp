@@ -44,12 +44,10 @@ TEST_CASE("The same seed writes the same bytes on any number of threads, another
     write(folder / "c", 8);
     for (const char* name : {"faces.jsonl", "camera.json", "images/00000.png", "images/00002.png",
                              "masks/00001.png"}) {
-        CHECK(stymo::read_text_file(folder / "a" / name) ==
-              stymo::read_text_file(folder / "b" / name));
+        CHECK(stymo::read_file(folder / "a" / name) == stymo::read_file(folder / "b" / name));
     }
     for (const char* name : {"faces.jsonl", "images/00000.png"}) {
-        CHECK(stymo::read_text_file(folder / "a" / name) !=
-              stymo::read_text_file(folder / "c" / name));
+        CHECK(stymo::read_file(folder / "a" / name) != stymo::read_file(folder / "c" / name));
     }
 }
 
@@ -57,10 +55,10 @@ TEST_CASE("A greater count only adds faces") {
     const ScratchFolder folder;
     write(folder / "a", 7, 2);
     write(folder / "b", 7, 4);
-    CHECK(stymo::read_text_file(folder / "b/faces.jsonl")
-              .starts_with(stymo::read_text_file(folder / "a/faces.jsonl")));
-    CHECK(stymo::read_text_file(folder / "a/images/00001.png") ==
-          stymo::read_text_file(folder / "b/images/00001.png"));
+    CHECK(stymo::read_file(folder / "b/faces.jsonl")
+              .starts_with(stymo::read_file(folder / "a/faces.jsonl")));
+    CHECK(stymo::read_file(folder / "a/images/00001.png") ==
+          stymo::read_file(folder / "b/images/00001.png"));
 }
 
 TEST_CASE("The mask is exactly what is not black") {
@@ -87,7 +85,7 @@ TEST_CASE("The mask is exactly what is not black") {
 TEST_CASE("Poses and codes in faces.jsonl reproject the landmarks that stand beside them") {
     const ScratchFolder folder;
     write(folder / "a", 5, 6);
-    const auto camera_file = nlohmann::json::parse(stymo::read_text_file(folder / "a/camera.json"));
+    const auto camera_file = nlohmann::json::parse(stymo::read_file(folder / "a/camera.json"));
     const double focal = camera_file.at("focal");
     CHECK(focal == 2.03);
     const auto lines = records(folder / "a");
@@ -156,6 +154,6 @@ TEST_CASE("Images of another set are not mixed with the new ones") {
 
 TEST_CASE("A folder that cannot be made is named") {
     const ScratchFolder folder;
-    stymo::write_text_file(folder / "file", "x");
+    stymo::write_file(folder / "file", "x");
     CHECK_THROWS_WITH(write(folder / "file", 1), Catch::Contains("file"));
 }
