@@ -38,7 +38,7 @@ std::string chosen_token(const Options& options) {
     std::string token = options.server.token, source = "--token";
     if (token.empty() && !options.token_file.empty()) {
         source = options.token_file;
-        token = stymo::read_text_file(options.token_file);
+        token = stymo::read_file(options.token_file);
         while (token.ends_with('\n') || token.ends_with('\r')) token.pop_back();
         if (token.empty()) stymo::fail<stymo::FileError>(source, ": holds no token");
     } else if (const char* set = std::getenv(token_variable); token.empty() && set != nullptr) {

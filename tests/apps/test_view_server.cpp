@@ -331,7 +331,7 @@ TEST_CASE("stymo-view says where its page is and ends with the signal", "[view]"
 
 TEST_CASE("stymo-view takes its token from a file or the environment", "[view]") {
     const TemporaryFile file, empty;
-    write_text_file(file.path(), "from-file\n", Survives::nothing);
+    write_file(file.path(), "from-file\n", Durability::none);
     struct Row {
         std::vector<std::string> options;
         const char* token;

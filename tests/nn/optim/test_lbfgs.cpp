@@ -145,9 +145,9 @@ TEST_CASE("L-BFGS descends steeply where its estimate of the curvature gives no 
     };
     Lbfgs minimiser(Eigen::VectorXd::Zero(1), {.first_step = 1e160, .decrease = 0.0});
     CHECK(minimiser.step(huge, plenty));
-    CHECK(minimiser.here()->value == Approx(9.0));
+    CHECK(minimiser.current()->value == Approx(9.0));
     CHECK(minimiser.step(huge, plenty));
-    CHECK(minimiser.here()->value == Approx(8.0));
+    CHECK(minimiser.current()->value == Approx(8.0));
 }
 
 TEST_CASE("L-BFGS stays where a value is not lower but equal", "[lbfgs]") {
