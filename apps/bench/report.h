@@ -5,7 +5,7 @@
 
 #include "apps/bench/subject.h"
 #include "apps/common/command_line.h"
-#include "apps/common/lpips_options.h"
+#include "apps/common/tool_options.h"
 
 namespace stymo {
 

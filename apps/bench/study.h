@@ -8,7 +8,7 @@
 #include "apps/bench/page.h"
 #include "apps/bench/subject.h"
 #include "apps/bench/table.h"
-#include "apps/common/lpips_options.h"
+#include "apps/common/tool_options.h"
 
 namespace stymo {
 

@@ -11,8 +11,7 @@
 #include <sstream>
 #include <type_traits>
 
-#include "apps/common/allocator.h"
-#include "apps/common/floating_point.h"
+#include "apps/common/process_setup.h"
 #include "core/error.h"
 #include "core/kernels/targets.h"
 #include "core/matmul_precision.h"

@@ -8,7 +8,7 @@
 #include <sstream>
 #include <string>
 
-#include "apps/common/model_options.h"
+#include "apps/common/tool_options.h"
 #include "apps/edit/commands.h"
 #include "core/clock.h"
 #include "core/interrupt.h"

@@ -6,7 +6,7 @@
 #include <sstream>
 #include <vector>
 
-#include "apps/common/model_options.h"
+#include "apps/common/tool_options.h"
 #include "apps/edit/commands.h"
 #include "core/interrupt.h"
 #include "core/ops/ops.h"

@@ -5,8 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "apps/common/code_groups.h"
-#include "apps/common/model_options.h"
+#include "apps/common/tool_options.h"
 #include "apps/edit/commands.h"
 #include "core/clock.h"
 #include "core/io/file.h"

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "apps/common/command_line.h"
-#include "apps/common/model_options.h"
+#include "apps/common/tool_options.h"
 
 namespace stymo {
 

@@ -5,8 +5,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/fit_options.h"
-#include "apps/common/lpips_options.h"
-#include "apps/common/model_options.h"
+#include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
 #include "apps/eval/drawn.h"
 #include "apps/eval/evaluate.h"

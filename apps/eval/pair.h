@@ -2,7 +2,7 @@
 
 #include <filesystem>
 
-#include "apps/common/lpips_options.h"
+#include "apps/common/tool_options.h"
 
 namespace stymo {
 

@@ -4,7 +4,7 @@
 #include <sstream>
 
 #include "apps/common/command_line.h"
-#include "apps/common/preparation_options.h"
+#include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
 #include "apps/prep/pipeline.h"
 #include "apps/prep/pose_command.h"

@@ -4,7 +4,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/explain.h"
 #include "apps/common/output_file.h"
-#include "apps/common/render_modes.h"
+#include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
 #include "apps/render/images.h"
 #include "apps/render/new_faces.h"

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "apps/common/model_options.h"
+#include "apps/common/tool_options.h"
 #include "nn/realtime/face_renderer.h"
 #include "nn/realtime/head_mesh.h"
 

@@ -4,8 +4,8 @@
 #include <numbers>
 #include <sstream>
 
-#include "apps/common/code_groups.h"
 #include "apps/common/command_line.h"
+#include "apps/common/tool_options.h"
 #include "core/angle.h"
 #include "core/ops/elementwise.h"
 #include "nn/realtime/view.h"

@@ -8,7 +8,7 @@
 #include <fstream>
 #include <iostream>
 
-#include "apps/common/host_name.h"
+#include "apps/common/process_setup.h"
 #include "apps/train/mpi_ranks.h"
 #include "core/error.h"
 #include "core/io/checksum.h"

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "apps/common/render_modes.h"
+#include "apps/common/tool_options.h"
 #include "apps/view/depth_normals.h"
 #include "core/clock.h"
 #include "core/io/image.h"

@@ -4,7 +4,7 @@
 #include <chrono>
 #include <cmath>
 
-#include "apps/common/shipped_file.h"
+#include "apps/common/tool_options.h"
 #include "apps/view/private_file.h"
 #include "core/error.h"
 #include "core/io/image.h"

@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "apps/common/command_line.h"
-#include "apps/common/render_modes.h"
+#include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
 #include "apps/view/server.h"
 #include "core/error.h"

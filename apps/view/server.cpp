@@ -9,7 +9,7 @@
 #include <charconv>
 #include <thread>
 
-#include "apps/common/host_name.h"
+#include "apps/common/process_setup.h"
 #include "apps/view/page_files.h"
 #include "apps/view/random_token.h"
 #include "core/error.h"

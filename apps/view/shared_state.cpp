@@ -1,6 +1,6 @@
 #include "apps/view/shared_state.h"
 
-#include "apps/common/shipped_file.h"
+#include "apps/common/tool_options.h"
 #include "core/error.h"
 #include "core/rng.h"
 #include "fit/photo/face_parser.h"

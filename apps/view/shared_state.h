@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "apps/common/model_options.h"
+#include "apps/common/tool_options.h"
 #include "apps/view/code_directions.h"
 #include "apps/view/face_list.h"
 #include "apps/view/frame.h"

@@ -3,7 +3,7 @@
 #include <thread>
 #include <vector>
 
-#include "apps/common/floating_point.h"
+#include "apps/common/process_setup.h"
 #include "core/parallel.h"
 
 using namespace stymo;

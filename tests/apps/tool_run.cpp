@@ -15,7 +15,7 @@
 #include <thread>
 #include <utility>
 
-#include "apps/common/guarded_main.h"
+#include "apps/common/process_setup.h"
 #include "apps/common/tools.h"
 #include "core/io/file.h"
 #include "core/parallel.h"

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "apps/common/allocator.h"
+#include "apps/common/process_setup.h"
 #include "core/autograd/grad.h"
 #include "core/error.h"
 #include "core/ops/ops.h"

@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "apps/common/floating_point.h"
+#include "apps/common/process_setup.h"
 #include "core/error.h"
 #include "core/io/tensor_file.h"
 #include "core/matmul_precision.h"

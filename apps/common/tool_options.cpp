@@ -1,0 +1,185 @@
+#include "apps/common/tool_options.h"
+
+#include <algorithm>
+#include <array>
+#include <iostream>
+#include <sstream>
+
+#include "nn/models/weight_changes.h"
+
+namespace stymo {
+
+namespace {
+
+/// Places of `configs/` relative to the folder of the program.
+constexpr std::array config_folders{"../../configs", "../share/stymo/configs"};
+
+std::string network_called(const std::string& metric) {
+    if (metric == "squeeze") return "squeezenet1_1";
+    if (metric == "alex") return "alexnet";
+    return metric;
+}
+
+LpipsConfig with_files(LpipsConfig config, const LpipsOptions& options) {
+    if (!options.trunk.empty()) config.trunk = options.trunk;
+    if (!options.heads.empty()) config.heads = options.heads;
+    return config;
+}
+
+/// In the order of their names.
+constexpr std::array modes{RenderMode::exact, RenderMode::skip, RenderMode::half, RenderMode::baked,
+                           RenderMode::half};
+
+}  // namespace
+
+std::filesystem::path shipped_file(const std::filesystem::path& name) {
+    const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe");
+    for (const char* folder : config_folders) {
+        const std::filesystem::path file =
+            (program.parent_path() / folder / name).lexically_normal();
+        if (std::filesystem::exists(file)) return file;
+    }
+    return {};
+}
+
+std::filesystem::path shipped_landmark_network() {
+    return shipped_file("models/landmarks/landmarks.safetensors");
+}
+
+void declare_model(Command& command, ModelOptions& options) {
+    command.option("--model", options.file,
+                   "model.safetensors of a training run (default: the model that comes with "
+                   "stymo)");
+}
+
+void declare_tuned(Command& command, ModelOptions& options) {
+    command.option("--tuned", options.tuned,
+                   "tuned.safetensors of stymo-fit --tune: the weights of one face, for the same "
+                   "model");
+}
+
+std::filesystem::path model_file(const ModelOptions& options) {
+    if (!options.file.empty()) return options.file;
+    const std::filesystem::path file = shipped_file("models/faces-256/model.safetensors");
+    if (!file.empty()) return file;
+    fail<UsageError>("--model is required: no model lies beside this program");
+}
+
+Model load_model(const ModelOptions& options, ModelParts parts) {
+    Model model = Model::load(model_file(options), parts);
+    if (options.tuned.empty()) return model;
+    const WeightChanges changes = WeightChanges::load(options.tuned);
+    try {
+        changes.apply(model);
+    } catch (const ValueError& error) {
+        fail<FileError>(options.tuned.string(), ": ", error.what());
+    }
+    return model;
+}
+
+void declare_preparation_files(Command& command, PhotoPreparationSettings& settings) {
+    settings.landmark_model = shipped_landmark_network();
+    command.option("--parser", settings.parser,
+                   "face parser in an ONNX file, for head masks (default: GrabCut)");
+    command.option("--morphable", settings.morphable,
+                   "head model that is fitted for pose and codes: a .safetensors file or a folder "
+                   "of ICT-FaceKit (default: the built-in head)");
+    command.option(
+        "--landmarks", settings.landmark_model,
+        "predictor of 68 landmarks: a .safetensors file of stymo-landmarks, or dlib's "
+        "shape_predictor (default: the network that comes with stymo, else the model of Debian's "
+        "libdlib-data)");
+    command.option("--pose-net", settings.pose_network,
+                   "pose network in an ONNX file, 3DDFA_V2 or 6DRepNet; its pose replaces that of "
+                   "the fitted head");
+    command
+        .option("--max-pixels", settings.most_pixels,
+                "unprepared photos with more pixels are refused")
+        .range(1, 1e12);
+}
+
+void warn_without_landmark_network(const PhotoPreparationSettings& settings) {
+    if (settings.landmark_model.empty())
+        std::cerr << "warning: the landmark network that comes with stymo was not found near the "
+                     "program, so dlib's landmarks are used; name the network with --landmarks"
+                  << std::endl;
+}
+
+void declare_lpips_metric(Command& command, LpipsOptions& options) {
+    command.option("--lpips", options.metric, "also measure LPIPS, with this network")
+        .one_of({"squeeze", "vgg16", "alex"});
+}
+
+void declare_lpips_files(Command& command, LpipsOptions& options) {
+    command.option("--lpips-trunk", options.trunk,
+                   "weights of the network of LPIPS, written by stymo-weights import; random: "
+                   "untrained weights");
+    command.option("--lpips-heads", options.heads,
+                   "linear heads of LPIPS, written by stymo-weights import; random: all ones");
+}
+
+void declare_perceptual_weight(Command& command, LpipsOptions& options) {
+    command
+        .option("--perceptual-network", options.perceptual_network,
+                "network that compares images while fitting: one of LPIPS, or the model's own "
+                "encoder, which needs no weight files (default: the model's setting)")
+        .one_of({"encoder", "squeeze", "vgg16", "alex"});
+    command
+        .option("--perceptual-weight", options.perceptual_weight,
+                "weight of LPIPS while fitting, 0: no LPIPS (default: the model's setting)")
+        .range(0, 1e6);
+    command
+        .option("--perceptual-resolution", options.perceptual_resolution,
+                "largest side of the images that LPIPS compares while fitting, 0: no limit "
+                "(default: the model's setting)")
+        .range(0, 4096);
+}
+
+LpipsConfig metric_config(const LpipsOptions& options, const LpipsConfig& model) {
+    const std::string own =
+        model.network == encoder_network ? network_called("squeeze") : model.network;
+    const std::string network = options.metric.empty() ? own : network_called(options.metric);
+    return with_files(network == model.network ? model : LpipsConfig{.network = network}, options);
+}
+
+ReconstructionConfig fitting_config(const LpipsOptions& options, ReconstructionConfig model) {
+    if (options.perceptual_weight) model.perceptual_weight = *options.perceptual_weight;
+    if (options.perceptual_resolution) model.perceptual_resolution = *options.perceptual_resolution;
+    const std::string network = network_called(options.perceptual_network);
+    if (!network.empty() && network != model.perceptual.network)
+        model.perceptual = {.network = network};
+    const LpipsConfig metric = metric_config(options, model.perceptual);
+    if (metric.network == model.perceptual.network) model.perceptual = metric;
+    return model;
+}
+
+const std::vector<std::string>& render_mode_names() {
+    static const std::vector<std::string> names{"exact", "skip", "half", "baked",
+                                                "bf16"};  // bf16: the older name of half
+    return names;
+}
+
+RenderMode render_mode(const std::string& name) {
+    const auto place = std::ranges::find(render_mode_names(), name) - render_mode_names().begin();
+    return modes[static_cast<std::size_t>(place)];
+}
+
+const std::string& render_mode_name(RenderMode mode) {
+    const auto place = std::ranges::find(modes, mode) - modes.begin();
+    return render_mode_names()[static_cast<std::size_t>(place)];
+}
+
+CodeGroups parse_code_groups(const std::string& list) {
+    CodeGroups taken{};
+    std::istringstream stream(list);
+    for (std::string name; std::getline(stream, name, ',');) {
+        const auto* const found = std::ranges::find(code_names, name);
+        if (found == code_names.end())
+            fail<UsageError>("--take ", list, ": \"", name,
+                             "\" is no group of codes; there are id, expr, tex and light");
+        taken[static_cast<std::size_t>(found - code_names.begin())] = true;
+    }
+    return taken;
+}
+
+}  // namespace stymo

@@ -1,0 +1,86 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/common/command_line.h"
+#include "fit/edit/style_mix.h"
+#include "fit/photo/photo_preparation.h"
+#include "nn/models/model.h"
+#include "nn/realtime/face_renderer.h"
+
+/// Options that several tools have, and what their values mean.
+namespace stymo {
+
+/// A file that is shipped with stymo, by its name below `configs/`: in the source tree of the
+/// running program, or installed with it. Empty if there is none.
+[[nodiscard]] std::filesystem::path shipped_file(const std::filesystem::path& name);
+/// The landmark network that is shipped with stymo. Empty if there is none; FaceDetector then uses
+/// the model of libdlib-data.
+[[nodiscard]] std::filesystem::path shipped_landmark_network();
+
+/// The model of a tool, with the changes of its weights for a tuned face.
+struct ModelOptions {
+    std::filesystem::path file;   ///< empty: the model that is shipped with stymo
+    std::filesystem::path tuned;  ///< file written by `stymo-fit --tune`; empty: none
+};
+
+/// Declares --model.
+void declare_model(Command& command, ModelOptions& options);
+/// Declares --tuned.
+void declare_tuned(Command& command, ModelOptions& options);
+
+/// The file of --model, or of the model that is shipped with stymo. Throws UsageError if there is
+/// neither.
+[[nodiscard]] std::filesystem::path model_file(const ModelOptions& options);
+/// Loads that model and applies the changes of --tuned. Throws what Model::load and WeightChanges
+/// throw.
+[[nodiscard]] Model load_model(const ModelOptions& options, ModelParts parts = ModelParts::all);
+
+/// Declares --parser, --morphable, --landmarks and --pose-net, the files for the preparation of
+/// photos, and --max-pixels.
+void declare_preparation_files(Command& command, PhotoPreparationSettings& settings);
+/// Prints a warning if the landmark network that comes with stymo was not found and no other was
+/// named, because the shipped model fits photos worse if dlib's landmarks aligned them.
+void warn_without_landmark_network(const PhotoPreparationSettings& settings);
+
+/// The options for LPIPS. Options that are not given keep the model's settings.
+struct LpipsOptions {
+    std::string metric;  ///< network of the metric, "squeeze", "vgg16" or "alex"; empty: no metric
+    /// Network of the perceptual term of fitting, or "encoder"; empty: the model's.
+    std::string perceptual_network{};
+    std::optional<double> perceptual_weight;            ///< weight of the perceptual term
+    std::optional<std::int64_t> perceptual_resolution;  ///< resolution of the perceptual term
+    std::string trunk;
+    std::string heads;
+};
+
+/// Declares --lpips.
+void declare_lpips_metric(Command& command, LpipsOptions& options);
+/// Declares --lpips-trunk and --lpips-heads.
+void declare_lpips_files(Command& command, LpipsOptions& options);
+/// Declares --perceptual-network, --perceptual-weight and --perceptual-resolution.
+void declare_perceptual_weight(Command& command, LpipsOptions& options);
+
+/// The network of the metric with its files: from the command line, or from the model if it uses
+/// the same network.
+[[nodiscard]] LpipsConfig metric_config(const LpipsOptions& options, const LpipsConfig& model);
+/// The model's reconstruction loss with the perceptual network, weight and resolution of the
+/// command line, and with the files of the command line if they belong to the same network.
+[[nodiscard]] ReconstructionConfig fitting_config(const LpipsOptions& options,
+                                                  ReconstructionConfig model);
+
+/// The values of --mode.
+[[nodiscard]] const std::vector<std::string>& render_mode_names();
+/// The mode with one of these names.
+[[nodiscard]] RenderMode render_mode(const std::string& name);
+/// The name of a mode.
+[[nodiscard]] const std::string& render_mode_name(RenderMode mode);
+
+/// Parses the value of --take, a list such as "expr,tex". Throws UsageError for an unknown name.
+[[nodiscard]] CodeGroups parse_code_groups(const std::string& list);
+
+}  // namespace stymo
