@@ -16,7 +16,6 @@
 #include "core/io/image.h"
 #include "core/progress.h"
 #include "fit/edit/color_edit.h"
-#include "fit/edit/part_mask.h"
 #include "fit/photo/face_parser.h"
 #include "nn/models/code_file.h"
 #include "nn/models/display_image.h"

@@ -11,7 +11,6 @@
 #include "core/interrupt.h"
 #include "core/ops/ops.h"
 #include "core/progress.h"
-#include "fit/edit/disentanglement.h"
 #include "fit/edit/style_mix.h"
 #include "nn/models/model.h"
 #include "nn/realtime/view.h"

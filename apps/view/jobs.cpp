@@ -10,8 +10,6 @@
 #include "core/io/image.h"
 #include "core/io/ply_file.h"
 #include "fit/edit/color_edit.h"
-#include "fit/edit/part_mask.h"
-#include "fit/edit/region_at.h"
 #include "fit/fit_job.h"
 #include "fit/photo/face_parser.h"
 #include "nn/models/display_image.h"

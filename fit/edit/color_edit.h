@@ -1,12 +1,31 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <vector>
 
+#include "core/tensor.h"
 #include "nn/models/model.h"
+#include "render/parsing_classes.h"
 
 namespace stymo {
+
+/// A set of parts of a head, in the order of `ParsingClass`.
+using ParsingClassSet = std::array<bool, parsing_class_count>;
+
+/// 1 where `classes` (H, W, 1), the result of FaceParser::parse, is one of the parts, else 0.
+[[nodiscard]] Tensor part_mask(const Tensor& classes, const ParsingClassSet& parts);
+
+/// The parts of `is_head_class`.
+[[nodiscard]] ParsingClassSet head_of_parts();
+
+/// The part of an image that a user points at, found without a face parser: a mask (S, S, 1), 1 on
+/// the connected pixels whose colour is close to that around the point, else 0. `image` is (S, S,
+/// 3) in [0, 1]; x (right) and y (down) are in [0, 1]; `reach` scales the largest distance in
+/// CIELAB of close colours. Throws ShapeError for another shape, ValueError for a point outside the
+/// image or a reach that is not positive.
+[[nodiscard]] Tensor region_at(const Tensor& image, double x, double y, double reach = 1.0);
 
 /// The quantity that should get the wanted colour.
 enum class ColorTerm {

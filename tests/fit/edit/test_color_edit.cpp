@@ -3,7 +3,6 @@
 
 #include "core/ops/ops.h"
 #include "fit/edit/color_edit.h"
-#include "fit/edit/part_mask.h"
 #include "nn/realtime/view.h"
 #include "support/check_close.h"
 #include "support/error_message.h"

@@ -3,7 +3,7 @@
 
 #include "core/error.h"
 #include "core/ops/ops.h"
-#include "fit/edit/disentanglement.h"
+#include "fit/edit/style_mix.h"
 #include "support/tiny_model.h"
 
 using namespace stymo;

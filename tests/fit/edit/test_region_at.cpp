@@ -1,7 +1,7 @@
 #include <catch2/catch.hpp>
 
 #include "core/error.h"
-#include "fit/edit/region_at.h"
+#include "fit/edit/color_edit.h"
 
 using namespace stymo;
 
