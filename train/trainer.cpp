@@ -6,7 +6,6 @@
 #include <sstream>
 
 #include "core/error.h"
-#include "nn/optim/schedule.h"
 #include "nn/realtime/view.h"
 #include "train/adversarial_stage.h"
 #include "train/memory_estimate.h"

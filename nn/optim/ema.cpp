@@ -1,11 +1,13 @@
 #include "nn/optim/ema.h"
 
+#include <cmath>
 #include <utility>
 
 #include "core/error.h"
 #include "core/parallel.h"
 
 namespace stymo {
+
 namespace {
 
 template <class T>
@@ -60,6 +62,11 @@ void Ema::load(const TensorFile& file, const std::string& source, const std::str
         loaded.push_back(entry->second.to(averages_[i].dtype()));
     }
     averages_ = std::move(loaded);
+}
+
+double ema_decay(std::int64_t batch, double half_life_images) {
+    if (half_life_images <= 0.0) return 0.0;
+    return std::pow(0.5, static_cast<double>(batch) / half_life_images);
 }
 
 }  // namespace stymo

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <string>
 #include <vector>
@@ -30,5 +31,9 @@ private:
     std::vector<Parameter> parameters_;
     std::vector<Tensor> averages_;
 };
+
+/// Decay of an exponential moving average for one step of `batch` images: 0.5^(batch /
+/// half_life_images). StyleGAN2 uses a half life of 10,000 images.
+[[nodiscard]] double ema_decay(std::int64_t batch, double half_life_images);
 
 }  // namespace stymo

@@ -7,7 +7,6 @@
 #include "core/io/tensor_file.h"
 #include "nn/optim/adam.h"
 #include "nn/optim/ema.h"
-#include "nn/optim/schedule.h"
 
 using namespace stymo;
 
