@@ -2,18 +2,92 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cstdint>
 #include <functional>
+#include <iomanip>
+#include <map>
 #include <optional>
+#include <sstream>
+#include <string>
+#include <string_view>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "core/error.h"
-#include "train/checkpoint_checksums.h"
-#include "train/checkpoint_folder.h"
+#include "core/io/checksum.h"
+#include "core/io/file.h"
 
 namespace stymo {
 
+namespace fs = std::filesystem;
+
 namespace {
+
+constexpr const char* list_name = "checksums.txt";
+
+/// Checksum and size of a file in the format of checksums.txt.
+std::string seal_of(const fs::path& file) {
+    std::uint32_t checksum = 0;
+    std::uint64_t size = 0;
+    read_parts(file, [&](std::string_view part) {
+        checksum = crc32c(part, checksum);
+        size += part.size();
+    });
+    std::ostringstream text;
+    text << std::hex << std::setw(8) << std::setfill('0') << checksum << ' ' << std::dec << size;
+    return text.str();
+}
+
+/// Checksums and sizes of the files, by name.
+std::map<std::string, std::string> seals_of(const fs::path& folder) {
+    std::map<std::string, std::string> seals;
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+        const std::string name = entry.path().filename().string();
+        if (entry.is_regular_file() && name != list_name) seals[name] = seal_of(entry.path());
+    }
+    return seals;
+}
+
+std::map<std::string, std::string> read_list(const fs::path& list) {
+    std::map<std::string, std::string> seals;
+    const std::string text = read_text_file(list);
+    if (!text.ends_with('\n')) fail<FileError>(list.string(), ": is damaged");
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);) {
+        const std::size_t space = line.rfind(' ');
+        if (space == std::string::npos) fail<FileError>(list.string(), ": is damaged");
+        seals[line.substr(space + 1)] = line.substr(0, space);
+    }
+    return seals;
+}
+
+/// Writes checksums.txt.
+void write_checksums(const fs::path& folder) {
+    std::string lines;
+    for (const auto& [name, seal] : seals_of(folder)) lines += seal + ' ' + name + '\n';
+    write_text_file(folder / list_name, lines);
+}
+
+constexpr std::string_view unfinished_suffix = ".unfinished";
+constexpr std::string_view replaced_suffix = ".replaced";
+
+fs::path with_suffix(fs::path folder, std::string_view suffix) {
+    folder += suffix;
+    return folder;
+}
+
+void rename_or_fail(const fs::path& from, const fs::path& to, const fs::path& folder) {
+    std::error_code error;
+    fs::rename(from, to, error);
+    if (error) fail<FileError>(folder.string(), ": cannot be written (", error.message(), ")");
+}
+
+void remove_or_fail(const fs::path& folder) {
+    std::error_code error;
+    fs::remove_all(folder, error);
+    if (error) fail<FileError>(folder.string(), ": cannot be removed (", error.message(), ")");
+}
 
 constexpr const char* model_name = "model.safetensors";
 constexpr const char* state_name = "state.safetensors";
@@ -55,7 +129,7 @@ struct CheckpointFiles {
 };
 
 /// Throws FileError if a file is missing or damaged or belongs to another step.
-CheckpointFiles read_files(const std::filesystem::path& folder) {
+CheckpointFiles read_files(const fs::path& folder) {
     verify_checksums(folder);
     CheckpointFiles files{read_tensor_file(folder / state_name),
                           read_tensor_file(folder / model_name)};
@@ -68,11 +142,11 @@ CheckpointFiles read_files(const std::filesystem::path& folder) {
 }
 
 /// Which checkpoint to resume from instead of a damaged one.
-std::string advice(const std::filesystem::path& damaged) {
+std::string advice(const fs::path& damaged) {
     const std::optional<std::int64_t> number = checkpoint_step(damaged);
     std::error_code error;
-    std::vector<std::pair<std::int64_t, std::filesystem::path>> older;
-    for (const auto& entry : std::filesystem::directory_iterator(damaged.parent_path(), error)) {
+    std::vector<std::pair<std::int64_t, fs::path>> older;
+    for (const auto& entry : fs::directory_iterator(damaged.parent_path(), error)) {
         const std::optional<std::int64_t> other = checkpoint_step(entry.path());
         if (number && other && *other < *number) older.emplace_back(*other, entry.path());
     }
@@ -90,8 +164,82 @@ std::string advice(const std::filesystem::path& damaged) {
 
 }  // namespace
 
-void write_checkpoint(const std::filesystem::path& folder, const Model& model,
-                      const Checkpoint& checkpoint) {
+void verify_checksums(const fs::path& folder) {
+    const fs::path list = folder / list_name;
+    if (!fs::exists(list)) return;
+    const std::map<std::string, std::string> expected = read_list(list);
+    const std::map<std::string, std::string> found = seals_of(folder);
+    for (const auto& [name, seal] : expected) {
+        const auto file = found.find(name);
+        if (file == found.end()) fail<FileError>((folder / name).string(), ": is missing");
+        if (file->second != seal)
+            fail<FileError>((folder / name).string(), ": is damaged (checksum and size are ",
+                            file->second, ", ", list_name, " says ", seal, ")");
+    }
+    for (const auto& [name, seal] : found)
+        if (!expected.contains(name))
+            fail<FileError>(list.string(), ": is damaged (", name, " is missing in it)");
+}
+
+std::optional<std::int64_t> checkpoint_step(const fs::path& folder) {
+    const std::string name = folder.filename().string();
+    std::int64_t step = 0;
+    const auto end = std::from_chars(name.data(), name.data() + name.size(), step);
+    if (end.ec != std::errc{} || end.ptr != name.data() + name.size()) return std::nullopt;
+    return step;
+}
+
+void write_checkpoint_folder(const fs::path& folder,
+                             const std::function<void(const fs::path&)>& write) {
+    repair_checkpoint_folder(folder);
+    const fs::path source = with_suffix(folder, unfinished_suffix);
+    remove_or_fail(source);
+    require_writable_folder(source);
+    write(source);
+    flush_to_disk(source);
+    const fs::path older = with_suffix(folder, replaced_suffix);
+    if (fs::exists(folder)) rename_or_fail(folder, older, folder);
+    try {
+        rename_or_fail(source, folder, folder);
+    } catch (const FileError&) {
+        repair_checkpoint_folder(folder);
+        throw;
+    }
+    flush_names(fs::absolute(folder).parent_path());
+    remove_or_fail(older);
+}
+
+void remove_checkpoint_folder(const fs::path& folder) {
+    const fs::path leaving = with_suffix(folder, unfinished_suffix);
+    remove_or_fail(leaving);
+    rename_or_fail(folder, leaving, folder);
+    flush_names(fs::absolute(folder).parent_path());
+    remove_or_fail(leaving);
+}
+
+void repair_checkpoint_folder(const fs::path& folder) {
+    const fs::path older = with_suffix(folder, replaced_suffix);
+    if (!fs::exists(older)) return;
+    if (fs::exists(folder)) {
+        remove_or_fail(older);
+    } else {
+        rename_or_fail(older, folder, folder);
+    }
+}
+
+void repair_checkpoint_folders(const fs::path& folder) {
+    // Listed before any change, because a directory iterator may or may not show entries that are
+    // renamed meanwhile.
+    const std::vector<fs::directory_entry> entries{fs::directory_iterator(folder),
+                                                   fs::directory_iterator()};
+    for (const fs::directory_entry& entry : entries) {
+        fs::path path = entry.path();
+        if (path.extension() == unfinished_suffix) remove_or_fail(path);
+        if (path.extension() == replaced_suffix) repair_checkpoint_folder(path.replace_extension());
+    }
+}
+
+void write_checkpoint(const fs::path& folder, const Model& model, const Checkpoint& checkpoint) {
     TensorFile file = checkpoint.tensors;
     for_each_number(checkpoint.state,
                     [&](const char* key, auto value) { file.metadata[key] = exact_text(value); });
@@ -99,14 +247,14 @@ void write_checkpoint(const std::filesystem::path& folder, const Model& model,
     const auto epochs = static_cast<std::int64_t>(checkpoint.state.epoch_losses.size());
     file.tensors[epoch_losses_name] =
         Tensor::from({epochs}, std::span<const double>(checkpoint.state.epoch_losses));
-    write_checkpoint_folder(folder, [&](const std::filesystem::path& unfinished) {
+    write_checkpoint_folder(folder, [&](const fs::path& unfinished) {
         model.save(unfinished / model_name);
         write_tensor_file(unfinished / state_name, file);
         write_checksums(unfinished);
     });
 }
 
-Checkpoint read_checkpoint(const std::filesystem::path& folder, Model& model) {
+Checkpoint read_checkpoint(const fs::path& folder, Model& model) {
     repair_checkpoint_folder(folder);
     CheckpointFiles files;
     try {

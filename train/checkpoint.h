@@ -1,6 +1,9 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <functional>
+#include <optional>
 #include <vector>
 
 #include "core/io/tensor_file.h"
@@ -41,5 +44,28 @@ void write_checkpoint(const std::filesystem::path& folder, const Model& model,
 /// damaged, or if the folder's number is not the state's step, the error also names the newest
 /// older checkpoint next to `folder` that is intact.
 [[nodiscard]] Checkpoint read_checkpoint(const std::filesystem::path& folder, Model& model);
+
+/// The step in the name of a checkpoint's folder, or nothing for another name.
+[[nodiscard]] std::optional<std::int64_t> checkpoint_step(const std::filesystem::path& folder);
+/// Writes a checkpoint's folder so that it survives a crash or a power cut at any time. While it is
+/// being written, two more folders can exist: `folder`.unfinished is the new checkpoint, and
+/// `folder`.replaced is the complete one that it replaces. Calls `write(unfinished)` and replaces
+/// `folder` by the result. Throws FileError if a folder cannot be renamed; the older checkpoint of
+/// this name is then kept.
+void write_checkpoint_folder(const std::filesystem::path& folder,
+                             const std::function<void(const std::filesystem::path&)>& write);
+/// Removes a checkpoint. After a crash a partly removed checkpoint is named as unfinished, never as
+/// complete.
+void remove_checkpoint_folder(const std::filesystem::path& folder);
+/// Repairs one checkpoint after a crash: restores the replaced one if no new one is complete.
+void repair_checkpoint_folder(const std::filesystem::path& folder);
+/// Repairs every checkpoint in `folder` and removes unfinished ones.
+void repair_checkpoint_folders(const std::filesystem::path& folder);
+
+/// Checks the files of a checkpoint against its checksums.txt, which has CRC-32C in hexadecimal,
+/// size and name of every other file in the folder. Throws FileError, which names the first file
+/// that differs, or that is missing in the folder or in checksums.txt. Accepts a folder of an older
+/// version, which has no checksums.txt.
+void verify_checksums(const std::filesystem::path& folder);
 
 }  // namespace stymo

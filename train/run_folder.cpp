@@ -13,7 +13,7 @@
 #include "core/error.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
-#include "train/checkpoint_folder.h"
+#include "train/checkpoint.h"
 
 namespace stymo {
 

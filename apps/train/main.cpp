@@ -12,7 +12,7 @@
 #include "apps/train/ranked_run.h"
 #include "core/error.h"
 #include "core/io/file.h"
-#include "train/checkpoint_folder.h"
+#include "train/checkpoint.h"
 #include "train/plan.h"
 #include "train/trainer.h"
 

@@ -7,7 +7,7 @@
 #include "core/io/file.h"
 #include "core/io/scratch_folder.h"
 #include "support/error_message.h"
-#include "train/checkpoint_folder.h"
+#include "train/checkpoint.h"
 #include "train/run_folder.h"
 
 using namespace stymo;
