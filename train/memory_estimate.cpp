@@ -6,7 +6,7 @@
 #include "core/error.h"
 #include "core/machine_limits.h"
 #include "core/parallel.h"
-#include "train/gradient_tree.h"
+#include "train/gradient_sums.h"
 
 namespace stymo {
 

@@ -6,8 +6,7 @@
 #include "core/ops/elementwise.h"
 #include "core/parallel.h"
 #include "render/rays.h"
-#include "train/gradient_exchange.h"
-#include "train/gradient_tree.h"
+#include "train/gradient_sums.h"
 #include "train/memory_estimate.h"
 
 namespace stymo {

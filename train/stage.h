@@ -10,7 +10,7 @@
 #include "nn/optim/hybrid_optimizer.h"
 #include "train/data/training_images.h"
 #include "train/generator_gradients.h"
-#include "train/ranks.h"
+#include "train/gradient_sums.h"
 
 namespace stymo {
 

@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "train/ranks.h"
+#include "train/gradient_sums.h"
 
 namespace stymo {
 

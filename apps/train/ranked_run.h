@@ -9,7 +9,7 @@
 #include "apps/common/command_line.h"
 #include "train/checkpoint.h"
 #include "train/data/dataset.h"
-#include "train/ranks.h"
+#include "train/gradient_sums.h"
 #include "train/train_config.h"
 
 namespace stymo {

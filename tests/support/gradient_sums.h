@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "train/gradient_tree.h"
+#include "train/gradient_sums.h"
 
 namespace stymo::test {
 

@@ -14,8 +14,7 @@
 #include "support/error_message.h"
 #include "support/gradient_sums.h"
 #include "support/thread_count.h"
-#include "train/gradient_exchange.h"
-#include "train/ranks.h"
+#include "train/gradient_sums.h"
 #include "train/tiny_training.h"
 #include "train/trainer.h"
 

@@ -5,7 +5,7 @@
 #include "core/rng.h"
 #include "nn/optim/adam.h"
 #include "nn/optim/ema.h"
-#include "train/gradient_tree.h"
+#include "train/gradient_sums.h"
 
 namespace stymo::stability {
 

@@ -9,7 +9,7 @@
 #include "support/check_close.h"
 #include "support/gradient_sums.h"
 #include "support/thread_count.h"
-#include "train/gradient_tree.h"
+#include "train/gradient_sums.h"
 #include "train/stage.h"
 
 using namespace stymo;

@@ -1,14 +1,30 @@
-#include "train/ranks.h"
+#include "train/gradient_sums.h"
 
 #include <algorithm>
 #include <bit>
 #include <cstdint>
+#include <iterator>
+#include <utility>
 
+#include "core/clock.h"
 #include "core/error.h"
+#include "core/parallel.h"
 
 namespace stymo {
 
 namespace {
+
+void add_to(Tensor& sum, const Tensor& more) {
+    constexpr std::int64_t grain = 65536;
+    dispatch(sum.dtype(), [&]<class T>(T) {
+        T* const to = sum.mutable_values<T>().data();
+        const T* const from = more.values<T>().data();
+        parallel_for(sum.size(), grain, [=](std::int64_t begin, std::int64_t end) {
+#pragma omp simd
+            for (std::int64_t i = begin; i < end; ++i) to[i] += from[i];
+        });
+    });
+}
 
 template <class T>
 std::span<std::byte> bytes_of(std::vector<T>& values) {
@@ -75,6 +91,40 @@ std::string rank_name(std::size_t rank) {
 }
 
 }  // namespace
+
+GradientTree::GradientTree(std::int64_t micro_batches, SumSink sink)
+    : micro_batches_(micro_batches), sink_(std::move(sink)) {}
+
+void GradientTree::add(std::int64_t micro_batch, std::size_t i, Tensor gradient) {
+    Tensor sum = std::move(gradient);
+    std::int64_t level = 0, number = micro_batch;
+    for (std::int64_t width = micro_batches_; width > 1; width = (width + 1) / 2) {
+        // The last of an odd number of sums has no partner and moves up unchanged.
+        if (const std::int64_t partner = number ^ 1; partner < width) {
+            std::unique_lock lock(mutex_);
+            const auto found = waiting_.find({i, level, partner});
+            if (found == waiting_.end()) {
+                waiting_.emplace(Place{i, level, number}, std::move(sum));
+                return;
+            }
+            Tensor other = std::move(found->second);
+            waiting_.erase(found);
+            lock.unlock();
+            // No one else shares the waiting sum, so it is changed in place.
+            add_to(other, sum);
+            sum = std::move(other);
+        }
+        ++level;
+        number /= 2;
+    }
+    sink_(i, std::move(sum));
+}
+
+std::int64_t GradientTree::most_sets(std::int64_t micro_batches, std::int64_t at_once) {
+    const auto levels =
+        static_cast<std::int64_t>(std::bit_width(static_cast<std::uint64_t>(micro_batches - 1)));
+    return std::min(micro_batches, levels + at_once);
+}
 
 void Ranks::exchange(std::span<const std::byte> sent, std::span<std::byte> received, int other) {
     if (rank() < other) {
@@ -162,6 +212,59 @@ void require_share(const Ranks& ranks, std::int64_t micro_batches, const std::st
                      where,
                      "): each needs 1, 2, 4, 8 or another power of two of them; start "
                      "fewer ranks or change batch and micro_batch");
+}
+
+GradientExchange::GradientExchange(Ranks& ranks, const std::vector<std::int64_t>& bytes,
+                                   std::int64_t bucket_bytes)
+    : ranks_(ranks),
+      exchanged_before_(ranks.exchange_seconds()),
+      sums_(bytes.size()),
+      bucket_of_(bytes.size()) {
+    std::int64_t filled = bucket_bytes;
+    for (std::size_t i = bytes.size(); i-- > 0;) {
+        if (filled >= bucket_bytes) {
+            buckets_.push_back({i, i + 1, 0});
+            filled = 0;
+        }
+        filled += bytes[i];
+        buckets_.back().begin = i;
+        ++buckets_.back().missing;
+        bucket_of_[i] = buckets_.size() - 1;
+    }
+    if (ranks.size() > 1) thread_ = std::jthread([this](const std::stop_token& s) { run(s); });
+}
+
+void GradientExchange::add(std::size_t i, Tensor sum) {
+    const std::lock_guard lock(mutex_);
+    sums_[i] = std::move(sum);
+    if (--buckets_[bucket_of_[i]].missing == 0) arrived_.notify_all();
+}
+
+std::vector<Tensor> GradientExchange::take_sums() {
+    if (!thread_.joinable()) return std::move(sums_);
+    const double begin = seconds_now();
+    thread_.join();
+    if (problem_) std::rethrow_exception(problem_);
+    const double exchanged = ranks_.exchange_seconds() - exchanged_before_;
+    ranks_.add_hidden_seconds(std::max(0.0, exchanged - (seconds_now() - begin)));
+    return std::move(sums_);
+}
+
+void GradientExchange::run(const std::stop_token& stop) {
+    try {
+        for (Bucket& bucket : buckets_) {
+            std::unique_lock lock(mutex_);
+            if (!arrived_.wait(lock, stop, [&] { return bucket.missing == 0; })) return;
+            lock.unlock();
+            const auto first = sums_.begin() + static_cast<std::ptrdiff_t>(bucket.begin);
+            const auto last = sums_.begin() + static_cast<std::ptrdiff_t>(bucket.end);
+            std::vector<Tensor> part(std::make_move_iterator(first), std::make_move_iterator(last));
+            add_up(ranks_, part);
+            std::ranges::move(part, first);
+        }
+    } catch (...) {
+        problem_ = std::current_exception();
+    }
 }
 
 }  // namespace stymo
