@@ -1,3 +1,25 @@
+// The sum of a step's gradients.
+//
+// A step's gradient is the sum over its micro-batches, which several threads, and several machines,
+// compute in any order. Addition of floating-point numbers is not associative: a sum in the order
+// of arrival would differ from run to run, and one in a fixed order of a list would make threads
+// wait for each other. A run could then not be repeated, nor resumed with the same bits.
+//
+// The order is therefore that of a binary tree whose leaves are the micro-batches: 2k and 2k + 1
+// are added, then these sums in pairs, and so on; the last of an odd number moves up unchanged.
+// Which two sums are added depends on their numbers alone. Whoever arrives second at an inner node
+// adds and goes on up, so nobody waits.
+//
+// The tree has two more advantages over a running sum. Its rounding error grows with the logarithm
+// of the number of micro-batches. And a rank that computes a power of two of consecutive
+// micro-batches holds a whole subtree, whose root alone it exchanges; the ranks' sums continue in
+// the same tree (`add_up`), so the result does not depend on how many machines there are.
+//
+// The price is memory. A sum waits for its partner, one for each level that is incomplete: if
+// micro-batches are computed in order, that is at most their logarithm, plus those that are being
+// computed (`most_sets`). Each parameter has a tree of its own, so a parameter's sum is exchanged
+// as soon as it is complete, while the backward pass goes on.
+
 #include "train/gradient_sums.h"
 
 #include <algorithm>
@@ -104,7 +126,7 @@ void GradientTree::add(std::int64_t micro_batch, std::size_t i, Tensor gradient)
             std::unique_lock lock(mutex_);
             const auto found = waiting_.find({i, level, partner});
             if (found == waiting_.end()) {
-                waiting_.emplace(Place{i, level, number}, std::move(sum));
+                waiting_.emplace(TreeNode{i, level, number}, std::move(sum));
                 return;
             }
             Tensor other = std::move(found->second);

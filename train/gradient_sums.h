@@ -44,12 +44,12 @@ public:
 
 private:
     /// Parameter, level of the tree, and number within the level.
-    using Place = std::tuple<std::size_t, std::int64_t, std::int64_t>;
+    using TreeNode = std::tuple<std::size_t, std::int64_t, std::int64_t>;
 
     std::int64_t micro_batches_;
     SumSink sink_;
     std::mutex mutex_;
-    std::map<Place, Tensor> waiting_;  ///< sums whose partner has not arrived
+    std::map<TreeNode, Tensor> waiting_;  ///< sums whose partner has not arrived
 };
 
 /// One of the processes (MPI ranks) that train a model together. Each computes its share of every

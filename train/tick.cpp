@@ -6,7 +6,45 @@
 #include <string_view>
 #include <utility>
 
+#include "core/angle.h"
+#include "core/clock.h"
+#include "core/io/image.h"
+#include "core/metrics.h"
+#include "core/ops/elementwise.h"
+#include "core/ops/resample.h"
+#include "core/parallel.h"
+#include "nn/models/display_image.h"
+#include "nn/models/face_batch.h"
+#include "nn/realtime/view.h"
+
 namespace stymo {
+
+namespace {
+
+constexpr std::int64_t faces_shown = 6;
+
+}  // namespace
+
+TickClock::TickClock(const TrainingImages& images, const Ranks& ranks, std::int64_t image)
+    : images_(images), ranks_(ranks), begin_(reading(image)) {}
+
+TickClock::Reading TickClock::reading(std::int64_t image) const {
+    return {seconds_now(), ranks_.exchange_seconds(), ranks_.hidden_seconds(),
+            images_.waiting_seconds(), image};
+}
+
+TickSpeed TickClock::lap(std::int64_t image) {
+    const Reading begin = std::exchange(begin_, reading(image));
+    const double seconds = begin_.now - begin.now;
+    TickSpeed speed{static_cast<double>(image - begin.image) / seconds};
+    if (ranks_.size() > 1) {
+        const double hidden = begin_.hidden - begin.hidden;
+        speed.hidden_exchange_share = hidden / seconds;
+        speed.exchange_share = (begin_.exchange - begin.exchange - hidden) / seconds;
+    }
+    speed.disk_share = (begin_.disk - begin.disk) / (seconds * static_cast<double>(thread_count()));
+    return speed;
+}
 
 void Tick::add(const StepReport& report) {
     ++steps_;
@@ -60,6 +98,51 @@ JsonValue Tick::json(std::int64_t step, const TrainingPosition& position, double
     for (const std::string_view name : discriminator_loss_names)
         object.add(std::string(name), mean[name]);
     return object;
+}
+
+ValidationScore validation_score(const Model& model, const ReconstructionLoss& reconstruction,
+                                 const Dataset& faces, std::int64_t count, std::int64_t resolution,
+                                 std::int64_t samples_per_ray) {
+    ValidationScore sum;
+    for (std::int64_t index = 0; index < count; ++index) {
+        const FaceBatch batch =
+            make_batch(std::vector{faces.load(index)}, model.decoder().ladder().smallest());
+        const Codes codes = face_codes(model, batch);
+        const Decoded decoded = model.decoder()(
+            codes, batch.cameras, {.samples_per_ray = samples_per_ray, .resolution = resolution});
+        const ReconstructionLoss::Target target = reconstruction.target(batch.targets, resolution);
+        sum.reconstruction += reconstruction(decoded.images, target).total.value().item();
+        const int side = static_cast<int>(resolution);
+        const Tensor mask = clamp(resize_bicubic(batch.mask, side, side), 0.0, 1.0).value();
+        sum.psnr += peak_signal_to_noise_ratio(
+            masked_image(display_image(decoded.images.back().value(), 0), display_mask(mask, 0)),
+            display_image(target.images.back(), 0));
+    }
+    return {sum.reconstruction / static_cast<double>(count), sum.psnr / static_cast<double>(count)};
+}
+
+Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t resolution,
+                    std::int64_t samples_per_ray, const PhotoOffsets* offsets) {
+    std::vector<Tensor> tiles;
+    for (std::int64_t index = 0; index < std::min(faces_shown, faces.size()); ++index) {
+        const FaceBatch batch =
+            make_batch(std::vector{faces.load(index)}, model.decoder().ladder().smallest());
+        const Codes codes = face_codes(model, batch, offsets);
+        const auto show = [&](const Camera& camera) {
+            tiles.push_back(
+                render_view(model, codes, 0, camera,
+                            {.samples_per_ray = samples_per_ray, .resolution = resolution})
+                    .image);
+        };
+        const auto target = std::ranges::find(batch.targets, resolution,
+                                              [](const Tensor& images) { return images.shape(1); });
+        tiles.push_back(display_image(*target, 0));
+        show(face_cameras(batch, offsets).front());
+        for (const double yaw_degrees : {-30.0, 0.0, 30.0}) {
+            show(model_camera(model, radians_from_degrees(yaw_degrees), 0.0, 0.0));
+        }
+    }
+    return tile_images(tiles, 5);
 }
 
 }  // namespace stymo

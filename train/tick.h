@@ -4,7 +4,11 @@
 #include <string>
 
 #include "core/io/json_writer.h"
+#include "nn/models/model.h"
+#include "nn/models/reconstruction.h"
+#include "train/data/dataset.h"
 #include "train/discriminator_gradients.h"
+#include "train/photo_offsets.h"
 #include "train/stage.h"
 
 namespace stymo {
@@ -18,6 +22,32 @@ struct TickSpeed {
     /// Share of the time in which it exchanged data while it was computing.
     std::optional<double> hidden_exchange_share{};
     double disk_share = 0.0;  ///< share of the threads' time in which they waited for the disk
+};
+
+/// Measures the speed of the steps of each tick.
+class TickClock {
+public:
+    /// Begins a tick at image `image` of the run. `images` and `ranks` must outlive the clock.
+    TickClock(const TrainingImages& images, const Ranks& ranks, std::int64_t image);
+
+    /// The speed of the tick that ends at image `image`. The next tick begins.
+    [[nodiscard]] TickSpeed lap(std::int64_t image);
+
+private:
+    /// Seconds since some begin.
+    struct Reading {
+        double now = 0.0;
+        double exchange = 0.0;
+        double hidden = 0.0;  ///< part of `exchange`
+        double disk = 0.0;    ///< of all threads
+        std::int64_t image = 0;
+    };
+
+    [[nodiscard]] Reading reading(std::int64_t image) const;
+
+    const TrainingImages& images_;
+    const Ranks& ranks_;
+    Reading begin_;
 };
 
 /// Means over the steps of a tick, the interval between two lines of statistics.
@@ -41,5 +71,25 @@ private:
     double learning_rate_ = 0.0;  ///< of the last step
     LossValues losses_;           ///< sums
 };
+
+/// Mean scores of a model's images for the initial codes (face_codes).
+struct ValidationScore {
+    double reconstruction = 0.0;  ///< L_recon of training
+    double psnr = 0.0;            ///< of the masked image, in decibels
+};
+
+/// The score on the first `count` faces, at one of the model's resolutions.
+[[nodiscard]] ValidationScore validation_score(const Model& model,
+                                               const ReconstructionLoss& reconstruction,
+                                               const Dataset& faces, std::int64_t count,
+                                               std::int64_t resolution,
+                                               std::int64_t samples_per_ray);
+
+/// An image with one row for each of the first few faces: target | image for the initial code |
+/// three views at yaw -30, 0 and 30 degrees, at one of the model's resolutions. `offsets`: the
+/// learnt offsets of the faces, or null.
+[[nodiscard]] Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t resolution,
+                                  std::int64_t samples_per_ray,
+                                  const PhotoOffsets* offsets = nullptr);
 
 }  // namespace stymo

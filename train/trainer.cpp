@@ -10,7 +10,6 @@
 #include "train/adversarial_stage.h"
 #include "train/memory_estimate.h"
 #include "train/reconstruction_stage.h"
-#include "train/validation.h"
 
 namespace stymo {
 

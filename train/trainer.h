@@ -93,6 +93,8 @@ private:
         Trainer& trainer_;
     };
 
+    class Run;
+
     [[nodiscard]] const Dataset& shown_faces() const {
         return validation_ != nullptr ? *validation_ : training_;
     }

@@ -5,9 +5,8 @@
 
 #include "core/clock.h"
 #include "core/interrupt.h"
-#include "core/parallel.h"
 #include "core/progress.h"
-#include "train/sample_sheet.h"
+#include "train/tick.h"
 #include "train/trainer.h"
 #include "train/training_codes.h"
 
@@ -46,102 +45,138 @@ bool is_due(std::int64_t step, std::int64_t interval) {
 
 }  // namespace
 
-TrainingOutcome Trainer::run_steps(const RunFolder* folder, const TrainingLimits& limits) {
-    const InterruptGuard guard;
-    const OutputConfig& output = config_.output;
-    const double start = seconds_now();
-    const std::int64_t first_image = schedule_.images_before(state_.step);
-    double last_checkpoint = start;
-    std::int64_t saved_step = -1;
-    double tick_start = start;
-    double tick_exchange = ranks_.exchange_seconds(), tick_hidden = ranks_.hidden_seconds();
-    double tick_waiting = images_.waiting_seconds();
-    bool disk_is_slow = false;
-    std::int64_t tick_first_image = first_image;
-    if (folder != nullptr) folder->forget_statistics_after(state_.step);
-    Progress progress({.title = "train",
-                       .total = schedule_.images_before(schedule_.steps()),
-                       .first = first_image,
-                       .unit = "images",
-                       .time_limit = limits.minutes * 60.0});
-    if (folder != nullptr) announce_lpips(reconstruction_.lpips(), *folder, progress);
-    TrainingOutcome outcome;
-    Tick tick;
-    // All ranks stop before the same step.
-    const auto time_is_up = [&] {
-        const bool late = limits.minutes > 0.0 && seconds_now() - start >= limits.minutes * 60.0;
-        return any(ranks_, late || interrupted());
-    };
-    while (state_.step < schedule_.steps() && !time_is_up()) {
-        const TrainingPosition position = schedule_.position(state_.step);
-        const StepReport report = step();
-        const std::int64_t images = schedule_.images_before(state_.step);
-        if (report.non_finite) {
-            progress.message("step " + std::to_string(state_.step) +
-                             " skipped: " + *report.non_finite + " is not finite");
-        }
-        tick.add(report);
-        if (is_due(state_.step, output.tick_steps)) {
-            const double seconds = seconds_now() - tick_start;
-            TickSpeed speed{static_cast<double>(images - tick_first_image) / seconds};
-            if (ranks_.size() > 1) {
-                const double hidden = ranks_.hidden_seconds() - tick_hidden;
-                speed.hidden_exchange_share = hidden / seconds;
-                speed.exchange_share =
-                    (ranks_.exchange_seconds() - tick_exchange - hidden) / seconds;
-            }
-            speed.disk_share = (images_.waiting_seconds() - tick_waiting) /
-                               (seconds * static_cast<double>(thread_count()));
-            constexpr double slow_from = 0.2;
-            if (speed.disk_share > slow_from && !disk_is_slow) {
-                disk_is_slow = true;
-                announce_slow_disk(speed.disk_share, folder, progress);
-            }
-            if (folder != nullptr) {
-                folder->statistics(tick.json(state_.step, position, images_.epochs(images), speed));
-                folder->log("step " + std::to_string(state_.step) + ": " + tick.text());
-            }
-            outcome.last_tick = tick.losses();
-            tick = {};
-            tick_start = seconds_now();
-            tick_exchange = ranks_.exchange_seconds();
-            tick_hidden = ranks_.hidden_seconds();
-            tick_waiting = images_.waiting_seconds();
-            tick_first_image = images;
-        }
-        progress.update(images, step_text(report.losses));
-        if (folder == nullptr) continue;
-        if (is_due(state_.step, output.sample_steps)) {
-            const EvaluationScope evaluation(*this);
-            folder->sample(state_.step,
-                           sample_sheet(model_, shown_faces(), position.phase.resolution,
-                                        position.phase.samples_per_ray, shown_offsets()));
-        }
-        const bool time_to_save =
-            output.checkpoint_minutes > 0.0 &&
-            seconds_now() - last_checkpoint >= output.checkpoint_minutes * 60.0;
-        const bool phase_is_over = position.step + 1 == position.phase.steps;
-        if (time_to_save || phase_is_over || is_due(state_.step, output.checkpoint_steps)) {
-            save_checkpoint(*folder);
-            saved_step = state_.step;
-            last_checkpoint = seconds_now();
-        }
+/// A call of run_steps: its clocks, and what it reports and writes.
+class Trainer::Run {
+public:
+    Run(Trainer& trainer, const RunFolder* folder, const TrainingLimits& limits);
+
+    /// The same on all ranks, which therefore stop before the same step.
+    [[nodiscard]] bool time_is_up();
+    void step();
+    [[nodiscard]] TrainingOutcome finish();
+
+private:
+    [[nodiscard]] std::int64_t images_done() const {
+        return trainer_.schedule_.images_before(trainer_.state_.step);
     }
-    outcome.steps = state_.step;
-    outcome.seconds = seconds_now() - start;
-    outcome.images_per_second =
-        static_cast<double>(schedule_.images_before(state_.step) - first_image) /
-        std::max(1e-9, outcome.seconds);
-    outcome.finished = state_.step >= schedule_.steps();
-    if (tick.steps() > 0 && outcome.last_tick.total == 0.0) outcome.last_tick = tick.losses();
-    if (folder == nullptr) return outcome;
-    if (saved_step != state_.step) save_checkpoint(*folder);
+    void end_tick(const TrainingPosition& position);
+    void write_samples(const TrainingPhase& phase);
+    [[nodiscard]] bool checkpoint_is_due(const TrainingPosition& done) const;
+    void save_checkpoint();
+
+    Trainer& trainer_;
+    const RunFolder* folder_;  ///< null on a rank that does not lead
+    double limit_;             ///< seconds; 0: none
+    double start_;
+    double last_checkpoint_;
+    std::int64_t saved_step_ = -1;
+    std::int64_t first_image_;
+    bool disk_is_slow_ = false;
+    Progress progress_;
+    TickClock clock_;
+    Tick tick_;
+    TrainingOutcome outcome_;
+};
+
+Trainer::Run::Run(Trainer& trainer, const RunFolder* folder, const TrainingLimits& limits)
+    : trainer_(trainer),
+      folder_(folder),
+      limit_(limits.minutes * 60.0),
+      start_(seconds_now()),
+      last_checkpoint_(start_),
+      first_image_(images_done()),
+      progress_({.title = "train",
+                 .total = trainer.schedule_.images_before(trainer.schedule_.steps()),
+                 .first = first_image_,
+                 .unit = "images",
+                 .time_limit = limit_}),
+      clock_(trainer.images_, trainer.ranks_, first_image_) {
+    if (folder_ == nullptr) return;
+    folder_->forget_statistics_after(trainer_.state_.step);
+    announce_lpips(trainer_.reconstruction_.lpips(), *folder_, progress_);
+}
+
+bool Trainer::Run::time_is_up() {
+    const bool late = limit_ > 0.0 && seconds_now() - start_ >= limit_;
+    return any(trainer_.ranks_, late || interrupted());
+}
+
+void Trainer::Run::step() {
+    const OutputConfig& output = trainer_.config_.output;
+    const TrainingPosition position = trainer_.schedule_.position(trainer_.state_.step);
+    const StepReport report = trainer_.step();
+    const std::int64_t steps = trainer_.state_.step;
+    if (report.non_finite) {
+        progress_.message("step " + std::to_string(steps) + " skipped: " + *report.non_finite +
+                          " is not finite");
+    }
+    tick_.add(report);
+    if (is_due(steps, output.tick_steps)) end_tick(position);
+    progress_.update(images_done(), step_text(report.losses));
+    if (folder_ == nullptr) return;
+    if (is_due(steps, output.sample_steps)) write_samples(position.phase);
+    if (checkpoint_is_due(position)) save_checkpoint();
+}
+
+void Trainer::Run::end_tick(const TrainingPosition& position) {
+    const std::int64_t steps = trainer_.state_.step;
+    const TickSpeed speed = clock_.lap(images_done());
+    constexpr double slow_from = 0.2;
+    if (speed.disk_share > slow_from && !disk_is_slow_) {
+        disk_is_slow_ = true;
+        announce_slow_disk(speed.disk_share, folder_, progress_);
+    }
+    if (folder_ != nullptr) {
+        folder_->statistics(tick_.json(steps, position, trainer_.epochs_at(steps), speed));
+        folder_->log("step " + std::to_string(steps) + ": " + tick_.text());
+    }
+    outcome_.last_tick = tick_.losses();
+    tick_ = {};
+}
+
+void Trainer::Run::write_samples(const TrainingPhase& phase) {
+    const EvaluationScope evaluation(trainer_);
+    folder_->sample(trainer_.state_.step,
+                    sample_sheet(trainer_.model_, trainer_.shown_faces(), phase.resolution,
+                                 phase.samples_per_ray, trainer_.shown_offsets()));
+}
+
+bool Trainer::Run::checkpoint_is_due(const TrainingPosition& done) const {
+    const OutputConfig& output = trainer_.config_.output;
+    const bool time_to_save = output.checkpoint_minutes > 0.0 &&
+                              seconds_now() - last_checkpoint_ >= output.checkpoint_minutes * 60.0;
+    const bool phase_is_over = done.step + 1 == done.phase.steps;
+    return time_to_save || phase_is_over || is_due(trainer_.state_.step, output.checkpoint_steps);
+}
+
+void Trainer::Run::save_checkpoint() {
+    trainer_.save_checkpoint(*folder_);
+    saved_step_ = trainer_.state_.step;
+    last_checkpoint_ = seconds_now();
+}
+
+TrainingOutcome Trainer::Run::finish() {
+    outcome_.steps = trainer_.state_.step;
+    outcome_.seconds = seconds_now() - start_;
+    outcome_.images_per_second =
+        static_cast<double>(images_done() - first_image_) / std::max(1e-9, outcome_.seconds);
+    outcome_.finished = trainer_.state_.step >= trainer_.schedule_.steps();
+    if (tick_.steps() > 0 && outcome_.last_tick.total == 0.0) outcome_.last_tick = tick_.losses();
+    if (folder_ == nullptr) return outcome_;
+    if (saved_step_ != trainer_.state_.step) save_checkpoint();
     // Only at the end, because the statistics take as long as many steps; and after the checkpoint,
     // in case the process is killed meanwhile.
-    for (const std::filesystem::path& model : {folder->model_file(), folder->best_file()})
-        add_code_statistics(model, training_, output.statistics_images);
-    progress.finish(step_text(outcome.last_tick));
-    return outcome;
+    for (const std::filesystem::path& model : {folder_->model_file(), folder_->best_file()})
+        add_code_statistics(model, trainer_.training_, trainer_.config_.output.statistics_images);
+    progress_.finish(step_text(outcome_.last_tick));
+    return outcome_;
+}
+
+TrainingOutcome Trainer::run_steps(const RunFolder* folder, const TrainingLimits& limits) {
+    const InterruptGuard guard;
+    Run run(*this, folder, limits);
+    while (state_.step < schedule_.steps() && !run.time_is_up()) run.step();
+    return run.finish();
 }
 
 }  // namespace stymo

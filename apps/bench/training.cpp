@@ -7,8 +7,8 @@
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/folder_in_progress.h"
+#include "train/tick.h"
 #include "train/trainer.h"
-#include "train/validation.h"
 
 namespace stymo {
 
