@@ -254,7 +254,7 @@ void write_checkpoint(const fs::path& folder, const Model& model, const Checkpoi
     });
 }
 
-Checkpoint read_checkpoint(const fs::path& folder, Model& model) {
+Checkpoint read_checkpoint(const fs::path& folder, Model& model, std::uint64_t seed) {
     repair_checkpoint_folder(folder);
     CheckpointFiles files;
     try {
@@ -267,6 +267,9 @@ Checkpoint read_checkpoint(const fs::path& folder, Model& model) {
     TensorFile& file = checkpoint.tensors;
     for_each_number(checkpoint.state,
                     [&](const char* key, auto& value) { read_exact(file, source, key, value); });
+    if (checkpoint.state.seed != seed)
+        fail<FileError>(folder.string(), ": was trained with --seed ", checkpoint.state.seed,
+                        ", not ", seed, "; give the same seed");
     int mask_loss = 0;
     read_exact(file, source, "mask_loss", mask_loss);
     checkpoint.state.mask_loss = mask_loss != 0;

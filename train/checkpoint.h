@@ -40,10 +40,12 @@ struct Checkpoint {
 void write_checkpoint(const std::filesystem::path& folder, const Model& model,
                       const Checkpoint& checkpoint);
 /// Reads the weights into `model` and returns the rest. Throws FileError, which names what is
-/// missing, damaged or does not match, and leaves the model unchanged. If files are missing or
+/// missing, damaged or does not match, or that the run had another seed, and leaves the model
+/// unchanged. If files are missing or
 /// damaged, or if the folder's number is not the state's step, the error also names the newest
 /// older checkpoint next to `folder` that is intact.
-[[nodiscard]] Checkpoint read_checkpoint(const std::filesystem::path& folder, Model& model);
+[[nodiscard]] Checkpoint read_checkpoint(const std::filesystem::path& folder, Model& model,
+                                         std::uint64_t seed);
 
 /// The step in the name of a checkpoint's folder, or nothing for another name.
 [[nodiscard]] std::optional<std::int64_t> checkpoint_step(const std::filesystem::path& folder);

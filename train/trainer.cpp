@@ -173,11 +173,7 @@ void Trainer::begin_with(const std::filesystem::path& model_file) {
 }
 
 void Trainer::resume(const std::filesystem::path& folder) {
-    const Checkpoint checkpoint = read_checkpoint(folder, model_);
-    if (checkpoint.state.seed != state_.seed) {
-        fail<FileError>(folder.string(), ": was trained with --seed ", checkpoint.state.seed,
-                        ", not ", state_.seed, "; give the same seed");
-    }
+    const Checkpoint checkpoint = read_checkpoint(folder, model_, state_.seed);
     const std::string source = (folder / "state.safetensors").string();
     state_ = checkpoint.state;
     stage_number_ = 0;

@@ -95,7 +95,7 @@ void read_state(const std::string& bytes) {
         return made;
     }();
     const auto file = scratch_file("checkpoint/state.safetensors", bytes);
-    static_cast<void>(read_checkpoint(file.parent_path(), model));
+    static_cast<void>(read_checkpoint(file.parent_path(), model, 1));
 }
 
 /// The bytes are the list of checksums of a folder with one other file.

@@ -14,9 +14,11 @@ namespace fs = std::filesystem;
 
 namespace {
 
+constexpr std::uint64_t some_seed = 18446744073709551615U;
+
 Checkpoint some_checkpoint() {
     Checkpoint checkpoint;
-    checkpoint.state = {.seed = 18446744073709551615U,
+    checkpoint.state = {.seed = some_seed,
                         .step = 12345678901,
                         .mask_loss = true,
                         .epoch_loss_sum = 0.1 + 0.2,
@@ -32,8 +34,8 @@ Checkpoint some_checkpoint() {
 std::string read_error(const fs::path& folder) {
     Model model = tiny_model(2);
     const Tensor before = model.parameters().all().front().variable().value();
-    std::string message =
-        error_message<FileError>([&] { static_cast<void>(read_checkpoint(folder, model)); });
+    std::string message = error_message<FileError>(
+        [&] { static_cast<void>(read_checkpoint(folder, model, some_seed)); });
     CHECK(is_one_line(message));
     CHECK(identical(before, model.parameters().all().front().variable().value()));
     return message;
@@ -51,7 +53,7 @@ TEST_CASE("a checkpoint reads back as it was written", "[checkpoint]") {
     const Checkpoint written = some_checkpoint();
     write_checkpoint(folder / "c", model, written);
     Model other = tiny_model(2);
-    const Checkpoint read = read_checkpoint(folder / "c", other);
+    const Checkpoint read = read_checkpoint(folder / "c", other, some_seed);
     CHECK(read.state.seed == written.state.seed);
     CHECK(read.state.step == written.state.step);
     CHECK(read.state.mask_loss == written.state.mask_loss);
@@ -72,7 +74,7 @@ TEST_CASE("a run's first checkpoint has no epochs and no score", "[checkpoint]")
     const ScratchFolder folder;
     write_checkpoint(folder / "c", tiny_model(), {});
     Model model = tiny_model();
-    const TrainingState state = read_checkpoint(folder / "c", model).state;
+    const TrainingState state = read_checkpoint(folder / "c", model, 0).state;
     CHECK(state.epoch_losses.empty());
     CHECK(state.best_validation == TrainingState{}.best_validation);
     CHECK_FALSE(state.mask_loss);
@@ -84,7 +86,8 @@ TEST_CASE("writing again replaces a checkpoint and what an earlier attempt left"
     write_checkpoint(folder / "c", tiny_model(), {});
     write_checkpoint(folder / "c", tiny_model(), some_checkpoint());
     Model model = tiny_model();
-    CHECK(read_checkpoint(folder / "c", model).state.step == some_checkpoint().state.step);
+    CHECK(read_checkpoint(folder / "c", model, some_seed).state.step ==
+          some_checkpoint().state.step);
     CHECK(folder.file_count() == 1);
 }
 
@@ -94,7 +97,8 @@ TEST_CASE("a checkpoint that stepped aside for one that never came is read all t
     write_checkpoint(folder / "c", tiny_model(), some_checkpoint());
     fs::rename(folder / "c", folder / "c.replaced");
     Model model = tiny_model();
-    CHECK(read_checkpoint(folder / "c", model).state.step == some_checkpoint().state.step);
+    CHECK(read_checkpoint(folder / "c", model, some_seed).state.step ==
+          some_checkpoint().state.step);
     CHECK(folder.file_count() == 1);
 }
 

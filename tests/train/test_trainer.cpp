@@ -417,9 +417,14 @@ TEST_CASE("a checkpoint of another seed or another model is refused in one line"
     const fs::path checkpoint = folder / "run/checkpoints/000001";
 
     Trainer other_seed(tiny_train_config(), faces(), nullptr, 6);
+    const auto a_weight = [&] {
+        return other_seed.model().parameters().all().front().variable().value();
+    };
+    const Tensor before = a_weight();
     const std::string seeds = error_message<FileError>([&] { other_seed.resume(checkpoint); });
     CHECK(is_one_line(seeds));
     CHECK_THAT(seeds, Catch::Contains("--seed 5"));
+    CHECK(identical(a_weight(), before));
 
     TrainConfig wider = tiny_train_config();
     wider.model.decoder.field_width = 9;
