@@ -4,7 +4,6 @@
 
 #include "core/ops/elementwise.h"
 #include "core/work_counts.h"
-#include "train/memory_estimate.h"
 
 namespace stymo {
 
@@ -32,13 +31,11 @@ LossAndGradients generator_gradients(const GeneratorInputs& inputs,
                                      const TrainingPosition& position, const FaceBatch& batch,
                                      const std::vector<Parameter>& parameters, Rng& jitter,
                                      const GradientSink& sink) {
-    TrainingPhase phase = position.phase;
+    const TrainingPhase& phase = position.phase;
     Codes codes = face_codes(inputs.model, batch, inputs.offsets);
     if (phase.stage == 2) codes = detached(codes);
-    phase.micro_batch = codes.batch();
     const Decoder& decoder = inputs.model.decoder();
-    const Recomputation recomputation =
-        choose_execution(inputs.model, inputs.reconstruction, inputs.config, phase).recomputation;
+    const Recomputation& recomputation = phase.execution.recomputation;
     // The mask branch sums the features of all blocks, so it is trained only if all blocks are
     // used.
     const bool mask = position.mask_loss && inputs.config.loss.mask_weight > 0.0 &&

@@ -5,7 +5,6 @@
 
 #include "core/error.h"
 #include "core/machine_limits.h"
-#include "core/parallel.h"
 #include "train/gradient_sums.h"
 
 namespace stymo {
@@ -85,10 +84,6 @@ std::int64_t generator_numbers(const Model& model, const ReconstructionLoss& los
 }
 
 }  // namespace
-
-std::int64_t StepExecution::at_once(const TrainingPhase& phase) const {
-    return side_by_side && micro_batches_of(phase) >= thread_count() ? thread_count() : 1;
-}
 
 std::int64_t StepMemory::peak() const {
     return persistent + std::max({generator, discriminator, regularizer});

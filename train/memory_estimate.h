@@ -8,21 +8,6 @@
 
 namespace stymo {
 
-/// What the backward pass computes again instead of keeping it (see DecodeOptions).
-struct Recomputation {
-    bool blocks = false;  ///< the render blocks, image by image
-    bool field = false;   ///< the field, tile by tile
-};
-
-/// How the micro-batches of a step are computed.
-struct StepExecution {
-    Recomputation recomputation;
-    bool side_by_side = false;  ///< one micro-batch on each thread (for_each_micro_batch)
-
-    /// Number of this phase's micro-batches that are computed at the same time.
-    [[nodiscard]] std::int64_t at_once(const TrainingPhase& phase) const;
-};
-
 /// Estimated peak of one training step, in bytes: the memory that lasts from step to step, and the
 /// additional memory of each part of a step for the micro-batches that are computed at once. The
 /// parts run one after the other.

@@ -78,7 +78,8 @@ std::string network_of(const Lpips* lpips) {
     return lpips == nullptr ? "" : lpips->label();
 }
 
-std::string execution_text(const StepExecution& execution, const TrainingPhase& phase) {
+std::string execution_text(const TrainingPhase& phase) {
+    const StepExecution& execution = phase.execution;
     if (execution.recomputation.field) return ", render blocks and field computed twice";
     if (execution.recomputation.blocks) return ", render blocks computed twice";
     const std::int64_t at_once = execution.at_once(phase);
@@ -100,10 +101,9 @@ TrainingPlan measure_plan(Trainer& trainer, const TrainConfig& config, const Dat
         const auto images = static_cast<double>(phase.steps * phase.batch);
         PhasePlan& part = plan.phases.emplace_back(
             PhasePlan{.phase = phase, .epochs = images / static_cast<double>(plan.images)});
-        part.execution = choose_execution(trainer.model(), trainer.reconstruction(), config, phase);
         part.estimated_megabytes =
             static_cast<double>(estimate_step_memory(trainer.model(), trainer.reconstruction(),
-                                                     config, phase, part.execution)
+                                                     config, phase, phase.execution)
                                     .peak()) /
             1048576.0;
         const bool at_an_end = &phase == &phases.front() || &phase == &phases.back();
@@ -129,7 +129,7 @@ std::string plan_text(const TrainingPlan& plan) {
              << phase.steps << " steps of " << phase.batch << " images (" << phase.micro_batch
              << " at once), " << phase.samples_per_ray << " samples per ray, " << part.epochs
              << " epochs\n  memory      about " << std::llround(part.estimated_megabytes) << " MiB"
-             << execution_text(part.execution, phase) << '\n';
+             << execution_text(phase) << '\n';
         if (!part.measured) continue;
         text << "  one step    " << part.step_seconds << " s, loss " << part.step_loss
              << ", peak memory ";
@@ -155,9 +155,9 @@ JsonValue to_json(const TrainingPlan& plan) {
                                {"micro_batch", part.phase.micro_batch},
                                {"samples_per_ray", part.phase.samples_per_ray},
                                {"epochs", part.epochs},
-                               {"side_by_side", part.execution.at_once(part.phase)},
-                               {"recomputed_blocks", part.execution.recomputation.blocks},
-                               {"recomputed_field", part.execution.recomputation.field},
+                               {"side_by_side", part.phase.execution.at_once(part.phase)},
+                               {"recomputed_blocks", part.phase.execution.recomputation.blocks},
+                               {"recomputed_field", part.phase.execution.recomputation.field},
                                {"estimated_megabytes", part.estimated_megabytes}});
         if (part.measured) {
             phase.add("step_seconds", part.step_seconds);

@@ -13,8 +13,7 @@ namespace stymo {
 
 struct PhasePlan {
     TrainingPhase phase;
-    double epochs = 0.0;  ///< passes over the training images
-    StepExecution execution{};
+    double epochs = 0.0;               ///< passes over the training images
     double estimated_megabytes = 0.0;  ///< peak memory of a step
     bool measured = false;
     /// Mean time of a step, including its share of R1. This and the following value are 0 unless

@@ -3,8 +3,13 @@
 #include <algorithm>
 
 #include "core/error.h"
+#include "core/parallel.h"
 
 namespace stymo {
+
+std::int64_t StepExecution::at_once(const TrainingPhase& phase) const {
+    return side_by_side && phase.micro_batches() >= thread_count() ? thread_count() : 1;
+}
 
 bool learns_poses(const TrainConfig& config, const TrainingPosition& position) {
     const std::int64_t interval = config.stage1.pose_interval;
@@ -35,6 +40,11 @@ TrainingSchedule::TrainingSchedule(const TrainConfig& config) {
     const TrainingPhase stage1 = phases_.front();
     std::erase_if(phases_, [](const TrainingPhase& phase) { return phase.steps == 0; });
     if (phases_.empty()) phases_.push_back(stage1);
+}
+
+void TrainingSchedule::choose_executions(
+    const std::function<StepExecution(const TrainingPhase&)>& choose) {
+    for (TrainingPhase& phase : phases_) phase.execution = choose(phase);
 }
 
 std::int64_t TrainingSchedule::steps() const {

@@ -1,11 +1,29 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "train/train_config.h"
 
 namespace stymo {
+
+struct TrainingPhase;
+
+/// What the backward pass computes again instead of keeping it (see DecodeOptions).
+struct Recomputation {
+    bool blocks = false;  ///< the render blocks, image by image
+    bool field = false;   ///< the field, tile by tile
+};
+
+/// How the micro-batches of a step are computed.
+struct StepExecution {
+    Recomputation recomputation;
+    bool side_by_side = false;  ///< one micro-batch on each thread (for_each_micro_batch)
+
+    /// Number of this phase's micro-batches that are computed at the same time.
+    [[nodiscard]] std::int64_t at_once(const TrainingPhase& phase) const;
+};
 
 /// A part of a run with constant settings: the first stage, or the second stage at one resolution.
 struct TrainingPhase {
@@ -19,6 +37,7 @@ struct TrainingPhase {
     std::int64_t samples_per_ray = 0;
     std::int64_t fade_images = 0;  ///< images in which the discriminator's new block fades in
     double r1_gamma = 0.0;
+    StepExecution execution{};  ///< chosen by the trainer (choose_execution)
 
     /// Micro-batches of each step.
     [[nodiscard]] std::int64_t micro_batches() const { return batch / micro_batch; }
@@ -45,6 +64,8 @@ public:
     /// The first stage, then one phase for each resolution of the second stage. Phases without
     /// steps are left out, but there is always at least one.
     [[nodiscard]] const std::vector<TrainingPhase>& phases() const { return phases_; }
+    /// Sets how the steps of each phase are computed.
+    void choose_executions(const std::function<StepExecution(const TrainingPhase&)>& choose);
     [[nodiscard]] std::int64_t steps() const;
     /// The position of a step. A step beyond the last one belongs to the last phase. Throws
     /// ValueError for a negative step.

@@ -7,7 +7,6 @@
 #include "core/parallel.h"
 #include "render/rays.h"
 #include "train/gradient_sums.h"
-#include "train/memory_estimate.h"
 
 namespace stymo {
 
@@ -48,10 +47,6 @@ void for_each_micro_batch(std::int64_t count, bool side_by_side,
     for (std::int64_t i = together; i < count; ++i) body(i);
 }
 
-bool side_by_side(const TrainingParts& parts, const TrainingPhase& phase) {
-    return choose_execution(parts.model, parts.reconstruction, parts.config, phase).side_by_side;
-}
-
 LossAndGradients mean_over_micro_batches(const TrainingParts& parts,
                                          const TrainingPosition& position,
                                          const std::vector<Parameter>& parameters,
@@ -61,7 +56,7 @@ LossAndGradients mean_over_micro_batches(const TrainingParts& parts,
     GradientExchange exchange(parts.ranks, bytes_of(parameters));
     GradientTree tree(own, [&](std::size_t i, Tensor sum) { exchange.add(i, std::move(sum)); });
     std::vector<LossValues> losses(static_cast<std::size_t>(own));
-    for_each_micro_batch(own, side_by_side(parts, phase), [&](std::int64_t k) {
+    for_each_micro_batch(own, phase.execution.side_by_side, [&](std::int64_t k) {
         const std::int64_t first = (parts.ranks.rank() * own + k) * phase.micro_batch;
         losses[static_cast<std::size_t>(k)] = gradients_of(
             parts.images.batch(position.first_image + first, phase.micro_batch), first,

@@ -58,8 +58,6 @@ public:
 /// other, each on all threads. Otherwise all calls run one after the other.
 void for_each_micro_batch(std::int64_t count, bool side_by_side,
                           const std::function<void(std::int64_t)>& body);
-/// Whether a step of this phase computes its micro-batches side by side.
-[[nodiscard]] bool side_by_side(const TrainingParts& parts, const TrainingPhase& phase);
 
 /// Computes the losses of a micro-batch, and passes the gradients of the parameters to `sink`.
 /// `first_image` is the number of its first image within the step.

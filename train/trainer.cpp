@@ -61,10 +61,10 @@ Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Datas
     require_codes(config, training);
     if (validation != nullptr) require_codes(config, *validation);
     create_offsets(config.stage1.pose_interval > 0);
-    for (const TrainingPhase& phase : schedule_.phases()) {
+    schedule_.choose_executions([&](const TrainingPhase& phase) {
         require_share(ranks_, phase.micro_batches(), "stage " + std::to_string(phase.stage));
-        static_cast<void>(choose_execution(model_, reconstruction_, config, phase));
-    }
+        return choose_execution(model_, reconstruction_, config, phase);
+    });
     state_.seed = seed;
     state_.mask_loss = config.loss.mask_start_epoch == 0;
 }

@@ -266,6 +266,22 @@ TEST_CASE("a trainer whose steps do not fit the memory budget is refused", "[mem
     CHECK_NOTHROW(Trainer(config, faces, nullptr, 5));
 }
 
+TEST_CASE("a trainer chooses once how the steps of a phase are computed", "[memory]") {
+    TrainConfig config = tiny_train_config();
+    const Dataset faces = synthetic_dataset();
+    const auto first_phase = [&] {
+        const Trainer trainer(config, faces, nullptr, 5);
+        return trainer.schedule().position(1).phase;
+    };
+    CHECK_FALSE(first_phase().execution.recomputation.field);
+    const Estimated estimated(config);
+    const double least = static_cast<double>(
+        estimated.memory(first_phase(), {.blocks = true, .field = true}).peak());
+    config.memory.budget_gibibytes = (1.25 * least + 1.0) / (1024.0 * mebibyte);
+    CHECK(first_phase().execution.recomputation.blocks);
+    CHECK(first_phase().execution.recomputation.field);
+}
+
 TEST_CASE("both stages of the paper fit twelve gibibytes", "[memory]") {
     TrainConfig config;
     config.memory.budget_gibibytes = 12.0;
@@ -293,6 +309,7 @@ TEST_CASE("a training step within a budget has the gradients of one without", "[
         Rng jitter(2);
         TrainingPosition position = TrainingSchedule(config).position(0);
         position.mask_loss = true;
+        position.phase.execution = choose_execution(model, reconstruction, config, position.phase);
         return generator_gradients({model, reconstruction, config}, position, batch,
                                    model.parameters().trainable(), jitter);
     };
