@@ -51,7 +51,7 @@ std::map<std::string, std::string> seals_of(const fs::path& folder) {
 
 std::map<std::string, std::string> read_list(const fs::path& list) {
     std::map<std::string, std::string> seals;
-    const std::string text = read_text_file(list);
+    const std::string text = read_file(list);
     if (!text.ends_with('\n')) fail<FileError>(list.string(), ": is damaged");
     std::istringstream lines(text);
     for (std::string line; std::getline(lines, line);) {
@@ -66,7 +66,7 @@ std::map<std::string, std::string> read_list(const fs::path& list) {
 void write_checksums(const fs::path& folder) {
     std::string lines;
     for (const auto& [name, seal] : seals_of(folder)) lines += seal + ' ' + name + '\n';
-    write_text_file(folder / list_name, lines);
+    write_file(folder / list_name, lines);
 }
 
 constexpr std::string_view unfinished_suffix = ".unfinished";

@@ -103,6 +103,21 @@ std::string version_text(const std::string& program) {
     return text.str();
 }
 
+std::string absolute_text(const std::filesystem::path& path) {
+    return path.empty() ? std::string() : std::filesystem::absolute(path).string();
+}
+
+template <class T>
+JsonValue setting_of(const T& value) {
+    if constexpr (is_optional<T>) {
+        return value ? setting_of(*value) : JsonValue("default");
+    } else if constexpr (std::is_same_v<T, std::filesystem::path>) {
+        return absolute_text(value);
+    } else {
+        return value;
+    }
+}
+
 }  // namespace
 
 OptionRules& OptionRules::required() {
@@ -130,8 +145,38 @@ OptionRules& OptionRules::excludes(const std::string& name) {
     return *this;
 }
 
+OptionRules& OptionRules::file_or(const std::string& word) {
+    declared_.value = [option = option_, word] {
+        const std::string text =
+            option->count() > 0 ? option->results().front() : option->get_default_str();
+        return text == word ? text : absolute_text(text);
+    };
+    return *this;
+}
+
+OptionRules& OptionRules::keeps_results() {
+    declared_.keeps_results = true;
+    return *this;
+}
+
+Command::Command(CLI::App* app)
+    : app_(app), declared_(std::make_shared<std::deque<DeclaredOption>>()) {}
+
+OptionRules Command::declare(CLI::Option* option, std::function<JsonValue()> value) {
+    return OptionRules(declared_->emplace_back(DeclaredOption{option, std::move(value)}));
+}
+
+Settings Command::settings() const {
+    Settings settings;
+    for (const DeclaredOption& declared : *declared_)
+        if (!declared.keeps_results)
+            settings.emplace_back(declared.option->get_name(), declared.value());
+    return settings;
+}
+
 template <class T>
 OptionRules Command::option(const std::string& name, T& target, const std::string& help) {
+    const auto value = [&target] { return setting_of(target); };
     if constexpr (std::is_same_v<T, std::filesystem::path> ||
                   std::is_same_v<T, std::optional<std::filesystem::path>>) {
         // CLI11 treats a path as a list of paths.
@@ -143,7 +188,7 @@ OptionRules Command::option(const std::string& name, T& target, const std::strin
             return text.empty() ? "the path is empty" : "";
         };
         option->check(CLI::Validator(problem, ""));
-        return OptionRules(option->type_name("PATH"));
+        return declare(option->type_name("PATH"), value);
     } else {
         auto* option = app_->add_option(name, target, help);
         if constexpr (std::is_same_v<T, std::vector<std::string>>) {
@@ -159,7 +204,7 @@ OptionRules Command::option(const std::string& name, T& target, const std::strin
             };
             option->check(CLI::Validator(problem, ""));
         }
-        return OptionRules(option);
+        return declare(option, value);
     }
 }
 
@@ -185,7 +230,7 @@ template OptionRules Command::option(const std::string&, std::optional<std::file
                                      const std::string&);
 
 OptionRules Command::flag(const std::string& name, bool& target, const std::string& help) {
-    return OptionRules(app_->add_flag(name, target, help));
+    return declare(app_->add_flag(name, target, help), [&target] { return JsonValue(target); });
 }
 
 struct CommandLine::Implementation {
@@ -211,14 +256,16 @@ CommandLine::CommandLine(std::unique_ptr<Implementation> implementation)
     app.set_version_flag(
         "--version", [name = app.get_name()] { return version_text(name); },
         "print version and build");
-    option("--threads", common.threads, "number of threads, 0: one per processor").range(0, 1024);
+    option("--threads", common.threads, "number of threads, 0: one per processor")
+        .range(0, 1024)
+        .keeps_results();
     option(
         "--matmul-precision", common.matmul_precision,
         "float32 products as float32 (highest), or, where the processor has matrix tiles, as pairs "
         "of bfloat16 (high) or as bfloat16 (medium)")
         .one_of({"highest", "high", "medium"});
     option("--seed", common.seed, "seed of all random numbers");
-    flag("--json", common.json, "print the result as one JSON object");
+    flag("--json", common.json, "print the result as one JSON object").keeps_results();
     app.fallthrough();  // common options may stand behind a command's name
 }
 

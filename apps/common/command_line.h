@@ -1,12 +1,14 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <filesystem>
 #include <functional>
 #include <iosfwd>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/error.h"
@@ -45,12 +47,23 @@ struct AppResult {
     std::string incomplete{};
 };
 
+/// Values of options by their names ("--steps"), as strings, numbers and booleans.
+using Settings = std::vector<std::pair<std::string, JsonValue>>;
+
 using AppBody = std::function<AppResult(const CommonOptions&)>;
+
+/// An option with its value in Command::settings.
+struct DeclaredOption {
+    CLI::Option* option = nullptr;
+    std::function<JsonValue()> value;
+    bool keeps_results = false;
+};
 
 /// Refinements of an option that was just declared; may be chained.
 class OptionRules {
 public:
-    explicit OptionRules(CLI::Option* option) : option_(option) {}
+    explicit OptionRules(DeclaredOption& declared)
+        : option_(declared.option), declared_(declared) {}
 
     OptionRules& required();
     /// The number must be in [low, high]; NaN is rejected.
@@ -59,15 +72,20 @@ public:
     /// The option requires, or excludes, the option `name`, which must have been declared already.
     OptionRules& needs(const std::string& name);
     OptionRules& excludes(const std::string& name);
+    /// The text names a file unless it is `word`.
+    OptionRules& file_or(const std::string& word);
+    /// The result is the same whatever the value, so the option is not one of Command::settings.
+    OptionRules& keeps_results();
 
 private:
     CLI::Option* option_;
+    DeclaredOption& declared_;
 };
 
 /// The options of a tool or of one of its commands.
 class Command {
 public:
-    explicit Command(CLI::App* app) : app_(app) {}
+    explicit Command(CLI::App* app);
 
     /// "--name" or "-n,--name" for an option, "name" for a positional argument. The current value
     /// of `target` is the default. T: int, std::int64_t, std::uint64_t, double, std::string,
@@ -77,8 +95,16 @@ public:
     OptionRules option(const std::string& name, T& target, const std::string& help);
     OptionRules flag(const std::string& name, bool& target, const std::string& help);
 
+    /// Every option on which the result can depend, with the present value of its target, in the
+    /// order of declaration: those that are not marked with `keeps_results`. Names of files are
+    /// absolute; an optional that is empty is "default".
+    [[nodiscard]] Settings settings() const;
+
 private:
+    OptionRules declare(CLI::Option* option, std::function<JsonValue()> value);
+
     CLI::App* app_;
+    std::shared_ptr<std::deque<DeclaredOption>> declared_;  ///< shared by copies of this object
 };
 
 /// Parses argc and argv of a tool, calls its body, and turns the result into output and an exit

@@ -111,11 +111,15 @@ void declare_lpips_metric(Command& command, LpipsOptions& options) {
 }
 
 void declare_lpips_files(Command& command, LpipsOptions& options) {
-    command.option("--lpips-trunk", options.trunk,
-                   "weights of the network of LPIPS, written by stymo-weights import; random: "
-                   "untrained weights");
-    command.option("--lpips-heads", options.heads,
-                   "linear heads of LPIPS, written by stymo-weights import; random: all ones");
+    command
+        .option("--lpips-trunk", options.trunk,
+                "weights of the network of LPIPS, written by stymo-weights import; random: "
+                "untrained weights")
+        .file_or("random");
+    command
+        .option("--lpips-heads", options.heads,
+                "linear heads of LPIPS, written by stymo-weights import; random: all ones")
+        .file_or("random");
 }
 
 void declare_perceptual_weight(Command& command, LpipsOptions& options) {

@@ -53,54 +53,17 @@ const stymo::Lpips* metric_network(const stymo::LpipsOptions& options,
     return &own.emplace(config, "leave out --lpips");
 }
 
-stymo::Settings settings_of(const Options& options) {
-    const auto absolute = [](const fs::path& path) {
-        return path.empty() ? std::string() : fs::absolute(path).string();
-    };
-    const auto weights = [&](const std::string& file) {
-        return file == "random" ? file : absolute(file);
-    };
-    std::ostringstream checksum;
-    checksum << std::hex << stymo::crc32c(stymo::read_file(stymo::model_file(options.model)));
-    const stymo::FitJobOptions& job = options.fit.job;
-    const auto or_own = [](const auto& value) {
-        return value ? stymo::JsonValue(*value) : stymo::JsonValue("the model's own");
-    };
-    return {{"--model", absolute(stymo::model_file(options.model)) + ", CRC-32C " + checksum.str()},
-            {"--data", absolute(options.data)},
-            {"--split", options.split},
-            {"--ids", options.ids},
-            {"--region", options.region},
-            {"--parser", absolute(options.parser)},
-            {"--identity", absolute(options.identity)},
-            {"--shape", options.shape},
-            {"--landmarks", absolute(options.landmarks)},
-            {"--fit", options.evaluation.fit},
-            {"--steps", job.fit.steps},
-            {"--optimizer", options.fit.optimizer},
-            {"--learning-rate", job.fit.learning_rate},
-            {"--regularizer", job.fit.weights.regularizer},
-            {"--decay", job.fit.decay},
-            {"--coarse-steps", job.fit.coarse_steps},
-            {"--tolerance", job.fit.tolerance},
-            {"--tune-learning-rate", job.tuning.learning_rate},
-            {"--locality", job.tuning.weights.locality},
-            {"--samples", or_own(options.fit.samples)},
-            {"--refine-pose", job.fit.refine_pose},
-            {"--morphable", absolute(options.morphable)},
-            {"--depth-weight", job.fit.weights.depth},
-            {"--tune", job.tuning.seconds},
-            {"--tune-steps", job.tuning.steps},
-            {"--tune-depth", job.tuning.weights.depth},
-            {"--resolution", options.evaluation.resolution},
-            {"--perceptual-network", options.lpips.perceptual_network.empty()
-                                         ? stymo::JsonValue("the model's own")
-                                         : stymo::JsonValue(options.lpips.perceptual_network)},
-            {"--perceptual-weight", or_own(options.lpips.perceptual_weight)},
-            {"--perceptual-resolution", or_own(options.lpips.perceptual_resolution)},
-            {"--lpips", options.lpips.metric},
-            {"--lpips-trunk", weights(options.lpips.trunk)},
-            {"--lpips-heads", weights(options.lpips.heads)}};
+/// What the scores depend on. The model's file is also named by its checksum, because training
+/// writes it anew.
+stymo::Settings settings_of(const stymo::CommandLine& line, const Options& options) {
+    stymo::Settings settings = line.settings();
+    const fs::path file = fs::absolute(stymo::model_file(options.model));
+    std::ostringstream model;
+    model << file.string() << ", CRC-32C " << std::hex
+          << stymo::crc32c(stymo::read_file(file));
+    for (auto& [name, value] : settings)
+        if (name == "--model") value = model.str();
+    return settings;
 }
 
 stymo::Dataset faces_of(const Options& options, const stymo::ModelConfig& model) {
@@ -129,7 +92,7 @@ stymo::AppResult result_of(const stymo::Evaluation& evaluation, const std::strin
     return result;
 }
 
-stymo::AppResult evaluate(Options options) {
+stymo::AppResult evaluate(Options options, const stymo::CommandLine& line) {
     if (options.data.empty()) stymo::fail<stymo::UsageError>("--data is required");
     stymo::EvaluationOptions& evaluated = options.evaluation;
     evaluated.range = stymo::parse_range(options.ids);
@@ -161,7 +124,7 @@ stymo::AppResult evaluate(Options options) {
     const std::string network = evaluated.lpips != nullptr ? evaluated.lpips->label() : "";
     stymo::require_comparable(faces, evaluated);
 
-    const auto settings = settings_of(options);
+    const stymo::Settings settings = settings_of(line, options);
     stymo::JsonValue settings_json = stymo::JsonValue::object();
     for (const auto& [name, value] : settings) settings_json.add(name, value);
     std::optional<stymo::ScoreFolder> folder;
@@ -206,7 +169,8 @@ int stymo_eval(int argc, char** argv) {
                 "(default: all)");
     line.option("--out", options.out,
                 "output folder: scores.jsonl, report.json, report.md, sheet.png, the fitted "
-                "codes and the tuned weights. The same command continues an interrupted run");
+                "codes and the tuned weights. The same command continues an interrupted run")
+        .keeps_results();
     line.option("--region", options.region,
                 "compared region: the head, the face without hair and ears, or both")
         .one_of({"head", "face", "both"});
@@ -233,7 +197,8 @@ int stymo_eval(int argc, char** argv) {
         .range(64, 4096);
     line.flag("--one-by-one", options.evaluation.one_by_one,
               "give all threads to one face after the other; by default each thread works on a "
-              "face of its own");
+              "face of its own")
+        .keeps_results();
     stymo::declare_lpips_metric(line, options.lpips);
     stymo::declare_lpips_files(line, options.lpips);
     stymo::declare_perceptual_weight(line, options.lpips);
@@ -260,5 +225,6 @@ int stymo_eval(int argc, char** argv) {
     command.option("--truncation", drawn.truncation, "1: as varied as the photos; 0: the mean")
         .range(0, 10);
     command.option("--sheet", drawn.sheet, "image file for the first 32 drawn faces");
-    return line.run(argc, argv, [&](const stymo::CommonOptions&) { return evaluate(options); });
+    return line.run(argc, argv,
+                    [&](const stymo::CommonOptions&) { return evaluate(options, line); });
 }

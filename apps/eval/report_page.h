@@ -1,20 +1,17 @@
 #pragma once
 
 #include <string>
-#include <utility>
 #include <vector>
 
+#include "apps/common/command_line.h"
 #include "apps/eval/evaluate.h"
 #include "apps/eval/score_sheet.h"
 
 namespace stymo {
 
-/// The settings on which the scores depend, by the names of the options.
-using Settings = std::vector<std::pair<std::string, JsonValue>>;
-
 /// The contents of report.md besides the scores.
 struct ReportContext {
-    Settings settings;
+    Settings settings;           ///< on which the scores depend
     std::string lpips_network;   ///< empty: LPIPS was not measured
     std::vector<SheetRow> rows;  ///< rows of sheet.png
 };

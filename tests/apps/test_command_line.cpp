@@ -52,6 +52,51 @@ struct TinyTool {
 
 }  // namespace
 
+TEST_CASE("The settings are the values of all options that can change the result") {
+    stymo::CommandLine line("stymo-tiny", "A tool of the tests.");
+    std::filesystem::path image;
+    std::string weights = "random";
+    std::optional<std::int64_t> samples;
+    double rate = 0.5;
+    bool fit = false;
+    int jobs = 1;
+    line.option("-i,--image", image, "Photo");
+    line.option("--weights", weights, "Weights").file_or("random");
+    line.option("--samples", samples, "Samples");
+    line.option("--rate", rate, "Rate");
+    line.flag("--fit", fit, "Fit");
+    line.option("--jobs", jobs, "Jobs").keeps_results();
+    const auto settings_with = [&](std::vector<const char*> arguments) {
+        arguments.insert(arguments.begin(), "stymo-tiny");
+        nlohmann::json settings;
+        REQUIRE(line.run(static_cast<int>(arguments.size()), arguments.data(),
+                         [&](const stymo::CommonOptions&) {
+                             for (const auto& [name, value] : line.settings())
+                                 settings[name] = nlohmann::json::parse(value.text());
+                             return stymo::AppResult{};
+                         }) == 0);
+        return settings;
+    };
+    const std::string here = std::filesystem::current_path().string();
+    CHECK(settings_with({"--jobs", "2", "--threads", "1"}) ==
+          nlohmann::json{{"--matmul-precision", "high"},
+                         {"--seed", 0},
+                         {"--image", ""},
+                         {"--weights", "random"},
+                         {"--samples", "default"},
+                         {"--rate", 0.5},
+                         {"--fit", false}});
+    CHECK(settings_with({"-i", "a.png", "--weights", "w", "--samples", "4", "--rate", "0.250",
+                         "--fit", "--seed", "7", "--matmul-precision", "highest"}) ==
+          nlohmann::json{{"--matmul-precision", "highest"},
+                         {"--seed", 7},
+                         {"--image", here + "/a.png"},
+                         {"--weights", here + "/w"},
+                         {"--samples", 4},
+                         {"--rate", 0.25},
+                         {"--fit", true}});
+}
+
 TEST_CASE("A tool that succeeds prints its text and exits with 0") {
     TinyTool tool;
     const Outcome outcome =

@@ -102,8 +102,7 @@ TEST_CASE(
     const ToolOutcome other = stymo::run_tool(tiny_run(), evaluate + "--samples 4");
     CHECK(other.exit_code == 1);
     CHECK_THAT(other.err,
-               Catch::Contains(
-                   "was begun with other settings (--samples was \"the model's own\", now 4)"));
+               Catch::Contains("was begun with other settings (--samples was \"default\", now 4)"));
     CHECK(stymo::line_count(stymo::read_file(out / "scores.jsonl")) == faces);
 }
 

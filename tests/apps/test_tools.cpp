@@ -3,7 +3,9 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <regex>
 #include <set>
+#include <sstream>
 
 #include "apps/tiny_run.h"
 #include "apps/tool_run.h"
@@ -271,6 +273,45 @@ TEST_CASE("stymo-eval scores the faces that were asked for, and the fitted codes
           "lbfgs");
     const ToolOutcome text = done(eval + "--ids 3");
     CHECK_THAT(text.out, Catch::Contains("initial") && !Catch::Contains("fitted"));
+}
+
+TEST_CASE("stymo-eval goes on only with the same value of every option that can change a score") {
+    const fs::path& folder = stymo::tiny_run();
+    const std::string eval = "stymo-eval --model run/model.safetensors --data faces --ids 3 ";
+    done(eval + "--out begun");
+    const fs::path file = folder / "begun/settings.json";
+    const json begun = parsed_file(file);
+    const auto refuse = [&](const json& settings, const std::string& changed,
+                            const std::string& reason) {
+        stymo::write_file(file, settings.dump() + "\n");
+        const ToolOutcome outcome = run_tool(folder, eval + changed + "--out begun");
+        CHECK(outcome.exit_code == 1);
+        CHECK_THAT(outcome.err, Catch::Contains("begun with other settings (" + reason));
+    };
+    const std::set<std::string> keep_results{"--help", "--version", "--threads",
+                                             "--json", "--out",     "--one-by-one"};
+    std::set<std::string> declared;
+    std::istringstream help(done("stymo-eval --help").out);
+    const std::regex option_line("^  (?:-\\w,)?(--[a-z-]+)");
+    std::smatch found;
+    for (std::string line; std::getline(help, line) && line != "Subcommands:";) {
+        if (!std::regex_search(line, found, option_line)) continue;
+        const std::string option = found[1];
+        CAPTURE(option);
+        declared.insert(option);
+        CHECK(begun.contains(option) != keep_results.contains(option));
+        if (keep_results.contains(option)) continue;
+        json other = begun;
+        other[option] = "another";
+        refuse(other, "", option + " was \"another\"");
+    }
+    CHECK(std::ranges::includes(declared, keep_results));
+    CHECK(declared.size() == begun.size() + keep_results.size());
+    refuse(begun, "--seed 1 ", "--seed was 0, now 1)");
+    refuse(begun, "--matmul-precision highest ", "--matmul-precision was \"high\"");
+    refuse(begun, "--lpips-heads random ", "--lpips-heads was \"\"");
+    stymo::write_file(file, begun.dump() + "\n");
+    done(eval + "--out begun --threads 2 --one-by-one");
 }
 
 TEST_CASE("LPIPS is measured where it was asked for, and random weights are called so") {
