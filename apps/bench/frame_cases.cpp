@@ -52,8 +52,8 @@ Measurement exact_frame(const BenchRun& run) {
 /// Frames that leave out work, timed and then compared with exact ones.
 Measurement reduced_frame(const BenchRun& run, RenderMode mode) {
     Frames frames(run, mode);
-    Measurement result = measured(frames.time(), 0.0,
-                                  mode == RenderMode::half ? Limit::sixteen_bits : Limit::float32);
+    Measurement result =
+        measured(frames.time(), 0.0, keeps_float32(mode) ? Limit::float32 : Limit::sixteen_bits);
     const RenderCounts counts = frames.renderer.counts();
     const FrameWork work = frame_work(frames.subject.model);
     result.work = work.field_sample * static_cast<double>(counts.field_samples) +

@@ -26,10 +26,6 @@ LpipsConfig with_files(LpipsConfig config, const LpipsOptions& options) {
     return config;
 }
 
-/// In the order of their names.
-constexpr std::array modes{RenderMode::exact, RenderMode::skip, RenderMode::half, RenderMode::baked,
-                           RenderMode::half};
-
 }  // namespace
 
 std::filesystem::path shipped_file(const std::filesystem::path& name) {
@@ -157,20 +153,28 @@ ReconstructionConfig fitting_config(const LpipsOptions& options, ReconstructionC
     return model;
 }
 
-const std::vector<std::string>& render_mode_names() {
-    static const std::vector<std::string> names{"exact", "skip", "half", "baked",
-                                                "bf16"};  // bf16: the older name of half
+std::vector<std::string> render_mode_names() {
+    std::vector<std::string> names;
+    for (const RenderModeTraits& mode : render_modes()) names.emplace_back(mode.name);
+    for (const RenderModeTraits& mode : render_modes())
+        if (!mode.older_name.empty()) names.emplace_back(mode.older_name);
     return names;
 }
 
-RenderMode render_mode(const std::string& name) {
-    const auto place = std::ranges::find(render_mode_names(), name) - render_mode_names().begin();
-    return modes[static_cast<std::size_t>(place)];
+std::string render_mode_help() {
+    std::string help;
+    for (const RenderModeTraits& mode : render_modes()) {
+        if (!help.empty()) help += "; ";
+        help.append(mode.name).append(": ").append(mode.help);
+    }
+    return help;
 }
 
-const std::string& render_mode_name(RenderMode mode) {
-    const auto place = std::ranges::find(modes, mode) - modes.begin();
-    return render_mode_names()[static_cast<std::size_t>(place)];
+RenderMode render_mode(const std::string& name) {
+    const auto called = [&](const RenderModeTraits& mode) {
+        return name == mode.name || name == mode.older_name;
+    };
+    return std::ranges::find_if(render_modes(), called)->mode;
 }
 
 CodeGroups parse_code_groups(const std::string& list) {

@@ -10,7 +10,7 @@
 #include "fit/edit/style_mix.h"
 #include "fit/photo/photo_preparation.h"
 #include "nn/models/model.h"
-#include "nn/realtime/face_renderer.h"
+#include "nn/realtime/render_mode.h"
 
 /// Options that several tools have, and what their values mean.
 namespace stymo {
@@ -73,12 +73,12 @@ void declare_perceptual_weight(Command& command, LpipsOptions& options);
 [[nodiscard]] ReconstructionConfig fitting_config(const LpipsOptions& options,
                                                   ReconstructionConfig model);
 
-/// The values of --mode.
-[[nodiscard]] const std::vector<std::string>& render_mode_names();
+/// The values of --mode: the names of all modes, and older ones.
+[[nodiscard]] std::vector<std::string> render_mode_names();
+/// What each mode does, in the help of --mode.
+[[nodiscard]] std::string render_mode_help();
 /// The mode with one of these names.
 [[nodiscard]] RenderMode render_mode(const std::string& name);
-/// The name of a mode.
-[[nodiscard]] const std::string& render_mode_name(RenderMode mode);
 
 /// Parses the value of --take, a list such as "expr,tex". Throws UsageError for an unknown name.
 [[nodiscard]] CodeGroups parse_code_groups(const std::string& list);

@@ -47,8 +47,8 @@ stymo::AppResult render(stymo::RenderOptions options, const stymo::CommonOptions
     require_names(options);
     stymo::require_understood(options);
     options.renderer.mode = stymo::render_mode(options.mode);
-    if (options.psnr && options.mode != "skip" && options.mode != "half")
-        stymo::fail<stymo::UsageError>("--psnr needs --mode skip or half");
+    if (options.psnr && !stymo::tolerates(options.renderer.mode))
+        stymo::fail<stymo::UsageError>("--psnr needs --mode ", stymo::tolerant_mode_names(" or "));
     stymo::Explainer explainer(options.explain);
     const bool encodes = !options.data.empty();
     const stymo::Model model = stymo::load_model(
@@ -91,19 +91,18 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
                 "side of the image: 64, 128, 256 or 512; 0: the model's resolution")
         .range(0, 512);
     line.option("--samples", options.renderer.samples_per_ray, "samples per ray").range(2, 4096);
-    line.option(
-            "--mode", options.mode,
-            "exact: every sample; skip: significant samples only; half: the same in 16 bits "
-            "(float16 where the processor has it, else bfloat16; bf16 is its older name); baked: "
-            "reads the field from samples taken once")
+    line.option("--mode", options.mode, stymo::render_mode_help())
         .one_of(stymo::render_mode_names());
+    const std::string tolerant = "modes " + stymo::tolerant_mode_names(" and ");
     line.option("--tolerance", options.renderer.tolerance,
-                "modes skip and half: largest summed compositing weight of consecutive samples "
-                "that are left out")
+                tolerant +
+                    ": largest summed compositing weight of consecutive samples "
+                    "that are left out")
         .range(0, 0.99);
     line.option("--psnr", options.psnr,
-                "modes skip and half: choose the largest tolerance with which this face has so "
-                "many decibels against exact images, on average over up to five of the views")
+                tolerant +
+                    ": choose the largest tolerance with which this face has so "
+                    "many decibels against exact images, on average over up to five of the views")
         .range(20, 90)
         .excludes("--tolerance");
     line.option("--bake-resolution", options.renderer.bake_resolution,

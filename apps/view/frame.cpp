@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <opencv2/imgproc.hpp>
 
-#include "apps/common/tool_options.h"
 #include "apps/view/depth_normals.h"
 #include "core/clock.h"
 #include "core/io/image.h"
@@ -85,8 +85,7 @@ Tensor picture_of(const View& view, const FrameRequest& request) {
 RendererOptions options_for(const FrameRequest& request, RenderMode mode, double tolerance) {
     RendererOptions options;
     options.mode = request.model->decoder().folds() ? mode : RenderMode::exact;
-    const bool tolerates = options.mode == RenderMode::skip || options.mode == RenderMode::half;
-    options.tolerance = tolerates ? tolerance : 0.0;
+    options.tolerance = tolerates(options.mode) ? tolerance : 0.0;
     options.samples_per_ray = request.model->config().reconstruction.fit_samples_per_ray;
     options.mask = request.layer == Layer::mask || request.layer == Layer::normals;
     options.depth = request.layer == Layer::depth || request.layer == Layer::normals;
@@ -234,7 +233,7 @@ std::optional<Frame> FrameRenderer::render(const FrameRequest& request,
     // The first frame includes creating the renderer, which takes longer than a frame.
     if (moving && !state.moving.is_new) state.side.take(frame.milliseconds);
     frame.side = view->image.shape(0);
-    frame.mode = render_mode_name(options.mode);
+    frame.mode = name_of(options.mode);
     frame.tolerance = options.tolerance;
     if (request.quality == Quality::still && request.layer == Layer::image)
         frame.moving_psnr = state.adapt(request, view->image, stop);
@@ -244,21 +243,22 @@ std::optional<Frame> FrameRenderer::render(const FrameRequest& request,
 RenderMode fastest_mode(const Model& model, const Codes& codes) {
     if (!model.decoder().folds()) return RenderMode::exact;
     RenderMode fastest = RenderMode::skip;
-    double least = 0.0;
+    double least = std::numeric_limits<double>::infinity();
     constexpr int frames = 8;
-    for (const RenderMode mode : {RenderMode::skip, RenderMode::half}) {
+    for (const RenderModeTraits& tried : render_modes()) {
+        if (!tried.tolerates) continue;
         FaceRenderer renderer(
-            model,
-            {.mode = mode, .samples_per_ray = model.config().reconstruction.fit_samples_per_ray});
+            model, {.mode = tried.mode,
+                    .samples_per_ray = model.config().reconstruction.fit_samples_per_ray});
         renderer.show(codes);
         static_cast<void>(renderer.render(model_camera(model, 0.0, 0.0, 0.0)));
         const double start = seconds_now();
         for (int i = 1; i <= frames; ++i)
             static_cast<void>(renderer.render(model_camera(model, 0.05 * i, 0.0, 0.0)));
         const double seconds = seconds_now() - start;
-        if (mode == RenderMode::skip || seconds < least) {
+        if (seconds < least) {
             least = seconds;
-            fastest = mode;
+            fastest = tried.mode;
         }
     }
     return fastest;

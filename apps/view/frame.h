@@ -31,7 +31,7 @@ struct FrameRequest {
 struct Frame {
     std::string jpeg;
     double milliseconds = 0.0;  ///< time of rendering and encoding
-    std::string mode;           ///< "exact", "skip", "half", "baked"
+    std::string mode;           ///< name_of(RenderMode)
     double tolerance = 0.0;
     std::int64_t side = 0;  ///< in pixels
     /// For a still frame, the PSNR in decibels of the moving frame of the same view.
@@ -94,7 +94,7 @@ private:
     std::unique_ptr<State> state_;
 };
 
-/// The faster of the modes `skip` and `half` on this machine for these codes; `exact` if the
+/// The fastest mode that tolerates, on this machine for these codes; `exact` if the
 /// model's decoder does not fold.
 [[nodiscard]] RenderMode fastest_mode(const Model& model, const Codes& codes);
 

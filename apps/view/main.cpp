@@ -92,9 +92,12 @@ int stymo_view(int argc, char** argv) {
     line.option("--token-file", options.token_file,
                 "file that holds the token, unseen by others (default: the environment variable "
                 "STYMO_TOKEN)");
+    std::vector<std::string> modes = stymo::render_mode_names();
+    modes.emplace_back("auto");
     line.option("--mode", options.mode,
-                "how moving images are rendered; auto: the faster one of skip and half here")
-        .one_of({"auto", "skip", "half", "baked", "exact"});
+                "how moving images are rendered; auto: the faster one of " +
+                    stymo::tolerant_mode_names(" and ") + " here")
+        .one_of(modes);
     line.option("--psnr", options.viewer.frames.psnr,
                 "error of moving images against exact ones, in decibels")
         .range(20, 90);

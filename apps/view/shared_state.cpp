@@ -42,7 +42,7 @@ SharedState::SharedState(const ViewerOptions& options) : options_(options) {
 
 double SharedState::chosen_tolerance() const {
     const RenderMode mode = options_.frames.moving_mode;
-    if (mode != RenderMode::skip && mode != RenderMode::half) return options_.frames.tolerance;
+    if (!tolerates(mode)) return options_.frames.tolerance;
     const std::vector<Camera> cameras{model_camera(*model_, 0.0, 0.0, 0.0),
                                       model_camera(*model_, 0.4, 0.0, 0.0)};
     const RendererOptions rendering{

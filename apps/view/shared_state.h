@@ -29,7 +29,7 @@ struct ViewerOptions {
     std::int64_t color_steps = 60;
     std::int64_t most_photo_pixels = 50'000'000;
     FrameSettings frames;
-    /// Uses the faster of the modes skip and half instead of frames.moving_mode.
+    /// Uses the fastest mode that tolerates instead of frames.moving_mode.
     bool chooses_mode = true;
 };
 

@@ -64,8 +64,7 @@ ChosenTolerance choose_tolerance(const Model& model, const Codes& codes,
         return ChosenTolerance{tolerance,
                                error_between(frames(model, codes, cameras, tried), exact)};
     };
-    if (options.mode == RenderMode::exact || options.mode == RenderMode::baked)
-        return at(options.tolerance);
+    if (!tolerates(options.mode)) return at(options.tolerance);
     int low = 0,
         high = series_length - 1;  // indices into the series; the last one is always accepted
     ChosenTolerance chosen = at(series_tolerance(high));

@@ -26,7 +26,7 @@ struct ChosenTolerance {
 
 /// The largest tolerance for which the frames of this face have a mean PSNR of at least `psnr`
 /// against exact frames; the smallest tolerance if there is none. The candidates go from 0.5 down
-/// to 0.001 by factors of sqrt(2). Modes without a tolerance (exact, baked) return that of
+/// to 0.001 by factors of sqrt(2). Modes without a tolerance return that of
 /// `options`. Bisection renders one exact frame and about five frames of the mode for each camera.
 /// Throws ValueError without cameras.
 [[nodiscard]] ChosenTolerance choose_tolerance(const Model& model, const Codes& codes,

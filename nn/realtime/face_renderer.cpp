@@ -29,7 +29,7 @@ void require_valid(const Model& model, const RendererOptions& options) {
     const DecoderConfig& decoder = model.config().decoder;
     if (options.mode != RenderMode::exact && !model.decoder().folds())
         fail<ValueError>("a model with decoder.conditioning = ", decoder.conditioning,
-                         " is rendered in mode exact alone; skip, half and baked need modulation");
+                         " is rendered in mode exact alone; the others need modulation");
     static_cast<void>(model.decoder().ladder().count_up_to(options.resolution));  // throws
 }
 
@@ -38,7 +38,7 @@ std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model,
                                                const RendererOptions& options,
                                                Precision precision) {
     if (model.decoder.conditioning != "modulation") return nullptr;
-    if (options.mode == RenderMode::baked) {
+    if (traits_of(options.mode).bakes) {
         RaySampling rays = model.decoder.rays;
         rays.samples_per_ray = options.samples_per_ray;
         return std::make_unique<BakedField>(rays, ViewRange{.camera = model.camera},
@@ -47,7 +47,7 @@ std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model,
     return make_sampled_field(model, options, precision);
 }
 
-/// The layers that use 16 bits in mode `half`. Mode `baked` reduces only the render blocks.
+/// The layers that a mode may reduce to 16 bits.
 std::vector<FoldedLayer> reduced_layers(const FoldedField& field) {
     std::vector<FoldedLayer> layers = field.layers;
     layers.push_back(field.feature0);
@@ -117,8 +117,8 @@ struct FaceRenderer::State {
     /// Copies row `index` of one group; true if it differs from the codes that are shown.
     bool take(const Codes& codes, std::int64_t index, std::size_t group);
     /// Sets the type that the layers of a new face need; true if it has changed.
-    [[nodiscard]] bool change_precision(Precision& precision,
-                                        std::span<const FoldedLayer> layers) const;
+    [[nodiscard]] static bool change_precision(Precision& precision, Reduction reduction,
+                                               std::span<const FoldedLayer> layers);
     void fold_field();
     void fold_blocks();
     void render_field(const Camera& seen_by, const std::stop_token& stop);
@@ -160,13 +160,11 @@ void FaceRenderer::State::render_field(const Camera& seen_by, const std::stop_to
     feature_map_is_new = true;
 }
 
-bool FaceRenderer::State::change_precision(Precision& precision,
-                                           std::span<const FoldedLayer> layers) const {
+bool FaceRenderer::State::change_precision(Precision& precision, Reduction reduction,
+                                           std::span<const FoldedLayer> layers) {
     Precision fitting = Precision::float32;
-    if (options.mode == RenderMode::half || options.mode == RenderMode::baked)
-        fitting = sixteen_bits_for(layers);
-    // In mode baked, bfloat16 would cost accuracy without saving enough time.
-    if (options.mode == RenderMode::baked && fitting == Precision::bfloat16)
+    if (reduction != Reduction::none) fitting = sixteen_bits_for(layers);
+    if (reduction == Reduction::float16 && fitting == Precision::bfloat16)
         fitting = Precision::float32;
     return std::exchange(precision, fitting) != fitting;
 }
@@ -174,8 +172,7 @@ bool FaceRenderer::State::change_precision(Precision& precision,
 void FaceRenderer::State::fold_field() {
     camera.reset();
     const FoldedField folded = model.decoder().folded_field(w);
-    if (options.mode == RenderMode::half &&
-        change_precision(field_precision, reduced_layers(folded)))
+    if (change_precision(field_precision, traits_of(options.mode).field, reduced_layers(folded)))
         field = make_field_source(model.config(), options, field_precision);
     field->set_field(folded);
     ++counts.folds;
@@ -185,7 +182,8 @@ void FaceRenderer::State::fold_blocks() {
     const std::vector<FoldedRenderBlock> folded =
         model.decoder().folded_blocks(w, options.resolution);
     ++counts.folds;
-    const bool changed = change_precision(block_precision, reduced_layers(folded));
+    const bool changed =
+        change_precision(block_precision, traits_of(options.mode).blocks, reduced_layers(folded));
     if (blocks && !changed) {
         blocks->set_style(folded);
         return;
@@ -214,8 +212,8 @@ void FaceRenderer::State::count() {
     counts.pixels = blocks->counts().pixels;
     counts.pixels_computed = blocks->counts().pixels_computed;
     counts.tiles = feature_map.tiles;
-    // Mode baked counts no samples.
-    if (options.mode != RenderMode::baked) {
+    // A baked field counts no samples.
+    if (!traits_of(options.mode).bakes) {
         view.significant_samples = static_cast<double>(feature_map.significant_samples) /
                                    static_cast<double>(counts.samples);
     }

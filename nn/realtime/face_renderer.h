@@ -6,27 +6,18 @@
 #include <stop_token>
 
 #include "nn/models/model.h"
+#include "nn/realtime/render_mode.h"
 #include "nn/realtime/view.h"
 
 namespace stymo {
-
-/// How a face is rendered. All modes but `exact` save work; docs/numerics.md has their errors.
-enum class RenderMode {
-    exact,  ///< every sample, float32
-    skip,   ///< float32, without samples that are insignificant at the tolerance and without pixels
-            ///< that show only the background
-    half,   ///< like skip, with weights and activations of the faster 16-bit type (precision.h)
-    baked,  ///< views interpolate a field that is sampled once for each head (baked_field.h);
-            ///< render blocks use float16 if the processor computes with it
-};
 
 struct RendererOptions {
     RenderMode mode = RenderMode::skip;
     std::int64_t samples_per_ray = 64;
     std::int64_t resolution = 0;  ///< 0: the model's resolution
     /// Largest total compositing weight of consecutive samples that are left out, in [0, 1). A ray
-    /// whose opacity is at most half of it counts as empty. Read by the modes skip and half.
-    /// The error of a tolerance depends on the model (docs/numerics.md).
+    /// whose opacity is at most half of it counts as empty. Read by the modes that tolerate. The
+    /// error of a tolerance depends on the model (docs/numerics.md).
     double tolerance = 0.3;
     std::int64_t bake_resolution = 96;  ///< cells along the longest side of the baked box
     bool mask = false;

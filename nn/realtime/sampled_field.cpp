@@ -155,7 +155,7 @@ private:
                     FeatureMap& map);
     void finish(FeatureMap& map);
 
-    RenderMode mode_;
+    bool tolerates_;
     float tolerance_;
     /// Largest length of a ray through only thin cells that is left out.
     double thin_length_ = 0.0;
@@ -172,9 +172,9 @@ private:
 
 template <class T>
 SampledField<T>::SampledField(const ModelConfig& model, const RendererOptions& options)
-    : mode_(options.mode),
-      tolerance_(mode_ == RenderMode::exact ? 0.0F : static_cast<float>(options.tolerance)) {
-    if (mode_ != RenderMode::exact) {
+    : tolerates_(stymo::tolerates(options.mode)),
+      tolerance_(tolerates_ ? static_cast<float>(options.tolerance) : 0.0F) {
+    if (tolerates_) {
         grid_ = make_grid(model, options.tolerance);
         thin_length_ = thin_rays * (model.decoder.rays.near_z - model.decoder.rays.far_z);
         reach_ = points_in_reach(model, grid_);
@@ -184,7 +184,7 @@ SampledField<T>::SampledField(const ModelConfig& model, const RendererOptions& o
 template <class T>
 void SampledField<T>::set_field(const FoldedField& field) {
     field_ = PackedField<T>(field);
-    if (mode_ == RenderMode::exact) return;
+    if (!tolerates_) return;
     grid_.forget();
     evaluate_grid_around(reach_);
 }
@@ -238,7 +238,7 @@ void SampledField<T>::render(const CameraRays& rays, FeatureMap& map, const std:
 template <class T>
 void SampledField<T>::select(const CameraRays& rays) {
     selection_.resize(static_cast<std::int64_t>(rays.rays.size()), rays.samples_per_ray);
-    if (mode_ == RenderMode::exact) {
+    if (!tolerates_) {
         selection_.keep_all();
     } else if (!select_from_grid(rays)) {
         std::vector<float>& points = scratch_.front().points;

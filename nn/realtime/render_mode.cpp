@@ -1,0 +1,46 @@
+#include "nn/realtime/render_mode.h"
+
+#include <algorithm>
+#include <array>
+
+namespace stymo {
+
+std::span<const RenderModeTraits> render_modes() {
+    static constexpr std::array modes{
+        RenderModeTraits{.mode = RenderMode::exact, .name = "exact", .help = "every sample"},
+        RenderModeTraits{.mode = RenderMode::skip,
+                         .name = "skip",
+                         .help = "significant samples only",
+                         .tolerates = true},
+        RenderModeTraits{.mode = RenderMode::half,
+                         .name = "half",
+                         .older_name = "bf16",
+                         .help = "the same in 16 bits (float16 where the processor has it, else "
+                                 "bfloat16; bf16 is its older name)",
+                         .tolerates = true,
+                         .field = Reduction::fastest,
+                         .blocks = Reduction::fastest},
+        RenderModeTraits{.mode = RenderMode::baked,
+                         .name = "baked",
+                         .help = "reads the field from samples taken once",
+                         .bakes = true,
+                         .blocks = Reduction::float16},
+    };
+    return modes;
+}
+
+const RenderModeTraits& traits_of(RenderMode mode) {
+    return *std::ranges::find(render_modes(), mode, &RenderModeTraits::mode);
+}
+
+std::string tolerant_mode_names(std::string_view separator) {
+    std::string names;
+    for (const RenderModeTraits& mode : render_modes()) {
+        if (!mode.tolerates) continue;
+        if (!names.empty()) names += separator;
+        names += mode.name;
+    }
+    return names;
+}
+
+}  // namespace stymo

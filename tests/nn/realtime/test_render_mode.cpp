@@ -1,0 +1,27 @@
+#include <catch2/catch.hpp>
+#include <set>
+
+#include "nn/realtime/render_mode.h"
+
+using namespace stymo;
+
+TEST_CASE("every mode of rendering has a name, a help and its own row", "[realtime]") {
+    std::set<std::string_view> names;
+    for (const RenderModeTraits& mode : render_modes()) {
+        CHECK(&traits_of(mode.mode) == &mode);
+        CHECK(names.insert(mode.name).second);
+        CHECK_FALSE(mode.help.empty());
+    }
+    CHECK(name_of(RenderMode::baked) == "baked");
+}
+
+TEST_CASE("a mode says whether it leaves out samples and keeps float32", "[realtime]") {
+    CHECK_FALSE(tolerates(RenderMode::exact));
+    CHECK(tolerates(RenderMode::skip));
+    CHECK_FALSE(tolerates(RenderMode::baked));
+    CHECK(keeps_float32(RenderMode::exact));
+    CHECK(keeps_float32(RenderMode::skip));
+    CHECK_FALSE(keeps_float32(RenderMode::half));
+    CHECK_FALSE(keeps_float32(RenderMode::baked));
+    CHECK(tolerant_mode_names(" or ") == "skip or half");
+}
