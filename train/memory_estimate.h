@@ -12,7 +12,7 @@ namespace stymo {
 /// additional memory of each part of a step for the micro-batches that are computed at once. The
 /// parts run one after the other.
 struct StepMemory {
-    std::int64_t persistent = 0;        ///< weights, their gradients, the optimisers' moments, EMA
+    std::int64_t persistent = 0;     ///< weights, their gradients, the optimisers' moments, EMA
     std::int64_t generator = 0;      ///< encoder, decoder and losses, forward and backward
     std::int64_t discriminator = 0;  ///< 0 in the first stage
     std::int64_t regularizer = 0;    ///< R1 (double backward)

@@ -59,8 +59,7 @@ stymo::Settings settings_of(const stymo::CommandLine& line, const Options& optio
     stymo::Settings settings = line.settings();
     const fs::path file = fs::absolute(stymo::model_file(options.model));
     std::ostringstream model;
-    model << file.string() << ", CRC-32C " << std::hex
-          << stymo::crc32c(stymo::read_file(file));
+    model << file.string() << ", CRC-32C " << std::hex << stymo::crc32c(stymo::read_file(file));
     for (auto& [name, value] : settings)
         if (name == "--model") value = model.str();
     return settings;

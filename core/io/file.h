@@ -40,8 +40,8 @@ void prefetch(const std::filesystem::path& path);
 enum class Durability {
     crash_safe,  ///< the file is on the disk when the function returns; a crash before that leaves
                  ///< the old file
-    none,  ///< the file may be empty after a crash: for images and reports, which can be made
-           ///< again
+    none,        ///< the file may be empty after a crash: for images and reports, which can be made
+                 ///< again
 };
 
 /// Calls `write(temporary)` and renames the result to `path`, so that `path` is never partial. The
