@@ -1,4 +1,4 @@
-#include "cases/stability/check.h"
+#include "support/stability_check.h"
 
 using namespace stymo;
 

@@ -7,7 +7,7 @@
 #include <functional>
 #include <vector>
 
-#include "cases/quadrature/quadrature.h"
+#include "apps/cases/quadrature/quadrature.h"
 
 using namespace stymo;
 

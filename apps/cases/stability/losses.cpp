@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <memory>
 
-#include "cases/stability/case.h"
+#include "apps/cases/stability/case.h"
 #include "core/autograd/grad.h"
 #include "core/metrics.h"
 #include "core/ops/ops.h"
@@ -53,9 +53,9 @@ std::vector<StabilityCase> adversarial_cases() {
         1.0);
     const std::vector<Tensor> logits = scalars({-1e4, -20.0, 0.0, 20.0, 1e4});
     rows.push_back(
-        row({"losses of saturated logits, two derivatives",
-             "softplus of the logit, no logarithm of a probability", 1e-6, 1e-6, logits,
-             each([](const Variable& x) { return generator_loss(x) + fake_loss(x) * 0.25; }), 2}));
+        row("losses of saturated logits, two derivatives",
+            "softplus of the logit, no logarithm of a probability", 1e-6, 1e-6, logits,
+            each([](const Variable& x) { return generator_loss(x) + fake_loss(x) * 0.25; }), 2));
     return rows;
 }
 
@@ -137,14 +137,10 @@ std::vector<StabilityCase> mask_cases() {
         const Tensor& mask = named.second;
         const auto loss = [&](const std::string& what, const std::string& behaviour,
                               const Tensor& input, auto function) {
-            rows.push_back(row({what + ", " + name,
-                                behaviour,
-                                1e-6,
-                                1e-6,
-                                {input},
-                                each([=, mask = mask](const Variable& x) {
-                                    return function(x, mask.to(x.dtype()));
-                                })}));
+            rows.push_back(row(what + ", " + name, behaviour, 1e-6, 1e-6, {input},
+                               each([=, mask = mask](const Variable& x) {
+                                   return function(x, mask.to(x.dtype()));
+                               })));
         };
         loss("mean colour under a mask", "0 where there is no pixel: its area counts as 1", image,
              masked_mean);
@@ -158,10 +154,7 @@ std::vector<StabilityCase> mask_cases() {
 }  // namespace
 
 std::vector<StabilityCase> loss_cases() {
-    std::vector<StabilityCase> rows = adversarial_cases();
-    for (const auto& family : {perceptual_cases, metric_cases, mask_cases})
-        for (StabilityCase& next : family()) rows.push_back(std::move(next));
-    return rows;
+    return joined({adversarial_cases(), perceptual_cases(), metric_cases(), mask_cases()});
 }
 
 }  // namespace stymo::stability

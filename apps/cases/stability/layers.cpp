@@ -1,4 +1,4 @@
-#include "cases/stability/case.h"
+#include "apps/cases/stability/case.h"
 #include "core/autograd/grad.h"
 #include "core/ops/ops.h"
 #include "core/rng.h"
@@ -98,20 +98,12 @@ std::vector<StabilityCase> normalisation_cases() {
     };
     const Tensor one = Rng(2).normal({1, 2, 2, 3}, 0.0, 1.0),
                  constant = Tensor::full({4, 2, 2, 3}, 0.7);
-    rows.push_back(row({"minibatch deviation of one image, two derivatives",
-                        "variance 0: deviation 1e-4, gradient 0",
-                        1e-6,
-                        1e-6,
-                        {one},
-                        deviation(1),
-                        2}));
-    rows.push_back(row({"minibatch deviation of equal images, two derivatives",
-                        "1e-8 under the root bounds both derivatives",
-                        1e-6,
-                        1e-5,
-                        {constant},
-                        deviation(4),
-                        2}));
+    rows.push_back(row("minibatch deviation of one image, two derivatives",
+                       "variance 0: deviation 1e-4, gradient 0", 1e-6, 1e-6, {one}, deviation(1),
+                       2));
+    rows.push_back(row("minibatch deviation of equal images, two derivatives",
+                       "1e-8 under the root bounds both derivatives", 1e-6, 1e-5, {constant},
+                       deviation(4), 2));
     return rows;
 }
 
@@ -123,12 +115,9 @@ std::vector<StabilityCase> direction_cases() {
         const std::string behaviour =
             length == 0.0 ? "no direction: value 0, the norm counts as the constant 1"
                           : "norms whose square leaves float32's range are summed in float64";
-        rows.push_back(row({std::string("unit channels, vectors of length ") + name,
-                            behaviour,
-                            1e-5,
-                            1e-5,
-                            {scaled(Rng(4).normal({1, 2, 2, 8}, 0.0, 1.0), length)},
-                            each([](const Variable& x) { return unit_channels(x, 1e-10); })}));
+        rows.push_back(row(std::string("unit channels, vectors of length ") + name, behaviour, 1e-5,
+                           1e-5, {scaled(Rng(4).normal({1, 2, 2, 8}, 0.0, 1.0), length)},
+                           each([](const Variable& x) { return unit_channels(x, 1e-10); })));
     }
     return rows;
 }
@@ -136,10 +125,7 @@ std::vector<StabilityCase> direction_cases() {
 }  // namespace
 
 std::vector<StabilityCase> layer_cases() {
-    std::vector<StabilityCase> rows = demodulation_cases();
-    for (const auto& family : {normalisation_cases, direction_cases})
-        for (StabilityCase& next : family()) rows.push_back(std::move(next));
-    return rows;
+    return joined({demodulation_cases(), normalisation_cases(), direction_cases()});
 }
 
 }  // namespace stymo::stability

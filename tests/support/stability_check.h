@@ -2,7 +2,7 @@
 
 #include <catch2/catch.hpp>
 
-#include "cases/stability/case.h"
+#include "apps/cases/stability/case.h"
 
 namespace stymo::stability {
 

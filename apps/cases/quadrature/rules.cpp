@@ -1,6 +1,6 @@
 #include <cmath>
 
-#include "cases/quadrature/quadrature.h"
+#include "apps/cases/quadrature/quadrature.h"
 #include "core/ops/ops.h"
 #include "render/composite.h"
 #include "render/rays.h"

@@ -1,6 +1,6 @@
 #include <limits>
 
-#include "cases/stability/case.h"
+#include "apps/cases/stability/case.h"
 #include "core/ops/ops.h"
 #include "core/rng.h"
 #include "nn/optim/adam.h"
@@ -79,18 +79,13 @@ std::vector<StabilityCase> accumulation_cases() {
                         average.swap();
                         return StabilityResult{.values = {x.variable().value()}};
                     }});
-    rows.push_back(row({"sum of 1e6 equal numbers 0.1",
-                        "16 numbers in each of 32 lanes, then float64",
-                        1e-6,
-                        1e-6,
-                        {Tensor::full({1000000}, 0.1)},
-                        each([](const Variable& x) { return sum(x); })}));
-    rows.push_back(row({"column sums of 1e5 rows of 0.1",
-                        "runs of 1024 rows, each added in the type itself",
-                        1e-4,
-                        1e-6,
-                        {Tensor::full({100000, 2}, 0.1)},
-                        each([](const Variable& x) { return sum(x, {0}); })}));
+    rows.push_back(
+        row("sum of 1e6 equal numbers 0.1", "16 numbers in each of 32 lanes, then float64", 1e-6,
+            1e-6, {Tensor::full({1000000}, 0.1)}, each([](const Variable& x) { return sum(x); })));
+    rows.push_back(row("column sums of 1e5 rows of 0.1",
+                       "runs of 1024 rows, each added in the type itself", 1e-4, 1e-6,
+                       {Tensor::full({100000, 2}, 0.1)},
+                       each([](const Variable& x) { return sum(x, {0}); })));
     rows.push_back(refused<FileError>(
         "a weight in a file that is not a number", "refused when it is read", "layer.weight",
         [](DType dtype) {
@@ -108,9 +103,7 @@ std::vector<StabilityCase> accumulation_cases() {
 }  // namespace
 
 std::vector<StabilityCase> training_cases() {
-    std::vector<StabilityCase> rows = adam_cases();
-    for (StabilityCase& next : accumulation_cases()) rows.push_back(std::move(next));
-    return rows;
+    return joined({adam_cases(), accumulation_cases()});
 }
 
 }  // namespace stymo::stability

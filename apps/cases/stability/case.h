@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <initializer_list>
 #include <optional>
 #include <string>
 #include <vector>
@@ -36,8 +37,13 @@ struct StabilityCase {
     bool infinite = false;  ///< the value is infinite by definition
 };
 
-/// All rows, in the order of the report.
-[[nodiscard]] std::vector<StabilityCase> stability_cases();
+/// The cases of one topic.
+struct StabilityFamily {
+    std::string name;
+    std::vector<StabilityCase> (*cases)();
+};
+/// In the order of the report.
+[[nodiscard]] std::vector<StabilityFamily> stability_families();
 
 /// What became of a case.
 struct StabilityOutcome {
@@ -62,16 +68,12 @@ using Function = std::function<std::vector<Variable>(const std::vector<Variable>
                                             const Function& function, int order = 1);
 
 /// A row whose numbers come from `differentiate`.
-struct Smooth {
-    std::string name;
-    std::string behaviour;
-    double value_bound = 0.0;
-    double gradient_bound = 0.0;
-    std::vector<Tensor> inputs;
-    Function function;
-    int order = 1;
-};
-[[nodiscard]] StabilityCase row(Smooth smooth);
+[[nodiscard]] StabilityCase row(std::string name, std::string behaviour, double value_bound,
+                                double gradient_bound, std::vector<Tensor> inputs,
+                                Function function, int order = 1);
+/// The rows of several lists.
+[[nodiscard]] std::vector<StabilityCase> joined(
+    std::initializer_list<std::vector<StabilityCase>> lists);
 
 /// A row that must end with `ErrorType` whose message holds `named`.
 template <class ErrorType>

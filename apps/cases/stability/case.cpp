@@ -1,4 +1,4 @@
-#include "cases/stability/case.h"
+#include "apps/cases/stability/case.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,13 +11,10 @@
 
 namespace stymo {
 
-std::vector<StabilityCase> stability_cases() {
+std::vector<StabilityFamily> stability_families() {
     using namespace stability;
-    std::vector<StabilityCase> all;
-    for (const auto& family :
-         {ray_cases, camera_cases, activation_cases, layer_cases, loss_cases, training_cases})
-        std::ranges::move(family(), std::back_inserter(all));
-    return all;
+    return {{"rays", ray_cases},     {"cameras", camera_cases}, {"activations", activation_cases},
+            {"layers", layer_cases}, {"losses", loss_cases},    {"training", training_cases}};
 }
 
 namespace {
@@ -141,15 +138,21 @@ StabilityResult differentiate(DType dtype, const std::vector<Tensor>& inputs,
     return result;
 }
 
-StabilityCase row(Smooth smooth) {
-    return {.name = std::move(smooth.name),
-            .behaviour = std::move(smooth.behaviour),
-            .value_bound = smooth.value_bound,
-            .gradient_bound = smooth.gradient_bound,
-            .run = [inputs = std::move(smooth.inputs), function = std::move(smooth.function),
-                    order = smooth.order](DType dtype) {
-                return differentiate(dtype, inputs, function, order);
-            }};
+StabilityCase row(std::string name, std::string behaviour, double value_bound,
+                  double gradient_bound, std::vector<Tensor> inputs, Function function, int order) {
+    return {.name = std::move(name),
+            .behaviour = std::move(behaviour),
+            .value_bound = value_bound,
+            .gradient_bound = gradient_bound,
+            .run = [inputs = std::move(inputs), function = std::move(function),
+                    order](DType dtype) { return differentiate(dtype, inputs, function, order); }};
+}
+
+std::vector<StabilityCase> joined(std::initializer_list<std::vector<StabilityCase>> lists) {
+    std::vector<StabilityCase> all;
+    for (const std::vector<StabilityCase>& list : lists)
+        all.insert(all.end(), list.begin(), list.end());
+    return all;
 }
 
 std::vector<Tensor> scalars(const std::vector<double>& values) {

@@ -1,6 +1,6 @@
 #include <limits>
 
-#include "cases/stability/case.h"
+#include "apps/cases/stability/case.h"
 #include "core/ops/ops.h"
 #include "core/rng.h"
 #include "nn/losses.h"
@@ -36,9 +36,10 @@ Function composited(double delta) {
     };
 }
 
-Smooth uniform_density(const std::string& name, double density, const std::string& behaviour) {
-    return {
-        name, behaviour, 1e-6, 1e-6, {Tensor::full({1, 1, samples}, density)}, composited(0.25)};
+StabilityCase uniform_density(const std::string& name, double density,
+                              const std::string& behaviour) {
+    return row(name, behaviour, 1e-6, 1e-6, {Tensor::full({1, 1, samples}, density)},
+               composited(0.25));
 }
 
 /// A small field with fixed weights on one ray; the style is the first input.
@@ -66,63 +67,38 @@ std::vector<StabilityCase> density_cases() {
     const std::string opaque =
         "transmittance underflows to 0: the first sample takes the whole weight, gradient 0";
     std::vector<StabilityCase> rows;
-    rows.push_back(
-        row(uniform_density("density 0", 0.0, "weights 0, transmittance 1, gradient delta")));
-    rows.push_back(row(uniform_density("density 1e-30", 1e-30, product)));
-    rows.push_back(row(uniform_density("density 1e-3 (thin fog)", 1e-3, product)));
-    rows.push_back(
-        row(uniform_density("density 60, optical depth 15 of an interval", 60.0,
-                            "tanh' from its argument: 1 - tanh^2 has no digits left here")));
-    rows.push_back(row(uniform_density("density 1e8", 1e8, opaque)));
-    rows.push_back(row(uniform_density("density 1e30", 1e30, opaque)));
-    rows.push_back(
-        row(uniform_density("density infinite", infinity, "clamped to 1e30, gradient 0")));
+    rows.push_back(uniform_density("density 0", 0.0, "weights 0, transmittance 1, gradient delta"));
+    rows.push_back(uniform_density("density 1e-30", 1e-30, product));
+    rows.push_back(uniform_density("density 1e-3 (thin fog)", 1e-3, product));
+    rows.push_back(uniform_density("density 60, optical depth 15 of an interval", 60.0,
+                                   "tanh' from its argument: 1 - tanh^2 has no digits left here"));
+    rows.push_back(uniform_density("density 1e8", 1e8, opaque));
+    rows.push_back(uniform_density("density 1e30", 1e30, opaque));
+    rows.push_back(uniform_density("density infinite", infinity, "clamped to 1e30, gradient 0"));
     Tensor mixed = Rng(2).uniform({1, 1, samples}, 0.0, 4.0);
     mixed.mutable_values<float>()[3] = 0.0F;
     mixed.mutable_values<float>()[5] = 1e-30F;
     mixed.mutable_values<float>()[9] = 1e8F;
-    rows.push_back(row({"densities 0, 1e-30, 1e8 on one ray",
-                        "what lies behind the wall weighs 0",
-                        1e-6,
-                        1e-6,
-                        {mixed},
-                        composited(0.25)}));
+    rows.push_back(row("densities 0, 1e-30, 1e8 on one ray", "what lies behind the wall weighs 0",
+                       1e-6, 1e-6, {mixed}, composited(0.25)));
     return rows;
 }
 
 std::vector<StabilityCase> interval_cases() {
     const Tensor density = Rng(3).uniform({1, 1, samples}, 0.0, 4.0);
     std::vector<StabilityCase> rows;
-    rows.push_back(row({"intervals of length 0",
-                        "weights 0, transmittance 1, gradient 0",
-                        1e-6,
-                        1e-6,
-                        {density},
-                        composited(0.0)}));
-    rows.push_back(row({"intervals of length 1e-12",
-                        "optical depths keep their relative precision",
-                        1e-6,
-                        1e-6,
-                        {density},
-                        composited(1e-12)}));
-    rows.push_back(row({"infinite density in intervals of length 0",
-                        "density clamped to 1e30: 0, not infinity times 0",
-                        1e-6,
-                        1e-6,
-                        {Tensor::full({1, 1, samples}, infinity)},
-                        composited(0.0)}));
-    rows.push_back(row({"cumulative sum of 4096 optical depths",
-                        "running sum in float64",
-                        1e-6,
-                        1e-6,
-                        {Rng(4).uniform({1, 1, 4096}, 0.0, 2e-3)},
-                        composited(1.0)}));
-    rows.push_back(row({"cumulative sum of 4096 equal numbers 0.1",
-                        "running sum in float64",
-                        1e-6,
-                        1e-6,
-                        {Tensor::full({1, 4096}, 0.1)},
-                        each([](const Variable& x) { return cumsum(x, 1); })}));
+    rows.push_back(row("intervals of length 0", "weights 0, transmittance 1, gradient 0", 1e-6,
+                       1e-6, {density}, composited(0.0)));
+    rows.push_back(row("intervals of length 1e-12", "optical depths keep their relative precision",
+                       1e-6, 1e-6, {density}, composited(1e-12)));
+    rows.push_back(row("infinite density in intervals of length 0",
+                       "density clamped to 1e30: 0, not infinity times 0", 1e-6, 1e-6,
+                       {Tensor::full({1, 1, samples}, infinity)}, composited(0.0)));
+    rows.push_back(row("cumulative sum of 4096 optical depths", "running sum in float64", 1e-6,
+                       1e-6, {Rng(4).uniform({1, 1, 4096}, 0.0, 2e-3)}, composited(1.0)));
+    rows.push_back(row("cumulative sum of 4096 equal numbers 0.1", "running sum in float64", 1e-6,
+                       1e-6, {Tensor::full({1, 4096}, 0.1)},
+                       each([](const Variable& x) { return cumsum(x, 1); })));
     rows.push_back(refused<ValueError>(
         "samples in reverse order", "refused: a negative interval would let a ray gain light",
         "deltas", [=](DType dtype) { return differentiate(dtype, {density}, composited(-0.25)); }));
@@ -168,10 +144,7 @@ std::vector<StabilityCase> field_cases() {
 }  // namespace
 
 std::vector<StabilityCase> ray_cases() {
-    std::vector<StabilityCase> rows = density_cases();
-    for (const auto& family : {interval_cases, field_cases})
-        for (StabilityCase& next : family()) rows.push_back(std::move(next));
-    return rows;
+    return joined({density_cases(), interval_cases(), field_cases()});
 }
 
 }  // namespace stymo::stability

@@ -3,7 +3,7 @@
 #include <numbers>
 #include <utility>
 
-#include "cases/quadrature/quadrature.h"
+#include "apps/cases/quadrature/quadrature.h"
 
 namespace stymo {
 

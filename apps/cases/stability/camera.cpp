@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "cases/stability/case.h"
+#include "apps/cases/stability/case.h"
 #include "core/ops/ops.h"
 #include "core/rng.h"
 #include "core/tensor_eigen.h"
@@ -151,10 +151,7 @@ std::vector<StabilityCase> decoder_cases() {
 }  // namespace
 
 std::vector<StabilityCase> camera_cases() {
-    std::vector<StabilityCase> rows = sampling_cases();
-    for (const auto& family : {angle_cases, decoder_cases})
-        for (StabilityCase& next : family()) rows.push_back(std::move(next));
-    return rows;
+    return joined({sampling_cases(), angle_cases(), decoder_cases()});
 }
 
 }  // namespace stymo::stability
