@@ -114,6 +114,18 @@ std::int64_t Discriminator::resolution() const {
     return layers_->ladder.largest();
 }
 
+std::int64_t Discriminator::multiply_adds(const DiscriminatorConfig& config, std::int64_t side) {
+    constexpr std::int64_t taps = 3 * 3, final_pixels = final_side * final_side;
+    const std::int64_t last = channels_at(config, final_side);
+    std::int64_t work = side * side * 3 * channels_at(config, side);
+    for (std::int64_t s = side; s > final_side; s /= 2) {
+        const std::int64_t in = channels_at(config, s), out = channels_at(config, s / 2);
+        // The first convolution, then the second and the skip at half the side.
+        work += s * s * taps * in * in + s / 2 * (s / 2) * (taps + 1) * in * out;
+    }
+    return work + final_pixels * taps * (last + 1) * last + final_pixels * last * last + last;
+}
+
 LayerMemory Discriminator::memory(const DiscriminatorConfig& config, std::int64_t side,
                                   std::int64_t images) {
     LayerMemory memory;

@@ -47,6 +47,9 @@ public:
     /// Memory for this number of images of this side.
     [[nodiscard]] static LayerMemory memory(const DiscriminatorConfig& config, std::int64_t side,
                                             std::int64_t images);
+    /// Multiply-adds of one forward pass on one image of this side.
+    [[nodiscard]] static std::int64_t multiply_adds(const DiscriminatorConfig& config,
+                                                    std::int64_t side);
     /// Approximate number of parameters.
     [[nodiscard]] static std::int64_t element_count(const DiscriminatorConfig& config,
                                                     std::int64_t resolution);

@@ -1,5 +1,7 @@
 #include "nn/pretrained/perceptual/trunk.h"
 
+#include <algorithm>
+
 #include "core/ops/ops.h"
 
 namespace stymo {
@@ -90,6 +92,25 @@ std::vector<std::int64_t> tap_channels(const TrunkDescription& description) {
     for (const TrunkLayer& layer : description.layers)
         if (layer.tap) channels.push_back(layer.out);
     return channels;
+}
+
+std::int64_t trunk_multiply_adds(const std::string& network, std::int64_t side) {
+    const auto& all = trunk_descriptions();
+    const auto description = std::ranges::find(all, network, &TrunkDescription::name);
+    std::int64_t work = 0, channels = 3;
+    for (const TrunkLayer& layer : description->layers) {
+        if (layer.kind == Kind::fire) {
+            // 1x1 to the squeezed channels, then 1x1 and 3x3 to half of the output each.
+            constexpr std::int64_t taps = 1 + 3 * 3;
+            work += side * side * layer.squeezed * (channels + taps * layer.out / 2);
+        } else {
+            side = (side + 2 * layer.padding - layer.kernel) / layer.stride + 1;
+            if (layer.kind == Kind::max_pool) continue;
+            work += side * side * layer.kernel * layer.kernel * channels * layer.out;
+        }
+        channels = layer.out;
+    }
+    return work;
 }
 
 Trunk::Trunk(const TrunkDescription& description, ParameterStore& store, const std::string& prefix,

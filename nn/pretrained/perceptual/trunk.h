@@ -46,6 +46,9 @@ struct TrunkDescription {
 /// 2014, Iandola et al. 2016).
 [[nodiscard]] const std::vector<TrunkDescription>& trunk_descriptions();
 [[nodiscard]] std::vector<std::int64_t> tap_channels(const TrunkDescription& description);
+/// Multiply-adds of one forward pass on one image of side `side`. `network` is a description's
+/// name.
+[[nodiscard]] std::int64_t trunk_multiply_adds(const std::string& network, std::int64_t side);
 
 /// The feature stack of one of these networks.
 class Trunk {

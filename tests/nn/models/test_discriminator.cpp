@@ -77,6 +77,25 @@ TEST_CASE("the discriminator's channels follow the multiplier, and none exceeds 
     CHECK(widths({.max_channels = 100}) == std::vector<std::int64_t>{100, 100, 100, 64});
 }
 
+TEST_CASE("the multiply-adds of a discriminator are those of its weights at each pixel") {
+    const Judge judge(128);
+    std::int64_t work = 0;
+    const auto add = [&](const std::string& layer, std::int64_t pixels) {
+        work += pixels * judge.store.element_count("d." + layer + ".weight");
+    };
+    add("from_rgb128", 128 * 128);
+    for (std::int64_t side = 128; side > 4; side /= 2) {
+        const std::string block = "block" + std::to_string(side);
+        add(block + ".conv0", side * side);
+        add(block + ".conv1", side * side / 4);
+        add(block + ".skip", side * side / 4);
+    }
+    add("epilogue.conv", 4 * 4);
+    add("epilogue.hidden", 1);
+    add("epilogue.logit", 1);
+    CHECK(Discriminator::multiply_adds({.max_channels = 4}, 128) == work);
+}
+
 TEST_CASE(
     "a block at full strength is the same as no fading, bit for bit, and one at none hides the "
     "image's details") {

@@ -14,6 +14,7 @@
 #include "core/io/tensor_file.h"
 #include "core/ops/ops.h"
 #include "nn/pretrained/perceptual/lpips.h"
+#include "nn/pretrained/perceptual/trunk.h"
 #include "shared_data.h"
 #include "support/check_close.h"
 #include "support/check_grad.h"
@@ -115,6 +116,11 @@ TEST_CASE("LPIPS and its gradient agree with PyTorch for every trunk", "[lpips][
         lpips.parameters().convert(DType::float32);
         compare_with_pytorch(lpips, DType::float32, 1e-4);
     }
+}
+
+TEST_CASE("The multiply-adds of a trunk are the published ones of its convolutions", "[lpips]") {
+    CHECK(trunk_multiply_adds("vgg16", 224) == 15'346'630'656);
+    CHECK(trunk_multiply_adds("alexnet", 224) == 655'566'528);
 }
 
 TEST_CASE("LPIPS with the published SqueezeNet and heads gives the published numbers", "[lpips]") {
