@@ -1,18 +1,14 @@
 #include <algorithm>
 #include <cstdio>
-#include <cstdlib>
 #include <functional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "apps/bench/peak.h"
+#include "bench/arguments.h"
 #include "bench/gemm_libraries.h"
-#include "core/clock.h"
-#include "core/error.h"
 #include "core/kernels/gemm.h"
 #include "core/kernels/matmul.h"
-#include "core/median.h"
 #include "core/parallel.h"
 #include "core/rng.h"
 
@@ -23,31 +19,6 @@ namespace {
 
 using kernels::BFloat16;
 using kernels::PackedMatrix;
-
-struct Arguments {
-    std::string filter;
-    int threads = 0;
-    int repeats = 9;
-};
-
-Arguments parse(const std::vector<std::string_view>& words) {
-    Arguments arguments;
-    for (std::size_t i = 0; i < words.size(); i += 2) {
-        if (i + 1 == words.size()) fail<ValueError>(words[i], " needs a value");
-        const std::string value(words[i + 1]);
-        if (words[i] == "--filter") {
-            arguments.filter = value;
-        } else if (words[i] == "--threads") {
-            arguments.threads = std::atoi(value.c_str());
-        } else if (words[i] == "--repeats") {
-            arguments.repeats = std::max(1, std::atoi(value.c_str()));
-        } else {
-            fail<ValueError>("unknown option ", words[i],
-                             "; there are --filter TEXT, --threads N, --repeats N");
-        }
-    }
-    return arguments;
-}
 
 class Table {
 public:
@@ -75,21 +46,13 @@ public:
         if (name.find(arguments_.filter) == std::string::npos) return;
         std::vector<std::function<void()>> functions{function};
         for (const Other& other : others) functions.push_back(other.function);
-        for (const auto& each : functions) each();
-        std::vector<std::vector<double>> seconds(functions.size());
-        for (int i = 0; i < arguments_.repeats; ++i) {
-            for (std::size_t k = 0; k < functions.size(); ++k) {
-                const double start = seconds_now();
-                functions[k]();
-                seconds[k].push_back(seconds_now() - start);
-            }
-        }
-        const double own = median(seconds.front());
+        const std::vector<double> seconds = median_seconds(arguments_.repeats, functions);
+        const double own = seconds.front();
         const double rate = 2.0 * multiply_adds / own;
         std::printf("%s\n  {\"name\": \"%s\", \"ms\": %.4f, \"gflops\": %.1f, \"of_peak\": %.3f",
                     separator_, name.c_str(), 1e3 * own, 1e-9 * rate, rate / peak_.multiply_adds);
         for (std::size_t k = 0; k < others.size(); ++k) {
-            const double other = median(seconds[k + 1]);
+            const double other = seconds[k + 1];
             std::printf(", \"%s\": {\"ms\": %.4f, \"times\": %.2f}", others[k].name.c_str(),
                         1e3 * other, other / own);
         }
@@ -252,11 +215,5 @@ void run(const Arguments& arguments) {
 }  // namespace stymo::test
 
 int main(int argument_count, char** arguments) {
-    try {
-        stymo::test::run(stymo::test::parse({arguments + 1, arguments + argument_count}));
-        return 0;
-    } catch (const std::exception& error) {
-        std::fprintf(stderr, "bench_gemm: %s\n", error.what());
-        return 1;
-    }
+    return stymo::test::run_program("bench_gemm", argument_count, arguments, stymo::test::run);
 }

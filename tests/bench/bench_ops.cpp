@@ -1,13 +1,9 @@
-#include <algorithm>
-#include <chrono>
 #include <cstdio>
-#include <cstdlib>
-#include <string>
-#include <string_view>
+#include <functional>
 #include <vector>
 
+#include "bench/arguments.h"
 #include "core/autograd/grad.h"
-#include "core/error.h"
 #include "core/op_cases.h"
 #include "core/parallel.h"
 
@@ -15,46 +11,6 @@
 /// all inputs.
 namespace stymo::test {
 namespace {
-
-struct Arguments {
-    std::string filter;
-    int threads = 0;
-    int repeats = 9;
-};
-
-Arguments parse(const std::vector<std::string_view>& words) {
-    Arguments arguments;
-    for (std::size_t i = 0; i < words.size(); i += 2) {
-        if (i + 1 == words.size()) fail<ValueError>(words[i], " needs a value");
-        const std::string value(words[i + 1]);
-        if (words[i] == "--filter") {
-            arguments.filter = value;
-        } else if (words[i] == "--threads") {
-            arguments.threads = std::atoi(value.c_str());
-        } else if (words[i] == "--repeats") {
-            arguments.repeats = std::max(1, std::atoi(value.c_str()));
-        } else {
-            fail<ValueError>("unknown option ", words[i],
-                             "; there are --filter TEXT, --threads N, --repeats N");
-        }
-    }
-    return arguments;
-}
-
-template <class Function>
-double median_milliseconds(int repeats, Function function) {
-    function();
-    std::vector<double> times;
-    for (int i = 0; i < repeats; ++i) {
-        const auto start = std::chrono::steady_clock::now();
-        function();
-        times.push_back(
-            std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
-                .count());
-    }
-    std::ranges::nth_element(times, times.begin() + static_cast<std::ptrdiff_t>(times.size() / 2));
-    return times[times.size() / 2];
-}
 
 void run(const Arguments& arguments) {
     set_thread_count(arguments.threads);
@@ -67,9 +23,12 @@ void run(const Arguments& arguments) {
         const std::vector<Variable> constants = as_constants(inputs);
         const std::vector<Variable> leaves = as_leaves(inputs);
         const Variable dL_dy = Tensor::full(row.function(constants).shape(), 1.0);
-        const double forward = median_milliseconds(
-            arguments.repeats, [&] { static_cast<void>(row.function(constants)); });
-        const double both = median_milliseconds(arguments.repeats, [&] {
+        const auto median_milliseconds = [&](const std::function<void()>& function) {
+            return 1e3 * median_seconds(arguments.repeats, {function}).front();
+        };
+        const double forward =
+            median_milliseconds([&] { static_cast<void>(row.function(constants)); });
+        const double both = median_milliseconds([&] {
             static_cast<void>(
                 grad(row.function(leaves), leaves, {.create_graph = false, .dL_dy = dL_dy}));
         });
@@ -86,11 +45,5 @@ void run(const Arguments& arguments) {
 }  // namespace stymo::test
 
 int main(int argument_count, char** arguments) {
-    try {
-        stymo::test::run(stymo::test::parse({arguments + 1, arguments + argument_count}));
-        return 0;
-    } catch (const std::exception& error) {
-        std::fprintf(stderr, "bench_ops: %s\n", error.what());
-        return 1;
-    }
+    return stymo::test::run_program("bench_ops", argument_count, arguments, stymo::test::run);
 }
