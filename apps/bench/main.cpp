@@ -3,8 +3,6 @@
 #include <vector>
 
 #include "apps/bench/report.h"
-#include "apps/bench/session.h"
-#include "apps/common/command_line.h"
 #include "apps/common/tools.h"
 
 namespace {
@@ -32,12 +30,17 @@ void declare(stymo::Command& command, stymo::BenchOptions& options) {
 }  // namespace
 
 int stymo_bench(int argc, char** argv) {
-    stymo::SessionOptions options;
+    stymo::ReportOptions options;
     std::string row;
-    stymo::ReportOptions page;
     stymo::CommandLine line("stymo-bench",
                             "Measures speed, with its ratio to the machine's peak and to PyTorch, "
                             "and what it costs in error.");
+    const auto seeded = [&](auto body) {
+        return [&options, body](const stymo::CommonOptions& common) {
+            options.bench.seed = common.seed;
+            return body();
+        };
+    };
     const std::vector<std::pair<std::string, std::string>> sessions{
         {"render",
          "Frames: exact, with empty samples skipped, in 16 bits; with --out also the curve."},
@@ -53,10 +56,8 @@ int stymo_bench(int argc, char** argv) {
         {"all", "All of these."},
         {"bias", "What leaving out samples does to a fit's gradient and outcome; takes minutes."}};
     for (const auto& [name, description] : sessions) {
-        const auto body = [&options, name = name](const stymo::CommonOptions& common) {
-            return stymo::bench_session(name, options, common);
-        };
-        stymo::Command command = line.command(name, description, body);
+        const auto body = [&options, name = name] { return stymo::bench_session(name, options); };
+        stymo::Command command = line.command(name, description, seeded(body));
         declare(command, options.bench);
         if (name == "bias")
             command.option("--steps", options.bench.steps, "of each fit").range(1, 10000);
@@ -64,29 +65,25 @@ int stymo_bench(int argc, char** argv) {
                        "scripts/torch_peer.py: the same in PyTorch, run beside each row");
         command.option("--peer-python", options.peer.python, "Python whose PyTorch is compared");
         command.option("--out", options.out,
-                       "folder for the tables as JSON, CSV and Markdown, and for the curve as SVG");
+                       "folder for the tables as JSON, CSV and Markdown; scripts/plot_reports.py "
+                       "draws them");
     }
     stymo::Command one = line.command("row", "One row in this process, without the peer.",
-                                      [&](const stymo::CommonOptions& common) {
-                                          return stymo::bench_row(row, options.bench, common);
-                                      });
+                                      seeded([&] { return stymo::bench_row(row, options.bench); }));
     one.option("NAME", row, "the row").required();
     declare(one, options.bench);
-    stymo::Command report = line.command(
-        "report", "Error against run time and numerical stability, as a page with plots.",
-        [&](const stymo::CommonOptions& common) {
-            page.bench = options.bench;
-            return stymo::write_report(page, common);
-        });
-    report.option("--out", page.out, "folder for report.md with its plots and tables").required();
-    report.option("--parts", page.parts,
-                  "some of " + stymo::report_study_names() +
-                      "; without it all that the inputs are there for");
+    stymo::Command report =
+        line.command("report", "Error against run time and numerical stability, as tables.",
+                     seeded([&] { return stymo::write_report(options); }));
+    report.option("--out", options.out, "folder for report.md with its tables").required();
     report.option(
-        "--fit-model", page.fit_model,
+        "--parts", options.parts,
+        "some of " + stymo::report_parts() + "; without it all that the inputs are there for");
+    report.option(
+        "--fit-model", options.fit_model,
         "model of the part on fitting, which takes hundreds of steps; --model unless given");
-    report.option("--fit-data", page.fit_data, "its photos; --data unless given");
-    stymo::declare_lpips_files(report, page.lpips);
+    report.option("--fit-data", options.fit_data, "its photos; --data unless given");
+    stymo::declare_lpips_files(report, options.lpips);
     declare(report, options.bench);
     line.command("rows", "Lists all rows.",
                  [](const stymo::CommonOptions&) { return stymo::bench_row_names(); });

@@ -73,23 +73,15 @@ double run_chains(std::int64_t length, float* result) {
                                      Operands::word_length);
 }
 
-double run_float_chains(std::int64_t length, float* result) {
-    return run_chains<Numbers<float>>(length, result);
-}
-
 /// 0 without the instruction.
-double run_bfloat16_chains([[maybe_unused]] std::int64_t length, [[maybe_unused]] float* result) {
+double run_chains_of(NumberFormat number, std::int64_t length, float* result) {
 #if HWY_ARCH_X86 && HWY_MAX_BYTES == 64
-    if (__builtin_cpu_supports("avx512bf16")) return run_chains<DotProducts>(length, result);
+    if (number == NumberFormat::bfloat16 && __builtin_cpu_supports("avx512bf16"))
+        return run_chains<DotProducts>(length, result);
+    if (number == NumberFormat::float16 && multiplies_float16())
+        return run_chains<HalfProducts>(length, result);
 #endif
-    return 0.0;
-}
-
-double run_float16_chains([[maybe_unused]] std::int64_t length, [[maybe_unused]] float* result) {
-#if HWY_ARCH_X86 && HWY_MAX_BYTES == 64
-    if (multiplies_float16()) return run_chains<HalfProducts>(length, result);
-#endif
-    return 0.0;
+    return number == NumberFormat::float32 ? run_chains<Numbers<float>>(length, result) : 0.0;
 }
 
 }  // namespace stymo::kernels::HWY_NAMESPACE
@@ -98,9 +90,7 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace stymo::kernels {
 
-HWY_EXPORT(run_float_chains);
-HWY_EXPORT(run_bfloat16_chains);
-HWY_EXPORT(run_float16_chains);
+HWY_EXPORT(run_chains_of);
 
 namespace {
 
@@ -121,27 +111,16 @@ double best_rate(Function body) {
 }
 
 /// Runs chains on every thread; returns the number of operations done.
-template <class Chains>
-double run_on_all_threads(Chains chains) {
+double run_on_all_threads(NumberFormat number) {
     constexpr std::int64_t length = 4'000'000;
     const std::int64_t threads = thread_count();
     std::vector<double> work(static_cast<std::size_t>(threads));
     std::vector<float> results(work.size());
     parallel_for(threads, 1, [&](std::int64_t index, std::int64_t) {
         const auto i = static_cast<std::size_t>(index);
-        work[i] = chains(length, &results[i]);
+        work[i] = HWY_DYNAMIC_DISPATCH(run_chains_of)(number, length, &results[i]);
     });
     return std::accumulate(work.begin(), work.end(), 0.0);
-}
-
-double float_chains(std::int64_t length, float* result) {
-    return HWY_DYNAMIC_DISPATCH(run_float_chains)(length, result);
-}
-double bfloat16_chains(std::int64_t length, float* result) {
-    return HWY_DYNAMIC_DISPATCH(run_bfloat16_chains)(length, result);
-}
-double float16_chains(std::int64_t length, float* result) {
-    return HWY_DYNAMIC_DISPATCH(run_float16_chains)(length, result);
 }
 
 double triad_rate() {
@@ -159,13 +138,15 @@ double triad_rate() {
 }  // namespace
 
 MachinePeak measure_machine_peak() {
-    return {best_rate([] { return run_on_all_threads(float_chains); }),
-            best_rate([] { return run_on_all_threads(bfloat16_chains); }),
-            best_rate([] { return run_on_all_threads(float16_chains); }), triad_rate()};
+    const auto best = [](NumberFormat number) {
+        return best_rate([=] { return run_on_all_threads(number); });
+    };
+    return {best(NumberFormat::float32), best(NumberFormat::bfloat16), best(NumberFormat::float16),
+            triad_rate()};
 }
 
 double measure_multiply_adds() {
-    return rate([] { return run_on_all_threads(float_chains); });
+    return rate([] { return run_on_all_threads(NumberFormat::float32); });
 }
 
 }  // namespace stymo::kernels

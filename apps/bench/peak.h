@@ -3,6 +3,8 @@
 /// Peak performance of the machine, for comparison, with as many threads as `parallel_for` uses.
 namespace stymo::kernels {
 
+enum class NumberFormat { float32, bfloat16, float16 };
+
 struct MachinePeak {
     /// Operations per second in float32 (two for each fused multiply-add).
     double multiply_adds = 0.0;

@@ -1,31 +1,71 @@
 #include "apps/bench/study.h"
 
-#include <iterator>
-
 #include "core/error.h"
 #include "core/interrupt.h"
+#include "core/io/file.h"
 #include "core/progress.h"
 
 namespace stymo {
 
-Table run_study(Table table, const std::vector<StudyRow>& rows) {
+namespace {
+
+Table measured(const Study& study, const StudyPlan& plan) {
     const InterruptGuard guard;
-    Progress progress({.title = table.name, .total = std::ssize(rows), .unit = "rows"});
-    for (const StudyRow& row : rows) {
+    Table table{study.name, study.columns};
+    Progress progress({.title = study.name, .total = std::ssize(plan.rows), .unit = "rows"});
+    for (const StudyRow& row : plan.rows) {
         if (interrupted()) fail<Error>("interrupted; nothing was written");
-        progress.update(std::ssize(table.rows), plain(row.varied.front()));
+        progress.update(std::ssize(table.rows),
+                        words(table, row.varied, table.columns.front().key));
         Row cells = row.varied;
         for (Value& value : row.measure()) cells.push_back(std::move(value));
         table.rows.push_back(std::move(cells));
     }
     progress.update(std::ssize(table.rows));
-    progress.finish();
     return table;
 }
 
+}  // namespace
+
 std::vector<Study> report_studies() {
-    return {quadrature_study(), rendering_study(), fitting_study(),
-            training_study(),   stability_study(), omitted_study()};
+    return {quadrature_study(), euler_study(),     rendering_study(), fitting_study(),
+            training_study(),   stability_study(), scenes_study(),    jobs_study()};
+}
+
+void run_study(Page& page, const Study& study, const StudyInputs& inputs) {
+    page.text("## " + study.title);
+    page.text("Varied: " + study.varied + ". Measured: " + study.measured +
+              ". Reference: " + study.reference + ".");
+    const StudyPlan plan = study.plan(inputs);
+    const Table table = measured(study, plan);
+    if (!plan.setting.empty()) page.text(plan.setting);
+    page.add(table);
+    if (study.summary != nullptr) page.add(study.summary(table));
+    if (!plan.curves) return;
+    plan.curves->hidden = true;
+    page.add(*plan.curves);
+}
+
+void Page::text(const std::string& words) {
+    result_.text += (result_.text.empty() ? "" : "\n") + words + "\n";
+}
+
+void Page::add(const Table& table) {
+    const std::string words = markdown(table);
+    if (!words.empty()) result_.text += (result_.text.empty() ? "" : "\n") + words;
+    fact(table.name, to_json(table));
+    if (folder_.empty()) return;
+    const std::string file = name_ + "_" + table.name + ".csv";
+    write_file(folder_ / file, csv(table), Durability::none);
+    text("Numbers: [" + file + "](" + file + ")");
+}
+
+AppResult Page::finish() const {
+    if (!folder_.empty()) {
+        write_file(folder_ / (name_ + ".md"), result_.text, Durability::none);
+        write_file(folder_ / (name_ + ".json"), result_.json.text() + "\n", Durability::none);
+    }
+    return result_;
 }
 
 }  // namespace stymo

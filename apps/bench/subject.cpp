@@ -2,19 +2,23 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
+#include <fstream>
 #include <numbers>
+#include <span>
 #include <utility>
 
+#include "apps/bench/peak.h"
 #include "core/angle.h"
+#include "core/clock.h"
+#include "core/metrics.h"
+#include "core/ops/ops.h"
 #include "nn/realtime/view.h"
 #include "train/data/dataset.h"
 
 namespace stymo {
 
 namespace {
-
-/// Standard deviation of random codes, about that of an encoder's codes.
-constexpr double code_deviation = 0.1;
 
 std::vector<Camera> orbit(const Model& model, int count) {
     std::vector<Camera> views;
@@ -28,33 +32,33 @@ std::vector<Camera> orbit(const Model& model, int count) {
 
 Face random_face(const ModelConfig& config, Rng& rng) {
     const std::int64_t side = config.decoder.resolution;
-    Face face;
-    face.id = "random";
-    face.image = rng.uniform({side, side, 3}, 0.0, 1.0);
-    face.mask = Tensor::full({side, side, 1}, 1.0);
-    face.pose = frontal_pose(config.camera);
-    face.intrinsics = config.camera.intrinsics;
-    return face;
+    return {.id = "random",
+            .image = rng.uniform({side, side, 3}, 0.0, 1.0),
+            .mask = Tensor::full({side, side, 1}, 1.0),
+            .pose = frontal_pose(config.camera),
+            .intrinsics = config.camera.intrinsics,
+            .code = {}};
 }
 
-Codes random_codes(int faces, Rng& rng) {
-    Codes codes;
-    for (std::size_t group = 0; group < code_sizes.size(); ++group)
-        codes.groups[group] = rng.normal({faces, code_sizes[group]}, 0.0, code_deviation);
-    return codes;
+Dataset photos_of(const BenchOptions& options, const ModelConfig& config) {
+    return Dataset(options.data, config.decoder.resolution, {.cache_megabytes = 0}, Split::all,
+                   frontal_pose(config.camera));
 }
 
-BenchSubject subject_of(Model model, const BenchOptions& options, std::uint64_t seed) {
+BenchSubject subject_of(Model model, const BenchOptions& options) {
     model.parameters().set_trainable("", false);
-    Rng rng = Rng(seed).split("faces");
+    Rng rng = Rng(options.seed).split("faces");
     BenchSubject subject{std::move(model), {}, {}, {}};
     const ModelConfig& config = subject.model.config();
     if (options.data.empty()) {
+        // About the standard deviation of an encoder's codes.
+        constexpr double deviation = 0.1;
         for (int i = 0; i < options.faces; ++i) subject.photos.push_back(random_face(config, rng));
-        subject.codes = random_codes(options.faces, rng);
+        for (std::size_t group = 0; group < code_sizes.size(); ++group)
+            subject.codes.groups[group] =
+                rng.normal({options.faces, code_sizes[group]}, 0.0, deviation);
     } else {
-        const Dataset data(options.data, config.decoder.resolution, {.cache_megabytes = 0},
-                           Split::all, frontal_pose(config.camera));
+        const Dataset data = photos_of(options, config);
         const std::int64_t faces = std::min<std::int64_t>(options.faces, data.size());
         for (std::int64_t i = 0; i < faces; ++i) subject.photos.push_back(data.load(i));
         subject.codes = detached(face_codes(subject.model, make_batch(subject.photos)));
@@ -63,19 +67,121 @@ BenchSubject subject_of(Model model, const BenchOptions& options, std::uint64_t 
     return subject;
 }
 
-}  // namespace
-
-BenchSubject make_subject(const BenchOptions& options, std::uint64_t seed) {
-    if (options.model.empty()) return random_subject({}, options, seed);
-    BenchSubject subject = subject_of(Model::load(options.model), options, seed);
-    subject.trained = true;
-    return subject;
+double largest_difference(const Tensor& a, const Tensor& b) {
+    double largest = 0.0;
+    const std::span<const float> left = a.values<float>(), right = b.values<float>();
+    for (std::size_t i = 0; i < left.size(); ++i)
+        largest = std::max(largest,
+                           std::abs(static_cast<double>(left[i]) - static_cast<double>(right[i])));
+    return largest;
 }
 
-BenchSubject random_subject(const ModelConfig& config, const BenchOptions& options,
-                            std::uint64_t seed) {
-    Rng rng = Rng(seed).split("model");
-    return subject_of(Model(config, rng), options, seed);
+}  // namespace
+
+void Timing::add(double run_seconds) {
+    seconds.push_back(run_seconds);
+    multiply_adds.push_back(kernels::measure_multiply_adds());
+}
+
+void Timing::add(const Timing& other) {
+    seconds.insert(seconds.end(), other.seconds.begin(), other.seconds.end());
+    multiply_adds.insert(multiply_adds.end(), other.multiply_adds.begin(),
+                         other.multiply_adds.end());
+}
+
+Timing time_repeated(int repeats, double at_least_seconds, const std::function<void()>& body) {
+    constexpr int most = 100;
+    body();
+    Timing timing;
+    const double begin = seconds_now();
+    for (int i = 0; i < repeats || (i < most && seconds_now() - begin < at_least_seconds); ++i) {
+        const double start = seconds_now();
+        body();
+        timing.add(seconds_now() - start);
+    }
+    return timing;
+}
+
+double peak_memory_mebibytes() {
+    std::ifstream status("/proc/self/status");
+    const std::string key = "VmHWM:";
+    for (std::string line; std::getline(status, line);)
+        if (line.starts_with(key)) return std::strtod(line.c_str() + key.size(), nullptr) / 1024.0;
+    return 0.0;
+}
+
+BenchSubject make_subject(const BenchOptions& options) {
+    if (options.model.empty()) return random_subject({}, options);
+    return subject_of(Model::load(options.model), options);
+}
+
+BenchSubject random_subject(const ModelConfig& config, const BenchOptions& options) {
+    Rng rng = Rng(options.seed).split("model");
+    return subject_of(Model(config, rng), options);
+}
+
+std::vector<Face> last_photos(const BenchOptions& options, const ModelConfig& config,
+                              std::int64_t faces) {
+    const Dataset data = photos_of(options, config);
+    std::vector<Face> photos;
+    for (std::int64_t i = std::max<std::int64_t>(0, data.size() - faces); i < data.size(); ++i)
+        photos.push_back(data.load(i));
+    return photos;
+}
+
+Codes first_row(const Codes& codes) {
+    Codes row;
+    for (std::size_t group = 0; group < code_sizes.size(); ++group)
+        row.groups[group] = slice(codes.groups[group], 0, 0, 1).detach();
+    return row;
+}
+
+Timing time_frames(const BenchSubject& subject, FaceRenderer& renderer, int repeats) {
+    const double seconds_of_a_face = 0.04 * repeats;
+    Timing timing;
+    std::size_t view = 0;
+    for (std::int64_t face = 0; face < subject.codes.batch(); ++face) {
+        renderer.show(subject.codes, face);
+        const auto next = [&] {
+            static_cast<void>(renderer.render(subject.views[view++ % subject.views.size()]));
+        };
+        timing.add(time_repeated(repeats, seconds_of_a_face, next));
+    }
+    return timing;
+}
+
+double field_work(const Model& model, std::int64_t samples_per_ray, std::int64_t resolution) {
+    const DecoderWork work = model.decoder().work(resolution);
+    return static_cast<double>(work.rays * (work.field.sample * samples_per_ray + work.field.ray));
+}
+
+double frame_work(const Model& model, std::int64_t samples_per_ray, std::int64_t resolution) {
+    return field_work(model, samples_per_ray, resolution) +
+           static_cast<double>(model.decoder().work(resolution).blocks);
+}
+
+Images all_images(const BenchSubject& subject, const RendererOptions& options) {
+    FaceRenderer renderer(subject.model, options);
+    Images images;
+    for (std::int64_t face = 0; face < subject.codes.batch(); ++face) {
+        renderer.show(subject.codes, face);
+        for (const Camera& view : subject.views) images.push_back(renderer.render(view).image);
+    }
+    return images;
+}
+
+ImageError error_of(const Images& images, const Images& exact) {
+    ImageError error;
+    double squares = 0.0;
+    for (std::size_t i = 0; i < exact.size(); ++i) {
+        const double psnr = peak_signal_to_noise_ratio(images.at(i), exact[i]);
+        error.psnr_mean += psnr / static_cast<double>(exact.size());
+        error.psnr_worst = std::min(error.psnr_worst, psnr);
+        error.worst_pixel = std::max(error.worst_pixel, largest_difference(images[i], exact[i]));
+        squares += std::pow(10.0, -psnr / 10.0) / static_cast<double>(exact.size());
+    }
+    error.root_mean_square = std::sqrt(squares);
+    return error;
 }
 
 }  // namespace stymo

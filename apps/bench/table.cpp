@@ -13,11 +13,30 @@ namespace stymo {
 
 namespace {
 
-std::size_t index_of(const Table& table, const std::string& key) {
-    const auto found = std::ranges::find(table.columns, key, &Column::key);
-    if (found == table.columns.end())
-        fail<ValueError>("table ", table.name, " has no column ", key);
-    return static_cast<std::size_t>(found - table.columns.begin());
+std::size_t index_of(const std::vector<Column>& columns, const std::string& key) {
+    const auto found = std::ranges::find(columns, key, &Column::key);
+    if (found == columns.end()) fail<ValueError>("there is no column ", key);
+    return static_cast<std::size_t>(found - columns.begin());
+}
+
+JsonValue json_of(const Value& value) {
+    return std::visit(
+        []<class Held>(const Held& held) {
+            if constexpr (std::is_same_v<Held, std::monostate>) {
+                return JsonValue();
+            } else {
+                return JsonValue(held);
+            }
+        },
+        value);
+}
+
+Value value_of(const nlohmann::json& json) {
+    if (json.is_boolean()) return json.get<bool>();
+    if (json.is_number_integer()) return json.get<std::int64_t>();
+    if (json.is_number_float()) return json.get<double>();
+    if (json.is_string()) return json.get<std::string>();
+    return {};
 }
 
 double number_in(const Value& value) {
@@ -26,23 +45,24 @@ double number_in(const Value& value) {
     return std::numeric_limits<double>::quiet_NaN();
 }
 
-/// `text` of the number; other values as they are.
-template <class Text>
-std::string number_text(const Value& value, const Text& text) {
-    const double number = number_in(value);
-    return std::isnan(number) ? plain(value) : text(number);
+/// By the unit in the key; "" without one.
+std::string unit_text(const std::string& key, double number) {
+    if (key.ends_with("_db")) return std::isinf(number) ? "equal" : decimal(number, 2);
+    if (key.ends_with("_mebibytes")) return decimal(number, 1) + " MiB";
+    if (key.ends_with("_bytes")) return decimal(number / 1048576.0, 1) + " MiB";
+    if (key.starts_with("share")) return percent(number);
+    if (key.find("seconds") == std::string::npos) return {};
+    return number < 1.0 ? significant(number * 1e3, 4) + " ms" : significant(number, 4) + " s";
 }
 
-JsonValue json_of(const Value& value) {
-    return std::visit(
-        [](const auto& held) {
-            if constexpr (std::is_same_v<std::decay_t<decltype(held)>, std::monostate>) {
-                return JsonValue();
-            } else {
-                return JsonValue(held);
-            }
-        },
-        value);
+std::string text_of(const std::string& key, const Value& value) {
+    if (const auto* text = std::get_if<std::string>(&value)) return *text;
+    if (const auto* flag = std::get_if<bool>(&value)) return *flag ? "yes" : "no";
+    if (std::holds_alternative<std::monostate>(value)) return {};
+    const double number = number_in(value);
+    const std::string text = unit_text(key, number);
+    if (!text.empty()) return text;
+    return std::holds_alternative<double>(value) ? significant(number, 4) : json_of(value).text();
 }
 
 void require_rectangular(const Table& table) {
@@ -52,83 +72,83 @@ void require_rectangular(const Table& table) {
                              " columns and a row of ", row.size());
 }
 
-std::string quoted(const std::string& cell) {
-    if (cell.find_first_of(",\"\n") == std::string::npos) return cell;
-    std::string text = "\"";
-    for (const char c : cell) text += c == '"' ? "\"\"" : std::string(1, c);
-    return text + "\"";
+std::string replaced(const std::string& text, char from, const char* to) {
+    std::string result;
+    for (const char c : text) result += c == from ? to : std::string(1, c);
+    return result;
 }
 
-std::string escaped_cell(const std::string& cell) {
-    std::string text;
-    for (const char c : cell) text += c == '|' ? "\\|" : std::string(1, c);
-    return text;
+/// The key without a unit that the cells name.
+std::string heading(std::string key) {
+    for (const std::string unit : {"_seconds", "_mebibytes", "_bytes"})
+        if (key.ends_with(unit)) key.resize(key.size() - unit.size());
+    return replaced(replaced(key, '_', " "), '|', "\\|");
+}
+
+std::string csv_cell(const Value& value) {
+    if (std::holds_alternative<std::monostate>(value)) return {};
+    const auto* held = std::get_if<std::string>(&value);
+    const std::string text = held != nullptr ? *held : json_of(value).text();
+    if (text.find_first_of(",\"\n") == std::string::npos) return text;
+    return "\"" + replaced(text, '"', "\"\"") + "\"";
 }
 
 /// In characters: each byte of UTF-8 counts but those that continue one.
-std::size_t text_width(const std::string& cell) {
+std::size_t text_width(const std::string& text) {
     return static_cast<std::size_t>(
-        std::ranges::count_if(cell, [](char c) { return (c & 0xC0) != 0x80; }));
+        std::ranges::count_if(text, [](char c) { return (c & 0xC0) != 0x80; }));
 }
 
 }  // namespace
 
-std::string plain(const Value& value) {
-    if (const auto* words = std::get_if<std::string>(&value)) return *words;
-    if (const auto* flag = std::get_if<bool>(&value)) return *flag ? "yes" : "no";
-    if (std::holds_alternative<std::monostate>(value)) return {};
-    if (std::holds_alternative<std::int64_t>(value)) return json_of(value).text();
-    std::ostringstream text;
-    text << std::setprecision(3) << std::get<double>(value);
-    return text.str();
+Column hidden(const char* key) {
+    Column column = key;
+    column.hidden = true;
+    return column;
 }
 
-double Table::number(const Row& row, const std::string& key) const {
-    return number_in(row.at(index_of(*this, key)));
+Value& cell(const std::vector<Column>& columns, Row& row, const std::string& key) {
+    return row.at(index_of(columns, key));
 }
 
-std::string Table::words(const Row& row, const std::string& key) const {
-    return plain(row.at(index_of(*this, key)));
+double number(const Table& table, const Row& row, const std::string& key) {
+    return number_in(row.at(index_of(table.columns, key)));
+}
+
+std::string words(const Table& table, const Row& row, const std::string& key) {
+    return text_of(key, row.at(index_of(table.columns, key)));
 }
 
 std::string markdown(const Table& table) {
     require_rectangular(table);
-    std::vector<std::vector<std::string>> columns;
+    if (table.hidden) return {};
+    std::vector<std::string> lines(table.rows.size() + 2);
     for (std::size_t i = 0; i < table.columns.size(); ++i) {
         const Column& column = table.columns[i];
-        if (column.title.empty()) continue;
-        std::vector<std::string> cells{escaped_cell(column.title)};
-        for (const Row& row : table.rows) cells.push_back(escaped_cell(column.text(row[i])));
+        if (column.hidden) continue;
+        std::vector<std::string> cells{heading(column.key)};
+        for (const Row& row : table.rows)
+            cells.push_back(replaced(text_of(column.key, row[i]), '|', "\\|"));
         const std::size_t widest =
             std::max<std::size_t>(3, text_width(*std::ranges::max_element(cells, {}, text_width)));
-        for (std::string& cell : cells) cell += std::string(widest - text_width(cell), ' ');
-        cells.insert(cells.begin() + 1, std::string(widest, '-'));
-        columns.push_back(std::move(cells));
+        for (std::string& text : cells)
+            text = "| " + text + std::string(widest - text_width(text) + 1, ' ');
+        cells.insert(cells.begin() + 1, "|" + std::string(widest + 2, '-'));
+        for (std::size_t line = 0; line < lines.size(); ++line) lines[line] += cells[line];
     }
     std::string text;
-    if (columns.empty()) return text;
-    for (std::size_t line = 0; line < table.rows.size() + 2; ++line) {
-        const char space = line == 1 ? '-' : ' ';
-        for (const auto& cells : columns) text += std::string("|") + space + cells[line] + space;
-        text += "|\n";
-    }
+    for (const std::string& line : lines) text += line + "|\n";
     return text;
 }
 
 std::string csv(const Table& table) {
     require_rectangular(table);
     std::string text;
-    for (std::size_t i = 0; i < table.columns.size(); ++i)
-        text += (i > 0 ? "," : "") + quoted(table.columns[i].key);
-    for (const Row& row : table.rows) {
-        text += "\n";
-        for (std::size_t i = 0; i < row.size(); ++i) {
-            const auto* words = std::get_if<std::string>(&row[i]);
-            const bool empty = std::holds_alternative<std::monostate>(row[i]);
-            text += i > 0 ? "," : "";
-            text += empty ? "" : quoted(words != nullptr ? *words : json_of(row[i]).text());
-        }
-    }
+    for (const Column& column : table.columns)
+        text += (text.empty() ? "" : ",") + csv_cell(column.key);
+    for (const Row& row : table.rows)
+        for (std::size_t i = 0; i < row.size(); ++i)
+            text += (i > 0 ? "," : "\n") + csv_cell(row[i]);
     return text + "\n";
 }
 
@@ -149,35 +169,12 @@ Row row_from_json(const std::vector<Column>& columns, const std::string& text) {
     try {
         const nlohmann::json object = nlohmann::json::parse(text);
         Row row;
-        for (const Column& column : columns) {
-            const nlohmann::json value = object.value(column.key, nlohmann::json());
-            if (value.is_null()) row.emplace_back();
-            if (value.is_boolean()) row.emplace_back(value.get<bool>());
-            if (value.is_number_integer()) row.emplace_back(value.get<std::int64_t>());
-            if (value.is_number_float()) row.emplace_back(value.get<double>());
-            if (value.is_string()) row.emplace_back(value.get<std::string>());
-        }
+        for (const Column& column : columns)
+            row.push_back(value_of(object.value(column.key, nlohmann::json())));
         return row;
     } catch (const nlohmann::json::exception& error) {
         fail<Error>("a row's result cannot be read: ", error.what());
     }
-}
-
-Plot plot_of(const Table& table, const PlotColumns& columns, Plot plot) {
-    const auto shown = [](double value, PlotScale scale) {
-        return std::isfinite(value) && (scale == PlotScale::linear || value > 0.0);
-    };
-    for (const Row& row : table.rows) {
-        const double x = table.number(row, columns.x) / columns.x_unit,
-                     y = table.number(row, columns.y);
-        if (!shown(x, plot.x_scale) || !shown(y, plot.y_scale)) continue;
-        const std::string name = table.words(row, columns.series);
-        auto series = std::ranges::find(plot.series, name, &PlotSeries::name);
-        if (series == plot.series.end()) series = plot.series.insert(series, {name, {}});
-        series->points.push_back(
-            {x, y, columns.label.empty() ? "" : table.words(row, columns.label)});
-    }
-    return plot;
 }
 
 std::string decimal(double value, int digits) {
@@ -186,37 +183,14 @@ std::string decimal(double value, int digits) {
     return text.str();
 }
 
-template <int digits>
-std::string fixed(const Value& value) {
-    return number_text(value, [](double number) { return decimal(number, digits); });
-}
-template std::string fixed<0>(const Value&);
-template std::string fixed<1>(const Value&);
-template std::string fixed<2>(const Value&);
-template std::string fixed<3>(const Value&);
-template std::string fixed<4>(const Value&);
-template std::string fixed<5>(const Value&);
-template std::string fixed<6>(const Value&);
-
-std::string milliseconds(const Value& seconds) {
-    return number_text(seconds, [](double number) {
-        const double value = number * 1e3;
-        return decimal(value, value < 100.0 ? 2 : value < 1000.0 ? 1 : 0);
-    });
+std::string significant(double value, int digits) {
+    std::ostringstream text;
+    text << std::setprecision(digits) << value;
+    return text.str();
 }
 
-std::string mebibytes(const Value& bytes) {
-    constexpr double mebibyte = 1048576.0;
-    return number_text(bytes, [](double number) { return decimal(number / mebibyte, 0); });
-}
-
-std::string percent(const Value& share) {
-    return number_text(share, [](double number) { return decimal(100.0 * number, 0) + " %"; });
-}
-
-std::string decibels(const Value& value) {
-    return number_text(
-        value, [](double number) { return std::isfinite(number) ? decimal(number, 1) : "equal"; });
+std::string percent(double share) {
+    return decimal(100.0 * share, 0) + " %";
 }
 
 }  // namespace stymo

@@ -1,18 +1,72 @@
-#include <algorithm>
-#include <cmath>
+#include "apps/bench/training.h"
 
-#include "apps/bench/small_model.h"
-#include "apps/bench/study.h"
+#include <algorithm>
+
+#include "apps/bench/embedded_configurations.h"
+#include "apps/bench/speed.h"
 #include "core/clock.h"
 #include "core/error.h"
 #include "core/interrupt.h"
+#include "core/io/file.h"
 #include "core/io/folder_in_progress.h"
-#include "train/tick.h"
+#include "nn/pretrained/perceptual/trunk.h"
+#include "render/morphable/builtin_head.h"
+#include "train/data/synthetic_faces.h"
 #include "train/trainer.h"
 
 namespace stymo {
 
 namespace {
+
+/// A folder that is removed again. Small data sets are decoded at once, so they need it no longer.
+FolderInProgress temporary_folder(const std::string& name) {
+    return FolderInProgress(std::filesystem::temp_directory_path() / name);
+}
+
+/// The configuration configs/`name`.json with overrides "a.b=value".
+TrainConfig embedded_configuration(const std::string& name,
+                                   const std::vector<std::string>& overrides) {
+    const FolderInProgress folder = temporary_folder("stymo-report-config");
+    for (const auto& [file, text] : embedded_configurations)
+        write_file(folder.path() / file, text);
+    return load_train_config(folder.path() / (name + ".json"), overrides);
+}
+
+void write_heads(const std::filesystem::path& folder, const ModelConfig& model, std::int64_t count,
+                 std::uint64_t seed) {
+    write_synthetic_faces(
+        builtin_head(),
+        {.count = count, .side = model.decoder.resolution, .intrinsics = model.camera.intrinsics},
+        Rng(seed).split("heads"), folder);
+}
+
+Dataset dataset(const std::filesystem::path& folder, const TrainConfig& config, Split split) {
+    return Dataset(folder, config.model.decoder.resolution, config.data, split);
+}
+
+/// A step of the first stage as `stymo-train` does it: eight images, encoder and its backbone,
+/// LPIPS, optimiser, EMA. The images are synthetic heads, and the weights of backbone and LPIPS
+/// random ones, which does not change the time. Of the work only decoder and trunk are counted:
+/// forwards and twice as much backwards through the decoder; photo, image and back through the
+/// trunk.
+Measurement training_step(const BenchOptions& options, const std::string& configuration) {
+    const TrainConfig config = embedded_configuration(
+        configuration,
+        {"stage2.resolutions=[]", "data.split.test=0", "encoder.backbone_weights=random",
+         "reconstruction.perceptual_trunk=random", "reconstruction.perceptual_heads=random"});
+    const FolderInProgress folder = temporary_folder("stymo-bench-heads");
+    write_heads(folder.path(), config.model, 2 * config.stage1.batch, options.seed);
+    const Dataset faces = dataset(folder.path(), config, Split::training);
+    Trainer trainer(config, faces, nullptr, options.seed);
+    Measurement result{
+        .timing = time_repeated(options.repeats, 0.0, [&] { static_cast<void>(trainer.step()); })};
+    const std::int64_t trunk = trunk_multiply_adds(config.model.reconstruction.perceptual.network,
+                                                   config.model.decoder.resolution);
+    result.work =
+        3.0 * static_cast<double>(config.stage1.batch) *
+        (frame_work(trainer.model(), config.stage1.samples_per_ray) + static_cast<double>(trunk));
+    return result;
+}
 
 constexpr std::int64_t most_samples = 64;
 
@@ -21,14 +75,12 @@ struct Heads {
     Dataset validation;
 };
 
-/// In a folder that is removed again: small data sets are decoded at once.
 Heads synthetic_heads(std::uint64_t seed) {
-    const FolderInProgress folder(std::filesystem::temp_directory_path() / "stymo-report-heads");
+    const FolderInProgress folder = temporary_folder("stymo-report-heads");
     write_small_heads(folder.path(), seed);
     const TrainConfig config = small_training(1, most_samples);
-    const std::int64_t side = config.model.decoder.resolution;
-    return {Dataset(folder.path(), side, config.data, Split::training),
-            Dataset(folder.path(), side, config.data, Split::test)};
+    return {dataset(folder.path(), config, Split::training),
+            dataset(folder.path(), config, Split::test)};
 }
 
 ValidationScore score_of(const Trainer& trainer, const Dataset& faces, std::int64_t samples) {
@@ -64,61 +116,86 @@ Row train(const Heads& data, std::int64_t samples, double seconds, std::uint64_t
         score = score_of(trainer, data.validation, samples);
         curves.rows.push_back({samples, step, spent, score.reconstruction, score.psnr});
     }
+    const double psnr_64 = score_of(trainer, data.validation, most_samples).psnr;
     return {spent / static_cast<double>(steps),
             steps,
             steps * config.stage1.batch,
             spent,
             score.reconstruction,
             score.psnr,
-            score_of(trainer, data.validation, most_samples).psnr};
+            psnr_64};
 }
 
-void write_training(Page& page, const StudyInputs& inputs) {
-    const Heads data = synthetic_heads(inputs.seed);
-    Table curves{
-        .name = "training_curves",
-        .columns = {{"samples"}, {"steps"}, {"seconds"}, {"reconstruction_loss"}, {"psnr_db"}}};
+StudyPlan training_plan(const StudyInputs& inputs) {
+    const auto data = std::make_shared<const Heads>(synthetic_heads(inputs.bench.seed));
     // The rest of the time goes to the heads and to the scores.
     const double seconds = 0.8 * inputs.seconds / 3.0;
-    std::vector<StudyRow> rows;
+    StudyPlan plan;
+    plan.curves = std::make_shared<Table>(Table{
+        "training_curves", {"samples", "steps", "seconds", "reconstruction_loss", "psnr_db"}});
     for (const std::int64_t samples : {std::int64_t{16}, std::int64_t{32}, most_samples})
-        rows.push_back({{samples}, [&, samples] {
-                            return train(data, samples, seconds, inputs.seed, curves);
-                        }});
-    const Table ends = run_study({.name = "training",
-                                  .columns = {{"samples", "N"},
-                                              {"seconds_per_step", "ms a step", milliseconds},
-                                              {"steps", "steps"},
-                                              {"images", "images"},
-                                              {"seconds", "seconds", fixed<1>},
-                                              {"reconstruction_loss", "loss", fixed<4>},
-                                              {"psnr_db", "PSNR dB", fixed<2>},
-                                              {"psnr_64_db", "PSNR dB with N = 64", fixed<2>}}},
-                                 rows);
-    const std::string held_out = std::to_string(data.validation.size());
-    page.text("The first stage with N samples per ray: the model of `configs/demo-64.json` on " +
-              std::to_string(data.training.size()) +
-              " synthetic heads, for the same time with each N; the learning rate falls to zero in "
-              "that time. The loss is the reconstruction loss of " +
-              held_out +
-              " held-out heads with N samples too; measuring it does not count as time. Training "
-              "computes in float32; training in 16 bits does not exist here.");
-    Plot plot = plot_of(curves, {.series = "samples", .x = "seconds", .y = "reconstruction_loss"},
-                        {.title = "Loss against seconds of training",
-                         .x_label = "seconds of training",
-                         .y_label = "reconstruction loss of " + held_out + " held-out heads",
-                         .series = {},
-                         .x_scale = PlotScale::linear});
-    for (PlotSeries& series : plot.series) series.name = "N = " + series.name;
-    page.plot("training_loss", plot);
-    page.add(ends);
-    page.add(curves);
+        plan.add({samples}, [=, seed = inputs.bench.seed, curves = plan.curves] {
+            return train(*data, samples, seconds, seed, *curves);
+        });
+    plan.setting = "The model of `configs/demo-64.json` on " +
+                   std::to_string(data->training.size()) + " synthetic heads, in float32, and " +
+                   std::to_string(data->validation.size()) +
+                   " held-out ones; the learning rate falls to zero in the time. Measuring the "
+                   "loss does not count as time.";
+    return plan;
 }
 
 }  // namespace
 
+TrainConfig small_training(std::int64_t steps, std::int64_t samples_per_ray) {
+    return embedded_configuration("demo-64",
+                                  {"stage1.steps=" + std::to_string(steps),
+                                   "stage1.samples_per_ray=" + std::to_string(samples_per_ray),
+                                   "stage1.average_half_life=0"});
+}
+
+void write_small_heads(const std::filesystem::path& folder, std::uint64_t seed) {
+    constexpr std::int64_t heads = 240;
+    write_heads(folder, small_training(1, 2).model, heads, seed);
+}
+
+void write_small_model(const std::filesystem::path& heads, const std::filesystem::path& file,
+                       std::uint64_t seed, double seconds) {
+    constexpr std::int64_t steps = 3200, samples = 16;
+    TrainConfig config = small_training(steps, samples);
+    // The number of steps that fit into the time is not known beforehand.
+    config.optimizer.schedule = "epoch";
+    const Dataset faces = dataset(heads, config, Split::training);
+    Trainer trainer(config, faces, nullptr, seed);
+    const double begin = seconds_now();
+    for (std::int64_t step = 0; step < steps && seconds_now() - begin < seconds; ++step) {
+        if (interrupted()) fail<Error>("interrupted; nothing was written");
+        static_cast<void>(trainer.step());
+    }
+    trainer.model().save(file);
+}
+
+std::vector<SpeedRow> training_rows() {
+    std::vector<SpeedRow> rows;
+    for (const std::string name : {"celeba-64", "celeba-128", "celeba-256"})
+        rows.push_back(
+            {"train-" + name, "training",
+             "stage 1, eight images, LPIPS (SqueezeNet), `" + name + "`",
+             [name](const BenchOptions& options) { return training_step(options, name); }, name});
+    return rows;
+}
+
 Study training_study() {
-    return {.name = "training", .title = "Training", .seconds = 100.0, .write = write_training};
+    return {.part = "training",
+            .name = "training",
+            .title = "Training",
+            .varied = "samples per ray in the first stage, trained for the same time",
+            .measured = "reconstruction loss and PSNR with these samples and with 64",
+            .reference = "held-out heads",
+            .columns = {"samples", "seconds_per_step", "steps", "images", "seconds",
+                        "reconstruction_loss", "psnr_db", "psnr_64_db"},
+            .plan = training_plan,
+            .seconds = 100.0};
 }
 
 }  // namespace stymo

@@ -5,9 +5,8 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "apps/bench/fitting.h"
-#include "apps/bench/small_model.h"
 #include "apps/bench/study.h"
+#include "apps/bench/training.h"
 #include "apps/tiny_run.h"
 #include "core/io/file.h"
 
@@ -32,7 +31,7 @@ json written(const Study& study, double seconds) {
     LpipsOptions lpips;
     lpips.trunk = lpips.heads = "random";
     Page page("report", folder);
-    study.write(page, {.bench = bench, .fitting = bench, .lpips = lpips, .seconds = seconds});
+    run_study(page, study, {.bench = bench, .fitting = bench, .lpips = lpips, .seconds = seconds});
     static_cast<void>(page.finish());
     return json::parse(read_file(folder / "report.json"));
 }
@@ -43,19 +42,6 @@ TEST_CASE("The small model of the report is that of demo-64.json", "[report]") {
     TrainConfig demo = load_train_config(fs::path(STYMO_SOURCE_DIR) / "configs/demo-64.json", {});
     demo.stage1.average_half_life = 0.0;
     CHECK(to_json(small_training(demo.stage1.steps, demo.stage1.samples_per_ray)) == to_json(demo));
-}
-
-TEST_CASE("When a fit reached a loss is found among its points", "[report]") {
-    const std::vector<FitPoint> points{
-        {0, 0.0, 5.0, 10.0}, {1, 0.5, 3.0, 12.0}, {2, 1.0, 4.0, 13.0}, {3, 1.5, 1.0, 14.0}};
-    REQUIRE(first_reaching(points, 3.5) != nullptr);
-    CHECK(first_reaching(points, 3.5)->steps == 1);
-    CHECK(first_reaching(points, 1.0)->steps == 3);
-    CHECK(first_reaching(points, 0.5) == nullptr);
-    CHECK(point_at(points, 0.7).steps == 1);
-    CHECK(point_at(points, 1.0).steps == 2);
-    CHECK(point_at(points, 99.0).steps == 3);
-    CHECK(point_at(points, -1.0).steps == 0);
 }
 
 TEST_CASE("The study of rendering holds every frame against the exact one", "[report]") {
@@ -99,13 +85,11 @@ TEST_CASE("The study of training lowers the loss with every number of samples", 
         INFO(samples);
         CHECK(curve.back() < curve.front());
     }
-    CHECK_THAT(read_file(tiny_run() / "report-training/report.md"),
-               Catch::Contains("training in 16 bits does not exist"));
 }
 
 TEST_CASE("Scenes and jobs give with less work what they give with all of it", "[report]") {
-    const json report = written(omitted_study(), 1.0);
-    const json scenes = report["omitted_scenes"], jobs = report["omitted_jobs"];
+    const json scenes = written(scenes_study(), 1.0)["omitted_scenes"],
+               jobs = written(jobs_study(), 1.0)["omitted_jobs"];
     REQUIRE(scenes.size() == 5);
     for (const json& scene : scenes) {
         INFO(scene["scene"]);

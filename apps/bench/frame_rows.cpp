@@ -1,0 +1,154 @@
+#include "apps/bench/speed.h"
+
+/// The rows on frames.
+namespace stymo {
+
+namespace {
+
+/// A subject with the renderer that shows it.
+struct Frames {
+    Frames(const BenchOptions& bench, RenderMode mode)
+        : subject(make_subject(bench)),
+          options{.mode = mode, .samples_per_ray = bench.samples},
+          renderer(subject.model, options),
+          repeats(bench.repeats) {}
+
+    Timing time() { return time_frames(subject, renderer, repeats); }
+    void show_first(const Codes& codes) {
+        renderer.show(codes);
+        static_cast<void>(renderer.render(subject.views.front()));
+    }
+    /// Share of the pixels that the last frame computed.
+    [[nodiscard]] double computed_pixels() const {
+        const RenderCounts counts = renderer.counts();
+        return counts.pixels > 0 ? static_cast<double>(counts.pixels_computed) /
+                                       static_cast<double>(counts.pixels)
+                                 : 1.0;
+    }
+    [[nodiscard]] ImageError error() const {
+        RendererOptions exact = options;
+        exact.mode = RenderMode::exact;
+        return error_of(all_images(subject, options), all_images(subject, exact));
+    }
+
+    BenchSubject subject;
+    RendererOptions options;
+    FaceRenderer renderer;
+    int repeats;
+};
+
+Measurement exact_frame(const BenchOptions& options) {
+    Frames frames(options, RenderMode::exact);
+    return {.timing = frames.time(), .work = frame_work(frames.subject.model, options.samples)};
+}
+
+/// Frames that leave out work, timed and then compared with exact ones.
+Measurement reduced_frame(const BenchOptions& options, RenderMode mode) {
+    Frames frames(options, mode);
+    Measurement result{.timing = frames.time(),
+                       .limit = mode == RenderMode::half ? Limit::sixteen_bits : Limit::float32};
+    const RenderCounts counts = frames.renderer.counts();
+    const DecoderWork work = frames.subject.model.decoder().work();
+    result.work =
+        static_cast<double>(work.field.sample * counts.field_samples + work.rays * work.field.ray) +
+        static_cast<double>(work.blocks) * frames.computed_pixels();
+    result.remark =
+        percent(static_cast<double>(counts.field_samples) / static_cast<double>(counts.samples)) +
+        " of the samples, " + percent(frames.computed_pixels()) + " of the pixels";
+    if (options.model.empty())
+        result.remark += "; random weights make fog, of which little can be left out";
+    result.error = frames.error();
+    return result;
+}
+
+/// From new codes to the first image: weights folded, empty space found, one frame.
+Measurement first_frame(const BenchOptions& options) {
+    Frames frames(options, RenderMode::skip);
+    double size = 1.0;
+    const auto show_next = [&] {
+        size *= 0.999;  // a face that was not shown before, but nearly the same
+        Codes codes = frames.subject.codes;
+        for (Variable& group : codes.groups) group = (group * size).detach();
+        frames.show_first(codes);
+    };
+    return {.timing = time_repeated(options.repeats, 0.0, show_next), .limit = Limit::none};
+}
+
+/// New texture and light in every frame, seen by the camera of the frame before.
+Timing time_edits(Frames& frames, std::uint64_t seed) {
+    constexpr double step = 0.1;
+    Rng rng = Rng(seed).split("edits");
+    Codes codes = first_row(frames.subject.codes);
+    frames.show_first(codes);
+    return time_repeated(frames.repeats, 0.1 * frames.repeats, [&] {
+        for (const std::size_t group : {2, 3})
+            codes.groups[group] = rng.normal({1, code_sizes[group]}, 0.0, step);
+        frames.show_first(codes);
+    });
+}
+
+Measurement appearance_edit(const BenchOptions& options, RenderMode mode) {
+    Frames frames(options, mode);
+    Measurement result{.timing = time_edits(frames, options.seed)};
+    result.work = static_cast<double>(frames.subject.model.decoder().work().blocks) *
+                  frames.computed_pixels();
+    result.remark = percent(frames.computed_pixels()) + " of the pixels";
+    return result;
+}
+
+/// The field's part of an exact frame. An edit of the appearance costs the rest.
+Measurement radiance_field(const BenchOptions& options) {
+    Frames frames(options, RenderMode::exact);
+    Timing timing = frames.time();
+    const double rest = time_edits(frames, options.seed).median();
+    for (double& seconds : timing.seconds) seconds -= rest;
+    return {.timing = std::move(timing),
+            .work = field_work(frames.subject.model, options.samples),
+            .remark = "exact frame without what an appearance edit takes"};
+}
+
+Measurement bake(const BenchOptions& options) {
+    const Frames frames(options, RenderMode::baked);
+    const double before = peak_memory_mebibytes();
+    const auto anew = [&] {
+        FaceRenderer renderer(frames.subject.model, frames.options);
+        renderer.show(frames.subject.codes);
+        static_cast<void>(renderer.render(frames.subject.views.front()));
+    };
+    Measurement result{.timing = time_repeated(options.repeats, 0.0, anew), .limit = Limit::none};
+    result.remark = decimal(result.peak_memory - before, 0) +
+                    " MiB beyond model and program; with the first view";
+    return result;
+}
+
+Measurement baked_view(const BenchOptions& options) {
+    Frames frames(options, RenderMode::baked);
+    Measurement result{.timing = frames.time(), .limit = Limit::none};
+    result.error = frames.error();
+    return result;
+}
+
+}  // namespace
+
+std::vector<SpeedRow> frame_rows() {
+    const auto with = [](auto measure, RenderMode mode) {
+        return [=](const BenchOptions& options) { return measure(options, mode); };
+    };
+    return {
+        {"exact-frame", "render", "frame with every sample, float32", exact_frame, "render"},
+        {"exact-frame-one-thread", "render", "the same on one thread", exact_frame, "render", 1},
+        {"radiance-field", "render", "the field of an exact frame alone", radiance_field},
+        {"skip-frame", "render", "frame that skips empty samples, float32",
+         with(reduced_frame, RenderMode::skip), "render"},
+        {"half-frame", "render", "the same with weights and activations of 16 bits",
+         with(reduced_frame, RenderMode::half), "render"},
+        {"first-frame", "render", "new codes and their first frame", first_frame},
+        {"edit-exact", "edit", "texture and light of a shown view, every pixel",
+         with(appearance_edit, RenderMode::exact)},
+        {"edit-skip", "edit", "texture and light of a shown view",
+         with(appearance_edit, RenderMode::skip)},
+        {"bake", "bake", "one head baked, and its first view", bake},
+        {"baked-view", "bake", "view of a baked head", baked_view, "render"}};
+}
+
+}  // namespace stymo

@@ -1,0 +1,223 @@
+#include <algorithm>
+
+#include "apps/bench/speed.h"
+#include "core/autograd/grad.h"
+#include "core/clock.h"
+#include "core/kernels/float16_product.h"
+#include "core/kernels/gemm.h"
+#include "core/matmul_precision.h"
+#include "core/parallel.h"
+#include "fit/fitter.h"
+#include "nn/adversarial.h"
+#include "nn/models/discriminator.h"
+#include "nn/optim/adam.h"
+#include "nn/pretrained/perceptual/trunk.h"
+#include "train/generator_gradients.h"
+
+/// The rows on steps of fitting and training, and on a layer of the field by itself.
+namespace stymo {
+
+namespace {
+
+constexpr const char* vgg16 = "vgg16";
+
+/// The model's loss with LPIPS of VGG-16 or without. Its weights are random ones: they do not
+/// change the time.
+ReconstructionLoss loss_of(const ModelConfig& config, bool perceptual) {
+    ReconstructionConfig loss = config.reconstruction;
+    if (!perceptual) loss.perceptual_weight = 0.0;
+    if (perceptual && loss.perceptual_weight == 0.0) loss.perceptual_weight = 0.1;
+    loss.perceptual = {.network = vgg16, .trunk = "random", .heads = "random"};
+    return ReconstructionLoss(loss);
+}
+
+double trunk_work(const ModelConfig& config, bool perceptual) {
+    const std::int64_t side = config.decoder.resolution;
+    return perceptual ? static_cast<double>(trunk_multiply_adds(vgg16, side)) : 0.0;
+}
+
+BenchSubject one_face(BenchOptions options) {
+    options.faces = 1;
+    return make_subject(options);
+}
+
+/// Steps are timed in groups that hold one evaluation of all samples each. A step goes forwards
+/// and backwards to the codes, which costs as much as forwards again; so does the trunk for the
+/// image, while the photo's features are kept.
+Measurement fit_step(const BenchOptions& options, bool perceptual, double tolerance) {
+    const BenchSubject subject = one_face(options);
+    const ModelConfig& config = subject.model.config();
+    const ReconstructionLoss loss = loss_of(config, perceptual);
+    const FaceBatch batch = make_batch(subject.photos);
+    Timing timing;
+    double last = 0.0;
+    FitOptions fit{.samples_per_ray = options.samples, .tolerance = tolerance};
+    const std::int64_t group = tolerance > 0.0 ? fit.selection_interval : 1;
+    fit.steps = options.repeats * group + 1;
+    fit.on_step = [&](const FitStep& step) {
+        if ((step.steps - 1) % group != 0) return;
+        if (step.steps > 1) timing.add((seconds_now() - last) / static_cast<double>(group));
+        last = seconds_now();
+    };
+    static_cast<void>(
+        fit_codes(subject.model, loss, {batch.input, batch.targets, batch.cameras}, fit));
+    const double forward =
+        frame_work(subject.model, options.samples) + trunk_work(config, perceptual);
+    // Left-out work is not counted, so no share of the peak can be stated.
+    return {.timing = timing,
+            .work = 2.0 * forward,
+            .limit = tolerance > 0.0 ? Limit::none : Limit::float32};
+}
+
+/// One step of the first stage on one image, with encoder and optimiser. Of the work only decoder
+/// and trunk are counted: forwards and twice as much backwards through the decoder; photo, image
+/// and back through the trunk.
+Measurement train_step(const BenchOptions& options, bool perceptual) {
+    BenchSubject subject = one_face(options);
+    TrainConfig config;
+    config.model = subject.model.config();
+    const ReconstructionLoss loss = loss_of(config.model, perceptual);
+    const FaceBatch batch = make_batch(subject.photos);
+    subject.model.parameters().set_trainable("", true);
+    // The mask branch has a loss of its own, which sets in later.
+    subject.model.parameters().set_trainable("decoder.mask.", false);
+    const std::vector<Parameter> parameters = subject.model.parameters().trainable();
+    Adam adam;
+    Rng jitter = Rng(options.seed).split("jitter");
+    const auto step = [&] {
+        const LossAndGradients result =
+            generator_gradients({subject.model, loss, config}, TrainingSchedule(config).position(0),
+                                batch, parameters, jitter);
+        adam.step(parameters, result.gradients, config.optimizer.learning_rate);
+    };
+    const double forward = frame_work(subject.model, config.stage1.samples_per_ray) +
+                           trunk_work(config.model, perceptual);
+    return {.timing = time_repeated(options.repeats, 0.0, step),
+            .work = 3.0 * forward,
+            .remark = "with the encoder, which the peer does without"};
+}
+
+/// An update of the discriminator by its loss on real images, or by R1, on a batch of four random
+/// images.
+Measurement discriminator_step(const BenchOptions& options, bool r1) {
+    constexpr std::int64_t batch = 4, largest = 256;
+    // Forwards and backwards. R1: forwards and to the images, then backwards through both, to the
+    // weights and to what each layer was given.
+    const double passes = r1 ? 6.0 : 3.0;
+    const std::string name = "discriminator";
+    const std::int64_t side =
+        std::min(largest, one_face(options).model.config().decoder.resolution);
+    Rng rng = Rng(options.seed).split(name);
+    ParameterStore parameters;
+    const Discriminator discriminator({}, side, parameters, name, rng);
+    // Only the fromRGB layer of the images' own resolution is used.
+    for (std::int64_t s = 64; s < side; s *= 2)
+        parameters.set_trainable(name + ".from_rgb" + std::to_string(s) + ".", false);
+    const std::vector<Parameter> trained = parameters.trainable();
+    const Tensor images = rng.uniform({batch, side, side, 3}, -1.0, 1.0);
+    const auto logits = [&](const Variable& x) { return discriminator(x); };
+    Adam adam({.beta1 = 0.0, .beta2 = 0.99});
+    const auto step = [&] {
+        const Variable loss = r1 ? r1_penalty(logits, images) : real_loss(logits(images));
+        adam.step(trained, grad(loss, variables_of(trained)), 1e-4);
+    };
+    return {.timing = time_repeated(options.repeats, 0.0, step),
+            .work = passes * batch * static_cast<double>(Discriminator::multiply_adds({}, side))};
+}
+
+// A layer of the field, on the samples of an exact frame.
+constexpr std::int64_t all_points = 65536;
+/// Points whose numbers stay in a cache.
+constexpr std::int64_t few_points = 4096;
+constexpr std::int64_t width = 256;
+
+/// Room for numbers of T, aligned as tensors are.
+template <class T>
+T* room(Tensor& storage, std::int64_t count) {
+    storage = Tensor({chunk_count(count * static_cast<std::int64_t>(sizeof(T)),
+                                  static_cast<std::int64_t>(sizeof(float)))});
+    return reinterpret_cast<T*>(storage.mutable_values<float>().data());
+}
+
+/// T: float, BFloat16 or Float16.
+template <class T>
+Measurement layer(const BenchOptions& options, std::int64_t points, Activation activation,
+                  Limit limit) {
+    /// Rows that stay in the second-level cache with the weights.
+    constexpr std::int64_t tile = 256;
+    Rng rng = Rng(options.seed).split("layer");
+    const Tensor weight = rng.normal({width, width}, 0.0, 0.1),
+                 bias = rng.normal({width}, 0.0, 0.1);
+    const kernels::PackedMatrix<T> packed(weight.values<float>().data(), width, width, 1, width);
+    Tensor storage_x, storage_y;
+    T* const x = room<T>(storage_x, points * width);
+    T* const y = room<T>(storage_y, points * width);
+    std::fill_n(x, points * width, T());
+    if constexpr (std::is_same_v<T, float>)
+        std::ranges::copy(rng.normal({points * width}, 0.0, 1.0).values<float>(), x);
+    const kernels::Epilogue<float> epilogue{.bias = bias.values<float>().data(),
+                                            .activation = activation};
+    const auto all_tiles = [&] {
+        parallel_for(points, tile, [&](std::int64_t begin, std::int64_t end) {
+            kernels::multiply_packed(y + begin * width, width, {x + begin * width, width},
+                                     end - begin, packed, epilogue);
+        });
+    };
+    return {.timing = time_repeated(options.repeats, 0.1 * options.repeats, all_tiles),
+            .work = static_cast<double>(points) * width * width,
+            .limit = limit};
+}
+
+auto float_layer(std::int64_t points, Activation activation, MatmulPrecision precision) {
+    return [=](const BenchOptions& options) {
+        const MatmulPrecision before = matmul_precision();
+        set_matmul_precision(precision);
+        const Measurement result = layer<float>(options, points, activation, Limit::float32);
+        set_matmul_precision(before);
+        return result;
+    };
+}
+
+Measurement half_layer(const BenchOptions& options) {
+    const auto run =
+        kernels::multiplies_float16() ? layer<kernels::Float16> : layer<kernels::BFloat16>;
+    return run(options, all_points, Activation::sine, Limit::sixteen_bits);
+}
+
+}  // namespace
+
+std::vector<SpeedRow> step_rows() {
+    const auto fit = [](bool perceptual, double tolerance) {
+        return
+            [=](const BenchOptions& options) { return fit_step(options, perceptual, tolerance); };
+    };
+    const auto with = [](auto measure, bool flag) {
+        return [=](const BenchOptions& options) { return measure(options, flag); };
+    };
+    const double usual = FitOptions{}.tolerance;
+    return {{"fit-step-photometric", "fit", "fitting step without LPIPS", fit(false, usual), "fit"},
+            {"fit-step", "fit", "fitting step with LPIPS (VGG-16)", fit(true, usual), "fit-lpips"},
+            {"fit-step-exact", "fit", "the same with every sample", fit(true, 0.0), "fit-lpips"},
+            {"train-step-photometric", "train", "stage 1, one image, 32 samples, without LPIPS",
+             with(train_step, false), "train"},
+            {"train-step", "train", "stage 1, one image, 32 samples, LPIPS (VGG-16)",
+             with(train_step, true), "train-lpips"},
+            {"discriminator-update", "disc", "discriminator on 4 images of 256 pixels",
+             with(discriminator_step, false), "disc"},
+            {"r1-update", "disc", "its R1 penalty on them", with(discriminator_step, true), "r1"}};
+}
+
+std::vector<SpeedRow> kernel_rows() {
+    using enum MatmulPrecision;
+    return {{"product", "kernels", "65536 x 256 times 256 x 256, float32",
+             float_layer(all_points, Activation::none, highest)},
+            {"sine-layer", "kernels", "the same with bias and sine",
+             float_layer(all_points, Activation::sine, highest)},
+            {"product-in-cache", "kernels", "4096 x 256 times 256 x 256, float32",
+             float_layer(few_points, Activation::none, highest)},
+            {"product-high", "kernels", "the same on matrix tiles where the processor has them",
+             float_layer(few_points, Activation::none, high)},
+            {"sine-layer-half", "kernels", "the same in the faster type of 16 bits", half_layer}};
+}
+
+}  // namespace stymo
