@@ -46,7 +46,7 @@ Measurement exact_frame(const BenchOptions& options) {
 Measurement reduced_frame(const BenchOptions& options, RenderMode mode) {
     Frames frames(options, mode);
     Measurement result{.timing = frames.time(),
-                       .limit = mode == RenderMode::half ? Limit::sixteen_bits : Limit::float32};
+                       .limit = keeps_float32(mode) ? Limit::float32 : Limit::sixteen_bits};
     const RenderCounts counts = frames.renderer.counts();
     const DecoderWork work = frames.subject.model.decoder().work();
     result.work =

@@ -27,8 +27,7 @@ FolderInProgress temporary_folder(const std::string& name) {
 TrainConfig embedded_configuration(const std::string& name,
                                    const std::vector<std::string>& overrides) {
     const FolderInProgress folder = temporary_folder("stymo-report-config");
-    for (const auto& [file, text] : embedded_configurations)
-        write_file(folder.path() / file, text);
+    for (const auto& [file, text] : embedded_configurations) write_file(folder.path() / file, text);
     return load_train_config(folder.path() / (name + ".json"), overrides);
 }
 
