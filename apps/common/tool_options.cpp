@@ -82,7 +82,7 @@ void declare_preparation_files(Command& command, PhotoPreparationSettings& setti
                    "of ICT-FaceKit (default: the built-in head)");
     command.option(
         "--landmarks", settings.landmark_model,
-        "predictor of 68 landmarks: a .safetensors file of stymo-landmarks, or dlib's "
+        "predictor of 68 landmarks: a landmark network (.safetensors), or dlib's "
         "shape_predictor (default: the network that comes with stymo, else the model of Debian's "
         "libdlib-data)");
     command.option("--pose-net", settings.pose_network,

@@ -30,7 +30,7 @@ public:
     /// Whether the library was built with dlib.
     [[nodiscard]] static bool available();
 
-    /// `landmark_model`: a .safetensors file of `stymo-landmarks`, or a file of dlib's
+    /// `landmark_model`: a .safetensors file of a landmark network, or a file of dlib's
     /// shape_predictor with 68 points. Empty: that of Debian's package libdlib-data, whose training
     /// data exclude commercial use. Throws Error in a build without dlib, FileError if the file is
     /// missing or is not such a model.

@@ -202,9 +202,6 @@ seeds = {
         http("OPTIONS * HTTP/1.1", "Content-Length: 99999"),
     ],
     "scores": [json.dumps(score)],
-    "marks": [
-        json.dumps({"photos": [{"file": "a.jpg", "points": {"36": [10, 20.5], "45": [60, 20]}}]})
-    ],
 }
 for reader, files in seeds.items():
     folder = pathlib.Path(sys.argv[1]) / reader

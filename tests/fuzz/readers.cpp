@@ -14,7 +14,6 @@
 #include "core/io/onnx_file.h"
 #include "core/io/tensor_file.h"
 #include "core/io/torch_file.h"
-#include "fit/photo/marked_points.h"
 #include "fuzz/http_client.h"
 #include "fuzz/png_checksums.h"
 #include "fuzz/request_readers.h"
@@ -191,7 +190,6 @@ const std::map<std::string, Reader>& readers() {
         {"photo", read_photo},
         {"obj", [](const auto& b) { read_obj_folder("generic_neutral_mesh.obj", b); }},
         {"obj_indices", [](const auto& b) { read_obj_folder("vertex_indices.json", b); }},
-        {"marks", [=](const auto& b) { static_cast<void>(read_marked_photos(path(b))); }},
         {"request", read_request_body},
         {"http", send_to_server},
         {"tuned", read_tuned},
