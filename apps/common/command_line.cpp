@@ -86,12 +86,6 @@ constexpr const char* several_machines = "Open MPI";
 constexpr const char* several_machines = "off (built without Open MPI)";
 #endif
 
-#ifdef STYMO_WITH_HTTPLIB
-constexpr const char* viewer = "cpp-httplib";
-#else
-constexpr const char* viewer = "off (built without cpp-httplib)";
-#endif
-
 std::string version_text(const std::string& program) {
     std::ostringstream text;
     text << program << " " << STYMO_VERSION << "\nthreads: " << thread_count()
@@ -99,7 +93,7 @@ std::string version_text(const std::string& program) {
          << " (kernels: " << kernels::chosen_target() << ")"
          << "\nmatrix tiles: " << (has_matrix_tiles() ? "AMX" : "none") << "\nfaces in photos: "
          << (FaceDetector::available() ? "dlib" : "off (built without dlib)")
-         << "\nseveral machines: " << several_machines << "\nviewer: " << viewer;
+         << "\nseveral machines: " << several_machines;
     return text.str();
 }
 

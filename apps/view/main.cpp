@@ -52,7 +52,6 @@ std::string chosen_token(const Options& options) {
 stymo::AppResult serve(Options options) {
     using std::chrono_literals::operator""ms;
     options.server.token = chosen_token(options);
-    stymo::view::Server::check_available();
     options.viewer.chooses_mode = options.mode == "auto";
     if (!options.viewer.chooses_mode)
         options.viewer.frames.moving_mode = stymo::render_mode(options.mode);

@@ -1,9 +1,5 @@
 #include "apps/view/server.h"
 
-#ifdef STYMO_WITH_HTTPLIB
-#include "apps/view/timed_server.h"
-#endif
-
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -12,12 +8,11 @@
 #include "apps/common/process_setup.h"
 #include "apps/view/page_files.h"
 #include "apps/view/random_token.h"
+#include "apps/view/timed_server.h"
 #include "core/error.h"
 #include "core/io/json_writer.h"
 
 namespace stymo::view {
-
-#ifdef STYMO_WITH_HTTPLIB
 
 namespace {
 
@@ -192,8 +187,6 @@ void Server::Implementation::set_up() {
     http.Post("/api/[a-z]+", served);
 }
 
-void Server::check_available() {}
-
 Server::Server(std::function<Answer(const Request&)> answer, const ServerOptions& options)
     : implementation_(std::make_unique<Implementation>(std::move(answer), options)) {}
 
@@ -238,26 +231,5 @@ std::string Server::address() const {
 int Server::port() const {
     return implementation_->port;
 }
-
-#else
-
-struct Server::Implementation {};
-void Server::check_available() {
-    fail<Error>("built without cpp-httplib; install libcpp-httplib-dev and build again");
-}
-Server::Server(std::function<Answer(const Request&)> /*answer*/, const ServerOptions& /*options*/) {
-    check_available();
-}
-Server::~Server() = default;
-void Server::start() {}
-void Server::stop() {}
-std::string Server::address() const {
-    return {};
-}
-int Server::port() const {
-    return 0;
-}
-
-#endif
 
 }  // namespace stymo::view

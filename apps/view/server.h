@@ -24,9 +24,6 @@ struct ServerOptions {
 /// request that takes too long ends with its connection.
 class Server {
 public:
-    /// Throws Error if stymo was built without cpp-httplib. The constructor does so too.
-    static void check_available();
-
     /// `answer` is called by several threads at once and throws nothing (Api).
     Server(std::function<Answer(const Request&)> answer, const ServerOptions& options);
     ~Server();

@@ -1,5 +1,3 @@
-#ifdef STYMO_WITH_HTTPLIB
-
 #include "apps/view/timed_server.h"
 
 #include <arpa/inet.h>
@@ -230,5 +228,3 @@ void TimedServer::end_head(socket_t socket) {
 }
 
 }  // namespace stymo::view
-
-#endif

@@ -44,11 +44,6 @@ if built STYMO_MPI OFF stymo-train; then
     says 'built without Open MPI' env OMPI_COMM_WORLD_SIZE=2 OMPI_COMM_WORLD_RANK=0 \
         "$build/bin/stymo-train" --config "$root/configs/demo-64.json" --data . --out "$folder/run"
 fi
-if built STYMO_VIEW OFF stymo-view; then
-    off 'the viewer in the browser'
-    says 'viewer: off' "$build/bin/stymo-view" --version
-    says 'built without cpp-httplib' "$build/bin/stymo-view"
-fi
 if built STYMO_DLIB OFF stymo-fit; then
     off 'finding faces in photos'
     says 'faces in photos: off' "$build/bin/stymo-fit" --version
