@@ -4,7 +4,7 @@
 set -euo pipefail
 
 usage="usage: scripts/test.sh [--slow] [--browser]
---slow: run the slow tests too
+--slow: run the slow tests too, and build those that the usual build leaves out
 --browser: install Chromium, Node.js and playwright-core, and test the viewer's page in Chromium"
 # The tests of the tools, the longest of the fast ones, use one thread. Slow tests run alone.
 selection=(--label-exclude slow --parallel 2)
