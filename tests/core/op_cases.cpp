@@ -19,6 +19,17 @@ Tensor draw(const CaseInput& input, const Shape& shape, DType dtype, Rng& rng) {
 
 }  // namespace
 
+double wave(double i, double low, double high) {
+    return low + (high - low) * (0.5 + 0.5 * std::sin(1.7 * i + 0.3));
+}
+
+Tensor constant(const Shape& shape, double low, double high, DType dtype) {
+    Tensor values(shape, DType::float64);
+    double i = 0.0;
+    for (double& value : values.mutable_values<double>()) value = wave(i++, low, high);
+    return values.to(dtype);
+}
+
 const std::vector<OpCase>& op_cases() {
     static const std::vector<OpCase> table = [] {
         std::vector<OpCase> all;

@@ -45,6 +45,11 @@ struct OpCase {
 [[nodiscard]] std::vector<Tensor> draw_speed_inputs(const OpCase& row, DType dtype,
                                                     std::uint64_t seed);
 
+/// Element i of a constant of a row, in [low, high]; tests/golden/make_op_vectors.py makes the
+/// same.
+[[nodiscard]] double wave(double i, double low, double high);
+[[nodiscard]] Tensor constant(const Shape& shape, double low, double high, DType dtype);
+
 [[nodiscard]] std::vector<Variable> as_constants(const std::vector<Tensor>& tensors);
 [[nodiscard]] std::vector<Variable> as_leaves(const std::vector<Tensor>& tensors);
 

@@ -7,18 +7,6 @@
 namespace stymo::test {
 namespace {
 
-/// Element i of a constant, as tests/golden/make_op_vectors.py makes it.
-double wave(double i, double low, double high) {
-    return low + (high - low) * (0.5 + 0.5 * std::sin(1.7 * i + 0.3));
-}
-
-Tensor constant(const Shape& shape, double low, double high, DType dtype) {
-    Tensor values(shape, DType::float64);
-    double i = 0.0;
-    for (double& value : values.mutable_values<double>()) value = wave(i++, low, high);
-    return values.to(dtype);
-}
-
 Array normalised(const Array& x) {
     return generate(x.extents, [&](const Index& at) {
         double squared = 0.0;

@@ -13,11 +13,6 @@ constexpr std::int64_t frequencies = 1;
 constexpr std::size_t skip_layer = 1;
 constexpr std::size_t layer_count = 3;
 
-/// Element i of a constant: numbers that tests/golden/make_op_vectors.py makes in the same way.
-double wave(double i, double low, double high) {
-    return low + (high - low) * (0.5 + 0.5 * std::sin(1.7 * i + 0.3));
-}
-
 struct Sizes {
     std::int64_t faces, width, rays, samples;
 };
@@ -25,13 +20,6 @@ struct Sizes {
 /// Few rays with few channels, a tile and more with many.
 Sizes sizes_of(std::int64_t faces, std::int64_t width) {
     return width < 16 ? Sizes{faces, width, 2, 3} : Sizes{faces, width, 40, 8};
-}
-
-Tensor constant(const Shape& shape, double low, double high, DType dtype) {
-    Tensor values(shape, DType::float64);
-    double i = 0.0;
-    for (double& value : values.mutable_values<double>()) value = wave(i++, low, high);
-    return values.to(dtype);
 }
 
 RayPoints ray_points(const Sizes& sizes, bool some_left_out, DType dtype) {
