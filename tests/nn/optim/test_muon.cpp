@@ -1,4 +1,4 @@
-#include <Eigen/SVD>
+#include <algorithm>
 #include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -22,6 +22,19 @@ double iterated(double x) {
     return x;
 }
 
+/// Columns of an orthogonal matrix, the product of two reflections.
+Eigen::MatrixXd orthogonal_columns(int rows, int columns, std::uint64_t seed) {
+    Eigen::MatrixXd result = Eigen::MatrixXd::Identity(rows, columns);
+    for (std::uint64_t i = 0; i < 2; ++i) {
+        const Eigen::VectorXd normal =
+            matrix_map<double>(Rng(seed).split(i).normal({rows, 1}, 0.0, 1.0, DType::float64))
+                .col(0)
+                .normalized();
+        result -= 2.0 * normal * (normal.transpose() * result);
+    }
+    return result;
+}
+
 Eigen::MatrixXd random_matrix(int rows, int columns) {
     return matrix_map<double>(Rng(3).normal({rows, columns}, 0.0, 1.0, DType::float64));
 }
@@ -40,12 +53,13 @@ TEST_CASE("orthogonalising maps each singular value by the iteration and keeps t
           "[muon]") {
     for (const auto& [rows, columns] :
          {std::array{5, 5}, std::array{3, 7}, std::array{7, 3}, std::array{1, 4}}) {
-        const Eigen::MatrixXd matrix = random_matrix(rows, columns);
-        const Eigen::JacobiSVD<Eigen::MatrixXd> svd(matrix,
-                                                    Eigen::ComputeThinU | Eigen::ComputeThinV);
-        const Eigen::VectorXd values = (svd.singularValues() / matrix.norm()).unaryExpr(&iterated);
-        const Eigen::MatrixXd expected =
-            svd.matrixU() * values.asDiagonal() * svd.matrixV().transpose();
+        const int rank = std::min(rows, columns);
+        const Eigen::MatrixXd left = orthogonal_columns(rows, rank, 1);
+        const Eigen::MatrixXd right = orthogonal_columns(columns, rank, 2);
+        const Eigen::VectorXd values = Eigen::VectorXd::LinSpaced(rank, 0.5, 3.0);
+        const Eigen::MatrixXd matrix = left * values.asDiagonal() * right.transpose();
+        const Eigen::VectorXd mapped = values.normalized().unaryExpr(&iterated);
+        const Eigen::MatrixXd expected = left * mapped.asDiagonal() * right.transpose();
         const Tensor result = orthogonalised(tensor_from(matrix));
         CHECK((matrix_map<double>(result) - expected).norm() < 1e-10);
         // A common factor of any magnitude makes no difference.
