@@ -1,9 +1,13 @@
 # Where CMAKE_UNITY_BUILD is on, compiles the files of each folder of a target together, a few at a
-# time. CMake leaves files that have compiler options of their own alone.
+# time (eight, or the number in the second argument). CMake leaves files that have compiler options
+# of their own alone.
 function(stymo_compile_folders_together target)
   # GCC takes the source files of such a group for headers, and warns of their anonymous namespaces.
   target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
   set(largest_group 8)
+  if(ARGC GREATER 1)
+    set(largest_group ${ARGV1})
+  endif()
   get_target_property(sources ${target} SOURCES)
   get_target_property(folder ${target} SOURCE_DIR)
   list(SORT sources)
@@ -11,6 +15,9 @@ function(stymo_compile_folders_together target)
   set(count 0)
   set(part 0)
   foreach(source ${sources})
+    if(source MATCHES "^\\$<")
+      continue()
+    endif()
     cmake_path(ABSOLUTE_PATH source BASE_DIRECTORY ${folder})
     cmake_path(GET source PARENT_PATH parent)
     cmake_path(RELATIVE_PATH parent BASE_DIRECTORY ${PROJECT_SOURCE_DIR} OUTPUT_VARIABLE name)

@@ -8,6 +8,8 @@
 #include "core/io/file.h"
 #include "core/io/image.h"
 
+namespace edit_tests {
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -166,3 +168,5 @@ TEST_CASE("What stymo-edit cannot do is said in one line, and nothing is written
     check_refused("stymo-edit disentangle --model none", 1, "none: ");
     check_refused("stymo-edit disentangle --model run/model.safetensors --pairs 0", 2, "--pairs");
 }
+
+}  // namespace edit_tests

@@ -6,6 +6,8 @@
 #include "apps/hostile_inputs.h"
 #include "apps/tool_run.h"
 
+namespace malformed_input_tests {
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -391,3 +393,5 @@ TEST_CASE("Malformed codes, poses and begun jobs are refused, in one line that s
          "bad/eval_scores: holds scores.jsonl but no settings.json; give another --out"},
     });
 }
+
+}  // namespace malformed_input_tests

@@ -18,6 +18,8 @@
 #include "train/data/dataset.h"
 #include "train/data/folder_scan.h"
 
+namespace prep_tests {
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -264,3 +266,5 @@ TEST_CASE(
                Catch::Contains("grey.png: no face was found; if it is an aligned crop already"));
     CHECK_FALSE(fs::exists(folder / "none"));
 }
+
+}  // namespace prep_tests

@@ -11,6 +11,8 @@
 #include "nn/models/model.h"
 #include "support/check_close.h"
 
+namespace render_tool_tests {
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -172,3 +174,5 @@ TEST_CASE("--psnr chooses the tolerance and says what it gives", "[render_tool]"
     refused(std::string(of_fit) + "--out x.png --mode skip --psnr 50 --tolerance 0.1", 2,
             "--tolerance");
 }
+
+}  // namespace render_tool_tests

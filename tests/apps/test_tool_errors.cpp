@@ -6,6 +6,8 @@
 #include "apps/tool_run.h"
 #include "core/io/file.h"
 
+namespace tool_error_tests {
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -309,3 +311,5 @@ TEST_CASE(
                   failed);
     check_refused({{"stymo-prep --photos broken --out out", "broken/cut.jpg: "}}, failed, 1);
 }
+
+}  // namespace tool_error_tests

@@ -13,6 +13,8 @@
 #include "core/io/image.h"
 #include "nn/models/model.h"
 
+namespace tool_tests {
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -405,3 +407,5 @@ TEST_CASE("stymo-eval pair compares two images") {
         done("stymo-eval pair faces/images/00000.png faces/images/00000.png --json").out);
     CHECK(equal["l1"] == 0.0);
 }
+
+}  // namespace tool_tests

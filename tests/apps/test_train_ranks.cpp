@@ -12,6 +12,8 @@
 #include "core/io/file.h"
 #include "core/matmul_precision.h"
 
+namespace train_rank_tests {
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -116,3 +118,5 @@ TEST_CASE("A rank that cannot write ends all of them, and the checkpoints stay")
     CHECK_THAT(complaints(outcome).front(), Catch::Contains("rank 0 on "));
     CHECK(bytes("blocked/checkpoints/000004/state.safetensors") == state);
 }
+
+}  // namespace train_rank_tests

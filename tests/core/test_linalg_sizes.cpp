@@ -6,6 +6,8 @@
 #include "support/array.h"
 #include "support/check_close.h"
 
+namespace linalg_size_tests {
+
 using namespace stymo;
 using namespace stymo::test;
 
@@ -108,3 +110,5 @@ TEST_CASE("The fused layer agrees with its composition at every size", "[ops][li
         }
     }
 }
+
+}  // namespace linalg_size_tests

@@ -11,6 +11,8 @@
 #include "core/parallel.h"
 #include "core/rng.h"
 
+namespace tile_product_tests {
+
 using namespace stymo;
 using namespace stymo::kernels;
 
@@ -174,3 +176,5 @@ TEST_CASE("Precisions of matrix products have names", "[tiles]") {
         CHECK(matmul_precision_of(name_of(precision)) == precision);
     CHECK_THROWS_AS(matmul_precision_of("low"), ValueError);
 }
+
+}  // namespace tile_product_tests

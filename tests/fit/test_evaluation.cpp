@@ -2,6 +2,7 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "core/rng.h"
 #include "fit/evaluation.h"
@@ -55,12 +56,13 @@ TEST_CASE("a soft mask weighs image and target alike", "[evaluation]") {
 }
 
 TEST_CASE("scores of several images are averaged one by one", "[evaluation]") {
-    const ImageMetrics average = mean({{0.1, 0.2, 0.3, 20.0}, {0.3, 0.4, 0.5, 30.0}});
+    const ImageMetrics average =
+        mean(std::vector<ImageMetrics>{{0.1, 0.2, 0.3, 20.0}, {0.3, 0.4, 0.5, 30.0}});
     CHECK(average.l1 == Approx(0.2));
     CHECK(average.l1_mean == Approx(0.3));
     CHECK(average.ssim == Approx(0.4));
     CHECK(average.psnr == Approx(25.0));
-    CHECK(mean({}).l1 == 0.0);
+    CHECK(mean(std::vector<ImageMetrics>{}).l1 == 0.0);
 }
 
 TEST_CASE("the median of several images is taken of each metric by itself", "[evaluation]") {

@@ -9,6 +9,8 @@
 #include "support/check_close.h"
 #include "support/tiny_model.h"
 
+namespace fit_report_tests {
+
 using namespace stymo;
 using namespace stymo::test;
 
@@ -123,3 +125,5 @@ TEST_CASE("the comparison shows target, initial, fitted and mask side by side", 
     CHECK(identical(tile(2), report.fitted));
     CHECK(identical(slice(Variable(tile(3)), 2, 1, 2).value(), report.mask));
 }
+
+}  // namespace fit_report_tests

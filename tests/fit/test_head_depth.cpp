@@ -16,6 +16,8 @@
 #include "render/morphable/builtin_head.h"
 #include "support/tiny_model.h"
 
+namespace head_depth_tests {
+
 using namespace stymo;
 using namespace stymo::test;
 
@@ -195,3 +197,5 @@ TEST_CASE("Anchors that show the face from other sides have the depth of its hea
     // Without the locality term there are no anchors.
     CHECK(error(1.0) < 0.75 * error(0.0));
 }
+
+}  // namespace head_depth_tests

@@ -4,6 +4,8 @@
 #include "fit/turned_photo.h"
 #include "render/depth_map.h"
 
+namespace turned_photo_tests {
+
 using namespace stymo;
 
 namespace {
@@ -93,3 +95,5 @@ TEST_CASE("a turned photo leaves out what it does not show", "[turned_photo]") {
     CHECK(share_at(turned, side / 8, side * 3 / 4) == 0.0);
     CHECK(turned.image.values<float>()[0] == 7.0F);
 }
+
+}  // namespace turned_photo_tests

@@ -11,6 +11,8 @@
 #include "train/tiny_training.h"
 #include "train/trainer.h"
 
+namespace photo_offset_tests {
+
 using namespace stymo;
 using namespace stymo::test;
 
@@ -226,3 +228,5 @@ TEST_CASE("learnt poses go on into the second stage as they are, beside learnt c
         CHECK(identical(offsets_at("000006"), learnt));
     }
 }
+
+}  // namespace photo_offset_tests

@@ -18,6 +18,8 @@
 #include "train/tiny_training.h"
 #include "train/trainer.h"
 
+namespace rank_tests {
+
 using namespace stymo;
 using namespace stymo::test;
 
@@ -265,3 +267,5 @@ TEST_CASE("1, 2 and 4 ranks train both stages to the same bits", "[ranks]") {
         }
     }
 }
+
+}  // namespace rank_tests

@@ -18,6 +18,8 @@
 #include "train/tiny_training.h"
 #include "train/trainer.h"
 
+namespace trainer_tests {
+
 using namespace stymo;
 using namespace stymo::test;
 namespace fs = std::filesystem;
@@ -454,3 +456,5 @@ TEST_CASE("a checkpoint of another seed or another model is refused in one line"
     CHECK_THAT(moments, Catch::Contains("state.safetensors") &&
                             Catch::Contains("decoder.field.density.weight is incomplete"));
 }
+
+}  // namespace trainer_tests

@@ -13,6 +13,8 @@
 #include "train/tiny_training.h"
 #include "train/trainer.h"
 
+namespace two_stage_tests {
+
 using namespace stymo;
 using namespace stymo::test;
 namespace fs = std::filesystem;
@@ -359,3 +361,5 @@ TEST_CASE("random weights of LPIPS are reported as such by the plan and by the r
     CHECK(nlohmann::json::parse(to_json(plan).text())["lpips_network"] ==
           "squeezenet1_1, random weights");
 }
+
+}  // namespace two_stage_tests

@@ -8,6 +8,8 @@
 #include "core/io/onnx_file.h"
 #include "core/io/scratch_folder.h"
 
+namespace onnx_file_tests {
+
 using namespace stymo;
 using Catch::Matchers::Contains;
 using Values = std::vector<double>;
@@ -150,3 +152,5 @@ TEST_CASE(
     }
     CHECK(all);
 }
+
+}  // namespace onnx_file_tests

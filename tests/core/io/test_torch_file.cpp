@@ -12,6 +12,8 @@
 #include "core/io/scratch_folder.h"
 #include "core/io/torch_file.h"
 
+namespace torch_file_tests {
+
 using namespace stymo;
 using Catch::Matchers::Contains;
 using Values = std::vector<double>;
@@ -232,3 +234,5 @@ TEST_CASE(
         CHECK(all);
     }
 }
+
+}  // namespace torch_file_tests

@@ -19,6 +19,8 @@
 #include "support/thread_count.h"
 #include "train/data/synthetic_faces.h"
 
+namespace morphable_fit_tests {
+
 namespace {
 
 using stymo::radians_from_degrees;
@@ -244,3 +246,5 @@ TEST_CASE(
     targets = std::move(detected);
     CHECK(report("dlib's", which)[2] < 0.015);
 }
+
+}  // namespace morphable_fit_tests

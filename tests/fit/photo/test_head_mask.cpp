@@ -5,6 +5,8 @@
 #include "fit/photo/head_mask.h"
 #include "render/parsing_classes.h"
 
+namespace head_mask_tests {
+
 using namespace stymo;
 
 namespace {
@@ -99,3 +101,5 @@ TEST_CASE("intersection over union counts pixels") {
     CHECK(intersection_over_union(Tensor::zeros({4, 4, 1}), Tensor::zeros({4, 4, 1})) == 1.0);
     CHECK_THROWS_AS(intersection_over_union(left, Tensor::zeros({4, 4, 1})), ShapeError);
 }
+
+}  // namespace head_mask_tests

@@ -18,6 +18,8 @@
 #include "shared_data.h"
 #include "support/error_message.h"
 
+namespace pose_network_tests {
+
 using namespace stymo;
 namespace fs = std::filesystem;
 
@@ -153,3 +155,5 @@ TEST_CASE("the network finds the yaw of real photos, and mirrored poses in mirro
     CHECK(mirrored[1] == Approx(pose[1]).margin(0.01));
     CHECK(mirrored[2] == Approx(-pose[2]).margin(0.01));
 }
+
+}  // namespace pose_network_tests

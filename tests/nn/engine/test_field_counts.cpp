@@ -7,6 +7,8 @@
 #include "nn/realtime/face_renderer.h"
 #include "support/tiny_model.h"
 
+namespace field_count_tests {
+
 using namespace stymo;
 using namespace stymo::test;
 
@@ -66,3 +68,5 @@ TEST_CASE("a renderer's counts are those of the engine", "[work]") {
         CHECK(renderer.counts().tiles > 0);
     }
 }
+
+}  // namespace field_count_tests

@@ -28,7 +28,7 @@ void slope(std::span<const float> points, std::span<float> logits) {
 
 void densities_of_slope(std::span<const float> points, std::span<float> densities) {
     slope(points, densities);
-    std::ranges::transform(densities, densities.begin(), softplus);
+    std::ranges::transform(densities, densities.begin(), [](float x) { return softplus(x); });
 }
 
 }  // namespace

@@ -12,6 +12,8 @@
 #include "support/check_grad.h"
 #include "support/live_nodes.h"
 
+namespace decoder_tests {
+
 using namespace stymo;
 using namespace stymo::test;
 
@@ -329,3 +331,5 @@ TEST_CASE(
         CHECK(report.passed);
     }
 }
+
+}  // namespace decoder_tests

@@ -8,6 +8,8 @@
 #include "nn/models/discriminator.h"
 #include "support/golden.h"
 
+namespace discriminator_agreement_tests {
+
 using namespace stymo;
 using namespace stymo::test;
 
@@ -101,3 +103,5 @@ TEST_CASE("a discriminator of the paper's width and its R1 agree with PyTorch",
     for (const DType dtype : {DType::float64, DType::float32})
         agrees(vectors, {"full", {}, side, side, 2, 1.0}, dtype, true, 1e-3);
 }
+
+}  // namespace discriminator_agreement_tests

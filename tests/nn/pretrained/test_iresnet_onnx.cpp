@@ -12,6 +12,8 @@
 #include "support/check_close.h"
 #include "support/error_message.h"
 
+namespace iresnet_onnx_tests {
+
 using namespace stymo;
 using namespace stymo::test;
 
@@ -152,3 +154,5 @@ TEST_CASE(
     shallow.nodes.erase(first_of(4), first_of(5));
     CHECK_THAT(refusal(shallow), Catch::Contains("2, 2, 1, 2") && Catch::Contains("iresnet"));
 }
+
+}  // namespace iresnet_onnx_tests
