@@ -71,6 +71,10 @@ if built BUILD_SHARED_LIBS ON stymo-render test_core; then
         --out "$folder/sample"
     says 'All tests passed' "$build/tests/test_core" '[ops]'
 fi
+if built CMAKE_DISABLE_PRECOMPILE_HEADERS ON stymo-render test_core; then
+    says 'stymo-render [0-9]' "$build/bin/stymo-render" --version
+    says 'All tests passed' "$build/tests/test_core" '[ops]'
+fi
 if built CMAKE_UNITY_BUILD OFF stymo-render test_core; then
     says 'stymo-render [0-9]' "$build/bin/stymo-render" --version
     says 'All tests passed' "$build/tests/test_core" '[ops]'
