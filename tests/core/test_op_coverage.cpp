@@ -80,14 +80,18 @@ TEST_CASE("Every op has a benchmark", "[ops]") {
 
 TEST_CASE("An op without a row is noticed and named", "[ops]") {
     const std::string header = R"(
-        /// Something new.
-        [[nodiscard]] Variable hypotenuse(const Variable& a, const Variable& b);
-        [[nodiscard]] inline Variable twice(const Variable& x) { return x * 2.0; }
-        [[nodiscard]]
-        Variable on_two_lines(const Variable& x);
-        [[nodiscard]] Variable exp(const Variable& x);
-        [[nodiscard]] inline Variable operator+(const Variable& a, const Variable& b);
-        [[nodiscard]] Tensor not_an_op(const Tensor& x);
+/// Something new.
+[[nodiscard]] Variable hypotenuse(const Variable& a, const Variable& b);
+[[nodiscard]] inline Variable twice(const Variable& x) { return x * 2.0; }
+[[nodiscard]]
+Variable on_two_lines(const Variable& x);
+[[nodiscard]] Variable exp(const Variable& x);
+[[nodiscard]] inline Variable operator+(const Variable& a, const Variable& b);
+[[nodiscard]] Tensor not_an_op(const Tensor& x);
+struct Layer {
+    [[nodiscard]] Variable operator()(const Variable& x) const;
+    [[nodiscard]] Variable member(const Variable& x) const;
+};
     )";
     CHECK(ops_without_row(declared_ops(header)) ==
           std::set<std::string>{"hypotenuse", "twice", "on_two_lines"});
