@@ -22,7 +22,7 @@ using std::chrono_literals::operator""ms;
 constexpr double least_bytes_per_second = 64.0 * 1024.0;
 constexpr std::size_t most_head_bytes = std::size_t{64} << 10U;
 /// A client that has just connected is not put out.
-constexpr auto patience = 250ms;
+constexpr auto patience = 500ms;
 
 Clock::time_point after(double seconds) {
     return Clock::now() + std::chrono::duration_cast<Clock::duration>(Seconds(seconds));
@@ -56,8 +56,8 @@ public:
         in_head_ = true;
         writes_ = false;
         head_bytes_ = 0;
-        deadline_ = after(static_cast<double>(seconds));
-        const bool comes = begin_ < end_ || waits_for(POLLIN);
+        const bool comes =
+            begin_ < end_ || waits_until(POLLIN, after(static_cast<double>(seconds)));
         deadline_ = after(limits_.head_seconds);
         return comes;
     }
@@ -120,7 +120,9 @@ private:
         return true;
     }
     [[nodiscard]] bool waits_for(short event) const {
-        const Clock::time_point until = std::min(deadline_, after(limits_.read_seconds));
+        return waits_until(event, std::min(deadline_, after(limits_.read_seconds)));
+    }
+    [[nodiscard]] bool waits_until(short event, Clock::time_point until) const {
         for (;;) {
             const auto left =
                 std::chrono::ceil<std::chrono::milliseconds>(until - Clock::now()).count();

@@ -260,12 +260,14 @@ TEST_CASE("a large body gets the time that it takes", "[view]") {
 TEST_CASE("clients that read a byte now and then do not keep others out", "[view]") {
     const Running running;  // eight connections at once
     // More answers than the buffers of a connection hold, so that the server has to wait.
+    const std::string request = "GET / HTTP/1.1\r\nHost: " + running.host() + "\r\n\r\n";
     std::string requests;
-    for (int i = 0; i < 4000; ++i)
-        requests += "GET / HTTP/1.1\r\nHost: " + running.host() + "\r\n\r\n";
+    for (int i = 0; i < 4000; ++i) requests += request;
     std::vector<std::unique_ptr<Connection>> slow;
-    for (int i = 0; i < 16; ++i)
+    for (int i = 0; i < 16; ++i) {
         slow.push_back(std::make_unique<Connection>(running.server.port()));
+        slow.back()->send(request);  // at once: who sends nothing may be put out
+    }
     std::vector<std::jthread> senders;
     for (const auto& connection : slow) senders.emplace_back([&] { connection->send(requests); });
     for (int i = 0; i < 3; ++i) {
