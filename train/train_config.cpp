@@ -17,9 +17,10 @@ void describe_loss(ConfigSchema& schema, LossConfig& config) {
     schema.integer(
         "loss.mask_start_epoch", config.mask_start_epoch, 0, 1'000'000,
         "the mask loss is on from this epoch at the latest (paper: once training is stable)");
-    schema.number("loss.mask_start_improvement", config.mask_start_improvement, 0.0, 1.0,
-                  "or from the first epoch whose reconstruction loss improved on the two before by "
-                  "less than this part; 0: never early");
+    schema.number(
+        "loss.mask_start_improvement", config.mask_start_improvement, 0.0, 1.0,
+        "start the mask loss earlier, once an epoch lowers the reconstruction loss of the "
+        "two before by less than this fraction; 0: never");
     schema.number("loss.opacity_weight", config.opacity_weight, 0.0, 1e6,
                   "accumulated opacity against the mask (paper: none)");
     schema.number("loss.depth_variance_weight", config.depth_variance_weight, 0.0, 1e6,
@@ -39,8 +40,10 @@ void describe_optimizer(ConfigSchema& schema, OptimizerConfig& config) {
         "epoch: times the decay after each (paper); cosine: to zero over the steps of stage 1");
     schema.number("optimizer.decay", config.decay, 0.0, 1.0,
                   "factor on the learning rate after each epoch (paper: 0.98)");
-    schema.choice("optimizer.matrices", config.matrices, {"adam", "muon"},
-                  "what moves the decoder's matrices in stage 1 (paper: adam); muon learns faster");
+    schema.choice(
+        "optimizer.matrices", config.matrices, {"adam", "muon"},
+        "optimiser of the decoder's weight matrices in stage 1 (paper: adam); muon learns "
+        "faster");
     schema.number("optimizer.beta1", config.beta1, 0.0, 0.999999, "Adam's decay of the mean");
     schema.number("optimizer.beta2", config.beta2, 0.0, 0.999999, "Adam's decay of the square");
     schema.number("optimizer.epsilon", config.epsilon, 1e-30, 1.0, "Adam's epsilon");
@@ -49,11 +52,11 @@ void describe_optimizer(ConfigSchema& schema, OptimizerConfig& config) {
     schema.integer("optimizer.backbone_frozen_epochs", config.backbone_frozen_epochs, 0, 1'000'000,
                    "epochs in which the encoder's backbone stays as it is (paper: 1)");
     schema.number("optimizer.sample_tolerance", config.sample_tolerance, 0.0, 0.5,
-                  "weight of a sample on its ray below which it takes no part in the backward pass "
-                  "(paper: 0, all do)");
+                  "samples with a smaller compositing weight are skipped in the backward pass "
+                  "(paper: 0, none is)");
     schema.integer("optimizer.failures_allowed", config.failures_allowed, 0, 1'000'000,
-                   "steps in a row, of either stage, that may be skipped for a loss or gradient "
-                   "that is not finite");
+                   "consecutive steps that may be skipped because the loss or a gradient is not "
+                   "finite");
 }
 
 void describe_stage1(ConfigSchema& schema, StageConfig& config) {
@@ -65,7 +68,7 @@ void describe_stage1(ConfigSchema& schema, StageConfig& config) {
         "images of one pass, computed by one thread where there are enough passes (paper: 8)");
     schema.integer("stage1.samples_per_ray", config.samples_per_ray, 2, 4096, "N (paper: 32)");
     schema.integer("stage1.resolution", config.resolution, 0, 1024,
-                   "of the largest image rendered: 64, 128, ... trains the blocks up to it; 0: "
+                   "side of the largest image: 64, 128, ... trains the blocks up to it; 0: "
                    "decoder.resolution (paper)");
     schema.number("stage1.average_half_life", config.average_half_life, 0.0, 1e12,
                   "half life of the EMA of the weights, in images; 0: no EMA is kept");
@@ -77,11 +80,13 @@ void describe_stage1(ConfigSchema& schema, StageConfig& config) {
 void describe_stage2(ConfigSchema& schema, AdversarialStageConfig& config) {
     schema.integers(
         "stage2.resolutions", config.resolutions, 64, 1024,
-        "one phase each: 64, 128, ... up to decoder.resolution (paper); []: no second stage");
+        "side of the images of each phase: 64, 128, ... up to decoder.resolution (paper); []: no "
+        "second stage");
     schema.integers("stage2.images", config.images, 1, 1'000'000'000,
-                    "images of each phase (paper: silent)");
-    schema.integers("stage2.fade_images", config.fade_images, 0, 1'000'000'000,
-                    "of them, while the discriminator's new block fades in (paper: silent)");
+                    "number of images of each phase (paper: silent)");
+    schema.integers(
+        "stage2.fade_images", config.fade_images, 0, 1'000'000'000,
+        "how many of these images fade in the discriminator's new block (paper: silent)");
     schema.integers("stage2.batch", config.batch, 1, 65536,
                     "images in one optimiser step (paper: 32, 32, 16, 12)");
     schema.integers("stage2.micro_batch", config.micro_batch, 1, 65536, "images of one pass");
@@ -100,7 +105,7 @@ void describe_stage2(ConfigSchema& schema, AdversarialStageConfig& config) {
     schema.number("stage2.learning_rate", config.learning_rate, 0.0, 1.0,
                   "Adam's learning rate of the decoder (paper: 2e-3)");
     schema.number("stage2.discriminator_learning_rate", config.discriminator_learning_rate, 0.0,
-                  1.0, "of the discriminator (paper: 1e-4)");
+                  1.0, "Adam's learning rate of the discriminator (paper: 1e-4)");
     schema.number(
         "stage2.mapping_factor", config.mapping_factor, 0.0, 100.0,
         "factor on the learning rate of the mapping networks (paper: silent; StyleGAN2 has 0.01)");
@@ -250,8 +255,8 @@ void describe(ConfigSchema& schema, TrainConfig& config) {
     describe_stage2(schema, config.stage2);
     describe(schema, config.discriminator);
     schema.number("memory.budget_gibibytes", config.memory.budget_gibibytes, 0.0, 1e6,
-                  "what a training step may use; beyond it, parts are computed again in the "
-                  "backward pass; 0: no limit");
+                  "memory limit of a training step in GiB; above it, activations are recomputed in "
+                  "the backward pass; 0: no limit");
     describe_output(schema, config.output);
 }
 
