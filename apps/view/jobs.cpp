@@ -69,11 +69,11 @@ public:
           job_(job),
           options_(options),
           face_(std::move(face)),
-          id_(faces_.add(face_)) {
-        job.set_face(id_);
-    }
+          id_(faces_.add(face_)) {}
 
+    /// Names the face in the job's status and returns what shows each step.
     [[nodiscard]] FitObserver observer() {
+        job_.set_face(id_);
         return {.on_fit_step =
                     [this](const FitStep& step) {
                         show(detached(step.codes));
