@@ -9,6 +9,8 @@
 #include "nn/realtime/view.h"
 #include "support/tiny_model.h"
 
+namespace fit_objective_tests {
+
 using namespace stymo;
 using namespace stymo::test;
 
@@ -102,3 +104,5 @@ TEST_CASE("A term whose weight is 0 is not computed, and nothing to compare is r
     CHECK(fit_loss(seen, none).terms.size() == 1);
     CHECK_THROWS_AS(fit_loss(given.comparison("regularizer"), none), ValueError);
 }
+
+}  // namespace fit_objective_tests
