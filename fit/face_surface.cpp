@@ -30,8 +30,8 @@ std::vector<cv::Point2f> face_outline(const MorphableHead& head, const Tensor& v
                                       const Camera& camera) {
     std::vector<cv::Point2f> points, hull;
     for (const std::int32_t vertex : head.landmarks) {
-        const Eigen::Vector3d place = project(camera, vertex_at(vertices, vertex));
-        points.emplace_back(static_cast<float>(place[0]), static_cast<float>(place[1]));
+        const Eigen::Vector3d image_point = project(camera, vertex_at(vertices, vertex));
+        points.emplace_back(static_cast<float>(image_point[0]), static_cast<float>(image_point[1]));
     }
     cv::convexHull(points, hull);
     return hull;
@@ -50,13 +50,14 @@ FaceSurface face_surface(const MorphableHead& head, const Tensor& vertices, cons
     const std::span<float> depths = seen.depth.mutable_values<float>();
     const std::span<float> face = seen.face.mutable_values<float>();
     for (std::int64_t i = 0; i < side * side; ++i) {
-        const Eigen::Vector2d place((static_cast<double>(i % side) + 0.5) / extent,
-                                    (static_cast<double>(i / side) + 0.5) / extent);
-        const cv::Point2f point(static_cast<float>(place[0]), static_cast<float>(place[1]));
+        const Eigen::Vector2d image_point((static_cast<double>(i % side) + 0.5) / extent,
+                                          (static_cast<double>(i / side) + 0.5) / extent);
+        const cv::Point2f point(static_cast<float>(image_point[0]),
+                                static_cast<float>(image_point[1]));
         const auto pixel = static_cast<std::size_t>(i);
         const double axial = surface.depth.values<float>()[pixel];
         if (!std::isfinite(axial) || cv::pointPolygonTest(outline, point, false) < 0.0) continue;
-        depths[pixel] = static_cast<float>(axial / direction_at(camera.intrinsics, place)[2]);
+        depths[pixel] = static_cast<float>(axial / direction_at(camera.intrinsics, image_point)[2]);
         face[pixel] = 1.0F;
     }
     return seen;

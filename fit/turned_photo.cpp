@@ -25,17 +25,19 @@ cv::Mat as_mat(const Tensor& image) {
             const_cast<float*>(image.values<float>().data())};
 }
 
-/// The place in the photo of the point at `place` of the view; outside the image if the photo does
-/// not show it.
-Eigen::Vector2d place_in_photo(const SeenFace& photo, const SeenFace& view,
-                               const Eigen::Vector2d& place) {
-    const Eigen::Vector3d point = point_at(view.camera, view.depth, place);
+/// The image point of the photo that shows what the view has at `image_point`; outside the image if
+/// the photo does not show it.
+Eigen::Vector2d point_in_photo(const SeenFace& photo, const SeenFace& view,
+                               const Eigen::Vector2d& image_point) {
+    const Eigen::Vector3d point = point_at(view.camera, view.depth, image_point);
     const Eigen::Vector3d projected = project(photo.camera, point);
-    const Eigen::Vector2d there = projected.head<2>();
+    const Eigen::Vector2d photo_point = projected.head<2>();
     const double distance = (point - photo.camera.center).norm();
-    const bool inside = projected[2] > 0.0 && there.minCoeff() > 0.0 && there.maxCoeff() < 1.0;
-    if (inside && std::abs(depth_at(photo.depth, there) - distance) < depth_tolerance * distance)
-        return there;
+    const bool inside =
+        projected[2] > 0.0 && photo_point.minCoeff() > 0.0 && photo_point.maxCoeff() < 1.0;
+    if (inside &&
+        std::abs(depth_at(photo.depth, photo_point) - distance) < depth_tolerance * distance)
+        return photo_point;
     return {-1.0, -1.0};
 }
 
@@ -51,23 +53,25 @@ void soften(cv::Mat& seen) {
 TurnedPhoto turned_photo(const SeenFace& photo, const SeenFace& view) {
     const std::int64_t side = view.image.shape(0);
     TurnedPhoto turned{view.image, Tensor({side, side, 1})};
-    cv::Mat places(static_cast<int>(side), static_cast<int>(side), CV_32FC2), colors, masks;
+    cv::Mat image_points(static_cast<int>(side), static_cast<int>(side), CV_32FC2), colors, masks;
     const auto photo_side = static_cast<double>(photo.image.shape(0));
     parallel_for(side, 8, [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t row = begin; row < end; ++row) {
             for (std::int64_t column = 0; column < side; ++column) {
-                const Eigen::Vector2d place((static_cast<double>(column) + 0.5) / double(side),
-                                            (static_cast<double>(row) + 0.5) / double(side));
+                const Eigen::Vector2d image_point(
+                    (static_cast<double>(column) + 0.5) / double(side),
+                    (static_cast<double>(row) + 0.5) / double(side));
                 const Eigen::Vector2d pixel =
-                    place_in_photo(photo, view, place) * photo_side - Eigen::Vector2d(0.5, 0.5);
-                places.at<cv::Vec2f>(static_cast<int>(row), static_cast<int>(column)) = {
+                    point_in_photo(photo, view, image_point) * photo_side -
+                    Eigen::Vector2d(0.5, 0.5);
+                image_points.at<cv::Vec2f>(static_cast<int>(row), static_cast<int>(column)) = {
                     static_cast<float>(pixel[0]), static_cast<float>(pixel[1])};
             }
         }
     });
-    cv::remap(as_mat(photo.image), colors, places, cv::noArray(), cv::INTER_CUBIC,
+    cv::remap(as_mat(photo.image), colors, image_points, cv::noArray(), cv::INTER_CUBIC,
               cv::BORDER_REPLICATE);
-    cv::remap(as_mat(photo.mask), masks, places, cv::noArray(), cv::INTER_LINEAR);
+    cv::remap(as_mat(photo.mask), masks, image_points, cv::noArray(), cv::INTER_LINEAR);
     cv::Mat seen(static_cast<int>(side), static_cast<int>(side), CV_32F,
                  turned.seen.mutable_values<float>().data());
     const cv::Mat both = cv::min(masks, as_mat(view.mask));

@@ -41,8 +41,8 @@ Tensor joined(const std::vector<Variable>& variables) {
 }
 
 /// What jobs work on: the first face. Jobs leave the model frozen.
-struct Workplace {
-    explicit Workplace(const BenchOptions& bench) : options(bench), subject(make_subject(bench)) {}
+struct JobSetup {
+    explicit JobSetup(const BenchOptions& bench) : options(bench), subject(make_subject(bench)) {}
 
     [[nodiscard]] RendererOptions skip(bool mask = false) const {
         return {.mode = RenderMode::skip, .samples_per_ray = options.samples, .mask = mask};
@@ -74,9 +74,9 @@ struct Workplace {
 struct Job {
     std::string name;
     std::string left_out;
-    std::function<Tensor(Workplace& place, bool everything)> run;
+    std::function<Tensor(JobSetup& setup, bool everything)> run;
     /// Before each run of what is needed, not part of it; may be empty.
-    std::function<void(Workplace& place)> before{};
+    std::function<void(JobSetup& setup)> before{};
 };
 
 /// A face is shown, then its light alone changes.
@@ -84,26 +84,26 @@ Job edit_of_light() {
     const auto renderer = std::make_shared<std::unique_ptr<FaceRenderer>>();
     return {"edit of light only",
             "identity and expression: the field, its grid and the feature map",
-            [=](Workplace& place, bool everything) {
-                if (!everything) return place.shown(**renderer, place.dimmed());
-                FaceRenderer anew(place.subject.model, place.skip());
-                return place.shown(anew, place.dimmed());
+            [=](JobSetup& setup, bool everything) {
+                if (!everything) return setup.shown(**renderer, setup.dimmed());
+                FaceRenderer anew(setup.subject.model, setup.skip());
+                return setup.shown(anew, setup.dimmed());
             },
-            [=](Workplace& place) {
+            [=](JobSetup& setup) {
                 if (!*renderer)
-                    *renderer = std::make_unique<FaceRenderer>(place.subject.model, place.skip());
-                static_cast<void>(place.shown(**renderer, first_row(place.subject.codes)));
+                    *renderer = std::make_unique<FaceRenderer>(setup.subject.model, setup.skip());
+                static_cast<void>(setup.shown(**renderer, first_row(setup.subject.codes)));
             }};
 }
 
-Tensor rendered(Workplace& place, bool everything) {
-    FaceRenderer renderer(place.subject.model, place.skip(everything));
-    return place.shown(renderer, first_row(place.subject.codes));
+Tensor rendered(JobSetup& setup, bool everything) {
+    FaceRenderer renderer(setup.subject.model, setup.skip(everything));
+    return setup.shown(renderer, first_row(setup.subject.codes));
 }
 
-Tensor short_fit(Workplace& place, bool everything) {
-    const FitResult result = fit_codes(place.subject.model, place.loss(everything), place.face(),
-                                       {.steps = 3, .samples_per_ray = place.options.samples});
+Tensor short_fit(JobSetup& setup, bool everything) {
+    const FitResult result = fit_codes(setup.subject.model, setup.loss(everything), setup.face(),
+                                       {.steps = 3, .samples_per_ray = setup.options.samples});
     return joined({result.fitted.groups.begin(), result.fitted.groups.end()});
 }
 
@@ -117,40 +117,40 @@ void discriminate(const Tensor& images, std::uint64_t seed) {
     static_cast<void>(grad(generator_loss(discriminator(leaf)), leaf));
 }
 
-Tensor stage1_gradients(Workplace& place, bool everything) {
+Tensor stage1_gradients(JobSetup& setup, bool everything) {
     constexpr const char* mask_prefix = "decoder.mask.";
-    Model& model = place.subject.model;
+    Model& model = setup.subject.model;
     TrainConfig config;
     config.model = model.config();
     LossConfig& weights = config.loss;
     if (everything)
         weights.mask_weight = weights.opacity_weight = weights.depth_variance_weight =
             weights.code_norm_weight = negligible_weight;
-    const ReconstructionLoss loss = place.loss(false);
-    const FaceBatch batch = place.face();
+    const ReconstructionLoss loss = setup.loss(false);
+    const FaceBatch batch = setup.face();
     model.parameters().set_trainable("", true);
     model.parameters().set_trainable(mask_prefix, everything);
     const std::vector<Parameter> parameters = model.parameters().trainable();
-    Rng jitter = Rng(place.options.seed).split("jitter");
+    Rng jitter = Rng(setup.options.seed).split("jitter");
     TrainingPosition position = TrainingSchedule(config).position(0);
     position.mask_loss = everything;
     const LossAndGradients found =
         generator_gradients({model, loss, config}, position, batch, parameters, jitter);
     model.parameters().set_trainable("", false);
-    if (everything) discriminate(batch.targets.back(), place.options.seed);
+    if (everything) discriminate(batch.targets.back(), setup.options.seed);
     std::vector<Variable> compared;
     for (std::size_t i = 0; i < parameters.size(); ++i)
         if (!parameters[i].name().starts_with(mask_prefix)) compared.push_back(found.gradients[i]);
     return joined(compared);
 }
 
-Tensor evaluated(Workplace& place, bool everything) {
-    Model& model = place.subject.model;
-    const ReconstructionLoss loss = place.loss(everything);
+Tensor evaluated(JobSetup& setup, bool everything) {
+    Model& model = setup.subject.model;
+    const ReconstructionLoss loss = setup.loss(everything);
     model.parameters().set_trainable("", everything);
-    const FaceBatch batch = place.face(), target{batch.input, batch.targets, batch.cameras};
+    const FaceBatch batch = setup.face(), target{batch.input, batch.targets, batch.cameras};
     const FitResult result =
-        fit_codes(model, loss, target, {.steps = 0, .samples_per_ray = place.options.samples});
+        fit_codes(model, loss, target, {.steps = 0, .samples_per_ray = setup.options.samples});
     const FitReport report =
         report_fit(model, target, batch.mask, result, 0, loss.lpips(), everything);
     model.parameters().set_trainable("", false);
@@ -172,17 +172,17 @@ std::vector<Job> all_jobs() {
 
 /// Runs a job once without timing, then up to `repeats` times within a few seconds. If there is no
 /// time left, the first run counts. Returns the cells of the row but the error.
-Row run_job(const Job& job, Workplace& place, bool everything, Tensor& result) {
+Row run_job(const Job& job, JobSetup& setup, bool everything, Tensor& result) {
     constexpr double most_seconds = 2.0;
     WorkCounts work;
     std::vector<double> seconds;
     const double begin = seconds_now();
-    for (int i = 0; i <= place.options.repeats && (i == 0 || seconds_now() - begin < most_seconds);
+    for (int i = 0; i <= setup.options.repeats && (i == 0 || seconds_now() - begin < most_seconds);
          ++i) {
-        if (!everything && job.before) job.before(place);
+        if (!everything && job.before) job.before(setup);
         const WorkMeter meter;
         const double start = seconds_now();
-        result = job.run(place, everything);
+        result = job.run(setup, everything);
         seconds.push_back(seconds_now() - start);
         work = meter.counts();
     }
@@ -194,15 +194,15 @@ Row run_job(const Job& job, Workplace& place, bool everything, Tensor& result) {
 StudyPlan jobs_plan(const StudyInputs& inputs) {
     BenchOptions bench = inputs.bench;
     bench.faces = 1;
-    const auto place = std::make_shared<Workplace>(bench);
+    const auto setup = std::make_shared<JobSetup>(bench);
     StudyPlan plan;
     for (const Job& job : all_jobs()) {
         // Both are run in the first row: the error belongs to it.
         const auto everything = std::make_shared<Row>();
         plan.add({job.name, "what it needs"}, [=] {
             Tensor needed, all;
-            Row row = run_job(job, *place, false, needed);
-            *everything = run_job(job, *place, true, all);
+            Row row = run_job(job, *setup, false, needed);
+            *everything = run_job(job, *setup, true, all);
             everything->emplace_back();
             row.emplace_back(relative_difference(needed, all));
             return row;

@@ -35,7 +35,7 @@ Photos photos_of(const Model& model, const DrawnOptions& options, const Identity
     EvaluationOptions selection;
     selection.range = parse_range(options.ids);
     Photos photos;
-    for (const std::int64_t i : places_of(faces, selection.range)) {
+    for (const std::int64_t i : positions_of(faces, selection.range)) {
         const ComparedFace face = compared_face(model, faces, i, selection);
         photos.features.push_back(measure.embedding(display_image(face.batch.targets.back(), 0)));
         photos.cameras.push_back(face.batch.cameras.front());

@@ -28,7 +28,7 @@ std::int64_t parse_index(std::string_view text, const std::string& whole) {
     if (text.empty() || end.ec != std::errc{} || end.ptr != text.data() + text.size() ||
         value < 0) {
         fail<UsageError>("--ids ", whole,
-                         ": must be a range of places in the order of ids, such as 700-799");
+                         ": must be a range of positions in the order of ids, such as 700-799");
     }
     return value;
 }
@@ -54,34 +54,34 @@ FaceScore score_of(const std::string& id, const FitReport& report, const Compare
 /// The results of several threads, by position in the order of ids.
 class Findings {
 public:
-    Findings(const Dataset& faces, const std::vector<std::int64_t>& places, ScoreFolder* folder)
-        : faces_(faces), folder_(folder), asked_(std::ssize(places)) {
+    Findings(const Dataset& faces, const std::vector<std::int64_t>& positions, ScoreFolder* folder)
+        : faces_(faces), folder_(folder), asked_(std::ssize(positions)) {
         if (folder == nullptr) return;
         std::map<std::string, FaceScore> known;
         for (const FaceScore& score : folder->known()) known.insert_or_assign(score.id, score);
-        for (const std::int64_t place : places)
-            if (const auto found = known.find(id_of(place)); found != known.end())
-                scores_.emplace(place, found->second);
+        for (const std::int64_t position : positions)
+            if (const auto found = known.find(id_of(position)); found != known.end())
+                scores_.emplace(position, found->second);
     }
 
-    [[nodiscard]] bool contains(std::int64_t place) const { return scores_.contains(place); }
+    [[nodiscard]] bool contains(std::int64_t position) const { return scores_.contains(position); }
     [[nodiscard]] std::int64_t count() const { return std::ssize(scores_); }
 
-    void add(std::int64_t place, FaceScore score, const FitResult& fit, Progress& progress) {
+    void add(std::int64_t position, FaceScore score, const FitResult& fit, Progress& progress) {
         const std::lock_guard lock(mutex_);
         if (folder_ != nullptr) folder_->add(score, fit);
-        scores_.insert_or_assign(place, std::move(score));
+        scores_.insert_or_assign(position, std::move(score));
         progress.update(done(), text());
     }
-    void add_failure(std::int64_t place, const std::string& reason) {
+    void add_failure(std::int64_t position, const std::string& reason) {
         const std::lock_guard lock(mutex_);
-        failed_.insert_or_assign(place, FailedFace{id_of(place), reason});
+        failed_.insert_or_assign(position, FailedFace{id_of(position), reason});
     }
 
     [[nodiscard]] Evaluation evaluation() const {
         Evaluation evaluation;
-        for (const auto& [place, score] : scores_) evaluation.scores.push_back(score);
-        for (const auto& [place, face] : failed_) evaluation.failed.push_back(face);
+        for (const auto& [position, score] : scores_) evaluation.scores.push_back(score);
+        for (const auto& [position, face] : failed_) evaluation.failed.push_back(face);
         if (done() < asked_) {
             std::ostringstream text;
             text << "interrupted after " << done() << " of " << asked_ << " faces";
@@ -92,14 +92,14 @@ public:
     }
 
 private:
-    [[nodiscard]] const std::string& id_of(std::int64_t place) const {
-        return faces_.ids()[static_cast<std::size_t>(place)];
+    [[nodiscard]] const std::string& id_of(std::int64_t position) const {
+        return faces_.ids()[static_cast<std::size_t>(position)];
     }
     [[nodiscard]] std::int64_t done() const { return std::ssize(scores_) + std::ssize(failed_); }
     [[nodiscard]] std::string text() const {
         double initial = 0.0;
         double last = 0.0;
-        for (const auto& [place, score] : scores_) {
+        for (const auto& [position, score] : scores_) {
             initial += score.regions.front().initial.psnr / static_cast<double>(scores_.size());
             last += score.regions.front().last().psnr / static_cast<double>(scores_.size());
         }
@@ -146,23 +146,23 @@ FaceRange parse_range(const std::string& text) {
     return {first, last};
 }
 
-std::vector<std::int64_t> places_of(const Dataset& faces, const FaceRange& range) {
+std::vector<std::int64_t> positions_of(const Dataset& faces, const FaceRange& range) {
     const std::int64_t last =
         range.last < 0 ? faces.size() - 1 : std::min(range.last, faces.size() - 1);
     if (range.first > last)
         fail<ConfigError>("--ids: the folder has only ", faces.size(), " faces, counted from 0");
-    std::vector<std::int64_t> places;
-    for (std::int64_t i = range.first; i <= last; ++i) places.push_back(i);
-    return places;
+    std::vector<std::int64_t> positions;
+    for (std::int64_t i = range.first; i <= last; ++i) positions.push_back(i);
+    return positions;
 }
 
 void require_comparable(const Dataset& faces, const EvaluationOptions& options) {
-    const std::vector<std::int64_t> places = places_of(faces, options.range);
+    const std::vector<std::int64_t> positions = positions_of(faces, options.range);
     if (std::ranges::find(options.regions, Region::face) == options.regions.end()) return;
     if (options.face_region == nullptr)
         fail<ValueError>("the region of the face needs a FaceRegion");
     if (std::ranges::any_of(
-            places, [&](std::int64_t i) { return options.face_region->tells(faces.files(i)); }))
+            positions, [&](std::int64_t i) { return options.face_region->tells(faces.files(i)); }))
         return;
     fail<FileError>(
         "--region: the folder has neither parsing/ID.png nor CelebAMask-HQ's parts to tell faces "
@@ -195,38 +195,38 @@ ComparedFace compared_face(const Model& model, const Dataset& faces, std::int64_
 
 Evaluation evaluate(const FitJob& job, const Dataset& faces, const EvaluationOptions& options) {
     require_comparable(faces, options);
-    std::vector<std::int64_t> places = places_of(faces, options.range);
-    Findings findings(faces, places, options.folder);
-    const auto asked = std::ssize(places);
-    std::erase_if(places, [&](std::int64_t place) { return findings.contains(place); });
+    std::vector<std::int64_t> positions = positions_of(faces, options.range);
+    Findings findings(faces, positions, options.folder);
+    const auto asked = std::ssize(positions);
+    std::erase_if(positions, [&](std::int64_t position) { return findings.contains(position); });
 
     const InterruptGuard guard;
     Progress progress(
         {.title = "evaluate", .total = asked, .first = findings.count(), .unit = "faces"});
     std::atomic<bool> stopped = false;
-    const auto do_face = [&](std::int64_t place) {
+    const auto do_face = [&](std::int64_t position) {
         std::optional<FittedFaces> done;
         FaceScore score;
         try {
-            const ComparedFace face = compared_face(job.model(), faces, place, options);
+            const ComparedFace face = compared_face(job.model(), faces, position, options);
             done.emplace(options.fit ? job.fit(face.batch) : job.unfitted(face.batch));
             if (!done->incomplete.empty()) return;
-            const std::string& id = faces.ids()[static_cast<std::size_t>(place)];
+            const std::string& id = faces.ids()[static_cast<std::size_t>(position)];
             if (done->changes && options.folder != nullptr)
                 done->changes->save(options.folder->tuned_of(id));
             score = score_of(id, job.report(*done, 0, face.masks.front(), options.lpips), face,
                              options);
             measure_person(job, faces, face, *done, options, score);
         } catch (const Error& error) {
-            findings.add_failure(place, error.what());
+            findings.add_failure(position, error.what());
             return;
         }
-        findings.add(place, std::move(score), done->fit, progress);
+        findings.add(position, std::move(score), done->fit, progress);
     };
     const auto work = [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t k = begin; k < end && !interrupted() && !stopped.load(); ++k) {
             try {
-                do_face(places[static_cast<std::size_t>(k)]);
+                do_face(positions[static_cast<std::size_t>(k)]);
             } catch (...) {
                 // Otherwise the other threads would continue as long as there are faces.
                 stopped = true;
@@ -235,9 +235,9 @@ Evaluation evaluate(const FitJob& job, const Dataset& faces, const EvaluationOpt
         }
     };
     if (options.one_by_one || (options.fit && job.options().tunes()))
-        work(0, std::ssize(places));
+        work(0, std::ssize(positions));
     else
-        parallel_for(std::ssize(places), 1, work);
+        parallel_for(std::ssize(positions), 1, work);
     Evaluation evaluation = findings.evaluation();
     if (evaluation.scores.empty()) {
         if (evaluation.failed.empty()) fail<FileError>("interrupted; no face was scored");

@@ -23,7 +23,7 @@ struct FaceRange {
 /// "700-799", "700-" or "5". Throws UsageError for anything else.
 [[nodiscard]] FaceRange parse_range(const std::string& text);
 /// The positions of a range in a folder. Throws ConfigError for a range beyond its end.
-[[nodiscard]] std::vector<std::int64_t> places_of(const Dataset& faces, const FaceRange& range);
+[[nodiscard]] std::vector<std::int64_t> positions_of(const Dataset& faces, const FaceRange& range);
 
 struct EvaluationOptions {
     FaceRange range;

@@ -39,7 +39,7 @@ FittedFaces stored(const FitJob& job, const ComparedFace& face, const std::strin
     return done;
 }
 
-std::int64_t place_of(const Dataset& faces, const std::string& id) {
+std::int64_t position_of(const Dataset& faces, const std::string& id) {
     const auto found = std::ranges::find(faces.ids(), id);
     if (found == faces.ids().end()) fail<FileError>("the folder has no face ", id, " any more");
     return found - faces.ids().begin();
@@ -71,7 +71,7 @@ Tensor score_sheet(const FitJob& job, const Dataset& faces, const EvaluationOpti
     const Model& model = job.model();
     std::vector<Tensor> tiles;
     for (const SheetRow& row : rows) {
-        const ComparedFace face = compared_face(model, faces, place_of(faces, row.id), options);
+        const ComparedFace face = compared_face(model, faces, position_of(faces, row.id), options);
         const FittedFaces done = stored(job, face, row.id, options);
         const FitReport report = job.report(done, 0, face.masks.front(), nullptr);
         tiles.insert(tiles.end(), {report.target, report.initial, report.fitted});

@@ -46,9 +46,9 @@ PhotoOutcome ProgressFile::read(const std::string& file) const {
 }
 
 void ProgressFile::append(const PhotoOutcome& outcome) {
-    const auto place = static_cast<std::streamoff>(std::filesystem::file_size(path_));
+    const auto offset = static_cast<std::streamoff>(std::filesystem::file_size(path_));
     append_line(path_, to_json(outcome).text(), Durability::crash_safe);
-    lines_[outcome.file] = place;
+    lines_[outcome.file] = offset;
 }
 
 }  // namespace stymo

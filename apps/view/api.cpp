@@ -269,8 +269,8 @@ Answer Api::tuned_face(Session& session, const Request& request) {
 Answer Api::eyes(Session& session, const Request& request) {
     EyeCamera camera;
     camera.field_of_view = request.number("fov", camera.field_of_view, 0.2, 2.6);
-    camera.place = {request.number("x", 0.0, -2.0, 2.0), request.number("y", 0.15, -2.0, 2.0),
-                    request.number("z", 0.0, -2.0, 2.0)};
+    camera.position = {request.number("x", 0.0, -2.0, 2.0), request.number("y", 0.15, -2.0, 2.0),
+                       request.number("z", 0.0, -2.0, 2.0)};
     const double start = seconds_now();
     const std::optional<EyeTracker::Sight> sight =
         session.see(image_from_jpeg(request.body, most_camera_pixels), camera);

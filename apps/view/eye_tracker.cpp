@@ -26,8 +26,8 @@ Eigen::Vector3d eye_point(const Landmarks& landmarks, double width, double heigh
     const double depth = pupil_distance * focal / (right - left).norm();
     const Eigen::Vector2d middle = 0.5 * (left + right);
     // The image's right is the viewer's left.
-    return camera.place + Eigen::Vector3d(-(middle[0] - 0.5 * width) * depth / focal,
-                                          -(middle[1] - 0.5 * height) * depth / focal, depth);
+    return camera.position + Eigen::Vector3d(-(middle[0] - 0.5 * width) * depth / focal,
+                                             -(middle[1] - 0.5 * height) * depth / focal, depth);
 }
 
 Eigen::Vector3d OneEuroFilter::operator()(const Eigen::Vector3d& measured, double seconds) {

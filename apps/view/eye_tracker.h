@@ -13,7 +13,7 @@ struct EyeCamera {
     double field_of_view = 1.05;  ///< horizontal, in radians
     /// Position of the camera relative to the centre of the picture on the screen: x to the
     /// viewer's right, y up, z towards the viewer. About (0, 0.15, 0) on top of a laptop's screen.
-    Eigen::Vector3d place{0.0, 0.15, 0.0};
+    Eigen::Vector3d position{0.0, 0.15, 0.0};
 };
 
 /// The mean distance between the pupils of adults (Dodgson 2004), from which the distance of a head
@@ -21,8 +21,8 @@ struct EyeCamera {
 inline constexpr double pupil_distance = 0.063;
 
 /// The point between the eyes of a face, in metres, in the axes and with the origin of
-/// `EyeCamera::place`. `landmarks` are in pixels of the camera's image (width x height), which must
-/// not be mirrored. The camera looks straight ahead.
+/// `EyeCamera::position`. `landmarks` are in pixels of the camera's image (width x height), which
+/// must not be mirrored. The camera looks straight ahead.
 [[nodiscard]] Eigen::Vector3d eye_point(const Landmarks& landmarks, double width, double height,
                                         const EyeCamera& camera);
 

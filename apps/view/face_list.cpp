@@ -20,8 +20,8 @@ constexpr std::size_t digits_of_element = 4;
 std::string shortened(std::string name) {
     constexpr std::size_t most_bytes = 80;
     if (name.size() <= most_bytes) return name;
-    const auto continues = [&](std::size_t place) {
-        return (static_cast<unsigned char>(name[place]) & 0xC0U) == 0x80U;
+    const auto continues = [&](std::size_t index) {
+        return (static_cast<unsigned char>(name[index]) & 0xC0U) == 0x80U;
     };
     std::size_t end = most_bytes;
     while (end > 0 && continues(end)) --end;

@@ -13,7 +13,7 @@ struct Window {
 
 /// The camera whose image, shown in the window, equals the eye's view through the window: an
 /// off-axis frustum from the eye through the window's corners (Kooima 2009, "Generalized
-/// perspective projection"). A point in the window's plane has the same place in the image for
+/// perspective projection"). A point in the window's plane has the same image point for
 /// every position of the eye. Throws ValueError unless the eye is in front of the window.
 [[nodiscard]] Camera off_axis_camera(const Window& window, const Eigen::Vector3d& eye);
 

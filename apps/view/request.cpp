@@ -130,9 +130,9 @@ Camera window_camera(const Json& object, const CameraConfig& model) {
                         .side = (model.distance - model.pivot_depth) / model.intrinsics.focal};
     const double scale = window.side / screen;
     constexpr double nearest = 2.0;  // world units before the screen
-    Eigen::Vector3d place = scale * Eigen::Vector3d(eye[0], eye[1], eye[2]);
-    place[2] = std::max(place[2], nearest);
-    return off_axis_camera(window, window.center + place);
+    Eigen::Vector3d position = scale * Eigen::Vector3d(eye[0], eye[1], eye[2]);
+    position[2] = std::max(position[2], nearest);
+    return off_axis_camera(window, window.center + position);
 }
 
 /// A camera that looks at the face: angles in degrees, distance relative to the frontal camera's.
@@ -174,11 +174,11 @@ Query query_for_view(const Json& object, const CameraConfig& model) {
 /// A smooth curve through the keys (Catmull and Rom 1974), limited to the range of the keys; `part`
 /// in [0, 1].
 double along(const std::vector<double>& keys, double part) {
-    const double place = part * static_cast<double>(keys.size() - 1);
+    const double position = part * static_cast<double>(keys.size() - 1);
     const auto last = std::ssize(keys) - 1;
     const auto first =
-        std::min(static_cast<std::ptrdiff_t>(place), std::max<std::ptrdiff_t>(last - 1, 0));
-    const double t = place - static_cast<double>(first);
+        std::min(static_cast<std::ptrdiff_t>(position), std::max<std::ptrdiff_t>(last - 1, 0));
+    const double t = position - static_cast<double>(first);
     const auto key = [&](std::ptrdiff_t i) {
         return keys[static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(i, 0, last))];
     };

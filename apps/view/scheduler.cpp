@@ -36,8 +36,8 @@ std::optional<Frame> Scheduler::render(const std::string& session, FrameRequest 
         const std::lock_guard lock(mutex_);
         if (ends_) return std::nullopt;
         const Quality quality = request.quality;
-        const int place = quality == Quality::thumbnail ? 1 : quality == Quality::snapshot ? 2 : 0;
-        const Key key{session, place};
+        const int kind = quality == Quality::thumbnail ? 1 : quality == Quality::snapshot ? 2 : 0;
+        const Key key{session, kind};
         Waiting waiting{std::move(request), {}, order_++, seconds_now()};
         answer = waiting.answer.get_future();
         if (const auto old = waiting_.find(key); old != waiting_.end()) {

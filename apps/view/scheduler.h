@@ -41,7 +41,7 @@ private:
         double since = 0.0;        ///< time of the request by seconds_now()
         bool was_stopped = false;  ///< stopped for another session; it is stopped only once
     };
-    /// A session and the kind of picture. Thumbnails and snapshots have separate places, so that
+    /// A session and the kind of picture. Thumbnails and snapshots are kept apart, so that
     /// they do not replace the picture on the page.
     using Key = std::pair<std::string, int>;
 

@@ -23,7 +23,7 @@ const cv::Scalar close_in_lab(18.0, 7.0, 7.0);
 /// image's side.
 constexpr double blur_share = 1.0 / 64.0;
 
-constexpr std::size_t texture = 2;  ///< its place in `code_names`
+constexpr std::size_t texture = 2;  ///< its index in `code_names`
 
 Tensor as_batch(const Tensor& image) {
     return image.reshaped({1, image.shape(0), image.shape(1), image.shape(2)});

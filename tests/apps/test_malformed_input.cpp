@@ -122,10 +122,10 @@ TEST_CASE("Malformed command lines are refused, in one line that says why") {
         {eval + "--resolution 32", 2, "--resolution: 32 is not a number in [64, 4096]"},
         {eval + "--resolution 96", 1, "this model renders images with a side of 64, not 96"},
         {eval + "--ids 9999999999999999999999", 2,
-         "--ids 9999999999999999999999: must be a range of places in the order of ids, such as "
+         "--ids 9999999999999999999999: must be a range of positions in the order of ids, such as "
          "700-799"},
         {eval + "--ids -1", 2,
-         "--ids -1: must be a range of places in the order of ids, such as 700-799"},
+         "--ids -1: must be a range of positions in the order of ids, such as 700-799"},
     });
 }
 

@@ -34,7 +34,7 @@ TEST_CASE("the eye point is where the eyes are, whatever the camera", "[view]") 
             EyeCamera camera{.field_of_view = fov, .place = {0.02, 0.12, 0.01}};
             const Eigen::Vector3d found =
                 eye_point(seen_eyes(eye, 320.0, 240.0, fov), 320.0, 240.0, camera);
-            CHECK((found - (camera.place + eye)).norm() < 1e-9);
+            CHECK((found - (camera.position + eye)).norm() < 1e-9);
         }
     }
 }

@@ -1,4 +1,4 @@
-// The screen as a window: the face is rendered for the place of the viewer's eyes.
+// The screen as a window: the face is rendered for the position of the viewer's eyes.
 
 import { post } from "/page/api.js";
 import { say } from "/page/message.js";
