@@ -31,7 +31,7 @@ TEST_CASE("the eye point is where the eyes are, whatever the camera", "[view]") 
          {Eigen::Vector3d(0.0, 0.0, 0.5), Eigen::Vector3d(0.15, -0.1, 0.7),
           Eigen::Vector3d(-0.2, 0.05, 0.35)}) {
         for (const double fov : {0.8, 1.05, 1.4}) {
-            EyeCamera camera{.field_of_view = fov, .place = {0.02, 0.12, 0.01}};
+            EyeCamera camera{.field_of_view = fov, .position = {0.02, 0.12, 0.01}};
             const Eigen::Vector3d found =
                 eye_point(seen_eyes(eye, 320.0, 240.0, fov), 320.0, 240.0, camera);
             CHECK((found - (camera.position + eye)).norm() < 1e-9);
