@@ -42,9 +42,8 @@ LossValues mean_losses(Ranks& ranks, const std::vector<LossValues>& own, double 
 
 void for_each_micro_batch(std::int64_t count, bool side_by_side,
                           const std::function<void(std::int64_t)>& body) {
-    const std::int64_t together = side_by_side ? count - count % thread_count() : 0;
-    parallel_for(together, 1, [&](std::int64_t i, std::int64_t) { body(i); });
-    for (std::int64_t i = together; i < count; ++i) body(i);
+    if (side_by_side) return parallel_tasks(count, body);
+    for (std::int64_t i = 0; i < count; ++i) body(i);
 }
 
 LossAndGradients mean_over_micro_batches(const TrainingParts& parts,
