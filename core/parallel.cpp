@@ -9,6 +9,7 @@
 
 #include "core/error.h"
 #include "core/machine_limits.h"
+#include "core/parallel_recording.h"
 
 namespace stymo {
 
@@ -17,9 +18,17 @@ namespace {
 /// 0 means one thread for each usable processor.
 std::atomic<int> requested_threads{0};
 
-/// Held by the thread whose team is running. A process has one set of processors, so another thread
-/// that calls `parallel_for` meanwhile runs all of its chunks itself.
-std::mutex team_mutex;
+/// Threads that run a loop on a team at present. A process has one set of processors, so they
+/// share it.
+std::atomic<int> active_callers{0};
+
+class ActiveCaller {
+public:
+    ActiveCaller() { ++active_callers; }
+    ~ActiveCaller() { --active_callers; }
+    ActiveCaller(const ActiveCaller&) = delete;
+    ActiveCaller& operator=(const ActiveCaller&) = delete;
+};
 
 /// The first exception of several threads.
 class FirstError {
@@ -37,6 +46,43 @@ private:
     std::exception_ptr error_;
 };
 
+int share_of(int threads) {
+    return std::max(1, threads / std::max(1, active_callers.load(std::memory_order_relaxed)));
+}
+
+/// Calls body(chunk, thread) for all chunks.
+template <class Body>
+void run_chunks(std::int64_t chunks, const std::source_location& caller, const Body& body) {
+    const auto run_alone = [&] {
+        for (std::int64_t chunk = 0; chunk < chunks; ++chunk) body(chunk, 0);
+    };
+    if (chunks <= 1 || omp_in_parallel() != 0) return run_alone();
+    if (ParallelRecording* const recording = ParallelRecording::of_this_thread())
+        return recording->loop(chunks, caller, [&](std::int64_t chunk) { body(chunk, 0); });
+    const int threads = thread_count();
+    if (threads == 1) return run_alone();
+    const ActiveCaller active;
+    if (share_of(threads) == 1) return run_alone();
+    FirstError error;
+    std::atomic<std::int64_t> next{0};
+    // The team always has the same size, because libgomp ends the threads that a smaller team does
+    // not use. A thread beyond this caller's share takes no further chunk.
+#pragma omp parallel num_threads(threads)
+    {
+        const int thread = omp_get_thread_num();
+        while (thread < share_of(threads)) {
+            const std::int64_t chunk = next.fetch_add(1, std::memory_order_relaxed);
+            if (chunk >= chunks) break;
+            try {
+                body(chunk, thread);
+            } catch (...) {
+                error.keep_current();
+            }
+        }
+    }
+    error.rethrow();
+}
+
 }  // namespace
 
 void set_thread_count(int count) {
@@ -52,35 +98,24 @@ int thread_count() {
 }
 
 void parallel_for(std::int64_t count, std::int64_t grain,
-                  const std::function<void(std::int64_t, std::int64_t)>& body) {
+                  const std::function<void(std::int64_t, std::int64_t)>& body,
+                  const std::source_location& caller) {
     grain = std::max<std::int64_t>(grain, 1);
-    const std::int64_t chunks = chunk_count(count, grain);
-    const int threads = thread_count();
-    const auto run_chunk = [&](std::int64_t chunk) {
+    run_chunks(chunk_count(count, grain), caller, [&](std::int64_t chunk, int) {
         body(chunk * grain, std::min(count, (chunk + 1) * grain));
-    };
-    std::unique_lock team(team_mutex, std::defer_lock);
-    if (chunks <= 1 || threads == 1 || omp_in_parallel() != 0 || !team.try_lock()) {
-        for (std::int64_t chunk = 0; chunk < chunks; ++chunk) run_chunk(chunk);
-        return;
-    }
-    FirstError error;
-    // The team always has the same size, because libgomp ends the threads that a smaller team does
-    // not use.
-#pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
-    for (std::int64_t chunk = 0; chunk < chunks; ++chunk) {
-        try {
-            run_chunk(chunk);
-        } catch (...) {
-            error.keep_current();
-        }
-    }
-    error.rethrow();
+    });
 }
 
-void parallel_tasks(std::int64_t count, const std::function<void(std::int64_t)>& body) {
+void parallel_items(std::int64_t count, const std::function<void(std::int64_t, int)>& body,
+                    const std::source_location& caller) {
+    run_chunks(count, caller, body);
+}
+
+void parallel_tasks(std::int64_t count, const std::function<void(std::int64_t)>& body,
+                    const std::source_location& caller) {
     const std::int64_t together = count - count % thread_count();
-    parallel_for(together, 1, [&](std::int64_t i, std::int64_t) { body(i); });
+    parallel_for(
+        together, 1, [&](std::int64_t i, std::int64_t) { body(i); }, caller);
     for (std::int64_t i = together; i < count; ++i) body(i);
 }
 

@@ -55,18 +55,6 @@ constexpr double thin_share = 0.5;
 /// opacity below the tolerance: a bit less than 1 / thin_share.
 constexpr double thin_rays = 1.9;
 
-/// Calls body(item, thread) for every item on several threads. `thread` counts from 0 and is unique
-/// among concurrent calls.
-template <class Body>
-void for_each_item(std::int64_t count, const Body& body) {
-    std::atomic<std::int64_t> next{0};
-    const auto worker = [&](std::int64_t thread, std::int64_t) {
-        for (std::int64_t item = next.fetch_add(1); item < count; item = next.fetch_add(1))
-            body(item, static_cast<std::size_t>(thread));
-    };
-    parallel_for(thread_count(), 1, std::ref(worker));
-}
-
 /// Buffers of one thread.
 template <class T>
 struct Scratch {
@@ -221,12 +209,14 @@ void SampledField<T>::render(const CameraRays& rays, FeatureMap& map, const std:
     select(rays);
     cut_into_tiles();
     reserve();
-    for_each_item(static_cast<std::int64_t>(tiles_.size()) - 1,
-                  [&](std::int64_t tile, std::size_t thread) {
-                      if (stop.stop_requested()) return;
-                      const auto index = static_cast<std::size_t>(tile);
-                      trace_tile(tiles_[index], tiles_[index + 1], rays, scratch_[thread], map);
-                  });
+    const auto trace = [&](std::int64_t tile, int thread) {
+        if (stop.stop_requested()) return;
+        const auto index = static_cast<std::size_t>(tile);
+        trace_tile(tiles_[index], tiles_[index + 1], rays,
+                   scratch_[static_cast<std::size_t>(thread)], map);
+    };
+    // Passed by reference, since std::function would allocate memory for a closure of this size.
+    parallel_items(std::ssize(tiles_) - 1, std::ref(trace));
     if (stop.stop_requested()) return;
     finish(map);
     map.field_samples = map.significant_samples = 0;
@@ -254,8 +244,8 @@ template <class T>
 bool SampledField<T>::select_from_grid(const CameraRays& rays) {
     const auto count = static_cast<std::int64_t>(rays.rays.size()), samples = rays.samples_per_ray;
     std::atomic<bool> known{true};
-    for_each_item(chunk_count(count, rays_per_chunk), [&](std::int64_t chunk, std::size_t thread) {
-        Scratch<T>& scratch = scratch_[thread];
+    const auto select_chunk = [&](std::int64_t chunk, int thread) {
+        Scratch<T>& scratch = scratch_[static_cast<std::size_t>(thread)];
         scratch.bounds.resize(static_cast<std::size_t>(samples));
         for (std::int64_t i = chunk * rays_per_chunk;
              i < std::min(count, (chunk + 1) * rays_per_chunk); ++i) {
@@ -271,7 +261,8 @@ bool SampledField<T>::select_from_grid(const CameraRays& rays) {
             if (!grid_.bounds(scratch.points, scratch.bounds)) known = false;
             select_samples(scratch.bounds, interval(ray, samples), tolerance_, i, selection_);
         }
-    });
+    };
+    parallel_items(chunk_count(count, rays_per_chunk), std::ref(select_chunk));
     return known;
 }
 
@@ -378,9 +369,8 @@ template <class T>
 void SampledField<T>::finish(FeatureMap& map) {
     const auto count = static_cast<std::int64_t>(map.occupied.size()), width = field_.width(),
                channels = field_.feature_channels();
-    for_each_item(chunk_count(count, rays_per_chunk), [&](std::int64_t chunk, std::size_t) {
-        const std::int64_t first = chunk * rays_per_chunk,
-                           size = std::min(rays_per_chunk, count - first);
+    const auto finish_rays = [&](std::int64_t first, std::int64_t end) {
+        const std::int64_t size = end - first;
         const auto part = [&](auto& values, std::int64_t numbers) {
             return std::span(values).subspan(static_cast<std::size_t>(first * numbers),
                                              static_cast<std::size_t>(size * numbers));
@@ -392,7 +382,8 @@ void SampledField<T>::finish(FeatureMap& map) {
         } else {
             std::ranges::fill(result, 0.0F);
         }
-    });
+    };
+    parallel_for(count, rays_per_chunk, std::ref(finish_rays));
 }
 
 }  // namespace

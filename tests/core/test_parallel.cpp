@@ -145,3 +145,51 @@ TEST_CASE("The number of threads may change between calls", "[parallel]") {
         CHECK(total == 2000);
     }
 }
+
+TEST_CASE("Callers at the same time share the threads", "[parallel]") {
+    const ThreadCount restored;
+    set_thread_count(4);
+    constexpr auto patience = std::chrono::seconds(20);
+    std::atomic<bool> second_runs{false}, first_done{false};
+    const auto wait_for = [&](const std::atomic<bool>& flag) {
+        const auto end = std::chrono::steady_clock::now() + patience;
+        while (!flag && std::chrono::steady_clock::now() < end) std::this_thread::yield();
+    };
+    std::mutex mutex;
+    std::set<std::thread::id> threads;
+    std::thread second;
+    parallel_for(40, 1, [&](std::int64_t chunk, std::int64_t) {
+        if (chunk == 0)
+            second = std::thread([&] {
+                parallel_for(2, 1, [&](std::int64_t, std::int64_t) {
+                    second_runs = true;
+                    wait_for(first_done);
+                });
+            });
+        // Chunks 0 to 3 may have begun before the other caller.
+        wait_for(second_runs);
+        if (chunk < 4) return;
+        const std::lock_guard lock(mutex);
+        threads.insert(std::this_thread::get_id());
+        if (chunk == 39) first_done = true;
+    });
+    second.join();
+    CHECK(second_runs);
+    CHECK(first_done);
+    CHECK(threads.size() <= 2);
+}
+
+TEST_CASE("Items know a thread of their own", "[parallel]") {
+    const ThreadCount restored;
+    set_thread_count(3);
+    std::vector<std::atomic<int>> users(3);
+    std::atomic<int> items{0}, clashes{0};
+    parallel_items(200, [&](std::int64_t, int thread) {
+        auto& user = users.at(static_cast<std::size_t>(thread));
+        if (++user > 1) ++clashes;
+        ++items;
+        --user;
+    });
+    CHECK(items == 200);
+    CHECK(clashes == 0);
+}
