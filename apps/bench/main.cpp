@@ -54,6 +54,8 @@ int stymo_bench(int argc, char** argv) {
         {"curve", "Error against frame time over samples, tolerance, precision, baked resolution."},
         {"growth", "How the time of a frame grows with samples, size, width and threads."},
         {"all", "All of these."},
+        {"cores",
+         "What frames, fits, tuning, training and preparation would gain from more processors."},
         {"bias", "What leaving out samples does to a fit's gradient and outcome; takes minutes."}};
     for (const auto& [name, description] : sessions) {
         const auto body = [&options, name = name] { return stymo::bench_session(name, options); };

@@ -87,6 +87,7 @@ AppResult bench_session(const std::string& command, const ReportOptions& options
     if (all || command == "curve" || (command == "render" && !options.out.empty()))
         studies.push_back(rendering_study());
     if (all || command == "growth") studies.push_back(growth_study());
+    if (command == "cores") studies.push_back(cores_study());
     if (command == "bias") studies.push_back(bias_study());
 
     Page page(command, options.out);

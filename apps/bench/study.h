@@ -68,6 +68,7 @@ struct Study {
 [[nodiscard]] Study scenes_study();      ///< what frames of scenes leave out
 [[nodiscard]] Study jobs_study();        ///< what jobs leave out
 [[nodiscard]] Study growth_study();      ///< time against work
+[[nodiscard]] Study cores_study();       ///< what more processors would give
 [[nodiscard]] Study bias_study();        ///< what leaving out samples does to a fit
 
 /// The studies of the report, in its order; those of one part follow each other.

@@ -43,27 +43,18 @@ Dataset dataset(const std::filesystem::path& folder, const TrainConfig& config, 
     return Dataset(folder, config.model.decoder.resolution, config.data, split);
 }
 
-/// A step of the first stage as `stymo-train` does it: eight images, encoder and its backbone,
-/// LPIPS, optimiser, EMA. The images are synthetic heads, and the weights of backbone and LPIPS
-/// random ones, which does not change the time. Of the work only decoder and trunk are counted:
-/// forwards and twice as much backwards through the decoder; photo, image and back through the
-/// trunk.
+/// A step of the first stage as `stymo-train` does it. Of the work only decoder and trunk are
+/// counted: forwards and twice as much backwards through the decoder; photo, image and back through
+/// the trunk.
 Measurement training_step(const BenchOptions& options, const std::string& configuration) {
-    const TrainConfig config = embedded_configuration(
-        configuration,
-        {"stage2.resolutions=[]", "data.split.test=0", "encoder.backbone_weights=random",
-         "reconstruction.perceptual_trunk=random", "reconstruction.perceptual_heads=random"});
-    const FolderInProgress folder = temporary_folder("stymo-bench-heads");
-    write_heads(folder.path(), config.model, 2 * config.stage1.batch, options.seed);
-    const Dataset faces = dataset(folder.path(), config, Split::training);
-    Trainer trainer(config, faces, nullptr, options.seed);
-    Measurement result{
-        .timing = time_repeated(options.repeats, 0.0, [&] { static_cast<void>(trainer.step()); })};
+    TrainingSteps steps(configuration, options.seed);
+    Measurement result{.timing = time_repeated(options.repeats, 0.0, [&] { steps.step(); })};
+    const TrainConfig& config = steps.config();
     const std::int64_t trunk = trunk_multiply_adds(config.model.reconstruction.perceptual.network,
                                                    config.model.decoder.resolution);
     result.work =
         3.0 * static_cast<double>(config.stage1.batch) *
-        (frame_work(trainer.model(), config.stage1.samples_per_ray) + static_cast<double>(trunk));
+        (frame_work(steps.model(), config.stage1.samples_per_ray) + static_cast<double>(trunk));
     return result;
 }
 
@@ -144,7 +135,21 @@ StudyPlan training_plan(const StudyInputs& inputs) {
     return plan;
 }
 
+Dataset heads_of(const TrainConfig& config, std::uint64_t seed) {
+    const FolderInProgress folder = temporary_folder("stymo-bench-heads");
+    write_heads(folder.path(), config.model, 2 * config.stage1.batch, seed);
+    return dataset(folder.path(), config, Split::training);
+}
+
 }  // namespace
+
+TrainingSteps::TrainingSteps(const std::string& configuration, std::uint64_t seed)
+    : config_(embedded_configuration(
+          configuration,
+          {"stage2.resolutions=[]", "data.split.test=0", "encoder.backbone_weights=random",
+           "reconstruction.perceptual_trunk=random", "reconstruction.perceptual_heads=random"})),
+      faces_(heads_of(config_, seed)),
+      trainer_(config_, faces_, nullptr, seed) {}
 
 TrainConfig small_training(std::int64_t steps, std::int64_t samples_per_ray) {
     return embedded_configuration("demo-64",

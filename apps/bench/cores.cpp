@@ -1,0 +1,219 @@
+#include <algorithm>
+#include <array>
+#include <map>
+#include <memory>
+#include <span>
+
+#include "apps/bench/study.h"
+#include "apps/bench/training.h"
+#include "apps/prep/pipeline.h"
+#include "core/clock.h"
+#include "core/io/folder_in_progress.h"
+#include "core/parallel.h"
+#include "core/parallel_recording.h"
+#include "fit/fitter.h"
+#include "fit/tuning.h"
+
+/// The study of processors: what a job would gain from more of them than the machine has.
+namespace stymo {
+
+namespace {
+
+constexpr std::array<int, 5> thread_counts{1, 2, 4, 16, 64};
+
+/// A job for the number of threads that is set when it is made.
+using Run = std::function<void()>;
+
+/// Name and how it is made.
+struct ScaledJob {
+    std::string name;
+    std::function<Run()> make;
+};
+
+Run frame_run(const BenchSubject& subject, RenderMode mode, std::int64_t samples) {
+    const auto renderer = std::make_shared<FaceRenderer>(
+        subject.model, RendererOptions{.mode = mode, .samples_per_ray = samples});
+    renderer->show(first_row(subject.codes));
+    const auto next = std::make_shared<std::size_t>(0);
+    return [=, &subject] {
+        static_cast<void>(renderer->render(subject.views[(*next)++ % subject.views.size()]));
+    };
+}
+
+/// Fits and tuning prepare their targets once, so several steps are recorded.
+constexpr std::int64_t recorded_steps = 8;
+
+Run fit_steps(const BenchSubject& subject, const ReconstructionLoss& loss) {
+    return [&] {
+        static_cast<void>(fit_codes(subject.model, loss,
+                                    make_batch(std::span(subject.photos).first(1)),
+                                    {.steps = recorded_steps}));
+    };
+}
+
+Run tuning_steps(const BenchSubject& subject, const ReconstructionLoss& loss) {
+    return [&] {
+        Model tuned = subject.model.copy();
+        const FaceBatch face = make_batch(std::span(subject.photos).first(1));
+        static_cast<void>(tune_decoder(subject.model, tuned, loss, face, first_row(subject.codes),
+                                       face.cameras, {.steps = recorded_steps}));
+    };
+}
+
+/// As many photos as the folder has, at most 64, none of whose masks are known.
+Run preparation(const std::filesystem::path& photos) {
+    constexpr std::size_t most = 64;
+    const auto input = std::make_shared<FolderInProgress>(std::filesystem::temp_directory_path() /
+                                                          "stymo-bench-photos");
+    std::size_t count = 0;
+    for (const auto& file : std::filesystem::directory_iterator(photos / "images"))
+        if (count < most)
+            std::filesystem::copy_file(file.path(), input->path() / file.path().filename()),
+                ++count;
+    return [=] {
+        const FolderInProgress out(std::filesystem::temp_directory_path() / "stymo-bench-faces");
+        const PhotoPreparation preparation({});
+        static_cast<void>(prepare_folder({input->path(), out.path(), false}, preparation));
+    };
+}
+
+/// What costs most of the time that so many processors do not save.
+std::string cap_of(const WorkProfile& profile, int threads) {
+    std::map<std::string, double> lost;
+    for (const RecordedLoop& loop : profile.loops) {
+        const std::string file = loop.file.substr(loop.file.find_last_of('/') + 1);
+        double work = 0.0;
+        for (const double seconds : loop.chunk_seconds) work += seconds;
+        const double spare = 1.0 - 1.0 / threads;
+        lost["before " + file] += loop.before_seconds * spare;
+        lost["in " + file] += seconds_on(loop, threads) - work / threads;
+    }
+    lost["after the last loop"] += profile.after_seconds * (1.0 - 1.0 / threads);
+    const double all = profile.seconds_on(threads);
+    std::vector<std::pair<std::string, double>> sorted(lost.begin(), lost.end());
+    std::ranges::sort(sorted, std::greater(), &std::pair<std::string, double>::second);
+    std::string text;
+    for (const auto& [where, seconds] :
+         std::span(sorted).first(std::min<std::size_t>(3, sorted.size())))
+        text += (text.empty() ? "" : ", ") + where + " " + percent(seconds / all);
+    return text;
+}
+
+/// What it costs to start and to join a team of threads.
+double loop_seconds() {
+    constexpr int loops = 2000;
+    const double begin = seconds_now();
+    for (int i = 0; i < loops; ++i) parallel_for(2, 1, [](std::int64_t, std::int64_t) {});
+    return (seconds_now() - begin) / loops;
+}
+
+/// Sets the number of threads, and the former one at its end.
+class ThreadsInScope {
+public:
+    explicit ThreadsInScope(int count) { set_thread_count(count); }
+    ~ThreadsInScope() { set_thread_count(before_); }
+    ThreadsInScope(const ThreadsInScope&) = delete;
+    ThreadsInScope& operator=(const ThreadsInScope&) = delete;
+
+private:
+    int before_ = thread_count();
+};
+
+WorkProfile recorded(const ScaledJob& job, int threads) {
+    const ThreadsInScope scope(threads);
+    const Run run = job.make();
+    run();  // what is done once
+    const ParallelRecording recording;
+    run();
+    return recording.profile();
+}
+
+double clocked(const ScaledJob& job, int threads, int repeats) {
+    const ThreadsInScope scope(threads);
+    return time_repeated(repeats, 0.0, job.make()).median();
+}
+
+Row scaling_of(const ScaledJob& job, int repeats) {
+    const int processors = thread_count();
+    const double loop = loop_seconds();
+    const double alone = clocked(job, 1, repeats);
+    std::array<double, thread_counts.size()> predicted{};
+    WorkProfile largest;
+    for (std::size_t i = 0; i < thread_counts.size(); ++i) {
+        const WorkProfile profile = recorded(job, thread_counts[i]);
+        predicted[i] = profile.seconds_on(thread_counts[i], loop);
+        if (thread_counts[i] == 16) largest = profile;
+    }
+    Row row{largest.work_seconds(), largest.span_seconds(), alone / predicted[0]};
+    row.emplace_back(predicted[0] / predicted[1]);
+    row.emplace_back(processors >= 2 ? Value(alone / clocked(job, 2, repeats)) : Value());
+    for (std::size_t i = 2; i < thread_counts.size(); ++i)
+        row.emplace_back(predicted[0] / predicted[i]);
+    row.emplace_back(cap_of(largest, 16));
+    return row;
+}
+
+struct CoresSetup {
+    explicit CoresSetup(const BenchOptions& bench)
+        : subject(make_subject(bench)), loss(loss_of(subject.model)) {}
+    /// The loss of the model's fits; weights of LPIPS are random ones, which does not change the
+    /// time.
+    static ReconstructionLoss loss_of(const Model& model) {
+        ReconstructionConfig config = model.config().reconstruction;
+        config.perceptual.trunk = config.perceptual.heads = "random";
+        return ReconstructionLoss(config, "", &model.encoder());
+    }
+
+    BenchSubject subject;
+    ReconstructionLoss loss;
+};
+
+StudyPlan cores_plan(const StudyInputs& inputs) {
+    const BenchOptions& bench = inputs.bench;
+    const auto setup = std::make_shared<CoresSetup>(bench);
+    const auto frame = [=, samples = bench.samples](RenderMode mode) {
+        return [=] { return frame_run(setup->subject, mode, samples); };
+    };
+    const auto training = [seed = bench.seed](const std::string& configuration) {
+        return [=]() -> Run {
+            const auto steps = std::make_shared<TrainingSteps>(configuration, seed);
+            return [=] { steps->step(); };
+        };
+    };
+    std::vector<ScaledJob> jobs{
+        {"frame, exact", frame(RenderMode::exact)},
+        {"frame, skip", frame(RenderMode::skip)},
+        {"fit, 8 steps", [=] { return fit_steps(setup->subject, setup->loss); }},
+        {"tuning, 8 steps", [=] { return tuning_steps(setup->subject, setup->loss); }},
+        {"training step, celeba-128", training("celeba-128")},
+        {"training step, celeba-256", training("celeba-256")}};
+    if (!bench.data.empty())
+        jobs.push_back({"preparation of a folder", [=] { return preparation(bench.data); }});
+    StudyPlan plan;
+    for (const ScaledJob& job : jobs)
+        plan.add({job.name}, [=, repeats = bench.repeats] { return scaling_of(job, repeats); });
+    plan.setting =
+        "`work` is the time of all chunks and of what runs between them, `span` that of the "
+        "critical path. Predictions let threads take the chunks in order; they do not model memory "
+        "and clock rates. `one` and `two` compare them with the clock.";
+    return plan;
+}
+
+}  // namespace
+
+Study cores_study() {
+    return {.part = "cores",
+            .name = "cores",
+            .title = "More processors",
+            .varied = "job, and the number of threads that it plans for",
+            .measured =
+                "work and span, from the times of all chunks of parallel loops on one thread; the "
+                "gain in time over one thread",
+            .reference = "the clock, with one thread and with two",
+            .columns = {"job", "work_seconds", "span_seconds", "one_measured_by_predicted",
+                        "two_predicted", "two_measured", "four_predicted", "sixteen_predicted",
+                        "sixty_four_predicted", "caps_at_sixteen"},
+            .plan = cores_plan};
+}
+
+}  // namespace stymo
