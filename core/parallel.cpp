@@ -4,12 +4,12 @@
 
 #include <algorithm>
 #include <atomic>
-#include <exception>
-#include <mutex>
+#include <functional>
 
 #include "core/error.h"
 #include "core/machine_limits.h"
 #include "core/parallel_recording.h"
+#include "core/task_team.h"
 
 namespace stymo {
 
@@ -30,39 +30,27 @@ public:
     ActiveCaller& operator=(const ActiveCaller&) = delete;
 };
 
-/// The first exception of several threads.
-class FirstError {
-public:
-    void keep_current() {
-        const std::lock_guard lock(mutex_);
-        if (!error_) error_ = std::current_exception();
-    }
-    void rethrow() const {
-        if (error_) std::rethrow_exception(error_);
-    }
-
-private:
-    std::mutex mutex_;
-    std::exception_ptr error_;
-};
-
 int share_of(int threads) {
     return std::max(1, threads / std::max(1, active_callers.load(std::memory_order_relaxed)));
+}
+
+template <class Body>
+void run_alone(std::int64_t chunks, const Body& body) {
+    for (std::int64_t chunk = 0; chunk < chunks; ++chunk) body(chunk, 0);
 }
 
 /// Calls body(chunk, thread) for all chunks.
 template <class Body>
 void run_chunks(std::int64_t chunks, const std::source_location& caller, const Body& body) {
-    const auto run_alone = [&] {
-        for (std::int64_t chunk = 0; chunk < chunks; ++chunk) body(chunk, 0);
-    };
-    if (chunks <= 1 || omp_in_parallel() != 0) return run_alone();
+    if (chunks <= 1) return run_alone(chunks, body);
     if (ParallelRecording* const recording = ParallelRecording::of_this_thread())
         return recording->loop(chunks, caller, [&](std::int64_t chunk) { body(chunk, 0); });
+    if (TaskTeam* const team = TaskTeam::of_this_thread())
+        return team->inner_loop(chunks, std::cref(body));
     const int threads = thread_count();
-    if (threads == 1) return run_alone();
+    if (threads == 1 || omp_in_parallel() != 0) return run_alone(chunks, body);
     const ActiveCaller active;
-    if (share_of(threads) == 1) return run_alone();
+    if (share_of(threads) == 1) return run_alone(chunks, body);
     FirstError error;
     std::atomic<std::int64_t> next{0};
     // The team always has the same size, because libgomp ends the threads that a smaller team does
@@ -113,10 +101,37 @@ void parallel_items(std::int64_t count, const std::function<void(std::int64_t, i
 
 void parallel_tasks(std::int64_t count, const std::function<void(std::int64_t)>& body,
                     const std::source_location& caller) {
-    const std::int64_t together = count - count % thread_count();
-    parallel_for(
-        together, 1, [&](std::int64_t i, std::int64_t) { body(i); }, caller);
-    for (std::int64_t i = together; i < count; ++i) body(i);
+    const auto task = [&](std::int64_t i, int) { body(i); };
+    const int threads = thread_count();
+    if (count <= 1 || threads == 1 || omp_in_parallel() != 0 ||
+        ParallelRecording::of_this_thread() != nullptr)
+        return run_chunks(count, caller, task);
+    const ActiveCaller active;
+    // Alone, each task is on all of the caller's threads.
+    if (share_of(threads) == 1) return run_alone(count, task);
+    TaskTeam team(threads);
+    FirstError error;
+    std::atomic<std::int64_t> next{0};
+#pragma omp parallel num_threads(threads)
+    {
+        const int thread = omp_get_thread_num();
+        const auto in_share = [&] { return thread < share_of(threads); };
+        team.run(
+            thread,
+            [&] {
+                if (!in_share()) return false;
+                const std::int64_t i = next.fetch_add(1, std::memory_order_relaxed);
+                if (i >= count) return false;
+                try {
+                    body(i);
+                } catch (...) {
+                    error.keep_current();
+                }
+                return true;
+            },
+            in_share);
+    }
+    error.rethrow();
 }
 
 }  // namespace stymo

@@ -36,9 +36,9 @@ void parallel_for(std::int64_t count, std::int64_t grain,
 void parallel_items(std::int64_t count, const std::function<void(std::int64_t, int)>& body,
                     const std::source_location& caller = std::source_location::current());
 
-/// Calls `body(i)` for each i of [0, count), for bodies that call `parallel_for` themselves. As
-/// long as there is a call for every thread, calls run side by side, each on one thread; the others
-/// follow one by one, each on all threads. Exceptions are those of `parallel_for`.
+/// Calls `body(i)` for each i of [0, count), for bodies that call `parallel_for` themselves. Calls
+/// run side by side, one on each thread. Threads without a call help with the loops inside the
+/// calls of others. Exceptions are those of `parallel_for`.
 void parallel_tasks(std::int64_t count, const std::function<void(std::int64_t)>& body,
                     const std::source_location& caller = std::source_location::current());
 

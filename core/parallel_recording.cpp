@@ -21,32 +21,35 @@ double WorkProfile::serial_seconds() const {
     return sum;
 }
 
-double WorkProfile::work_seconds() const {
-    return seconds_on(1);
-}
-
 double WorkProfile::span_seconds() const {
     double sum = serial_seconds();
-    for (const RecordedLoop& loop : loops) sum += std::ranges::max(loop.chunk_seconds);
+    for (const RecordedLoop& loop : loops) {
+        double longest = 0.0;
+        for (const WorkProfile& chunk : loop.chunks)
+            longest = std::max(longest, chunk.span_seconds());
+        sum += longest;
+    }
     return sum;
 }
 
 double WorkProfile::seconds_on(int threads, double loop_seconds) const {
     double sum = serial_seconds();
-    for (const RecordedLoop& loop : loops)
-        sum += stymo::seconds_on(loop, threads) + (threads > 1 ? loop_seconds : 0.0);
+    for (const RecordedLoop& loop : loops) sum += loop.seconds_on(threads, loop_seconds);
     return sum;
 }
 
-double seconds_on(const RecordedLoop& loop, int threads) {
-    std::vector<double> busy(static_cast<std::size_t>(std::max(threads, 1)), 0.0);
-    for (const double seconds : loop.chunk_seconds) {
+double RecordedLoop::seconds_on(int threads, double loop_seconds) const {
+    const auto most = static_cast<std::size_t>(std::max(threads, 1));
+    std::vector<double> busy(std::min(most, chunks.size()), 0.0);
+    for (std::size_t i = 0; i < chunks.size(); ++i) {
         // The thread that becomes free first takes the next chunk.
         std::ranges::pop_heap(busy, std::greater());
-        busy.back() += seconds;
+        const std::size_t helpers = most / chunks.size() + (i < most % chunks.size() ? 1 : 0);
+        busy.back() +=
+            chunks[i].seconds_on(std::max<int>(1, static_cast<int>(helpers)), loop_seconds);
         std::ranges::push_heap(busy, std::greater());
     }
-    return std::ranges::max(busy);
+    return std::ranges::max(busy) + (threads > 1 ? loop_seconds : 0.0);
 }
 
 ParallelRecording::ParallelRecording() {
@@ -71,25 +74,22 @@ ParallelRecording* ParallelRecording::of_this_thread() {
 
 void ParallelRecording::loop(std::int64_t chunks, const std::source_location& caller,
                              const std::function<void(std::int64_t)>& body) {
-    if (inside_loop_) {
-        for (std::int64_t chunk = 0; chunk < chunks; ++chunk) body(chunk);
-        return;
-    }
-    inside_loop_ = true;
-    const struct Leave {
-        bool& inside;
-        ~Leave() { inside = false; }
-    } leave{inside_loop_};
-    double begin = thread_seconds();
-    RecordedLoop loop{.file = caller.file_name(), .before_seconds = begin - mark_};
-    loop.chunk_seconds.reserve(static_cast<std::size_t>(chunks));
+    RecordedLoop loop{
+        .file = caller.file_name(), .before_seconds = thread_seconds() - mark_, .chunks = {}};
+    const struct Return {
+        ParallelRecording& recording;
+        WorkProfile* outer;
+        ~Return() { recording.current_ = outer; }
+    } back{*this, current_};
     for (std::int64_t chunk = 0; chunk < chunks; ++chunk) {
+        WorkProfile inner;
+        current_ = &inner;
+        mark_ = thread_seconds();
         body(chunk);
-        const double end = thread_seconds();
-        loop.chunk_seconds.push_back(end - begin);
-        begin = end;
+        inner.after_seconds = thread_seconds() - mark_;
+        loop.chunks.push_back(std::move(inner));
     }
-    profile_.loops.push_back(std::move(loop));
+    back.outer->loops.push_back(std::move(loop));
     mark_ = thread_seconds();
 }
 

@@ -53,9 +53,8 @@ public:
     virtual void load(const TensorFile& file, const std::string& source) = 0;
 };
 
-/// Calls body(i) for each i below `count`. If `side_by_side`, groups of thread_count() calls run
-/// concurrently, each call on one thread; the calls that do not fill a group run one after the
-/// other, each on all threads. Otherwise all calls run one after the other.
+/// Calls body(i) for each i below `count`: with `side_by_side` as `parallel_tasks` does, otherwise
+/// one after the other.
 void for_each_micro_batch(std::int64_t count, bool side_by_side,
                           const std::function<void(std::int64_t)>& body);
 

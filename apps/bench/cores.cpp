@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <map>
 #include <memory>
 #include <span>
@@ -77,34 +78,44 @@ Run preparation(const std::filesystem::path& photos) {
     };
 }
 
-/// What costs most of the time that so many processors do not save.
+/// Adds the time that so many threads do not save, by place. Chunks that have help are not looked
+/// into.
+void add_lost(const WorkProfile& profile, int threads, std::map<std::string, double>& lost) {
+    const double spare = 1.0 - 1.0 / threads;
+    for (const RecordedLoop& loop : profile.loops) {
+        const std::filesystem::path file = loop.file;
+        double work = 0.0;
+        for (const WorkProfile& chunk : loop.chunks) work += chunk.work_seconds();
+        lost["before " + file.filename().string()] += loop.before_seconds * spare;
+        lost["in " + file.filename().string()] += loop.seconds_on(threads) - work / threads;
+    }
+    lost["at the end"] += profile.after_seconds * spare;
+}
+
 std::string cap_of(const WorkProfile& profile, int threads) {
     std::map<std::string, double> lost;
-    for (const RecordedLoop& loop : profile.loops) {
-        const std::string file = loop.file.substr(loop.file.find_last_of('/') + 1);
-        double work = 0.0;
-        for (const double seconds : loop.chunk_seconds) work += seconds;
-        const double spare = 1.0 - 1.0 / threads;
-        lost["before " + file] += loop.before_seconds * spare;
-        lost["in " + file] += seconds_on(loop, threads) - work / threads;
-    }
-    lost["after the last loop"] += profile.after_seconds * (1.0 - 1.0 / threads);
-    const double all = profile.seconds_on(threads);
-    std::vector<std::pair<std::string, double>> sorted(lost.begin(), lost.end());
-    std::ranges::sort(sorted, std::greater(), &std::pair<std::string, double>::second);
+    add_lost(profile, threads, lost);
+    std::vector<std::pair<double, std::string>> sorted;
+    for (const auto& [where, seconds] : lost) sorted.emplace_back(seconds, where);
+    std::ranges::sort(sorted, std::greater());
     std::string text;
-    for (const auto& [where, seconds] :
-         std::span(sorted).first(std::min<std::size_t>(3, sorted.size())))
-        text += (text.empty() ? "" : ", ") + where + " " + percent(seconds / all);
+    constexpr std::size_t named = 3;
+    for (std::size_t i = 0; i < std::min(named, sorted.size()); ++i)
+        text += (i > 0 ? ", " : "") + sorted[i].second + " " +
+                percent(sorted[i].first / profile.seconds_on(threads));
     return text;
 }
 
-/// What it costs to start and to join a team of threads.
+/// What it costs to begin and to join a loop on several threads, without delays by other programs.
 double loop_seconds() {
-    constexpr int loops = 2000;
-    const double begin = seconds_now();
-    for (int i = 0; i < loops; ++i) parallel_for(2, 1, [](std::int64_t, std::int64_t) {});
-    return (seconds_now() - begin) / loops;
+    constexpr int rounds = 50, loops = 50;
+    double least = std::numeric_limits<double>::infinity();
+    for (int round = 0; round < rounds; ++round) {
+        const double begin = seconds_now();
+        for (int i = 0; i < loops; ++i) parallel_for(2, 1, [](std::int64_t, std::int64_t) {});
+        least = std::min(least, (seconds_now() - begin) / loops);
+    }
+    return least;
 }
 
 /// Sets the number of threads, and the former one at its end.

@@ -21,7 +21,9 @@ namespace fs = std::filesystem;
 
 /// Photos that are fitted at once: enough for all threads, and few enough that Ctrl-C takes effect
 /// soon.
-constexpr std::size_t photos_in_a_batch = 8;
+std::size_t photos_in_a_batch() {
+    return static_cast<std::size_t>(4 * thread_count());
+}
 
 void require_own_folder(const fs::path& folder) {
     if (fs::exists(folder) && !fs::exists(ProgressFile::path_in(folder)) &&
@@ -132,7 +134,7 @@ public:
     /// Prepares up to a batch of the remaining photos. Returns false, and records none of them, if
     /// a signal arrived.
     [[nodiscard]] bool next_batch() {
-        const std::size_t count = std::min(photos_in_a_batch, waiting_.size());
+        const std::size_t count = std::min(photos_in_a_batch(), waiting_.size());
         std::vector<PhotoInWork> batch(count);
         parallel_for(static_cast<std::int64_t>(count), 1,
                      [&](std::int64_t begin, std::int64_t end) {

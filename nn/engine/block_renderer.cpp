@@ -17,7 +17,7 @@ namespace {
 
 /// Average rows of a strip before upsampling. Two neighbouring strips both compute the detail of
 /// the two rows at their boundary.
-constexpr std::int64_t strip_rows = 32;
+constexpr std::int64_t strip_rows = 32, least_strip_rows = 4;
 
 }  // namespace
 
@@ -148,7 +148,8 @@ void BlockRenderer::TypedState<T>::cut_strips() {
     for (std::size_t i = 0; i < blocks_.size(); ++i) {
         const PixelRows& pixels = images_[i + 1].occupied;
         const std::int64_t side = images_[i].side,
-                           count = std::max<std::int64_t>(2, side / strip_rows);
+                           wanted = std::max<std::int64_t>(side / strip_rows, thread_count()),
+                           count = std::clamp<std::int64_t>(wanted, 2, side / least_strip_rows);
         // Each row has a small fixed cost.
         const auto work = [&](std::int64_t row) {
             return 32 * (pixels[2 * row].size() + pixels[2 * row + 1].size()) + 2 * side;

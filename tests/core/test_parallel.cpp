@@ -82,8 +82,7 @@ TEST_CASE("A loop inside a loop runs on its own thread", "[parallel]") {
     CHECK(totals == std::vector<double>(8, 4950.0));
 }
 
-TEST_CASE("Tasks run side by side where each thread has one, else one by one on all threads",
-          "[parallel]") {
+TEST_CASE("Tasks run side by side, and threads without one help with their loops", "[parallel]") {
     const ThreadCount restored;
     // Waits until `wanted` callers are here at the same time.
     const auto meet = [](std::atomic<int>& here, int wanted) {
@@ -97,16 +96,53 @@ TEST_CASE("Tasks run side by side where each thread has one, else one by one on 
     std::atomic<int> tasks{0};
     parallel_tasks(2, [&](std::int64_t) { met += meet(tasks, 2) ? 1 : 0; });
     CHECK(met == 2);
-    set_thread_count(3);
+    set_thread_count(4);
     met = 0;
-    std::vector<std::int64_t> order;
-    parallel_tasks(2, [&](std::int64_t task) {
-        order.push_back(task);
-        std::atomic<int> chunks{0};
-        parallel_for(3, 1, [&](std::int64_t, std::int64_t) { met += meet(chunks, 3) ? 1 : 0; });
+    std::atomic<int> chunks{0};
+    parallel_tasks(2, [&](std::int64_t) {
+        parallel_for(2, 1, [&](std::int64_t, std::int64_t) { met += meet(chunks, 4) ? 1 : 0; });
     });
-    CHECK(met == 6);
-    CHECK(order == std::vector<std::int64_t>{0, 1});
+    CHECK(met == 4);
+}
+
+TEST_CASE("Loops inside tasks do all of their work, however many threads help", "[parallel]") {
+    const ThreadCount restored;
+    for (const int threads : {1, 2, 3, 16}) {
+        set_thread_count(threads);
+        std::vector<std::vector<double>> totals(5, std::vector<double>(40, 0.0));
+        std::atomic<int> clashes{0};
+        parallel_tasks(5, [&](std::int64_t task) {
+            for (int repeat = 0; repeat < 50; ++repeat) {
+                std::vector<std::atomic<int>> users(16);
+                parallel_items(40, [&](std::int64_t item, int thread) {
+                    auto& user = users.at(static_cast<std::size_t>(thread));
+                    if (++user > 1) ++clashes;
+                    parallel_for(4, 1, [&](std::int64_t i, std::int64_t) {
+                        totals[static_cast<std::size_t>(task)][static_cast<std::size_t>(item)] +=
+                            static_cast<double>(i);
+                    });
+                    --user;
+                });
+            }
+        });
+        CHECK(clashes == 0);
+        CHECK(totals == std::vector<std::vector<double>>(5, std::vector<double>(40, 300.0)));
+    }
+}
+
+TEST_CASE("An exception in a loop of a task arrives at the caller", "[parallel]") {
+    const ThreadCount restored;
+    for (const int threads : {1, 2, 5}) {
+        set_thread_count(threads);
+        const auto run = [] {
+            parallel_tasks(2, [](std::int64_t task) {
+                parallel_for(50, 1, [&](std::int64_t begin, std::int64_t) {
+                    if (task == 1 && begin == 33) fail<ValueError>("chunk ", begin);
+                });
+            });
+        };
+        CHECK_THROWS_WITH(run(), "chunk 33");
+    }
 }
 
 TEST_CASE("A negative number of threads is refused, zero is one for each processor", "[parallel]") {
