@@ -233,6 +233,14 @@ TensorFile read_tensor_file(const fs::path& path) {
     return contents;
 }
 
+Tensor as_read_from_float16(const std::string& name, const Tensor& tensor) {
+    const std::vector<Eigen::half> halves = rounded_to_half(name, tensor);
+    Tensor result(tensor.shape());
+    std::ranges::transform(halves, result.mutable_values<float>().begin(),
+                           [](Eigen::half half) { return static_cast<float>(half); });
+    return result;
+}
+
 void write_tensor_file(const fs::path& path, const TensorFile& contents, StoredElements stored) {
     // Wide elements first, so that every tensor is aligned to its elements.
     std::vector<const std::pair<const std::string, Tensor>*> order;

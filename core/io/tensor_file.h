@@ -29,6 +29,10 @@ enum class StoredElements {
     float16,      ///< F16, rounded to nearest
 };
 
+/// The float32 tensor that a file with float16 elements returns for this one. Throws ValueError,
+/// which names the tensor, if an element exceeds the range of float16.
+[[nodiscard]] Tensor as_read_from_float16(const std::string& name, const Tensor& tensor);
+
 /// Writes the file completely or not at all (temporary file, then rename). Throws FileError if the
 /// folder cannot be written to, and ValueError, which names the tensor, if an element exceeds the
 /// range of float16.

@@ -1,8 +1,6 @@
 #include "nn/models/weight_changes.h"
 
-#include <Eigen/Core>
 #include <algorithm>
-#include <cmath>
 #include <iterator>
 #include <span>
 #include <sstream>
@@ -27,17 +25,6 @@ std::string_view bytes_of(const Tensor& tensor) {
         const std::span<const T> values = tensor.values<T>();
         return std::string_view(reinterpret_cast<const char*>(values.data()), values.size_bytes());
     });
-}
-
-/// As a file with 16-bit numbers returns it.
-Tensor rounded_to_half(const std::string& name, const Tensor& differences) {
-    Tensor rounded = differences.to(DType::float32);
-    for (float& value : rounded.mutable_values<float>()) {
-        value = static_cast<float>(Eigen::half(value));
-        if (!std::isfinite(value))
-            fail<ValueError>("the change of ", name, " exceeds the range of 16-bit numbers");
-    }
-    return rounded;
 }
 
 std::vector<Parameter> decoder_parameters(const Model& model) {
@@ -74,7 +61,7 @@ WeightChanges WeightChanges::between(const Model& before, const Model& after) {
                              name, ' ', from.shape(), " and ", new_ones[i].name(), ' ', to.shape());
         if (bytes_of(from.value()) != bytes_of(to.value()))
             changes.differences_.emplace(
-                name, rounded_to_half(name, (Variable(to.value()) - from).value()));
+                name, as_read_from_float16(name, (Variable(to.value()) - from).value()));
     }
     return changes;
 }
