@@ -13,6 +13,11 @@ std::atomic<MatmulPrecision>& setting() {
     return precision;
 }
 
+std::atomic<bool>& emulation() {
+    static std::atomic<bool> emulates{false};
+    return emulates;
+}
+
 }  // namespace
 
 void set_matmul_precision(MatmulPrecision precision) {
@@ -33,6 +38,14 @@ MatmulPrecision matmul_precision_of(std::string_view name) {
          {MatmulPrecision::highest, MatmulPrecision::high, MatmulPrecision::medium})
         if (name == name_of(precision)) return precision;
     fail<ValueError>("unknown precision of matrix products: ", name);
+}
+
+void emulate_medium(bool emulates) {
+    emulation().store(emulates, std::memory_order_relaxed);
+}
+
+bool emulates_medium() {
+    return emulation().load(std::memory_order_relaxed);
 }
 
 }  // namespace stymo

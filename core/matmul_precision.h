@@ -9,8 +9,9 @@ enum class MatmulPrecision {
     highest,  ///< fused multiply-adds of float32
     high,     ///< if the processor has matrix tiles (AMX), each operand is the sum of two BFloat16
               ///< numbers, and a product's relative error is at most 2^-15; else like `highest`
-    medium,   ///< with matrix tiles, each operand is rounded to BFloat16, and a product's relative
-              ///< error is at most 2^-7; else like `highest`
+    medium,   ///< if the processor has matrix tiles or dot products of BFloat16 (AVX512-BF16), each
+              ///< operand is rounded to BFloat16, and a product's relative error is at most 2^-7;
+              ///< else like `highest`
 };
 
 /// Sets the precision of all later products in this process; the default is `highest`. Must not be
@@ -21,7 +22,15 @@ void set_matmul_precision(MatmulPrecision precision);
 [[nodiscard]] const char* name_of(MatmulPrecision precision);
 /// The precision of that name. Throws ValueError for another name.
 [[nodiscard]] MatmulPrecision matmul_precision_of(std::string_view name);
-/// Whether `high` and `medium` differ from `highest` on this processor.
-[[nodiscard]] bool has_matrix_tiles();
+/// What this processor computes if that precision is set.
+[[nodiscard]] MatmulPrecision computed_precision(MatmulPrecision precision);
+/// The instructions of this processor for products of BFloat16: "AMX", "AVX512-BF16" or "none".
+[[nodiscard]] const char* bfloat16_instructions();
+
+/// For tests: from now on, `medium` rounds operands on every processor, by code that is slow and
+/// needs no such instructions. Must not be called while a product is computed.
+void emulate_medium(bool emulates);
+/// Whether it does.
+[[nodiscard]] bool emulates_medium();
 
 }  // namespace stymo

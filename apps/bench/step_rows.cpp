@@ -209,15 +209,21 @@ std::vector<SpeedRow> step_rows() {
 
 std::vector<SpeedRow> kernel_rows() {
     using enum MatmulPrecision;
-    return {{"product", "kernels", "65536 x 256 times 256 x 256, float32",
-             float_layer(all_points, Activation::none, highest)},
-            {"sine-layer", "kernels", "the same with bias and sine",
-             float_layer(all_points, Activation::sine, highest)},
-            {"product-in-cache", "kernels", "4096 x 256 times 256 x 256, float32",
-             float_layer(few_points, Activation::none, highest)},
-            {"product-high", "kernels", "the same on matrix tiles where the processor has them",
-             float_layer(few_points, Activation::none, high)},
-            {"sine-layer-half", "kernels", "the same in the faster type of 16 bits", half_layer}};
+    return {
+        {"product", "kernels", "65536 x 256 times 256 x 256, float32",
+         float_layer(all_points, Activation::none, highest)},
+        {"sine-layer", "kernels", "the same with bias and sine",
+         float_layer(all_points, Activation::sine, highest)},
+        {"product-in-cache", "kernels", "4096 x 256 times 256 x 256, float32",
+         float_layer(few_points, Activation::none, highest)},
+        {"product-high", "kernels", "the same on matrix tiles where the processor has them",
+         float_layer(few_points, Activation::none, high)},
+        {"product-medium", "kernels", "65536", float_layer(all_points, Activation::none, medium)},
+        {"sine-layer-medium", "kernels", "the same layer",
+         float_layer(all_points, Activation::sine, medium)},
+        {"product-in-cache-medium", "kernels", "4096 x 256 times 256 x 256, float32",
+         float_layer(few_points, Activation::none, medium)},
+        {"sine-layer-half", "kernels", "the same in the faster type of 16 bits", half_layer}};
 }
 
 }  // namespace stymo

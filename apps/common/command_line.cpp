@@ -91,7 +91,7 @@ std::string version_text(const std::string& program) {
     text << program << " " << STYMO_VERSION << "\nthreads: " << thread_count()
          << "\nvector instructions: " << vector_instructions()
          << " (kernels: " << kernels::chosen_target() << ")"
-         << "\nmatrix tiles: " << (has_matrix_tiles() ? "AMX" : "none") << "\nfaces in photos: "
+         << "\nproducts of bfloat16: " << bfloat16_instructions() << "\nfaces in photos: "
          << (FaceDetector::available() ? "dlib" : "off (built without dlib)")
          << "\nseveral machines: " << several_machines;
     return text.str();
@@ -253,10 +253,10 @@ CommandLine::CommandLine(std::unique_ptr<Implementation> implementation)
     option("--threads", common.threads, "number of threads, 0: one per processor")
         .range(0, 1024)
         .keeps_results();
-    option(
-        "--matmul-precision", common.matmul_precision,
-        "float32 products as float32 (highest), or, where the processor has matrix tiles, as pairs "
-        "of bfloat16 (high) or as bfloat16 (medium)")
+    option("--matmul-precision", common.matmul_precision,
+           "float32 products as float32 (highest), as pairs of bfloat16 where the processor has "
+           "matrix "
+           "tiles (high), or as bfloat16 where it has instructions for them (medium)")
         .one_of({"highest", "high", "medium"});
     option("--seed", common.seed, "seed of all random numbers");
     flag("--json", common.json, "print the result as one JSON object").keeps_results();

@@ -63,8 +63,7 @@ CommonState common_state(const TrainConfig& config, const Dataset& training,
         photos += image.filename().string() + ' ' +
                   std::to_string(std::filesystem::file_size(image)) + '\n';
     }
-    return {{"a precision of matrix products",
-             has_matrix_tiles() ? name_of(matmul_precision()) : name_of(MatmulPrecision::highest)},
+    return {{"a precision of matrix products", name_of(computed_precision(matmul_precision()))},
             {"a program", checksum(read_file("/proc/self/exe"))},
             {"a configuration", checksum(to_json(config))},
             {"a seed", std::to_string(state.seed)},

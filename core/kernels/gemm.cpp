@@ -7,6 +7,7 @@
 #include "core/kernels/scratch.h"
 #include "core/kernels/targets.h"
 #include "core/kernels/tile_product.h"
+#include "core/matmul_precision.h"
 #include "core/parallel.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -556,10 +557,37 @@ template class PackedMatrix<double>;
 template class PackedMatrix<BFloat16>;
 template class PackedMatrix<Float16>;
 
+namespace {
+
+/// The product of float32 with operands that are rounded to BFloat16.
+void multiply_rounded(float* c, std::int64_t row_stride, const LeftMatrix<float>& left,
+                      std::int64_t m, const PackedMatrix<float>& right,
+                      const Epilogue<float>& epilogue) {
+    const auto rounded = [](float x) { return widened(rounded_to_bfloat16(x)); };
+    const std::int64_t k = right.inner_length(), width = right.panel_width();
+    std::vector<float> rows, panels;
+    for (std::int64_t row = 0; row < m; ++row) {
+        for (std::int64_t i = 0; i < k; ++i)
+            rows.push_back(rounded(left.data[row * left.row_stride + i * left.inner_stride]));
+    }
+    for (std::int64_t panel = 0; panel < chunk_count(right.columns(), width); ++panel) {
+        for (std::int64_t i = 0; i < k * width; ++i)
+            panels.push_back(
+                rounded(right.panel(panel)[i / width * right.inner_stride() + i % width]));
+    }
+    HWY_DYNAMIC_DISPATCH(multiply_float)
+    (c, row_stride, {rows.data(), k}, m,
+     PackedMatrix<float>::of_panels(panels.data(), k, right.columns()), epilogue);
+}
+
+}  // namespace
+
 template <>
 void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<float>& left,
                      std::int64_t m, const PackedMatrix<float>& right,
                      const Epilogue<float>& epilogue) {
+    if (emulates_medium() && lowers_precision(right.inner_length()))
+        return multiply_rounded(c, row_stride, left, m, right, epilogue);
     HWY_DYNAMIC_DISPATCH(multiply_float)(c, row_stride, left, m, right, epilogue);
 }
 

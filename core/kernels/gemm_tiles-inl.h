@@ -168,12 +168,6 @@ private:
     std::array<float, static_cast<std::size_t>(tile_block)> padded_bias_{};
 };
 
-/// Number of BFloat16 parts of each number in a product with `right`; 0 if it does not use tiles.
-inline int parts_of(const PackedMatrix<float>& right) {
-    return right.parts() > 0 ? right.parts()
-                             : tile_parts(right.inner_length(), right.panel_width());
-}
-
 inline void multiply_in_tiles(int parts, float* c, std::int64_t stride,
                               const LeftMatrix<float>& left, std::int64_t m,
                               const PackedMatrix<float>& right, const Epilogue<float>& epilogue) {

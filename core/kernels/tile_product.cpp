@@ -1,4 +1,4 @@
-// Products on matrix tiles (AMX).
+// Products on matrix tiles (AMX), or on blocks of the same shape without them (tile_dots.cpp).
 //
 // TDPBF16PS multiplies a tile of 16 rows by 32 inner elements of bfloat16 with one of 32 inner
 // elements by 16 columns, and adds the product to a tile of 16 x 16 float32 sums: 8,192
@@ -34,6 +34,7 @@
 #include "core/kernels/tile_product.h"
 
 #include "core/kernels/targets.h"
+#include "core/kernels/tile_dots.h"
 #include "core/matmul_precision.h"
 
 #if defined(__x86_64__) && defined(__linux__)
@@ -221,14 +222,15 @@ bool multiplies_tiles() {
 }
 
 TileLoan::TileLoan() {
-    configure_tiles();
+    if (multiplies_tiles()) configure_tiles();
 }
 
 TileLoan::~TileLoan() {
-    release_tiles();
+    if (multiplies_tiles()) release_tiles();
 }
 
 void multiply_tiles(int row_tiles, int column_tiles, const TileBlock& block) {
+    if (!multiplies_tiles()) return multiply_tile_dots(row_tiles, column_tiles, block);
     if (row_tiles == 2) {
         column_tiles == 2 ? multiply_block<2, 2>(block) : multiply_block<2, 1>(block);
     } else {
@@ -250,21 +252,34 @@ void multiply_tiles(int, int, const TileBlock&) {}
 #endif
 
 int tile_parts(std::int64_t inner_length, std::int64_t panel_width) {
+    if (panel_width != tile_block || !lowers_precision(inner_length) || emulates_medium()) return 0;
+    return matmul_precision() == MatmulPrecision::high ? 2 : 1;
+}
+
+bool lowers_precision(std::int64_t inner_length) {
     // With a shorter inner length, most of a step is empty.
     constexpr std::int64_t least_inner_length = 16;
-    const MatmulPrecision precision = matmul_precision();
-    if (inner_length < least_inner_length || panel_width != tile_block ||
-        precision == MatmulPrecision::highest || !multiplies_tiles())
-        return 0;
-    return precision == MatmulPrecision::high ? 2 : 1;
+    return inner_length >= least_inner_length &&
+           computed_precision(matmul_precision()) != MatmulPrecision::highest;
 }
 
 }  // namespace stymo::kernels
 
 namespace stymo {
 
-bool has_matrix_tiles() {
-    return kernels::multiplies_tiles();
+MatmulPrecision computed_precision(MatmulPrecision precision) {
+    const bool computes =
+        precision == MatmulPrecision::medium
+            ? emulates_medium() || kernels::multiplies_tiles() || kernels::multiplies_dots()
+            // The three products of two parts would take dot products longer than
+            // float32.
+            : kernels::multiplies_tiles();
+    return computes ? precision : MatmulPrecision::highest;
+}
+
+const char* bfloat16_instructions() {
+    if (kernels::multiplies_tiles()) return "AMX";
+    return kernels::multiplies_dots() ? "AVX512-BF16" : "none";
 }
 
 }  // namespace stymo

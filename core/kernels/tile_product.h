@@ -4,9 +4,9 @@
 
 #include "core/kernels/tile_split.h"
 
-/// Products of float32 on the matrix tiles of AMX, summed in float32. Each number is rounded to
-/// BFloat16, with an error of at most 2^-7 |a| |b| for a product, or is split into two BFloat16
-/// parts, and three products are summed:
+/// Products of float32 on the matrix tiles of AMX, or by the dot products of AVX512-BF16, summed in
+/// float32. Each number is rounded to BFloat16, with an error of at most 2^-7 |a| |b| for a
+/// product, or is split into two BFloat16 parts, and three products are summed:
 ///
 ///     a b = upper(a) upper(b) + upper(a) lower(b) + lower(a) upper(b)
 ///
@@ -16,14 +16,16 @@
 /// 2^-126 may become zero.
 namespace stymo::kernels {
 
-/// Whether the processor and the operating system support tiles. If not, no other function of this
-/// header may be called.
+/// Whether the processor and the operating system support matrix tiles.
 [[nodiscard]] bool multiplies_tiles();
 
 /// Number of BFloat16 parts of each number in a product of this inner length and panel width; 0 if
 /// the product does not use tiles. It is the same for all blocks of a product, so that results
-/// depend neither on the block nor on the number of threads.
+/// depend neither on the block nor on the number of threads. If it is 0 for every product, the
+/// functions below may not be called.
 [[nodiscard]] int tile_parts(std::int64_t inner_length, std::int64_t panel_width);
+/// Whether the current precision lowers that of products of this inner length.
+[[nodiscard]] bool lowers_precision(std::int64_t inner_length);
 
 /// Configures the tiles for the calling thread during its lifetime. `multiply_tiles` may only be
 /// called while a TileLoan of the thread exists.

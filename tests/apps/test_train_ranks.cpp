@@ -97,8 +97,8 @@ TEST_CASE("Ranks that do not fit together are refused by one line, and nothing i
     refused(train(2, "refused", two, "--set stage1.steps=9"),
             "rank 1 has a configuration that differs");
     refused(train(2, "refused", two, "--resume /nowhere"), "rank 1 on ");
-    if (stymo::has_matrix_tiles())
-        refused(train(2, "refused", two, "--matmul-precision high"),
+    if (std::string(stymo::bfloat16_instructions()) != "none")
+        refused(train(2, "refused", two, "--matmul-precision highest"),
                 "rank 1 has a precision of matrix products that differs");
     CHECK(train(2, "default_precision", two, "--matmul-precision medium").exit_code == 0);
     refused(train(2, "refused", two + " --dry-run"), "--dry-run measures one process");

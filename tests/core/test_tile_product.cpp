@@ -21,8 +21,14 @@ namespace {
 /// Products of that precision while it lives.
 class Precision {
 public:
-    explicit Precision(MatmulPrecision precision) { set_matmul_precision(precision); }
-    ~Precision() { set_matmul_precision(before_); }
+    explicit Precision(MatmulPrecision precision, bool emulated = false) {
+        set_matmul_precision(precision);
+        emulate_medium(emulated);
+    }
+    ~Precision() {
+        set_matmul_precision(before_);
+        emulate_medium(false);
+    }
     Precision(const Precision&) = delete;
     Precision& operator=(const Precision&) = delete;
 
@@ -47,10 +53,12 @@ double largest_difference(const Tensor& a, const Tensor& b) {
 }  // namespace
 
 TEST_CASE("Operands are split into numbers of BFloat16", "[tiles]") {
-    if (!multiplies_tiles()) return;
-    const auto [precision, error] = GENERATE(std::pair{MatmulPrecision::high, 0x1p-15},
-                                             std::pair{MatmulPrecision::medium, 0x1p-7});
-    const Precision lowered(precision);
+    const auto [precision, error, emulated] =
+        GENERATE(std::tuple{MatmulPrecision::high, 0x1p-15, false},
+                 std::tuple{MatmulPrecision::medium, 0x1p-7, false},
+                 std::tuple{MatmulPrecision::medium, 0x1p-7, true});
+    const Precision lowered(precision, emulated);
+    if (computed_precision(precision) == MatmulPrecision::highest) return;
     Rng rng(5);
     for (int i = 0; i < 200; ++i) {
         // A sum of one product, the other fifteen being zeros.
@@ -104,9 +112,11 @@ TEST_CASE("What is not finite stays so in a product on tiles", "[tiles]") {
 }
 
 TEST_CASE("Products, linear maps and convolutions on tiles agree with float64", "[tiles]") {
-    const auto [precision, error] =
-        GENERATE(std::pair{MatmulPrecision::high, 4e-5}, std::pair{MatmulPrecision::medium, 2e-2});
-    const Precision lowered(precision);
+    const auto [precision, error, emulated] =
+        GENERATE(std::tuple{MatmulPrecision::high, 4e-5, false},
+                 std::tuple{MatmulPrecision::medium, 2e-2, false},
+                 std::tuple{MatmulPrecision::medium, 2e-2, true});
+    const Precision lowered(precision, emulated);
     Rng rng(11);
     const auto compare = [&, allowed = error](const std::vector<Shape>& shapes, auto op) {
         std::vector<Variable> x, x64;
@@ -143,16 +153,24 @@ TEST_CASE("Products, linear maps and convolutions on tiles agree with float64", 
         });
 }
 
-TEST_CASE("A product of medium precision is the exact product of rounded operands", "[tiles]") {
-    if (!multiplies_tiles()) return;
-    const Precision lowered(MatmulPrecision::medium);
+TEST_CASE("A product of medium precision is that of rounded operands", "[tiles]") {
+    const Precision lowered(MatmulPrecision::medium, GENERATE(false, true));
+    if (computed_precision(MatmulPrecision::medium) == MatmulPrecision::highest) return;
+    // Blocks and panels that are whole and that are not, and operands that lie along both sides, as
+    // in a layer, its gradients and a convolution.
+    const auto [m, k, n] = GENERATE(std::tuple{19, 70, 37}, std::tuple{64, 256, 64},
+                                    std::tuple{33, 1100, 16}, std::tuple{45, 27, 48});
+    const bool transposed_left = GENERATE(false, true), transposed_right = GENERATE(false, true);
     Rng rng(13);
-    const std::int64_t m = 19, k = 70, n = 37;
     std::vector<float> a = draw(rng, m * k), b = draw(rng, k * n);
+    const LeftMatrix<float> left =
+        transposed_left ? LeftMatrix<float>{a.data(), 1, m} : LeftMatrix<float>{a.data(), k};
+    const std::int64_t inner_stride = transposed_right ? 1 : n,
+                       column_stride = transposed_right ? k : 1;
     std::vector<float> c(static_cast<std::size_t>(m * n)), of_rounded(c.size());
     const auto multiply = [&](std::vector<float>& to) {
-        multiply_packed<float>(to.data(), n, {a.data(), k}, m,
-                               PackedMatrix<float>(b.data(), k, n, n, 1));
+        multiply_packed<float>(to.data(), n, left, m,
+                               PackedMatrix<float>(b.data(), k, n, inner_stride, column_stride));
     };
     multiply(c);
     for (std::vector<float>* operand : {&a, &b})
@@ -161,11 +179,17 @@ TEST_CASE("A product of medium precision is the exact product of rounded operand
     CHECK(c == of_rounded);
     for (std::int64_t i = 0; i < m; ++i) {
         for (std::int64_t j = 0; j < n; ++j) {
-            double sum = 0.0;
-            for (std::int64_t l = 0; l < k; ++l)
-                sum += static_cast<double>(a[static_cast<std::size_t>(i * k + l)]) *
-                       b[static_cast<std::size_t>(l * n + j)];
-            CHECK(std::abs(c[static_cast<std::size_t>(i * n + j)] - sum) <= 1e-5);
+            double sum = 0.0, size = 0.0;
+            for (std::int64_t l = 0; l < k; ++l) {
+                const double product =
+                    static_cast<double>(left.data[i * left.row_stride + l * left.inner_stride]) *
+                    b[static_cast<std::size_t>(l * inner_stride + j * column_stride)];
+                sum += product;
+                size += std::abs(product);
+            }
+            // Products of BFloat16 are exact in float32; each of k sums is rounded once.
+            CHECK(std::abs(c[static_cast<std::size_t>(i * n + j)] - sum) <=
+                  static_cast<double>(k) * 0x1p-24 * size);
         }
     }
 }

@@ -1,6 +1,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
+#include "core/matmul_precision.h"
 #include "train/generator_gradients.h"
 #include "train/tiny_training.h"
 
@@ -37,6 +38,22 @@ TrainConfig config_with_all_terms() {
     config.loss.code_weights = {0.1, 0.1, 0.1, 0.1};
     config.loss.mask_weight = 0.5;
     return config;
+}
+
+/// The gradients of all weights in the first step, one after the other.
+std::vector<double> all_gradients(const Model& model, const TrainConfig& config,
+                                  const FaceBatch& batch) {
+    Rng jitter(2);
+    const ReconstructionLoss reconstruction(config.model.reconstruction);
+    std::vector<double> all;
+    for (const Variable& gradient :
+         generator_gradients({model, reconstruction, config}, first_position(config), batch,
+                             model.parameters().trainable(), jitter)
+             .gradients) {
+        const std::vector<double> values = gradient.value().to_vector();
+        all.insert(all.end(), values.begin(), values.end());
+    }
+    return all;
 }
 
 }  // namespace
@@ -96,6 +113,42 @@ TEST_CASE("the gradient of the whole loss is that of central differences for enc
         }
     }
     CHECK(checked == 12);
+}
+
+TEST_CASE("gradients of a step of medium precision are near those of float64", "[reconstruction]") {
+    TrainConfig config = config_with_all_terms();
+    config.optimizer.sample_tolerance = 0.001;  // as the configurations that ship have it
+    const std::vector<double> exact = [&] {
+        Rng weights(1);
+        Model model(config.model, weights);
+        model.parameters().convert(DType::float64);
+        return all_gradients(model, config, batch_in_float64(2));
+    }();
+    const auto error = [&](MatmulPrecision precision) {
+        set_matmul_precision(precision);
+        Rng weights(1);
+        const Dataset faces = synthetic_dataset();
+        const std::vector<double> rounded =
+            all_gradients(Model(config.model, weights), config,
+                          make_batch(std::vector{faces.load(0), faces.load(1)}));
+        set_matmul_precision(MatmulPrecision::highest);
+        double squares = 0.0, all = 0.0;
+        for (std::size_t i = 0; i < exact.size(); ++i) {
+            squares += (rounded[i] - exact[i]) * (rounded[i] - exact[i]);
+            all += exact[i] * exact[i];
+        }
+        return std::sqrt(squares / all);
+    };
+    CHECK(error(MatmulPrecision::highest) < 1e-4);
+    for (const bool emulated : {false, true}) {
+        emulate_medium(emulated);
+        const double of_medium = error(MatmulPrecision::medium);
+        const bool rounds = computed_precision(MatmulPrecision::medium) == MatmulPrecision::medium;
+        emulate_medium(false);
+        INFO("emulated " << emulated << ", error " << of_medium);
+        CHECK(of_medium < 5e-2);
+        CHECK((of_medium > 1e-4) == rounds);
+    }
 }
 
 TEST_CASE("terms without weight, or whose time has not come, are neither computed nor reported",

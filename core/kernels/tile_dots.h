@@ -1,0 +1,14 @@
+#pragma once
+
+#include "core/kernels/tile_product.h"
+
+namespace stymo::kernels {
+
+/// Whether blocks of tiles are multiplied by the dot products of AVX512-BF16, which every processor
+/// with AVX512-BF16 and without AMX does.
+[[nodiscard]] bool multiplies_dots();
+
+/// `multiply_tiles` by those instructions, for one part.
+void multiply_tile_dots(int row_tiles, int column_tiles, const TileBlock& block);
+
+}  // namespace stymo::kernels
