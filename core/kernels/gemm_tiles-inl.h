@@ -33,7 +33,7 @@ struct TileSums {
     std::int64_t stride;
     const BFloat16* left;
     const BFloat16* right;
-    std::int64_t steps;
+    std::int64_t elements;  ///< of the inner dimension
     std::int64_t rows;
     std::int64_t columns;
     const float* bias;  ///< of `tile_block` columns; null: none
@@ -47,7 +47,9 @@ struct TileSums {
                   column_tiles = columns > tile_block / 2 ? 2 : 1;
         const bool fits = columns == tile_block && rows == row_tiles * tile_block / 2,
                    activates = activation != Activation::none || slope != nullptr;
-        TileBlock block{parts, left, right, steps, bias, 0, sums.data(), tile_block};
+        TileBlock block{parts,       left,      right, chunk_count(elements, tile_step),
+                        rows,        elements,  bias,  0,
+                        sums.data(), tile_block};
         if (fits && !activates) block.sums = c, block.sums_stride = stride;
         if (adds && fits) {
             block.start = c;
@@ -136,7 +138,7 @@ private:
                         stride_,
                         left,
                         right,
-                        steps_,
+                        elements_,
                         rows,
                         columns,
                         nullptr,

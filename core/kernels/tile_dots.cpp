@@ -8,7 +8,10 @@
 
 #include "core/kernels/tile_dots.h"
 
+#include <algorithm>
+
 #include "core/kernels/targets.h"
+#include "core/parallel.h"
 
 #ifdef __x86_64__
 #include <cpuid.h>
@@ -35,6 +38,9 @@ bool processor_has_tiles() {
     return __get_cpuid_count(7, 0, &a, &b, &c, &d) != 0 && (d & amx_bfloat16) != 0;
 }
 
+/// Pairs of the inner dimension that are multiplied without asking whether there are more.
+constexpr std::int64_t pairs_at_once = 4;
+
 /// The sums of `rows` rows from row `first` on. With two vectors, eleven rows leave registers for
 /// both vectors of the right operand.
 template <int rows, int vectors>
@@ -50,24 +56,28 @@ STYMO_DOTS void multiply_rows(const TileBlock& block, std::int64_t first) {
     }
     const BFloat16* left = block.left + first * tile_step;
     const BFloat16* right = block.right;
-    for (std::int64_t step = 0; step < block.steps; ++step) {
+    for (std::int64_t rest = block.inner; rest > 0; rest -= tile_step) {
+        for (std::int64_t i = 0; i < std::min(rest, tile_step); i += 2 * pairs_at_once) {
 #pragma GCC unroll 4
-        for (std::int64_t pair = 0; pair < tile_step / 2; ++pair) {
-            __m512i columns[vectors];
-            for (int v = 0; v < vectors; ++v)
-                columns[v] = _mm512_load_si512(right + v * tile_size + pair * tile_step);
-#pragma GCC unroll 16
-            for (int row = 0; row < rows; ++row) {
-                std::int32_t word = 0;
-                std::memcpy(&word, left + row * tile_step + 2 * pair, sizeof(word));
-                const auto factor = reinterpret_cast<__m512bh>(_mm512_set1_epi32(word));
+            for (std::int64_t pair = 0; pair < pairs_at_once; ++pair) {
+                __m512i columns[vectors];
                 for (int v = 0; v < vectors; ++v)
-                    sums[row][v] = _mm512_dpbf16_ps(sums[row][v], factor,
-                                                    reinterpret_cast<__m512bh>(columns[v]));
+                    columns[v] = _mm512_load_si512(right + v * tile_size + pair * tile_step);
+#pragma GCC unroll 16
+                for (int row = 0; row < rows; ++row) {
+                    std::int32_t word = 0;
+                    std::memcpy(&word, left + row * tile_step + 2 * pair, sizeof(word));
+                    const auto factor = reinterpret_cast<__m512bh>(_mm512_set1_epi32(word));
+                    for (int v = 0; v < vectors; ++v)
+                        sums[row][v] = _mm512_dpbf16_ps(sums[row][v], factor,
+                                                        reinterpret_cast<__m512bh>(columns[v]));
+                }
             }
+            left += 2 * pairs_at_once;
+            right += pairs_at_once * tile_step;
         }
-        left += tile_step_size;
-        right += tile_step_size;
+        left += tile_step_size - tile_step;
+        right += tile_step_size - tile_size;
     }
     float* const to = block.sums + first * block.sums_stride;
 #pragma GCC unroll 16
@@ -85,16 +95,25 @@ bool multiplies_dots() {
     return supported;
 }
 
-void multiply_tile_dots(int row_tiles, int column_tiles, const TileBlock& block) {
+void multiply_tile_dots(int column_tiles, const TileBlock& block) {
     if (column_tiles == 1) {
-        for (int tile = 0; tile < row_tiles; ++tile) multiply_rows<16, 1>(block, tile * tile_rows);
-    } else if (row_tiles == 1) {
-        multiply_rows<8, 2>(block, 0);
-        multiply_rows<8, 2>(block, 8);
-    } else {
-        multiply_rows<11, 2>(block, 0);
-        multiply_rows<11, 2>(block, 11);
-        multiply_rows<10, 2>(block, 22);
+        for (std::int64_t row = 0; row < block.rows; row += tile_rows)
+            multiply_rows<16, 1>(block, row);
+        return;
+    }
+    const std::int64_t passes = chunk_count(block.rows, 11),
+                       height = chunk_count(block.rows, passes);
+    for (std::int64_t row = 0; row < block.rows;) {
+        if (height <= 8) {
+            multiply_rows<8, 2>(block, row);
+            row += 8;
+        } else if (height <= 10 || row + 11 > tile_block) {
+            multiply_rows<10, 2>(block, row);
+            row += 10;
+        } else {
+            multiply_rows<11, 2>(block, row);
+            row += 11;
+        }
     }
 }
 
@@ -103,7 +122,7 @@ void multiply_tile_dots(int row_tiles, int column_tiles, const TileBlock& block)
 bool multiplies_dots() {
     return false;
 }
-void multiply_tile_dots(int, int, const TileBlock&) {}
+void multiply_tile_dots(int, const TileBlock&) {}
 
 #endif
 

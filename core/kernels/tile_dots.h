@@ -8,7 +8,8 @@ namespace stymo::kernels {
 /// with AVX512-BF16 and without AMX does.
 [[nodiscard]] bool multiplies_dots();
 
-/// `multiply_tiles` by those instructions, for one part.
-void multiply_tile_dots(int row_tiles, int column_tiles, const TileBlock& block);
+/// `multiply_tiles` by those instructions, for one part. Leaves the other rows of the block's
+/// tiles undefined.
+void multiply_tile_dots(int column_tiles, const TileBlock& block);
 
 }  // namespace stymo::kernels

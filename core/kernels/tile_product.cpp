@@ -230,7 +230,7 @@ TileLoan::~TileLoan() {
 }
 
 void multiply_tiles(int row_tiles, int column_tiles, const TileBlock& block) {
-    if (!multiplies_tiles()) return multiply_tile_dots(row_tiles, column_tiles, block);
+    if (!multiplies_tiles()) return multiply_tile_dots(column_tiles, block);
     if (row_tiles == 2) {
         column_tiles == 2 ? multiply_block<2, 2>(block) : multiply_block<2, 1>(block);
     } else {

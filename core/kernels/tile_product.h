@@ -44,6 +44,8 @@ struct TileBlock {
     const BFloat16* left;
     const BFloat16* right;
     std::int64_t steps;
+    std::int64_t rows;   ///< that are wanted
+    std::int64_t inner;  ///< elements that may differ from zero
     const float* start;
     std::int64_t start_stride;  ///< 0: the same for each row
     float* sums;
