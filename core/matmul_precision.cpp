@@ -40,8 +40,15 @@ MatmulPrecision matmul_precision_of(std::string_view name) {
     fail<ValueError>("unknown precision of matrix products: ", name);
 }
 
-void emulate_medium(bool emulates) {
+PrecisionScope::PrecisionScope(MatmulPrecision precision, bool emulates)
+    : before_(matmul_precision()), emulated_before_(emulates_medium()) {
+    set_matmul_precision(precision);
     emulation().store(emulates, std::memory_order_relaxed);
+}
+
+PrecisionScope::~PrecisionScope() {
+    set_matmul_precision(before_);
+    emulation().store(emulated_before_, std::memory_order_relaxed);
 }
 
 bool emulates_medium() {

@@ -27,10 +27,20 @@ void set_matmul_precision(MatmulPrecision precision);
 /// The instructions of this processor for products of BFloat16: "AMX", "AVX512-BF16" or "none".
 [[nodiscard]] const char* bfloat16_instructions();
 
-/// For tests: from now on, `medium` rounds operands on every processor, by code that is slow and
-/// needs no such instructions. Must not be called while a product is computed.
-void emulate_medium(bool emulates);
-/// Whether it does.
+/// Sets the precision while it lives.
+class PrecisionScope {
+public:
+    /// With `emulates`, for tests, `medium` rounds operands on every processor, by code that is
+    /// slow and needs no instructions for BFloat16.
+    explicit PrecisionScope(MatmulPrecision precision, bool emulates = false);
+    ~PrecisionScope();
+    PrecisionScope(const PrecisionScope&) = delete;
+    PrecisionScope& operator=(const PrecisionScope&) = delete;
+
+private:
+    MatmulPrecision before_;
+    bool emulated_before_;
+};
 [[nodiscard]] bool emulates_medium();
 
 }  // namespace stymo

@@ -1,4 +1,7 @@
+#include <optional>
+
 #include "apps/bench/speed.h"
+#include "core/matmul_precision.h"
 
 /// The rows on frames.
 namespace stymo {
@@ -26,9 +29,12 @@ struct Frames {
                                  : 1.0;
     }
     [[nodiscard]] ImageError error() const {
+        const Images images = all_images(subject, options);
         RendererOptions exact = options;
         exact.mode = RenderMode::exact;
-        return error_of(all_images(subject, options), all_images(subject, exact));
+        const PrecisionScope float32(MatmulPrecision::highest);
+        const Images expected = all_images(subject, exact);
+        return error_of(images, expected);
     }
 
     BenchSubject subject;
@@ -42,11 +48,11 @@ Measurement exact_frame(const BenchOptions& options) {
     return {.timing = frames.time(), .work = frame_work(frames.subject.model, options.samples)};
 }
 
-/// Frames that leave out work, timed and then compared with exact ones.
-Measurement reduced_frame(const BenchOptions& options, RenderMode mode) {
+/// Frames that leave out work or round operands, timed and then compared with exact ones.
+Measurement reduced_frame(const BenchOptions& options, RenderMode mode, MatmulPrecision precision) {
+    const PrecisionScope of_products(precision);
     Frames frames(options, mode);
-    Measurement result{.timing = frames.time(),
-                       .limit = keeps_float32(mode) ? Limit::float32 : Limit::sixteen_bits};
+    Measurement result{.timing = frames.time(), .limit = limit_of(precision)};
     const RenderCounts counts = frames.renderer.counts();
     const DecoderWork work = frames.subject.model.decoder().work();
     result.work =
@@ -134,14 +140,21 @@ std::vector<SpeedRow> frame_rows() {
     const auto with = [](auto measure, RenderMode mode) {
         return [=](const BenchOptions& options) { return measure(options, mode); };
     };
+    const auto reduced = [](RenderMode mode, std::optional<MatmulPrecision> precision = {}) {
+        return [=](const BenchOptions& options) {
+            return reduced_frame(options, mode, precision.value_or(matmul_precision()));
+        };
+    };
     return {
         {"exact-frame", "render", "frame with every sample, float32", exact_frame, "render"},
         {"exact-frame-one-thread", "render", "the same on one thread", exact_frame, "render", 1},
+        {"exact-frame-medium", "render", "frame with every sample, operands in bfloat16",
+         reduced(RenderMode::exact, MatmulPrecision::medium), "render-bfloat16"},
         {"radiance-field", "render", "the field of an exact frame alone", radiance_field},
         {"skip-frame", "render", "frame that skips empty samples, float32",
-         with(reduced_frame, RenderMode::skip), "render"},
-        {"half-frame", "render", "the same with weights and activations of 16 bits",
-         with(reduced_frame, RenderMode::half), "render"},
+         reduced(RenderMode::skip), "render"},
+        {"skip-frame-medium", "render", "the same with operands in bfloat16",
+         reduced(RenderMode::skip, MatmulPrecision::medium), "render-bfloat16"},
         {"first-frame", "render", "new codes and their first frame", first_frame},
         {"edit-exact", "edit", "texture and light of a shown view, every pixel",
          with(appearance_edit, RenderMode::exact)},

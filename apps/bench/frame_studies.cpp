@@ -44,10 +44,9 @@ std::vector<FrameVariant> frame_variants(const BenchOptions& bench) {
         add("samples per ray", std::to_string(samples), RenderMode::exact,
             &RendererOptions::samples_per_ray, samples);
     }
-    for (const auto& [mode, name] :
-         {std::pair{RenderMode::skip, "tolerance, float32"}, {RenderMode::half, "tolerance, half"}})
-        for (const double tolerance : {0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.005})
-            add(name, significant(tolerance, 4), mode, &RendererOptions::tolerance, tolerance);
+    for (const double tolerance : {0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.005})
+        add("tolerance", significant(tolerance, 4), RenderMode::skip, &RendererOptions::tolerance,
+            tolerance);
     for (const std::int64_t cells : {32, 48, 64, 96, 128})
         add("baked, cells a side", std::to_string(cells), RenderMode::baked,
             &RendererOptions::bake_resolution, cells);

@@ -13,36 +13,29 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
-#include "core/kernels/product-inl.h"
-
 // This file is compiled once for each instruction set. Code that does not depend on it is below,
 // within HWY_ONCE.
 HWY_BEFORE_NAMESPACE();
 namespace stymo::kernels::HWY_NAMESPACE {
 
-/// Operands whose words hold two 16-bit numbers. They are multiplied by instructions that Highway
-/// 1.0 does not support. Only with 512-bit vectors.
-struct PackedPairs {
-    using Element = float;
-    using Vector = simd::Vec<simd::ScalableTag<float>>;
-    static constexpr std::int64_t word_length = 2;
+namespace simd = hwy::HWY_NAMESPACE;
 
-    static HWY_INLINE Vector left(const float* pairs) {
-        return simd::LoadU(simd::ScalableTag<float>(), pairs);
+using Vector = simd::Vec<simd::ScalableTag<float>>;
+
+/// Multiplies numbers of float32.
+struct Products {
+    static constexpr std::int64_t per_lane = 1;
+    static HWY_INLINE Vector multiply_add(Vector left, Vector right, Vector sum) {
+        return simd::MulAdd(left, right, sum);
     }
-    static HWY_INLINE Vector right(const float* pairs) { return left(pairs); }
 };
 
 #if HWY_ARCH_X86 && HWY_MAX_BYTES == 64
-struct DotProducts : PackedPairs {
+/// Multiplies pairs of bfloat16, which Highway 1.0 does not support.
+struct DotProducts {
+    static constexpr std::int64_t per_lane = 2;
     static HWY_INLINE Vector multiply_add(Vector left, Vector right, Vector sum) {
         __asm__("vdpbf16ps %2, %1, %0" : "+v"(sum.raw) : "v"(left.raw), "v"(right.raw));
-        return sum;
-    }
-};
-struct HalfProducts : PackedPairs {
-    static HWY_INLINE Vector multiply_add(Vector left, Vector right, Vector sum) {
-        __asm__("vfmadd231ph %2, %1, %0" : "+v"(sum.raw) : "v"(left.raw), "v"(right.raw));
         return sum;
     }
 };
@@ -50,38 +43,34 @@ struct HalfProducts : PackedPairs {
 
 /// Independent chains of one thread; returns the number of operations done. `result` keeps them
 /// from being optimised away.
-template <class Operands>
+template <class Instruction>
 double run_chains(std::int64_t length, float* result) {
     constexpr int chains = 12;
     const simd::ScalableTag<float> tag;
-    alignas(HWY_MAX_BYTES) const typename Operands::Element numbers[HWY_MAX_BYTES]{};
-    const auto left = Operands::left(numbers);
-    const auto right = Operands::right(numbers);
-    typename Operands::Vector sums[chains];
+    const Vector left = simd::Zero(tag), right = left;
+    Vector sums[chains];
     // Different start values, since the compiler would merge equal chains.
     HWY_UNROLL(12)
     for (int i = 0; i < chains; ++i) sums[i] = simd::Set(tag, static_cast<float>(i));
     for (std::int64_t step = 0; step < length; ++step) {
         HWY_UNROLL(12)
-        for (int i = 0; i < chains; ++i) sums[i] = Operands::multiply_add(left, right, sums[i]);
+        for (int i = 0; i < chains; ++i) sums[i] = Instruction::multiply_add(left, right, sums[i]);
     }
     auto total = simd::Zero(tag);
     HWY_UNROLL(12)
     for (int i = 0; i < chains; ++i) total = simd::Add(total, sums[i]);
     *result = simd::GetLane(simd::SumOfLanes(tag, total));
     return 2.0 * static_cast<double>(length * chains * static_cast<std::int64_t>(simd::Lanes(tag)) *
-                                     Operands::word_length);
+                                     Instruction::per_lane);
 }
 
 /// 0 without the instruction.
 double run_chains_of(NumberFormat number, std::int64_t length, float* result) {
+    if (number == NumberFormat::float32) return run_chains<Products>(length, result);
 #if HWY_ARCH_X86 && HWY_MAX_BYTES == 64
-    if (number == NumberFormat::bfloat16 && __builtin_cpu_supports("avx512bf16"))
-        return run_chains<DotProducts>(length, result);
-    if (number == NumberFormat::float16 && multiplies_float16())
-        return run_chains<HalfProducts>(length, result);
+    if (__builtin_cpu_supports("avx512bf16")) return run_chains<DotProducts>(length, result);
 #endif
-    return number == NumberFormat::float32 ? run_chains<Numbers<float>>(length, result) : 0.0;
+    return 0.0;
 }
 
 }  // namespace stymo::kernels::HWY_NAMESPACE
@@ -141,8 +130,7 @@ MachinePeak measure_machine_peak() {
     const auto best = [](NumberFormat number) {
         return best_rate([=] { return run_on_all_threads(number); });
     };
-    return {best(NumberFormat::float32), best(NumberFormat::bfloat16), best(NumberFormat::float16),
-            triad_rate()};
+    return {best(NumberFormat::float32), best(NumberFormat::bfloat16), triad_rate()};
 }
 
 double measure_multiply_adds() {

@@ -3,14 +3,13 @@
 /// Peak performance of the machine, for comparison, with as many threads as `parallel_for` uses.
 namespace stymo::kernels {
 
-enum class NumberFormat { float32, bfloat16, float16 };
+enum class NumberFormat { float32, bfloat16 };
 
 struct MachinePeak {
     /// Operations per second in float32 (two for each fused multiply-add).
     double multiply_adds = 0.0;
     /// The same for dot products of bfloat16; 0 without such an instruction.
     double bfloat16_multiply_adds = 0.0;
-    double float16_multiply_adds = 0.0;  ///< the same for float16; 0 without such an instruction
     /// Bytes per second of a = b + factor * c over arrays much larger than the caches.
     double triad_bytes = 0.0;
 };

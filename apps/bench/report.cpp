@@ -22,7 +22,6 @@ namespace {
 JsonValue to_json(const kernels::MachinePeak& peak) {
     return JsonValue::object({{"float32_flops", peak.multiply_adds},
                               {"bfloat16_flops", peak.bfloat16_multiply_adds},
-                              {"float16_flops", peak.float16_multiply_adds},
                               {"triad_bytes_per_second", peak.triad_bytes}});
 }
 

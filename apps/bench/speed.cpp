@@ -36,13 +36,21 @@ std::vector<Column> columns() {
             hidden("peer_peak_memory_mebibytes")};
 }
 
+}  // namespace
+
+Limit limit_of(MatmulPrecision precision) {
+    return computed_precision(precision) == MatmulPrecision::medium ? Limit::bfloat16
+                                                                    : Limit::float32;
+}
+
+namespace {
+
 Value share_of_peak(const Measurement& one) {
     if (one.limit == Limit::none || one.work <= 0.0) return {};
     double flops = median(one.timing.multiply_adds);
-    if (one.limit == Limit::sixteen_bits) {
+    if (one.limit == Limit::bfloat16) {
         const kernels::MachinePeak peak = kernels::measure_machine_peak();
-        flops *=
-            std::max(peak.bfloat16_multiply_adds, peak.float16_multiply_adds) / peak.multiply_adds;
+        flops *= peak.bfloat16_multiply_adds / peak.multiply_adds;
     }
     return flops > 0.0 ? Value(2.0 * one.work / one.timing.median() / flops) : Value();
 }

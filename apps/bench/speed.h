@@ -7,12 +7,15 @@
 
 #include "apps/bench/study.h"
 #include "apps/common/command_line.h"
+#include "core/matmul_precision.h"
 
 /// The table of speeds.
 namespace stymo {
 
 /// The peak performance with which a row is compared.
-enum class Limit { none, float32, sixteen_bits };
+enum class Limit { none, float32, bfloat16 };
+/// That of products of this precision.
+[[nodiscard]] Limit limit_of(MatmulPrecision precision);
 
 struct Measurement {
     Timing timing;      ///< of one frame, step, ...

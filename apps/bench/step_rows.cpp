@@ -3,7 +3,6 @@
 #include "apps/bench/speed.h"
 #include "core/autograd/grad.h"
 #include "core/clock.h"
-#include "core/kernels/float16_product.h"
 #include "core/kernels/gemm.h"
 #include "core/matmul_precision.h"
 #include "core/parallel.h"
@@ -131,57 +130,37 @@ constexpr std::int64_t all_points = 65536;
 constexpr std::int64_t few_points = 4096;
 constexpr std::int64_t width = 256;
 
-/// Room for numbers of T, aligned as tensors are.
-template <class T>
-T* room(Tensor& storage, std::int64_t count) {
-    storage = Tensor({chunk_count(count * static_cast<std::int64_t>(sizeof(T)),
-                                  static_cast<std::int64_t>(sizeof(float)))});
-    return reinterpret_cast<T*>(storage.mutable_values<float>().data());
-}
-
-/// T: float, BFloat16 or Float16.
-template <class T>
-Measurement layer(const BenchOptions& options, std::int64_t points, Activation activation,
-                  Limit limit) {
+Measurement layer(const BenchOptions& options, std::int64_t points, Activation activation) {
     /// Rows that stay in the second-level cache with the weights.
     constexpr std::int64_t tile = 256;
     Rng rng = Rng(options.seed).split("layer");
     const Tensor weight = rng.normal({width, width}, 0.0, 0.1),
-                 bias = rng.normal({width}, 0.0, 0.1);
-    const kernels::PackedMatrix<T> packed(weight.values<float>().data(), width, width, 1, width);
-    Tensor storage_x, storage_y;
-    T* const x = room<T>(storage_x, points * width);
-    T* const y = room<T>(storage_y, points * width);
-    std::fill_n(x, points * width, T());
-    if constexpr (std::is_same_v<T, float>)
-        std::ranges::copy(rng.normal({points * width}, 0.0, 1.0).values<float>(), x);
+                 bias = rng.normal({width}, 0.0, 0.1),
+                 inputs = rng.normal({points * width}, 0.0, 1.0);
+    const kernels::PackedMatrix<float> packed(weight.values<float>().data(), width, width, 1,
+                                              width);
+    Tensor results({points * width});
+    const float* const x = inputs.values<float>().data();
+    float* const y = results.mutable_values<float>().data();
     const kernels::Epilogue<float> epilogue{.bias = bias.values<float>().data(),
                                             .activation = activation};
     const auto all_tiles = [&] {
         parallel_for(points, tile, [&](std::int64_t begin, std::int64_t end) {
-            kernels::multiply_packed(y + begin * width, width, {x + begin * width, width},
+            kernels::multiply_packed(y + begin * width, width,
+                                     kernels::LeftMatrix<float>{x + begin * width, width},
                                      end - begin, packed, epilogue);
         });
     };
     return {.timing = time_repeated(options.repeats, 0.1 * options.repeats, all_tiles),
             .work = static_cast<double>(points) * width * width,
-            .limit = limit};
+            .limit = limit_of(matmul_precision())};
 }
 
-auto float_layer(std::int64_t points, Activation activation, MatmulPrecision precision) {
+auto layer_of(std::int64_t points, Activation activation, MatmulPrecision precision) {
     return [=](const BenchOptions& options) {
-        const MatmulPrecision before = matmul_precision();
-        set_matmul_precision(precision);
-        const Measurement result = layer<float>(options, points, activation, Limit::float32);
-        set_matmul_precision(before);
-        return result;
+        const PrecisionScope of_products(precision);
+        return layer(options, points, activation);
     };
-}
-
-Measurement half_layer(const BenchOptions& options) {
-    const auto run =
-        kernels::multiplies_float16() ? layer<kernels::Float16> : layer<kernels::BFloat16>;
-    return run(options, all_points, Activation::sine, Limit::sixteen_bits);
 }
 
 }  // namespace
@@ -209,21 +188,18 @@ std::vector<SpeedRow> step_rows() {
 
 std::vector<SpeedRow> kernel_rows() {
     using enum MatmulPrecision;
-    return {
-        {"product", "kernels", "65536 x 256 times 256 x 256, float32",
-         float_layer(all_points, Activation::none, highest)},
-        {"sine-layer", "kernels", "the same with bias and sine",
-         float_layer(all_points, Activation::sine, highest)},
-        {"product-in-cache", "kernels", "4096 x 256 times 256 x 256, float32",
-         float_layer(few_points, Activation::none, highest)},
-        {"product-high", "kernels", "the same on matrix tiles where the processor has them",
-         float_layer(few_points, Activation::none, high)},
-        {"product-medium", "kernels", "65536", float_layer(all_points, Activation::none, medium)},
-        {"sine-layer-medium", "kernels", "the same layer",
-         float_layer(all_points, Activation::sine, medium)},
-        {"product-in-cache-medium", "kernels", "4096 x 256 times 256 x 256, float32",
-         float_layer(few_points, Activation::none, medium)},
-        {"sine-layer-half", "kernels", "the same in the faster type of 16 bits", half_layer}};
+    return {{"product", "kernels", "65536 x 256 times 256 x 256, float32",
+             layer_of(all_points, Activation::none, highest)},
+            {"sine-layer", "kernels", "the same with bias and sine",
+             layer_of(all_points, Activation::sine, highest)},
+            {"sine-layer-medium", "kernels", "the same with operands in bfloat16",
+             layer_of(all_points, Activation::sine, medium)},
+            {"product-in-cache", "kernels", "4096 x 256 times 256 x 256, float32",
+             layer_of(few_points, Activation::none, highest)},
+            {"product-high", "kernels", "the same on matrix tiles where the processor has them",
+             layer_of(few_points, Activation::none, high)},
+            {"product-medium", "kernels", "the same with operands in bfloat16",
+             layer_of(few_points, Activation::none, medium)}};
 }
 
 }  // namespace stymo

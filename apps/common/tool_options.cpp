@@ -156,8 +156,6 @@ ReconstructionConfig fitting_config(const LpipsOptions& options, ReconstructionC
 std::vector<std::string> render_mode_names() {
     std::vector<std::string> names;
     for (const RenderModeTraits& mode : render_modes()) names.emplace_back(mode.name);
-    for (const RenderModeTraits& mode : render_modes())
-        if (!mode.older_name.empty()) names.emplace_back(mode.older_name);
     return names;
 }
 
@@ -171,10 +169,7 @@ std::string render_mode_help() {
 }
 
 RenderMode render_mode(const std::string& name) {
-    const auto called = [&](const RenderModeTraits& mode) {
-        return name == mode.name || name == mode.older_name;
-    };
-    return std::ranges::find_if(render_modes(), called)->mode;
+    return std::ranges::find(render_modes(), name, &RenderModeTraits::name)->mode;
 }
 
 CodeGroups parse_code_groups(const std::string& list) {

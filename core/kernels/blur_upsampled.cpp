@@ -15,21 +15,21 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
-#include "core/kernels/halves-inl.h"
-
 // This file is compiled once for each instruction set. Code that does not depend on it is below,
 // within HWY_ONCE.
 HWY_BEFORE_NAMESPACE();
 namespace stymo::kernels::HWY_NAMESPACE {
 
+namespace simd = hwy::HWY_NAMESPACE;
+
 /// Blurs one row of the upsampled image along the columns. Columns, already summed over the rows of
 /// the blur, are passed once, from left to right.
-template <class D, class T>
+template <class D>
 class BlurredRow {
 public:
     using Vector = simd::Vec<D>;
 
-    HWY_INLINE BlurredRow(const UpsampledRow<T>& to, std::int64_t channels, std::int64_t channel)
+    HWY_INLINE BlurredRow(const UpsampledRow& to, std::int64_t channels, std::int64_t channel)
         : to_(to), channels_(channels), channel_(channel) {}
 
     /// The mirrored column before an image's first column is the second one.
@@ -52,11 +52,11 @@ private:
         if (x < to_.begin || x >= to_.end) return;
         const D tag;
         const auto sum = simd::MulAdd(simd::Set(tag, 2.0F), at, simd::Add(left, right));
-        store_numbers(tag, simd::Mul(sum, simd::Set(tag, 0.0625F)),
-                      to_.features + (x - to_.begin) * channels_ + channel_);
+        simd::StoreU(simd::Mul(sum, simd::Set(tag, 0.0625F)), tag,
+                     to_.features + (x - to_.begin) * channels_ + channel_);
     }
 
-    UpsampledRow<T> to_;
+    UpsampledRow to_;
     std::int64_t channels_;
     std::int64_t channel_;
     Vector before0_ = simd::Zero(D());
@@ -64,8 +64,8 @@ private:
 };
 
 /// As many channels as the vector has, from `channel` on.
-template <class D, class T>
-HWY_INLINE void blur_channels(D tag, const RowUpsampling<T>& image, std::int64_t channel) {
+template <class D>
+HWY_INLINE void blur_channels(D tag, const RowUpsampling& image, std::int64_t channel) {
     const std::int64_t channels = image.channels;
     const auto& [first_row, second_row] = image.upsampled;
     const bool first_empty = first_row.begin == first_row.end,
@@ -77,35 +77,35 @@ HWY_INLINE void blur_channels(D tag, const RowUpsampling<T>& image, std::int64_t
     const std::int64_t first = std::max<std::int64_t>(begin - 1, 0) / 2,
                        last = std::min(end / 2, image.side - 1);
     // Pixels outside a row's interval are read by no pixel that is stored.
-    const auto stored_index = [](const DetailedRow<T>& row, std::int64_t pixel) {
+    const auto stored_index = [](const DetailedRow& row, std::int64_t pixel) {
         return std::min(std::max(pixel, row.begin), row.end - 1) - row.begin;
     };
     const auto three = simd::Set(tag, 3.0F);
-    BlurredRow<D, T> upper(first_row, channels, channel), lower(second_row, channels, channel);
+    BlurredRow<D> upper(first_row, channels, channel), lower(second_row, channels, channel);
     for (std::int64_t pixel = first; pixel <= last; ++pixel) {
         const std::int64_t at = pixel - image.middle.begin;
         const std::int64_t at_above = stored_index(image.above, pixel),
                            at_below = stored_index(image.below, pixel);
         const auto center =
-            simd::Mul(three, load_numbers(tag, image.middle.features + at * channels + channel));
+            simd::Mul(three, simd::LoadU(tag, image.middle.features + at * channels + channel));
         const auto center_above = simd::Add(
-            center, load_numbers(tag, image.above.features + at_above * channels + channel));
+            center, simd::LoadU(tag, image.above.features + at_above * channels + channel));
         const auto center_below = simd::Add(
-            center, load_numbers(tag, image.below.features + at_below * channels + channel));
-        const T* detail = image.middle.detail + at * 4 * channels + channel;
-        const T* detail_above = image.above.detail + (at_above * 4 + 2) * channels + channel;
-        const T* detail_below = image.below.detail + at_below * 4 * channels + channel;
+            center, simd::LoadU(tag, image.below.features + at_below * channels + channel));
+        const float* detail = image.middle.detail + at * 4 * channels + channel;
+        const float* detail_above = image.above.detail + (at_above * 4 + 2) * channels + channel;
+        const float* detail_below = image.below.detail + at_below * 4 * channels + channel;
         simd::Vec<D> columns_above[2], columns_below[2];
         for (int j = 0; j < 2; ++j) {
-            const auto upper_half = load_numbers(tag, detail + j * channels),
-                       lower_half = load_numbers(tag, detail + (2 + j) * channels);
+            const auto upper_half = simd::LoadU(tag, detail + j * channels),
+                       lower_half = simd::LoadU(tag, detail + (2 + j) * channels);
             const auto both = simd::Add(upper_half, lower_half);
             columns_above[j] =
                 simd::Add(simd::Add(both, upper_half),
-                          simd::Add(center_above, load_numbers(tag, detail_above + j * channels)));
+                          simd::Add(center_above, simd::LoadU(tag, detail_above + j * channels)));
             columns_below[j] =
                 simd::Add(simd::Add(both, lower_half),
-                          simd::Add(center_below, load_numbers(tag, detail_below + j * channels)));
+                          simd::Add(center_below, simd::LoadU(tag, detail_below + j * channels)));
         }
         if (pixel == 0) {
             upper.start(columns_above[0], columns_above[1]);
@@ -120,24 +120,13 @@ HWY_INLINE void blur_channels(D tag, const RowUpsampling<T>& image, std::int64_t
     }
 }
 
-template <class T>
-void blur(const RowUpsampling<T>& image) {
+void blur(const RowUpsampling& image) {
     const simd::ScalableTag<float> tag;
     const auto lanes = static_cast<std::int64_t>(simd::Lanes(tag));
     std::int64_t channel = 0;
     for (; channel + lanes <= image.channels; channel += lanes) blur_channels(tag, image, channel);
     for (; channel < image.channels; ++channel)
         blur_channels(simd::CappedTag<float, 1>(), image, channel);
-}
-
-void blur_float(const RowUpsampling<float>& image) {
-    blur(image);
-}
-void blur_bfloat16(const RowUpsampling<BFloat16>& image) {
-    blur(image);
-}
-void blur_float16(const RowUpsampling<Float16>& image) {
-    blur(image);
 }
 
 /// Weights of the gradients before and after an upsampled pixel's own gradient, whose weight is 2.
@@ -222,19 +211,11 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace stymo::kernels {
 
-HWY_EXPORT(blur_float);
-HWY_EXPORT(blur_bfloat16);
-HWY_EXPORT(blur_float16);
+HWY_EXPORT(blur);
 HWY_EXPORT(differentiate_row);
 
-void blur_upsampled_rows(const RowUpsampling<float>& rows) {
-    HWY_DYNAMIC_DISPATCH(blur_float)(rows);
-}
-void blur_upsampled_rows(const RowUpsampling<BFloat16>& rows) {
-    HWY_DYNAMIC_DISPATCH(blur_bfloat16)(rows);
-}
-void blur_upsampled_rows(const RowUpsampling<Float16>& rows) {
-    HWY_DYNAMIC_DISPATCH(blur_float16)(rows);
+void blur_upsampled_rows(const RowUpsampling& rows) {
+    HWY_DYNAMIC_DISPATCH(blur)(rows);
 }
 
 void differentiate_blur_upsampled_row(const UpsamplingGradient& gradient) {

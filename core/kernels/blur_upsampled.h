@@ -3,38 +3,33 @@
 #include <array>
 #include <cstdint>
 
-#include "core/kernels/gemm.h"
-
 /// The learnt upsampling of an image, row by row, on the calling thread. The instruction set is
-/// chosen at run time. Features are float, BFloat16 or Float16; sums are float.
+/// chosen at run time.
 namespace stymo::kernels {
 
 /// Pixels [begin, end) of one row of an image that is to be upsampled.
-template <class T>
 struct DetailedRow {
     std::int64_t begin = 0;
     std::int64_t end = 0;
-    const T* features = nullptr;  ///< (pixels, channels)
+    const float* features = nullptr;  ///< (pixels, channels)
     /// (pixels, 4, channels). Index 2 i + j belongs to row i, column j of the upsampled pixel.
-    const T* detail = nullptr;
+    const float* detail = nullptr;
 };
 
 /// Pixels [begin, end) of one row of the upsampled image: (pixels, channels).
-template <class T>
 struct UpsampledRow {
     std::int64_t begin = 0;
     std::int64_t end = 0;
-    T* features = nullptr;
+    float* features = nullptr;
 };
 
 /// A row of an image of `side` columns, its neighbouring rows (the row itself at the image's
 /// border), and the two upsampled rows that it gives.
-template <class T>
 struct RowUpsampling {
-    DetailedRow<T> above;
-    DetailedRow<T> middle;
-    DetailedRow<T> below;
-    std::array<UpsampledRow<T>, 2> upsampled;
+    DetailedRow above;
+    DetailedRow middle;
+    DetailedRow below;
+    std::array<UpsampledRow, 2> upsampled;
     std::int64_t side = 0;
     std::int64_t channels = 0;
 };
@@ -42,9 +37,7 @@ struct RowUpsampling {
 /// The learnt upsampling (reference: Upsampler), blur(detail + nearest neighbour), of one row. A
 /// pixel of the first upsampled row reads its own column and the neighbouring columns of `above`
 /// and `middle`; a pixel of the second row reads those of `middle` and `below`.
-void blur_upsampled_rows(const RowUpsampling<float>& rows);
-void blur_upsampled_rows(const RowUpsampling<BFloat16>& rows);
-void blur_upsampled_rows(const RowUpsampling<Float16>& rows);
+void blur_upsampled_rows(const RowUpsampling& rows);
 
 /// The gradient of an upsampled image (2 height, 2 width, channels), and the destination of row
 /// `row` of the gradients of the features and the detail.

@@ -14,7 +14,6 @@
 #include <numbers>
 
 #include "core/kernels/gemm.h"
-#include "core/kernels/halves-inl.h"
 #include "core/kernels/sine-inl.h"
 
 /// The activation after a product, on blocks that are still in the first-level cache.
@@ -23,19 +22,19 @@ namespace stymo::kernels::HWY_NAMESPACE {
 
 /// `rows` rows of whole vectors: the sums, and the destinations of the results and the slopes
 /// (null: no slopes).
-template <class T, class Out>
+template <class T>
 struct Activated {
     const T* sums;
     std::int64_t sums_stride;
-    Out* c;
+    T* c;
     T* slope;
     std::int64_t stride;  ///< of c and of slope
     std::int64_t rows;
     std::int64_t columns;
 };
 
-template <class T, class Out>
-HWY_INLINE void for_each_vector(const Activated<T, Out>& block, auto body) {
+template <class T>
+HWY_INLINE void for_each_vector(const Activated<T>& block, auto body) {
     const auto lanes = static_cast<std::int64_t>(simd::Lanes(simd::ScalableTag<T>()));
     for (std::int64_t row = 0; row < block.rows; ++row) {
         for (std::int64_t column = 0; column < block.columns; column += lanes)
@@ -45,28 +44,21 @@ HWY_INLINE void for_each_vector(const Activated<T, Out>& block, auto body) {
 
 /// The standard library's sine where the vector sine is not accurate: float32 beyond its limit and
 /// NaN, and all of float64.
-template <class T, class Out>
-HWY_NOINLINE void apply_library_sine(const Activated<T, Out>& block) {
+template <class T>
+HWY_NOINLINE void apply_library_sine(const Activated<T>& block) {
     for (std::int64_t row = 0; row < block.rows; ++row) {
         for (std::int64_t column = 0; column < block.columns; ++column) {
             const T x = block.sums[row * block.sums_stride + column];
             if (sizeof(T) == sizeof(float) && std::abs(x) <= static_cast<T>(vector_sine_limit))
                 continue;
             const std::int64_t index = row * block.stride + column;
-            if constexpr (std::is_same_v<Out, BFloat16>) {
-                block.c[index] = rounded_to_bfloat16(std::sin(x));
-            } else if constexpr (std::is_same_v<Out, Float16>) {
-                block.c[index] = rounded_to_float16(std::sin(x));
-            } else {
-                block.c[index] = std::sin(x);
-            }
+            block.c[index] = std::sin(x);
             if (block.slope != nullptr) block.slope[index] = std::cos(x);
         }
     }
 }
 
-template <class Out>
-HWY_INLINE void apply_sine(const Activated<float, Out>& block) {
+HWY_INLINE void apply_sine(const Activated<float>& block) {
     const simd::ScalableTag<float> tag;
     // The sum of squares detects numbers beyond the limit with one instruction for each vector.
     auto squares = simd::Zero(tag);
@@ -74,7 +66,7 @@ HWY_INLINE void apply_sine(const Activated<float, Out>& block) {
         const auto x = simd::LoadU(tag, sums);
         squares = simd::MulAdd(x, x, squares);
         const auto turns = reduce_half_turns(x);
-        store_numbers(tag, vector_sine(turns), block.c + index);
+        simd::StoreU(vector_sine(turns), tag, block.c + index);
         if (with_slope) simd::StoreU(vector_cosine(turns), tag, block.slope + index);
     };
     if (block.slope == nullptr) {
@@ -89,26 +81,26 @@ HWY_INLINE void apply_sine(const Activated<float, Out>& block) {
         apply_library_sine(block);
 }
 
-HWY_INLINE void apply_sine(const Activated<double, double>& block) {
+HWY_INLINE void apply_sine(const Activated<double>& block) {
     apply_library_sine(block);
 }
 
-template <class T, class Out>
-HWY_INLINE void apply_leaky_relu(const Activated<T, Out>& block) {
+template <class T>
+HWY_INLINE void apply_leaky_relu(const Activated<T>& block) {
     const simd::ScalableTag<T> tag;
     const auto gain = simd::Set(tag, static_cast<T>(std::numbers::sqrt2));
     const auto leak = simd::Set(tag, static_cast<T>(std::numbers::sqrt2) * static_cast<T>(0.2));
     for_each_vector(block, [&](const T* sums, std::int64_t index) {
         const auto x = simd::LoadU(tag, sums);
         const auto factor = simd::IfThenElse(simd::Gt(x, simd::Zero(tag)), gain, leak);
-        store_numbers(tag, simd::Mul(x, factor), block.c + index);
+        simd::StoreU(simd::Mul(x, factor), tag, block.c + index);
         if (block.slope != nullptr) simd::StoreU(factor, tag, block.slope + index);
     });
 }
 
 /// Applies the activation. The sums must not overlap the results.
-template <class T, class Out>
-HWY_INLINE void activate(const Activated<T, Out>& block, Activation activation) {
+template <class T>
+HWY_INLINE void activate(const Activated<T>& block, Activation activation) {
     switch (activation) {
         case Activation::sine:
             apply_sine(block);
@@ -121,7 +113,7 @@ HWY_INLINE void activate(const Activated<T, Out>& block, Activation activation) 
     }
     const simd::ScalableTag<T> tag;
     for_each_vector(block, [&](const T* sums, std::int64_t index) {
-        store_numbers(tag, simd::LoadU(tag, sums), block.c + index);
+        simd::StoreU(simd::LoadU(tag, sums), tag, block.c + index);
         if (block.slope != nullptr) simd::StoreU(simd::Set(tag, T(1)), tag, block.slope + index);
     });
 }
@@ -129,19 +121,18 @@ HWY_INLINE void activate(const Activated<T, Out>& block, Activation activation) 
 /// Applies the activation to a block and writes only its first `columns` columns. `sums` has
 /// `computed` columns, which are whole vectors. The block has at most `most_rows` rows and `width`
 /// columns.
-template <std::int64_t most_rows, std::int64_t width, class T, class Out>
-HWY_INLINE void finish_block(Activated<T, Out> block, std::int64_t computed,
-                             Activation activation) {
+template <std::int64_t most_rows, std::int64_t width, class T>
+HWY_INLINE void finish_block(Activated<T> block, std::int64_t computed, Activation activation) {
     if (block.columns == computed) {
         activate(block, activation);
         return;
     }
-    std::array<Out, static_cast<std::size_t>(most_rows * width)> results;
+    std::array<T, static_cast<std::size_t>(most_rows * width)> results;
     std::array<T, static_cast<std::size_t>(most_rows * width)> slopes;
-    activate(Activated<T, Out>{block.sums, block.sums_stride, results.data(),
-                               block.slope == nullptr ? nullptr : slopes.data(), width, block.rows,
-                               computed},
-             activation);
+    activate(
+        Activated<T>{block.sums, block.sums_stride, results.data(),
+                     block.slope == nullptr ? nullptr : slopes.data(), width, block.rows, computed},
+        activation);
     for (std::int64_t i = 0; i < block.rows; ++i) {
         std::copy_n(results.data() + i * width, block.columns, block.c + i * block.stride);
         if (block.slope != nullptr)

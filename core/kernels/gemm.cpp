@@ -24,7 +24,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace stymo::kernels::HWY_NAMESPACE {
 
-/// Words of the inner index handled at once: a panel of the right operand (32 KiB with 512-bit
+/// Elements of the inner index handled at once: a panel of the right operand (32 KiB with 512-bit
 /// vectors) stays in the first-level cache.
 constexpr std::int64_t inner_block = 256;
 /// Largest number of columns for which a transposed left operand is not copied.
@@ -33,10 +33,10 @@ constexpr std::int64_t most_unpacked = 64;
 /// second-level cache.
 constexpr std::int64_t row_block_bytes = 1 << 19;
 
-template <class Sum>
+template <class T>
 std::int64_t row_block(std::int64_t k, std::int64_t n) {
     const std::int64_t bytes =
-        (std::min(k, inner_block) + n) * static_cast<std::int64_t>(sizeof(Sum));
+        (std::min(k, inner_block) + n) * static_cast<std::int64_t>(sizeof(T));
     const std::int64_t in_cache = row_block_bytes / std::max<std::int64_t>(1, bytes) / block_rows;
     return std::clamp<std::int64_t>(in_cache, 1, 20) * block_rows;
 }
@@ -46,96 +46,59 @@ std::int64_t panel_width() {
     return 2 * static_cast<std::int64_t>(simd::Lanes(simd::ScalableTag<T>()));
 }
 
-template <class Operands>
-constexpr std::int64_t most_columns = 2 * HWY_MAX_BYTES /
-                                      static_cast<std::int64_t>(sizeof(typename Operands::Sum));
+template <class T>
+constexpr std::int64_t most_columns = 2 * HWY_MAX_BYTES / static_cast<std::int64_t>(sizeof(T));
 
 /// Initial values of a block of sums without bias and present values.
 template <class T>
 constexpr std::array<T, 2 * HWY_MAX_BYTES / sizeof(T)> no_bias{};
 
-template <class T>
-T converted(T x) {
-    return x;
-}
-inline float converted(BFloat16 x) {
-    return widened(x);
-}
-inline float converted(Float16 x) {
-    return widened(x);
-}
-
 /// A piece of the inner index for some rows of the left operand. Copies may have blocks of
-/// `block_rows` rows one after the other, and in them the words of all rows.
-template <class Operands>
+/// `block_rows` rows one after the other, and in them the elements of all rows.
+template <class T>
 struct LeftPiece {
-    using Left = typename Operands::Left;
-    const Left* data;
+    const T* data;
     std::int64_t row_stride;
     std::int64_t inner_stride;
     std::int64_t block_stride;  ///< from a row to the one `block_rows` below
-    std::int64_t words;
+    std::int64_t elements;
 
-    [[nodiscard]] const Left* row(std::int64_t index) const {
+    [[nodiscard]] const T* row(std::int64_t index) const {
         return data + index / block_rows * block_stride + index % block_rows * row_stride;
     }
 };
 
 /// A copy of a left operand whose inner index is not contiguous; `buffer` is large enough.
 template <class T>
-LeftPiece<Numbers<T>> copy_left(T* buffer, const LeftMatrix<T>& left, std::int64_t rows,
-                                std::int64_t words) {
+LeftPiece<T> copy_left(T* buffer, const LeftMatrix<T>& left, std::int64_t rows,
+                       std::int64_t elements) {
     // If the rows of the transpose are contiguous, each is read once, from one end to the other.
     const std::int64_t whole = left.row_stride == 1 ? rows / block_rows * block_rows : 0;
-    for (std::int64_t i = 0; whole > 0 && i < words; ++i) {
+    for (std::int64_t i = 0; whole > 0 && i < elements; ++i) {
         const T* const from = left.data + i * left.inner_stride;
         for (std::int64_t first = 0; first < whole; first += block_rows) {
             for (std::int64_t row = 0; row < block_rows; ++row)
-                buffer[first * words + i * block_rows + row] = from[first + row];
+                buffer[first * elements + i * block_rows + row] = from[first + row];
         }
     }
     for (std::int64_t first = whole; first < rows; first += block_rows) {
         const std::int64_t count = std::min<std::int64_t>(block_rows, rows - first);
         const T* const from = left.data + first * left.row_stride;
-        for (std::int64_t i = 0; i < words; ++i) {
+        for (std::int64_t i = 0; i < elements; ++i) {
             for (std::int64_t row = 0; row < count; ++row)
-                buffer[first * words + i * block_rows + row] =
+                buffer[first * elements + i * block_rows + row] =
                     from[row * left.row_stride + i * left.inner_stride];
         }
     }
-    return {buffer, 1, block_rows, words * block_rows, words};
-}
-
-/// Row by row; an incomplete last word is filled up with a zero.
-template <class Operands>
-LeftPiece<Operands> copy_rows(typename Operands::Left* buffer,
-                              const LeftMatrix<typename Operands::Element>& left, std::int64_t rows,
-                              std::int64_t elements) {
-    using Left = typename Operands::Left;
-    const std::int64_t words = chunk_count(elements, Operands::word_length);
-    const std::int64_t row_stride = words * Operands::word_length;
-    for (std::int64_t row = 0; row < rows; ++row) {
-        const auto* const from = left.data + row * left.row_stride;
-        Left* const to = buffer + row * row_stride;
-        if constexpr (std::is_same_v<Left, typename Operands::Element>) {
-            std::copy_n(from, elements, to);
-        } else {
-            for (std::int64_t i = 0; i < elements; ++i) to[i] = widened(from[i]);
-        }
-        if (elements < row_stride) to[elements] = Left();
-    }
-    return {buffer, row_stride, Operands::word_length, block_rows * row_stride, words};
+    return {buffer, 1, block_rows, elements * block_rows, elements};
 }
 
 /// One panel of the right operand times some rows, for one piece of the inner index.
-template <class Operands, class Out>
+template <class T>
 class PanelProduct {
 public:
-    using Sum = typename Operands::Sum;
-    using Element = typename Operands::Element;
-
-    PanelProduct(Out* c, std::int64_t stride, const Element* panel, const Element* next_panel,
-                 std::int64_t panel_stride, std::int64_t columns, const Epilogue<Sum>& epilogue,
+    PanelProduct(T* c, std::int64_t stride, const T* panel, const T* next_panel,
+                 std::int64_t panel_stride, std::int64_t columns, const Epilogue<T>& epilogue,
                  bool first_piece, bool last_piece)
         : c_(c),
           stride_(stride),
@@ -147,25 +110,25 @@ public:
           activation_(epilogue.activation),
           adds_(epilogue.present_values || !first_piece),
           finishes_(last_piece),
-          direct_(std::is_same_v<Out, Sum> && columns == panel_width<Sum>()) {
+          direct_(columns == panel_width<T>()) {
         if (epilogue.bias == nullptr) {
-            bias_ = no_bias<Sum>.data();
-        } else if (columns == panel_width<Sum>()) {
+            bias_ = no_bias<T>.data();
+        } else if (direct_) {
             bias_ = epilogue.bias;
         } else {
-            padded_bias_.fill(Sum(0));
+            padded_bias_.fill(T(0));
             std::copy_n(epilogue.bias, columns, padded_bias_.data());
             bias_ = padded_bias_.data();
         }
     }
 
-    void multiply(const LeftPiece<Operands>& left, std::int64_t rows) {
+    void multiply(const LeftPiece<T>& left, std::int64_t rows) {
         for (std::int64_t row = 0; row < rows;) {
             const int height = rows_of_next_block(rows - row);
-            if (!std::is_same_v<Operands, HalfPairs> && 2 * columns_ <= panel_width<Sum>()) {
-                multiply_rows<1>(left, row, height);
+            if (2 * columns_ <= panel_width<T>()) {
+                multiply_rows_of<1>(left, row, height);
             } else {
-                multiply_rows<2>(left, row, height);
+                multiply_rows_of<2>(left, row, height);
             }
             row += height;
         }
@@ -176,149 +139,111 @@ private:
         return finishes_ && (activation_ != Activation::none || slope_ != nullptr);
     }
 
-    /// Whether the sums are short enough for half precision, and the epilogue needs no more.
-    [[nodiscard]] bool stays_half(std::int64_t words) const {
-        return words <= float16_pairs_at_once && columns_ == float16_columns && !adds_ &&
-               finishes_ && slope_ == nullptr && activation_ != Activation::sine;
-    }
-
     template <int vectors>
-    HWY_INLINE void multiply_rows(const LeftPiece<Operands>& left, std::int64_t row, int height) {
-        Out* const c = c_ + row * stride_;
-        if constexpr (std::is_same_v<Operands, HalfPairs> && std::is_same_v<Out, Element>) {
-            if (stays_half(left.words)) {
-                multiply_float16_layer(
-                    height, {{left.row(row), left.row_stride, panel_, panel_stride_, left.words},
-                             bias_,
-                             activation_ == Activation::leaky_relu,
-                             c,
-                             stride_});
-                return;
-            }
-        }
-        Block<Operands> block{bias_,
-                              0,
-                              sums_.data(),
-                              width,
-                              left.row(row),
-                              left.row_stride,
-                              left.inner_stride,
-                              panel_,
-                              panel_stride_,
-                              left.words,
-                              part_of_next_panel(row, left.words)};
-        if constexpr (std::is_same_v<Out, Sum>) {
-            if (direct_ && adds_) block.start = c, block.start_stride = stride_;
-            if (direct_ && !activates()) block.sums = c, block.sums_stride = stride_;
-        }
+    HWY_INLINE void multiply_rows_of(const LeftPiece<T>& left, std::int64_t row, int height) {
+        T* const c = c_ + row * stride_;
+        Block<T> block{bias_,
+                       0,
+                       sums_.data(),
+                       width,
+                       left.row(row),
+                       left.row_stride,
+                       left.inner_stride,
+                       panel_,
+                       panel_stride_,
+                       left.elements,
+                       part_of_next_panel(row, left.elements)};
+        if (direct_ && adds_) block.start = c, block.start_stride = stride_;
+        if (direct_ && !activates()) block.sums = c, block.sums_stride = stride_;
         if (adds_ && !direct_) {
             read_present_values(c, height);
             block.start = sums_.data();
             block.start_stride = width;
         }
-        multiply_block_of<Operands, vectors>(height, block);
+        multiply_block<vectors>(height, block);
         if (block.sums == sums_.data()) finish<vectors>(c, row, height);
     }
 
     /// The part that the block at this row prefetches; all blocks together fetch the whole panel.
-    [[nodiscard]] const char* part_of_next_panel(std::int64_t row, std::int64_t words) const {
-        const std::int64_t size =
-            words * panel_stride_ * static_cast<std::int64_t>(sizeof(Element));
-        const std::int64_t share = words / words_of_prefetch * bytes_of_prefetch;
+    [[nodiscard]] const char* part_of_next_panel(std::int64_t row, std::int64_t elements) const {
+        const std::int64_t size = elements * panel_stride_ * static_cast<std::int64_t>(sizeof(T));
+        const std::int64_t share = elements / rows_of_prefetch * bytes_of_prefetch;
         const std::int64_t begin = row / block_rows * share;
         return reinterpret_cast<const char*>(next_panel_) + (begin + share <= size ? begin : 0);
     }
 
-    void read_present_values(const Out* c, int height) {
+    void read_present_values(const T* c, int height) {
         for (int i = 0; i < height; ++i) {
-            Sum* const row = sums_.data() + i * width;
-            for (std::int64_t j = 0; j < columns_; ++j) row[j] = converted(c[i * stride_ + j]);
-            std::fill(row + columns_, row + width, Sum(0));
+            T* const row = sums_.data() + i * width;
+            std::copy_n(c + i * stride_, columns_, row);
+            std::fill(row + columns_, row + width, T(0));
         }
     }
 
     template <int vectors>
-    HWY_INLINE void finish(Out* c, std::int64_t row, int height) {
-        Sum* const slope = slope_ == nullptr || !finishes_ ? nullptr : slope_ + row * stride_;
+    HWY_INLINE void finish(T* c, std::int64_t row, int height) {
+        T* const slope = slope_ == nullptr || !finishes_ ? nullptr : slope_ + row * stride_;
         const Activation activation = finishes_ ? activation_ : Activation::none;
         finish_block<block_rows, width>(
-            Activated<Sum, Out>{sums_.data(), width, c, slope, stride_, height, columns_},
-            vectors * panel_width<Sum>() / 2, activation);
+            Activated<T>{sums_.data(), width, c, slope, stride_, height, columns_},
+            vectors * panel_width<T>() / 2, activation);
     }
 
-    static constexpr std::int64_t width = most_columns<Operands>;
+    static constexpr std::int64_t width = most_columns<T>;
 
-    Out* c_;
+    T* c_;
     std::int64_t stride_;
-    const Element* panel_;
-    const Element* next_panel_;  ///< this one if it is the last
-    std::int64_t panel_stride_;  ///< between words
+    const T* panel_;
+    const T* next_panel_;  ///< this one if it is the last
+    std::int64_t panel_stride_;
     std::int64_t columns_;
-    Sum* slope_;
+    T* slope_;
     Activation activation_;
     bool adds_;      ///< adds the product to the values in c
     bool finishes_;  ///< the sum is complete afterwards
     bool direct_;    ///< the panel's blocks can use c directly
-    const Sum* bias_;
-    std::array<Sum, static_cast<std::size_t>(width)> padded_bias_;
-    alignas(HWY_MAX_BYTES) std::array<Sum, static_cast<std::size_t>(block_rows* width)> sums_{};
+    const T* bias_;
+    std::array<T, static_cast<std::size_t>(width)> padded_bias_;
+    alignas(HWY_MAX_BYTES) std::array<T, static_cast<std::size_t>(block_rows* width)> sums_{};
 };
 
-template <class Operands, class Out, class Element, class Sum>
-void multiply(Out* c, std::int64_t stride, const LeftMatrix<Element>& left, std::int64_t m,
-              const PackedMatrix<Element>& right, const Epilogue<Sum>& epilogue) {
-    constexpr std::int64_t length = Operands::word_length;
+template <class T>
+void multiply(T* c, std::int64_t stride, const LeftMatrix<T>& left, std::int64_t m,
+              const PackedMatrix<T>& right, const Epilogue<T>& epilogue) {
     const std::int64_t k = right.inner_length();
-    // Results of 16 bits cannot hold partial sums, so they need the whole sum at once.
-    const std::int64_t piece =
-        std::is_same_v<Out, Sum> ? inner_block * length : std::max<std::int64_t>(k, 1);
-    const std::int64_t most_rows = row_block<Sum>(k, right.columns());
-    constexpr bool widens = !std::is_same_v<typename Operands::Left, Element>;
+    const std::int64_t most_rows = row_block<T>(k, right.columns());
     // Copying pays if several panels read the copy.
     const bool copies =
-        widens || k % length != 0 ||
-        (left.inner_stride != 1 && (left.row_stride != 1 || right.columns() > most_unpacked));
-    typename Operands::Left* copy = nullptr;
+        left.inner_stride != 1 && (left.row_stride != 1 || right.columns() > most_unpacked);
+    T* copy = nullptr;
     if (copies) {
         const std::int64_t rows = chunk_count(std::min(m, most_rows), block_rows) * block_rows;
-        copy = scratch_of_thread<typename Operands::Left>(
-            static_cast<std::size_t>(rows * chunk_count(std::min(piece, k), length) * length));
+        copy = scratch_of_thread<T>(static_cast<std::size_t>(rows * std::min(inner_block, k)));
     }
     for (std::int64_t row = 0; row < m; row += most_rows) {
         const std::int64_t rows = std::min(most_rows, m - row);
         // At least once, so that an empty sum gets its epilogue.
         std::int64_t inner = 0;
         do {
-            const std::int64_t elements = std::min(piece, k - inner);
-            const LeftMatrix<Element> part{
-                left.data + row * left.row_stride + inner * left.inner_stride, left.row_stride,
-                left.inner_stride};
-            const LeftPiece<Operands> words = [&] {
-                if constexpr (!widens) {
-                    if (!copies)
-                        return LeftPiece<Operands>{part.data, part.row_stride,
-                                                   part.inner_stride * length,
-                                                   block_rows * part.row_stride, elements / length};
-                }
-                if constexpr (has_sixteen_bits<Element>) {
-                    return copy_rows<Operands>(copy, part, rows, elements);
-                } else {
-                    return copy_left(copy, part, rows, elements);
-                }
-            }();
+            const std::int64_t elements = std::min(inner_block, k - inner);
+            const LeftMatrix<T> part{left.data + row * left.row_stride + inner * left.inner_stride,
+                                     left.row_stride, left.inner_stride};
+            const LeftPiece<T> piece =
+                copies ? copy_left(copy, part, rows, elements)
+                       : LeftPiece<T>{part.data, part.row_stride, part.inner_stride,
+                                      block_rows * part.row_stride, elements};
             for (std::int64_t column = 0; column < right.columns(); column += right.panel_width()) {
-                Epilogue<Sum> of_columns = epilogue;
+                Epilogue<T> of_columns = epilogue;
                 if (epilogue.bias != nullptr) of_columns.bias += column;
                 if (epilogue.slope != nullptr) of_columns.slope += row * stride + column;
                 const std::int64_t index = column / right.panel_width(),
                                    first = inner * right.inner_stride();
                 const bool last = column + right.panel_width() >= right.columns();
-                PanelProduct<Operands, Out>(
-                    c + row * stride + column, stride, right.panel(index) + first,
-                    right.panel(last ? index : index + 1) + first, right.inner_stride() * length,
-                    std::min(right.panel_width(), right.columns() - column), of_columns, inner == 0,
-                    inner + elements == k)
-                    .multiply(words, rows);
+                PanelProduct<T>(c + row * stride + column, stride, right.panel(index) + first,
+                                right.panel(last ? index : index + 1) + first, right.inner_stride(),
+                                std::min(right.panel_width(), right.columns() - column), of_columns,
+                                inner == 0, inner + elements == k)
+                    .multiply(piece, rows);
             }
             inner += elements;
         } while (inner < k);
@@ -335,54 +260,12 @@ void multiply_float(float* c, std::int64_t stride, const LeftMatrix<float>& left
             return;
         }
     }
-    multiply<Numbers<float>>(c, stride, left, m, right, epilogue);
+    multiply(c, stride, left, m, right, epilogue);
 }
 
 void multiply_double(double* c, std::int64_t stride, const LeftMatrix<double>& left, std::int64_t m,
                      const PackedMatrix<double>& right, const Epilogue<double>& epilogue) {
-    multiply<Numbers<double>>(c, stride, left, m, right, epilogue);
-}
-
-template <class Out>
-void multiply_pairs(Out* c, std::int64_t stride, const LeftMatrix<BFloat16>& left, std::int64_t m,
-                    const PackedMatrix<BFloat16>& right, const Epilogue<float>& epilogue) {
-    multiply<Pairs>(c, stride, left, m, right, epilogue);
-}
-
-void multiply_pairs_to_float(float* c, std::int64_t stride, const LeftMatrix<BFloat16>& left,
-                             std::int64_t m, const PackedMatrix<BFloat16>& right,
-                             const Epilogue<float>& epilogue) {
-    multiply_pairs(c, stride, left, m, right, epilogue);
-}
-
-void multiply_pairs_to_bfloat16(BFloat16* c, std::int64_t stride, const LeftMatrix<BFloat16>& left,
-                                std::int64_t m, const PackedMatrix<BFloat16>& right,
-                                const Epilogue<float>& epilogue) {
-    multiply_pairs(c, stride, left, m, right, epilogue);
-}
-
-template <class Out>
-void multiply_halves(Out* c, std::int64_t stride, const LeftMatrix<Float16>& left, std::int64_t m,
-                     const PackedMatrix<Float16>& right, const Epilogue<float>& epilogue) {
-    if constexpr (HWY_MAX_BYTES == 64) {
-        if (multiplies_float16()) {
-            multiply<HalfPairs>(c, stride, left, m, right, epilogue);
-            return;
-        }
-    }
-    multiply<Halves>(c, stride, left, m, right, epilogue);
-}
-
-void multiply_halves_to_float(float* c, std::int64_t stride, const LeftMatrix<Float16>& left,
-                              std::int64_t m, const PackedMatrix<Float16>& right,
-                              const Epilogue<float>& epilogue) {
-    multiply_halves(c, stride, left, m, right, epilogue);
-}
-
-void multiply_halves_to_float16(Float16* c, std::int64_t stride, const LeftMatrix<Float16>& left,
-                                std::int64_t m, const PackedMatrix<Float16>& right,
-                                const Epilogue<float>& epilogue) {
-    multiply_halves(c, stride, left, m, right, epilogue);
+    multiply(c, stride, left, m, right, epilogue);
 }
 
 std::int64_t panel_bytes() {
@@ -397,10 +280,6 @@ namespace stymo::kernels {
 
 HWY_EXPORT(multiply_float);
 HWY_EXPORT(multiply_double);
-HWY_EXPORT(multiply_pairs_to_float);
-HWY_EXPORT(multiply_pairs_to_bfloat16);
-HWY_EXPORT(multiply_halves_to_float);
-HWY_EXPORT(multiply_halves_to_float16);
 HWY_EXPORT(panel_bytes);
 
 namespace {
@@ -454,27 +333,6 @@ void pack_panel(T* to, const T* from, std::int64_t k, std::int64_t columns, std:
     }
 }
 
-void pack_panel(BFloat16* to, const float* from, std::int64_t k, std::int64_t columns,
-                std::int64_t width, std::int64_t inner_stride, std::int64_t column_stride) {
-    std::fill_n(to, chunk_count(k, 2) * 2 * width, BFloat16());
-    for (std::int64_t i = 0; i < k; ++i) {
-        for (std::int64_t j = 0; j < columns; ++j)
-            to[i / 2 * 2 * width + 2 * j + i % 2] =
-                rounded_to_bfloat16(from[i * inner_stride + j * column_stride]);
-    }
-}
-
-void pack_panel(Float16* to, const float* from, std::int64_t k, std::int64_t columns,
-                std::int64_t width, std::int64_t inner_stride, std::int64_t column_stride) {
-    std::fill_n(to, chunk_count(k, 2) * 2 * width, Float16());
-    const bool in_pairs = width == float16_columns && multiplies_float16();
-    for (std::int64_t i = 0; i < k; ++i) {
-        for (std::int64_t j = 0; j < columns; ++j)
-            to[in_pairs ? float16_panel_index(i, j) : i * width + j] =
-                rounded_to_float16(from[i * inner_stride + j * column_stride]);
-    }
-}
-
 template <class T>
 std::int64_t panel_width_of() {
     return HWY_DYNAMIC_DISPATCH(panel_bytes)() / static_cast<std::int64_t>(sizeof(T));
@@ -483,11 +341,10 @@ std::int64_t panel_width_of() {
 }  // namespace
 
 template <class T>
-PackedMatrix<T>::PackedMatrix(const Source* b, std::int64_t k, std::int64_t n,
-                              std::int64_t inner_stride, std::int64_t column_stride)
-    : k_(k), n_(n), panel_width_(panel_width_of<Source>()), inner_stride_(panel_width_) {
-    constexpr std::int64_t word_length = has_sixteen_bits<T> ? 2 : 1;
-    panel_size_ = chunk_count(k, word_length) * word_length * panel_width_;
+PackedMatrix<T>::PackedMatrix(const T* b, std::int64_t k, std::int64_t n, std::int64_t inner_stride,
+                              std::int64_t column_stride)
+    : k_(k), n_(n), panel_width_(panel_width_of<T>()), inner_stride_(panel_width_) {
+    panel_size_ = k * panel_width_;
     if constexpr (std::is_same_v<T, float>) {
         parts_ = tile_parts(k, panel_width_);
         if (parts_ > 0)
@@ -509,13 +366,11 @@ PackedMatrix<T>::PackedMatrix(const Source* b, std::int64_t k, std::int64_t n,
                             column_stride);
             if (parts_ > 0) return;
         }
-        if constexpr (std::is_same_v<T, Source>) {
-            if (column_stride == 1) {
-                pack_rows(Panels<T>{panels + begin * panel_size_, k, panel_width_, panel_size_},
-                          b + begin * panel_width_,
-                          std::min(n, end * panel_width_) - begin * panel_width_, inner_stride);
-                return;
-            }
+        if (column_stride == 1) {
+            pack_rows(Panels<T>{panels + begin * panel_size_, k, panel_width_, panel_size_},
+                      b + begin * panel_width_,
+                      std::min(n, end * panel_width_) - begin * panel_width_, inner_stride);
+            return;
         }
         for (std::int64_t index = begin; index < end; ++index) {
             const std::int64_t first = index * panel_width_;
@@ -534,7 +389,7 @@ PackedMatrix<T> PackedMatrix<T>::in_place(const T* b, std::int64_t k, std::int64
     PackedMatrix view;
     view.k_ = k;
     view.n_ = n;
-    view.panel_width_ = view.panel_size_ = panel_width_of<Source>();
+    view.panel_width_ = view.panel_size_ = panel_width_of<T>();
     view.inner_stride_ = inner_stride;
     view.panels_ = b;
     return view;
@@ -549,13 +404,11 @@ PackedMatrix<T> PackedMatrix<T>::of_panels(const T* panels, std::int64_t k, std:
 
 template <class T>
 std::int64_t PackedMatrix<T>::usual_panel_width() {
-    return panel_width_of<Source>();
+    return panel_width_of<T>();
 }
 
 template class PackedMatrix<float>;
 template class PackedMatrix<double>;
-template class PackedMatrix<BFloat16>;
-template class PackedMatrix<Float16>;
 
 namespace {
 
@@ -596,30 +449,6 @@ void multiply_packed(double* c, std::int64_t row_stride, const LeftMatrix<double
                      std::int64_t m, const PackedMatrix<double>& right,
                      const Epilogue<double>& epilogue) {
     HWY_DYNAMIC_DISPATCH(multiply_double)(c, row_stride, left, m, right, epilogue);
-}
-
-void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<BFloat16>& left,
-                     std::int64_t m, const PackedMatrix<BFloat16>& right,
-                     const Epilogue<float>& epilogue) {
-    HWY_DYNAMIC_DISPATCH(multiply_pairs_to_float)(c, row_stride, left, m, right, epilogue);
-}
-
-void multiply_packed(BFloat16* c, std::int64_t row_stride, const LeftMatrix<BFloat16>& left,
-                     std::int64_t m, const PackedMatrix<BFloat16>& right,
-                     const Epilogue<float>& epilogue) {
-    HWY_DYNAMIC_DISPATCH(multiply_pairs_to_bfloat16)(c, row_stride, left, m, right, epilogue);
-}
-
-void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<Float16>& left,
-                     std::int64_t m, const PackedMatrix<Float16>& right,
-                     const Epilogue<float>& epilogue) {
-    HWY_DYNAMIC_DISPATCH(multiply_halves_to_float)(c, row_stride, left, m, right, epilogue);
-}
-
-void multiply_packed(Float16* c, std::int64_t row_stride, const LeftMatrix<Float16>& left,
-                     std::int64_t m, const PackedMatrix<Float16>& right,
-                     const Epilogue<float>& epilogue) {
-    HWY_DYNAMIC_DISPATCH(multiply_halves_to_float16)(c, row_stride, left, m, right, epilogue);
 }
 
 }  // namespace stymo::kernels

@@ -3,7 +3,6 @@
 #include <bit>
 #include <cstdint>
 #include <memory>
-#include <type_traits>
 
 #include "core/op_options.h"
 
@@ -29,42 +28,25 @@ struct BFloat16 {
     return {static_cast<std::uint16_t>((x == x ? rounded : quiet) >> 16)};
 }
 
-/// IEEE binary16.
-struct Float16 {
-    std::uint16_t bits = 0;
-};
-inline constexpr float largest_float16 = 65504.0F;
-
-[[nodiscard]] float widened(Float16 x);
-/// Rounds to nearest even. Numbers that round to more than `largest_float16` become infinity; a NaN
-/// stays a NaN.
-[[nodiscard]] Float16 rounded_to_float16(float x);
-
-template <class T>
-inline constexpr bool has_sixteen_bits = std::is_same_v<T, BFloat16> || std::is_same_v<T, Float16>;
-
 /// The right operand (k, n) of a product in the memory layout of the product. It is worth keeping
-/// for several products. T is float, double, BFloat16 or Float16; the 16-bit types are rounded from
-/// float.
+/// for several products. T: float, double.
 template <class T>
 class PackedMatrix {
 public:
-    using Source = std::conditional_t<has_sixteen_bits<T>, float, T>;
-
     PackedMatrix() = default;
     /// Packs the matrix with element (i, j) = b[i * inner_stride + j * column_stride]. One of the
     /// strides must be 1. A large matrix is packed by several threads.
-    PackedMatrix(const Source* b, std::int64_t k, std::int64_t n, std::int64_t inner_stride,
+    PackedMatrix(const T* b, std::int64_t k, std::int64_t n, std::int64_t inner_stride,
                  std::int64_t column_stride);
 
     /// Views b, whose rows are `inner_stride` apart, without packing it: for products with so few
     /// rows that packing would cost more than it saves. n must be a multiple of
-    /// `usual_panel_width()`. Not for 16-bit types. b must outlive the view.
+    /// `usual_panel_width()`. b must outlive the view.
     [[nodiscard]] static PackedMatrix in_place(const T* b, std::int64_t k, std::int64_t n,
                                                std::int64_t inner_stride);
 
-    /// Views panels that already have the layout of `panel()`, one after the other. Not for 16-bit
-    /// types. The panels must outlive the view.
+    /// Views panels that already have the layout of `panel()`, one after the other. They must
+    /// outlive the view.
     [[nodiscard]] static PackedMatrix of_panels(const T* panels, std::int64_t k, std::int64_t n);
     /// Columns of a panel on this processor.
     [[nodiscard]] static std::int64_t usual_panel_width();
@@ -74,9 +56,7 @@ public:
     [[nodiscard]] std::int64_t panel_width() const { return panel_width_; }
     [[nodiscard]] std::int64_t inner_stride() const { return inner_stride_; }
     /// All k rows of `panel_width()` columns, `inner_stride()` apart. Packed panels are contiguous,
-    /// 64-byte aligned, and zero beyond column n. For BFloat16, rows 2i and 2i + 1 are interleaved;
-    /// if k is odd, the last row is interleaved with zeros. The layout of Float16 depends on the
-    /// processor (core/kernels/float16_product.h).
+    /// 64-byte aligned, and zero beyond column n.
     [[nodiscard]] const T* panel(std::int64_t index) const { return panels_ + index * panel_size_; }
     /// Number of BFloat16 parts of each number if panels are split for products on tiles
     /// (core/kernels/tile_split.h), else 0. If it is not 0, `split_panel()` replaces `panel()`.
@@ -99,7 +79,7 @@ private:
 };
 
 /// Left operand (m, k): element (row, i) is data[row * row_stride + i * inner_stride]. One of the
-/// strides must be 1; for 16-bit types, the inner one.
+/// strides must be 1.
 template <class T>
 struct LeftMatrix {
     const T* data;
@@ -123,21 +103,5 @@ struct Epilogue {
 template <class T>
 void multiply_packed(T* c, std::int64_t row_stride, const LeftMatrix<T>& left, std::int64_t m,
                      const PackedMatrix<T>& right, const Epilogue<T>& epilogue = {});
-/// BFloat16 operands and float32 sums. The result is float32 or rounded to BFloat16.
-void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<BFloat16>& left,
-                     std::int64_t m, const PackedMatrix<BFloat16>& right,
-                     const Epilogue<float>& epilogue = {});
-void multiply_packed(BFloat16* c, std::int64_t row_stride, const LeftMatrix<BFloat16>& left,
-                     std::int64_t m, const PackedMatrix<BFloat16>& right,
-                     const Epilogue<float>& epilogue = {});
-/// Float16 operands. The result is float32 or rounded to Float16. Sums are float32. With
-/// AVX-512-FP16, few products at a time are summed in half precision, so few that the error stays
-/// below that of operands rounded to BFloat16, and these sums are added in float32.
-void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<Float16>& left,
-                     std::int64_t m, const PackedMatrix<Float16>& right,
-                     const Epilogue<float>& epilogue = {});
-void multiply_packed(Float16* c, std::int64_t row_stride, const LeftMatrix<Float16>& left,
-                     std::int64_t m, const PackedMatrix<Float16>& right,
-                     const Epilogue<float>& epilogue = {});
 
 }  // namespace stymo::kernels

@@ -63,7 +63,7 @@ struct TileSums {
         multiply_tiles(row_tiles, column_tiles, block);
         if (block.sums != sums.data()) return;
         finish_block<tile_block, tile_block>(
-            Activated<float, float>{sums.data(), tile_block, c, slope, stride, rows, columns},
+            Activated<float>{sums.data(), tile_block, c, slope, stride, rows, columns},
             column_tiles * tile_block / 2, activation);
     }
 };

@@ -46,19 +46,19 @@ Tensor upsampled(const Tensor& x, const Tensor& detail) {
         const auto source = [&](std::int64_t beside) {
             const std::int64_t at =
                 image * height + std::clamp<std::int64_t>(row + beside, 0, height - 1);
-            return kernels::DetailedRow<float>{0, width, features + at * width * channels,
-                                               details + at * width * subpixels * channels};
+            return kernels::DetailedRow{0, width, features + at * width * channels,
+                                        details + at * width * subpixels * channels};
         };
         const std::int64_t size = 2 * width * channels;
         float* const upper = out + (image * height + row) * 2 * size;
-        kernels::blur_upsampled_rows(kernels::RowUpsampling<float>{
-            source(-1),
-            source(0),
-            source(1),
-            {kernels::UpsampledRow<float>{0, 2 * width, upper},
-             kernels::UpsampledRow<float>{0, 2 * width, upper + size}},
-            width,
-            channels});
+        kernels::blur_upsampled_rows(
+            kernels::RowUpsampling{source(-1),
+                                   source(0),
+                                   source(1),
+                                   {kernels::UpsampledRow{0, 2 * width, upper},
+                                    kernels::UpsampledRow{0, 2 * width, upper + size}},
+                                   width,
+                                   channels});
     });
     return y;
 }

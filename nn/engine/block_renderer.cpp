@@ -10,7 +10,6 @@
 #include "core/parallel.h"
 #include "nn/engine/block_step.h"
 #include "nn/engine/buffer_pool.h"
-#include "nn/engine/colors.h"
 
 namespace stymo {
 namespace {
@@ -22,55 +21,42 @@ constexpr std::int64_t strip_rows = 32, least_strip_rows = 4;
 }  // namespace
 
 struct BlockRenderer::State {
-    virtual ~State() = default;
-    virtual void set_style(std::span<const FoldedRenderBlock> blocks) = 0;
-    virtual void set_feature_map(std::span<const float> feature_map,
-                                 std::span<const std::uint8_t> occupied) = 0;
-    virtual void render(std::span<float> image, std::span<float> mask,
-                        const std::stop_token& stop) = 0;
+    State(std::span<const FoldedRenderBlock> folded, const std::optional<FoldedMaskBranch>& mask,
+          std::int64_t rays_per_side);
+    void set_style(std::span<const FoldedRenderBlock> folded);
+    void set_feature_map(std::span<const float> feature_map,
+                         std::span<const std::uint8_t> occupied);
+    void render(std::span<float> image, std::span<float> mask, const std::stop_token& stop);
 
     BlockCounts counts;
-};
-
-template <class T>
-struct BlockRenderer::TypedState final : State {
-    TypedState(std::span<const FoldedRenderBlock> folded,
-               const std::optional<FoldedMaskBranch>& mask, std::int64_t rays_per_side);
-    void set_style(std::span<const FoldedRenderBlock> folded) override;
-    void set_feature_map(std::span<const float> feature_map,
-                         std::span<const std::uint8_t> occupied) override;
-    void render(std::span<float> image, std::span<float> mask,
-                const std::stop_token& stop) override;
 
 private:
     struct Strip {
         std::int64_t begin;  ///< rows before upsampling
         std::int64_t end;
     };
-    [[nodiscard]] BlockStep<T> step(std::size_t i);
+    [[nodiscard]] BlockStep step(std::size_t i);
     void find_pixels();
     void cut_strips();
     void allocate();
     void draw_backgrounds();
     void keep_first_upsample();
 
-    std::vector<PackedBlock<T>> blocks_;
-    std::vector<BlockImage<T>> images_;  ///< before each block, and after the last
+    std::vector<PackedBlock> blocks_;
+    std::vector<BlockImage> images_;  ///< before each block, and after the last
     std::vector<std::vector<Strip>> strips_;
     Canvas canvas_;
     float logit_bias_ = 0.0F;
     bool backgrounds_known_ = false;
     bool first_upsample_kept_ = false;
-    AlignedVector<T> first_detail_;
-    AlignedVector<T> first_blurred_;  ///< of the pixels in images_[1].occupied
+    AlignedVector<float> first_detail_;
+    AlignedVector<float> first_blurred_;  ///< of the pixels in images_[1].occupied
     std::vector<float> no_difference_;
-    BufferPool<StripBuffers<T>> buffers_;
+    BufferPool<StripBuffers> buffers_;
 };
 
-template <class T>
-BlockRenderer::TypedState<T>::TypedState(std::span<const FoldedRenderBlock> folded,
-                                         const std::optional<FoldedMaskBranch>& mask,
-                                         std::int64_t rays_per_side)
+BlockRenderer::State::State(std::span<const FoldedRenderBlock> folded,
+                            const std::optional<FoldedMaskBranch>& mask, std::int64_t rays_per_side)
     : images_(folded.size() + 1), strips_(folded.size()) {
     for (std::size_t i = 0; i < folded.size(); ++i)
         blocks_.emplace_back(folded[i], mask ? &mask->laterals[i] : nullptr);
@@ -87,13 +73,11 @@ BlockRenderer::TypedState<T>::TypedState(std::span<const FoldedRenderBlock> fold
     }
 }
 
-template <class T>
-BlockStep<T> BlockRenderer::TypedState<T>::step(std::size_t i) {
+BlockStep BlockRenderer::State::step(std::size_t i) {
     return {blocks_[i], images_[i], images_[i + 1], canvas_, i == 0, i + 1 == blocks_.size()};
 }
 
-template <class T>
-void BlockRenderer::TypedState<T>::set_style(std::span<const FoldedRenderBlock> folded) {
+void BlockRenderer::State::set_style(std::span<const FoldedRenderBlock> folded) {
     if (folded.size() < blocks_.size())
         fail<ShapeError>("render blocks: style for ", folded.size(), " blocks, expected ",
                          blocks_.size());
@@ -101,10 +85,9 @@ void BlockRenderer::TypedState<T>::set_style(std::span<const FoldedRenderBlock> 
     backgrounds_known_ = false;
 }
 
-template <class T>
-void BlockRenderer::TypedState<T>::set_feature_map(std::span<const float> feature_map,
-                                                   std::span<const std::uint8_t> occupied) {
-    BlockImage<T>& image = images_[0];
+void BlockRenderer::State::set_feature_map(std::span<const float> feature_map,
+                                           std::span<const std::uint8_t> occupied) {
+    BlockImage& image = images_[0];
     const std::int64_t side = image.side, channels = blocks_[0].in();
     if (std::ssize(feature_map) != side * side * channels || std::ssize(occupied) != side * side) {
         fail<ShapeError>("render blocks: expected ", side * side, " rays of ", channels,
@@ -117,22 +100,19 @@ void BlockRenderer::TypedState<T>::set_feature_map(std::span<const float> featur
     grow(image.features, side * side * channels);
     for (std::int64_t y = 0; y < side; ++y) {
         const PixelRow& row = image.read[y];
-        kernels::narrow(image.features.data() + row.offset * channels,
-                        feature_map.data() + (y * side + row.begin) * channels,
-                        row.size() * channels);
+        std::copy_n(feature_map.data() + (y * side + row.begin) * channels, row.size() * channels,
+                    image.features.data() + row.offset * channels);
     }
     // If no ray is empty, the background is shown nowhere and may have any value.
     const auto empty = std::ranges::find(occupied, 0) - occupied.begin();
     const std::int64_t ray = empty < side * side ? empty : 0;
     image.background.features.resize(static_cast<std::size_t>(channels));
-    kernels::narrow(image.background.features.data(), feature_map.data() + ray * channels,
-                    channels);
+    std::copy_n(feature_map.data() + ray * channels, channels, image.background.features.data());
     backgrounds_known_ = false;
     first_upsample_kept_ = false;
 }
 
-template <class T>
-void BlockRenderer::TypedState<T>::find_pixels() {
+void BlockRenderer::State::find_pixels() {
     counts.pixels_computed = 0;
     for (std::size_t i = 0; i < blocks_.size(); ++i) {
         images_[i].read.set_read(images_[i].occupied);
@@ -143,8 +123,7 @@ void BlockRenderer::TypedState<T>::find_pixels() {
 }
 
 /// Cuts each block into strips of whole rows with nearly equal work.
-template <class T>
-void BlockRenderer::TypedState<T>::cut_strips() {
+void BlockRenderer::State::cut_strips() {
     for (std::size_t i = 0; i < blocks_.size(); ++i) {
         const PixelRows& pixels = images_[i + 1].occupied;
         const std::int64_t side = images_[i].side,
@@ -168,31 +147,29 @@ void BlockRenderer::TypedState<T>::cut_strips() {
 
 /// Allocates for an image without empty rays and for all threads, so that no later frame needs more
 /// memory.
-template <class T>
-void BlockRenderer::TypedState<T>::allocate() {
+void BlockRenderer::State::allocate() {
     for (std::size_t i = 1; i < blocks_.size(); ++i) {
-        BlockImage<T>& image = images_[i];
+        BlockImage& image = images_[i];
         grow(image.features, image.side * image.side * blocks_[i].in());
         grow(image.rgb, image.side * image.side * colors);
         if (!canvas_.mask.empty())
             grow(image.mask, image.side * image.side * std::ssize(canvas_.logit_weight));
     }
-    const PackedBlock<T>& first = blocks_[0];
+    const PackedBlock& first = blocks_[0];
     grow(first_detail_, images_[0].side * images_[0].side * 4 * first.in());
     grow(first_blurred_, images_[1].side * images_[1].side * first.in());
-    buffers_.fill(thread_count(), [this](StripBuffers<T>& buffers) {
+    buffers_.fill(thread_count(), [this](StripBuffers& buffers) {
         for (std::size_t i = 0; i < blocks_.size(); ++i) step(i).prepare(buffers);
     });
 }
 
-template <class T>
-void BlockRenderer::TypedState<T>::draw_backgrounds() {
+void BlockRenderer::State::draw_backgrounds() {
     std::array<float, colors> rgb{};
     canvas_.background_logit = logit_bias_;
-    std::unique_ptr<StripBuffers<T>> buffers = buffers_.take();
+    std::unique_ptr<StripBuffers> buffers = buffers_.take();
     for (std::size_t i = 0; i < blocks_.size(); ++i) {
         step(i).run_background(*buffers);
-        const Background<T>& background = images_[i + 1].background;
+        const Background& background = images_[i + 1].background;
         for (std::size_t c = 0; c < colors; ++c)
             rgb[c] += background.rgb[c] + blocks_[i].rgb_bias[c];
         for (std::size_t c = 0; c < background.mask.size(); ++c)
@@ -213,8 +190,7 @@ void BlockRenderer::TypedState<T>::draw_backgrounds() {
 }
 
 /// Computes the part of the first block that does not depend on the style, for the whole image.
-template <class T>
-void BlockRenderer::TypedState<T>::keep_first_upsample() {
+void BlockRenderer::State::keep_first_upsample() {
     constexpr std::int64_t pixels_at_once = 60, rows_at_once = 2;
     parallel_for(
         images_[0].read.pixels(), pixels_at_once, [this](std::int64_t begin, std::int64_t end) {
@@ -223,7 +199,7 @@ void BlockRenderer::TypedState<T>::keep_first_upsample() {
                                     images_[0].features.data() + begin * channels, end - begin);
         });
     parallel_for(images_[0].side, rows_at_once, [this](std::int64_t begin, std::int64_t end) {
-        std::unique_ptr<StripBuffers<T>> buffers = buffers_.take();
+        std::unique_ptr<StripBuffers> buffers = buffers_.take();
         const std::int64_t channels = blocks_[0].in();
         for (std::int64_t row = std::max<std::int64_t>(begin - 1, 0);
              row < std::min(end + 1, images_[0].side); ++row) {
@@ -240,9 +216,8 @@ void BlockRenderer::TypedState<T>::keep_first_upsample() {
     first_upsample_kept_ = true;
 }
 
-template <class T>
-void BlockRenderer::TypedState<T>::render(std::span<float> image, std::span<float> mask,
-                                          const std::stop_token& stop) {
+void BlockRenderer::State::render(std::span<float> image, std::span<float> mask,
+                                  const std::stop_token& stop) {
     if (images_[0].background.features.empty())
         fail<ValueError>("render blocks: no feature map to render");
     if (!mask.empty() && canvas_.logit_weight.empty())
@@ -263,7 +238,7 @@ void BlockRenderer::TypedState<T>::render(std::span<float> image, std::span<floa
         const auto run_strip = [&](std::int64_t index, std::int64_t) {
             if (stop.stop_requested()) return;
             const Strip& strip = strips_[i][static_cast<std::size_t>(index)];
-            std::unique_ptr<StripBuffers<T>> buffers = buffers_.take();
+            std::unique_ptr<StripBuffers> buffers = buffers_.take();
             if (i == 0) {
                 step(0).run_blurred(strip.begin, strip.end, first_blurred_, *buffers);
             } else {
@@ -277,22 +252,14 @@ void BlockRenderer::TypedState<T>::render(std::span<float> image, std::span<floa
 
 BlockRenderer::BlockRenderer(std::span<const FoldedRenderBlock> blocks,
                              const std::optional<FoldedMaskBranch>& mask,
-                             std::int64_t rays_per_side, std::int64_t resolution,
-                             Precision precision) {
+                             std::int64_t rays_per_side, std::int64_t resolution) {
     std::size_t count = 0;
     while (count < blocks.size() && rays_per_side << count < resolution) ++count;
     if (count == 0 || rays_per_side << count != resolution) {
         fail<ValueError>("render blocks: ", blocks.size(), " upsampling of ", rays_per_side,
                          " rays do not give ", resolution, " pixels");
     }
-    blocks = blocks.first(count);
-    if (precision == Precision::float32) {
-        state_ = std::make_unique<TypedState<float>>(blocks, mask, rays_per_side);
-    } else if (precision == Precision::float16) {
-        state_ = std::make_unique<TypedState<kernels::Float16>>(blocks, mask, rays_per_side);
-    } else {
-        state_ = std::make_unique<TypedState<kernels::BFloat16>>(blocks, mask, rays_per_side);
-    }
+    state_ = std::make_unique<State>(blocks.first(count), mask, rays_per_side);
 }
 BlockRenderer::~BlockRenderer() = default;
 BlockRenderer::BlockRenderer(BlockRenderer&&) noexcept = default;

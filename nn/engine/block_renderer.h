@@ -6,7 +6,6 @@
 #include <span>
 #include <stop_token>
 
-#include "nn/engine/precision.h"
 #include "nn/layers/mask_branch.h"
 #include "nn/layers/render_block.h"
 
@@ -34,7 +33,7 @@ public:
     /// is not `rays_per_side` doubled at least once and at most as often as there are blocks.
     BlockRenderer(std::span<const FoldedRenderBlock> blocks,
                   const std::optional<FoldedMaskBranch>& mask, std::int64_t rays_per_side,
-                  std::int64_t resolution, Precision precision);
+                  std::int64_t resolution);
     ~BlockRenderer();
     BlockRenderer(BlockRenderer&&) noexcept;
 
@@ -58,8 +57,6 @@ public:
 
 private:
     struct State;
-    template <class T>
-    struct TypedState;
     std::unique_ptr<State> state_;
 };
 

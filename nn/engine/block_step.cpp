@@ -14,17 +14,16 @@ constexpr std::int64_t detail_bytes = 256 << 10;
 
 }  // namespace
 
-template <class T>
-std::int64_t BlockStep<T>::detail_pixels() const {
-    const std::int64_t pixel_bytes = 4 * block.in() * static_cast<std::int64_t>(sizeof(T));
+std::int64_t BlockStep::detail_pixels() const {
+    const std::int64_t pixel_bytes = 4 * block.in() * static_cast<std::int64_t>(sizeof(float));
     return std::max(2 * below.side, detail_bytes / pixel_bytes);
 }
 
-template <class T>
-void BlockStep<T>::prepare(StripBuffers<T>& buffers) const {
+void BlockStep::prepare(StripBuffers& buffers) const {
     const auto mask_channels = static_cast<std::int64_t>(canvas.logit_weight.size());
     const std::int64_t pixels = batch_pixels();
-    for (AlignedVector<T>& detail : buffers.detail) grow(detail, detail_pixels() * 4 * block.in());
+    for (AlignedVector<float>& detail : buffers.detail)
+        grow(detail, detail_pixels() * 4 * block.in());
     grow(buffers.detail_rows, below.side);
     grow(buffers.blurred, pixels * block.in());
     grow(buffers.hidden, pixels * block.out());
@@ -35,13 +34,12 @@ void BlockStep<T>::prepare(StripBuffers<T>& buffers) const {
     grow(buffers.mask_row, above.side * mask_channels);
 }
 
-template <class T>
-void BlockStep<T>::run_background(StripBuffers<T>& buffers) const {
-    const AlignedVector<T>& features = below.background.features;
-    Background<T>& background = above.background;
+void BlockStep::run_background(StripBuffers& buffers) const {
+    const AlignedVector<float>& features = below.background.features;
+    Background& background = above.background;
     block.detail.apply(buffers.detail[0].data(), features.data(), 1);
-    const kernels::DetailedRow<T> pixel{0, 1, features.data(), buffers.detail[0].data()};
-    const kernels::UpsampledRow<T> upsampled{0, 1, buffers.blurred.data()};
+    const kernels::DetailedRow pixel{0, 1, features.data(), buffers.detail[0].data()};
+    const kernels::UpsampledRow upsampled{0, 1, buffers.blurred.data()};
     kernels::blur_upsampled_rows({pixel, pixel, pixel, {upsampled, {}}, 1, block.in()});
     block.modulated0.apply(buffers.hidden.data(), buffers.blurred.data(), 1);
     background.features.resize(static_cast<std::size_t>(block.out()));
@@ -54,17 +52,16 @@ void BlockStep<T>::run_background(StripBuffers<T>& buffers) const {
         block.lateral.apply(background.mask.data(), background.features.data(), 1);
 }
 
-template <class T>
-void BlockStep<T>::blur_rows(std::int64_t row, std::span<const T* const> detail_rows,
-                             T* out) const {
+void BlockStep::blur_rows(std::int64_t row, std::span<const float* const> detail_rows,
+                          float* out) const {
     const std::int64_t channels = block.in();
     const auto detailed = [&](std::int64_t y) {
         // No pixel reads a row that is empty, so any other row may be read instead.
         if (y < 0 || y >= below.side || below.read[y].size() == 0) y = row;
         const PixelRow& pixels = below.read[y];
-        return kernels::DetailedRow<T>{pixels.begin, pixels.end,
-                                       below.features.data() + pixels.offset * channels,
-                                       detail_rows[static_cast<std::size_t>(y)]};
+        return kernels::DetailedRow{pixels.begin, pixels.end,
+                                    below.features.data() + pixels.offset * channels,
+                                    detail_rows[static_cast<std::size_t>(y)]};
     };
     const PixelRow &upper = above.occupied[2 * row], &lower = above.occupied[2 * row + 1];
     if (upper.size() + lower.size() == 0) return;
@@ -72,14 +69,13 @@ void BlockStep<T>::blur_rows(std::int64_t row, std::span<const T* const> detail_
         {detailed(row - 1),
          detailed(row),
          detailed(row + 1),
-         {kernels::UpsampledRow<T>{upper.begin, upper.end, out},
-          kernels::UpsampledRow<T>{lower.begin, lower.end, out + upper.size() * channels}},
+         {kernels::UpsampledRow{upper.begin, upper.end, out},
+          kernels::UpsampledRow{lower.begin, lower.end, out + upper.size() * channels}},
          below.side,
          channels});
 }
 
-template <class T>
-void BlockStep<T>::run(std::int64_t begin, std::int64_t end, StripBuffers<T>& buffers) const {
+void BlockStep::run(std::int64_t begin, std::int64_t end, StripBuffers& buffers) const {
     const PixelRows& pixels = above.occupied;
     const auto upsampled_size = [&](std::int64_t row) {
         return pixels[2 * row].size() + pixels[2 * row + 1].size();
@@ -115,9 +111,8 @@ void BlockStep<T>::run(std::int64_t begin, std::int64_t end, StripBuffers<T>& bu
     }
 }
 
-template <class T>
-void BlockStep<T>::run_blurred(std::int64_t begin, std::int64_t end, std::span<const T> blurred,
-                               StripBuffers<T>& buffers) const {
+void BlockStep::run_blurred(std::int64_t begin, std::int64_t end, std::span<const float> blurred,
+                            StripBuffers& buffers) const {
     const PixelRows& pixels = above.occupied;
     for (std::int64_t row = 2 * begin; row < 2 * end;) {
         const std::int64_t batch_begin = row;
@@ -130,9 +125,8 @@ void BlockStep<T>::run_blurred(std::int64_t begin, std::int64_t end, std::span<c
 }
 
 /// Computes everything after the blur for whole rows of the upsampled image.
-template <class T>
-void BlockStep<T>::finish_rows(std::int64_t begin, std::int64_t end, const T* blurred,
-                               StripBuffers<T>& buffers) const {
+void BlockStep::finish_rows(std::int64_t begin, std::int64_t end, const float* blurred,
+                            StripBuffers& buffers) const {
     const std::int64_t offset = above.occupied[begin].offset;
     const std::int64_t count =
         above.occupied[end - 1].offset + above.occupied[end - 1].size() - offset;
@@ -141,7 +135,7 @@ void BlockStep<T>::finish_rows(std::int64_t begin, std::int64_t end, const T* bl
     for (std::int64_t y = begin; y < end; ++y) {
         const PixelRow& row = above.occupied[y];
         const std::int64_t at = (row.offset - offset) * block.out();
-        T* features = last ? buffers.features.data() + at : surround_with_background(y);
+        float* features = last ? buffers.features.data() + at : surround_with_background(y);
         if (!last) block.modulated1.apply(features, buffers.hidden.data() + at, row.size());
         finish_rgb_row(y, features, buffers);
         if (canvas.mask.empty()) continue;
@@ -152,11 +146,10 @@ void BlockStep<T>::finish_rows(std::int64_t begin, std::int64_t end, const T* bl
 
 /// Fills the pixels of row y that the next block reads but that are not computed. Returns a
 /// pointer to the first computed pixel.
-template <class T>
-T* BlockStep<T>::surround_with_background(std::int64_t y) const {
+float* BlockStep::surround_with_background(std::int64_t y) const {
     const std::int64_t channels = block.out();
     const PixelRow &occupied = above.occupied[y], &read = above.read[y];
-    T* row = above.features.data() + read.offset * channels;
+    float* row = above.features.data() + read.offset * channels;
     const auto fill = [&](std::int64_t from, std::int64_t to) {
         for (; from < to; ++from)
             std::copy_n(above.background.features.data(), channels,
@@ -172,10 +165,9 @@ T* BlockStep<T>::surround_with_background(std::int64_t y) const {
 }
 
 /// Upsamples one row of the sum over the blocks below; zero where only the background is shown.
-template <class T>
-void BlockStep<T>::upsample_sum(float* to, const AlignedVector<float>& sum, std::int64_t row,
-                                std::int64_t channels, const kernels::UpsampleFilter& filter,
-                                StripBuffers<T>& buffers) const {
+void BlockStep::upsample_sum(float* to, const AlignedVector<float>& sum, std::int64_t row,
+                             std::int64_t channels, const kernels::UpsampleFilter& filter,
+                             StripBuffers& buffers) const {
     const PixelRow& shown = above.shown[row];
     if (first || shown.size() == 0) {
         std::fill_n(to, above.side * channels, 0.0F);
@@ -187,9 +179,8 @@ void BlockStep<T>::upsample_sum(float* to, const AlignedVector<float>& sum, std:
     std::fill_n(to + shown.end * channels, (above.side - shown.end) * channels, 0.0F);
 }
 
-template <class T>
-void BlockStep<T>::finish_rgb_row(std::int64_t row, const T* features,
-                                  StripBuffers<T>& buffers) const {
+void BlockStep::finish_rgb_row(std::int64_t row, const float* features,
+                               StripBuffers& buffers) const {
     const std::int64_t length = above.side * colors;
     if (last && above.shown[row].size() == 0) {
         std::copy_n(canvas.background_colors.data(), length, canvas.image.data() + row * length);
@@ -209,8 +200,7 @@ void BlockStep<T>::finish_rgb_row(std::int64_t row, const T* features,
                 image + shown.size() * colors);
 }
 
-template <class T>
-void BlockStep<T>::finish_mask_row(std::int64_t row, StripBuffers<T>& buffers) const {
+void BlockStep::finish_mask_row(std::int64_t row, StripBuffers& buffers) const {
     const auto channels = static_cast<std::int64_t>(canvas.logit_weight.size());
     if (last && above.shown[row].size() == 0) {
         std::fill_n(canvas.mask.data() + row * above.side, above.side, canvas.background_mask);
@@ -228,9 +218,5 @@ void BlockStep<T>::finish_mask_row(std::int64_t row, StripBuffers<T>& buffers) c
                       canvas.background_logit, shown.size());
     std::fill_n(mask + shown.size(), above.side - shown.end, canvas.background_mask);
 }
-
-template struct BlockStep<float>;
-template struct BlockStep<kernels::BFloat16>;
-template struct BlockStep<kernels::Float16>;
 
 }  // namespace stymo

@@ -19,13 +19,13 @@ void evaluate_points(const PackedField<T>& field, std::int64_t count, const Posi
     constexpr std::int64_t points_per_chunk = 4 * tile_points;
     parallel_for(count, points_per_chunk, [&](std::int64_t chunk_begin, std::int64_t chunk_end) {
         FieldTile<T> tile;
-        std::vector<Real<T>> points;
+        std::vector<T> points;
         for (std::int64_t begin = chunk_begin; begin < chunk_end; begin += tile_points) {
             const std::int64_t end = std::min(begin + tile_points, chunk_end);
             points.clear();
             for (std::int64_t i = begin; i < end; ++i) {
                 for (const auto coordinate : position_of(i))
-                    points.push_back(static_cast<Real<T>>(coordinate));
+                    points.push_back(static_cast<T>(coordinate));
             }
             field.evaluate(points, tile);
             store(begin, end - begin, tile);

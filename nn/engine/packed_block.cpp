@@ -29,23 +29,17 @@ FoldedLayer ordered_by_subpixel(const FoldedLayer& detail) {
 
 }  // namespace
 
-template <class T>
-PackedBlock<T>::PackedBlock(const FoldedRenderBlock& block, const FoldedLayer* mask_lateral)
+PackedBlock::PackedBlock(const FoldedRenderBlock& block, const FoldedLayer* mask_lateral)
     : detail(ordered_by_subpixel(block.detail)),
       rgb_weight(values_of<float>(block.to_rgb.weight)),
       rgb_bias(values_of<float>(block.to_rgb.bias)) {
-    if (mask_lateral != nullptr) lateral = PackedLayer<T>(*mask_lateral);
+    if (mask_lateral != nullptr) lateral = PackedLayer<float>(*mask_lateral);
     set_style(block);
 }
 
-template <class T>
-void PackedBlock<T>::set_style(const FoldedRenderBlock& block) {
-    modulated0 = PackedLayer<T>(block.modulated0);
-    modulated1 = PackedLayer<T>(block.modulated1);
+void PackedBlock::set_style(const FoldedRenderBlock& block) {
+    modulated0 = PackedLayer<float>(block.modulated0);
+    modulated1 = PackedLayer<float>(block.modulated1);
 }
-
-template struct PackedBlock<float>;
-template struct PackedBlock<kernels::BFloat16>;
-template struct PackedBlock<kernels::Float16>;
 
 }  // namespace stymo

@@ -12,15 +12,14 @@ namespace stymo {
 
 /// The weights of a folded render block and of its lateral layer of the mask branch, in the memory
 /// layout of the renderer.
-template <class T>
 struct PackedBlock {
     /// Output k * channels + c is channel c of sub-pixel k = 2 row + column.
-    PackedLayer<T> detail;
-    PackedLayer<T> modulated0;
-    PackedLayer<T> modulated1;
+    PackedLayer<float> detail;
+    PackedLayer<float> modulated0;
+    PackedLayer<float> modulated1;
     std::vector<float> rgb_weight;  ///< (3, out)
     std::vector<float> rgb_bias;
-    PackedLayer<T> lateral;  ///< empty without a mask
+    PackedLayer<float> lateral;  ///< empty without a mask
 
     PackedBlock(const FoldedRenderBlock& block, const FoldedLayer* mask_lateral);
     /// Replaces the modulated layers by those of `block`.
@@ -29,9 +28,5 @@ struct PackedBlock {
     [[nodiscard]] std::int64_t in() const { return modulated0.inputs(); }
     [[nodiscard]] std::int64_t out() const { return modulated1.outputs(); }
 };
-
-extern template struct PackedBlock<float>;
-extern template struct PackedBlock<kernels::BFloat16>;
-extern template struct PackedBlock<kernels::Float16>;
 
 }  // namespace stymo

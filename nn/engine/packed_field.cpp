@@ -1,12 +1,10 @@
 #include "nn/engine/packed_field.h"
 
 #include <algorithm>
-#include <type_traits>
 
 #include "core/kernels/sine.h"
 #include "core/parallel.h"
 #include "core/work_counts.h"
-#include "nn/engine/colors.h"
 #include "render/encoding.h"
 
 namespace stymo {
@@ -18,26 +16,6 @@ template <class T>
 constexpr std::int64_t encoding_multiple = 64 / static_cast<std::int64_t>(sizeof(T));
 /// The phases of so many points fill whole vector registers; the phases of one point do not.
 constexpr std::int64_t points_at_once = 8;
-
-template <class T>
-void store(T* to, const Real<T>* from, std::int64_t count) {
-    if constexpr (std::is_same_v<T, Real<T>>) {
-        std::copy_n(from, count, to);
-    } else {
-        kernels::narrow(to, from, count);
-    }
-}
-
-/// `x` itself, or a wider copy of it.
-template <class T>
-const Real<T>* as_real(const T* x, std::int64_t count, Real<T>* buffer) {
-    if constexpr (std::is_same_v<T, Real<T>>) {
-        return x;
-    } else {
-        kernels::widen(buffer, x, count);
-        return buffer;
-    }
-}
 
 template <class T>
 T dot(const T* row, const T* weight, std::int64_t count) {
@@ -80,10 +58,10 @@ FoldedLayer PackedField<T>::reordered(const FoldedLayer& layer, std::size_t inde
     const std::int64_t out = layer.weight.shape(0), in = layer.weight.shape(1);
     FoldedLayer result{Tensor::zeros({out, std::ssize(order)}, layer.weight.dtype()), layer.bias,
                        layer.activation};
-    const Real<T>* from = layer.weight.values<Real<T>>().data();
-    Real<T>* to = result.weight.template mutable_values<Real<T>>().data();
+    const T* from = layer.weight.values<T>().data();
+    T* to = result.weight.template mutable_values<T>().data();
     for (std::int64_t row = 0; row < out; ++row, from += in) {
-        for (const std::int64_t input : order) *to++ = input < 0 ? Real<T>(0) : from[input];
+        for (const std::int64_t input : order) *to++ = input < 0 ? T(0) : from[input];
     }
     return result;
 }
@@ -95,29 +73,29 @@ PackedField<T>::PackedField(const FoldedField& field)
       encoding_(chunk_count(encoded_channels(field.frequencies), encoding_multiple<T>) *
                 encoding_multiple<T>),
       skip_layer_(field.skip_layer),
-      density_weight_(values_of<Real<T>>(field.density.weight)),
-      density_bias_(field.density.bias.values<Real<T>>().front() - Real<T>(1)),
+      density_weight_(values_of<T>(field.density.weight)),
+      density_bias_(field.density.bias.values<T>().front() - T(1)),
       feature_(field.feature0) {
     for (std::size_t i = 0; i < field.layers.size(); ++i)
         layers_.emplace_back(reordered(field.layers[i], i));
-    if (field.feature1.weight.defined()) last_layer_ = PackedLayer<Real<T>>(field.feature1);
+    if (field.feature1.weight.defined()) last_layer_ = PackedLayer<T>(field.feature1);
 }
 
 template <class T>
-void PackedField<T>::encode(std::span<const Real<T>> points, FieldTile<T>& tile) const {
+void PackedField<T>::encode(std::span<const T> points, FieldTile<T>& tile) const {
     const std::int64_t count = static_cast<std::int64_t>(points.size()) / 3;
     const std::int64_t phase_count = 3 * frequencies_;
-    Real<T>* const phases = tile.phases.data();
-    Real<T>* const sines = phases + points_at_once * phase_count;
-    Real<T>* const cosines = sines + points_at_once * phase_count;
-    Real<T>* const row = cosines + points_at_once * phase_count;
-    std::fill_n(row, encoding_, Real<T>(0));
+    T* const phases = tile.phases.data();
+    T* const sines = phases + points_at_once * phase_count;
+    T* const cosines = sines + points_at_once * phase_count;
+    T* const row = cosines + points_at_once * phase_count;
+    std::fill_n(row, encoding_, T(0));
     for (std::int64_t first = 0; first < count; first += points_at_once) {
         const std::int64_t last = std::min(count, first + points_at_once);
-        Real<T>* phase = phases;
+        T* phase = phases;
         for (std::int64_t point = first; point < last; ++point) {
-            const Real<T>* x = points.data() + 3 * point;
-            Real<T> frequency(1);
+            const T* x = points.data() + 3 * point;
+            T frequency(1);
             for (std::int64_t octave = 0; octave < frequencies_; ++octave, frequency *= 2) {
                 for (std::int64_t axis = 0; axis < 3; ++axis) *phase++ = x[axis] * frequency;
             }
@@ -128,7 +106,7 @@ void PackedField<T>::encode(std::span<const Real<T>> points, FieldTile<T>& tile)
             std::copy_n(sines + (point - first) * phase_count, phase_count, row + 3);
             std::copy_n(cosines + (point - first) * phase_count, phase_count,
                         row + 3 + phase_count);
-            store(tile.joined.data() + point * joined_stride(), row, encoding_);
+            std::copy_n(row, encoding_, tile.joined.data() + point * joined_stride());
         }
     }
 }
@@ -164,14 +142,12 @@ void PackedField<T>::take_logits(std::int64_t points, FieldTile<T>& tile) const 
     const Rows<const T> last = last_output(tile);
     for (std::int64_t i = 0; i < points; ++i) {
         tile.logits[static_cast<std::size_t>(i)] =
-            dot(as_real(last.data + i * last.stride, width_, tile.features.data()),
-                density_weight_.data(), width_) +
-            density_bias_;
+            dot(last.data + i * last.stride, density_weight_.data(), width_) + density_bias_;
     }
 }
 
 template <class T>
-void PackedField<T>::evaluate(std::span<const Real<T>> points, FieldTile<T>& tile,
+void PackedField<T>::evaluate(std::span<const T> points, FieldTile<T>& tile,
                               const SineArgumentRows<T>& arguments) const {
     const std::int64_t count = static_cast<std::int64_t>(points.size()) / 3;
     work::count_field_points(count);
@@ -182,31 +158,26 @@ void PackedField<T>::evaluate(std::span<const Real<T>> points, FieldTile<T>& til
             reads_encoding(i) ? Rows<T>{tile.joined.data(), joined_stride()} : output(i - 1, tile);
         const Rows<T> to = output(i, tile);
         const kernels::LeftMatrix<T> left{from.data, from.stride};
-        if constexpr (std::is_same_v<T, Real<T>>) {
-            if (arguments.data != nullptr) {
-                layers_[i].apply(arguments.layer(i), width_, left, count, Activation::none);
-                take_sines(arguments.layer(i), to.data, to.stride, count, width_);
-                continue;
-            }
+        if (arguments.data != nullptr) {
+            layers_[i].apply(arguments.layer(i), width_, left, count, Activation::none);
+            take_sines(arguments.layer(i), to.data, to.stride, count, width_);
+        } else {
+            layers_[i].apply(to.data, to.stride, left, count, layers_[i].activation);
         }
-        layers_[i].apply(to.data, to.stride, left, count, layers_[i].activation);
     }
     take_logits(count, tile);
 }
 
 template <class T>
-void PackedField<T>::evaluate(const Real<T>* arguments, std::int64_t points,
-                              FieldTile<T>& tile) const {
-    if constexpr (std::is_same_v<T, Real<T>>) {
-        const Rows<T> last = output(layers_.size() - 1, tile);
-        take_sines(arguments, last.data, last.stride, points, width_);
-        take_logits(points, tile);
-    }
+void PackedField<T>::evaluate(const T* arguments, std::int64_t points, FieldTile<T>& tile) const {
+    const Rows<T> last = output(layers_.size() - 1, tile);
+    take_sines(arguments, last.data, last.stride, points, width_);
+    take_logits(points, tile);
 }
 
 template <class T>
 void PackedField<T>::feature_arguments(std::int64_t points, const FieldTile<T>& tile,
-                                       Real<T>* result) const {
+                                       T* result) const {
     const Rows<const T> last = last_output(tile);
     feature_.apply(result, width_, {last.data, last.stride}, points, Activation::none);
 }
@@ -214,13 +185,11 @@ void PackedField<T>::feature_arguments(std::int64_t points, const FieldTile<T>& 
 template <class T>
 void PackedField<T>::features(std::int64_t points, FieldTile<T>& tile,
                               const SineArgumentRows<T>& arguments) const {
-    if constexpr (std::is_same_v<T, Real<T>>) {
-        if (arguments.data != nullptr) {
-            Real<T>* const kept = arguments.layer(layers_.size());
-            feature_arguments(points, tile, kept);
-            take_sines(kept, tile.features.data(), width_, points, width_);
-            return;
-        }
+    if (arguments.data != nullptr) {
+        T* const kept = arguments.layer(layers_.size());
+        feature_arguments(points, tile, kept);
+        take_sines(kept, tile.features.data(), width_, points, width_);
+        return;
     }
     const Rows<const T> last = last_output(tile);
     feature_.apply(tile.features.data(), width_, {last.data, last.stride}, points,
@@ -242,24 +211,21 @@ void PackedField<T>::features(std::span<const std::int32_t> points, FieldTile<T>
 }
 
 template <class T>
-void PackedField<T>::apply_last_layer(std::span<const Real<T>> composited,
-                                      std::span<const Real<T>> opacities,
-                                      std::span<Real<T>> result) const {
+void PackedField<T>::apply_last_layer(std::span<const T> composited, std::span<const T> opacities,
+                                      std::span<T> result) const {
     const auto rays = static_cast<std::int64_t>(opacities.size()), channels = feature_channels();
     for (std::int64_t ray = 0; ray < rays; ++ray) {
-        const Real<T> opacity = opacities[static_cast<std::size_t>(ray)];
+        const T opacity = opacities[static_cast<std::size_t>(ray)];
         for (std::int64_t i = 0; i < channels; ++i)
             result[static_cast<std::size_t>(ray * channels + i)] =
                 opacity * last_layer_.bias[static_cast<std::size_t>(i)];
     }
-    kernels::multiply_packed(
-        result.data(), channels, kernels::LeftMatrix<Real<T>>{composited.data(), width_}, rays,
-        last_layer_.weight, kernels::Epilogue<Real<T>>{.present_values = true});
+    kernels::multiply_packed(result.data(), channels,
+                             kernels::LeftMatrix<T>{composited.data(), width_}, rays,
+                             last_layer_.weight, kernels::Epilogue<T>{.present_values = true});
 }
 
 template class PackedField<float>;
 template class PackedField<double>;
-template class PackedField<kernels::BFloat16>;
-template class PackedField<kernels::Float16>;
 
 }  // namespace stymo

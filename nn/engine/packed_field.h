@@ -20,28 +20,26 @@ template <class T>
 struct FieldTile {
     AlignedVector<T> joined;  ///< (points, encoding | hidden): the skip layer reads both as one row
     AlignedVector<T> hidden;  ///< (points, width)
-    std::vector<Real<T>> phases;    ///< scratch memory of PackedField::encode
-    std::vector<Real<T>> logits;    ///< (points): the density is density_of_logit(logit)
-    std::vector<Real<T>> features;  ///< (rows asked for, width)
+    std::vector<T> phases;    ///< scratch memory of PackedField::encode
+    std::vector<T> logits;    ///< (points): the density is density_of_logit(logit)
+    std::vector<T> features;  ///< (rows asked for, width)
 };
 
 /// Destination for the arguments of a tile's sines, which a backward pass needs: (points, width)
 /// for each layer, layers `layer_stride` elements apart. If `data` is null, nothing is stored.
-/// Ignored if T has 16 bits.
 template <class T>
 struct SineArgumentRows {
-    Real<T>* data = nullptr;
+    T* data = nullptr;
     std::int64_t layer_stride = 0;
 
-    [[nodiscard]] Real<T>* layer(std::size_t index) const {
+    [[nodiscard]] T* layer(std::size_t index) const {
         return data + static_cast<std::int64_t>(index) * layer_stride;
     }
 };
 
-/// A folded field in the memory layout of the matrix products. T = float, double, BFloat16 or
-/// Float16 is the type of the weights and of the activations between layers. Sums, logits and
-/// features have the type Real<T>. Points are evaluated in tiles. The result at a point depends
-/// neither on the other points of its tile nor on whether arguments are stored.
+/// A folded field in the memory layout of the matrix products. Points are evaluated in tiles. The
+/// result at a point depends neither on the other points of its tile nor on whether arguments are
+/// stored. T: float, double.
 template <class T>
 class PackedField {
 public:
@@ -61,14 +59,14 @@ public:
     /// Allocates the tile's buffers for this number of points, so that nothing is allocated later.
     void reserve(std::int64_t points, FieldTile<T>& tile) const;
     /// Writes the encoding of points (3 coordinates each) to tile.joined.
-    void encode(std::span<const Real<T>> points, FieldTile<T>& tile) const;
+    void encode(std::span<const T> points, FieldTile<T>& tile) const;
     /// Writes the logits of points (3 coordinates each) to tile.logits. The last layer's
     /// activations stay in the tile, for `features`.
-    void evaluate(std::span<const Real<T>> points, FieldTile<T>& tile,
+    void evaluate(std::span<const T> points, FieldTile<T>& tile,
                   const SineArgumentRows<T>& arguments = {}) const;
     /// Computes the same logits from the stored sine arguments of the last layer before the
-    /// features. Does nothing if T has 16 bits.
-    void evaluate(const Real<T>* arguments, std::int64_t points, FieldTile<T>& tile) const;
+    /// features.
+    void evaluate(const T* arguments, std::int64_t points, FieldTile<T>& tile) const;
     /// Writes the input of the last layer (`apply_last_layer`) to tile.features, for the first
     /// `points` points of the last call of `evaluate`.
     void features(std::int64_t points, FieldTile<T>& tile,
@@ -76,11 +74,11 @@ public:
     /// The same for these points, in ascending order. Overwrites the activations in the tile.
     void features(std::span<const std::int32_t> points, FieldTile<T>& tile) const;
     /// Writes the sine arguments of the features, (points, width), to `result`.
-    void feature_arguments(std::int64_t points, const FieldTile<T>& tile, Real<T>* result) const;
+    void feature_arguments(std::int64_t points, const FieldTile<T>& tile, T* result) const;
     /// Applies the last layer: composited features (rays, width) and opacities (rays) -> (rays,
     /// feature_channels).
-    void apply_last_layer(std::span<const Real<T>> composited, std::span<const Real<T>> opacities,
-                          std::span<Real<T>> result) const;
+    void apply_last_layer(std::span<const T> composited, std::span<const T> opacities,
+                          std::span<T> result) const;
 
 private:
     /// Rows of a tile's activations.
@@ -103,15 +101,13 @@ private:
     std::int64_t encoding_ = 0;
     std::size_t skip_layer_ = 0;
     std::vector<PackedLayer<T>> layers_;
-    std::vector<Real<T>> density_weight_;
-    Real<T> density_bias_ = 0;
+    std::vector<T> density_weight_;
+    T density_bias_ = 0;
     PackedLayer<T> feature_;
-    PackedLayer<Real<T>> last_layer_;
+    PackedLayer<T> last_layer_;
 };
 
 extern template class PackedField<float>;
 extern template class PackedField<double>;
-extern template class PackedField<kernels::BFloat16>;
-extern template class PackedField<kernels::Float16>;
 
 }  // namespace stymo

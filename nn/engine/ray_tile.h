@@ -33,11 +33,11 @@ template <class T>
 struct RayTile {
     FieldTile<T> field;
     std::int64_t first_ray = 0, end_ray = 0;
-    std::vector<Real<T>> points;
+    std::vector<T> points;
     std::vector<std::int64_t>
-        begins;                    ///< index of each ray's first point, and the number of points
-    std::vector<Real<T>> weights;  ///< compositing weight of each point
-    std::vector<Real<T>> transmittances;  ///< behind each point
+        begins;                     ///< index of each ray's first point, and the number of points
+    std::vector<T> weights;         ///< compositing weight of each point
+    std::vector<T> transmittances;  ///< behind each point
 
     [[nodiscard]] std::int64_t count() const { return begins.back(); }
     [[nodiscard]] std::int64_t begin_of(std::int64_t ray) const {
@@ -45,9 +45,9 @@ struct RayTile {
     }
     [[nodiscard]] std::int64_t end_of(std::int64_t ray) const { return begin_of(ray + 1); }
     /// Transmittance behind all samples of a ray.
-    [[nodiscard]] Real<T> transmittance_of(std::int64_t ray) const {
+    [[nodiscard]] T transmittance_of(std::int64_t ray) const {
         return begin_of(ray) == end_of(ray)
-                   ? Real<T>(1)
+                   ? T(1)
                    : transmittances[static_cast<std::size_t>(end_of(ray) - 1)];
     }
 
@@ -83,17 +83,17 @@ struct RayTile {
         for (std::int64_t ray = first_ray; ray < end_ray; ++ray) {
             const std::span<const std::int32_t> selected = selection.samples_of(ray);
             const std::span<const float> gaps = selection.gaps_of(ray);
-            Transmittance<Real<T>> light;
+            Transmittance<T> light;
             auto at = static_cast<std::size_t>(begin_of(ray));
             for (std::size_t i = 0; i < selected.size(); ++i, ++at) {
                 weights[at] = light.pass(density_of_logit(field.logits[at]) *
                                              samples.length(ray, selected[i]) +
-                                         static_cast<Real<T>>(gaps[i]));
+                                         static_cast<T>(gaps[i]));
                 transmittances[at] = light.value();
             }
             const float tail = selection.tails[static_cast<std::size_t>(ray)];
             if (selected.empty() || tail == 0.0F) continue;
-            weights[at - 1] += light.pass(static_cast<Real<T>>(tail));
+            weights[at - 1] += light.pass(static_cast<T>(tail));
             transmittances[at - 1] = light.value();
         }
     }

@@ -35,8 +35,7 @@ void require_valid(const Model& model, const RendererOptions& options) {
 
 /// Null for a model whose layers do not fold.
 std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model,
-                                               const RendererOptions& options,
-                                               Precision precision) {
+                                               const RendererOptions& options) {
     if (model.decoder.conditioning != "modulation") return nullptr;
     if (traits_of(options.mode).bakes) {
         RaySampling rays = model.decoder.rays;
@@ -44,20 +43,7 @@ std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model,
         return std::make_unique<BakedField>(rays, ViewRange{.camera = model.camera},
                                             BakeOptions{.resolution = options.bake_resolution});
     }
-    return make_sampled_field(model, options, precision);
-}
-
-/// The layers that a mode may reduce to 16 bits.
-std::vector<FoldedLayer> reduced_layers(const FoldedField& field) {
-    std::vector<FoldedLayer> layers = field.layers;
-    layers.push_back(field.feature0);
-    return layers;
-}
-std::vector<FoldedLayer> reduced_layers(std::span<const FoldedRenderBlock> blocks) {
-    std::vector<FoldedLayer> layers;
-    for (const FoldedRenderBlock& block : blocks)
-        layers.insert(layers.end(), {block.detail, block.modulated0, block.modulated1});
-    return layers;
+    return make_sampled_field(model, options);
 }
 
 /// Number of layers that a frame needs.
@@ -80,8 +66,6 @@ LayerCount layer_count(const Decoder& decoder, std::int64_t resolution, bool mas
 struct FaceRenderer::State {
     const Model& model;
     RendererOptions options;
-    Precision field_precision = Precision::float32;
-    Precision block_precision = Precision::float32;
     std::unique_ptr<FieldSource> field;
     std::array<std::vector<float>, code_names.size()> shown;  ///< codes in Z
     Codes z;
@@ -100,7 +84,7 @@ struct FaceRenderer::State {
     State(const Model& shown_model, const RendererOptions& renderer_options)
         : model(shown_model),
           options(renderer_options),
-          field(make_field_source(shown_model.config(), renderer_options, field_precision)),
+          field(make_field_source(shown_model.config(), renderer_options)),
           sampling(shown_model.decoder().config().rays) {
         sampling.samples_per_ray = options.samples_per_ray;
         rays.samples_per_ray = options.samples_per_ray;
@@ -116,9 +100,6 @@ struct FaceRenderer::State {
 
     /// Copies row `index` of one group; true if it differs from the codes that are shown.
     bool take(const Codes& codes, std::int64_t index, std::size_t group);
-    /// Sets the type that the layers of a new face need; true if it has changed.
-    [[nodiscard]] static bool change_precision(Precision& precision, Reduction reduction,
-                                               std::span<const FoldedLayer> layers);
     void fold_field();
     void fold_blocks();
     void render_field(const Camera& seen_by, const std::stop_token& stop);
@@ -160,21 +141,9 @@ void FaceRenderer::State::render_field(const Camera& seen_by, const std::stop_to
     feature_map_is_new = true;
 }
 
-bool FaceRenderer::State::change_precision(Precision& precision, Reduction reduction,
-                                           std::span<const FoldedLayer> layers) {
-    Precision fitting = Precision::float32;
-    if (reduction != Reduction::none) fitting = sixteen_bits_for(layers);
-    if (reduction == Reduction::float16 && fitting == Precision::bfloat16)
-        fitting = Precision::float32;
-    return std::exchange(precision, fitting) != fitting;
-}
-
 void FaceRenderer::State::fold_field() {
     camera.reset();
-    const FoldedField folded = model.decoder().folded_field(w);
-    if (change_precision(field_precision, traits_of(options.mode).field, reduced_layers(folded)))
-        field = make_field_source(model.config(), options, field_precision);
-    field->set_field(folded);
+    field->set_field(model.decoder().folded_field(w));
     ++counts.folds;
 }
 
@@ -182,9 +151,7 @@ void FaceRenderer::State::fold_blocks() {
     const std::vector<FoldedRenderBlock> folded =
         model.decoder().folded_blocks(w, options.resolution);
     ++counts.folds;
-    const bool changed =
-        change_precision(block_precision, traits_of(options.mode).blocks, reduced_layers(folded));
-    if (blocks && !changed) {
+    if (blocks) {
         blocks->set_style(folded);
         return;
     }
@@ -193,8 +160,7 @@ void FaceRenderer::State::fold_blocks() {
                                                      ? std::optional(model.decoder().folded_mask())
                                                      : std::optional<FoldedMaskBranch>();
     blocks.emplace(folded, mask, decoder.rays.rays_per_side,
-                   options.resolution == 0 ? decoder.resolution : options.resolution,
-                   block_precision);
+                   options.resolution == 0 ? decoder.resolution : options.resolution);
     feature_map_is_new = true;
 }
 

@@ -12,19 +12,10 @@ std::span<const RenderModeTraits> render_modes() {
                          .name = "skip",
                          .help = "significant samples only",
                          .tolerates = true},
-        RenderModeTraits{.mode = RenderMode::half,
-                         .name = "half",
-                         .older_name = "bf16",
-                         .help = "the same in 16 bits (float16 where the processor has it, else "
-                                 "bfloat16; bf16 is its older name)",
-                         .tolerates = true,
-                         .field = Reduction::fastest,
-                         .blocks = Reduction::fastest},
         RenderModeTraits{.mode = RenderMode::baked,
                          .name = "baked",
                          .help = "reads the field from samples taken once",
-                         .bakes = true,
-                         .blocks = Reduction::float16},
+                         .bakes = true},
     };
     return modes;
 }

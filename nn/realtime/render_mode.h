@@ -11,29 +11,16 @@ enum class RenderMode {
     exact,  ///< every sample, float32
     skip,   ///< float32, without samples that are insignificant at the tolerance and without pixels
             ///< that show only the background
-    half,   ///< like skip, with weights and activations of the faster 16-bit type (precision.h)
-    baked,  ///< views interpolate a field that is sampled once for each head (baked_field.h);
-            ///< render blocks use float16 if the processor computes with it
-};
-
-/// The 16-bit type that layers may be reduced to.
-enum class Reduction {
-    none,
-    fastest,  ///< the faster one (sixteen_bits_for)
-    float16,  ///< float16 where that is the faster one, else none: bfloat16 would cost accuracy
-              ///< without saving enough time
+    baked,  ///< views interpolate a field that is sampled once for each head (baked_field.h)
 };
 
 /// What a mode is called and what it does.
 struct RenderModeTraits {
     RenderMode mode;
     std::string_view name;
-    std::string_view older_name{};  ///< empty: none
-    std::string_view help;          ///< what it does, in a few words
-    bool tolerates = false;         ///< reads RendererOptions::tolerance
-    bool bakes = false;             ///< reads the field from a BakedField
-    Reduction field = Reduction::none;
-    Reduction blocks = Reduction::none;  ///< render blocks
+    std::string_view help;   ///< what it does, in a few words
+    bool tolerates = false;  ///< reads RendererOptions::tolerance
+    bool bakes = false;      ///< reads the field from a BakedField
 };
 
 /// All modes. A new one needs its value above, its row here, and, where it has a field of its own,
@@ -43,10 +30,6 @@ struct RenderModeTraits {
 
 [[nodiscard]] inline bool tolerates(RenderMode mode) {
     return traits_of(mode).tolerates;
-}
-/// Whether all layers are computed in float32.
-[[nodiscard]] inline bool keeps_float32(RenderMode mode) {
-    return traits_of(mode).field == Reduction::none && traits_of(mode).blocks == Reduction::none;
 }
 [[nodiscard]] inline std::string name_of(RenderMode mode) {
     return std::string(traits_of(mode).name);

@@ -397,12 +397,7 @@ double farthest_sample(const CameraRays& rays) {
 }
 
 std::unique_ptr<FieldSource> make_sampled_field(const ModelConfig& model,
-                                                const RendererOptions& options,
-                                                Precision precision) {
-    if (precision == Precision::bfloat16)
-        return std::make_unique<SampledField<kernels::BFloat16>>(model, options);
-    if (precision == Precision::float16)
-        return std::make_unique<SampledField<kernels::Float16>>(model, options);
+                                                const RendererOptions& options) {
     return std::make_unique<SampledField<float>>(model, options);
 }
 

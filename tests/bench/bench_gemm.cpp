@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -9,6 +10,7 @@
 #include "bench/gemm_libraries.h"
 #include "core/kernels/gemm.h"
 #include "core/kernels/matmul.h"
+#include "core/matmul_precision.h"
 #include "core/parallel.h"
 #include "core/rng.h"
 
@@ -17,7 +19,6 @@
 namespace stymo::test {
 namespace {
 
-using kernels::BFloat16;
 using kernels::PackedMatrix;
 
 class Table {
@@ -38,8 +39,7 @@ public:
         std::function<void()> function;
     };
 
-    /// `multiply_adds`: of one call. Relative to float32, for bfloat16 too: it is computed that
-    /// way. All functions are timed by turns.
+    /// `multiply_adds`: of one call. Relative to float32. All functions are timed by turns.
     template <class Function>
     void row(const std::string& name, double multiply_adds, Function function,
              const std::vector<Other>& others = {}) {
@@ -78,27 +78,16 @@ Tensor draw(const Shape& shape) {
     return rng.uniform(shape, -0.1, 0.1, DType::float32);
 }
 
-template <class T>
-std::vector<T> converted(const Tensor& x) {
-    std::vector<T> result;
-    for (const float value : x.values<float>()) {
-        if constexpr (std::is_same_v<T, BFloat16>) {
-            result.push_back(kernels::rounded_to_bfloat16(value));
-        } else {
-            result.push_back(value);
-        }
-    }
-    return result;
-}
-
 /// One layer from memory to memory, and eight of them on tiles that stay in the second-level cache.
-template <class T>
-void bench_layers(Table& table, const std::string& type) {
+void bench_layers(Table& table, MatmulPrecision precision) {
+    const PrecisionScope of_products(precision);
+    const std::string type = name_of(precision);
     const Tensor weight = draw({width, width});
     const Tensor bias = draw({width});
-    const std::vector<T> x = converted<T>(draw({points, width}));
-    std::vector<T> y(x.size());
-    const PackedMatrix<T> packed(weight.values<float>().data(), width, width, 1, width);
+    const Tensor inputs = draw({points, width});
+    const std::span<const float> x = inputs.values<float>();
+    std::vector<float> y(x.size());
+    const PackedMatrix<float> packed(weight.values<float>().data(), width, width, 1, width);
     for (const Activation activation :
          {Activation::none, Activation::sine, Activation::leaky_relu}) {
         const char* const name = activation == Activation::none   ? ""
@@ -106,9 +95,9 @@ void bench_layers(Table& table, const std::string& type) {
                                                                   : " leaky ReLU";
         const kernels::Epilogue<float> epilogue{.bias = bias.values<float>().data(),
                                                 .activation = activation};
-        const auto layer = [&](T* to, const T* from, std::int64_t rows) {
-            kernels::multiply_packed(to, width, kernels::LeftMatrix<T>{from, width}, rows, packed,
-                                     epilogue);
+        const auto layer = [&](float* to, const float* from, std::int64_t rows) {
+            kernels::multiply_packed(to, width, kernels::LeftMatrix<float>{from, width}, rows,
+                                     packed, epilogue);
         };
         table.row(type + " 65536x256x256" + name, double(points * width * width), [&] {
             parallel_for(points, tile, [&](std::int64_t begin, std::int64_t end) {
@@ -118,10 +107,10 @@ void bench_layers(Table& table, const std::string& type) {
         // The same work on tiles that never leave the cache: eight layers there and back, or one
         // tile again and again.
         const std::int64_t share = chunk_count(points, thread_count());
-        std::vector<T> buffers(static_cast<std::size_t>(thread_count() * tile * width));
+        std::vector<float> buffers(static_cast<std::size_t>(thread_count() * tile * width));
         const auto by_tiles = [&](auto body) {
             parallel_for(points, share, [&](std::int64_t begin, std::int64_t end) {
-                T* const buffer = buffers.data() + begin / share * tile * width;
+                float* const buffer = buffers.data() + begin / share * tile * width;
                 for (std::int64_t first = begin; first < end; first += tile)
                     body(buffer, y.data() + first * width, x.data() + first * width,
                          std::min(tile, end - first));
@@ -129,7 +118,7 @@ void bench_layers(Table& table, const std::string& type) {
         };
         table.row(type + " 65536x256x256 eight layers by tiles" + name,
                   8.0 * double(points * width * width), [&] {
-                      by_tiles([&](T* buffer, T* to, const T* from, std::int64_t rows) {
+                      by_tiles([&](float* buffer, float* to, const float* from, std::int64_t rows) {
                           layer(buffer, from, rows);
                           for (int i = 0; i < 3; ++i) {
                               layer(to, buffer, rows);
@@ -140,7 +129,7 @@ void bench_layers(Table& table, const std::string& type) {
                   });
         table.row(type + " 65536x256x256 one tile again" + name, double(points * width * width),
                   [&] {
-                      by_tiles([&](T* buffer, T*, const T*, std::int64_t rows) {
+                      by_tiles([&](float* buffer, float*, const float*, std::int64_t rows) {
                           layer(buffer, x.data(), rows);
                       });
                   });
@@ -189,7 +178,10 @@ void bench_matmul(Table& table) {
         const std::string name = std::string("matmul ") + std::to_string(s.batch) + "x" +
                                  std::to_string(s.m) + "x" + std::to_string(s.k) + "x" +
                                  std::to_string(s.n) + " " + s.use;
-        std::vector<Table::Other> others;
+        std::vector<Table::Other> others{{"medium", [&a, &b, &s] {
+                                              const PrecisionScope lowered(MatmulPrecision::medium);
+                                              static_cast<void>(kernels::matmul(a, b, s.options));
+                                          }}};
         for (const GemmLibrary& library : gemm_libraries(thread_count())) {
             if (library.multiply(a, b, s.options).defined())
                 others.push_back({library.name, [&a, &b, &s, library] {
@@ -205,8 +197,8 @@ void bench_matmul(Table& table) {
 void run(const Arguments& arguments) {
     set_thread_count(arguments.threads);
     Table table(arguments);
-    bench_layers<float>(table, "float32");
-    bench_layers<BFloat16>(table, "bfloat16");
+    for (const MatmulPrecision precision : {MatmulPrecision::highest, MatmulPrecision::medium})
+        bench_layers(table, precision);
     bench_matmul(table);
     table.close();
 }

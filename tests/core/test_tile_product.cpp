@@ -18,24 +18,6 @@ using namespace stymo::kernels;
 
 namespace {
 
-/// Products of that precision while it lives.
-class Precision {
-public:
-    explicit Precision(MatmulPrecision precision, bool emulated = false) {
-        set_matmul_precision(precision);
-        emulate_medium(emulated);
-    }
-    ~Precision() {
-        set_matmul_precision(before_);
-        emulate_medium(false);
-    }
-    Precision(const Precision&) = delete;
-    Precision& operator=(const Precision&) = delete;
-
-private:
-    MatmulPrecision before_ = matmul_precision();
-};
-
 std::vector<float> draw(Rng& rng, std::int64_t count) {
     const Tensor values = rng.normal({count}, 0.0, 1.0);
     return {values.values<float>().begin(), values.values<float>().end()};
@@ -57,7 +39,7 @@ TEST_CASE("Operands are split into numbers of BFloat16", "[tiles]") {
         GENERATE(std::tuple{MatmulPrecision::high, 0x1p-15, false},
                  std::tuple{MatmulPrecision::medium, 0x1p-7, false},
                  std::tuple{MatmulPrecision::medium, 0x1p-7, true});
-    const Precision lowered(precision, emulated);
+    const PrecisionScope lowered(precision, emulated);
     if (computed_precision(precision) == MatmulPrecision::highest) return;
     Rng rng(5);
     for (int i = 0; i < 200; ++i) {
@@ -77,7 +59,7 @@ TEST_CASE("Operands are split into numbers of BFloat16", "[tiles]") {
 }
 
 TEST_CASE("A part of a product on tiles has the bits of the whole", "[tiles]") {
-    const Precision lowered(GENERATE(MatmulPrecision::high, MatmulPrecision::medium));
+    const PrecisionScope lowered(GENERATE(MatmulPrecision::high, MatmulPrecision::medium));
     Rng rng(7);
     const std::int64_t m = 75, k = 1100, n = 41;
     const std::vector<float> a = draw(rng, m * k), b = draw(rng, k * n);
@@ -99,7 +81,7 @@ TEST_CASE("A part of a product on tiles has the bits of the whole", "[tiles]") {
 }
 
 TEST_CASE("What is not finite stays so in a product on tiles", "[tiles]") {
-    const Precision lowered(GENERATE(MatmulPrecision::high, MatmulPrecision::medium));
+    const PrecisionScope lowered(GENERATE(MatmulPrecision::high, MatmulPrecision::medium));
     const float infinity = std::numeric_limits<float>::infinity();
     for (const float special : {infinity, -infinity, std::numeric_limits<float>::quiet_NaN()}) {
         std::vector<float> a(40 * 33, 1.0F), c(40 * 20);
@@ -116,7 +98,7 @@ TEST_CASE("Products, linear maps and convolutions on tiles agree with float64", 
         GENERATE(std::tuple{MatmulPrecision::high, 4e-5, false},
                  std::tuple{MatmulPrecision::medium, 2e-2, false},
                  std::tuple{MatmulPrecision::medium, 2e-2, true});
-    const Precision lowered(precision, emulated);
+    const PrecisionScope lowered(precision, emulated);
     Rng rng(11);
     const auto compare = [&, allowed = error](const std::vector<Shape>& shapes, auto op) {
         std::vector<Variable> x, x64;
@@ -154,7 +136,7 @@ TEST_CASE("Products, linear maps and convolutions on tiles agree with float64", 
 }
 
 TEST_CASE("A product of medium precision is that of rounded operands", "[tiles]") {
-    const Precision lowered(MatmulPrecision::medium, GENERATE(false, true));
+    const PrecisionScope lowered(MatmulPrecision::medium, GENERATE(false, true));
     if (computed_precision(MatmulPrecision::medium) == MatmulPrecision::highest) return;
     // Blocks and panels that are whole and that are not, and operands that lie along both sides, as
     // in a layer, its gradients and a convolution.

@@ -40,8 +40,9 @@ skipped = re.compile(r"^\s*(//|#|template|using|\*|static_assert|for_each|namesp
 
 
 def runs_here(file: str) -> bool:
-    """Whether this processor runs the code of a file: products of matrix tiles need AMX."""
-    return "gemm_tiles" not in file or "amx_tile" in pathlib.Path("/proc/cpuinfo").read_text()
+    """Whether this processor runs the code of a file: tiles need AMX or AVX512-BF16."""
+    flags = pathlib.Path("/proc/cpuinfo").read_text()
+    return "gemm_tiles" not in file or "amx_tile" in flags or "avx512_bf16" in flags
 
 
 def mutants_of(tree: pathlib.Path, pattern: str, tests: list[str]) -> list[dict]:

@@ -124,14 +124,12 @@ TEST_CASE("gradients of a step of medium precision are near those of float64", "
         model.parameters().convert(DType::float64);
         return all_gradients(model, config, batch_in_float64(2));
     }();
-    const auto error = [&](MatmulPrecision precision) {
-        set_matmul_precision(precision);
+    const auto error = [&] {
         Rng weights(1);
         const Dataset faces = synthetic_dataset();
         const std::vector<double> rounded =
             all_gradients(Model(config.model, weights), config,
                           make_batch(std::vector{faces.load(0), faces.load(1)}));
-        set_matmul_precision(MatmulPrecision::highest);
         double squares = 0.0, all = 0.0;
         for (std::size_t i = 0; i < exact.size(); ++i) {
             squares += (rounded[i] - exact[i]) * (rounded[i] - exact[i]);
@@ -139,15 +137,14 @@ TEST_CASE("gradients of a step of medium precision are near those of float64", "
         }
         return std::sqrt(squares / all);
     };
-    CHECK(error(MatmulPrecision::highest) < 1e-4);
+    CHECK(error() < 1e-4);
     for (const bool emulated : {false, true}) {
-        emulate_medium(emulated);
-        const double of_medium = error(MatmulPrecision::medium);
-        const bool rounds = computed_precision(MatmulPrecision::medium) == MatmulPrecision::medium;
-        emulate_medium(false);
+        const PrecisionScope lowered(MatmulPrecision::medium, emulated);
+        const double of_medium = error();
         INFO("emulated " << emulated << ", error " << of_medium);
         CHECK(of_medium < 5e-2);
-        CHECK((of_medium > 1e-4) == rounds);
+        CHECK((of_medium > 1e-4) ==
+              (computed_precision(MatmulPrecision::medium) == MatmulPrecision::medium));
     }
 }
 

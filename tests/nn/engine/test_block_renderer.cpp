@@ -124,7 +124,7 @@ TEST_CASE("render blocks for one face give the images of the decoder, whichever 
     const Codes w = model.decoder.map(random_codes(1, 2));
     for (const std::int64_t resolution : {64, 128, 256, 512}) {
         BlockRenderer renderer(model.decoder.folded_blocks(w), model.decoder.folded_mask(), rays,
-                               resolution, Precision::float32);
+                               resolution);
         for (const auto& [name, pattern] : patterns) {
             if (resolution == 512 && name != "a disc" && name != "no ray is empty") continue;
             INFO(name << " at " << resolution);
@@ -144,8 +144,7 @@ TEST_CASE(
     config.mask_channels = 16;
     const NarrowDecoder model(config);
     const Codes w = model.decoder.map(random_codes(1, 2));
-    BlockRenderer renderer(model.decoder.folded_blocks(w), model.decoder.folded_mask(), rays, 256,
-                           Precision::float32);
+    BlockRenderer renderer(model.decoder.folded_blocks(w), model.decoder.folded_mask(), rays, 256);
     for (const auto& [name, pattern] : patterns) {
         INFO(name);
         const Rays map = make_rays(pattern, 40);
@@ -157,7 +156,7 @@ TEST_CASE(
 TEST_CASE("render blocks leave out the pixels that only empty rays reach") {
     const NarrowDecoder model;
     const Codes w = model.decoder.map(random_codes(1, 2));
-    BlockRenderer renderer(model.decoder.folded_blocks(w), {}, rays, 128, Precision::float32);
+    BlockRenderer renderer(model.decoder.folded_blocks(w), {}, rays, 128);
     CHECK(renderer.counts().pixels == 64 * 64 + 128 * 128);
     const auto computed = [&](const Pattern& pattern) {
         const Rays map = make_rays(pattern, 9);
@@ -177,7 +176,7 @@ TEST_CASE("another style on the same feature map gives what a new renderer gives
     const Rays map = make_rays(patterns[2].second, 9),
                other_map = make_rays(patterns[4].second, 9, 6);
     BlockRenderer renderer(model.decoder.folded_blocks(first), model.decoder.folded_mask(), rays,
-                           128, Precision::float32);
+                           128);
     renderer.set_feature_map(map.features.values<float>(), map.occupied);
     (void)rendered(renderer, 128);
     renderer.set_style(model.decoder.folded_blocks(second));
@@ -195,7 +194,7 @@ TEST_CASE("render blocks give the same bits on any number of threads, with or wi
     for (const int threads : {1, 2, 3}) {
         set_thread_count(threads);
         BlockRenderer renderer(model.decoder.folded_blocks(w), model.decoder.folded_mask(), rays,
-                               256, Precision::float32);
+                               256);
         renderer.set_feature_map(map.features.values<float>(), map.occupied);
         const Images images = rendered(renderer, 256);
         if (threads == 1) one = images;
@@ -207,31 +206,15 @@ TEST_CASE("render blocks give the same bits on any number of threads, with or wi
     }
 }
 
-TEST_CASE("render blocks of 16 bits stay near those of 32") {
-    DecoderConfig config = NarrowDecoder::narrow();
-    config.feature_channels = 48;
-    config.block_channels = {32, 32, 16, 16};
-    const NarrowDecoder model(config);
-    const Codes w = model.decoder.map(random_codes(1, 2));
-    const Rays map = make_rays(patterns[2].second, 48);
-    for (const auto& [precision, error] :
-         {std::pair{Precision::bfloat16, 0.02}, {Precision::float16, 0.01}}) {
-        BlockRenderer renderer(model.decoder.folded_blocks(w), model.decoder.folded_mask(), rays,
-                               256, precision);
-        renderer.set_feature_map(map.features.values<float>(), map.occupied);
-        check_same(rendered(renderer, 256), expected(model.decoder, map, w, 256), error);
-    }
-}
-
 TEST_CASE("render blocks say what does not fit") {
     const NarrowDecoder model;
     const Codes w = model.decoder.map(random_codes(1, 2));
     const std::vector<FoldedRenderBlock> blocks = model.decoder.folded_blocks(w);
-    CHECK_THROWS_WITH(BlockRenderer(blocks, {}, rays, 96, Precision::float32),
+    CHECK_THROWS_WITH(BlockRenderer(blocks, {}, rays, 96),
                       Catch::Contains("4 upsampling of 32 rays"));
-    CHECK_THROWS_AS(BlockRenderer(blocks, {}, rays, 1024, Precision::float32), ValueError);
-    CHECK_THROWS_AS(BlockRenderer(blocks, {}, rays, 32, Precision::float32), ValueError);
-    BlockRenderer renderer(blocks, {}, rays, 64, Precision::float32);
+    CHECK_THROWS_AS(BlockRenderer(blocks, {}, rays, 1024), ValueError);
+    CHECK_THROWS_AS(BlockRenderer(blocks, {}, rays, 32), ValueError);
+    BlockRenderer renderer(blocks, {}, rays, 64);
     std::vector<float> image(64 * 64 * 3), mask(64 * 64);
     CHECK_THROWS_WITH(renderer.render(image), Catch::Contains("no feature map"));
     Rays map = make_rays(patterns[0].second, 9);

@@ -50,7 +50,7 @@ TEST_CASE("a renderer's counts are those of the engine", "[work]") {
     const Model model = tiny_model();
     const Camera left = model_camera(model, -0.2, 0.0, 0.0),
                  right = model_camera(model, 0.2, 0.0, 0.0);
-    for (const RenderMode mode : {RenderMode::exact, RenderMode::skip, RenderMode::half}) {
+    for (const RenderMode mode : {RenderMode::exact, RenderMode::skip}) {
         FaceRenderer renderer(model, {.mode = mode, .samples_per_ray = samples});
         renderer.show(random_codes(1, 1));
         for (const Camera& camera : {left, right, left}) {

@@ -69,7 +69,7 @@ TEST_CASE("a baked field comes closer to the exact one with its resolution", "[b
     RendererOptions options;
     options.mode = RenderMode::exact;
     options.samples_per_ray = sampling.samples_per_ray;
-    const auto exact = make_sampled_field(model.config(), options, Precision::float32);
+    const auto exact = make_sampled_field(model.config(), options);
     exact->set_field(field);
     const CameraRays rays = rays_of(model_camera(model, 0.3, 0.1, 0.0), sampling);
     const FeatureMap expected = seen(*exact, rays);

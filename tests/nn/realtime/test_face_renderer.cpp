@@ -4,11 +4,8 @@
 #include <limits>
 
 #include "core/error.h"
-#include "core/kernels/float16_product.h"
+#include "core/matmul_precision.h"
 #include "core/ops/elementwise.h"
-#include "nn/engine/packed_field.h"
-#include "nn/engine/precision.h"
-#include "nn/engine/softplus.h"
 #include "nn/realtime/chosen_tolerance.h"
 #include "nn/realtime/face_renderer.h"
 #include "support/allocation_count.h"
@@ -119,60 +116,18 @@ TEST_CASE("skipping leaves nothing out at tolerance 0 and more and more as it gr
     CHECK(last_samples < 64 * 4);
 }
 
-TEST_CASE("16 bits cost an image little", "[realtime]") {
-    const Model model = small_model(5);
+TEST_CASE("products of medium precision cost an image little", "[realtime]") {
     const Codes codes = random_codes(1, 3);
-    const Camera camera = model_camera(model, 0.2, 0.1, 0.0);
-    const View exact = rendered(model, codes, camera, {.mode = RenderMode::exact});
-    const View seen = rendered(model, codes, camera, {.mode = RenderMode::half, .tolerance = 1e-3});
-    CHECK(-10.0 * std::log10(mean_square_difference(seen.image, exact.image)) > 40.0);
-}
-
-namespace {
-
-template <class T>
-void check_near_float(const FoldedField& folded, double error) {
-    const PackedField<float> field(folded);
-    const PackedField<T> reduced(folded);
-    FieldTile<float> tile;
-    FieldTile<T> reduced_tile;
-    Rng rng(4);
-    const Tensor points = rng.uniform({50, 3}, -0.5, 0.5);
-    std::vector<std::int32_t> rows;
-    for (std::int32_t row = 0; row < 50; row += 3) rows.push_back(row);
-    field.evaluate(points.values<float>(), tile);
-    reduced.evaluate(points.values<float>(), reduced_tile);
-    for (std::size_t i = 0; i < 50; ++i)
-        CHECK(std::abs(softplus(reduced_tile.logits[i]) - softplus(tile.logits[i])) < error);
-    field.features(rows, tile);
-    reduced.features(rows, reduced_tile);
-    for (std::size_t i = 0; i < rows.size() * static_cast<std::size_t>(field.width()); ++i)
-        CHECK(std::abs(reduced_tile.features[i] - tile.features[i]) < error);
-}
-
-}  // namespace
-
-TEST_CASE("a field of either type of 16 bits stays near one of 32", "[realtime]") {
-    for (const std::int64_t layers : {1, 4, 5}) {
-        const Model model = small_model(layers);
-        const FoldedField folded =
-            model.decoder().folded_field(model.decoder().map(random_codes(1, 3)));
-        check_near_float<kernels::BFloat16>(folded, 0.1);
-        check_near_float<kernels::Float16>(folded, 0.0125);
+    for (const bool emulated : {false, true}) {
+        const Model model = small_model(5);
+        const Camera camera = model_camera(model, 0.2, 0.1, 0.0);
+        const View exact = rendered(model, codes, camera, {.mode = RenderMode::exact});
+        const PrecisionScope lowered(MatmulPrecision::medium, emulated);
+        for (const RenderMode mode : {RenderMode::exact, RenderMode::skip}) {
+            const View seen = rendered(model, codes, camera, {.mode = mode, .tolerance = 1e-3});
+            CHECK(-10.0 * std::log10(mean_square_difference(seen.image, exact.image)) > 40.0);
+        }
     }
-}
-
-TEST_CASE("weights too large for half precision are computed as bfloat16", "[realtime]") {
-    const auto with_weight = [](double weight) {
-        return std::vector{FoldedLayer{Tensor::full({2, 8}, 1.0), Tensor::zeros({2})},
-                           FoldedLayer{Tensor::full({2, 8}, weight), Tensor::zeros({2})}};
-    };
-    const Precision fastest =
-        kernels::multiplies_float16() ? Precision::float16 : Precision::bfloat16;
-    CHECK(sixteen_bits_for(with_weight(500.0)) == fastest);
-    CHECK(sixteen_bits_for(with_weight(-600.0)) == Precision::bfloat16);
-    CHECK(sixteen_bits_for(with_weight(std::numeric_limits<double>::quiet_NaN())) ==
-          Precision::bfloat16);
 }
 
 TEST_CASE("what a view shows does not depend on the views before it", "[realtime]") {
@@ -212,7 +167,7 @@ TEST_CASE("nothing is allocated for a view whose surroundings have been seen", "
     const Model model = small_model(4);
     const std::vector<Camera> cameras{model_camera(model, -0.2, 0.0, 0.0),
                                       model_camera(model, 0.2, 0.1, 0.0)};
-    for (const RenderMode mode : {RenderMode::exact, RenderMode::skip, RenderMode::half}) {
+    for (const RenderMode mode : {RenderMode::exact, RenderMode::skip}) {
         FaceRenderer renderer(model,
                               {.mode = mode, .samples_per_ray = 16, .mask = true, .depth = true});
         renderer.show(random_codes(1, 5));
@@ -321,7 +276,7 @@ TEST_CASE("a frame that is stopped gives nothing, and the next one is what it wo
     const Model model = small_model(4);
     const Codes codes = random_codes(1, 1);
     const Camera camera = model_camera(model, 0.2, 0.0, 0.0);
-    for (const RenderMode mode : {RenderMode::exact, RenderMode::skip, RenderMode::half}) {
+    for (const RenderMode mode : {RenderMode::exact, RenderMode::skip}) {
         const View expected = rendered(model, codes, camera, {.mode = mode});
         FaceRenderer renderer(model, {.mode = mode});
         renderer.show(codes);

@@ -15,13 +15,9 @@ TEST_CASE("every mode of rendering has a name, a help and its own row", "[realti
     CHECK(name_of(RenderMode::baked) == "baked");
 }
 
-TEST_CASE("a mode says whether it leaves out samples and keeps float32", "[realtime]") {
+TEST_CASE("a mode says whether it leaves out samples", "[realtime]") {
     CHECK_FALSE(tolerates(RenderMode::exact));
     CHECK(tolerates(RenderMode::skip));
     CHECK_FALSE(tolerates(RenderMode::baked));
-    CHECK(keeps_float32(RenderMode::exact));
-    CHECK(keeps_float32(RenderMode::skip));
-    CHECK_FALSE(keeps_float32(RenderMode::half));
-    CHECK_FALSE(keeps_float32(RenderMode::baked));
-    CHECK(tolerant_mode_names(" or ") == "skip or half");
+    CHECK(tolerant_mode_names(" or ") == "skip");
 }
