@@ -3,7 +3,7 @@
 Written from the paper and HeadNeRF's published figures; random weights. Times the same work as
 stymo-bench on the same machine (batch 1, float32), and is never an oracle for values. Debian:
 python3-torch python3-torchvision. usage: torch_peer.py [--threads 2] [--width 256] [--layers 8]
-[--res 512] render|fit|fit-lpips|train|train-lpips|disc|r1|
+[--res 512] render|render-bfloat16|fit|fit-lpips|train|train-lpips|disc|r1|
 celeba-64|celeba-128|celeba-256 ... (disc and r1: one update of the
 discriminator on --batch images, without and with the R1 penalty alone)
 celeba-64, celeba-128, celeba-256: a whole stage-1 step of that configuration on eight images, with
@@ -336,10 +336,10 @@ def main():
     ]
     gam = [0.01, 0.1, 0.5, 1.0][-len(tg) :]
     for w in o.what:
-        if w == "render":
+        if w.startswith("render"):
 
             def f():
-                with torch.no_grad():
+                with torch.no_grad(), torch.autocast("cpu", torch.bfloat16, "bfloat16" in w):
                     G(z, o.samples)
 
         elif w in ("disc", "r1"):
@@ -393,4 +393,5 @@ def main():
         )
 
 
-main()
+if __name__ == "__main__":
+    main()
