@@ -63,10 +63,12 @@ int stymo_bench(int argc, char** argv) {
         declare(command, options.bench);
         if (name == "bias")
             command.option("--steps", options.bench.steps, "of each fit").range(1, 10000);
-        command.option("--peer", options.peer.script,
-                       "scripts/torch_peer.py: the same in PyTorch, run beside each row; or "
-                       "scripts/onnx_peer.py: frames in OpenVINO and ONNX Runtime");
-        command.option("--peer-python", options.peer.python, "Python that has what the script needs");
+        command.option(
+            "--peer", options.peer.script,
+            "scripts/torch_peer.py, the same in PyTorch, or scripts/onnx_peer.py, frames in "
+            "OpenVINO and ONNX Runtime: run beside each row");
+        command.option("--peer-python", options.peer.python,
+                       "Python that has what the script needs");
         command.option("--out", options.out,
                        "folder for the tables as JSON, CSV and Markdown; scripts/plot_reports.py "
                        "draws them");
