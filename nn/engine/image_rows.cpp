@@ -111,8 +111,12 @@ void add_difference(float* to, const float* x, const float* background, std::int
 }
 
 void color_row(float* out, const float* x, const float* background, std::int64_t count) {
+    // An infinite sum has overflowed, and 0 times it is not a number.
 #pragma omp simd
-    for (std::int64_t i = 0; i < count; ++i) out[i] = sigmoid(2.0F * (x[i] + background[i]));
+    for (std::int64_t i = 0; i < count; ++i) {
+        const float sum = x[i] + background[i];
+        out[i] = sigmoid(2.0F * sum) + 0.0F * sum;
+    }
 }
 
 void mask_row(float* out, const float* x, std::span<const float> weight, float bias,
@@ -126,7 +130,8 @@ void mask_row(float* out, const float* x, std::span<const float> weight, float b
         out[pixel] = sum;
     }
 #pragma omp simd
-    for (std::int64_t pixel = 0; pixel < pixels; ++pixel) out[pixel] = sigmoid(out[pixel]);
+    for (std::int64_t pixel = 0; pixel < pixels; ++pixel)
+        out[pixel] = sigmoid(out[pixel]) + 0.0F * out[pixel];
 }
 
 }  // namespace stymo::kernels

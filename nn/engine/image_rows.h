@@ -30,7 +30,8 @@ void upsample_row(float* out, float* scratch, const float* image, std::int64_t r
 void add_difference(float* to, const float* x, const float* background, std::int64_t pixels,
                     std::int64_t channels);
 
-/// Final colours in [0, 1]: out = (1 + tanh(x + background)) / 2, with an error of about 1e-7.
+/// Final colours in [0, 1]: out = (1 + tanh(x + background)) / 2, with an error of about 1e-7. Not
+/// a number where the sum is not finite; so is the mask.
 void color_row(float* out, const float* x, const float* background, std::int64_t count);
 /// Final mask in [0, 1] of x (pixels, channels): out = sigmoid(x . weight + bias), with an error of
 /// about 1e-7.

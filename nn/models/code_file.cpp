@@ -24,7 +24,9 @@ const Json& member(const Json& object, const char* key, const std::string& sourc
 double number(const Json& value, const char* key, const std::string& source) {
     if (!value.is_number()) fail<FileError>(source, ": \"", key, "\" is not a number");
     const auto result = value.get<double>();
-    if (!std::isfinite(static_cast<float>(result)))
+    // The networks multiply codes in float32.
+    constexpr double largest = 1e30;
+    if (!(std::abs(result) <= largest))
         fail<FileError>(source, ": \"", key, "\" holds ", result, ", which is too large");
     return result;
 }

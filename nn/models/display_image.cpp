@@ -1,5 +1,6 @@
 #include "nn/models/display_image.h"
 
+#include "core/error.h"
 #include "core/ops/elementwise.h"
 #include "core/ops/shape_ops.h"
 
@@ -15,8 +16,16 @@ Tensor item(const Tensor& batch, std::int64_t index) {
 
 }  // namespace
 
+void require_finite(const Tensor& rendered) {
+    if (!rendered.all_finite())
+        fail<NumericError>(
+            "the rendered image is not finite: numbers of the model or of the codes are too large");
+}
+
 Tensor display_image(const Tensor& images, std::int64_t index) {
-    return clamp(Variable(item(images, index)) * 0.5 + 0.5, 0.0, 1.0).value();
+    const Tensor image = item(images, index);
+    require_finite(image);
+    return clamp(Variable(image) * 0.5 + 0.5, 0.0, 1.0).value();
 }
 
 Tensor display_mask(const Tensor& masks, std::int64_t index) {

@@ -236,6 +236,7 @@ std::optional<View> FaceRenderer::render(const Camera& camera, const std::stop_t
     state.draw(stop);
     if (stop.stop_requested()) return std::nullopt;
     state.count();
+    require_finite(state.view);
     return state.view;
 }
 

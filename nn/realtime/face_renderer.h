@@ -59,7 +59,7 @@ public:
     /// Sets the face: row `index` of codes in Z. Groups that have not changed cost nothing. Throws
     /// ShapeError for codes of another shape or an index outside them.
     void show(const Codes& codes, std::int64_t index = 0);
-    /// Throws ValueError before the first `show`.
+    /// Throws ValueError before the first `show`, NumericError for a view that is not finite.
     [[nodiscard]] View render(const Camera& camera);
     /// The same, but returns nothing if a stop is requested before the frame is complete. The
     /// request is checked before each tile of samples and before each strip of a render block. It

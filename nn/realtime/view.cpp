@@ -25,6 +25,11 @@ double largest(const Tensor& values) {
 
 }  // namespace
 
+void require_finite(const View& view) {
+    for (const Tensor* part : {&view.image, &view.mask, &view.depth})
+        if (part->defined()) require_finite(*part);
+}
+
 Variable expected_depth(const Decoded& decoded) {
     const Tensor& depths = decoded.samples.depths;
     return composite_depth(decoded.weights, depths, largest(depths));
@@ -60,6 +65,7 @@ View decoded_view(const Model& model, const Codes& codes, std::int64_t index, co
             std::llround(std::sqrt(static_cast<double>(decoded.samples.depths.shape(1))));
         view.depth = expected_depth(decoded).value().reshaped({side, side, 1});
     }
+    require_finite(view);
     return view;
 }
 

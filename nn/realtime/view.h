@@ -22,6 +22,10 @@ struct View {
     double significant_samples = 1.0;
 };
 
+/// Throws NumericError for a view that is not finite. Every renderer of views calls it, because a
+/// file would show what is not a number as black.
+void require_finite(const View& view);
+
 /// A sample of smaller weight is invisible: it changes a pixel by less than half of an 8-bit step.
 inline constexpr double significant_weight = 1e-3;
 

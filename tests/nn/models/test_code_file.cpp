@@ -96,6 +96,8 @@ TEST_CASE("a malformed code file is refused in one line with file and key", "[co
                    Catch::Contains(quoted + " is not a number"));
         CHECK_THAT(refusal_after([&](auto& json) { json["code"][group][3] = nullptr; }),
                    Catch::Contains(quoted + " is not a number"));
+        CHECK_THAT(refusal_after([&](auto& json) { json["code"][group][3] = -1e37; }),
+                   Catch::Contains(quoted + " holds -1e+37, which is too large"));
     }
     CHECK_THAT(refusal_after([](auto& json) { json.erase("pose"); }),
                Catch::Contains("\"pose\" is missing"));

@@ -2,8 +2,12 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
+#include "core/error.h"
+#include "core/ops/elementwise.h"
+#include "nn/realtime/face_renderer.h"
 #include "nn/realtime/view.h"
 #include "support/check_close.h"
+#include "support/error_message.h"
 #include "support/tiny_model.h"
 
 using namespace stymo;
@@ -63,4 +67,45 @@ TEST_CASE("the model's camera keeps the pivot in the middle of the image, at the
         CHECK(seen[2] == Approx(camera.distance - camera.pivot_depth));
     }
     CHECK(model_camera(model, 0.0, 0.0, 0.0).center[2] == Approx(camera.distance));
+}
+
+namespace {
+
+/// The model with the weights whose names begin so multiplied by a factor.
+Model with_scaled_weights(Model model, const std::string& prefix, double factor) {
+    for (const Parameter& parameter : model.parameters().all())
+        if (parameter.name().starts_with(prefix))
+            parameter.set_value((parameter.variable() * factor).value());
+    return model;
+}
+
+std::string refusal_of(const Model& model, RenderMode mode, const Codes& codes) {
+    return error_message<NumericError>([&] {
+        FaceRenderer renderer(model, {.mode = mode, .samples_per_ray = 8, .tolerance = 0.01});
+        renderer.show(codes);
+        static_cast<void>(renderer.render(model_camera(model, 0.1, 0.0, 0.0)));
+    });
+}
+
+}  // namespace
+
+TEST_CASE("A frame that overflows is refused in every mode, not shown as black", "[view]") {
+    const Codes codes = random_codes(1, 1);
+    const Codes huge = random_codes(1, 1, 1e39);
+    const Model sound = tiny_model();
+    for (const RenderModeTraits& traits : render_modes()) {
+        const RenderMode mode = traits.mode;
+        INFO(name_of(mode));
+        CHECK(refusal_of(sound, mode, codes).empty());
+        for (const double factor : {1e25, -1e25}) {
+            INFO("weights times " << factor);
+            const std::string said = refusal_of(
+                with_scaled_weights(tiny_model(), "decoder.block16", factor), mode, codes);
+            CHECK_THAT(said, Catch::Contains("not finite"));
+            CHECK(is_one_line(said));
+        }
+        CHECK_THAT(refusal_of(sound, mode, huge), Catch::Contains("not finite"));
+    }
+    CHECK_THROWS_AS(decoded_view(sound, huge, 0, model_camera(sound, 0.1, 0.0, 0.0), {}),
+                    NumericError);
 }
