@@ -85,10 +85,11 @@ Ray camera_ray(const Camera& camera, const RaySampling& sampling, std::int64_t r
     // head.
     constexpr double least_descent = 0.05;
     if (descent < least_descent) {
-        fail<ValueError>("[sample_rays] ray (row ", row, ", column ", column,
-                         ") runs along the planes z = ", sampling.near_z,
-                         " and z = ", sampling.far_z,
-                         "; use planes along the optical axis for a camera this far to the side");
+        fail<ValueError>(
+            "[sample_rays] ray (row ", row, ", column ", column,
+            ") runs along the planes z = ", sampling.near_z, " and z = ", sampling.far_z, "; use ",
+            along_world_z ? "planes along the optical axis for a camera this far to the side"
+                          : "a longer focal length");
     }
     if (height <= sampling.far_z) {
         fail<ValueError>("[sample_rays] the camera stands behind the far plane z = ",

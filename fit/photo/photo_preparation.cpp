@@ -32,6 +32,9 @@ constexpr double largest_landmark_error = 0.10;
 /// spots for faces.
 constexpr double least_resolution = 0.25;
 
+/// Of a crop with a larger share outside the photo, less than half is known.
+constexpr double largest_unknown_share = 0.5;
+
 struct FoundFace {
     Landmarks landmarks;
     std::int64_t faces = 1;
@@ -161,6 +164,9 @@ std::string PhotoPreparation::Implementation::failure_of(
     if (crop.side_in_photo < least_resolution * static_cast<double>(wanted_side()))
         return "its face is too small (a crop of " +
                std::to_string(std::llround(crop.side_in_photo)) + " pixels a side)";
+    if (!(crop.share_outside <= largest_unknown_share))
+        return "its face is cut off (" + std::to_string(std::lround(100.0 * crop.share_outside)) +
+               " percent of the crop lie outside the photo)";
     if (!fit || !(fit->landmark_error <= largest_landmark_error))
         return "the head model does not fit what was found";
     return {};
@@ -201,7 +207,8 @@ PreparedFace PhotoPreparation::Implementation::joined(FaceCrop crop,
                                     .covered_share = covered_share(crop.mask),
                                     .yaw = yaw,
                                     .landmark_error = face.fit.landmark_error,
-                                    .made_mask = crop.made_mask});
+                                    .made_mask = crop.made_mask,
+                                    .has_parser = parser.has_value()});
     crop.face_box = {};
     face.crop = std::move(crop);
     return face;

@@ -48,10 +48,11 @@ std::vector<std::string> photo_warnings(const PhotoFindings& findings) {
             line("the head is turned by ", std::lround(degrees_from_radians(findings.yaw)),
                  " degrees, and half of the face is hidden; use a photo from nearer the front"));
     if (findings.covered_share < least_covered || findings.covered_share > most_covered)
-        warnings.push_back(
-            line("the head mask covers ", percent(findings.covered_share),
-                 " percent of the image; give ",
-                 findings.made_mask ? "a mask, or a face parser with --parser" : "another mask"));
+        warnings.push_back(line("the head mask covers ", percent(findings.covered_share),
+                                " percent of the image; give ",
+                                !findings.made_mask   ? "another mask"
+                                : findings.has_parser ? "a mask"
+                                                      : "a mask, or a face parser with --parser"));
     if (findings.landmark_error > doubtful_landmark_error)
         warnings.push_back(
             line("the landmark error of the head model is ", percent(findings.landmark_error),

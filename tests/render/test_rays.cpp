@@ -5,6 +5,7 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "render/rays.h"
+#include "support/error_message.h"
 
 using namespace stymo;
 
@@ -165,4 +166,20 @@ TEST_CASE("rays that cannot be sampled are refused", "[rays]") {
     CHECK_THROWS_AS(sample_rays({frontal(5.3)}, {.rays_per_side = 0}, nullptr), ValueError);
     CHECK_THROWS_AS(sample_rays({frontal(5.3)}, {.near_z = -3.5, .far_z = 2.5}, nullptr),
                     ValueError);
+}
+
+TEST_CASE("a ray along the planes is refused with advice that the sampling does not follow yet",
+          "[rays]") {
+    RaySampling sampling{.rays_per_side = 4, .samples_per_ray = 4};
+    const auto advice = [&](const Camera& camera) {
+        return test::error_message<ValueError>(
+            [&] { static_cast<void>(sample_rays({camera}, sampling, nullptr)); });
+    };
+    const Camera aside = camera_from_pose(orbit_pose(std::numbers::pi / 2.0, 0.0, 0.0, 5.3), {});
+    CHECK_THAT(advice(aside), Catch::EndsWith("use planes along the optical axis for a camera this "
+                                              "far to the side"));
+    sampling.planes = DepthPlanes::optical_axis;
+    CHECK(advice(aside).empty());
+    const Camera wide = camera_from_pose(orbit_pose(0.0, 0.0, 0.0, 5.3), {.focal = 1e-3});
+    CHECK_THAT(advice(wide), Catch::EndsWith("use a longer focal length"));
 }

@@ -134,6 +134,10 @@ TEST_CASE("a face of few pixels, points that are no face, and a profile are refu
     CHECK_THAT(failure_of(with_margin(rendered_head(5, 40), 100)),
                Catch::StartsWith("its face is too small (a crop of ") &&
                    Catch::EndsWith(" pixels a side)"));
+    RenderedHead beside = with_margin(rendered_head(5, 256), 100);
+    for (auto& point : beside.image.landmarks) point[0] += 1e5;
+    CHECK(failure_of(beside) ==
+          "its face is cut off (100 percent of the crop lie outside the photo)");
     RenderedHead upside_down = rendered_head(5, 256);
     std::ranges::reverse(upside_down.image.landmarks);
     CHECK(failure_of(upside_down) == "the head model does not fit what was found");
