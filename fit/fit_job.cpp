@@ -1,5 +1,8 @@
 #include "fit/fit_job.h"
 
+#include <algorithm>
+#include <sstream>
+
 #include "core/clock.h"
 #include "core/interrupt.h"
 #include "render/morphable/head_source.h"
@@ -12,6 +15,42 @@ JsonValue json_of(const TermValues& terms) {
     JsonValue json = JsonValue::object();
     for (const auto& [name, value] : terms) json.add(name, value);
     return json;
+}
+
+bool moved(const FitResult& fit) {
+    return !std::ranges::equal(fit.initial.groups, fit.fitted.groups, [](const auto& a, auto& b) {
+        return a.value().to_vector() == b.value().to_vector();
+    });
+}
+
+/// "loss 2.1 against 1.3".
+std::string comparison(double after, double before) {
+    std::ostringstream text;
+    text << "loss " << after << " against " << before;
+    return text.str();
+}
+
+/// Leaves the initial codes if the fit has not lowered the loss.
+void keep_the_better(FittedFaces& done) {
+    FitResult& fit = done.fit;
+    if (fit.losses.empty() || fit.final_loss < fit.initial_loss) return;
+    done.warnings.push_back(
+        !moved(fit) ? "the fit did not move; lower --tolerance or raise --learning-rate"
+                    : "the fit ended no better than it began (" +
+                          comparison(fit.final_loss, fit.initial_loss) +
+                          "), so the initial codes are kept; lower --learning-rate or --tolerance");
+    fit.fitted = fit.initial;
+    fit.cameras = done.faces.cameras;
+}
+
+/// The reconstruction loss of the photos with the fitted codes, mean over the faces.
+double reconstruction_of(const Model& model, const ReconstructionLoss& loss,
+                         const FittedFaces& done, std::int64_t samples_per_ray) {
+    if (samples_per_ray == 0) samples_per_ray = model.config().reconstruction.fit_samples_per_ray;
+    const Decoded decoded = model.decoder()(
+        done.fit.fitted, done.fit.cameras,
+        {.samples_per_ray = samples_per_ray, .resolution = done.faces.targets.back().shape(1)});
+    return loss(decoded.images, loss.target(done.faces.targets)).total.value().item();
 }
 
 }  // namespace
@@ -46,6 +85,7 @@ FittedFaces FitJob::fit(FaceBatch faces, const FitObserver& observer) const {
     options.on_step = observer.on_fit_step;
     const double start = seconds_now();
     done.fit = fit_codes(model_, loss_, done.faces, options);
+    keep_the_better(done);
     done.fit_seconds = seconds_now() - start;
     if (observer.on_fitted) observer.on_fitted(done.fit);
     const std::int64_t steps = std::ssize(done.fit.losses);
@@ -63,11 +103,19 @@ void FitJob::tune(FittedFaces& done, const FitObserver& observer) const {
     TuningOptions options = options_.tuning;
     options.head = head();
     options.on_step = observer.on_tuning_step;
-    Model tuned = model_.copy(ModelParts::decoder);
+    std::optional<Model> tuned(model_.copy(ModelParts::decoder));
     done.tuning =
-        tune_decoder(model_, tuned, loss_, done.faces, done.fit.fitted, done.fit.cameras, options);
+        tune_decoder(model_, *tuned, loss_, done.faces, done.fit.fitted, done.fit.cameras, options);
     if (interrupted()) return;
-    done.changes = WeightChanges::between(model_, tuned);
+    const double before = reconstruction_of(model_, loss_, done, options.samples_per_ray);
+    const double after = reconstruction_of(*tuned, loss_, done, options.samples_per_ray);
+    if (!(after < before)) {
+        done.warnings.push_back("tuning ended no better than it began (" +
+                                comparison(after, before) +
+                                "), so the decoder stays as it was; lower --tune-learning-rate");
+        tuned.emplace(model_.copy(ModelParts::decoder));
+    }
+    done.changes = WeightChanges::between(model_, *tuned);
     done.tuned.emplace(done.changes->applied_to(model_));
     done.incomplete.clear();
 }

@@ -45,6 +45,7 @@ struct FittedFaces {
     std::optional<WeightChanges> changes{};
     TuningResult tuning{};
     std::string incomplete{};  ///< progress at an interruption; empty if the job is complete
+    std::vector<std::string> warnings{};  ///< one line for each result that was not kept
 };
 
 /// Fitting a photo from beginning to end: preparation, fit, tuning, report. Thread-safe.
@@ -63,7 +64,9 @@ public:
     /// The faces as a batch whose targets have all sides of the model.
     [[nodiscard]] FaceBatch batch_of(std::span<const Face> faces) const;
 
-    /// Fits the codes to photos of one person and tunes the decoder, if the options ask for it.
+    /// Fits the codes to photos of one person and tunes the decoder, if the options ask for it. A
+    /// fit that does not lower the loss leaves the initial codes, and tuning that does not lower
+    /// the reconstruction loss of the photos the original decoder; both add a warning.
     /// Throws what `fit_codes` and `tune_decoder` throw. After an interrupt (core/interrupt.h) it
     /// returns what it has.
     [[nodiscard]] FittedFaces fit(FaceBatch faces, const FitObserver& observer = {}) const;

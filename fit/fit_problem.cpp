@@ -4,6 +4,7 @@
 #include <cmath>
 #include <span>
 #include <string>
+#include <utility>
 
 #include "core/autograd/grad.h"
 #include "core/error.h"
@@ -128,7 +129,7 @@ std::vector<std::optional<FaceSurface>> FitProblem::aligned_surfaces(const Varia
     return surfaces;
 }
 
-FitProblem::Evaluation FitProblem::evaluate() {
+FitLoss FitProblem::loss_here() {
     if (!orbits().empty()) decode_.orbits = orbits().front().variable();
     const Decoded decoded = model_.decoder()(codes(), cameras(), decode_);
     const Codes offsets_now = code_offsets();
@@ -143,10 +144,20 @@ FitProblem::Evaluation FitProblem::evaluate() {
         surfaces = aligned_surfaces(seen.depths);
         seen.surfaces = surfaces;
     }
-    FitLoss loss = fit_loss(seen, weights_);
-    Evaluation result{loss.total.value().item() / static_cast<double>(initial_.batch()),
-                      std::move(loss.terms),
-                      {}};
+    return fit_loss(seen, weights_);
+}
+
+double FitProblem::complete_loss() {
+    static_cast<void>(choose_images(options_.coarse_steps));
+    const Tensor significant = std::exchange(decode_.significant_samples, {});
+    const double loss = mean_over_faces(loss_here().total);
+    decode_.significant_samples = significant;
+    return loss;
+}
+
+FitProblem::Evaluation FitProblem::evaluate() {
+    FitLoss loss = loss_here();
+    Evaluation result{mean_over_faces(loss.total), std::move(loss.terms), {}};
     std::vector<Variable> learnt = variables_of(offsets());
     if (!orbits().empty()) learnt.push_back(orbits().front().variable());
     result.gradients = grad(loss.total, learnt);

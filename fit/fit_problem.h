@@ -25,6 +25,9 @@ public:
     /// Evaluates the function at the current parameters. Throws what the decoder and the loss
     /// throw.
     [[nodiscard]] Evaluation evaluate();
+    /// The loss at the current parameters, mean over the faces, with all samples and all images,
+    /// whatever the last evaluation left out.
+    [[nodiscard]] double complete_loss();
 
     /// The offsets of the four groups, zero at first.
     [[nodiscard]] const std::vector<Parameter>& offsets() const { return offsets_.all(); }
@@ -45,6 +48,10 @@ public:
 
 private:
     [[nodiscard]] Codes code_offsets() const;
+    [[nodiscard]] FitLoss loss_here();
+    [[nodiscard]] double mean_over_faces(const Variable& total) const {
+        return total.value().item() / static_cast<double>(initial_.batch());
+    }
     /// By face, the surface of its head, which is first moved to the rendered face.
     [[nodiscard]] std::vector<std::optional<FaceSurface>> aligned_surfaces(const Variable& depths);
 

@@ -131,6 +131,7 @@ FitResult fit_codes(const Model& model, const ReconstructionLoss& loss, const Fa
     const double learning_rate = options.learning_rate > 0.0
                                      ? options.learning_rate
                                      : model.config().reconstruction.fit_learning_rate;
+    if (options.steps > 0) result.initial_loss = problem.complete_loss();
     switch (options.optimizer) {
         case FitOptimizer::adam:
             fit_by_adam(problem, options, learning_rate, result);
@@ -139,6 +140,7 @@ FitResult fit_codes(const Model& model, const ReconstructionLoss& loss, const Fa
             fit_by_lbfgs(problem, options, learning_rate, result);
             break;
     }
+    if (options.steps > 0) result.final_loss = problem.complete_loss();
     result.cameras = problem.cameras();
     result.fitted = detached(problem.codes());
     return result;

@@ -68,6 +68,9 @@ struct FitResult {
     bool converged = false;
     std::vector<Camera> cameras{};  ///< the target's, or the optimised ones
     TermValues terms{};             ///< of the last evaluation
+    /// The loss with all samples and all images before the first step and after the last one, which
+    /// `losses` may miss; 0 for a fit without steps.
+    double initial_loss = 0.0, final_loss = 0.0;
 };
 
 /// The paper's fitting: optimises code offsets that start at zero (with Adam in the paper).

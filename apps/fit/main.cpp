@@ -172,13 +172,18 @@ stymo::AppResult reports(const stymo::FitJob& job, const Faces& photos,
     if (lpips == nullptr)
         std::cerr << "LPIPS is not measured; name its weights with --lpips-trunk and --lpips-heads"
                   << std::endl;
+    for (const std::string& warning : done.warnings)
+        std::cerr << "warning: " << warning << std::endl;
     stymo::AppResult result;
     std::vector<stymo::JsonValue> all;
     for (std::size_t i = 0; i < photos.faces.size(); ++i) {
         const stymo::FitReport report =
             job.report(done, static_cast<std::int64_t>(i), done.faces.mask, lpips, true);
         stymo::JsonValue json = to_json(report, done);
-        if (!photos.warnings.empty()) json.add("warnings", photos.warnings[i]);
+        std::vector<std::string> warnings = done.warnings;
+        if (!photos.warnings.empty())
+            warnings.insert(warnings.end(), photos.warnings[i].begin(), photos.warnings[i].end());
+        if (!photos.warnings.empty() || !warnings.empty()) json.add("warnings", warnings);
         output.write_report(i, report, json);
         all.push_back(std::move(json));
         if (photos.faces.size() > 1) result.text += photos.faces[i].id + "\n";

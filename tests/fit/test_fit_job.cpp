@@ -6,6 +6,7 @@
 #include "fit/fit_job.h"
 #include "nn/models/code_file.h"
 #include "nn/realtime/view.h"
+#include "support/error_message.h"
 #include "support/tiny_model.h"
 
 using namespace stymo;
@@ -114,4 +115,45 @@ TEST_CASE("A copy of a model has its values and is frozen", "[fit_job]") {
     CHECK(copy.parameters().trainable().empty());
     CHECK(copy.has_encoder() == model.has_encoder());
     CHECK_FALSE(model.copy(ModelParts::decoder).has_encoder());
+}
+
+TEST_CASE("A fit or a tuning that ends worse than it began is not kept, and says so", "[fit_job]") {
+    const Case given;
+    FitJobOptions options = given.job(3, 0).options();
+    const auto done_with = [&](const FitJobOptions& changed) {
+        return FitJob(given.model, given.loss, changed).fit(given.photo());
+    };
+    CHECK(done_with(options).warnings.empty());
+
+    FitJobOptions wild = options;
+    wild.fit.learning_rate = 1e3;
+    const FittedFaces thrown = done_with(wild);
+    CHECK(thrown.fit.final_loss > thrown.fit.initial_loss);
+    REQUIRE(thrown.warnings.size() == 1);
+    CHECK_THAT(thrown.warnings.front(),
+               Catch::StartsWith("the fit ended no better than it began") &&
+                   Catch::Contains("--learning-rate"));
+    CHECK(is_one_line(thrown.warnings.front()));
+    for (std::size_t group = 0; group < code_names.size(); ++group)
+        CHECK(thrown.fit.fitted.groups[group].value().to_vector() ==
+              thrown.fit.initial.groups[group].value().to_vector());
+
+    FitJobOptions still = options;
+    still.fit.learning_rate = 1e-30;
+    CHECK_THAT(done_with(still).warnings.front(), Catch::StartsWith("the fit did not move"));
+
+    options.tuning.steps = 4;
+    CHECK(done_with(options).warnings.empty());
+    options.tuning.learning_rate = 10.0;
+    const FittedFaces detuned = done_with(options);
+    REQUIRE(detuned.warnings.size() == 1);
+    CHECK_THAT(detuned.warnings.front(), Catch::Contains("--tune-learning-rate"));
+    REQUIRE((detuned.tuned && detuned.changes));
+    CHECK(same_weights(*detuned.tuned, given.model.copy(ModelParts::decoder)));
+    const ScratchFolder scratch;
+    const std::filesystem::path file = scratch.path() / "tuned.safetensors";
+    detuned.changes->save(file);
+    CHECK(same_weights(WeightChanges::load(file).applied_to(given.model), *detuned.tuned));
+    const FitReport report = given.job(3, 0).report(detuned, 0, detuned.faces.mask, nullptr);
+    CHECK(report.tuned_metrics.psnr == report.fitted_metrics.psnr);
 }
