@@ -4,8 +4,10 @@
 #include <sstream>
 
 #include "core/clock.h"
+#include "core/error.h"
 #include "core/interrupt.h"
 #include "core/progress.h"
+#include "train/loss_watch.h"
 #include "train/tick.h"
 #include "train/trainer.h"
 #include "train/training_codes.h"
@@ -59,6 +61,9 @@ private:
     [[nodiscard]] std::int64_t images_done() const {
         return trainer_.schedule_.images_before(trainer_.state_.step);
     }
+    /// Both throw NumericError if the loss explodes (loss_watch.h).
+    void watch(const TrainingPosition& position, const StepReport& report);
+    void require_sound_loss(std::int64_t most) const;
     void end_tick(const TrainingPosition& position);
     void write_samples(const TrainingPhase& phase);
     [[nodiscard]] bool checkpoint_is_due(const TrainingPosition& done) const;
@@ -75,6 +80,8 @@ private:
     Progress progress_;
     TickClock clock_;
     Tick tick_;
+    LossWatch watch_;
+    double last_loss_ = 0.0;
     TrainingOutcome outcome_;
 };
 
@@ -106,6 +113,7 @@ void Trainer::Run::step() {
     const TrainingPosition position = trainer_.schedule_.position(trainer_.state_.step);
     const StepReport report = trainer_.step();
     const std::int64_t steps = trainer_.state_.step;
+    watch(position, report);
     if (report.non_finite) {
         progress_.message("step " + std::to_string(steps) + " skipped: " + *report.non_finite +
                           " is not finite");
@@ -116,6 +124,24 @@ void Trainer::Run::step() {
     if (folder_ == nullptr) return;
     if (is_due(steps, output.sample_steps)) write_samples(position.phase);
     if (checkpoint_is_due(position)) save_checkpoint();
+}
+
+void Trainer::Run::watch(const TrainingPosition& position, const StepReport& report) {
+    if (position.step == 0) watch_ = {};
+    if (report.non_finite) return;
+    last_loss_ = report.losses.total + report.losses["discriminator"];
+    watch_.add(last_loss_);
+    require_sound_loss(LossWatch::most);
+}
+
+void Trainer::Run::require_sound_loss(std::int64_t most) const {
+    if (watch_.high_steps() < most) return;
+    const bool resumable = saved_step_ > 0 || first_image_ > 0;
+    fail<NumericError>(
+        "step ", trainer_.state_.step, ": the loss is ", last_loss_, ", above ", LossWatch::factor,
+        " times the lowest of this phase (", watch_.lowest(), ") in ", watch_.high_steps(),
+        " steps in a row; lower ", trainer_.stage_->learning_rate_key(),
+        resumable ? " and continue from an earlier checkpoint (--resume)" : " and start again");
 }
 
 void Trainer::Run::end_tick(const TrainingPosition& position) {
@@ -142,6 +168,8 @@ void Trainer::Run::write_samples(const TrainingPhase& phase) {
 }
 
 bool Trainer::Run::checkpoint_is_due(const TrainingPosition& done) const {
+    // A checkpoint of an exploding model would replace a good one.
+    if (watch_.high_steps() > 0) return false;
     const OutputConfig& output = trainer_.config_.output;
     const bool time_to_save = output.checkpoint_minutes > 0.0 &&
                               seconds_now() - last_checkpoint_ >= output.checkpoint_minutes * 60.0;
@@ -156,6 +184,7 @@ void Trainer::Run::save_checkpoint() {
 }
 
 TrainingOutcome Trainer::Run::finish() {
+    require_sound_loss(1);
     outcome_.steps = trainer_.state_.step;
     outcome_.seconds = seconds_now() - start_;
     outcome_.images_per_second =

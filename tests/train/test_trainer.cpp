@@ -15,6 +15,7 @@
 #include "support/check_close.h"
 #include "support/error_message.h"
 #include "support/thread_count.h"
+#include "train/loss_watch.h"
 #include "train/tiny_training.h"
 #include "train/trainer.h"
 
@@ -455,6 +456,40 @@ TEST_CASE("a checkpoint of another seed or another model is refused in one line"
     CHECK(is_one_line(moments));
     CHECK_THAT(moments, Catch::Contains("state.safetensors") &&
                             Catch::Contains("decoder.field.density.weight is incomplete"));
+}
+
+TEST_CASE("A loss that explodes while it is finite ends the run and keeps the last good checkpoint",
+          "[trainer]") {
+    TrainConfig config = tiny_train_config();
+    config.output.checkpoint_steps = 1;
+    config.optimizer.learning_rate = 1.0;
+    for (const std::int64_t steps : {60, 16}) {
+        INFO(steps << " steps");
+        const ScratchFolder scratch;
+        const std::string said =
+            error_message<NumericError>([&] { train(config, scratch.path(), steps); });
+        CHECK_THAT(said, Catch::Contains("above 1000 times the lowest of this phase") &&
+                             Catch::Contains("lower optimizer.learning_rate"));
+        CHECK(is_one_line(said));
+        const nlohmann::json last = statistics(scratch.path()).back();
+        const std::int64_t kept = *checkpoint_step(latest_checkpoint(scratch.path()));
+        CHECK(last["loss"].get<double>() > 1000.0);
+        CHECK(kept < last["step"].get<std::int64_t>());
+    }
+}
+
+TEST_CASE("A loss that is only noisy, or fitted to almost nothing, does not end a run",
+          "[trainer]") {
+    LossWatch watch;
+    for (int step = 0; step < 100; ++step) {
+        watch.add(step % 10 == 9 ? 1e-9 : 5.0);
+        CHECK(watch.high_steps() == 0);
+    }
+    watch.add(11.0);
+    watch.add(12.0);
+    CHECK(watch.high_steps() == 2);
+    watch.add(9.0);
+    CHECK(watch.high_steps() == 0);
 }
 
 }  // namespace trainer_tests
