@@ -9,6 +9,7 @@
 #include "core/ops/linalg.h"
 #include "core/ops/reduce.h"
 #include "core/ops/shape_ops.h"
+#include "nn/optim/adam.h"
 
 namespace stymo {
 
@@ -19,15 +20,41 @@ constexpr int iterations = 5;
 constexpr std::array quintic{3.4445, -4.7750, 2.0315};
 constexpr std::string_view suffix = ".momentum";
 
+double norm_of(const Variable& x) {
+    return std::sqrt(sum(square(x)).value().item());
+}
+
+double largest_magnitude(const Tensor& x) {
+    return dispatch(x.dtype(), [&]<class T>(T) {
+        T largest = T(0);
+        for (const T value : x.values<T>()) largest = std::max(largest, std::abs(value));
+        return static_cast<double>(largest);
+    });
+}
+
+/// The matrix, multiplied by a power of two that makes its largest element about 1 if squares of
+/// its elements may leave float32's range.
+Variable in_range_of_squares(const Tensor& matrix) {
+    const Variable x(matrix);
+    constexpr double least = 1e-12, most = 1e18;
+    if (const double norm = norm_of(x); norm >= least && norm <= most) return x;
+    const double largest = largest_magnitude(matrix);
+    if (largest == 0.0) return x;
+    // In two factors, because the power itself can be beyond float32's range.
+    const int exponent = -std::ilogb(largest);
+    return x * std::ldexp(1.0, exponent / 2) * std::ldexp(1.0, exponent - exponent / 2);
+}
+
 }  // namespace
 
 Tensor orthogonalised(const Tensor& matrix) {
     if (matrix.rank() != 2)
         fail<ShapeError>("only a matrix is orthogonalised, not ", matrix.shape());
-    const double norm = std::sqrt(sum(square(Variable(matrix))).value().item());
+    Variable x = in_range_of_squares(matrix);
+    const double norm = norm_of(x);
     if (norm == 0.0) return matrix;
     const bool tall = matrix.shape(0) > matrix.shape(1);
-    Variable x = Variable(matrix) * (1.0 / norm);
+    x = x * (1.0 / norm);
     if (tall) x = transpose(x);
     for (int i = 0; i < iterations; ++i) {
         const Variable gram = matmul(x, x, {.transpose_b = true});
@@ -39,8 +66,8 @@ Tensor orthogonalised(const Tensor& matrix) {
 
 void Muon::step(std::span<const Parameter> parameters, std::span<const Variable> gradients,
                 double learning_rate) {
-    if (parameters.size() != gradients.size())
-        fail<ValueError>(gradients.size(), " gradients for ", parameters.size(), " parameters");
+    if (const std::optional<std::string> name = first_non_finite(parameters, gradients))
+        fail<NumericError>("the gradient of ", *name, " is not finite");
     const double momentum = options_.momentum;
     for (std::size_t i = 0; i < parameters.size(); ++i) {
         const Parameter& parameter = parameters[i];

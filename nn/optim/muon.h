@@ -11,8 +11,8 @@ namespace stymo {
 
 /// Approximates the nearest matrix with orthonormal rows or columns, whichever are fewer, by five
 /// steps of the quintic Newton-Schulz iteration of Jordan et al. 2024. The singular values of a
-/// matrix (R, C) of any magnitude become 0.6 to 1.3, except for very small ones. A zero matrix
-/// stays zero. Throws ShapeError unless the rank is 2.
+/// matrix (R, C) of any magnitude become 0.6 to 1.3, except for ones that are very small beside the
+/// largest. A zero matrix stays zero. Throws ShapeError unless the rank is 2.
 [[nodiscard]] Tensor orthogonalised(const Tensor& matrix);
 
 struct MuonOptions {
@@ -28,8 +28,9 @@ public:
     explicit Muon(const MuonOptions& options = {}) : options_(options) {}
 
     /// Updates each parameter (R, C) with its gradient. Throws ValueError unless there is one
-    /// gradient for each parameter, and ShapeError for a parameter that is not a matrix or a
-    /// gradient of another shape.
+    /// gradient for each parameter, ShapeError for a parameter that is not a matrix or a
+    /// gradient of another shape, and NumericError, which names the parameter, before anything
+    /// changes if a gradient is not finite.
     void step(std::span<const Parameter> parameters, std::span<const Variable> gradients,
               double learning_rate);
 

@@ -6,3 +6,7 @@ TEST_CASE("Elementary functions: extreme inputs stay within their bounds or are 
           "[stability]") {
     stability::check(stability::activation_cases());
 }
+
+TEST_CASE("Products: extreme inputs stay within their bounds", "[stability]") {
+    stability::check(stability::product_cases());
+}

@@ -7,3 +7,7 @@ TEST_CASE("Layers and losses: extreme inputs stay within their bounds or are ref
     stability::check(stability::layer_cases());
     stability::check(stability::loss_cases());
 }
+
+TEST_CASE("Renderer: hard and thin fields stay within their bounds", "[stability]") {
+    stability::check(stability::renderer_cases());
+}

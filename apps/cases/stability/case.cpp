@@ -13,8 +13,11 @@ namespace stymo {
 
 std::vector<StabilityFamily> stability_families() {
     using namespace stability;
-    return {{"rays", ray_cases},     {"cameras", camera_cases}, {"activations", activation_cases},
-            {"layers", layer_cases}, {"losses", loss_cases},    {"training", training_cases}};
+    return {{"rays", ray_cases},          {"cameras", camera_cases},
+            {"renderer", renderer_cases}, {"activations", activation_cases},
+            {"products", product_cases},  {"layers", layer_cases},
+            {"losses", loss_cases},       {"training", training_cases},
+            {"fitting", fitting_cases}};
 }
 
 namespace {

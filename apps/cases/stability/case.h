@@ -99,7 +99,10 @@ template <class ErrorType>
 [[nodiscard]] std::vector<StabilityCase> camera_cases();      // render
 [[nodiscard]] std::vector<StabilityCase> layer_cases();       // nn
 [[nodiscard]] std::vector<StabilityCase> loss_cases();        // nn
+[[nodiscard]] std::vector<StabilityCase> product_cases();     // core
+[[nodiscard]] std::vector<StabilityCase> renderer_cases();    // nn
 [[nodiscard]] std::vector<StabilityCase> training_cases();    // train
+[[nodiscard]] std::vector<StabilityCase> fitting_cases();     // fit
 
 }  // namespace stability
 

@@ -10,6 +10,7 @@
 #include "core/rng.h"
 #include "nn/adversarial.h"
 #include "nn/models/discriminator.h"
+#include "nn/pretrained/perceptual/feature_distance.h"
 #include "nn/pretrained/perceptual/lpips.h"
 
 namespace stymo::stability {
@@ -75,6 +76,37 @@ StabilityCase perceptual(const std::string& name, const std::string& behaviour, 
                     return std::vector<Variable>{lpips.distance(lpips.features(x[0]), target)};
                 });
             }};
+}
+
+/// The fused distance of features whose pixels have this norm, from targets of norm 1, and its
+/// gradient.
+StabilityCase fused_distance(const std::string& name, const std::string& behaviour, double norm) {
+    constexpr std::int64_t channels = 64;
+    const Shape shape{1, 3, 3, channels};
+    const Tensor direction = Rng(15).uniform(shape, -1.0, 1.0);
+    const Tensor x = (unit_channels(Variable(direction), 0.0) * norm).value();
+    const Tensor target = unit_channels(Variable(Rng(16).uniform(shape, -1.0, 1.0)), 0.0).value();
+    const Tensor weight = Rng(17).uniform({channels}, 0.0, 1.0);
+    return row(name, behaviour, 1e-5, 1e-5, {x}, each([=](const Variable& features) {
+                   return feature_distance(features, target.to(features.dtype()),
+                                           weight.to(features.dtype()));
+               }));
+}
+
+std::vector<StabilityCase> fused_distance_cases() {
+    const std::string wide = "the norm in float64 where its square leaves float32's range";
+    std::vector<StabilityCase> rows;
+    for (const auto& [name, norm] : {std::pair{"1e-30", 1e-30},
+                                     {"1e-20", 1e-20},
+                                     {"1e-10", 1e-10},
+                                     {"1", 1.0},
+                                     {"1e20", 1e20},
+                                     {"1e30", 1e30}})
+        rows.push_back(
+            fused_distance(std::string("LPIPS, fused, features of norm ") + name, wide, norm));
+    rows.push_back(fused_distance("LPIPS, fused, features of norm 0",
+                                  "where all channels are 0 the direction is 0", 0.0));
+    return rows;
 }
 
 std::vector<StabilityCase> perceptual_cases() {
@@ -154,7 +186,8 @@ std::vector<StabilityCase> mask_cases() {
 }  // namespace
 
 std::vector<StabilityCase> loss_cases() {
-    return joined({adversarial_cases(), perceptual_cases(), metric_cases(), mask_cases()});
+    return joined({adversarial_cases(), perceptual_cases(), fused_distance_cases(), metric_cases(),
+                   mask_cases()});
 }
 
 }  // namespace stymo::stability

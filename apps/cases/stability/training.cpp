@@ -5,6 +5,7 @@
 #include "core/rng.h"
 #include "nn/optim/adam.h"
 #include "nn/optim/ema.h"
+#include "nn/optim/muon.h"
 #include "train/gradient_sums.h"
 
 namespace stymo::stability {
@@ -48,6 +49,34 @@ std::vector<StabilityCase> adam_cases() {
     rows.push_back(refused<NumericError>(
         "Adam, gradient not a number", "refused before anything changes", "gradient of x",
         [](DType dtype) { return stepped(dtype, std::numeric_limits<double>::quiet_NaN()); }));
+    return rows;
+}
+
+/// A matrix after three steps of Muon with gradients of this magnitude.
+StabilityCase muon(const std::string& name, const std::string& behaviour, double magnitude) {
+    return {.name = name, .behaviour = behaviour, .value_bound = 1e-3, .run = [=](DType dtype) {
+                ParameterStore store;
+                const Parameter x = store.create("x", Tensor::zeros({16, 24}, dtype));
+                Muon optimizer;
+                for (std::uint64_t step = 0; step < 3; ++step)
+                    optimizer.step(
+                        store.all(),
+                        std::vector<Variable>{Rng(step).normal({16, 24}, 0.0, magnitude).to(dtype)},
+                        1e-3);
+                return StabilityResult{.values = {x.variable().value()}};
+            }};
+}
+
+std::vector<StabilityCase> muon_cases() {
+    const std::string scaled = "scaled by a power of two where squares leave float32's range";
+    std::vector<StabilityCase> rows{
+        muon("Muon, gradient 0", "no step", 0.0), muon("Muon, gradients of 1e-30", scaled, 1e-30),
+        muon("Muon, gradients of 1e-20", scaled, 1e-20),
+        muon("Muon, gradients of 1", "a step of the learning rate", 1.0),
+        muon("Muon, gradients of 1e30", scaled, 1e30)};
+    rows.push_back(refused<NumericError>(
+        "Muon, gradient infinite", "refused before anything changes", "gradient of x",
+        muon("", "", std::numeric_limits<double>::infinity()).run));
     return rows;
 }
 
@@ -103,7 +132,7 @@ std::vector<StabilityCase> accumulation_cases() {
 }  // namespace
 
 std::vector<StabilityCase> training_cases() {
-    return joined({adam_cases(), accumulation_cases()});
+    return joined({adam_cases(), muon_cases(), accumulation_cases()});
 }
 
 }  // namespace stymo::stability

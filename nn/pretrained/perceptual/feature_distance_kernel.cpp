@@ -1,5 +1,6 @@
 #include "nn/pretrained/perceptual/feature_distance_kernel.h"
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -11,18 +12,64 @@ namespace {
 
 constexpr std::int64_t pixels_at_once = 256;
 
-template <class T>
-T squared_norm(const T* x, std::int64_t channels) {
-    T total = T(0);
+/// In A.
+template <class A, class T>
+A squared_norm(const T* x, std::int64_t channels) {
+    A total = A(0);
 #pragma omp simd reduction(+ : total)
-    for (std::int64_t c = 0; c < channels; ++c) total += x[c] * x[c];
+    for (std::int64_t c = 0; c < channels; ++c)
+        total += static_cast<A>(x[c]) * static_cast<A>(x[c]);
     return total;
 }
 
 /// 1 / (|x| + epsilon), where a norm of 0 is replaced by 1.
-template <class T>
-T inverse_norm(T squared, double epsilon) {
-    return T(1) / ((squared == T(0) ? T(1) : std::sqrt(squared)) + static_cast<T>(epsilon));
+template <class A>
+A inverse_norm(A squared, double epsilon) {
+    return A(1) / ((squared == A(0) ? A(1) : std::sqrt(squared)) + static_cast<A>(epsilon));
+}
+
+/// Calls body(|x|^2), in float64 where the square leaves T's range of full precision. The pixel is
+/// computed in the same type.
+template <class T, class Body>
+auto with_squared_norm(const T* x, std::int64_t channels, Body body) {
+    const T squared = squared_norm<T>(x, channels);
+    if ((squared >= T(1e-30) && squared <= T(1e30)) ||
+        std::all_of(x, x + channels, [](T value) { return value == T(0); }))
+        return body(squared);
+    return body(squared_norm<double>(x, channels));
+}
+
+/// sum_c weight_c (x_c / |x| - target_c)^2, computed in A.
+template <class A, class T>
+A pixel_distance(const T* x, A squared, const T* target, const T* weights, std::int64_t channels,
+                 double epsilon) {
+    const A factor = inverse_norm(squared, epsilon);
+    A total = A(0);
+#pragma omp simd reduction(+ : total)
+    for (std::int64_t c = 0; c < channels; ++c) {
+        const A difference = x[c] * factor - target[c];
+        total += weights[c] * difference * difference;
+    }
+    return total;
+}
+
+/// The gradient of `scale` times that.
+template <class A, class T>
+void pixel_gradient(const T* x, A squared, const T* target, const T* weights, std::int64_t channels,
+                    double epsilon, T scale, T* out) {
+    const A factor = inverse_norm(squared, epsilon);
+    A along = A(0);
+#pragma omp simd reduction(+ : along)
+    for (std::int64_t c = 0; c < channels; ++c) {
+        const A dL_dnormalised = static_cast<A>(scale) * weights[c] * (x[c] * factor - target[c]);
+        along += dL_dnormalised * x[c];
+        out[c] = static_cast<T>(dL_dnormalised);
+    }
+    // d factor / dx_c = -factor^2 x_c / |x|
+    const A back = squared == A(0) ? A(0) : along * factor * factor / std::sqrt(squared);
+#pragma omp simd
+    for (std::int64_t c = 0; c < channels; ++c)
+        out[c] = static_cast<T>(factor * out[c] - back * x[c]);
 }
 
 }  // namespace
@@ -41,14 +88,10 @@ Tensor feature_distance(const Tensor& x, const Tensor& target, const Tensor& wei
             parallel_for(pixels, pixels_at_once, [&](std::int64_t begin, std::int64_t end) {
                 double part = 0.0;
                 for (std::int64_t at = begin * channels; at < end * channels; at += channels) {
-                    const T factor = inverse_norm(squared_norm(in + at, channels), epsilon);
-                    T total = T(0);
-#pragma omp simd reduction(+ : total)
-                    for (std::int64_t c = 0; c < channels; ++c) {
-                        const T difference = in[at + c] * factor - wanted[at + c];
-                        total += weights[c] * difference * difference;
-                    }
-                    part += static_cast<double>(total);
+                    part += with_squared_norm(in + at, channels, [&](auto squared) {
+                        return static_cast<double>(pixel_distance(in + at, squared, wanted + at,
+                                                                  weights, channels, epsilon));
+                    });
                 }
                 parts[static_cast<std::size_t>(begin / pixels_at_once)] = part;
             });
@@ -76,22 +119,10 @@ Tensor feature_distance_gradient(const Tensor& x, const Tensor& target, const Te
             parallel_for(pixels, pixels_at_once, [=](std::int64_t begin, std::int64_t end) {
                 for (std::int64_t pixel = begin; pixel < end; ++pixel) {
                     const std::int64_t at = (image * pixels + pixel) * channels;
-                    const T squared = squared_norm(in + at, channels);
-                    const T factor = inverse_norm(squared, epsilon);
-                    T along = T(0);
-#pragma omp simd reduction(+ : along)
-                    for (std::int64_t c = 0; c < channels; ++c) {
-                        const T dL_dnormalised =
-                            scale * weights[c] * (in[at + c] * factor - wanted[at + c]);
-                        out[at + c] = dL_dnormalised;
-                        along += dL_dnormalised * in[at + c];
-                    }
-                    // d factor / dx_c = -factor^2 x_c / |x|
-                    const T back =
-                        squared == T(0) ? T(0) : along * factor * factor / std::sqrt(squared);
-#pragma omp simd
-                    for (std::int64_t c = 0; c < channels; ++c)
-                        out[at + c] = factor * out[at + c] - back * in[at + c];
+                    with_squared_norm(in + at, channels, [&](auto squared) {
+                        pixel_gradient(in + at, squared, wanted + at, weights, channels, epsilon,
+                                       scale, out + at);
+                    });
                 }
             });
         }

@@ -65,6 +65,13 @@ TEST_CASE("orthogonalising maps each singular value by the iteration and keeps t
         // A common factor of any magnitude makes no difference.
         const Tensor scaled = orthogonalised(tensor_from(Eigen::MatrixXd(matrix * 1e-30)));
         CHECK((matrix_map<double>(scaled) - expected).norm() < 1e-10);
+        for (const double factor : {1e-37, 1e-25, 1e-19, 1e19, 1e37}) {
+            INFO("times " << factor);
+            const Tensor single = tensor_from(Eigen::MatrixXd(matrix * factor)).to(DType::float32);
+            CHECK(
+                (matrix_map<double>(orthogonalised(single).to(DType::float64)) - expected).norm() <
+                1e-4);
+        }
     }
     CHECK(orthogonalised(Tensor::zeros({2, 3})).to_vector() == std::vector<double>(6, 0.0));
     CHECK_THROWS_AS(orthogonalised(Tensor::zeros({2})), ShapeError);
