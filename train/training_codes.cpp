@@ -37,7 +37,7 @@ std::optional<CodeStatistics> code_statistics_of(const Model& model, const Datas
 
 void add_code_statistics(const std::filesystem::path& model_file, const Dataset& faces,
                          std::int64_t most) {
-    if (!std::filesystem::exists(model_file)) return;
+    if (std::min(most, faces.size()) < 2 || !std::filesystem::exists(model_file)) return;
     const std::optional<CodeStatistics> statistics =
         code_statistics_of(Model::load(model_file), faces, most);
     if (!statistics) return;
