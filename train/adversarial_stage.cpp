@@ -72,24 +72,37 @@ void AdversarialStage::apply(const LossAndGradients& update,
                                   config.discriminator_learning_rate * lazy_part(config));
 }
 
-void AdversarialStage::update_discriminator(const TrainingPosition& position, StepReport& report) {
-    // Frozen, so that no graph is recorded while its images are rendered.
+void AdversarialStage::load_faces(const TrainingPosition& position) {
+    // Frozen, so that no graph is recorded while photos are encoded and images are rendered.
     parts_.model.parameters().set_trainable("", false);
+    const TrainingPhase& phase = position.phase;
+    batches_.resize(static_cast<std::size_t>(phase.micro_batches() / parts_.ranks.size()));
+    for_each_micro_batch(std::ssize(batches_), phase.execution.side_by_side, [&](std::int64_t k) {
+        MicroBatch batch = load_micro_batch(parts_, position, k);
+        batch.codes = detached(face_codes(parts_.model, batch.faces, parts_.offsets));
+        batch.faces.input = {};  // nothing else reads it
+        batches_[static_cast<std::size_t>(k)] = std::move(batch);
+    });
+}
+
+void AdversarialStage::update_discriminator(const TrainingPosition& position, StepReport& report) {
     const std::vector<Parameter> parameters = unfreeze_discriminator(position);
     const double probability = discriminator_->augmentation.value();
-    const auto gradients = [&](const FaceBatch& batch, std::int64_t first_image,
-                               const GradientSink& sink) {
-        Rng jitter = step_jitter(parts_, position, "discriminator jitter", first_image);
+    const auto gradients = [&](const MicroBatch& batch, const GradientSink& sink) {
+        Rng jitter = step_jitter(parts_, position, "discriminator jitter", batch.first_image);
         std::vector<ImageAugmentation> augmentations;
         for (const std::string_view purpose : {"photo augmentation", "rendering augmentation"})
-            std::ranges::copy(step_augmentations(parts_, position, purpose, first_image,
-                                                 std::ssize(batch.cameras), probability),
+            std::ranges::copy(step_augmentations(parts_, position, purpose, batch.first_image,
+                                                 std::ssize(batch.faces.cameras), probability),
                               std::back_inserter(augmentations));
         const GeneratorInputs inputs{parts_.model,   parts_.reconstruction,    parts_.config,
-                                     parts_.offsets, &discriminator_->network, augmentations};
-        return discriminator_gradients(inputs, position, batch, parameters, jitter, sink).losses;
+                                     parts_.offsets, &discriminator_->network, augmentations,
+                                     &*batch.codes};
+        return discriminator_gradients(inputs, position, batch.faces, parameters, jitter, sink)
+            .losses;
     };
-    apply(mean_over_micro_batches(parts_, position, parameters, gradients), parameters, report);
+    apply(mean_over_micro_batches(parts_, position, parameters, batches_, gradients), parameters,
+          report);
     report.losses["augmentation"] = probability;
     if (!report.non_finite)
         discriminator_->augmentation.update(report.losses["real_sign"],
@@ -104,13 +117,14 @@ void AdversarialStage::regularize_discriminator(const TrainingPosition& position
     const std::vector<Parameter> parameters = unfreeze_discriminator(position);
     const double weight = gamma * static_cast<double>(interval);
     apply(mean_over_micro_batches(
-              parts_, position, parameters,
-              [&](const FaceBatch& batch, std::int64_t first_image, const GradientSink& sink) {
-                  return r1_gradients(discriminator_->network, position, batch, weight, parameters,
-                                      step_augmentations(parts_, position, "R1 augmentation",
-                                                         first_image, std::ssize(batch.cameras),
-                                                         discriminator_->augmentation.value()),
-                                      sink)
+              parts_, position, parameters, batches_,
+              [&](const MicroBatch& batch, const GradientSink& sink) {
+                  return r1_gradients(
+                             discriminator_->network, position, batch.faces, weight, parameters,
+                             step_augmentations(parts_, position, "R1 augmentation",
+                                                batch.first_image, std::ssize(batch.faces.cameras),
+                                                discriminator_->augmentation.value()),
+                             sink)
                       .losses;
               }),
           parameters, report);
@@ -126,7 +140,7 @@ void AdversarialStage::update_decoder(const TrainingPosition& position, StepRepo
     const Adversary adversary =
         discriminator_ ? Adversary{&discriminator_->network, discriminator_->augmentation.value()}
                        : Adversary{};
-    update_generator(parts_, position, adversary, parameters, optimizer_,
+    update_generator(parts_, position, adversary, parameters, batches_, optimizer_,
                      {config.learning_rate, mapping_prefix, config.mapping_factor}, report);
 }
 
@@ -140,9 +154,11 @@ StepReport AdversarialStage::step(const TrainingPosition& position) {
     const std::vector<Variable> values = variables_of(discriminator_->parameters.all());
     const Adam adam = discriminator_->adam;
     const AdaptiveProbability augmentation = discriminator_->augmentation;
+    load_faces(position);
     update_discriminator(position, report);
     regularize_discriminator(position, report);
     update_decoder(position, report);
+    batches_.clear();
     if (report.non_finite) {
         for (std::size_t i = 0; i < values.size(); ++i)
             discriminator_->parameters.all()[i].set_value(values[i].value());

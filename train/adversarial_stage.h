@@ -30,6 +30,8 @@ private:
         TrainedDiscriminator(const TrainConfig& config, Rng rng);
     };
 
+    /// Loads the micro-batches of a step once for all its updates, and encodes their photos.
+    void load_faces(const TrainingPosition& position);
     /// These functions make one update of the discriminator. If a value is not finite, they record
     /// it in the report and change nothing.
     void update_discriminator(const TrainingPosition& position, StepReport& report);
@@ -44,6 +46,7 @@ private:
     TrainingParts parts_;
     HybridOptimizer optimizer_;
     std::optional<TrainedDiscriminator> discriminator_;
+    std::vector<MicroBatch> batches_;  ///< of the step that is running, if it has several updates
 };
 
 }  // namespace stymo

@@ -25,7 +25,8 @@ Tensor real_images(const FaceBatch& batch, const TrainingPosition& position) {
 /// Rendered images of the batch's faces for the discriminator. One face at a time saves memory.
 Tensor fake_images(const GeneratorInputs& inputs, const FaceBatch& batch,
                    const TrainingPosition& position, Rng& jitter) {
-    const Codes codes = detached(face_codes(inputs.model, batch, inputs.offsets));
+    const Codes codes = detached(
+        inputs.codes != nullptr ? *inputs.codes : face_codes(inputs.model, batch, inputs.offsets));
     const std::vector<Camera> cameras = face_cameras(batch, inputs.offsets);
     std::vector<Variable> images;
     for (std::int64_t i = 0; i < codes.batch(); ++i) {

@@ -32,7 +32,8 @@ LossAndGradients generator_gradients(const GeneratorInputs& inputs,
                                      const std::vector<Parameter>& parameters, Rng& jitter,
                                      const GradientSink& sink) {
     const TrainingPhase& phase = position.phase;
-    Codes codes = face_codes(inputs.model, batch, inputs.offsets);
+    Codes codes =
+        inputs.codes != nullptr ? *inputs.codes : face_codes(inputs.model, batch, inputs.offsets);
     if (phase.stage == 2) codes = detached(codes);
     const Decoder& decoder = inputs.model.decoder();
     const Recomputation& recomputation = phase.execution.recomputation;

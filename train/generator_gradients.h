@@ -33,6 +33,9 @@ struct GeneratorInputs {
     /// the discriminator's own update, one for each photo and then one for each rendered image.
     /// Empty: no augmentation.
     std::span<const ImageAugmentation> augmentations{};
+    /// Codes of the batch's faces, which the second stage keeps as constants; null: they are
+    /// computed (face_codes).
+    const Codes* codes = nullptr;
 };
 
 /// Forward and backward pass of the generator's update on one micro-batch, in either stage: codes,

@@ -103,6 +103,10 @@ StepMemory estimate_step_memory(const Model& model, const ReconstructionLoss& lo
     memory.generator =
         heap_bytes(generator_numbers(model, loss, config, phase, execution.recomputation));
     if (has_discriminator(config, phase)) {
+        // The targets and masks of a step's photos serve all its updates.
+        const std::int64_t side = model.decoder().ladder().largest();
+        memory.persistent += bytes_per_number * phase.batch *
+                             (4 * phase.resolution * phase.resolution + side * side);
         const LayerMemory discriminator = discriminator_memory(config, phase);
         memory.discriminator = heap_bytes(discriminator.saved + discriminator.transient);
         memory.regularizer = heap_bytes(9 * discriminator.saved / 4 + discriminator.transient);

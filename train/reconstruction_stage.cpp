@@ -51,7 +51,7 @@ double ReconstructionStage::learning_rate(const TrainingPosition& position) cons
 StepReport ReconstructionStage::step(const TrainingPosition& position) {
     StepReport report;
     update_generator(
-        parts_, position, {}, unfreeze(position), optimizer_,
+        parts_, position, {}, unfreeze(position), {}, optimizer_,
         {learning_rate(position), backbone_prefix, parts_.config.optimizer.backbone_factor},
         report);
     return report;

@@ -46,9 +46,19 @@ void for_each_micro_batch(std::int64_t count, bool side_by_side,
     for (std::int64_t i = 0; i < count; ++i) body(i);
 }
 
+MicroBatch load_micro_batch(const TrainingParts& parts, const TrainingPosition& position,
+                            std::int64_t index) {
+    const TrainingPhase& phase = position.phase;
+    const std::int64_t own = phase.micro_batches() / parts.ranks.size();
+    const std::int64_t first = (parts.ranks.rank() * own + index) * phase.micro_batch;
+    return {parts.images.batch(position.first_image + first, phase.micro_batch, phase.resolution),
+            first};
+}
+
 LossAndGradients mean_over_micro_batches(const TrainingParts& parts,
                                          const TrainingPosition& position,
                                          const std::vector<Parameter>& parameters,
+                                         std::span<const MicroBatch> loaded,
                                          const MicroBatchGradients& gradients_of) {
     const TrainingPhase& phase = position.phase;
     const std::int64_t all = phase.micro_batches(), own = all / parts.ranks.size();
@@ -56,9 +66,9 @@ LossAndGradients mean_over_micro_batches(const TrainingParts& parts,
     GradientTree tree(own, [&](std::size_t i, Tensor sum) { exchange.add(i, std::move(sum)); });
     std::vector<LossValues> losses(static_cast<std::size_t>(own));
     for_each_micro_batch(own, phase.execution.side_by_side, [&](std::int64_t k) {
-        const std::int64_t first = (parts.ranks.rank() * own + k) * phase.micro_batch;
-        losses[static_cast<std::size_t>(k)] = gradients_of(
-            parts.images.batch(position.first_image + first, phase.micro_batch), first,
+        const auto index = static_cast<std::size_t>(k);
+        losses[index] = gradients_of(
+            loaded.empty() ? load_micro_batch(parts, position, k) : loaded[index],
             [&](std::size_t i, const Variable& gradient) { tree.add(k, i, gradient.value()); });
     });
     const double part = 1.0 / static_cast<double>(all);
@@ -95,17 +105,24 @@ std::vector<std::string> trained_decoder_prefixes(const Model& model,
 
 void update_generator(const TrainingParts& parts, const TrainingPosition& position,
                       const Adversary& adversary, const std::vector<Parameter>& parameters,
-                      HybridOptimizer& optimizer, const OptimizerRates& rates, StepReport& report) {
+                      std::span<const MicroBatch> loaded, HybridOptimizer& optimizer,
+                      const OptimizerRates& rates, StepReport& report) {
     const LossAndGradients mean = mean_over_micro_batches(
-        parts, position, parameters,
-        [&](const FaceBatch& batch, std::int64_t first_image, const GradientSink& sink) {
-            Rng jitter = step_jitter(parts, position, "jitter", first_image);
+        parts, position, parameters, loaded,
+        [&](const MicroBatch& batch, const GradientSink& sink) {
+            Rng jitter = step_jitter(parts, position, "jitter", batch.first_image);
             const std::vector<ImageAugmentation> augmentations =
-                step_augmentations(parts, position, "augmentation", first_image,
-                                   std::ssize(batch.cameras), adversary.augmentation);
-            const GeneratorInputs inputs{parts.model,   parts.reconstruction,    parts.config,
-                                         parts.offsets, adversary.discriminator, augmentations};
-            return generator_gradients(inputs, position, batch, parameters, jitter, sink).losses;
+                step_augmentations(parts, position, "augmentation", batch.first_image,
+                                   std::ssize(batch.faces.cameras), adversary.augmentation);
+            const GeneratorInputs inputs{parts.model,
+                                         parts.reconstruction,
+                                         parts.config,
+                                         parts.offsets,
+                                         adversary.discriminator,
+                                         augmentations,
+                                         batch.codes ? &*batch.codes : nullptr};
+            return generator_gradients(inputs, position, batch.faces, parameters, jitter, sink)
+                .losses;
         });
     report.losses.accumulate(mean.losses, 1.0);
     report.learning_rate = rates.learning_rate;

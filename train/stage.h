@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -58,17 +59,28 @@ public:
 void for_each_micro_batch(std::int64_t count, bool side_by_side,
                           const std::function<void(std::int64_t)>& body);
 
+/// Some faces of a step that are computed at once.
+struct MicroBatch {
+    FaceBatch faces;               ///< with the targets of the phase
+    std::int64_t first_image = 0;  ///< number of its first image within the step
+    std::optional<Codes> codes{};  ///< of the faces, where they are constants
+};
+/// Loads micro-batch `index` of this rank, without codes.
+[[nodiscard]] MicroBatch load_micro_batch(const TrainingParts& parts,
+                                          const TrainingPosition& position, std::int64_t index);
+
 /// Computes the losses of a micro-batch, and passes the gradients of the parameters to `sink`.
-/// `first_image` is the number of its first image within the step.
-using MicroBatchGradients = std::function<LossValues(
-    const FaceBatch& batch, std::int64_t first_image, const GradientSink& sink)>;
+using MicroBatchGradients =
+    std::function<LossValues(const MicroBatch& batch, const GradientSink& sink)>;
 
 /// Means of losses and gradients over the micro-batches of a step. Each rank computes its share of
-/// them. `gradients_of` may be called on several threads. Gradients are sent to other ranks while
-/// others are still being computed.
+/// them: those that are `loaded`, or, if there are none, each is loaded when it is computed.
+/// `gradients_of` may be called on several threads. Gradients are sent to other ranks while others
+/// are still being computed.
 [[nodiscard]] LossAndGradients mean_over_micro_batches(const TrainingParts& parts,
                                                        const TrainingPosition& position,
                                                        const std::vector<Parameter>& parameters,
+                                                       std::span<const MicroBatch> loaded,
                                                        const MicroBatchGradients& gradients_of);
 
 /// Names what is not finite in an update ("the loss" or a parameter); nothing if all is finite.
@@ -94,10 +106,11 @@ struct Adversary {
 
 /// One update of the unfrozen `parameters` of the generator, in either stage. Records losses and
 /// learning rate in the report. If the loss or a gradient is not finite, it records that and
-/// changes nothing.
+/// changes nothing. `loaded` as in mean_over_micro_batches.
 void update_generator(const TrainingParts& parts, const TrainingPosition& position,
                       const Adversary& adversary, const std::vector<Parameter>& parameters,
-                      HybridOptimizer& optimizer, const OptimizerRates& rates, StepReport& report);
+                      std::span<const MicroBatch> loaded, HybridOptimizer& optimizer,
+                      const OptimizerRates& rates, StepReport& report);
 
 /// The generator of the random samples of a step for one purpose, advanced to the samples of image
 /// `image` of the step.

@@ -39,6 +39,11 @@ void Explainer::count(const RenderCounts& counts) {
 void Explainer::finish(AppResult& result) {
     if (!wanted_) return;
     const WorkCounts work = meter_.counts();
+    const auto named = [&](const std::string& group) {
+        const auto found = work.named.find(group);
+        return found == work.named.end() ? std::map<std::string, std::int64_t>{} : found->second;
+    };
+    for (const auto& [name, number] : named("evaluations")) count(name, number);
     count("operations", work.operations);
     count("gradient_rules", work.gradient_rules);
     count("gradients", work.gradients);
@@ -47,10 +52,6 @@ void Explainer::finish(AppResult& result) {
     count("buffers", work.buffers);
     count("buffer_bytes", work.buffer_bytes);
     count("peak_bytes", work.peak_bytes);
-    const auto named = [&](const std::string& group) {
-        const auto found = work.named.find(group);
-        return found == work.named.end() ? std::map<std::string, std::int64_t>{} : found->second;
-    };
     const JsonValue networks =
         shown("networks made, with their number of weights", named("networks"));
     const JsonValue losses =

@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "core/ops/elementwise.h"
 #include "core/ops/shape_ops.h"
+#include "core/work_counts.h"
 #include "nn/layers/linear.h"
 
 namespace stymo {
@@ -104,6 +105,7 @@ Encoder::Encoder(const EncoderConfig& config, ParameterStore& store, const std::
 Codes Encoder::operator()(const Variable& image) const {
     if (image.rank() != 4 || image.shape(1) != image.shape(2) || image.shape(3) != 3)
         fail<ShapeError>("the encoder needs images (batch, side, side, 3), got ", image.shape());
+    work::count_named("evaluations", "photos_encoded", image.shape(0));
     const Variable embedding =
         (*backbone_)(arcface_crop_ ? arcface_frame(image) : image) * embedding_scale_;
     Codes codes;

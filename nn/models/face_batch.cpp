@@ -76,8 +76,9 @@ Face mirrored(const Face& face) {
     return result;
 }
 
-FaceBatch make_batch(std::span<const Face> faces, std::int64_t smallest_target) {
-    const ResolutionLadder ladder = common_ladder(faces, smallest_target);
+FaceBatch make_batch(std::span<const Face> faces, std::int64_t smallest_target,
+                     std::int64_t largest_target) {
+    const ResolutionLadder ladder = common_ladder(faces, smallest_target).up_to(largest_target);
     const Variable images(stacked(faces, &Face::image));
 
     FaceBatch batch;

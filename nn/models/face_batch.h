@@ -51,9 +51,11 @@ struct FaceBatch {
 
 /// Makes a batch. For the targets each image is multiplied by its mask, mapped to [-1, 1],
 /// downsampled by antialiased bicubic resampling and clipped to [-1, 1]. The targets' sides are
-/// `smallest_target` doubled up to the faces' side. Throws ValueError for no faces, ShapeError for
-/// faces of different sides or a side that doubling does not reach.
-[[nodiscard]] FaceBatch make_batch(std::span<const Face> faces, std::int64_t smallest_target = 64);
+/// `smallest_target` doubled up to `largest_target` (0: the faces' side). Throws ValueError for no
+/// faces or a largest side that is none of them, ShapeError for faces of different sides or a side
+/// that doubling does not reach.
+[[nodiscard]] FaceBatch make_batch(std::span<const Face> faces, std::int64_t smallest_target = 64,
+                                   std::int64_t largest_target = 0);
 
 /// Initial codes of the batch's faces in Z: from the encoder, or from `batch.codes` if the model
 /// has no encoder. Throws ValueError, which names the first face whose code is missing.

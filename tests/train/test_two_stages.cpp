@@ -121,6 +121,21 @@ TEST_CASE("without the mask's loss its branch is neither computed nor trained", 
     CHECK(without.gradients < with.gradients);
 }
 
+TEST_CASE("a step of the second stage encodes each of its photos once, for all its updates",
+          "[work]") {
+    TrainConfig config = tiny_two_stage_config();
+    for (const double adversarial : {0.1, 0.0}) {
+        config.loss.adversarial_weight = adversarial;
+        Trainer trainer(config, faces(), nullptr, 5);
+        for (int step = 0; step < 6; ++step) {
+            INFO("adversarial weight " << adversarial << ", step " << step + 1);
+            const WorkMeter meter;
+            CHECK_FALSE(trainer.step().non_finite);
+            CHECK(meter.counts().named.at("evaluations").at("photos_encoded") == 2);
+        }
+    }
+}
+
 TEST_CASE(
     "a run that stops and resumes gives the same bits in both stages and across every change of "
     "phase",

@@ -38,7 +38,8 @@ std::int64_t TrainingImages::face_of(std::int64_t image) const {
     return (*order(image / faces_.size()))[static_cast<std::size_t>(image % faces_.size())];
 }
 
-FaceBatch TrainingImages::batch(std::int64_t first_image, std::int64_t count) const {
+FaceBatch TrainingImages::batch(std::int64_t first_image, std::int64_t count,
+                                std::int64_t largest_target) const {
     std::vector<Face> faces;
     for (std::int64_t number = first_image; number < first_image + count; ++number) {
         Face face = faces_.load(face_of(number));
@@ -47,7 +48,7 @@ FaceBatch TrainingImages::batch(std::int64_t first_image, std::int64_t count) co
             mirror_ && rng_.split("mirror").split(static_cast<std::uint64_t>(number)).below(2) == 1;
         faces.push_back(mirror ? mirrored(face) : std::move(face));
     }
-    return make_batch(faces, smallest_target_);
+    return make_batch(faces, smallest_target_, largest_target);
 }
 
 }  // namespace stymo

@@ -27,8 +27,10 @@ public:
           smallest_target_(smallest_target),
           ahead_(ahead) {}
 
-    /// The batch of images [first_image, first_image + count). Thread-safe.
-    [[nodiscard]] FaceBatch batch(std::int64_t first_image, std::int64_t count) const;
+    /// The batch of images [first_image, first_image + count), `largest_target` as in make_batch.
+    /// Thread-safe.
+    [[nodiscard]] FaceBatch batch(std::int64_t first_image, std::int64_t count,
+                                  std::int64_t largest_target = 0) const;
     /// The number of passes over the data set that this number of images makes.
     [[nodiscard]] double epochs(std::int64_t images) const {
         return static_cast<double>(images) / static_cast<double>(faces_.size());

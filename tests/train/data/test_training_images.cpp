@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 #include <set>
 
+#include "core/error.h"
 #include "train/data/training_images.h"
 #include "train/tiny_training.h"
 
@@ -37,4 +38,17 @@ TEST_CASE("each pass shows every face once, in the same order from wherever one 
     }
     // All faces are in memory.
     CHECK(images.waiting_seconds() == 0.0);
+}
+
+TEST_CASE("a batch has the targets up to the side that is asked for, with the same values",
+          "[dataset]") {
+    const Dataset faces = synthetic_dataset();
+    const TrainingImages images(faces, true, Rng(3), 8);
+    const FaceBatch all = images.batch(0, 2), small = images.batch(0, 2, 16);
+    REQUIRE(all.targets.size() == 4);
+    REQUIRE(small.targets.size() == 2);
+    for (std::size_t i = 0; i < small.targets.size(); ++i)
+        CHECK(small.targets[i].to_vector() == all.targets[i].to_vector());
+    CHECK(small.input.to_vector() == all.input.to_vector());
+    CHECK_THROWS_AS(images.batch(0, 2, 24), ValueError);
 }
