@@ -2,7 +2,11 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <filesystem>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
 
+#include "core/io/file.h"
 #include "render/morphable/builtin_head.h"
 #include "train/data/synthetic_faces.h"
 #include "train/train_config.h"
@@ -13,7 +17,29 @@ namespace {
 
 const std::filesystem::path configs = std::filesystem::path(STYMO_SOURCE_DIR) / "configs";
 
+/// The keys of nested objects, "a.b", without comments.
+std::set<std::string> keys_of(const nlohmann::json& object, const std::string& prefix = "") {
+    std::set<std::string> keys;
+    for (const auto& [name, value] : object.items()) {
+        if (name.starts_with("$")) continue;
+        if (value.is_object())
+            keys.merge(keys_of(value, prefix + name + "."));
+        else
+            keys.insert(prefix + name);
+    }
+    return keys;
+}
+
 }  // namespace
+
+TEST_CASE("paper-512.json states every key") {
+    const std::set<std::string> stated =
+        keys_of(nlohmann::json::parse(read_file(configs / "paper-512.json")));
+    for (const std::string& key : keys_of(nlohmann::json::parse(to_json(TrainConfig{})))) {
+        INFO(key << " is missing");
+        CHECK(stated.contains(key));
+    }
+}
 
 TEST_CASE("paper-512.json says the same as the defaults") {
     CHECK(to_json(load_train_config(configs / "paper-512.json", {})) == to_json(TrainConfig{}));
