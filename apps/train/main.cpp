@@ -2,6 +2,7 @@
 #include <iostream>
 #include <memory>
 #include <optional>
+#include <sstream>
 
 #include "apps/common/command_line.h"
 #include "apps/common/explain.h"
@@ -13,6 +14,7 @@
 #include "core/error.h"
 #include "core/io/file.h"
 #include "train/checkpoint.h"
+#include "train/head_mask_training.h"
 #include "train/plan.h"
 #include "train/trainer.h"
 
@@ -29,6 +31,7 @@ struct Options {
     bool dry_run = false;
     std::string measure = "ends";
     bool print_keys = false;
+    bool head_mask = false;
     bool explain = false;
 };
 
@@ -104,7 +107,35 @@ stymo::AppResult lead(const Options& options, PreparedRun& run,
     return {stymo::outcome_text(outcome, folder), stymo::to_json(outcome, folder)};
 }
 
+/// Trains a head-mask network instead of a model of faces.
+stymo::AppResult train_masks(const Options& options, const stymo::CommonOptions& common) {
+    require_paths(options);
+    if (!options.resume.empty() && options.resume != "latest")
+        stymo::fail<stymo::UsageError>("--head-mask goes on with --resume latest alone");
+    const auto config = stymo::HeadMaskTrainingConfig::load(options.config, options.set);
+    const stymo::HeadMaskExamples examples(options.data);
+    const stymo::HeadMaskModel model = options.initial_model.empty()
+                                           ? stymo::make_head_mask_model(stymo::Rng(common.seed))
+                                           : stymo::read_head_mask_model(options.initial_model);
+    stymo::require_writable_folder(options.out);
+    const stymo::FolderLock lock(options.out);
+    const stymo::HeadMaskTrainingOutcome outcome =
+        stymo::train_head_mask(model, examples, config, options.out, !options.resume.empty(),
+                               options.max_minutes, common.seed);
+    const std::string file = (options.out / stymo::head_mask_file).string();
+    std::ostringstream text;
+    text << outcome.steps << " of " << config.steps << " steps, loss " << outcome.loss << ": "
+         << file << '\n';
+    return {text.str(), stymo::JsonValue::object({{"steps", outcome.steps},
+                                                  {"photos", examples.size()},
+                                                  {"loss", outcome.loss},
+                                                  {"seconds", outcome.seconds},
+                                                  {"finished", outcome.finished},
+                                                  {"network", file}})};
+}
+
 stymo::AppResult train(const Options& options, const stymo::CommonOptions& common) {
+    if (options.head_mask) return train_masks(options, common);
     if (options.print_keys)
         return {stymo::configuration_table(),
                 stymo::JsonValue::object({{"table", stymo::configuration_table()}})};
@@ -159,6 +190,9 @@ int stymo_train(int argc, char** argv) {
         .range(0.0, 1e6);
     line.flag("--dry-run", options.dry_run,
               "print the plan with measured time and memory of a step, and write nothing");
+    line.flag("--head-mask", options.head_mask,
+              "train a network that finds the head in photos (configs/models/head-mask)")
+        .excludes("--dry-run");
     line.option("--measure", options.measure,
                 "phases whose steps the dry run measures: the first and the last, all, or none")
         .one_of({"ends", "all", "none"})

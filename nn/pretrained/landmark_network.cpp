@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "core/io/image.h"
 #include "core/ops/ops.h"
+#include "nn/pretrained/unit_contrast.h"
 
 namespace stymo {
 namespace {
@@ -29,13 +30,6 @@ ConvLayer landmark_layer(ParameterStore& store, const std::string& name, std::in
     const double deviation = deviation_factor * std::sqrt(2.0 / static_cast<double>(9 * in));
     return {store, name, in, out, {.stride = stride, .padding = 1, .initial_deviation = deviation},
             rng};
-}
-
-/// Zero mean and unit deviation over each image.
-Variable unit_contrast(const Variable& images) {
-    const std::vector<int> axes{1, 2, 3};
-    const Variable centered = images - mean(images, axes);
-    return centered / sqrt(mean(square(centered), axes) + 1e-3);
 }
 
 Tensor batch_of(const std::vector<Tensor>& images) {

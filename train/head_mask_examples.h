@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+#include "core/config.h"
+#include "core/rng.h"
+#include "core/tensor.h"
+
+namespace stymo {
+
+/// How photos are varied for the training of a head-mask network.
+struct HeadMaskVariation {
+    double background_share = 0.5;  ///< share of the cut-out people that get another background
+    double cover_share = 0.4;       ///< share of the photos with something in front of the head
+    double degrees = 20.0;          ///< largest rotation
+    double scale = 1.25;            ///< largest enlargement, and 1 / the smallest one
+    double shift = 0.08;            ///< largest shift, in units of the side
+    double color = 0.3;             ///< strength of changes of brightness, contrast and colour
+    double blur_share = 0.35;       ///< share of the photos that lose resolution
+
+    void describe(ConfigSchema& schema);
+};
+
+/// What a head-mask network learns from, in memory: photos of HeadMaskNetwork::usual_side with
+/// masks, 0.4 megabytes each.
+class HeadMaskExamples {
+public:
+    struct Batch {
+        Tensor images;  ///< (B, S, S, 3) in [0, 1]
+        Tensor masks;   ///< (B, S, S, 1) in [0, 1]
+        Tensor known;   ///< (B, S, S, 1): 0 where the mask counts for nothing, else 1
+    };
+
+    /// Reads an FFHQ folder of aligned photos (train/data/folder_scan.h) with `masks/ID.png`.
+    /// Optional: `unknown/ID.png`, 1 where the mask is not to be trusted; `persons/ID.png`, the
+    /// mask of the whole person, which makes it possible to change the background; and images in
+    /// `backgrounds`. Throws FileError for a folder without images, and for an image without mask.
+    explicit HeadMaskExamples(const std::filesystem::path& folder);
+
+    [[nodiscard]] std::size_t size() const { return photos_.size(); }
+    /// Examples drawn with replacement and varied: mirrored, turned, scaled and shifted, with other
+    /// backgrounds, partly covered, in other colours, blurred and noisy. The same `rng` gives the
+    /// same batch.
+    [[nodiscard]] Batch draw(std::int64_t count, const HeadMaskVariation& variation,
+                             const Rng& rng) const;
+
+private:
+    /// Bytes of all channels of a pixel one after the other.
+    struct Picture {
+        std::vector<std::uint8_t> bytes;
+        bool has_person = false;
+    };
+    struct Example;
+
+    [[nodiscard]] static Picture read_photo(const std::filesystem::path& folder,
+                                            const std::filesystem::path& image,
+                                            const std::filesystem::path& mask);
+    [[nodiscard]] Example varied(const HeadMaskVariation& variation, Rng& rng) const;
+    void change_background(Example& example, Rng& rng) const;
+    void cover(Example& example, Rng& rng) const;
+
+    std::vector<Picture> photos_;       ///< red, green, blue, mask, known, person
+    std::vector<Picture> backgrounds_;  ///< red, green, blue
+};
+
+}  // namespace stymo
