@@ -113,27 +113,6 @@ Measurement radiance_field(const BenchOptions& options) {
             .remark = "exact frame without what an appearance edit takes"};
 }
 
-Measurement bake(const BenchOptions& options) {
-    const Frames frames(options, RenderMode::baked);
-    const double before = peak_memory_mebibytes();
-    const auto anew = [&] {
-        FaceRenderer renderer(frames.subject.model, frames.options);
-        renderer.show(frames.subject.codes);
-        static_cast<void>(renderer.render(frames.subject.views.front()));
-    };
-    Measurement result{.timing = time_repeated(options.repeats, 0.0, anew), .limit = Limit::none};
-    result.remark = decimal(result.peak_memory - before, 0) +
-                    " MiB beyond model and program; with the first view";
-    return result;
-}
-
-Measurement baked_view(const BenchOptions& options) {
-    Frames frames(options, RenderMode::baked);
-    Measurement result{.timing = frames.time(), .limit = Limit::none};
-    result.error = frames.error();
-    return result;
-}
-
 }  // namespace
 
 std::vector<SpeedRow> frame_rows() {
@@ -159,9 +138,7 @@ std::vector<SpeedRow> frame_rows() {
         {"edit-exact", "edit", "texture and light of a shown view, every pixel",
          with(appearance_edit, RenderMode::exact)},
         {"edit-skip", "edit", "texture and light of a shown view",
-         with(appearance_edit, RenderMode::skip)},
-        {"bake", "bake", "one head baked, and its first view", bake},
-        {"baked-view", "bake", "view of a baked head", baked_view, "render"}};
+         with(appearance_edit, RenderMode::skip)}};
 }
 
 }  // namespace stymo

@@ -44,12 +44,9 @@ std::vector<FrameVariant> frame_variants(const BenchOptions& bench) {
         add("samples per ray", std::to_string(samples), RenderMode::exact,
             &RendererOptions::samples_per_ray, samples);
     }
-    for (const double tolerance : {0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.005})
+    for (const double tolerance : {0.5, 0.25, 0.12, 0.06, 0.03, 0.01})
         add("tolerance", significant(tolerance, 4), RenderMode::skip, &RendererOptions::tolerance,
             tolerance);
-    for (const std::int64_t cells : {32, 48, 64, 96, 128})
-        add("baked, cells a side", std::to_string(cells), RenderMode::baked,
-            &RendererOptions::bake_resolution, cells);
     return variants;
 }
 
@@ -63,7 +60,7 @@ BenchOptions affordable(const StudyInputs& inputs) {
     const std::vector<FrameVariant> variants = frame_variants(bench);
     FaceRenderer renderer(subject.model, variants.front().options);
     const double seconds = time_frames(subject, renderer, 1).median();
-    // Most frames take a fraction of the exact frame's time; what they save pays for baking.
+    // Most frames take a fraction of the exact frame's time; what they save pays for the grids.
     const double frames = inputs.seconds / (static_cast<double>(variants.size()) * seconds);
     const auto timed = static_cast<double>(bench.faces * (bench.repeats + 1));
     bench.views = static_cast<int>(
@@ -268,7 +265,7 @@ Study rendering_study() {
     return {.part = "rendering",
             .name = "curve",
             .title = "Rendering",
-            .varied = "samples per ray, tolerance in float32 and in 16 bits, cells of a baked head",
+            .varied = "samples per ray, tolerance in float32 and in 16 bits",
             .measured =
                 "median time of a frame, each of another view than the one before; error "
                 "of the images",

@@ -28,6 +28,7 @@ JsonValue shown(const std::string& title, const Numbers& numbers) {
 void Explainer::count(const RenderCounts& counts) {
     count("samples_of_the_last_frame", counts.samples);
     count("through_the_field", counts.field_samples);
+    count("points_of_the_grid", counts.grid_points);
     count("tiles", counts.tiles);
     count("pixels", counts.pixels);
     count("pixels_computed", counts.pixels_computed);

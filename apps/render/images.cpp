@@ -15,46 +15,54 @@ namespace stymo {
 
 namespace {
 
-/// Those of the command line, with the tolerance that --psnr asks for.
-RendererOptions chosen_options(const RenderOptions& options, const Model& model,
+Camera camera_of(const Shot& shot, const Model& model) {
+    return camera_from_pose(shot.pose, model.config().camera.intrinsics);
+}
+
+ChosenRenderer chosen_renderer(const RenderOptions& options, const Model& model,
                                const std::vector<Shot>& shots) {
-    RendererOptions chosen = options.renderer;
-    chosen.remove_floaters = !options.keep_floaters;
-    if (!options.psnr) return chosen;
-    constexpr std::size_t most_cameras = 5;
-    std::vector<Camera> cameras;
-    const std::size_t count = std::min(most_cameras, shots.size());
-    for (std::size_t i = 0; i < count; ++i)
-        cameras.push_back(camera_from_pose(shots[i * shots.size() / count].pose,
-                                           model.config().camera.intrinsics));
-    const ChosenTolerance found =
-        choose_tolerance(model, shots.front().codes, cameras, chosen, *options.psnr);
-    chosen.tolerance = found.tolerance;
-    std::cerr << std::setprecision(3) << "tolerance " << found.tolerance << ": "
-              << found.error.mean_psnr << " dB on average, " << found.error.worst_psnr
-              << " at worst over " << count << " views" << std::endl;
-    return chosen;
+    RendererOptions wanted = options.renderer;
+    wanted.remove_floaters = !options.keep_floaters;
+    wanted.depth = wanted.depth || options.depth_alone();
+    if (!model.decoder().folds() && !options.tolerance) wanted.mode = RenderMode::exact;
+    if (options.tolerance && tolerates(wanted.mode)) {
+        wanted.tolerance = *options.tolerance;
+        return {.renderer = FaceRenderer(model, wanted),
+                .mode = wanted.mode,
+                .tolerance = wanted.tolerance,
+                .error = {}};
+    }
+    std::vector<FaceView> views;
+    for (const Shot& shot : shots) views.push_back({shot.codes, camera_of(shot, model)});
+    return choose_renderer(model, views, wanted, options.psnr);
 }
 
 std::vector<View> views(const RenderOptions& options, const Model& model,
-                        const std::vector<Shot>& shots, Explainer& explainer) {
-    FaceRenderer renderer(model, chosen_options(options, model, shots));
+                        const std::vector<Shot>& shots, FaceRenderer& renderer) {
     std::vector<View> result;
     const InterruptGuard guard;
     std::optional<Progress> progress;
     if (shots.size() > 1)
         progress.emplace(ProgressTask{
             .title = "render", .total = static_cast<std::int64_t>(shots.size()), .unit = "frames"});
+    const FrameParts parts = options.depth_alone() ? FrameParts::field : FrameParts::all;
     for (const Shot& shot : shots) {
         if (interrupted()) fail<Error>("interrupted; nothing was written");
         renderer.show(shot.codes);
-        result.push_back(
-            renderer.render(camera_from_pose(shot.pose, model.config().camera.intrinsics)));
+        result.push_back(*renderer.render(camera_of(shot, model), {}, parts));
         if (progress) progress->update(static_cast<std::int64_t>(result.size()));
     }
     if (progress) progress->finish();
-    explainer.count(renderer.counts());
     return result;
+}
+
+/// What was measured, in one line.
+void report(const ChosenRenderer& chosen) {
+    if (chosen.error.views == 0) return;
+    std::cerr << std::setprecision(3) << name_of(chosen.mode) << ", tolerance " << chosen.tolerance
+              << ": at worst " << chosen.error.worst_psnr << " dB, and a pixel off by "
+              << chosen.error.worst_pixel << ", against exact images of " << chosen.error.views
+              << (chosen.error.views == 1 ? " view" : " of the views") << std::endl;
 }
 
 std::vector<Tensor> images_of(const std::vector<View>& views, Tensor View::*part) {
@@ -88,12 +96,24 @@ std::string numbered(std::size_t frame) {
 
 }  // namespace
 
-std::vector<std::filesystem::path> write_images(const std::filesystem::path& out,
-                                                const RenderOptions& options, const Model& model,
-                                                const ShotList& list, Explainer& explainer) {
-    const std::vector<View> seen = views(options, model, list.shots, explainer);
+WrittenImages write_images(const std::filesystem::path& out, const RenderOptions& options,
+                           const Model& model, const ShotList& list, Explainer& explainer) {
+    ChosenRenderer chosen = chosen_renderer(options, model, list.shots);
+    report(chosen);
+    const std::vector<View> seen = views(options, model, list.shots, chosen.renderer);
+    explainer.count(chosen.renderer.counts());
     const bool animation = out.extension() == ".gif" || out.extension() == ".mp4";
-    std::vector<std::filesystem::path> written;
+    WrittenImages result{.files = {},
+                         .mode = chosen.mode,
+                         .tolerance = chosen.tolerance,
+                         .error = chosen.error.views > 0 ? std::optional(chosen.error)
+                                                         : std::optional<FrameError>()};
+    std::vector<std::filesystem::path>& written = result.files;
+    if (options.depth_alone()) {
+        write_exr(written.emplace_back(out),
+                  tile_images(images_of(seen, &View::depth), list.columns));
+        return result;
+    }
     const auto beside = [&](const std::string& suffix) {
         std::filesystem::path path = out;
         path.replace_extension();
@@ -120,7 +140,7 @@ std::vector<std::filesystem::path> write_images(const std::filesystem::path& out
     } else if (options.renderer.depth) {
         write_exr(beside("_depth.exr"), tile_images(images_of(seen, &View::depth), list.columns));
     }
-    return written;
+    return result;
 }
 
 }  // namespace stymo

@@ -6,17 +6,25 @@
 
 #include "apps/common/explain.h"
 #include "apps/render/shots.h"
+#include "nn/realtime/chosen_tolerance.h"
 
 namespace stymo {
 
+/// The files of a rendering, and how it was rendered.
+struct WrittenImages {
+    std::vector<std::filesystem::path> files;
+    RenderMode mode = RenderMode::exact;
+    double tolerance = 0.0;           ///< of a mode that tolerates
+    std::optional<FrameError> error;  ///< of the views that were checked to choose the tolerance
+};
+
 /// Renders the shots and writes them to `out`: frames of a .gif or .mp4, tiles of any other image.
 /// Masks are written to OUT_mask in the same format, and depths to OUT_depth.exr, or for animations
-/// to OUT_NNNN_depth.exr for each frame. Returns the files. `explainer` gets the counts of the last
-/// frame. Throws Error, before anything is written, if the process is interrupted by a signal.
-[[nodiscard]] std::vector<std::filesystem::path> write_images(const std::filesystem::path& out,
-                                                              const RenderOptions& options,
-                                                              const Model& model,
-                                                              const ShotList& list,
-                                                              Explainer& explainer);
+/// to OUT_NNNN_depth.exr for each frame; if `out` is an .exr file, it gets the depths, and no image
+/// is rendered. `explainer` gets the counts of the last frame. Throws Error, before anything is
+/// written, if the process is interrupted by a signal.
+[[nodiscard]] WrittenImages write_images(const std::filesystem::path& out,
+                                         const RenderOptions& options, const Model& model,
+                                         const ShotList& list, Explainer& explainer);
 
 }  // namespace stymo

@@ -28,54 +28,64 @@ void require_names(const stymo::RenderOptions& options) {
     } else if (!options.to.empty()) {
         stymo::require_extension(options.out, {".gif", ".mp4", ".png", ".jpg"});
     } else {
-        stymo::require_extension(options.out, {".png", ".jpg"});
+        stymo::require_extension(options.out, {".png", ".jpg", ".exr"});
     }
+    if (options.depth_alone() && options.renderer.mask)
+        stymo::fail<stymo::UsageError>("--mask needs an image, --out X.png");
 }
 
 void write_mesh(const stymo::RenderOptions& options, const stymo::Model& model,
                 const stymo::CodeFile& face) {
+    stymo::RendererOptions exact = options.renderer;
+    exact.mode = stymo::RenderMode::exact;
     const stymo::TriangleMesh mesh = stymo::head_mesh(model, face.codes, 0, options.meshing);
     const stymo::Tensor normals = stymo::vertex_normals(mesh.vertices, mesh.triangles);
-    stymo::write_ply(options.mesh, {.vertices = mesh.vertices,
-                                    .normals = normals,
-                                    .colors = stymo::mesh_colors(model, face.codes, mesh, normals,
-                                                                 options.renderer),
-                                    .triangles = mesh.triangles});
+    stymo::write_ply(options.mesh,
+                     {.vertices = mesh.vertices,
+                      .normals = normals,
+                      .colors = stymo::mesh_colors(model, face.codes, mesh, normals, exact),
+                      .triangles = mesh.triangles});
 }
 
 stymo::AppResult render(stymo::RenderOptions options, const stymo::CommonOptions& common) {
     require_names(options);
     stymo::require_understood(options);
     options.renderer.mode = stymo::render_mode(options.mode);
-    if (options.psnr && !stymo::tolerates(options.renderer.mode))
-        stymo::fail<stymo::UsageError>("--psnr needs --mode ", stymo::tolerant_mode_names(" or "));
     stymo::Explainer explainer(options.explain);
     const bool encodes = !options.data.empty();
     const stymo::Model model = stymo::load_model(
         options.model, encodes ? stymo::ModelParts::all : stymo::ModelParts::decoder);
-    std::vector<std::filesystem::path> written;
+    stymo::WrittenImages images;
     if (options.sample > 0) {
-        written = stymo::write_new_faces(options, model, common.seed, explainer);
+        images = stymo::write_new_faces(options, model, common.seed, explainer);
     } else {
         const stymo::CodeFile face = stymo::read_code_file(options.codes);
         for (const std::filesystem::path& file : {options.out, options.mesh}) {
             if (!file.empty()) stymo::require_folder_of(file);
         }
         if (!options.out.empty())
-            written = stymo::write_images(options.out, options, model,
-                                          stymo::shots_of_face(options, model, face), explainer);
+            images = stymo::write_images(options.out, options, model,
+                                         stymo::shots_of_face(options, model, face), explainer);
         if (!options.mesh.empty()) {
             write_mesh(options, model, face);
-            written.push_back(options.mesh);
+            images.files.push_back(options.mesh);
         }
     }
     std::string text;
     std::vector<std::string> names;
-    for (const std::filesystem::path& path : written) {
+    for (const std::filesystem::path& path : images.files) {
         names.push_back(path.string());
         text += names.back() + "\n";
     }
-    stymo::AppResult result{text, stymo::JsonValue::object({{"written", names}})};
+    stymo::JsonValue json = stymo::JsonValue::object({{"written", names}});
+    if (images.error) {
+        json.add("mode", stymo::name_of(images.mode));
+        json.add("tolerance", images.tolerance);
+        json.add("worst_psnr", images.error->worst_psnr);
+        json.add("worst_pixel", images.error->worst_pixel);
+        json.add("checked_views", images.error->views);
+    }
+    stymo::AppResult result{text, json};
     explainer.finish(result);
     return result;
 }
@@ -93,28 +103,23 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
     line.option("--samples", options.renderer.samples_per_ray, "samples per ray").range(2, 4096);
     line.option("--mode", options.mode, stymo::render_mode_help())
         .one_of(stymo::render_mode_names());
-    const std::string tolerant = "modes " + stymo::tolerant_mode_names(" and ");
-    line.option("--tolerance", options.renderer.tolerance,
-                tolerant +
-                    ": largest summed compositing weight of consecutive samples "
-                    "that are left out")
-        .range(0, 0.99);
     line.option("--psnr", options.psnr,
-                tolerant +
-                    ": choose the largest tolerance with which this face has so "
-                    "many decibels against exact images, on average over up to five of the views")
-        .range(20, 90)
-        .excludes("--tolerance");
-    line.option("--bake-resolution", options.renderer.bake_resolution,
-                "mode baked: cells along one side of the sampled cube")
-        .range(8, 512);
+                "modes " + stymo::tolerant_mode_names(" and ") +
+                    ": decibels that the worst view has against an exact one. One view in sixteen is "
+                    "checked; fewer than sixteen views are exact")
+        .range(20, 90);
+    line.option("--tolerance", options.tolerance,
+                "for experts, instead of --psnr and unchecked: largest summed compositing weight "
+                "of consecutive samples that are left out")
+        .range(0, 0.99)
+        .excludes("--psnr");
     line.flag("--keep-floaters", options.keep_floaters,
               "also show pieces that float beside the head, which are left out by default");
     line.flag("--mask", options.renderer.mask,
               "also write the head mask, OUT_mask.png, or an animation of masks");
-    line.flag(
-        "--depth", options.renderer.depth,
-        "also write the depth of each ray, OUT_depth.exr, or one file per frame of an animation");
+    line.flag("--depth", options.renderer.depth,
+              "also write the depth of each ray, OUT_depth.exr, or one file per frame of an "
+              "animation; with --out X.exr the depth alone, for which no image is rendered");
 }
 
 void declare_jobs(stymo::Command& line, stymo::RenderOptions& options) {

@@ -6,7 +6,6 @@
 #include <sstream>
 
 #include "apps/common/face_input.h"
-#include "apps/render/images.h"
 #include "core/io/folder_in_progress.h"
 #include "nn/realtime/view.h"
 #include "train/training_codes.h"
@@ -42,8 +41,8 @@ std::string code_file_name(std::size_t index) {
 
 }  // namespace
 
-std::vector<std::filesystem::path> write_new_faces(const RenderOptions& options, const Model& model,
-                                                   std::uint64_t seed, Explainer& explainer) {
+WrittenImages write_new_faces(const RenderOptions& options, const Model& model, std::uint64_t seed,
+                              Explainer& explainer) {
     const CodeStatistics statistics = statistics_of(options, model);
     const Rng rng = Rng(seed).split("new faces");
     const Pose pose = chosen_pose(options, model, frontal_pose(model.config().camera));
@@ -59,15 +58,16 @@ std::vector<std::filesystem::path> write_new_faces(const RenderOptions& options,
     }
     list.columns = static_cast<int>(std::ceil(std::sqrt(static_cast<double>(options.sample))));
     FolderInProgress folder(options.out);
-    std::vector<std::filesystem::path> written =
+    WrittenImages result =
         write_images(folder.path() / "faces.png", options, model, list, explainer);
+    std::vector<std::filesystem::path>& written = result.files;
     for (std::size_t i = 0; i < list.shots.size(); ++i) {
         written.push_back(folder.path() / code_file_name(i));
         write_code_file(written.back(), list.shots[i].codes, 0, pose);
     }
     folder.finish();
     for (std::filesystem::path& path : written) path = options.out / path.filename();
-    return written;
+    return result;
 }
 
 }  // namespace stymo

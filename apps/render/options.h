@@ -40,12 +40,15 @@ struct RenderOptions {
     std::filesystem::path mesh;
     HeadMeshOptions meshing;
 
-    std::string mode = "exact";
-    RendererOptions renderer;    ///< its mode is set from `mode`
-    std::optional<double> psnr;  ///< PSNR in decibels for which the tolerance is chosen
+    std::string mode = "skip";
+    RendererOptions renderer;  ///< its mode is set from `mode`, its tolerance from `tolerance`
+    double psnr = 45.0;        ///< wanted of the worst view against exact ones, in decibels
+    std::optional<double> tolerance;  ///< used as it is, instead of one that `psnr` chooses
     bool keep_floaters = false;
     bool explain = false;
 
+    /// --out is the depth; no image is wanted.
+    [[nodiscard]] bool depth_alone() const { return sample == 0 && out.extension() == ".exr"; }
     [[nodiscard]] bool grid() const { return !grid_yaw.empty() || !grid_pitch.empty(); }
 };
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <mutex>
@@ -8,6 +9,7 @@
 
 #include "nn/models/code_file.h"
 #include "nn/models/model.h"
+#include "nn/realtime/face_renderer.h"
 
 namespace stymo::view {
 
@@ -18,6 +20,9 @@ struct ListedFace {
     /// The tuned model if the face is tuned, else the common one.
     std::shared_ptr<const Model> model;
     bool tuned = false;
+    /// The tolerance that the last film of this face chose, and from which the next one starts.
+    std::shared_ptr<std::atomic<double>> tolerance =
+        std::make_shared<std::atomic<double>>(default_tolerance);
 };
 
 /// Counts the tuned models that exist in all sessions. Thread-safe.

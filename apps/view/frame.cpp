@@ -11,7 +11,6 @@
 #include "core/io/jpeg.h"
 #include "core/metrics.h"
 #include "nn/models/display_image.h"
-#include "nn/realtime/chosen_tolerance.h"
 #include "nn/realtime/view.h"
 
 namespace stymo::view {
@@ -30,8 +29,7 @@ Tensor enlarged(const Tensor& map, std::int64_t side) {
 }
 
 /// Near is yellow, far is violet (OpenCV's map "inferno"), over the depths of the head.
-Tensor depth_picture(const View& view) {
-    const std::int64_t side = view.image.shape(0);
+Tensor depth_picture(const View& view, std::int64_t side) {
     const std::vector<double> depths = view.depth.to_vector();
     const auto [nearest, farthest] = std::ranges::minmax(depths);
     const double scale = 255.0 / std::max(farthest - nearest, 1e-6);
@@ -51,9 +49,10 @@ Tensor depth_picture(const View& view) {
     return enlarged(picture, side);
 }
 
-/// x, y, z of the normals in camera axes as red, green, blue. Black outside the head, where depths
-/// are meaningless.
-Tensor normals_picture(const View& view, const Camera& camera, const RaySampling& sampling) {
+/// x, y, z of the normals in camera axes as red, green, blue. They fade to black with the opacity,
+/// since outside the head depths are meaningless.
+Tensor normals_picture(const View& view, const Camera& camera, const RaySampling& sampling,
+                       std::int64_t side) {
     Tensor normals = depth_normals(view.depth, camera, sampling);
     const std::span<float> values = normals.mutable_values<float>();
     for (std::size_t i = 0; i + 2 < values.size(); i += 3) {
@@ -65,17 +64,18 @@ Tensor normals_picture(const View& view, const Camera& camera, const RaySampling
         values[i + 1] = static_cast<float>(0.5 - 0.5 * seen[1]);
         values[i + 2] = static_cast<float>(0.5 - 0.5 * seen[2]);
     }
-    return masked_image(enlarged(normals, view.image.shape(0)), view.mask);
+    return enlarged(masked_image(normals, view.opacity), side);
 }
 
-Tensor picture_of(const View& view, const FrameRequest& request) {
+Tensor picture_of(const View& view, const FrameRequest& request, std::int64_t side) {
     switch (request.layer) {
         case Layer::depth:
-            return depth_picture(view);
+            return depth_picture(view, side);
         case Layer::mask:
             return view.mask;
         case Layer::normals:
-            return normals_picture(view, request.camera, request.model->config().decoder.rays);
+            return normals_picture(view, request.camera, request.model->config().decoder.rays,
+                                   side);
         case Layer::image:
             break;
     }
@@ -87,8 +87,8 @@ RendererOptions options_for(const FrameRequest& request, RenderMode mode, double
     options.mode = request.model->decoder().folds() ? mode : RenderMode::exact;
     options.tolerance = tolerates(options.mode) ? tolerance : 0.0;
     options.samples_per_ray = request.model->config().reconstruction.fit_samples_per_ray;
-    options.mask = request.layer == Layer::mask || request.layer == Layer::normals;
-    options.depth = request.layer == Layer::depth || request.layer == Layer::normals;
+    options.mask = request.layer == Layer::mask;
+    options.depth = true;
     options.remove_floaters = true;
     if (request.quality == Quality::thumbnail)
         options.resolution = std::min(thumbnail_side, request.model->config().decoder.resolution);
@@ -102,9 +102,9 @@ struct Kept {
     std::optional<FaceRenderer> renderer;
 
     [[nodiscard]] bool suits(const FrameRequest& request, const RendererOptions& wanted) const {
+        // A renderer with a mask also suits the layers that need none.
         return renderer && model == request.model && options.mode == wanted.mode &&
-               options.tolerance == wanted.tolerance && options.mask == wanted.mask &&
-               options.depth == wanted.depth && options.resolution == wanted.resolution;
+               options.mask >= wanted.mask && options.resolution == wanted.resolution;
     }
     bool is_new = false;  ///< made for the last request
     FaceRenderer& for_request(const FrameRequest& request, const RendererOptions& wanted) {
@@ -114,6 +114,7 @@ struct Kept {
             model = request.model;
             options = wanted;
         }
+        renderer->set_tolerance(wanted.tolerance);
         renderer->show(request.codes);
         return *renderer;
     }
@@ -194,8 +195,7 @@ std::optional<double> FrameRenderer::State::adapt(const FrameRequest& request, c
         if (!view) return std::nullopt;
         reached = std::min(peak_signal_to_noise_ratio(enlarged(view->image, exact.shape(0)), exact),
                            highest_psnr);
-        // A bake has no tolerance.
-        if (is_half_side(request) || options.tolerance == 0.0) return reached;
+        if (is_half_side(request)) return reached;
         if (*reached < settings.psnr && tolerance > least_tolerance) {
             tolerance /= step;
         } else {
@@ -223,16 +223,21 @@ std::optional<Frame> FrameRenderer::render(const FrameRequest& request,
         moving ? state.options_of_moving(request)
                : options_for(request, exact ? RenderMode::exact : state.settings.moving_mode,
                              state.tolerance);
+    const bool shows_field = request.layer == Layer::depth || request.layer == Layer::normals;
     const std::optional<View> view =
-        state.kept(request.quality).for_request(request, options).render(request.camera, stop);
+        state.kept(request.quality)
+            .for_request(request, options)
+            .render(request.camera, stop, shows_field ? FrameParts::field : FrameParts::all);
     if (!view) return std::nullopt;
     Frame frame;
-    frame.jpeg = jpeg_bytes(picture_of(*view, request), exact ? state.settings.still_jpeg_quality
-                                                              : state.settings.moving_jpeg_quality);
+    frame.side =
+        options.resolution == 0 ? request.model->config().decoder.resolution : options.resolution;
+    frame.jpeg =
+        jpeg_bytes(picture_of(*view, request, frame.side),
+                   exact ? state.settings.still_jpeg_quality : state.settings.moving_jpeg_quality);
     frame.milliseconds = 1e3 * (seconds_now() - start);
     // The first frame includes creating the renderer, which takes longer than a frame.
     if (moving && !state.moving.is_new) state.side.take(frame.milliseconds);
-    frame.side = view->image.shape(0);
     frame.mode = name_of(options.mode);
     frame.tolerance = options.tolerance;
     if (request.quality == Quality::still && request.layer == Layer::image)

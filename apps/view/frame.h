@@ -40,8 +40,8 @@ struct Frame {
 
 struct FrameSettings {
     RenderMode moving_mode = RenderMode::skip;
-    double psnr = 45.0;      ///< wanted PSNR in decibels of moving frames against exact ones
-    double tolerance = 0.3;  ///< tolerance of the first moving frames
+    double psnr = 45.0;  ///< wanted PSNR in decibels of moving frames and of films
+    double tolerance = default_tolerance;  ///< of the first moving frames
     /// Moving frames that take longer are rendered at half their side (MovingSide).
     double most_moving_milliseconds = 33.0;
     int moving_jpeg_quality = 80;
@@ -85,7 +85,8 @@ public:
     /// The frame, or nothing if a stop is requested before it is complete. A still frame also
     /// measures the error of the moving frame of the same view, and adapts the tolerance to the
     /// wanted PSNR. It does not if moving frames are at half their side, which then dominates the
-    /// error.
+    /// error. Depth and normals run no render block, and another layer than the mask keeps all that
+    /// is known of the face.
     [[nodiscard]] std::optional<Frame> render(const FrameRequest& request,
                                               const std::stop_token& stop);
 

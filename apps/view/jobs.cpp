@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <iomanip>
+#include <sstream>
 
 #include "apps/common/tool_options.h"
 #include "apps/view/private_file.h"
@@ -14,6 +16,7 @@
 #include "fit/photo/face_parser.h"
 #include "nn/models/display_image.h"
 #include "nn/models/weight_changes.h"
+#include "nn/realtime/chosen_tolerance.h"
 #include "nn/realtime/head_mesh.h"
 #include "nn/realtime/mesh_colors.h"
 #include "nn/realtime/view.h"
@@ -154,6 +157,16 @@ Tensor pointed_part(const SharedState& shared, const ListedFace& face, const Col
     return part_mask(classes, chosen);
 }
 
+/// What was measured to choose a film's tolerance.
+std::string error_note(const ChosenRenderer& chosen) {
+    if (chosen.error.views == 0) return "every frame is exact";
+    std::ostringstream text;
+    text << std::setprecision(3) << "the worst of " << chosen.error.views << " frames has "
+         << chosen.error.worst_psnr << " dB against an exact one, its worst pixel "
+         << "differs by " << chosen.error.worst_pixel;
+    return text.str();
+}
+
 }  // namespace
 
 Job::Body fit_photo(SharedState& shared, Session& session, std::string photo,
@@ -200,15 +213,21 @@ Job::Body film(SharedState& shared, const ListedFace& face, const FilmQuery& que
         const auto lock = wait_for_heavy_work(shared, job);
         const Model& model = *face.model;
         const FrameSettings& settings = shared.options().frames;
-        FaceRenderer renderer(
-            model, {.mode = model.decoder().folds() ? settings.moving_mode : RenderMode::exact,
-                    .samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
-                    .tolerance = settings.tolerance,
-                    .remove_floaters = true});
-        renderer.show(face.face.codes);
+        const RendererOptions wanted{
+            .mode = model.decoder().folds() ? settings.moving_mode : RenderMode::exact,
+            .samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
+            .tolerance = *face.tolerance,
+            .remove_floaters = true};
+        std::vector<FaceView> views;
+        for (const Camera& camera : query.cameras) views.push_back({face.face.codes, camera});
+        job.report("choosing the tolerance", 0, 0);
+        ChosenRenderer chosen = choose_renderer(model, views, wanted, settings.psnr);
+        if (tolerates(chosen.mode)) *face.tolerance = chosen.tolerance;
+        job.set_note(error_note(chosen));
+        chosen.renderer.show(face.face.codes);
         std::vector<Tensor> frames;
         for (const Camera& camera : query.cameras) {
-            frames.push_back(renderer.render(camera).image);
+            frames.push_back(chosen.renderer.render(camera).image);
             job.report("rendering the film", std::ssize(frames), std::ssize(query.cameras));
         }
         job.report("writing the film", 0, 0);
@@ -228,7 +247,8 @@ Job::Body mesh(SharedState& shared, const ListedFace& face) {
         const TriangleMesh surface = head_mesh(*face.model, face.face.codes, 0, {});
         const Tensor normals = vertex_normals(surface.vertices, surface.triangles);
         job.report("colouring the mesh", 0, 0);
-        const Tensor colors = mesh_colors(*face.model, face.face.codes, surface, normals, {});
+        const Tensor colors = mesh_colors(*face.model, face.face.codes, surface, normals,
+                                          {.mode = RenderMode::exact});
         const std::string bytes = written_bytes(".ply", [&](const std::filesystem::path& file) {
             write_ply(file, {.vertices = surface.vertices,
                              .normals = normals,

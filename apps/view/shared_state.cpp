@@ -4,7 +4,6 @@
 #include "core/error.h"
 #include "core/rng.h"
 #include "fit/photo/face_parser.h"
-#include "nn/realtime/chosen_tolerance.h"
 #include "nn/realtime/view.h"
 
 namespace stymo::view {
@@ -36,22 +35,7 @@ SharedState::SharedState(const ViewerOptions& options) : options_(options) {
         fail<UsageError>("--codes is required: the model has no statistics to draw faces from");
     if (options_.chooses_mode)
         options_.frames.moving_mode = fastest_mode(*model_, first_faces_.front().second.codes);
-    options_.frames.tolerance = chosen_tolerance();
     scheduler_ = std::make_unique<Scheduler>(options_.frames);
-}
-
-double SharedState::chosen_tolerance() const {
-    const RenderMode mode = options_.frames.moving_mode;
-    if (!tolerates(mode)) return options_.frames.tolerance;
-    const std::vector<Camera> cameras{model_camera(*model_, 0.0, 0.0, 0.0),
-                                      model_camera(*model_, 0.4, 0.0, 0.0)};
-    const RendererOptions rendering{
-        .mode = mode,
-        .samples_per_ray = model_->config().reconstruction.fit_samples_per_ray,
-        .remove_floaters = true};
-    return choose_tolerance(*model_, first_faces_.front().second.codes, cameras, rendering,
-                            options_.frames.psnr)
-        .tolerance;
 }
 
 CodeFile SharedState::drawn_face(std::uint64_t seed, double truncation) const {

@@ -64,7 +64,6 @@ public:
 
 private:
     /// The tolerance for which the first face has the wanted PSNR.
-    [[nodiscard]] double chosen_tolerance() const;
 
     ViewerOptions options_;
     std::shared_ptr<const Model> model_;

@@ -23,9 +23,9 @@
 // nearly right; only the features of the stretch are those of one sample.
 //
 // The bounds of a density grid (nn/realtime/density_grid.h) are not guaranteed, so the error of a
-// tolerance is measured: docs/studies/rendering.md compares it with frames of fewer samples per
-// ray, which were much worse at the same cost. Fits select by the weights of an earlier evaluation
-// instead and count the other samples as empty (`keep_if`; docs/studies/samples-of-a-fit.md).
+// tolerance is measured (nn/realtime/chosen_tolerance.h). Fits select by the weights of an earlier
+// evaluation instead and count the other samples as empty (`keep_if`;
+// docs/studies/samples-of-a-fit.md).
 
 #include "nn/engine/sample_selection.h"
 
@@ -55,14 +55,19 @@ void SampleSelection::keep_all() {
     }
 }
 
-void SampleSelection::keep_none(std::int64_t ray) {
-    counts[static_cast<std::size_t>(ray)] = 0;
+void SampleSelection::keep_range(std::int64_t ray, std::int32_t first, std::int32_t end) {
+    const auto begin = static_cast<std::size_t>(ray * samples_per_ray),
+               size = static_cast<std::size_t>(end - first);
+    std::iota(samples.begin() + static_cast<std::ptrdiff_t>(begin),
+              samples.begin() + static_cast<std::ptrdiff_t>(begin + size), first);
+    std::ranges::fill(std::span(gaps).subspan(begin, size), 0.0F);
+    counts[static_cast<std::size_t>(ray)] = end - first;
     tails[static_cast<std::size_t>(ray)] = 0.0F;
 }
 
-void select_samples(std::span<const DensityBounds> bounds, float delta, float tolerance,
-                    std::int64_t ray, SampleSelection& selection) {
-    const std::int64_t first = ray * selection.samples_per_ray;
+void select_samples(std::span<const DensityBounds> bounds, std::int32_t first, float delta,
+                    float tolerance, std::int64_t ray, SampleSelection& selection) {
+    const std::int64_t begin = ray * selection.samples_per_ray;
     // For thin samples cheaper bounds replace the exponentials: 1 - exp(-x) <= x, and exp(-x) <= 1.
     constexpr float thin = 1e-2F;
     std::int32_t count = 0;
@@ -75,8 +80,8 @@ void select_samples(std::span<const DensityBounds> bounds, float delta, float to
             gap += bounds[i].estimate * delta;
             continue;
         }
-        const auto slot = static_cast<std::size_t>(first + count++);
-        selection.samples[slot] = static_cast<std::int32_t>(i);
+        const auto slot = static_cast<std::size_t>(begin + count++);
+        selection.samples[slot] = first + static_cast<std::int32_t>(i);
         selection.gaps[slot] = gap;
         left_out = gap = 0.0F;
     }

@@ -30,8 +30,8 @@ struct SampleSelection {
     void resize(std::int64_t rays, std::int64_t per_ray);
     /// Selects every sample of every ray.
     void keep_all();
-    /// Selects no sample of this ray, which is then empty.
-    void keep_none(std::int64_t ray);
+    /// Selects samples [first, end) of this ray. The others count as empty.
+    void keep_range(std::int64_t ray, std::int32_t first, std::int32_t end);
     /// Selects the samples for which keep(ray, sample) is true. The others count as empty.
     template <class Keep>
     void keep_if(const Keep& keep);
@@ -60,13 +60,14 @@ void SampleSelection::keep_if(const Keep& keep) {
     }
 }
 
-/// Selects samples of one ray, each with an interval of length `delta`, and stores them in
-/// `selection` at `ray`. The compositing weight of sample i is at most exp(-sum_{j<i} lower_j
-/// delta) (1 - exp(-upper_i delta)). These bounds are summed from front to back. Where the sum
-/// reaches `tolerance`, the sample is kept and the sum restarts at 0. If the bounds hold,
-/// consecutive samples that are left out therefore have a total weight below `tolerance`. A
-/// tolerance of 0 keeps every sample.
-void select_samples(std::span<const DensityBounds> bounds, float delta, float tolerance,
-                    std::int64_t ray, SampleSelection& selection);
+/// Selects among consecutive samples of one ray, from number `first` on, each with an interval of
+/// length `delta`, and stores them in `selection` at `ray`. Other samples of the ray count as
+/// empty. The compositing weight of sample i is at most exp(-sum_{j<i} lower_j delta) (1 -
+/// exp(-upper_i delta)). These bounds are summed from front to back. Where the sum reaches
+/// `tolerance`, the sample is kept and the sum restarts at 0. If the bounds hold, consecutive
+/// samples that are left out therefore have a total weight below `tolerance`. A tolerance of 0
+/// keeps every sample.
+void select_samples(std::span<const DensityBounds> bounds, std::int32_t first, float delta,
+                    float tolerance, std::int64_t ray, SampleSelection& selection);
 
 }  // namespace stymo

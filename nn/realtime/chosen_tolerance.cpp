@@ -2,83 +2,78 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
-#include "core/error.h"
 #include "core/metrics.h"
 
 namespace stymo {
 
 namespace {
 
-constexpr double largest_tolerance = 0.5;
-constexpr int series_length = 19;
 constexpr double psnr_of_equal_frames = 100.0;
 
-double series_tolerance(int index) {
-    return largest_tolerance * std::pow(2.0, -0.5 * index);
+Tensor frame(FaceRenderer& renderer, const FaceView& view) {
+    renderer.show(view.codes);
+    return renderer.render(view.camera).image;
 }
 
-std::vector<Tensor> frames(const Model& model, const Codes& codes, std::span<const Camera> cameras,
-                           const RendererOptions& options) {
-    FaceRenderer renderer(model, options);
-    renderer.show(codes);
-    std::vector<Tensor> images;
-    for (const Camera& camera : cameras) images.push_back(renderer.render(camera).image);
-    return images;
+/// The views in the middle of `count` equal parts of the list.
+std::vector<FaceView> spread(std::span<const FaceView> views, std::int64_t count) {
+    std::vector<FaceView> chosen;
+    for (std::int64_t i = 0; i < count; ++i)
+        chosen.push_back(
+            views[static_cast<std::size_t>((2 * i + 1) * std::ssize(views) / (2 * count))]);
+    return chosen;
 }
 
-std::vector<Tensor> exact_frames(const Model& model, const Codes& codes,
-                                 std::span<const Camera> cameras, RendererOptions options) {
-    if (cameras.empty()) fail<ValueError>("the error of frames needs at least one camera");
-    options.mode = RenderMode::exact;
-    return frames(model, codes, cameras, options);
-}
-
-FrameError error_between(std::span<const Tensor> images, std::span<const Tensor> exact) {
-    FrameError error{.mean_psnr = 0.0, .worst_psnr = psnr_of_equal_frames};
-    for (std::size_t i = 0; i < images.size(); ++i) {
-        const double psnr =
-            std::min(peak_signal_to_noise_ratio(images[i], exact[i]), psnr_of_equal_frames);
-        error.mean_psnr += psnr / static_cast<double>(images.size());
-        error.worst_psnr = std::min(error.worst_psnr, psnr);
-    }
-    return error;
+/// That of the options, or a smaller one if more decibels are wanted than the default tolerance has
+/// on the model that ships. Six decibels are a factor of two in the error.
+double first_tolerance(const RendererOptions& options, double psnr) {
+    constexpr double usual_psnr = 45.0, decibels_per_factor_of_two = 6.0;
+    return std::min(options.tolerance, default_tolerance * std::exp2((usual_psnr - psnr) /
+                                                                     decibels_per_factor_of_two));
 }
 
 }  // namespace
 
-FrameError frame_error(const Model& model, const Codes& codes, std::span<const Camera> cameras,
-                       const RendererOptions& options) {
-    return error_between(frames(model, codes, cameras, options),
-                         exact_frames(model, codes, cameras, options));
+void FrameError::add(const Tensor& image, const Tensor& exact) {
+    worst_psnr = std::min(worst_psnr, peak_signal_to_noise_ratio(image, exact));
+    const std::span<const float> a = image.values<float>(), b = exact.values<float>();
+    for (std::size_t i = 0; i < a.size(); ++i)
+        worst_pixel = std::max(worst_pixel, static_cast<double>(std::abs(a[i] - b[i])));
+    ++views;
 }
 
-ChosenTolerance choose_tolerance(const Model& model, const Codes& codes,
-                                 std::span<const Camera> cameras, const RendererOptions& options,
-                                 double psnr) {
-    const std::vector<Tensor> exact = exact_frames(model, codes, cameras, options);
-    const auto at = [&](double tolerance) {
-        RendererOptions tried = options;
-        tried.tolerance = tolerance;
-        return ChosenTolerance{tolerance,
-                               error_between(frames(model, codes, cameras, tried), exact)};
-    };
-    if (!tolerates(options.mode)) return at(options.tolerance);
-    int low = 0,
-        high = series_length - 1;  // indices into the series; the last one is always accepted
-    ChosenTolerance chosen = at(series_tolerance(high));
-    while (low < high) {
-        const int middle = (low + high) / 2;
-        const ChosenTolerance tried = at(series_tolerance(middle));
-        if (tried.error.mean_psnr >= psnr) {
-            high = middle;
-            chosen = tried;
-        } else {
-            low = middle + 1;
+ChosenRenderer choose_renderer(const Model& model, std::span<const FaceView> views,
+                               const RendererOptions& options, double psnr) {
+    RendererOptions exact_options = options;
+    exact_options.mode = RenderMode::exact;
+    const std::int64_t count = std::min(std::ssize(views) / views_per_check, most_checked_views);
+    ChosenRenderer exact{.renderer = FaceRenderer(model, exact_options), .error = {}};
+    if (!tolerates(options.mode) || count == 0) return exact;
+
+    const std::vector<FaceView> checked = spread(views, count);
+    std::vector<Tensor> expected;
+    for (const FaceView& view : checked) expected.push_back(frame(exact.renderer, view));
+    ChosenRenderer fast{.renderer = FaceRenderer(model, options),
+                        .mode = options.mode,
+                        .tolerance = first_tolerance(options, psnr),
+                        .error = {},
+                        .exact_frames = count};
+    const double wanted = std::min(psnr + spare_decibels, psnr_of_equal_frames);
+    for (std::int64_t i = 0; i < most_tolerances; ++i, fast.tolerance *= 0.5) {
+        fast.renderer.set_tolerance(fast.tolerance);
+        fast.error = {};
+        for (std::size_t k = 0; k < checked.size() && fast.error.worst_psnr >= wanted; ++k) {
+            fast.error.add(frame(fast.renderer, checked[k]), expected[k]);
+            ++fast.fast_frames;
         }
+        if (fast.error.worst_psnr >= wanted) return fast;
     }
-    return chosen;
+    exact.exact_frames = fast.exact_frames;
+    exact.fast_frames = fast.fast_frames;
+    return exact;
 }
 
 }  // namespace stymo

@@ -1,36 +1,53 @@
 #pragma once
 
+#include <cstdint>
 #include <span>
 
 #include "nn/realtime/face_renderer.h"
 
 namespace stymo {
 
-/// PSNR in decibels of a mode's frames against exact frames, over several views.
+/// One face seen by one camera.
+struct FaceView {
+    Codes codes;  ///< in Z, one row
+    Camera camera;
+};
+
+/// Error of frames against exact frames of the same views.
 struct FrameError {
-    double mean_psnr = 0.0;
-    double worst_psnr = 0.0;
+    double worst_psnr = 100.0;  ///< decibels, of the worst view; equal images count as 100
+    double worst_pixel = 0.0;   ///< largest difference of any value of any view
+    std::int64_t views = 0;     ///< number of views that were compared
+
+    void add(const Tensor& image, const Tensor& exact);
 };
 
-/// A value of RendererOptions::tolerance with the error of its frames.
-struct ChosenTolerance {
+/// A renderer for a list of views, and what was measured to choose it.
+struct ChosenRenderer {
+    FaceRenderer renderer;
+    RenderMode mode = RenderMode::exact;
     double tolerance = 0.0;
-    FrameError error;
+    FrameError error;               ///< of the checked views
+    std::int64_t exact_frames = 0;  ///< frames that were rendered to choose
+    std::int64_t fast_frames = 0;
 };
 
-/// The error of frames with `options` for one face (row 0) and these cameras, at least one. A frame
-/// that equals the exact one counts as 100 dB.
-[[nodiscard]] FrameError frame_error(const Model& model, const Codes& codes,
-                                     std::span<const Camera> cameras,
-                                     const RendererOptions& options);
+/// One view in so many is checked, at most `most_checked_views`, with at most `most_tolerances`
+/// tolerances. So the choice costs at most 1/16 of the exact frames that the views would take, and
+/// a quarter as many frames of the mode as there are views.
+inline constexpr std::int64_t views_per_check = 16;
+inline constexpr std::int64_t most_checked_views = 6;
+inline constexpr std::int64_t most_tolerances = 4;
 
-/// The largest tolerance for which the frames of this face have a mean PSNR of at least `psnr`
-/// against exact frames; the smallest tolerance if there is none. The candidates go from 0.5 down
-/// to 0.001 by factors of sqrt(2). Modes without a tolerance return that of
-/// `options`. Bisection renders one exact frame and about five frames of the mode for each camera.
-/// Throws ValueError without cameras.
-[[nodiscard]] ChosenTolerance choose_tolerance(const Model& model, const Codes& codes,
-                                               std::span<const Camera> cameras,
-                                               const RendererOptions& options, double psnr);
+/// So many decibels more are asked for in the checked views, because others may be worse.
+inline constexpr double spare_decibels = 1.5;
+
+/// A renderer of options.mode whose frames of these views have a PSNR of at least `psnr` against
+/// exact frames, also in the worst view. Checks some of the views, evenly spread. Tolerances go
+/// down by factors of 2 from options.tolerance, or from a smaller one if more than 45 dB are
+/// wanted. The renderer is exact if none suffices, if the mode tolerates none, and for fewer than
+/// `views_per_check` views. Throws what FaceRenderer and its `show` throw.
+[[nodiscard]] ChosenRenderer choose_renderer(const Model& model, std::span<const FaceView> views,
+                                             const RendererOptions& options, double psnr);
 
 }  // namespace stymo

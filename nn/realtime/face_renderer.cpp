@@ -7,9 +7,9 @@
 
 #include "core/error.h"
 #include "nn/engine/block_renderer.h"
-#include "nn/realtime/baked_field.h"
 #include "nn/realtime/floaters.h"
 #include "nn/realtime/sampled_field.h"
+#include "nn/realtime/trained_volume.h"
 
 namespace stymo {
 namespace {
@@ -21,11 +21,15 @@ bool same(const Camera& a, const Camera& b) {
            a.intrinsics.center_y == b.intrinsics.center_y;
 }
 
+void require_tolerance(double tolerance) {
+    if (!(tolerance >= 0.0 && tolerance < 1.0))
+        fail<ValueError>("the tolerance must be from 0 to below 1, got ", tolerance);
+}
+
 void require_valid(const Model& model, const RendererOptions& options) {
     if (options.samples_per_ray < 2)
         fail<ValueError>("a ray needs at least 2 samples, got ", options.samples_per_ray);
-    if (!(options.tolerance >= 0.0 && options.tolerance < 1.0))
-        fail<ValueError>("the tolerance must be from 0 to below 1, got ", options.tolerance);
+    require_tolerance(options.tolerance);
     const DecoderConfig& decoder = model.config().decoder;
     if (options.mode != RenderMode::exact && !model.decoder().folds())
         fail<ValueError>("a model with decoder.conditioning = ", decoder.conditioning,
@@ -37,12 +41,6 @@ void require_valid(const Model& model, const RendererOptions& options) {
 std::unique_ptr<FieldSource> make_field_source(const ModelConfig& model,
                                                const RendererOptions& options) {
     if (model.decoder.conditioning != "modulation") return nullptr;
-    if (traits_of(options.mode).bakes) {
-        RaySampling rays = model.decoder.rays;
-        rays.samples_per_ray = options.samples_per_ray;
-        return std::make_unique<BakedField>(rays, ViewRange{.camera = model.camera},
-                                            BakeOptions{.resolution = options.bake_resolution});
-    }
     return make_sampled_field(model, options);
 }
 
@@ -89,12 +87,16 @@ struct FaceRenderer::State {
         sampling.samples_per_ray = options.samples_per_ray;
         rays.samples_per_ray = options.samples_per_ray;
         rays.rays.resize(static_cast<std::size_t>(sampling.rays_per_side * sampling.rays_per_side));
+        rays.known.resize(rays.rays.size());
         const std::int64_t rays_per_side = sampling.rays_per_side;
         const std::int64_t side =
             options.resolution == 0 ? model.config().decoder.resolution : options.resolution;
         view.image = Tensor({side, side, 3});
         if (options.mask) view.mask = Tensor({side, side, 1});
-        if (options.depth) view.depth = Tensor({rays_per_side, rays_per_side, 1});
+        if (options.depth) {
+            view.depth = Tensor({rays_per_side, rays_per_side, 1});
+            view.opacity = Tensor({rays_per_side, rays_per_side, 1});
+        }
         counts.samples = static_cast<std::int64_t>(rays.rays.size()) * options.samples_per_ray;
     }
 
@@ -104,7 +106,8 @@ struct FaceRenderer::State {
     void fold_blocks();
     void render_field(const Camera& seen_by, const std::stop_token& stop);
     void draw(const std::stop_token& stop);
-    void count();
+    void copy_field();
+    void count(FrameParts parts);
     /// Renders with the decoder that training uses, for layers that do not fold.
     [[nodiscard]] View render_unfolded(const Camera& seen_by);
 };
@@ -125,13 +128,16 @@ bool FaceRenderer::State::take(const Codes& codes, std::int64_t index, std::size
 
 void FaceRenderer::State::render_field(const Camera& seen_by, const std::stop_token& stop) {
     if (camera && same(*camera, seen_by)) {
-        feature_map.field_samples = feature_map.tiles = 0;
+        feature_map.field_samples = feature_map.grid_points = feature_map.tiles = 0;
         return;
     }
     camera.reset();
     for (std::int64_t i = 0; i < static_cast<std::int64_t>(rays.rays.size()); ++i) {
-        rays.rays[static_cast<std::size_t>(i)] =
+        const auto index = static_cast<std::size_t>(i);
+        rays.rays[index] =
             camera_ray(seen_by, sampling, i / sampling.rays_per_side, i % sampling.rays_per_side);
+        rays.known[index] = samples_in_trained_volume(model.config().camera, seen_by,
+                                                      rays.rays[index], sampling.samples_per_ray);
     }
     field->render(rays, feature_map, stop);
     if (stop.stop_requested()) return;
@@ -169,20 +175,22 @@ void FaceRenderer::State::draw(const std::stop_token& stop) {
     feature_map_is_new = false;
     blocks->render(view.image.mutable_values<float>(),
                    options.mask ? view.mask.mutable_values<float>() : std::span<float>(), stop);
-    if (options.depth)
-        std::ranges::copy(feature_map.depths, view.depth.mutable_values<float>().begin());
 }
 
-void FaceRenderer::State::count() {
+void FaceRenderer::State::copy_field() {
+    if (!options.depth) return;
+    std::ranges::copy(feature_map.depths, view.depth.mutable_values<float>().begin());
+    std::ranges::copy(feature_map.opacities, view.opacity.mutable_values<float>().begin());
+}
+
+void FaceRenderer::State::count(FrameParts parts) {
     counts.field_samples = feature_map.field_samples;
+    counts.grid_points = feature_map.grid_points;
     counts.pixels = blocks->counts().pixels;
-    counts.pixels_computed = blocks->counts().pixels_computed;
+    counts.pixels_computed = parts == FrameParts::all ? blocks->counts().pixels_computed : 0;
     counts.tiles = feature_map.tiles;
-    // A baked field counts no samples.
-    if (!traits_of(options.mode).bakes) {
-        view.significant_samples = static_cast<double>(feature_map.significant_samples) /
-                                   static_cast<double>(counts.samples);
-    }
+    view.significant_samples =
+        static_cast<double>(feature_map.significant_samples) / static_cast<double>(counts.samples);
     const Decoder& decoder = model.decoder();
     const LayerCount all = layer_count(decoder, decoder.ladder().largest(), true);
     const LayerCount shown_layers = layer_count(decoder, view.image.shape(0), options.mask);
@@ -227,17 +235,29 @@ View FaceRenderer::render(const Camera& camera) {
     return *render(camera, std::stop_token());
 }
 
-std::optional<View> FaceRenderer::render(const Camera& camera, const std::stop_token& stop) {
+std::optional<View> FaceRenderer::render(const Camera& camera, const std::stop_token& stop,
+                                         FrameParts parts) {
     State& state = *state_;
     if (state.shown.front().empty()) fail<ValueError>("there is no face to render; show one first");
     if (!state.field) return state.render_unfolded(camera);
     state.render_field(camera, stop);
     if (stop.stop_requested()) return std::nullopt;
-    state.draw(stop);
+    if (parts == FrameParts::all) state.draw(stop);
     if (stop.stop_requested()) return std::nullopt;
-    state.count();
+    state.copy_field();
+    state.count(parts);
     require_finite(state.view);
     return state.view;
+}
+
+void FaceRenderer::set_tolerance(double tolerance) {
+    require_tolerance(tolerance);
+    State& state = *state_;
+    if (tolerance == state.options.tolerance) return;
+    state.options.tolerance = tolerance;
+    if (!state.field || !tolerates(state.options.mode)) return;
+    state.field->set_tolerance(tolerance);
+    state.camera.reset();
 }
 
 const RenderCounts& FaceRenderer::counts() const {

@@ -11,15 +11,17 @@
 
 namespace stymo {
 
+/// On the model that ships its frames have about 45 dB in the worst views (docs/numerics.md).
+inline constexpr double default_tolerance = 0.25;
+
 struct RendererOptions {
     RenderMode mode = RenderMode::skip;
     std::int64_t samples_per_ray = 64;
     std::int64_t resolution = 0;  ///< 0: the model's resolution
-    /// Largest total compositing weight of consecutive samples that are left out, in [0, 1). A ray
-    /// whose opacity is at most half of it counts as empty. Read by the modes that tolerate. The
-    /// error of a tolerance depends on the model (docs/numerics.md).
-    double tolerance = 0.3;
-    std::int64_t bake_resolution = 96;  ///< cells along the longest side of the baked box
+    /// Largest total compositing weight of consecutive samples that are left out where the ray is
+    /// surely opaque, in [0, 1). Read by the modes that tolerate. What else they leave out shrinks
+    /// with it too. The error of a tolerance depends on the face; `choose_renderer` measures it.
+    double tolerance = default_tolerance;
     bool mask = false;
     bool depth = false;
     /// Removes pieces that are separate from the head (floaters.h). Ignored if the model's decoder
@@ -31,6 +33,7 @@ struct RendererOptions {
 struct RenderCounts {
     std::int64_t samples = 0;        ///< of all rays
     std::int64_t field_samples = 0;  ///< of these, the samples at which the field was evaluated
+    std::int64_t grid_points = 0;    ///< points at which a density grid was evaluated for the frame
     std::int64_t tiles = 0;          ///< tiles in which the field was evaluated
     std::int64_t pixels = 0;         ///< of all render blocks, each at its own resolution
     std::int64_t pixels_computed = 0;
@@ -41,11 +44,19 @@ struct RenderCounts {
     std::int64_t folds = 0;
 };
 
+/// What `FaceRenderer::render` computes.
+enum class FrameParts {
+    all,    ///< what RendererOptions asks for
+    field,  ///< depth and opacity alone; no render block runs
+};
+
 /// Renders one face of a trained model from many sides. It folds the layers once for new codes and
 /// keeps all that does not change between frames. The density grid is kept while identity and
-/// expression stay the same; it is evaluated for the usual views by `show` and for other views by
-/// `render`. The feature map is kept while, in addition, the camera stays the same. Rendering
-/// allocates no memory if the density grid covers the view and the previous View was destroyed.
+/// expression stay the same; `render` evaluates it where a view needs it. The feature map is kept
+/// while, in addition, the camera and the tolerance stay the same. Rendering allocates no memory if
+/// the density grid covers the view and the previous View was destroyed.
+///
+/// There is no density outside the volume that training cameras see (trained_volume.h).
 class FaceRenderer {
 public:
     /// The model must outlive the renderer. If its decoder does not fold, frames are those of
@@ -64,7 +75,11 @@ public:
     /// The same, but returns nothing if a stop is requested before the frame is complete. The
     /// request is checked before each tile of samples and before each strip of a render block. It
     /// is ignored if the decoder does not fold.
-    [[nodiscard]] std::optional<View> render(const Camera& camera, const std::stop_token& stop);
+    [[nodiscard]] std::optional<View> render(const Camera& camera, const std::stop_token& stop,
+                                             FrameParts parts = FrameParts::all);
+    /// Replaces RendererOptions::tolerance. Keeps the density grid. Throws ValueError outside [0,
+    /// 1).
+    void set_tolerance(double tolerance);
     /// Counts of the last frame.
     [[nodiscard]] const RenderCounts& counts() const;
 

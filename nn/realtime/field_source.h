@@ -6,13 +6,14 @@
 #include <vector>
 
 #include "nn/models/radiance_field.h"
-#include "nn/realtime/face_renderer.h"
+#include "nn/realtime/trained_volume.h"
 #include "render/rays.h"
 
 namespace stymo {
 
 struct CameraRays {
-    std::vector<Ray> rays;  ///< row-major over the feature map
+    std::vector<Ray> rays;           ///< row-major over the square feature map
+    std::vector<SampleRange> known;  ///< of each ray; elsewhere there is no density
     std::int64_t samples_per_ray = 0;
 };
 
@@ -26,13 +27,14 @@ struct FeatureMap {
     /// the farthest sample of all rays.
     std::vector<float> depths;
     std::int64_t field_samples = 0;  ///< samples at which the field was evaluated
+    std::int64_t grid_points = 0;    ///< points at which the density grid was evaluated
     /// The evaluated samples whose compositing weight exceeds `significant_weight`.
     std::int64_t significant_samples = 0;
     std::int64_t tiles = 0;  ///< number of tiles in which the samples were evaluated
 };
 
-/// Interface of the ways of rendering the field. Before the render blocks, render modes differ only
-/// in this.
+/// The field of one face, in weights of any type. Before the render blocks, render modes differ
+/// only in this.
 class FieldSource {
 public:
     FieldSource() = default;
@@ -42,6 +44,8 @@ public:
 
     /// Sets the field of another identity or expression.
     virtual void set_field(const FoldedField& field) = 0;
+    /// RendererOptions::tolerance of the next frames.
+    virtual void set_tolerance(double tolerance) = 0;
     /// Fills `map` and reuses its memory. When a stop is requested, returns early with an
     /// incomplete map.
     virtual void render(const CameraRays& rays, FeatureMap& map, const std::stop_token& stop) = 0;

@@ -12,10 +12,6 @@ std::span<const RenderModeTraits> render_modes() {
                          .name = "skip",
                          .help = "significant samples only",
                          .tolerates = true},
-        RenderModeTraits{.mode = RenderMode::baked,
-                         .name = "baked",
-                         .help = "reads the field from samples taken once",
-                         .bakes = true},
     };
     return modes;
 }

@@ -11,7 +11,6 @@ enum class RenderMode {
     exact,  ///< every sample, float32
     skip,   ///< float32, without samples that are insignificant at the tolerance and without pixels
             ///< that show only the background
-    baked,  ///< views interpolate a field that is sampled once for each head (baked_field.h)
 };
 
 /// What a mode is called and what it does.
@@ -20,11 +19,9 @@ struct RenderModeTraits {
     std::string_view name;
     std::string_view help;   ///< what it does, in a few words
     bool tolerates = false;  ///< reads RendererOptions::tolerance
-    bool bakes = false;      ///< reads the field from a BakedField
 };
 
-/// All modes. A new one needs its value above, its row here, and, where it has a field of its own,
-/// its line in the FaceRenderer.
+/// All modes. A new one needs its value above and its row here.
 [[nodiscard]] std::span<const RenderModeTraits> render_modes();
 [[nodiscard]] const RenderModeTraits& traits_of(RenderMode mode);
 

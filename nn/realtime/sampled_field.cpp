@@ -5,25 +5,26 @@
 // counts (docs/studies/left-out-work.md). The work is cut down in the order in which it would
 // arise:
 //
-// First, a ray of usual length whose samples all lie in thin cells of the density grid is empty.
-// This holds for most rays beside the head, and costs the state of one cell for each sample.
+// First, a grid bounds the density at each sample, and `select_samples` (its file says why) picks
+// the samples that are evaluated. A ray that is surely opaque may leave out stretches whose total
+// weight is up to the tolerance. A ray that may end at the outline may not: its opacity decides
+// whether the render blocks draw head or background, and they do so abruptly. Its stretches are
+// limited by `strict`, which changes hardly anything in between.
 //
-// Second, the grid bounds the density at each sample of the other rays, and `select_samples` (its
-// file says why) picks the samples that are evaluated. They are divided into tiles of whole rays. A
-// tile evaluates the density, which is all that the weights need, and composites.
+// Second, a faint ray without a neighbour that is at least `solid` is empty. Thin haze fills the
+// space around a head. The render blocks make it visible beside the head alone.
 //
-// Third, the layer of the features runs only for samples whose weight, together with the small
-// weights in front of it, is not negligible.
+// Third, the samples are divided into tiles of whole rays. A tile evaluates the density, which is
+// all that the weights need, and composites. The layer of the features runs only for samples whose
+// weight, together with the small weights in front of it, is not negligible against the ray's
+// opacity.
 //
 // Fourth, the last layer runs once for each ray, since it commutes with compositing, and not for
 // chunks of rays that are all empty. The render blocks then skip what only empty rays reach.
 //
-// All limits are fixed shares of one number, the tolerance, so that a single setting trades
-// accuracy for time.
-//
 // Mode `exact` is the same code with all samples selected and a tolerance of 0. What a frame of
-// mode `skip` lacks is thus what was left out, not another arithmetic. docs/studies/rendering.md
-// has error and time of the modes.
+// mode `skip` lacks is thus what was left out, not another arithmetic. docs/numerics.md has error
+// and time of the modes.
 
 #include "nn/realtime/sampled_field.h"
 
@@ -37,23 +38,23 @@
 #include "nn/engine/evaluate_points.h"
 #include "nn/engine/ray_tile.h"
 #include "nn/realtime/density_grid.h"
-#include "nn/realtime/view_range.h"
 
 namespace stymo {
 namespace {
 
 constexpr std::int64_t rays_per_chunk = 32;
-/// In units of the tolerance: largest total weight of a ray's samples whose features are not
-/// computed.
-constexpr float featureless_share = 0.5F;
-/// In units of the tolerance: largest opacity of a ray that counts as empty.
-constexpr float empty_share = 0.5F;
-/// In units of the tolerance: largest opacity of a ray between the planes whose samples all lie in
-/// thin cells, where the grid is coarse.
-constexpr double thin_share = 0.5;
-/// Length, in units of the depth between the planes, up to which a ray through thin cells has an
-/// opacity below the tolerance: a bit less than 1 / thin_share.
-constexpr double thin_rays = 1.9;
+/// Largest total weight of a stretch that is left out on a ray whose opacity may be low.
+constexpr float strict = 1e-3F;
+/// Between the two limits, the limit of a ray is the tolerance times this power of the opacity that
+/// the ray surely has.
+constexpr int opacity_power = 4;
+/// Estimated opacity from which on a ray, and its neighbours, are not empty.
+constexpr float solid = 0.1F;
+/// In units of the tolerance and of the ray's opacity: largest total weight of a ray's samples
+/// whose features are not computed.
+constexpr float featureless_share = 0.4F;
+/// Cells of the density grid between the planes that bound the samples.
+constexpr double cells_in_depth = 32.0;
 
 /// Buffers of one thread.
 template <class T>
@@ -72,8 +73,9 @@ void append_point(const Ray& ray, double distance, std::vector<float>& points) {
         points.push_back(static_cast<float>(ray.origin[axis] + distance * ray.direction[axis]));
 }
 
-void append_points(const Ray& ray, std::int64_t samples, std::vector<float>& points) {
-    for (std::int64_t k = 0; k < samples; ++k)
+void append_points(const Ray& ray, const SampleRange& range, std::int64_t samples,
+                   std::vector<float>& points) {
+    for (std::int32_t k = range.first; k < range.end; ++k)
         append_point(ray, sample_distance(ray, k, samples), points);
 }
 
@@ -100,27 +102,13 @@ float interval(const Ray& ray, std::int64_t samples) {
 
 /// A grid around the volume that the model's camera sees as the head turns, with some room for
 /// other distances.
-DensityGrid make_grid(const ModelConfig& model, double tolerance) {
+DensityGrid make_grid(const ModelConfig& model) {
     const RaySampling& sampling = model.decoder.rays;
     const double reach = std::max(std::abs(sampling.near_z), std::abs(sampling.far_z));
     const double side = 0.5 / model.camera.intrinsics.focal * (model.camera.distance + reach);
     constexpr double room = 1.25;
-    const double depth = sampling.near_z - sampling.far_z;
-    return {room * std::hypot(reach, side, side), depth / 48.0, thin_share * tolerance / depth};
-}
-
-/// One point in each cell of the grid that the usual views see.
-std::vector<float> points_in_reach(const ModelConfig& model, const DensityGrid& grid) {
-    // Slightly larger than the images, so that views between these need no further cells.
-    constexpr double wider = 0.9, deeper = 0.4;
-    ViewRange range{.camera = model.camera};
-    range.camera.intrinsics.focal *= wider;
-    RaySampling sampling = model.decoder.rays;
-    sampling.samples_per_ray = 48;
-    sampling.near_z += deeper;
-    sampling.far_z -= deeper;
-    const RaySamples samples = sample_rays(cameras_over(range, 7, 3), sampling, nullptr);
-    return grid.one_in_each_cell(samples.points.values<float>());
+    return {room * std::hypot(reach, side, side),
+            (sampling.near_z - sampling.far_z) / cells_in_depth};
 }
 
 template <class T>
@@ -129,12 +117,17 @@ public:
     SampledField(const ModelConfig& model, const RendererOptions& options);
 
     void set_field(const FoldedField& field) override;
+    void set_tolerance(double tolerance) override {
+        if (tolerates_) tolerance_ = static_cast<float>(tolerance);
+    }
     void render(const CameraRays& rays, FeatureMap& map, const std::stop_token& stop) override;
 
 private:
     void evaluate_grid_around(std::span<const float> points);
     void select(const CameraRays& rays);
     [[nodiscard]] bool select_from_grid(const CameraRays& rays);
+    [[nodiscard]] float limit_of_ray(float surely_opaque) const;
+    void empty_haze();
     void cut_into_tiles();
     void reserve();
     void trace_tile(std::int64_t first, std::int64_t end, const CameraRays& rays,
@@ -145,12 +138,10 @@ private:
 
     bool tolerates_;
     float tolerance_;
-    /// Largest length of a ray through only thin cells that is left out.
-    double thin_length_ = 0.0;
     PackedField<T> field_;
     DensityGrid grid_;
-    std::vector<float> reach_;  ///< points around which a new head's density is evaluated at once
     SampleSelection selection_;
+    std::vector<float> estimates_;     ///< of the opacity of each ray
     std::vector<std::int64_t> tiles_;  ///< first ray of each, and the end of the last
     std::int64_t largest_tile_ = 0;    ///< points
     std::vector<Scratch<T>> scratch_;  ///< of each thread
@@ -162,19 +153,13 @@ template <class T>
 SampledField<T>::SampledField(const ModelConfig& model, const RendererOptions& options)
     : tolerates_(stymo::tolerates(options.mode)),
       tolerance_(tolerates_ ? static_cast<float>(options.tolerance) : 0.0F) {
-    if (tolerates_) {
-        grid_ = make_grid(model, options.tolerance);
-        thin_length_ = thin_rays * (model.decoder.rays.near_z - model.decoder.rays.far_z);
-        reach_ = points_in_reach(model, grid_);
-    }
+    if (tolerates_) grid_ = make_grid(model);
 }
 
 template <class T>
 void SampledField<T>::set_field(const FoldedField& field) {
     field_ = PackedField<T>(field);
-    if (!tolerates_) return;
-    grid_.forget();
-    evaluate_grid_around(reach_);
+    if (tolerates_) grid_.forget();
 }
 
 template <class T>
@@ -206,6 +191,7 @@ void SampledField<T>::render(const CameraRays& rays, FeatureMap& map, const std:
     map.depths.resize(count);
     background_ = static_cast<float>(farthest_sample(rays));
 
+    const std::int64_t known_vertices = grid_.known_vertices();
     select(rays);
     cut_into_tiles();
     reserve();
@@ -219,6 +205,7 @@ void SampledField<T>::render(const CameraRays& rays, FeatureMap& map, const std:
     parallel_items(std::ssize(tiles_) - 1, std::ref(trace));
     if (stop.stop_requested()) return;
     finish(map);
+    map.grid_points = grid_.known_vertices() - known_vertices;
     map.field_samples = map.significant_samples = 0;
     for (const std::int32_t selected : selection_.counts) map.field_samples += selected;
     for (const Scratch<T>& scratch : scratch_) map.significant_samples += scratch.significant;
@@ -227,16 +214,31 @@ void SampledField<T>::render(const CameraRays& rays, FeatureMap& map, const std:
 
 template <class T>
 void SampledField<T>::select(const CameraRays& rays) {
-    selection_.resize(static_cast<std::int64_t>(rays.rays.size()), rays.samples_per_ray);
+    const std::size_t count = rays.rays.size();
+    selection_.resize(static_cast<std::int64_t>(count), rays.samples_per_ray);
     if (!tolerates_) {
-        selection_.keep_all();
-    } else if (!select_from_grid(rays)) {
+        for (std::size_t i = 0; i < count; ++i)
+            selection_.keep_range(static_cast<std::int64_t>(i), rays.known[i].first,
+                                  rays.known[i].end);
+        return;
+    }
+    estimates_.resize(count);
+    if (!select_from_grid(rays)) {
         std::vector<float>& points = scratch_.front().points;
         points.clear();
-        for (const Ray& ray : rays.rays) append_points(ray, rays.samples_per_ray, points);
+        for (std::size_t i = 0; i < count; ++i)
+            append_points(rays.rays[i], rays.known[i], rays.samples_per_ray, points);
         evaluate_grid_around(points);
         static_cast<void>(select_from_grid(rays));
     }
+    empty_haze();
+}
+
+/// Largest total weight of a stretch of samples that may be left out.
+template <class T>
+float SampledField<T>::limit_of_ray(float surely_opaque) const {
+    return std::max(std::min(strict, tolerance_),
+                    tolerance_ * std::pow(surely_opaque, static_cast<float>(opacity_power)));
 }
 
 /// False if the grid does not know enough yet.
@@ -246,24 +248,47 @@ bool SampledField<T>::select_from_grid(const CameraRays& rays) {
     std::atomic<bool> known{true};
     const auto select_chunk = [&](std::int64_t chunk, int thread) {
         Scratch<T>& scratch = scratch_[static_cast<std::size_t>(thread)];
-        scratch.bounds.resize(static_cast<std::size_t>(samples));
         for (std::int64_t i = chunk * rays_per_chunk;
              i < std::min(count, (chunk + 1) * rays_per_chunk); ++i) {
             const Ray& ray = rays.rays[static_cast<std::size_t>(i)];
+            const SampleRange range = rays.known[static_cast<std::size_t>(i)];
+            const float delta = interval(ray, samples);
             scratch.points.clear();
-            append_points(ray, samples, scratch.points);
-            // Most rays beside a head pass only thin cells; their opacity is too small to count.
-            if (ray.far_distance - ray.near_distance <= thin_length_ &&
-                grid_.all_thin(scratch.points)) {
-                selection_.keep_none(i);
-                continue;
-            }
+            append_points(ray, range, samples, scratch.points);
+            scratch.bounds.resize(static_cast<std::size_t>(range.end - range.first));
             if (!grid_.bounds(scratch.points, scratch.bounds)) known = false;
-            select_samples(scratch.bounds, interval(ray, samples), tolerance_, i, selection_);
+            float estimate = 0.0F, least = 0.0F;
+            for (const DensityBounds& at_sample : scratch.bounds) {
+                estimate += at_sample.estimate * delta;
+                least += at_sample.lower * delta;
+            }
+            estimates_[static_cast<std::size_t>(i)] = -std::expm1(-estimate);
+            select_samples(scratch.bounds, range.first, delta, limit_of_ray(-std::expm1(-least)), i,
+                           selection_);
         }
     };
     parallel_items(chunk_count(count, rays_per_chunk), std::ref(select_chunk));
     return known;
+}
+
+/// Empties faint rays without a neighbour, also diagonal, that is solid.
+template <class T>
+void SampledField<T>::empty_haze() {
+    const auto side =
+        static_cast<std::int64_t>(std::llround(std::sqrt(static_cast<double>(estimates_.size()))));
+    const float least = std::min(solid, tolerance_);
+    const auto is_solid = [&](std::int64_t row, std::int64_t column) {
+        return row >= 0 && row < side && column >= 0 && column < side &&
+               estimates_[static_cast<std::size_t>(row * side + column)] >= least;
+    };
+    for (std::int64_t row = 0; row < side; ++row) {
+        for (std::int64_t column = 0; column < side; ++column) {
+            bool shows = false;
+            for (std::int64_t i = 0; i < 9 && !shows; ++i)
+                shows = is_solid(row + i / 3 - 1, column + i % 3 - 1);
+            if (!shows) selection_.keep_range(row * side + column, 0, 0);
+        }
+    }
 }
 
 /// Divides the samples into tiles of whole rays, so that each tile can composite its rays. Tiles
@@ -345,14 +370,11 @@ void SampledField<T>::finish_ray(std::int64_t ray, const CameraSamples& samples,
     map.opacities[index] = opacity;
     map.depths[index] = depth + (1.0F - opacity) * background_;
 
-    const bool empty = opacity <= empty_share * tolerance_;
-    map.occupied[index] = empty ? 0 : 1;
-    if (empty) {
-        map.opacities[index] = 0.0F;
-        return;
-    }
+    map.occupied[index] = opacity > 0.0F ? 1 : 0;
+    if (opacity <= 0.0F) return;
     // A weight that is too small is added to the next sample whose features are computed.
-    const float least = featureless_share * tolerance_ / static_cast<float>(weights.size());
+    const float least =
+        featureless_share * tolerance_ * opacity / static_cast<float>(weights.size());
     float carried = 0.0F;
     for (std::size_t k = 0; k < weights.size(); ++k) {
         carried += weights[k];

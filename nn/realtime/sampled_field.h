@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "nn/models/model.h"
+#include "nn/realtime/face_renderer.h"
 #include "nn/realtime/field_source.h"
 
 namespace stymo {

@@ -55,15 +55,17 @@ View decoded_view(const Model& model, const Codes& codes, std::int64_t index, co
                                             {.samples_per_ray = options.samples_per_ray,
                                              .resolution = options.resolution,
                                              .mask = options.mask});
-    View view{display_image(decoded.images.back().value(), 0),
-              {},
-              {},
-              significant_share(decoded.weights.weights.value())};
+    View view{.image = display_image(decoded.images.back().value(), 0),
+              .mask = {},
+              .depth = {},
+              .opacity = {},
+              .significant_samples = significant_share(decoded.weights.weights.value())};
     if (options.mask) view.mask = display_mask(sigmoid(decoded.mask_logit).value(), 0);
     if (options.depth) {
         const auto side =
             std::llround(std::sqrt(static_cast<double>(decoded.samples.depths.shape(1))));
         view.depth = expected_depth(decoded).value().reshaped({side, side, 1});
+        view.opacity = (-decoded.weights.transmittance + 1.0).value().reshaped({side, side, 1});
     }
     require_finite(view);
     return view;

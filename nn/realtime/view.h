@@ -13,12 +13,12 @@ struct ViewOptions {
 
 /// One face seen by one camera.
 struct View {
-    Tensor image;  ///< (S, S, 3) in [0, 1]
-    Tensor mask;   ///< (S, S, 1) in [0, 1], undefined unless asked for
-    Tensor depth;  ///< (R, R, 1), for each ray the expected Euclidean distance from the camera;
-                   ///< undefined unless asked for
-    /// Fraction of the samples whose compositing weight exceeds `significant_weight`; 1 if it was
-    /// not counted.
+    Tensor image;    ///< (S, S, 3) in [0, 1]
+    Tensor mask;     ///< (S, S, 1) in [0, 1], undefined unless asked for
+    Tensor depth;    ///< (R, R, 1), for each ray the expected Euclidean distance from the camera;
+                     ///< undefined unless asked for
+    Tensor opacity;  ///< (R, R, 1) in [0, 1], of each ray; undefined unless depth was asked for
+    /// Fraction of the samples whose compositing weight exceeds `significant_weight`.
     double significant_samples = 1.0;
 };
 

@@ -69,8 +69,7 @@ Camera turned_camera(const Model& model) {
 
 void add_images(Results& results, const Model& model) {
     using enum RenderMode;
-    const std::map<std::string, RenderMode> modes{
-        {"exact", exact}, {"skip", skip}, {"baked", baked}};
+    const std::map<std::string, RenderMode> modes{{"exact", exact}, {"skip", skip}};
     for (const auto& [name, mode] : modes) {
         // So small a tolerance leaves out hardly a sample that matters.
         FaceRenderer renderer(model, {.mode = mode, .tolerance = 1e-3});

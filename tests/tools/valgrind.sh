@@ -40,7 +40,7 @@ checked() {
 checked stymo-synth --out faces --count 6 --size 64
 checked stymo-train --config tiny.json --data faces --out run
 checked stymo-fit --model run/model.safetensors --data faces --id 00005 --out fit --steps 3
-for mode in exact skip baked; do
+for mode in exact skip; do
     checked stymo-render --model run/model.safetensors --codes fit/codes.json --mode $mode \
         --out $mode.png
 done

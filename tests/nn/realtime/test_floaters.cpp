@@ -74,14 +74,12 @@ TEST_CASE("Of the pieces of a view the largest one stays, each with its faint ri
 TEST_CASE("A view in one piece has the same bits without floaters", "[realtime]") {
     const Model model = tiny_model(3);
     const Camera camera = model_camera(model, 0.2, 0.0, 0.0);
-    for (const RenderMode mode : {RenderMode::exact, RenderMode::skip, RenderMode::baked}) {
+    for (const RenderMode mode : {RenderMode::exact, RenderMode::skip}) {
         std::vector<std::vector<double>> images;
         for (const bool remove : {false, true}) {
-            FaceRenderer renderer(model, {.mode = mode,
-                                          .samples_per_ray = 8,
-                                          .bake_resolution = 8,
-                                          .depth = true,
-                                          .remove_floaters = remove});
+            FaceRenderer renderer(
+                model,
+                {.mode = mode, .samples_per_ray = 8, .depth = true, .remove_floaters = remove});
             renderer.show(random_codes(1, 4));
             const View view = renderer.render(camera);
             images.push_back(view.image.to_vector());

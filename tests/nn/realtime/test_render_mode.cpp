@@ -12,12 +12,11 @@ TEST_CASE("every mode of rendering has a name, a help and its own row", "[realti
         CHECK(names.insert(mode.name).second);
         CHECK_FALSE(mode.help.empty());
     }
-    CHECK(name_of(RenderMode::baked) == "baked");
+    CHECK(name_of(RenderMode::skip) == "skip");
 }
 
 TEST_CASE("a mode says whether it leaves out samples", "[realtime]") {
     CHECK_FALSE(tolerates(RenderMode::exact));
     CHECK(tolerates(RenderMode::skip));
-    CHECK_FALSE(tolerates(RenderMode::baked));
     CHECK(tolerant_mode_names(" or ") == "skip");
 }
