@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "nn/engine/block_renderer.h"
+#include "nn/models/display_image.h"
 #include "nn/realtime/floaters.h"
 #include "nn/realtime/sampled_field.h"
 #include "nn/realtime/trained_volume.h"
@@ -246,7 +247,12 @@ std::optional<View> FaceRenderer::render(const Camera& camera, const std::stop_t
     if (stop.stop_requested()) return std::nullopt;
     state.copy_field();
     state.count(parts);
-    require_finite(state.view);
+    // Without render blocks the image is that of an earlier frame, or was never written.
+    if (parts == FrameParts::all) {
+        require_finite(state.view);
+    } else if (state.view.depth.defined()) {
+        require_finite(state.view.depth);
+    }
     return state.view;
 }
 
