@@ -27,7 +27,7 @@ allowed_includes() {
         train/*) echo 'core|nn|render|train' ;;
         fit/*) echo 'core|nn|render|fit' ;;
         # A library that the tests use too.
-        apps/cases/*) echo 'core|nn|render|train|apps/cases' ;;
+        apps/cases/*) echo 'core|nn|render|train|fit|apps/cases' ;;
         apps/*) echo 'core|nn|render|train|fit|apps' ;;
     esac
 }
