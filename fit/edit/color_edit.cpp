@@ -95,47 +95,61 @@ Tensor region_at(const Tensor& image, double x, double y, double reach) {
     return result;
 }
 
+ColorObjective::ColorObjective(const Model& model, const Codes& codes, const Camera& camera,
+                               const Tensor& part, const Eigen::Vector3d& color,
+                               const ColorEditOptions& options)
+    : model_(model),
+      codes_(codes),
+      decode_{.samples_per_ray = options.samples_per_ray > 0
+                                     ? options.samples_per_ray
+                                     : model.config().reconstruction.fit_samples_per_ray},
+      term_(options.term),
+      rest_weight_(options.rest_weight),
+      regularizer_(options.regularizer < 0.0 ? model.config().reconstruction.fit_regularizer
+                                             : options.regularizer) {
+    const Decoded face = model.decoder()(codes, {camera}, decode_);
+    feature_map_ = face.feature_map.detach();
+    original_ = face.images.back().detach();
+    const DType dtype = original_.dtype();
+    part_ = as_batch(part).to(dtype);
+    const std::vector<double> covered = part_.to_vector();
+    if (std::ranges::none_of(covered, [](double value) { return value > 0.0; }))
+        fail<ValueError>("colour editing: the part has no pixels");
+    rest_ = affine(Variable(part_), -1.0, 1.0).value();
+    wanted_ = plain(color, original_.shape(), dtype);
+}
+
+Codes ColorObjective::codes(const Variable& offset) const {
+    Codes edited = codes_;
+    edited.groups[texture] = codes_.texture() + offset;
+    return edited;
+}
+
+Variable ColorObjective::image(const Variable& offset) const {
+    const Decoder& decoder = model_.decoder();
+    return decoder.decode_feature_map(feature_map_, decoder.map(codes(offset)), decode_)
+        .images.back();
+}
+
+Variable ColorObjective::loss(const Variable& offset) const {
+    const Variable edited = image(offset);
+    return color_loss(edited, wanted_, part_, term_) +
+           squared_distance(edited, original_, rest_) * rest_weight_ +
+           sum(square(offset)) * regularizer_;
+}
+
 ColorEdit edit_color(const Model& model, const Codes& codes, const Camera& camera,
                      const Tensor& part, const Eigen::Vector3d& color,
                      const ColorEditOptions& options) {
-    const DecodeOptions decode{.samples_per_ray =
-                                   options.samples_per_ray > 0
-                                       ? options.samples_per_ray
-                                       : model.config().reconstruction.fit_samples_per_ray};
-    const Decoded face = model.decoder()(codes, {camera}, decode);
-    const Variable feature_map = face.feature_map.detach();
-    const Variable original = face.images.back().detach();
-    const DType dtype = original.dtype();
-    const Tensor mask = as_batch(part).to(dtype);
-    const std::vector<double> covered = mask.to_vector();
-    if (std::ranges::none_of(covered, [](double value) { return value > 0.0; }))
-        fail<ValueError>("colour editing: the part has no pixels");
-    const Tensor rest = affine(Variable(mask), -1.0, 1.0).value();
-    const Variable wanted = plain(color, original.shape(), dtype);
-    const double regularizer = options.regularizer < 0.0
-                                   ? model.config().reconstruction.fit_regularizer
-                                   : options.regularizer;
-
+    const ColorObjective objective(model, codes, camera, part, color, options);
     ParameterStore store;
-    store.create("offset.tex", Tensor::zeros(codes.texture().shape(), dtype));
-    const auto edited_codes = [&] {
-        Codes edited = codes;
-        edited.groups[texture] = codes.texture() + store.all().front().variable();
-        return edited;
-    };
-    const auto edited_image = [&] {
-        return model.decoder()
-            .decode_feature_map(feature_map, model.decoder().map(edited_codes()), decode)
-            .images.back();
-    };
+    const Parameter offset = store.create(
+        "offset.tex", Tensor::zeros(codes.texture().shape(), objective.original().dtype()));
     ColorEdit edit;
     Adam adam;
     double learning_rate = options.learning_rate;
     for (std::int64_t step = 0; step < options.steps && !interrupted(); ++step) {
-        const Variable image = edited_image();
-        const Variable loss = color_loss(image, wanted, mask, options.term) +
-                              squared_distance(image, original, rest) * options.rest_weight +
-                              sum(square(store.all().front().variable())) * regularizer;
+        const Variable loss = objective.loss(offset.variable());
         edit.losses.push_back(loss.value().item());
         if (!std::isfinite(edit.losses.back()))
             fail<NumericError>("colour editing, step ", step,
@@ -144,9 +158,9 @@ ColorEdit edit_color(const Model& model, const Codes& codes, const Camera& camer
         learning_rate *= options.decay;
         if (options.on_step) options.on_step(step + 1, edit.losses.back());
     }
-    edit.codes = detached(edited_codes());
-    edit.before = display_image(original.value(), 0);
-    edit.after = display_image(edited_image().value(), 0);
+    edit.codes = detached(objective.codes(offset.variable()));
+    edit.before = display_image(objective.original().value(), 0);
+    edit.after = display_image(objective.image(offset.variable()).value(), 0);
     return edit;
 }
 

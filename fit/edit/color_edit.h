@@ -54,14 +54,42 @@ struct ColorEdit {
     std::vector<double> losses;  ///< before each step
 };
 
-/// The paper's editing of a part's colour. Adam minimises L_color + rest_weight L_rest +
-/// regularizer |offset|^2 over an offset of the texture code that starts at zero. L_color is the
-/// squared distance of the part's pixels (or of their mean) from `color`; L_rest is the squared
-/// distance of all other pixels from their original values. Both are in the decoder's range [-1,
-/// 1], summed over RGB and averaged over the pixels. Texture does not enter the field, so the field
-/// is rendered once, and a step runs only the render blocks. `part` is (S, S, 1) in [0, 1], `color`
-/// is RGB in [0, 1]. Throws ShapeError for another shape, ValueError for a part without pixels,
-/// NumericError if the loss becomes non-finite.
+/// The function that editing of a part's colour minimises: L_color + rest_weight L_rest +
+/// regularizer |offset|^2 of an offset (1, 100) of the texture code. L_color is the squared
+/// distance of the part's pixels (or of their mean) from `color`; L_rest is the squared distance of
+/// all other pixels from their original values. Both are in the decoder's range [-1, 1], summed
+/// over RGB and averaged over the pixels. Texture does not enter the field, so the field is
+/// rendered once, and an evaluation runs only the render blocks.
+class ColorObjective {
+public:
+    /// `part` is (S, S, 1) in [0, 1], `color` is RGB in [0, 1]. The model must outlive the
+    /// objective. Throws ShapeError for another shape, ValueError for a part without pixels.
+    ColorObjective(const Model& model, const Codes& codes, const Camera& camera, const Tensor& part,
+                   const Eigen::Vector3d& color, const ColorEditOptions& options);
+
+    [[nodiscard]] Variable loss(const Variable& offset) const;
+    [[nodiscard]] Codes codes(const Variable& offset) const;
+    /// (1, S, S, 3) in the decoder's range.
+    [[nodiscard]] Variable image(const Variable& offset) const;
+    /// Without an offset.
+    [[nodiscard]] const Variable& original() const { return original_; }
+
+private:
+    const Model& model_;
+    Codes codes_;
+    DecodeOptions decode_;
+    Variable feature_map_;
+    Variable original_;
+    Tensor part_;
+    Tensor rest_;
+    Variable wanted_;
+    ColorTerm term_;
+    double rest_weight_;
+    double regularizer_;
+};
+
+/// The paper's editing of a part's colour: Adam minimises the ColorObjective of these arguments
+/// from an offset of zero. Throws what it throws, and NumericError if the loss becomes non-finite.
 [[nodiscard]] ColorEdit edit_color(const Model& model, const Codes& codes, const Camera& camera,
                                    const Tensor& part, const Eigen::Vector3d& color,
                                    const ColorEditOptions& options);

@@ -7,6 +7,7 @@
 #include "core/ops/ops.h"
 #include "nn/image_augmentation.h"
 #include "support/check_close.h"
+#include "support/check_grad.h"
 
 using namespace stymo;
 
@@ -126,4 +127,19 @@ TEST_CASE("Augmentations that do not fit the images are refused", "[augmentation
     const std::vector<ImageAugmentation> two(2);
     CHECK_THROWS_AS(augmented(noise(1, 4), two), ShapeError);
     CHECK_THROWS_AS(augmented(Tensor::zeros({2, 4, 5, 3}), two), ShapeError);
+}
+
+TEST_CASE("Two derivatives through turned, stretched and recoloured images", "[augmentation]") {
+    const double cosine = std::cos(0.4), sine = std::sin(0.4);
+    const std::vector<ImageAugmentation> augmentations{
+        {.source_from_target = {1.3 * cosine, -sine, 0.1, 0.8 * sine, cosine, -0.2},
+         .color = {0.9, 0.2, -0.1, 0.05, 0.0, 1.1, 0.1, -0.1, 0.3, 0.0, 0.7, 0.2}},
+        drawn_augmentation(Rng(3), 1.0)};
+    // Squared, so that the second derivative is not zero.
+    const test::GradReport report = test::check_grad(
+        "augmentation",
+        [&](const std::vector<Variable>& x) { return square(augmented(x[0], augmentations)); },
+        {noise(2, 6)});
+    INFO(report.message);
+    CHECK(report.passed);
 }

@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "core/matmul_precision.h"
+#include "core/ops/ops.h"
 #include "train/generator_gradients.h"
 #include "train/tiny_training.h"
 
@@ -170,4 +171,43 @@ TEST_CASE("terms without weight, or whose time has not come, are neither compute
     CHECK(losses["mask"] == 0.0);
     CHECK(losses["opacity"] == 0.0);
     CHECK(losses["depth_variance"] == 0.0);
+}
+
+TEST_CASE("samples below the shipped tolerance bias the gradient of a step by less than a percent",
+          "[reconstruction]") {
+    TrainConfig config = config_with_all_terms();
+    const FaceBatch batch = batch_in_float64(1);
+    Rng weights(1);
+    Model model(config.model, weights);
+    // A field in which most rays end.
+    for (const Parameter& parameter : model.parameters().all())
+        if (parameter.name() == "decoder.field.density.bias")
+            parameter.set_value(Tensor::full({1}, 4.0));
+    model.parameters().convert(DType::float64);
+    const std::vector<Parameter> parameters = model.parameters().trainable();
+    const ReconstructionLoss reconstruction(config.model.reconstruction);
+    const auto evaluate = [&](double tolerance) {
+        config.optimizer.sample_tolerance = tolerance;
+        TrainingPosition position = first_position(config);
+        position.phase.samples_per_ray = 16;
+        Rng jitter(2);
+        return generator_gradients({model, reconstruction, config}, position, batch, parameters,
+                                   jitter);
+    };
+    const auto bias = [&](double tolerance) {
+        const LossAndGradients exact = evaluate(0.0), shipped = evaluate(tolerance);
+        CHECK(shipped.losses.total == Approx(exact.losses.total).epsilon(1e-12));
+        CHECK(shipped.losses[significant_share] < 0.95);
+        double difference = 0.0, length = 0.0;
+        for (std::size_t i = 0; i < parameters.size(); ++i) {
+            difference += sum(square(shipped.gradients[i] - exact.gradients[i])).value().item();
+            length += sum(square(exact.gradients[i])).value().item();
+        }
+        return std::sqrt(difference / length);
+    };
+    const double of_shipped = bias(0.001), of_tenth = bias(0.0001);
+    CAPTURE(of_shipped, of_tenth);
+    CHECK(of_shipped > 0.0);
+    CHECK(of_shipped < 0.01);
+    CHECK(of_tenth < of_shipped);
 }

@@ -158,6 +158,22 @@ TEST_CASE("R1's gradient is that of central differences, times its weight", "[ad
                     [&] { return 2.5 * stage.r1(batch, {}).losses["r1"]; });
 }
 
+TEST_CASE("R1's gradient through augmented photos is that of central differences",
+          "[adversarial]") {
+    const Stage stage;
+    const FaceBatch batch = noise(0, 2);
+    const std::vector<ImageAugmentation> augmentations{drawn_augmentation(Rng(1), 1.0),
+                                                       drawn_augmentation(Rng(2), 1.0)};
+    const std::vector<Parameter> parameters = stage.discriminator_parameters.trainable();
+    const auto r1 = [&](const std::vector<Parameter>& wanted) {
+        return r1_gradients(stage.discriminator, stage.position, batch, 3.0, wanted, augmentations);
+    };
+    const LossAndGradients result = r1(parameters);
+    CHECK(result.losses.total != Approx(stage.r1(batch, {}).losses.total));
+    check_gradients(parameters, result.gradients, {"discriminator.", "discriminator.block64"},
+                    [&] { return 3.0 * r1({}).losses.total; });
+}
+
 TEST_CASE("the gradient of the generator's loss is that of central differences", "[adversarial]") {
     const Stage stage;
     const FaceBatch batch = noise(0, 2);

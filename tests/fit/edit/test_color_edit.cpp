@@ -5,6 +5,7 @@
 #include "fit/edit/color_edit.h"
 #include "nn/realtime/view.h"
 #include "support/check_close.h"
+#include "support/check_grad.h"
 #include "support/error_message.h"
 #include "support/tiny_model.h"
 
@@ -160,4 +161,27 @@ TEST_CASE("a part is where the parser gave one of its classes", "[color_edit]") 
         lips[static_cast<std::size_t>(ParsingClass::lower_lip)] = true;
     CHECK(part_mask(classes, lips).to_vector() == std::vector<double>{0, 1, 0, 1});
     CHECK(part_mask(classes, head_of_parts()).to_vector() == std::vector<double>{0, 1, 1, 1});
+}
+
+TEST_CASE("The gradient of colour editing is that of its whole objective", "[color_edit]") {
+    const Model model = frozen_model();
+    const Codes codes = codes_of(7);
+    const Camera camera = model_camera(model, 0.1, 0.0, 0.0);
+    const Tensor offset = Rng(5).normal({1, code_sizes[2]}, 0.0, 0.3, DType::float64);
+    for (const ColorTerm term : {ColorTerm::mean, ColorTerm::pixels}) {
+        const ColorObjective objective(
+            model, codes, camera, left_half(), {0.7, 0.2, 0.4},
+            {.term = term, .regularizer = 0.01, .rest_weight = 2.0, .samples_per_ray = 4});
+        const GradReport report =
+            check_grad("colour editing",
+                       [&](const std::vector<Variable>& x) { return objective.loss(x.front()); },
+                       {offset}, {.order = 1, .step = 1e-4, .tolerance = 1e-6});
+        INFO(report.message);
+        CHECK(report.passed);
+        // The field is rendered once; a decoder that renders it anew gives the same image.
+        const Decoded whole =
+            model.decoder()(objective.codes(offset), {camera}, {.samples_per_ray = 4});
+        CHECK(check_close(objective.image(offset).value(), whole.images.back().value(), 1e-12)
+                  .passed);
+    }
 }

@@ -16,13 +16,6 @@ using namespace stymo::test;
 
 namespace {
 
-double dot(const Tensor& a, const Tensor& b) {
-    double total = 0.0;
-    for (std::size_t i = 0; i < a.values<double>().size(); ++i)
-        total += a.values<double>()[i] * b.values<double>()[i];
-    return total;
-}
-
 Tensor moved(const Tensor& x, const Tensor& direction, double step) {
     return (Variable(x) + Variable(direction) * step).value();
 }
@@ -34,50 +27,83 @@ double derivative(const std::function<double(double)>& value) {
     return (8.0 * (value(h) - value(-h)) - (value(2.0 * h) - value(-2.0 * h))) / (12.0 * h);
 }
 
-}  // namespace
+/// A layer or loss at fixed inputs and parameters.
+struct Point {
+    LayerFunction function;
+    std::vector<Tensor> inputs;
+    std::vector<Parameter> parameters{};
 
-TEST_CASE("every layer and loss has the declared shape and the gradients of finite differences") {
-    for (const LayerCase& layer_case : layer_cases()) {
-        INFO(layer_case.name);
-        Rng rng(11);
-        ParameterStore store;
-        const LayerFunction function = layer_case.make(store, rng);
+    Point(const LayerCase& layer_case, ParameterStore& store, Rng& rng)
+        : function(layer_case.make(store, rng)) {
         store.convert(DType::float64);
-        std::vector<Tensor> inputs;
+        parameters = store.trainable();
         for (const Shape& shape : layer_case.inputs)
             inputs.push_back(rng.normal(shape, 0.0, 1.0, DType::float64));
+    }
 
-        std::vector<Variable> leaves;
-        for (const Tensor& input : inputs) leaves.push_back(Variable::leaf(input));
-        const Variable y = function(leaves);
-        REQUIRE(y.shape() == layer_case.output);
-        const Tensor dL_dy = rng.normal(y.shape(), 0.0, 1.0, DType::float64);
-        std::vector<Variable> xs = leaves;
-        const std::vector<Parameter> parameters = store.trainable();
-        for (const Parameter& parameter : parameters) xs.push_back(parameter.variable());
-        const std::vector<Variable> gradients = grad(y, xs, {.dL_dy = dL_dy});
+    [[nodiscard]] std::size_t size() const { return inputs.size() + parameters.size(); }
+    [[nodiscard]] Tensor value(std::size_t i) const {
+        return i < inputs.size() ? inputs[i] : parameters[i - inputs.size()].variable().value();
+    }
+    void set(std::size_t i, const Tensor& x) {
+        if (i < inputs.size())
+            inputs[i] = x;
+        else
+            parameters[i - inputs.size()].set_value(x);
+    }
+};
 
-        const auto loss = [&](const std::vector<Tensor>& at) {
-            return dot(function({at.begin(), at.end()}).value(), dL_dy);
-        };
-        for (std::size_t i = 0; i < xs.size(); ++i) {
-            INFO("input or parameter " << i);
-            const Tensor x = xs[i].value();
-            const Tensor direction = rng.normal(x.shape(), 0.0, 1.0, DType::float64);
-            const double numeric = derivative([&](double step) {
-                if (i < inputs.size()) {
-                    std::vector<Tensor> at = inputs;
-                    at[i] = moved(x, direction, step);
-                    return loss(at);
-                }
-                const Parameter& parameter = parameters[i - inputs.size()];
-                parameter.set_value(moved(x, direction, step));
-                const double value = loss(inputs);
-                parameter.set_value(x);
-                return value;
-            });
-            CHECK(dot(gradients[i].value(), direction) ==
-                  Approx(numeric).epsilon(1e-6).margin(1e-8));
+/// A number, and the inputs and parameters that it depends on.
+struct Contraction {
+    Variable number;
+    std::vector<Variable> xs;
+};
+
+/// The value under random factors, or for order 2 its gradient under random factors.
+Contraction contraction(const Point& point, int order, const Rng& draws) {
+    Contraction result;
+    for (const Tensor& input : point.inputs) result.xs.push_back(Variable::leaf(input));
+    const Variable y = point.function(result.xs);
+    for (const Parameter& parameter : point.parameters) result.xs.push_back(parameter.variable());
+    const auto factors = [&](const Variable& of, std::uint64_t index) {
+        return Variable(draws.split(index).normal(of.shape(), 0.0, 1.0, DType::float64));
+    };
+    result.number = sum(y * factors(y, 0));
+    if (order == 1) return result;
+    const std::vector<Variable> gradients =
+        grad(result.number, result.xs, {.create_graph = true, .dL_dy = {}});
+    result.number = Tensor::zeros({}, DType::float64);
+    for (std::size_t i = 0; i < gradients.size(); ++i)
+        result.number = result.number + sum(gradients[i] * factors(gradients[i], i + 1));
+    return result;
+}
+
+}  // namespace
+
+TEST_CASE(
+    "every layer and loss has the declared shape and, of two orders, the gradients of finite "
+    "differences") {
+    for (const LayerCase& layer_case : layer_cases()) {
+        Rng rng(11);
+        ParameterStore store;
+        Point point(layer_case, store, rng);
+        REQUIRE(point.function({point.inputs.begin(), point.inputs.end()}).shape() ==
+                layer_case.output);
+        for (const int order : {1, 2}) {
+            const Contraction at = contraction(point, order, Rng(12));
+            const std::vector<Variable> gradients = grad(at.number, at.xs);
+            for (std::size_t i = 0; i < point.size(); ++i) {
+                INFO(layer_case.name << ", order " << order << ", input or parameter " << i);
+                const Tensor x = point.value(i);
+                const Tensor direction = rng.normal(x.shape(), 0.0, 1.0, DType::float64);
+                const double numeric = derivative([&](double step) {
+                    point.set(i, moved(x, direction, step));
+                    return contraction(point, order, Rng(12)).number.value().item();
+                });
+                point.set(i, x);
+                CHECK(sum(gradients[i] * Variable(direction)).value().item() ==
+                      Approx(numeric).epsilon(1e-6).margin(order == 1 ? 1e-8 : 1e-7));
+            }
         }
     }
 }
