@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/image.h"
+#include "core/ops/shape_ops.h"
 #include "core/progress.h"
 #include "nn/realtime/chosen_tolerance.h"
 
@@ -24,6 +25,7 @@ ChosenRenderer chosen_renderer(const RenderOptions& options, const Model& model,
     RendererOptions wanted = options.renderer;
     wanted.remove_floaters = !options.keep_floaters;
     wanted.depth = wanted.depth || options.depth_alone();
+    wanted.mask = wanted.mask || options.cutout;
     if (!model.decoder().folds() && !options.tolerance) wanted.mode = RenderMode::exact;
     if (options.tolerance && tolerates(wanted.mode)) {
         wanted.tolerance = *options.tolerance;
@@ -68,6 +70,15 @@ void report(const ChosenRenderer& chosen) {
 std::vector<Tensor> images_of(const std::vector<View>& views, Tensor View::*part) {
     std::vector<Tensor> images;
     for (const View& view : views) images.push_back(view.*part);
+    return images;
+}
+
+/// RGB and alpha of views of the head. The image keeps its colours where the mask is soft: divided
+/// by the mask, the brighter of them would become a white rim.
+std::vector<Tensor> cutouts(const std::vector<View>& views) {
+    std::vector<Tensor> images;
+    for (const View& view : views)
+        images.push_back(concat({Variable(view.image), Variable(view.mask)}, 2).value());
     return images;
 }
 
@@ -128,7 +139,8 @@ WrittenImages write_images(const std::filesystem::path& out, const RenderOptions
             write_image(path, tile_images(images, list.columns));
         }
     };
-    write(written.emplace_back(out), images_of(seen, &View::image));
+    write(written.emplace_back(out),
+          options.cutout ? cutouts(seen) : images_of(seen, &View::image));
     if (options.renderer.mask) {
         std::vector<Tensor> masks = images_of(seen, &View::mask);
         if (animation) std::ranges::transform(masks, masks.begin(), grey);

@@ -22,6 +22,9 @@ void require_names(const stymo::RenderOptions& options) {
     if (options.sample > 0 && options.out.empty())
         stymo::fail<stymo::UsageError>("--sample needs --out, a folder");
     if (!options.mesh.empty()) stymo::require_extension(options.mesh, {".ply"});
+    if (options.cutout && options.sample == 0 && options.out.extension() != ".png")
+        stymo::fail<stymo::UsageError>("--cutout needs a .png file as --out; ",
+                                       options.out.string(), " has no soft transparency");
     if (options.sample > 0 || options.out.empty()) return;
     if (options.orbit > 0) {
         stymo::require_extension(options.out, {".gif", ".mp4"});
@@ -118,6 +121,8 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
               "also show pieces that float beside the head, which are left out by default");
     line.flag("--mask", options.renderer.mask,
               "also write the head mask, OUT_mask.png, or an animation of masks");
+    line.flag("--cutout", options.cutout,
+              "write the head alone, with its soft mask as the alpha of a .png image");
     line.flag("--depth", options.renderer.depth,
               "also write the depth of each ray, OUT_depth.exr, or one file per frame of an "
               "animation; with --out X.exr the depth alone, for which no image is rendered");

@@ -44,6 +44,7 @@ struct RenderOptions {
     RendererOptions renderer;  ///< its mode is set from `mode`, its tolerance from `tolerance`
     double psnr = 45.0;        ///< wanted of the worst view against exact ones, in decibels
     std::optional<double> tolerance;  ///< used as it is, instead of one that `psnr` chooses
+    bool cutout = false;              ///< the mask as alpha
     bool keep_floaters = false;
     bool explain = false;
 

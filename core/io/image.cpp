@@ -240,16 +240,18 @@ Tensor read_class_map(const fs::path& path) {
 }
 
 void write_image(const fs::path& path, const Tensor& image, Durability durability) {
-    require_image(image, "write_image");
+    require_image(image, "write_image", true);
     const std::string extension = path.extension().string();
     if (extension != ".png" && extension != ".jpg" && extension != ".jpeg") {
         fail<FileError>(path.string(), ": cannot be written (images end in .png or .jpg)");
     }
+    if (image.shape(2) == 4 && extension != ".png")
+        fail<FileError>(path.string(), ": has no transparency; name a .png file");
     write_file(path, encoded(path.filename(), image), durability);
 }
 
 std::string png_bytes(const Tensor& image) {
-    require_image(image, "png_bytes");
+    require_image(image, "png_bytes", true);
     return encoded("memory.png", image);
 }
 

@@ -27,8 +27,9 @@ inline constexpr std::int64_t usual_most_pixels = std::int64_t{1} << 28;
 /// (height, width, 1), values 0..255.
 [[nodiscard]] Tensor read_class_map(const std::filesystem::path& path);
 
-/// Writes an image (height, width, 1 or 3). Values are clipped to [0, 1] and rounded to 8 bits. The
-/// extension selects the format (png, jpg). The file is written completely or not at all. Throws
+/// Writes an image (height, width, 1 or 3; 4 in a .png: RGB that are not multiplied by alpha, and
+/// alpha). Values are clipped to [0, 1] and rounded to 8 bits. The extension selects the format
+/// (png, jpg). The file is written completely or not at all. Throws
 /// ShapeError for other shapes, FileError if the file cannot be written.
 void write_image(const std::filesystem::path& path, const Tensor& image,
                  Durability durability = Durability::none);

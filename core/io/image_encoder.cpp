@@ -19,6 +19,8 @@ OIIO::ImageSpec spec_of(const ImageEncoding& encoding) {
                          encoding.floats ? OIIO::TypeFloat : OIIO::TypeUInt8);
     if (encoding.floats && encoding.channels == 1) spec.channelnames = {"Z"};
     if (!encoding.floats) spec.attribute("oiio:ColorSpace", "sRGB");
+    // Colours are written as they are, not divided by alpha.
+    if (encoding.channels == 4) spec.attribute("oiio:UnassociatedAlpha", 1);
     for (const auto& [name, value] : encoding.attributes) spec.attribute(name, value);
     if (encoding.frames_per_second > 0.0) {
         // GIF counts delays in hundredths of a second, and most viewers slow down delays below two

@@ -7,11 +7,11 @@
 
 namespace stymo {
 
-void require_image(const Tensor& image, const char* operation) {
-    if (image.rank() != 3 || image.size() == 0 || (image.shape(2) != 1 && image.shape(2) != 3)) {
-        fail<ShapeError>("[", operation, "] an image is (height, width, 1 or 3); got ",
-                         image.shape());
-    }
+void require_image(const Tensor& image, const char* operation, bool may_be_transparent) {
+    const std::int64_t channels = image.rank() == 3 && image.size() > 0 ? image.shape(2) : 0;
+    if (channels != 1 && channels != 3 && !(may_be_transparent && channels == 4))
+        fail<ShapeError>("[", operation, "] an image is (height, width, 1 or 3",
+                         may_be_transparent ? " or 4" : "", "); got ", image.shape());
 }
 
 std::vector<std::uint8_t> image_bytes(const Tensor& image) {
@@ -70,7 +70,7 @@ Tensor tile_images(const std::vector<Tensor>& images, int columns) {
                          images.size(), " and ", columns);
     }
     const Shape shape = images.front().shape();
-    require_image(images.front(), "tile_images");
+    require_image(images.front(), "tile_images", true);
     const auto count = static_cast<std::int64_t>(images.size());
     const std::int64_t across = std::min<std::int64_t>(columns, count);
     const std::int64_t down = (count + across - 1) / across;

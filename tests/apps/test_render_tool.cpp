@@ -7,6 +7,7 @@
 #include "core/io/file.h"
 #include "core/io/image.h"
 #include "core/metrics.h"
+#include "core/ops/elementwise.h"
 #include "nn/models/code_file.h"
 #include "nn/models/model.h"
 #include "support/check_close.h"
@@ -173,6 +174,55 @@ TEST_CASE("--psnr chooses the tolerance and says what it gives", "[render_tool]"
     refused(std::string(of_fit) + "--out x.png --psnr 50", 2, "--mode skip");
     refused(std::string(of_fit) + "--out x.png --mode skip --psnr 50 --tolerance 0.1", 2,
             "--tolerance");
+}
+
+TEST_CASE("A cutout has the head's colours and its soft mask as alpha", "[render_tool]") {
+    done(std::string(of_fit) + "--out whole.png --mask");
+    done(std::string(of_fit) + "--out cut.png --cutout");
+    const stymo::Tensor whole = read_image(tiny_run() / "whole.png"),
+                        mask = stymo::read_mask(tiny_run() / "whole_mask.png");
+    // read_image puts the head on black.
+    const stymo::Tensor on_black = read_image(tiny_run() / "cut.png");
+    REQUIRE(on_black.shape() == whole.shape());
+    std::size_t compared = 0;
+    for (; compared < on_black.values<float>().size(); ++compared)
+        CHECK(std::abs(on_black.values<float>()[compared] -
+                       whole.values<float>()[compared] * mask.values<float>()[compared / 3]) <
+              2.0F / 255.0F);
+    CHECK(compared == 3 * 64 * 64);
+    CHECK_FALSE(fs::exists(tiny_run() / "cut_mask.png"));
+    for (const char* out : {"cut.jpg", "cut.gif --orbit 3", "cut.gif --to fit/codes.json"})
+        refused(std::string(of_fit) + "--cutout --out " + out, 2, "--cutout needs a .png file");
+    done("--sample 2 --out cut-new --cutout");
+    CHECK(read_image(tiny_run() / "cut-new/faces.png").shape() == Shape{64, 128, 3});
+}
+
+TEST_CASE("A model that overflows is refused with one line in each mode, and nothing is written",
+          "[render_tool]") {
+    const stymo::Model broken = [] {
+        stymo::Model model = stymo::Model::load(tiny_run() / "run/model.safetensors");
+        for (const stymo::Parameter& parameter : model.parameters().all())
+            if (parameter.name().starts_with("decoder.block64"))
+                parameter.set_value((parameter.variable() * 1e25).value());
+        return model;
+    }();
+    broken.save(tiny_run() / "broken.safetensors");
+    for (const std::string command :
+         {"stymo-render --codes fit/codes.json --mode exact --out broken.png",
+          "stymo-render --codes fit/codes.json --mode skip --out broken.png",
+          "stymo-render --codes fit/codes.json --mode half --out broken.png",
+          "stymo-render --codes fit/codes.json --mode baked --out broken.png",
+          "stymo-render --codes fit/codes.json --orbit 2 --out broken.gif",
+          "stymo-eval --data faces --ids 0"}) {
+        const ToolOutcome outcome =
+            stymo::run_tool(tiny_run(), command + " --model broken.safetensors");
+        INFO(command << "\n" << outcome.err);
+        CHECK(outcome.exit_code == 1);
+        CHECK_THAT(outcome.err, Catch::Contains("not finite"));
+        CHECK(outcome.out.empty());
+    }
+    for (const char* file : {"broken.png", "broken.gif"})
+        CHECK_FALSE(fs::exists(tiny_run() / file));
 }
 
 }  // namespace render_tool_tests

@@ -1,3 +1,4 @@
+#include <png.h>
 #include <sys/resource.h>
 
 #include <catch2/catch.hpp>
@@ -263,6 +264,9 @@ TEST_CASE("images that cannot be written are refused and leave nothing") {
     CHECK_THROWS_WITH(write_image(folder / "a.bmp", image), Contains("end in .png or .jpg"));
     CHECK_THROWS_AS(write_image(folder / "none/a.png", image), FileError);
     CHECK_THROWS_AS(write_image(folder / "a.png", random_image(4, 4, 2)), ShapeError);
+    CHECK_THROWS_WITH(write_image(folder / "a.jpg", random_image(4, 4, 4)),
+                      Contains("has no transparency"));
+    CHECK_THROWS_AS(write_exr(folder / "a.exr", random_image(4, 4, 4)), ShapeError);
     CHECK_THROWS_AS(write_exr(folder / "a.png", image), FileError);
     CHECK_THROWS_AS(write_animation(folder / "a.gif", {}, 10.0), ValueError);
     CHECK_THROWS_AS(write_animation(folder / "a.gif", {image}, 0.0), ValueError);
@@ -358,9 +362,23 @@ TEST_CASE("mirroring swaps left and right and keeps the channels in order") {
                  {4, 5, 6, 1, 2, 3});
 }
 
+TEST_CASE("colours of a PNG with alpha are those that were written") {
+    const ScratchFolder folder;
+    const Tensor image = random_image(7, 5, 4);
+    write_image(folder / "a.png", image);
+    png_image file{};
+    file.version = PNG_IMAGE_VERSION;
+    REQUIRE(png_image_begin_read_from_file(&file, (folder / "a.png").c_str()) != 0);
+    REQUIRE(file.format == PNG_FORMAT_RGBA);
+    std::vector<png_byte> bytes(PNG_IMAGE_SIZE(file));
+    REQUIRE(png_image_finish_read(&file, nullptr, bytes.data(), 0, nullptr) != 0);
+    for (std::size_t i = 0; i < bytes.size(); ++i)
+        CHECK(std::abs(bytes[i] / 255.0 - image.values<float>()[i]) < 0.51 / 255.0);
+}
+
 TEST_CASE("a PNG in memory has the bytes of the file") {
     const ScratchFolder folder;
-    for (const std::int64_t channels : {1, 3}) {
+    for (const std::int64_t channels : {1, 3, 4}) {
         const Tensor image = random_image(7, 5, channels);
         write_image(folder / "a.png", image);
         CHECK(png_bytes(image) == read_file(folder / "a.png"));
