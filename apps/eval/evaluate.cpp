@@ -5,6 +5,7 @@
 #include <charconv>
 #include <iomanip>
 #include <map>
+#include <set>
 #include <sstream>
 
 #include "apps/common/command_line.h"
@@ -12,6 +13,7 @@
 #include "apps/eval/shape.h"
 #include "core/error.h"
 #include "core/interrupt.h"
+#include "core/io/file.h"
 #include "core/ops/elementwise.h"
 #include "core/ops/resample.h"
 #include "core/parallel.h"
@@ -28,9 +30,26 @@ std::int64_t parse_index(std::string_view text, const std::string& whole) {
     if (text.empty() || end.ec != std::errc{} || end.ptr != text.data() + text.size() ||
         value < 0) {
         fail<UsageError>("--ids ", whole,
-                         ": must be a range of positions in the order of ids, such as 700-799");
+                         ": must be a range of positions in the order of ids, such as 700-799, or "
+                         "a file of ids");
     }
     return value;
+}
+
+FaceRange read_list(const std::string& file) {
+    FaceRange range{.list = file};
+    std::istringstream lines(read_file(file));
+    std::set<std::string> known;
+    for (std::string line; std::getline(lines, line);) {
+        if (line.ends_with('\r')) line.pop_back();
+        const std::size_t number = range.ids.size() + 1;
+        if (line.empty()) fail<FileError>(file, ", line ", number, ": there is no id");
+        if (!known.insert(line).second)
+            fail<FileError>(file, ", line ", number, ": ", line, " is listed twice");
+        range.ids.push_back(std::move(line));
+    }
+    if (range.ids.empty()) fail<FileError>(file, ": lists no ids");
+    return range;
 }
 
 FaceScore score_of(const std::string& id, const FitReport& report, const ComparedFace& face,
@@ -137,6 +156,7 @@ void measure_person(const FitJob& job, const Dataset& faces, const ComparedFace&
 
 FaceRange parse_range(const std::string& text) {
     if (text.empty()) return {};
+    if (std::filesystem::is_regular_file(text)) return read_list(text);
     const std::size_t dash = text.find('-');
     const std::int64_t first = parse_index(std::string_view(text).substr(0, dash), text);
     if (dash == std::string::npos) return {first, first};
@@ -147,11 +167,20 @@ FaceRange parse_range(const std::string& text) {
 }
 
 std::vector<std::int64_t> positions_of(const Dataset& faces, const FaceRange& range) {
+    std::vector<std::int64_t> positions;
+    for (std::size_t i = 0; i < range.ids.size(); ++i) {
+        const auto found = std::ranges::find(faces.ids(), range.ids[i]);
+        if (found == faces.ids().end())
+            fail<FileError>(range.list.string(), ", line ", i + 1, ": the folder has no face ",
+                            range.ids[i]);
+        positions.push_back(found - faces.ids().begin());
+    }
+    std::ranges::sort(positions);
+    if (!range.ids.empty()) return positions;
     const std::int64_t last =
         range.last < 0 ? faces.size() - 1 : std::min(range.last, faces.size() - 1);
     if (range.first > last)
         fail<ConfigError>("--ids: the folder has only ", faces.size(), " faces, counted from 0");
-    std::vector<std::int64_t> positions;
     for (std::int64_t i = range.first; i <= last; ++i) positions.push_back(i);
     return positions;
 }

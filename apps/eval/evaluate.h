@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -15,14 +16,19 @@ namespace stymo {
 class IdentityMeasure;
 class ShapeMeasure;
 
+/// Faces of a folder: a range of positions, or those that a file lists.
 struct FaceRange {
     std::int64_t first = 0;
     std::int64_t last = -1;  ///< inclusive; -1: to the end
+    std::filesystem::path list{};
+    std::vector<std::string> ids{};  ///< of the lines of `list`; empty: the range counts
 };
 
-/// "700-799", "700-" or "5". Throws UsageError for anything else.
+/// "700-799", "700-", "5", or a file that holds one id in each line. Throws UsageError for anything
+/// else, FileError, which names the line, for an id that is empty or listed twice.
 [[nodiscard]] FaceRange parse_range(const std::string& text);
-/// The positions of a range in a folder. Throws ConfigError for a range beyond its end.
+/// The positions of a range in a folder, in order. Throws ConfigError for a range beyond its end,
+/// FileError, which names the line, for an id that the folder does not have.
 [[nodiscard]] std::vector<std::int64_t> positions_of(const Dataset& faces, const FaceRange& range);
 
 struct EvaluationOptions {

@@ -54,14 +54,20 @@ const stymo::Lpips* metric_network(const stymo::LpipsOptions& options,
 }
 
 /// What the scores depend on. The model's file is also named by its checksum, because training
-/// writes it anew.
+/// writes it anew; so is a list of ids.
 stymo::Settings settings_of(const stymo::CommandLine& line, const Options& options) {
     stymo::Settings settings = line.settings();
-    const fs::path file = fs::absolute(stymo::model_file(options.model));
-    std::ostringstream model;
-    model << file.string() << ", CRC-32C " << std::hex << stymo::crc32c(stymo::read_file(file));
-    for (auto& [name, value] : settings)
-        if (name == "--model") value = model.str();
+    const auto with_checksum = [](const fs::path& file) {
+        std::ostringstream text;
+        text << fs::absolute(file).string() << ", CRC-32C " << std::hex
+             << stymo::crc32c(stymo::read_file(file));
+        return text.str();
+    };
+    for (auto& [name, value] : settings) {
+        if (name == "--model") value = with_checksum(stymo::model_file(options.model));
+        if (name == "--ids" && !options.evaluation.range.list.empty())
+            value = with_checksum(options.evaluation.range.list);
+    }
     return settings;
 }
 
@@ -164,8 +170,8 @@ int stymo_eval(int argc, char** argv) {
                 "only this part of the split of the model's training run (config.json)")
         .one_of({"train", "val", "test"});
     line.option("--ids", options.ids,
-                "positions in the order of ids, such as 700-799, within the split if one is given "
-                "(default: all)");
+                "positions in the order of ids, such as 700-799, within the split if one is given; "
+                "or a file with one id in each line (default: all)");
     line.option("--out", options.out,
                 "output folder: scores.jsonl, report.json, report.md, sheet.png, the fitted "
                 "codes and the tuned weights. The same command continues an interrupted run")
@@ -217,7 +223,9 @@ int stymo_eval(int argc, char** argv) {
         [&](const stymo::CommonOptions& common) { return evaluate_drawn(drawn, common.seed); });
     stymo::declare_model(command, drawn.model);
     command.option("--data", drawn.data, "folder of faces in the FFHQ format (required)");
-    command.option("--ids", drawn.ids, "positions in the order of ids, such as 700-799");
+    command.option("--ids", drawn.ids,
+                   "positions in the order of ids, such as 700-799, or a file with one id in each "
+                   "line");
     command.option("--identity", drawn.identity,
                    "weights of MobileFaceNet, written by stymo-weights import (required)");
     command.option("--count", drawn.count, "number of faces to draw").range(2, 100000);

@@ -109,6 +109,32 @@ TEST_CASE("Anything else is no range of faces") {
     CHECK_THROWS_WITH(parse_range(text), Catch::Contains("--ids"));
 }
 
+TEST_CASE("A list of ids selects its faces, and what is wrong in it is named by its line") {
+    const ScratchFolder scratch;
+    const fs::path list = scratch / "ids.txt";
+    const TinyEvaluation tiny;
+    const std::vector<std::string>& ids = tiny.faces.ids();
+    const auto positions = [&](const std::string& text) {
+        write_file(list, text);
+        return positions_of(tiny.faces, parse_range(list.string()));
+    };
+    const std::vector<std::int64_t> two{2, 7};
+    CHECK(positions(ids[7] + "\n" + ids[2] + "\n") == two);
+    CHECK(positions(ids[2] + "\r\n" + ids[7]) == two);
+    const auto refusal = [&](const std::string& text) {
+        const std::string said =
+            error_message<FileError>([&] { static_cast<void>(positions(text)); });
+        CHECK(test::is_one_line(said));
+        return said;
+    };
+    CHECK_THAT(refusal(""), Catch::EndsWith("ids.txt: lists no ids"));
+    CHECK_THAT(refusal(ids[0] + "\n\n" + ids[1]), Catch::EndsWith(", line 2: there is no id"));
+    CHECK_THAT(refusal(ids[0] + "\n" + ids[1] + "\n" + ids[0]),
+               Catch::EndsWith(", line 3: " + ids[0] + " is listed twice"));
+    CHECK_THAT(refusal(ids[0] + "\nnobody"),
+               Catch::EndsWith(", line 2: the folder has no face nobody"));
+}
+
 TEST_CASE("The scores of a folder are the means and the medians over its faces") {
     const auto value =
         json::parse(summary_json(three_scores, {{"d", "d.png: not an image"}}).text());
