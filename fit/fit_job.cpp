@@ -57,7 +57,10 @@ double reconstruction_of(const Model& model, const ReconstructionLoss& loss,
 
 FitJob::FitJob(const Model& model, const ReconstructionLoss& loss, FitJobOptions options)
     : model_(model), loss_(loss), options_(std::move(options)) {
-    if (options_.head) head_ = morphable_head_from(*options_.head);
+    // A network's pose differs from the one that the head was fitted with, by what it takes for
+    // upright. Seen by it, the head's depth would be that of a tilted face.
+    if (options_.head && options_.preparation.pose_network.empty())
+        head_ = morphable_head_from(*options_.head);
     options_.fit.head = options_.tuning.head = nullptr;
     options_.tuning.samples_per_ray = options_.fit.samples_per_ray;
     options_.tuning.tolerance = options_.fit.tolerance;

@@ -18,7 +18,8 @@ namespace stymo {
 struct FitJobOptions {
     PhotoPreparationSettings preparation{};
     /// The linear head to which the faces' codes belong, as in PhotoPreparationSettings::morphable
-    /// (an empty path: the built-in head). Nothing: depth follows from colours alone.
+    /// (an empty path: the built-in head). Nothing, and poses of a network: depth follows from
+    /// colours alone.
     std::optional<std::filesystem::path> head{};
     FitOptions fit{};        ///< the job sets `one_person`, `head` and `on_step`
     TuningOptions tuning{};  ///< the job sets `samples_per_ray`, `tolerance`, `head` and `on_step`

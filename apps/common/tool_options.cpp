@@ -87,7 +87,7 @@ void declare_preparation_files(Command& command, PhotoPreparationSettings& setti
         "libdlib-data)");
     command.option("--pose-net", settings.pose_network,
                    "pose network in an ONNX file, 3DDFA_V2 or 6DRepNet; its pose replaces that of "
-                   "the fitted head");
+                   "the fitted head, whose depth a fit is then not drawn to");
     command
         .option("--max-pixels", settings.most_pixels,
                 "unprepared photos with more pixels are refused")

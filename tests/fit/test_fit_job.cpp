@@ -157,3 +157,12 @@ TEST_CASE("A fit or a tuning that ends worse than it began is not kept, and says
     const FitReport report = given.job(3, 0).report(detuned, 0, detuned.faces.mask, nullptr);
     CHECK(report.tuned_metrics.psnr == report.fitted_metrics.psnr);
 }
+
+TEST_CASE("With poses of a network the depth is not drawn to a head of another pose", "[fit_job]") {
+    const Case given;
+    FitJobOptions options = given.job(1, 0).options();
+    options.head = "";
+    CHECK(FitJob(given.model, given.loss, options).head() != nullptr);
+    options.preparation.pose_network = "pose.onnx";
+    CHECK(FitJob(given.model, given.loss, options).head() == nullptr);
+}
