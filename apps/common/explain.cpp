@@ -63,9 +63,11 @@ void Explainer::finish(AppResult& result) {
 }
 
 void declare_explain(Command& command, bool& wanted) {
-    command.flag("--explain", wanted,
-                 "print on stderr which networks were made, which losses were evaluated, and "
-                 "counts of the work done; also in --json");
+    command
+        .flag("--explain", wanted,
+              "print on stderr which networks were made, which losses were evaluated, and counts "
+              "of the work done; also in --json")
+        .keeps_results();
 }
 
 }  // namespace stymo

@@ -8,6 +8,7 @@
 #include <sstream>
 #include <string>
 
+#include "apps/common/explain.h"
 #include "apps/common/tool_options.h"
 #include "apps/edit/commands.h"
 #include "core/clock.h"
@@ -35,6 +36,7 @@ struct ColorOptions {
     std::string term = "mean";
     std::optional<std::int64_t> samples;
     ColorEditOptions edit;
+    bool explain = false;
 };
 
 /// "#a03020" as RGB in [0, 1].
@@ -159,7 +161,8 @@ AppResult color(ColorOptions options) {
     const Eigen::Vector3d target = color_of(options.color);
     const ParsingClassSet parts = parts_of(options.part);
     options.edit.term = options.term == "pixels" ? ColorTerm::pixels : ColorTerm::mean;
-    const Model model = load_model(options.model);
+    Explainer explainer(options.explain);
+    const Model model = load_model(options.model, ModelParts::decoder);
     options.edit.samples_per_ray =
         options.samples.value_or(model.config().reconstruction.fit_samples_per_ray);
     const CodeFile face = read_code_file(options.codes);
@@ -198,6 +201,8 @@ AppResult color(ColorOptions options) {
     if (steps < options.edit.steps)
         result.incomplete = "interrupted after " + std::to_string(steps) + " of " +
                             std::to_string(options.edit.steps) + " steps";
+    explainer.count("steps", steps);
+    explainer.finish(result);
     return result;
 }
 
@@ -244,6 +249,7 @@ void declare_color(CommandLine& line) {
         .range(0, 1e6);
     command.option("--samples", options->samples, "samples per ray (default: the model's setting)")
         .range(2, 4096);
+    declare_explain(command, options->explain);
 }
 
 }  // namespace stymo

@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "apps/common/command_line.h"
+#include "apps/common/explain.h"
 #include "apps/common/fit_options.h"
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
@@ -39,6 +40,7 @@ struct Options {
     stymo::FitToolOptions fit;
     stymo::LpipsOptions lpips;
     stymo::EvaluationOptions evaluation;
+    bool explain = false;
 };
 
 /// The network of the metric: that of the loss if it is the same, else a separate one that `own`
@@ -105,6 +107,7 @@ stymo::AppResult evaluate(Options options, const stymo::CommandLine& line) {
     stymo::FitJobOptions fitting = options.fit.job_options();
     if (!evaluated.fit && (fitting.tunes() || fitting.fit.refine_pose))
         stymo::fail<stymo::UsageError>("--tune, --tune-steps and --refine-pose require --fit");
+    stymo::Explainer explainer(options.explain);
     const stymo::Model model = stymo::load_model(options.model);
     // Throws for a side that the model does not render.
     static_cast<void>(model.decoder().ladder().count_up_to(evaluated.resolution));
@@ -153,6 +156,8 @@ stymo::AppResult evaluate(Options options, const stymo::CommandLine& line) {
     stymo::JsonValue scores = stymo::JsonValue::object();
     for (const stymo::FaceScore& score : evaluation.scores) scores.add(score.id, to_json(score));
     result.json.add("faces", scores);
+    explainer.count("faces_scored", std::ssize(evaluation.scores));
+    explainer.finish(result);
     return result;
 }
 
@@ -207,6 +212,7 @@ int stymo_eval(int argc, char** argv) {
     stymo::declare_lpips_metric(line, options.lpips);
     stymo::declare_lpips_files(line, options.lpips);
     stymo::declare_perceptual_weight(line, options.lpips);
+    stymo::declare_explain(line, options.explain);
 
     stymo::PairOptions pair;
     stymo::Command command =

@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/ops/ops.h"
+#include "core/work_counts.h"
 #include "nn/losses.h"
 #include "nn/models/display_image.h"
 #include "nn/optim/adam.h"
@@ -132,6 +133,8 @@ Variable ColorObjective::image(const Variable& offset) const {
 }
 
 Variable ColorObjective::loss(const Variable& offset) const {
+    for (const char* term : {"color", "rest", "regularizer"})
+        work::count_named("loss_terms", term, 1);
     const Variable edited = image(offset);
     return color_loss(edited, wanted_, part_, term_) +
            squared_distance(edited, original_, rest_) * rest_weight_ +

@@ -83,6 +83,27 @@ TEST_CASE("A fit makes LPIPS only for its weight or for a metric, and has gradie
     CHECK(without["counts"]["peak_bytes"] < with["counts"]["peak_bytes"]);
 }
 
+TEST_CASE("Points of grids and of baking are counted, in every tool that evaluates them",
+          "[explain]") {
+    for (const std::string mode : {"skip", "baked"}) {
+        INFO(mode);
+        const json counts = explanation(render + "--samples 4 --mode " + mode)["counts"];
+        CHECK(counts["field_points"] > counts["through_the_field"]);
+        CHECK(counts["field_points"] > 1000);
+    }
+    const json mixed = explanation(
+        "stymo-edit mix --model run/model.safetensors --source fit/codes.json --target "
+        "fit/codes.json --take tex --samples 4 --out explained-mix");
+    CHECK_FALSE(made(mixed, "encoder"));
+    CHECK(mixed["counts"]["field_points"] >= 4 * 1024);
+    const json scored = explanation(
+        "stymo-eval --model run/model.safetensors --data faces --ids 0-1 --fit --steps 2");
+    CHECK(scored["counts"]["faces_scored"] == 2);
+    CHECK(scored["counts"]["photos_encoded"] == 2);
+    CHECK(scored["loss_terms"].contains("regularizer"));
+    CHECK(scored["counts"]["field_points"] > 0);
+}
+
 TEST_CASE("A training without a second stage makes no discriminator", "[explain]") {
     const ToolOutcome outcome = explained(train + "--out explained-run --set stage1.steps=1");
     CHECK_THAT(outcome.err, !Catch::Contains("discriminator"));
