@@ -13,11 +13,14 @@ SampleRange samples_in_trained_volume(const CameraConfig& trained, const Camera&
     const Eigen::Vector3d from_pivot = ray.origin - Eigen::Vector3d(0.0, 0.0, trained.pivot_depth);
     const Eigen::Vector3d start = camera.world_from_camera.transpose() * from_pivot,
                           step = camera.world_from_camera.transpose() * ray.direction;
-    // At distance t on the ray, each side of the volume bounds by offset + t * rate <= 0.
+    // At distance t on the ray, each side of the volume bounds by offset + t * rate <= 0. The side
+    // towards the optical axis moves with it, so that cameras that turn around the head's origin
+    // instead of the pivot see their whole image.
     double nearest = ray.near_distance, farthest = ray.far_distance;
     for (const Eigen::Index axis : {0, 1}) {
         for (const double side : {-1.0, 1.0}) {
-            const double offset = side * start[axis] - slope * (height + start[2]);
+            const double shift = std::clamp(side * start[axis], 0.0, trained.pivot_depth);
+            const double offset = side * start[axis] - shift - slope * (height + start[2]);
             const double rate = side * step[axis] - slope * step[2];
             if (rate > 0.0) {
                 farthest = std::min(farthest, -offset / rate);

@@ -68,6 +68,32 @@ TEST_CASE("A grid shows yaw from left to right and pitch from top to bottom, as 
     CHECK(identical(read_image(tiny_run() / "single.png"), read_image(tiny_run() / "column.png")));
 }
 
+TEST_CASE("A path keeps the wanted decibels, says what was measured, and few views are exact",
+          "[render_tool]") {
+    const ToolOutcome path =
+        done(std::string(of_fit) + "--orbit 16 --psnr 40 --out path.gif --json");
+    CHECK_THAT(path.err, Catch::Contains("dB, and a pixel off by"));
+    const json result = json::parse(path.out);
+    CHECK(result["checked_views"] == 1);
+    CHECK(result["worst_psnr"] >= 40.0);
+    CHECK(result["worst_pixel"] < 0.2);
+    CHECK(result["mode"] == "skip");
+    const ToolOutcome few = done(std::string(of_fit) + "--orbit 2 --out few.gif --json --explain");
+    CHECK_FALSE(json::parse(few.out).contains("checked_views"));
+    const json counts = json::parse(few.out)["explain"]["counts"];
+    CHECK(counts["through_the_field"] == counts["samples_of_the_last_frame"]);
+}
+
+TEST_CASE("The depth alone needs no render block", "[render_tool]") {
+    const ToolOutcome alone = done(std::string(of_fit) + "--out alone.exr --json --explain");
+    CHECK(json::parse(alone.out)["explain"]["counts"]["pixels_computed"] == 0);
+    done(std::string(of_fit) + "--out both.png --depth");
+    CHECK(
+        identical(read_image(tiny_run() / "alone.exr"), read_image(tiny_run() / "both_depth.exr")));
+    CHECK(json::parse(alone.out)["written"].size() == 1);
+    refused(std::string(of_fit) + "--out alone.exr --mask", 2, "--mask needs an image");
+}
+
 TEST_CASE(
     "Faces on the way to another are a strip or an animation, and keep the groups that are not "
     "taken",
@@ -164,18 +190,6 @@ TEST_CASE("Jobs of stymo-render that do not fit together are refused", "[render_
     CHECK_FALSE(fs::exists(tiny_run() / "out.png"));
 }
 
-TEST_CASE("--psnr chooses the tolerance and says what it gives", "[render_tool]") {
-    const ToolOutcome outcome =
-        done(std::string(of_fit) + "--out chosen.png --yaw 20 --mode skip --psnr 50");
-    CHECK_THAT(outcome.err, Catch::StartsWith("tolerance ") && Catch::Contains("dB on average"));
-    done(std::string(of_fit) + "--out exact.png --yaw 20");
-    CHECK(stymo::peak_signal_to_noise_ratio(read_image(tiny_run() / "chosen.png"),
-                                            read_image(tiny_run() / "exact.png")) > 45.0);
-    refused(std::string(of_fit) + "--out x.png --psnr 50", 2, "--mode skip");
-    refused(std::string(of_fit) + "--out x.png --mode skip --psnr 50 --tolerance 0.1", 2,
-            "--tolerance");
-}
-
 TEST_CASE("A cutout has the head's colours and its soft mask as alpha", "[render_tool]") {
     done(std::string(of_fit) + "--out whole.png --mask");
     done(std::string(of_fit) + "--out cut.png --cutout");
@@ -210,8 +224,7 @@ TEST_CASE("A model that overflows is refused with one line in each mode, and not
     for (const std::string command :
          {"stymo-render --codes fit/codes.json --mode exact --out broken.png",
           "stymo-render --codes fit/codes.json --mode skip --out broken.png",
-          "stymo-render --codes fit/codes.json --mode half --out broken.png",
-          "stymo-render --codes fit/codes.json --mode baked --out broken.png",
+          "stymo-render --codes fit/codes.json --tolerance 0.1 --out broken.png",
           "stymo-render --codes fit/codes.json --orbit 2 --out broken.gif",
           "stymo-eval --data faces --ids 0"}) {
         const ToolOutcome outcome =

@@ -6,7 +6,8 @@
 #include "core/error.h"
 #include "core/matmul_precision.h"
 #include "core/ops/elementwise.h"
-#include "nn/realtime/chosen_tolerance.h"
+#include "nn/engine/packed_field.h"
+#include "nn/engine/softplus.h"
 #include "nn/realtime/face_renderer.h"
 #include "support/allocation_count.h"
 #include "support/check_close.h"
@@ -240,10 +241,11 @@ TEST_CASE("behind an opaque front nothing goes through the field", "[realtime]")
     CHECK(renderer.counts().field_samples == 64);
 }
 
-TEST_CASE("a camera inside the head, or far outside, sees what the decoder sees", "[realtime]") {
+TEST_CASE("a camera inside the head, or in front of it, sees what the decoder sees",
+          "[realtime]") {
     const Model model = small_model(4);
     const Codes codes = random_codes(1, 9);
-    for (const double distance : {0.2, 30.0}) {
+    for (const double distance : {0.2, 5.5}) {
         const Camera camera =
             camera_from_pose(orbit_pose(0.1, 0.2, 0.0, distance), model.config().camera.intrinsics);
         const View expected =
@@ -289,28 +291,35 @@ TEST_CASE("a frame that is stopped gives nothing, and the next one is what it wo
     }
 }
 
-TEST_CASE("the chosen tolerance is the largest that keeps to the wanted error", "[realtime]") {
-    Model model = small_model(4);
-    add_to_density(model, 1.0);
-    const Codes codes = random_codes(1, 1);
-    const std::vector<Camera> cameras{model_camera(model, 0.0, 0.0, 0.0),
-                                      model_camera(model, 0.4, 0.0, 0.0)};
-    const RendererOptions options{.mode = RenderMode::skip};
-    const ChosenTolerance coarse = choose_tolerance(model, codes, cameras, options, 30.0);
-    const ChosenTolerance fine = choose_tolerance(model, codes, cameras, options, 60.0);
-    CHECK(coarse.tolerance >= fine.tolerance);
-    CHECK(coarse.error.mean_psnr >= 30.0);
-    CHECK(fine.error.mean_psnr >= 60.0);
-    CHECK(fine.error.worst_psnr <= fine.error.mean_psnr);
-    RendererOptions chosen = options;
-    chosen.tolerance = fine.tolerance;
-    CHECK(frame_error(model, codes, cameras, chosen).mean_psnr ==
-          Approx(fine.error.mean_psnr).epsilon(1e-9));
-    if (fine.tolerance < 0.5) {
-        chosen.tolerance = fine.tolerance * std::sqrt(2.0);
-        CHECK(frame_error(model, codes, cameras, chosen).mean_psnr < 60.0);
-    }
-    CHECK(choose_tolerance(model, codes, cameras, {.mode = RenderMode::exact}, 60.0)
-              .error.mean_psnr == 100.0);
-    CHECK_THROWS_AS(choose_tolerance(model, codes, {}, options, 60.0), ValueError);
+TEST_CASE("depth alone runs no render block, and is that of the whole frame", "[realtime]") {
+    const Model model = small_model(3);
+    const Camera camera = model_camera(model, 0.2, 0.0, 0.0);
+    FaceRenderer renderer(model, {.samples_per_ray = 8, .depth = true});
+    renderer.show(random_codes(1, 3));
+    const Tensor alone = renderer.render(camera, {}, FrameParts::field)->depth;
+    CHECK(renderer.counts().pixels_computed == 0);
+    CHECK(renderer.counts().field_samples > 0);
+    const View whole = renderer.render(camera);
+    CHECK(renderer.counts().field_samples == 0);  // the feature map is kept
+    CHECK(renderer.counts().pixels_computed > 0);
+    CHECK(identical(alone, whole.depth));
+    CHECK(whole.opacity.shape() == whole.depth.shape());
+}
+
+TEST_CASE("a step of the tolerance keeps the density grid", "[realtime]") {
+    const Model model = small_model(3);
+    const Codes codes = random_codes(1, 3);
+    const Camera camera = model_camera(model, 0.2, 0.0, 0.0);
+    const RendererOptions options{.samples_per_ray = 8, .tolerance = 0.2};
+    FaceRenderer renderer(model, options);
+    renderer.show(codes);
+    static_cast<void>(renderer.render(camera));
+    CHECK(renderer.counts().grid_points > 0);
+    renderer.set_tolerance(0.01);
+    const View stepped = renderer.render(camera);
+    CHECK(renderer.counts().grid_points == 0);
+    RendererOptions finer = options;
+    finer.tolerance = 0.01;
+    CHECK(identical(stepped.image, rendered(model, codes, camera, finer).image));
+    CHECK_THROWS_AS(renderer.set_tolerance(1.0), ValueError);
 }
