@@ -70,7 +70,7 @@ else
 fi
 
 say "rendering an orbit"
-"$bin/stymo-render" "${face[@]}" --orbit 48 --mode skip --out "$out/orbit.gif"
+"$bin/stymo-render" "${face[@]}" --orbit 48 --out "$out/orbit.gif"
 "$bin/stymo-render" "${face[@]}" --grid-yaw -30:30:5 --out "$out/views.png"
 
 cat <<END
