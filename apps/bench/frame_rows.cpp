@@ -1,5 +1,3 @@
-#include <optional>
-
 #include "apps/bench/speed.h"
 #include "core/matmul_precision.h"
 
@@ -52,7 +50,7 @@ Measurement exact_frame(const BenchOptions& options) {
 Measurement reduced_frame(const BenchOptions& options, RenderMode mode, MatmulPrecision precision) {
     const PrecisionScope of_products(precision);
     Frames frames(options, mode);
-    Measurement result{.timing = frames.time(), .limit = limit_of(precision)};
+    Measurement result{.timing = frames.time(), .limit = limit_of(products_of(mode))};
     const RenderCounts counts = frames.renderer.counts();
     const DecoderWork work = frames.subject.model.decoder().work();
     result.work =
@@ -119,10 +117,8 @@ std::vector<SpeedRow> frame_rows() {
     const auto with = [](auto measure, RenderMode mode) {
         return [=](const BenchOptions& options) { return measure(options, mode); };
     };
-    const auto reduced = [](RenderMode mode, std::optional<MatmulPrecision> precision = {}) {
-        return [=](const BenchOptions& options) {
-            return reduced_frame(options, mode, precision.value_or(matmul_precision()));
-        };
+    const auto reduced = [](RenderMode mode, MatmulPrecision precision) {
+        return [=](const BenchOptions& options) { return reduced_frame(options, mode, precision); };
     };
     return {
         {"exact-frame", "render", "frame with every sample, float32", exact_frame, "render"},
@@ -130,10 +126,10 @@ std::vector<SpeedRow> frame_rows() {
         {"exact-frame-medium", "render", "frame with every sample, operands in bfloat16",
          reduced(RenderMode::exact, MatmulPrecision::medium), "render-bfloat16"},
         {"radiance-field", "render", "the field of an exact frame alone", radiance_field},
-        {"skip-frame", "render", "frame that skips empty samples, float32",
-         reduced(RenderMode::skip), "render"},
-        {"skip-frame-medium", "render", "the same with operands in bfloat16",
+        {"skip-frame", "render", "frame that skips empty samples, operands in bfloat16",
          reduced(RenderMode::skip, MatmulPrecision::medium), "render-bfloat16"},
+        {"skip-frame-float32", "render", "the same in float32",
+         reduced(RenderMode::skip, MatmulPrecision::highest), "render"},
         {"first-frame", "render", "new codes and their first frame", first_frame},
         {"edit-exact", "edit", "texture and light of a shown view, every pixel",
          with(appearance_edit, RenderMode::exact)},

@@ -253,8 +253,7 @@ void multiply(T* c, std::int64_t stride, const LeftMatrix<T>& left, std::int64_t
 void multiply_float(float* c, std::int64_t stride, const LeftMatrix<float>& left, std::int64_t m,
                     const PackedMatrix<float>& right, const Epilogue<float>& epilogue) {
     if constexpr (HWY_MAX_BYTES == 64) {
-        const int parts = right.parts() > 0 ? right.parts()
-                                            : tile_parts(right.inner_length(), right.panel_width());
+        const int parts = tile_parts(right.inner_length(), right.panel_width(), right.precision());
         if (parts > 0) {
             multiply_in_tiles(parts, c, stride, left, m, right, epilogue);
             return;
@@ -342,11 +341,15 @@ std::int64_t panel_width_of() {
 
 template <class T>
 PackedMatrix<T>::PackedMatrix(const T* b, std::int64_t k, std::int64_t n, std::int64_t inner_stride,
-                              std::int64_t column_stride)
-    : k_(k), n_(n), panel_width_(panel_width_of<T>()), inner_stride_(panel_width_) {
+                              std::int64_t column_stride, MatmulPrecision precision)
+    : k_(k),
+      n_(n),
+      panel_width_(panel_width_of<T>()),
+      inner_stride_(panel_width_),
+      precision_(precision) {
     panel_size_ = k * panel_width_;
     if constexpr (std::is_same_v<T, float>) {
-        parts_ = tile_parts(k, panel_width_);
+        parts_ = tile_parts(k, panel_width_, precision);
         if (parts_ > 0)
             panel_size_ = chunk_count(k, tile_step) * tile_step * panel_width_ * parts_ / 2;
     }
@@ -439,7 +442,7 @@ template <>
 void multiply_packed(float* c, std::int64_t row_stride, const LeftMatrix<float>& left,
                      std::int64_t m, const PackedMatrix<float>& right,
                      const Epilogue<float>& epilogue) {
-    if (emulates_medium() && lowers_precision(right.inner_length()))
+    if (emulates_medium() && lowers_precision(right.inner_length(), right.precision()))
         return multiply_rounded(c, row_stride, left, m, right, epilogue);
     HWY_DYNAMIC_DISPATCH(multiply_float)(c, row_stride, left, m, right, epilogue);
 }

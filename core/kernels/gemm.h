@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 
+#include "core/matmul_precision.h"
 #include "core/op_options.h"
 
 /// Matrix products on the calling thread. Google Highway chooses the instruction set at run time.
@@ -35,9 +36,10 @@ class PackedMatrix {
 public:
     PackedMatrix() = default;
     /// Packs the matrix with element (i, j) = b[i * inner_stride + j * column_stride]. One of the
-    /// strides must be 1. A large matrix is packed by several threads.
+    /// strides must be 1. A large matrix is packed by several threads. `precision` is that of all
+    /// products with it; ignored for double.
     PackedMatrix(const T* b, std::int64_t k, std::int64_t n, std::int64_t inner_stride,
-                 std::int64_t column_stride);
+                 std::int64_t column_stride, MatmulPrecision precision = matmul_precision());
 
     /// Views b, whose rows are `inner_stride` apart, without packing it: for products with so few
     /// rows that packing would cost more than it saves. n must be a multiple of
@@ -53,6 +55,7 @@ public:
 
     [[nodiscard]] std::int64_t inner_length() const { return k_; }
     [[nodiscard]] std::int64_t columns() const { return n_; }
+    [[nodiscard]] MatmulPrecision precision() const { return precision_; }
     [[nodiscard]] std::int64_t panel_width() const { return panel_width_; }
     [[nodiscard]] std::int64_t inner_stride() const { return inner_stride_; }
     /// All k rows of `panel_width()` columns, `inner_stride()` apart. Packed panels are contiguous,
@@ -72,6 +75,7 @@ private:
     std::int64_t panel_width_ = 0;
     std::int64_t inner_stride_ = 0;
     std::int64_t panel_size_ = 0;  ///< elements from one panel to the next
+    MatmulPrecision precision_ = matmul_precision();
     int parts_ = 0;
     const T* panels_ = nullptr;
     /// Never written after packing, so that copies may share it.

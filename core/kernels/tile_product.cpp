@@ -251,16 +251,18 @@ void multiply_tiles(int, int, const TileBlock&) {}
 
 #endif
 
-int tile_parts(std::int64_t inner_length, std::int64_t panel_width) {
-    if (panel_width != tile_block || !lowers_precision(inner_length) || emulates_medium()) return 0;
-    return matmul_precision() == MatmulPrecision::high ? 2 : 1;
+int tile_parts(std::int64_t inner_length, std::int64_t panel_width, MatmulPrecision precision) {
+    if (panel_width != tile_block || !lowers_precision(inner_length, precision) ||
+        emulates_medium())
+        return 0;
+    return precision == MatmulPrecision::high ? 2 : 1;
 }
 
-bool lowers_precision(std::int64_t inner_length) {
+bool lowers_precision(std::int64_t inner_length, MatmulPrecision precision) {
     // With a shorter inner length, most of a step is empty.
     constexpr std::int64_t least_inner_length = 16;
     return inner_length >= least_inner_length &&
-           computed_precision(matmul_precision()) != MatmulPrecision::highest;
+           computed_precision(precision) != MatmulPrecision::highest;
 }
 
 }  // namespace stymo::kernels

@@ -19,13 +19,14 @@ namespace stymo::kernels {
 /// Whether the processor and the operating system support matrix tiles.
 [[nodiscard]] bool multiplies_tiles();
 
-/// Number of BFloat16 parts of each number in a product of this inner length and panel width; 0 if
-/// the product does not use tiles. It is the same for all blocks of a product, so that results
-/// depend neither on the block nor on the number of threads. If it is 0 for every product, the
-/// functions below may not be called.
-[[nodiscard]] int tile_parts(std::int64_t inner_length, std::int64_t panel_width);
-/// Whether the current precision lowers that of products of this inner length.
-[[nodiscard]] bool lowers_precision(std::int64_t inner_length);
+/// Number of BFloat16 parts of each number in a product of this inner length, panel width and
+/// precision; 0 if the product does not use tiles. It is the same for all blocks of a product, so
+/// that results depend neither on the block nor on the number of threads. If it is 0 for every
+/// product, the functions below may not be called.
+[[nodiscard]] int tile_parts(std::int64_t inner_length, std::int64_t panel_width,
+                             MatmulPrecision precision);
+/// Whether products of this inner length and precision are less accurate than float32.
+[[nodiscard]] bool lowers_precision(std::int64_t inner_length, MatmulPrecision precision);
 
 /// Configures the tiles for the calling thread during its lifetime. `multiply_tiles` may only be
 /// called while a TileLoan of the thread exists.

@@ -22,7 +22,7 @@ constexpr std::int64_t strip_rows = 32, least_strip_rows = 4;
 
 struct BlockRenderer::State {
     State(std::span<const FoldedRenderBlock> folded, const std::optional<FoldedMaskBranch>& mask,
-          std::int64_t rays_per_side);
+          std::int64_t rays_per_side, MatmulPrecision precision);
     void set_style(std::span<const FoldedRenderBlock> folded);
     void set_feature_map(std::span<const float> feature_map,
                          std::span<const std::uint8_t> occupied);
@@ -56,10 +56,11 @@ private:
 };
 
 BlockRenderer::State::State(std::span<const FoldedRenderBlock> folded,
-                            const std::optional<FoldedMaskBranch>& mask, std::int64_t rays_per_side)
+                            const std::optional<FoldedMaskBranch>& mask, std::int64_t rays_per_side,
+                            MatmulPrecision precision)
     : images_(folded.size() + 1), strips_(folded.size()) {
     for (std::size_t i = 0; i < folded.size(); ++i)
-        blocks_.emplace_back(folded[i], mask ? &mask->laterals[i] : nullptr);
+        blocks_.emplace_back(folded[i], mask ? &mask->laterals[i] : nullptr, precision);
     if (mask) {
         const std::span<const float> weight = mask->logit.weight.values<float>();
         canvas_.logit_weight.assign(weight.begin(), weight.end());
@@ -252,14 +253,15 @@ void BlockRenderer::State::render(std::span<float> image, std::span<float> mask,
 
 BlockRenderer::BlockRenderer(std::span<const FoldedRenderBlock> blocks,
                              const std::optional<FoldedMaskBranch>& mask,
-                             std::int64_t rays_per_side, std::int64_t resolution) {
+                             std::int64_t rays_per_side, std::int64_t resolution,
+                             MatmulPrecision precision) {
     std::size_t count = 0;
     while (count < blocks.size() && rays_per_side << count < resolution) ++count;
     if (count == 0 || rays_per_side << count != resolution) {
         fail<ValueError>("render blocks: ", blocks.size(), " upsampling of ", rays_per_side,
                          " rays do not give ", resolution, " pixels");
     }
-    state_ = std::make_unique<State>(blocks.first(count), mask, rays_per_side);
+    state_ = std::make_unique<State>(blocks.first(count), mask, rays_per_side, precision);
 }
 BlockRenderer::~BlockRenderer() = default;
 BlockRenderer::BlockRenderer(BlockRenderer&&) noexcept = default;

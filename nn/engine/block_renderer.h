@@ -6,6 +6,7 @@
 #include <span>
 #include <stop_token>
 
+#include "core/matmul_precision.h"
 #include "nn/layers/mask_branch.h"
 #include "nn/layers/render_block.h"
 
@@ -33,7 +34,7 @@ public:
     /// is not `rays_per_side` doubled at least once and at most as often as there are blocks.
     BlockRenderer(std::span<const FoldedRenderBlock> blocks,
                   const std::optional<FoldedMaskBranch>& mask, std::int64_t rays_per_side,
-                  std::int64_t resolution);
+                  std::int64_t resolution, MatmulPrecision precision = matmul_precision());
     ~BlockRenderer();
     BlockRenderer(BlockRenderer&&) noexcept;
 

@@ -29,17 +29,19 @@ FoldedLayer ordered_by_subpixel(const FoldedLayer& detail) {
 
 }  // namespace
 
-PackedBlock::PackedBlock(const FoldedRenderBlock& block, const FoldedLayer* mask_lateral)
-    : detail(ordered_by_subpixel(block.detail)),
+PackedBlock::PackedBlock(const FoldedRenderBlock& block, const FoldedLayer* mask_lateral,
+                         MatmulPrecision precision_of_layers)
+    : detail(ordered_by_subpixel(block.detail), precision_of_layers),
       rgb_weight(values_of<float>(block.to_rgb.weight)),
-      rgb_bias(values_of<float>(block.to_rgb.bias)) {
-    if (mask_lateral != nullptr) lateral = PackedLayer<float>(*mask_lateral);
+      rgb_bias(values_of<float>(block.to_rgb.bias)),
+      precision(precision_of_layers) {
+    if (mask_lateral != nullptr) lateral = PackedLayer<float>(*mask_lateral, precision);
     set_style(block);
 }
 
 void PackedBlock::set_style(const FoldedRenderBlock& block) {
-    modulated0 = PackedLayer<float>(block.modulated0);
-    modulated1 = PackedLayer<float>(block.modulated1);
+    modulated0 = PackedLayer<float>(block.modulated0, precision);
+    modulated1 = PackedLayer<float>(block.modulated1, precision);
 }
 
 }  // namespace stymo

@@ -21,7 +21,10 @@ struct PackedBlock {
     std::vector<float> rgb_bias;
     PackedLayer<float> lateral;  ///< empty without a mask
 
-    PackedBlock(const FoldedRenderBlock& block, const FoldedLayer* mask_lateral);
+    MatmulPrecision precision;  ///< of all layers but those of RGB
+
+    PackedBlock(const FoldedRenderBlock& block, const FoldedLayer* mask_lateral,
+                MatmulPrecision precision_of_layers);
     /// Replaces the modulated layers by those of `block`.
     void set_style(const FoldedRenderBlock& block);
 

@@ -17,6 +17,12 @@ constexpr std::int64_t encoding_multiple = 64 / static_cast<std::int64_t>(sizeof
 /// The phases of so many points fill whole vector registers; the phases of one point do not.
 constexpr std::int64_t points_at_once = 8;
 
+/// Positions that are rounded to one bfloat16 would move by up to 2^-9 of their distance from the
+/// origin, half a pixel of an image of 256.
+MatmulPrecision first_layer_precision(MatmulPrecision precision) {
+    return precision == MatmulPrecision::medium ? MatmulPrecision::high : precision;
+}
+
 template <class T>
 T dot(const T* row, const T* weight, std::int64_t count) {
     T sum = T(0);
@@ -67,7 +73,7 @@ FoldedLayer PackedField<T>::reordered(const FoldedLayer& layer, std::size_t inde
 }
 
 template <class T>
-PackedField<T>::PackedField(const FoldedField& field)
+PackedField<T>::PackedField(const FoldedField& field, MatmulPrecision precision)
     : width_(field.layers.front().weight.shape(0)),
       frequencies_(field.frequencies),
       encoding_(chunk_count(encoded_channels(field.frequencies), encoding_multiple<T>) *
@@ -75,10 +81,11 @@ PackedField<T>::PackedField(const FoldedField& field)
       skip_layer_(field.skip_layer),
       density_weight_(values_of<T>(field.density.weight)),
       density_bias_(field.density.bias.values<T>().front() - T(1)),
-      feature_(field.feature0) {
+      feature_(field.feature0, precision) {
     for (std::size_t i = 0; i < field.layers.size(); ++i)
-        layers_.emplace_back(reordered(field.layers[i], i));
-    if (field.feature1.weight.defined()) last_layer_ = PackedLayer<T>(field.feature1);
+        layers_.emplace_back(reordered(field.layers[i], i),
+                             i == 0 ? first_layer_precision(precision) : precision);
+    if (field.feature1.weight.defined()) last_layer_ = PackedLayer<T>(field.feature1, precision);
 }
 
 template <class T>

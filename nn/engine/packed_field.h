@@ -39,12 +39,13 @@ struct SineArgumentRows {
 
 /// A folded field in the memory layout of the matrix products. Points are evaluated in tiles. The
 /// result at a point depends neither on the other points of its tile nor on whether arguments are
-/// stored. T: float, double.
+/// stored. With MatmulPrecision::medium the first layer, which reads positions, has `high`. T:
+/// float, double.
 template <class T>
 class PackedField {
 public:
     PackedField() = default;
-    explicit PackedField(const FoldedField& field);
+    explicit PackedField(const FoldedField& field, MatmulPrecision precision = matmul_precision());
 
     [[nodiscard]] std::int64_t width() const { return width_; }
     [[nodiscard]] std::int64_t feature_channels() const { return last_layer_.outputs(); }

@@ -22,9 +22,9 @@ struct PackedLayer {
     Activation activation = Activation::none;
 
     PackedLayer() = default;
-    explicit PackedLayer(const FoldedLayer& layer)
+    explicit PackedLayer(const FoldedLayer& layer, MatmulPrecision precision = matmul_precision())
         : weight(layer.weight.values<T>().data(), layer.weight.shape(1), layer.weight.shape(0), 1,
-                 layer.weight.shape(1)),
+                 layer.weight.shape(1), precision),
           bias(values_of<T>(layer.bias)),
           activation(layer.activation) {}
 

@@ -167,7 +167,8 @@ void FaceRenderer::State::fold_blocks() {
                                                      ? std::optional(model.decoder().folded_mask())
                                                      : std::optional<FoldedMaskBranch>();
     blocks.emplace(folded, mask, decoder.rays.rays_per_side,
-                   options.resolution == 0 ? decoder.resolution : options.resolution);
+                   options.resolution == 0 ? decoder.resolution : options.resolution,
+                   products_of(options.mode));
     feature_map_is_new = true;
 }
 

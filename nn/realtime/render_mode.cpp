@@ -10,7 +10,8 @@ std::span<const RenderModeTraits> render_modes() {
         RenderModeTraits{.mode = RenderMode::exact, .name = "exact", .help = "every sample"},
         RenderModeTraits{.mode = RenderMode::skip,
                          .name = "skip",
-                         .help = "significant samples only",
+                         .help = "significant samples only, and products in bfloat16 unless "
+                                 "--matmul-precision highest is given",
                          .tolerates = true},
     };
     return modes;
@@ -18,6 +19,11 @@ std::span<const RenderModeTraits> render_modes() {
 
 const RenderModeTraits& traits_of(RenderMode mode) {
     return *std::ranges::find(render_modes(), mode, &RenderModeTraits::mode);
+}
+
+MatmulPrecision products_of(RenderMode mode) {
+    const MatmulPrecision own = matmul_precision();
+    return tolerates(mode) && own != MatmulPrecision::highest ? MatmulPrecision::medium : own;
 }
 
 std::string tolerant_mode_names(std::string_view separator) {

@@ -4,13 +4,15 @@
 #include <string>
 #include <string_view>
 
+#include "core/matmul_precision.h"
+
 namespace stymo {
 
 /// How a face is rendered. All modes but `exact` save work; docs/numerics.md has their errors.
 enum class RenderMode {
     exact,  ///< every sample, float32
-    skip,   ///< float32, without samples that are insignificant at the tolerance and without pixels
-            ///< that show only the background
+    skip,   ///< without samples that are insignificant at the tolerance and without pixels that
+            ///< show only the background; products as `products_of` says
 };
 
 /// What a mode is called and what it does.
@@ -28,6 +30,9 @@ struct RenderModeTraits {
 [[nodiscard]] inline bool tolerates(RenderMode mode) {
     return traits_of(mode).tolerates;
 }
+/// The precision of a mode's products: `medium` if it tolerates, unless this process computes in
+/// `highest`; else that of this process.
+[[nodiscard]] MatmulPrecision products_of(RenderMode mode);
 [[nodiscard]] inline std::string name_of(RenderMode mode) {
     return std::string(traits_of(mode).name);
 }

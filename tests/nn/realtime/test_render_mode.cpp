@@ -18,5 +18,13 @@ TEST_CASE("every mode of rendering has a name, a help and its own row", "[realti
 TEST_CASE("a mode says whether it leaves out samples", "[realtime]") {
     CHECK_FALSE(tolerates(RenderMode::exact));
     CHECK(tolerates(RenderMode::skip));
+    for (const auto& [precision, of_skip] :
+         {std::pair{MatmulPrecision::highest, MatmulPrecision::highest},
+          {MatmulPrecision::high, MatmulPrecision::medium},
+          {MatmulPrecision::medium, MatmulPrecision::medium}}) {
+        const PrecisionScope of_process(precision);
+        CHECK(products_of(RenderMode::skip) == of_skip);
+        CHECK(products_of(RenderMode::exact) == precision);
+    }
     CHECK(tolerant_mode_names(" or ") == "skip");
 }
