@@ -17,9 +17,9 @@ struct SampleRange {
 /// direction, enlarged sideways by a quarter. That camera stands at `trained.distance` and has the
 /// point at `trained.pivot_depth` in the middle of its image. Beyond that volume no photo has
 /// taught the field anything, and it repeats the head. For a camera whose optical axis misses the
-/// pivot, by up to the pivot's depth, the volume also holds that axis and as much around it. Cameras at up to 1.15 times the trained
-/// distance see the whole image inside it; from farther away the image has a margin without
-/// density.
+/// pivot, by up to the pivot's depth, the volume also holds that axis and as much around it.
+/// Cameras at up to 1.15 times the trained distance see the whole image inside it; from farther
+/// away the image has a margin without density.
 [[nodiscard]] SampleRange samples_in_trained_volume(const CameraConfig& trained,
                                                     const Camera& camera, const Ray& ray,
                                                     std::int64_t samples_per_ray);

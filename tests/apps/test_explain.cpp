@@ -83,14 +83,10 @@ TEST_CASE("A fit makes LPIPS only for its weight or for a metric, and has gradie
     CHECK(without["counts"]["peak_bytes"] < with["counts"]["peak_bytes"]);
 }
 
-TEST_CASE("Points of grids and of baking are counted, in every tool that evaluates them",
-          "[explain]") {
-    for (const std::string mode : {"skip", "baked"}) {
-        INFO(mode);
-        const json counts = explanation(render + "--samples 4 --mode " + mode)["counts"];
-        CHECK(counts["field_points"] > counts["through_the_field"]);
-        CHECK(counts["field_points"] > 1000);
-    }
+TEST_CASE("Points of grids are counted, in every tool that evaluates them", "[explain]") {
+    const json counts = explanation(render + "--samples 4 --tolerance 0.1")["counts"];
+    CHECK(counts["field_points"] > counts["through_the_field"]);
+    CHECK(counts["field_points"] > 1000);
     const json mixed = explanation(
         "stymo-edit mix --model run/model.safetensors --source fit/codes.json --target "
         "fit/codes.json --take tex --samples 4 --out explained-mix");

@@ -249,8 +249,7 @@ TEST_CASE("behind an opaque front nothing goes through the field", "[realtime]")
     CHECK(renderer.counts().field_samples == 64);
 }
 
-TEST_CASE("a camera inside the head, or in front of it, sees what the decoder sees",
-          "[realtime]") {
+TEST_CASE("a camera inside the head, or in front of it, sees what the decoder sees", "[realtime]") {
     const Model model = small_model(4);
     const Codes codes = random_codes(1, 9);
     for (const double distance : {0.2, 5.5}) {

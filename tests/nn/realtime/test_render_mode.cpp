@@ -1,6 +1,7 @@
 #include <catch2/catch.hpp>
 #include <set>
 
+#include "core/matmul_precision.h"
 #include "nn/realtime/render_mode.h"
 
 using namespace stymo;
