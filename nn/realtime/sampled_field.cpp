@@ -47,7 +47,7 @@ constexpr std::int64_t rays_per_chunk = 32;
 constexpr float strict = 1e-3F;
 /// Between the two limits, the limit of a ray is the tolerance times this power of the opacity that
 /// the ray surely has.
-constexpr int opacity_power = 4;
+constexpr int opacity_power = 20;
 /// Estimated opacity from which on a ray, and its neighbours, are not empty.
 constexpr float solid = 0.1F;
 /// In units of the tolerance and of the ray's opacity: largest total weight of a ray's samples

