@@ -31,7 +31,8 @@ void set_matmul_precision(MatmulPrecision precision);
 class PrecisionScope {
 public:
     /// With `emulates`, for tests, `medium` rounds operands on every processor, by code that is
-    /// slow and needs no instructions for BFloat16.
+    /// slow and needs no instructions for BFloat16. Matrices are then packed and multiplied in the
+    /// same scope.
     explicit PrecisionScope(MatmulPrecision precision, bool emulates = false);
     ~PrecisionScope();
     PrecisionScope(const PrecisionScope&) = delete;
