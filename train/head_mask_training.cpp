@@ -24,9 +24,9 @@ namespace fs = std::filesystem;
 constexpr const char* step_key = "step";
 
 /// A run's weights, optimiser and averages.
-class Run {
+class MaskTraining {
 public:
-    Run(const HeadMaskModel& model, const HeadMaskTrainingConfig& config, fs::path folder)
+    MaskTraining(const HeadMaskModel& model, const HeadMaskTrainingConfig& config, fs::path folder)
         : model_(model),
           config_(config),
           folder_(std::move(folder)),
@@ -120,41 +120,44 @@ HeadMaskTrainingConfig HeadMaskTrainingConfig::load(const fs::path& path,
 HeadMaskTrainingOutcome train_head_mask(const HeadMaskModel& model,
                                         const HeadMaskExamples& examples,
                                         const HeadMaskTrainingConfig& config,
-                                        const fs::path& folder, bool resume, double minutes,
-                                        std::uint64_t seed) {
-    require_writable_folder(folder);
-    if (!resume && fs::exists(folder / head_mask_state_file))
-        fail<FileError>(folder.string(),
-                        ": holds a training already; continue it with --resume "
-                        "latest or choose another --out");
+                                        const HeadMaskRun& run) {
+    require_writable_folder(run.folder);
+    if (!run.resume && fs::exists(run.folder / head_mask_state_file))
+        fail<FileError>(run.folder.string(),
+                        ": holds a training already; continue it with "
+                        "--resume latest or choose another --out");
     model.store->set_trainable("", true);
-    Run run(model, config, folder);
-    if (resume) run.resume();
-    const Rng rng(seed);
+    MaskTraining training(model, config, run.folder);
+    if (run.resume) training.resume();
+    const Rng rng(run.seed);
     const InterruptGuard guard;
     const double start = seconds_now();
     double saved = start, recent = 0.0;
-    const std::int64_t first = run.step();
+    const std::int64_t first = training.step();
+    const std::int64_t last =
+        run.most_steps > 0 ? std::min(config.steps, first + run.most_steps) : config.steps;
     Progress progress({.title = "train",
                        .total = config.steps * config.batch,
                        .first = first * config.batch,
                        .unit = "images",
-                       .time_limit = minutes * 60.0});
-    const auto late = [&] { return minutes > 0.0 && seconds_now() - start >= minutes * 60.0; };
-    while (run.step() < config.steps && !interrupted() && !late()) {
-        const double loss = run.learn(examples.draw(
-            config.batch, config.variation, rng.split(static_cast<std::uint64_t>(run.step()))));
-        const double share = std::max(0.01, 1.0 / static_cast<double>(run.step() - first));
-        recent += share * (loss - recent);
+                       .time_limit = run.minutes * 60.0});
+    const auto late = [&] {
+        return run.minutes > 0.0 && seconds_now() - start >= run.minutes * 60.0;
+    };
+    while (training.step() < last && !interrupted() && !late()) {
+        const Rng draws = rng.split(static_cast<std::uint64_t>(training.step()));
+        const double loss = training.learn(examples.draw(config.batch, config.variation, draws));
+        recent +=
+            std::max(0.01, 1.0 / static_cast<double>(training.step() - first)) * (loss - recent);
         std::ostringstream text;
         text << std::fixed << std::setprecision(4) << "loss " << recent;
-        progress.update(run.step() * config.batch, text.str());
+        progress.update(training.step() * config.batch, text.str());
         if (seconds_now() - saved < 60.0 * config.checkpoint_minutes) continue;
-        run.save();
+        training.save();
         saved = seconds_now();
     }
-    run.save();
-    return {run.step(), recent, seconds_now() - start, run.step() >= config.steps};
+    training.save();
+    return {training.step(), recent, seconds_now() - start, training.step() >= config.steps};
 }
 
 }  // namespace stymo

@@ -42,6 +42,10 @@ std::filesystem::path shipped_landmark_network() {
     return shipped_file("models/landmarks/landmarks.safetensors");
 }
 
+std::filesystem::path shipped_mask_network() {
+    return shipped_file("models/head-mask/network.safetensors");
+}
+
 void declare_model(Command& command, ModelOptions& options) {
     command.option("--model", options.file,
                    "model.safetensors of a training run (default: the model that comes with "
@@ -75,8 +79,10 @@ Model load_model(const ModelOptions& options, ModelParts parts) {
 
 void declare_preparation_files(Command& command, PhotoPreparationSettings& settings) {
     settings.landmark_model = shipped_landmark_network();
-    command.option("--parser", settings.parser,
-                   "face parser in an ONNX file, for head masks (default: GrabCut)");
+    settings.mask_network = shipped_mask_network();
+    command.option("--mask-net", settings.mask_network,
+                   "network that finds head masks, written by stymo-train --head-mask (default: "
+                   "the network that comes with stymo)");
     command.option("--morphable", settings.morphable,
                    "head model that is fitted for pose and codes: a .safetensors file or a folder "
                    "of ICT-FaceKit (default: the built-in head)");

@@ -21,6 +21,8 @@ namespace stymo {
 /// The landmark network that is shipped with stymo. Empty if there is none; FaceDetector then uses
 /// the model of libdlib-data.
 [[nodiscard]] std::filesystem::path shipped_landmark_network();
+/// The head-mask network that is shipped with stymo. Empty if there is none.
+[[nodiscard]] std::filesystem::path shipped_mask_network();
 
 /// The model of a tool, with the changes of its weights for a tuned face.
 struct ModelOptions {
@@ -40,7 +42,7 @@ void declare_tuned(Command& command, ModelOptions& options);
 /// throw.
 [[nodiscard]] Model load_model(const ModelOptions& options, ModelParts parts = ModelParts::all);
 
-/// Declares --parser, --morphable, --landmarks and --pose-net, the files for the preparation of
+/// Declares --mask-net, --morphable, --landmarks and --pose-net, the files for the preparation of
 /// photos, and --max-pixels.
 void declare_preparation_files(Command& command, PhotoPreparationSettings& settings);
 /// Prints a warning if the landmark network that comes with stymo was not found and no other was

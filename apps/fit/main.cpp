@@ -205,9 +205,6 @@ stymo::AppResult fit(Options& options) {
     std::optional<stymo::Lpips> own;
     const stymo::Lpips* lpips = metric_network(options.lpips, config, loss, own);
     stymo::FitJobOptions job_options = options.fit.job_options();
-    // Only the shipped model is known to represent heads of photos; a user's model may have been
-    // trained on anything.
-    if (options.model.file.empty()) job_options.preparation.mask_model = &model;
     // A folder does not say to which head its codes belong.
     if (options.face.as_it_comes() || !job_options.preparation.morphable.empty())
         job_options.head = job_options.preparation.morphable;

@@ -18,7 +18,6 @@ namespace {
 struct Options {
     stymo::FolderPreparation folders;
     stymo::PhotoPreparationSettings settings;
-    std::filesystem::path mask_model;
     bool no_overlay = false;
 };
 
@@ -56,9 +55,6 @@ stymo::AppResult prepare(Options options) {
     if (options.folders.photos.empty()) stymo::fail<stymo::UsageError>("--photos is required");
     if (options.folders.out.empty()) stymo::fail<stymo::UsageError>("--out is required");
     options.folders.overlays = !options.no_overlay;
-    std::optional<stymo::Model> mask_model;
-    if (!options.mask_model.empty())
-        options.settings.mask_model = &mask_model.emplace(stymo::Model::load(options.mask_model));
     stymo::warn_without_landmark_network(options.settings);
     const stymo::PhotoPreparation preparation(options.settings);
     const stymo::InterruptGuard guard;
@@ -100,10 +96,6 @@ int stymo_prep(int argc, char** argv) {
                 "output folder: images, masks, faces.jsonl, camera.json, report.json, overlays");
     line.option("--size", settings.side, "side of the images in pixels").range(8, 4096);
     stymo::declare_preparation_files(line, settings);
-    line.option("--mask-model", options.mask_model,
-                "model.safetensors of a training run, whose heads guide GrabCut for head masks "
-                "instead of the landmarks alone")
-        .excludes("--parser");
     line.flag("--all-faces", settings.all_faces,
               "prepare every face of a photo instead of the largest one");
     line.flag("--new-masks", settings.new_masks,

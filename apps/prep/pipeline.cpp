@@ -11,7 +11,6 @@
 #include "core/io/file.h"
 #include "core/io/image.h"
 #include "core/parallel.h"
-#include "nn/models/weight_changes.h"
 #include "train/data/folder_scan.h"
 
 namespace stymo {
@@ -35,20 +34,17 @@ JsonValue settings_json(const fs::path& photos, const PhotoPreparationSettings& 
     const auto absolute = [](const fs::path& path) {
         return path.empty() ? std::string() : fs::absolute(path).string();
     };
-    return JsonValue::object(
-        {{"--photos", absolute(photos)},
-         {"--size", settings.side},
-         {"--max-pixels", settings.most_pixels},
-         {"--all-faces", settings.all_faces},
-         {"--new-masks", settings.new_masks},
-         {"--landmarks", absolute(settings.landmark_model)},
-         {"--morphable", absolute(settings.morphable)},
-         {"--parser", absolute(settings.parser)},
-         {"--mask-model", settings.mask_model != nullptr ? decoder_fingerprint(*settings.mask_model)
-                                                         : std::string()},
-         {"--pose-net", absolute(settings.pose_network)},
-         {"--distance", settings.pivot.distance},
-         {"--pivot-depth", settings.pivot.pivot_depth}});
+    return JsonValue::object({{"--photos", absolute(photos)},
+                              {"--size", settings.side},
+                              {"--max-pixels", settings.most_pixels},
+                              {"--all-faces", settings.all_faces},
+                              {"--new-masks", settings.new_masks},
+                              {"--landmarks", absolute(settings.landmark_model)},
+                              {"--morphable", absolute(settings.morphable)},
+                              {"--mask-net", absolute(settings.mask_network)},
+                              {"--pose-net", absolute(settings.pose_network)},
+                              {"--distance", settings.pivot.distance},
+                              {"--pivot-depth", settings.pivot.pivot_depth}});
 }
 
 bool has_landmarks(const FolderScan& scan, const std::string& id) {

@@ -112,6 +112,9 @@ stymo::AppResult train_masks(const Options& options, const stymo::CommonOptions&
     require_paths(options);
     if (!options.resume.empty() && options.resume != "latest")
         stymo::fail<stymo::UsageError>("--head-mask goes on with --resume latest alone");
+    if (stymo::started_ranks())
+        stymo::fail<stymo::UsageError>(
+            "--head-mask trains in one process; start it without mpirun");
     const auto config = stymo::HeadMaskTrainingConfig::load(options.config, options.set);
     const stymo::HeadMaskExamples examples(options.data);
     const stymo::HeadMaskModel model = options.initial_model.empty()
@@ -120,8 +123,11 @@ stymo::AppResult train_masks(const Options& options, const stymo::CommonOptions&
     stymo::require_writable_folder(options.out);
     const stymo::FolderLock lock(options.out);
     const stymo::HeadMaskTrainingOutcome outcome =
-        stymo::train_head_mask(model, examples, config, options.out, !options.resume.empty(),
-                               options.max_minutes, common.seed);
+        stymo::train_head_mask(model, examples, config,
+                               {.folder = options.out,
+                                .resume = !options.resume.empty(),
+                                .minutes = options.max_minutes,
+                                .seed = common.seed});
     const std::string file = (options.out / stymo::head_mask_file).string();
     std::ostringstream text;
     text << outcome.steps << " of " << config.steps << " steps, loss " << outcome.loss << ": "

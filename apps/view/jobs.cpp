@@ -38,10 +38,7 @@ FitJobOptions fit_options(const SharedState& shared, double tune_seconds) {
     FitJobOptions options;
     PhotoPreparationSettings& preparation = options.preparation;
     preparation.landmark_model = shipped_landmark_network();
-    // Only the shipped model is known to represent heads of photos, as in stymo-fit.
-    const ModelOptions& model = shared.options().model;
-    if (model.file.empty() && model.tuned.empty()) preparation.mask_model = shared.model().get();
-    preparation.parser = shared.options().parser;
+    preparation.mask_network = shipped_mask_network();
     preparation.most_pixels = shared.options().most_photo_pixels;
     options.head = preparation.morphable;
     options.fit.optimizer = FitOptimizer::lbfgs;

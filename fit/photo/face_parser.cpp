@@ -8,8 +8,6 @@
 #include "core/error.h"
 #include "core/io/image.h"
 #include "core/ops/resample.h"
-#include "fit/photo/grab_cut.h"
-#include "fit/photo/head_mask.h"
 #include "fit/photo/onnx_network.h"
 #include "render/parsing_classes.h"
 
@@ -89,40 +87,6 @@ Tensor strongest_head_class(const Tensor& logits, const Tensor& mask) {
     return classes;
 }
 
-/// Sum of the probabilities of the head's classes.
-Tensor head_probability(const Tensor& logits) {
-    Tensor probability({logits.shape(0), logits.shape(1), 1});
-    const std::span<const float> from = logits.values<float>();
-    std::size_t at = 0;
-    for (float& result : probability.mutable_values<float>()) {
-        const auto pixel = from.subspan(at, class_count);
-        const float largest = *std::max_element(pixel.begin(), pixel.end());
-        float head = 0.0F;
-        float all = 0.0F;
-        for (std::size_t i = 0; i < class_count; ++i) {
-            const float likelihood = std::exp(pixel[i] - largest);
-            all += likelihood;
-            if (is_head_class(static_cast<int>(i))) head += likelihood;
-        }
-        result = head / all;
-        at += class_count;
-    }
-    return probability;
-}
-
-/// The classes where they agree with the mask; elsewhere skin inside and background outside the
-/// mask.
-Tensor classes_within(Tensor classes, const Tensor& mask) {
-    const std::span<const float> head = mask.values<float>();
-    const std::span<float> values = classes.mutable_values<float>();
-    for (std::size_t i = 0; i < values.size(); ++i) {
-        const bool in_head = head[i] > 0.5F;
-        if (is_head_class(static_cast<int>(values[i])) != in_head)
-            values[i] = static_cast<float>(in_head ? ParsingClass::skin : ParsingClass::background);
-    }
-    return classes;
-}
-
 }  // namespace
 
 struct FaceParser::Implementation {
@@ -184,13 +148,6 @@ Tensor FaceParser::parse_head(const Tensor& crop, const Tensor& mask) {
         fail<ShapeError>("[face parser] the mask ", mask.shape(), " does not belong to the crop ",
                          crop.shape());
     return strongest_head_class(logits, mask);
-}
-
-Tensor FaceParser::head_mask(const Tensor& crop, const Landmarks& landmarks) {
-    const Tensor logits = implementation_->logits(crop);
-    const Tensor mask = grab_cut_head_mask(
-        crop, landmarks, {.probability = head_probability(logits), .is_sharp = true});
-    return head_mask_from_parsing(classes_within(strongest_class(logits), mask));
 }
 
 }  // namespace stymo

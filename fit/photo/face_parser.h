@@ -5,7 +5,6 @@
 #include <optional>
 
 #include "core/tensor.h"
-#include "fit/photo/landmarks.h"
 
 namespace stymo {
 
@@ -38,10 +37,6 @@ public:
     /// elsewhere the most likely class of a head (is_head_class). On black, networks mistake dark
     /// or blurred hair for background.
     [[nodiscard]] Tensor parse_head(const Tensor& crop, const Tensor& mask);
-
-    /// The head mask of an aligned crop (head_mask_from_parsing), after GrabCut has corrected the
-    /// network's result with the landmarks and the colours of the image.
-    [[nodiscard]] Tensor head_mask(const Tensor& crop, const Landmarks& landmarks);
 
 private:
     struct Implementation;

@@ -9,12 +9,10 @@
 #include "core/ops/elementwise.h"
 #include "fit/photo/alignment.h"
 #include "fit/photo/face_detector.h"
-#include "fit/photo/face_parser.h"
-#include "fit/photo/grab_cut.h"
 #include "fit/photo/head_mask.h"
-#include "fit/photo/model_mask.h"
 #include "fit/photo/photo_warnings.h"
 #include "fit/photo/pose_network.h"
+#include "nn/pretrained/head_mask_network.h"
 #include "render/morphable/head_source.h"
 
 namespace stymo {
@@ -81,15 +79,14 @@ std::vector<std::optional<MorphableFit>> fits_of(const MorphableHead& head,
 struct PhotoPreparation::Implementation {
     PhotoPreparationSettings settings;
     MorphableHead head;
-    std::optional<FaceParser> parser;
+    std::optional<HeadMaskModel> masks;
     std::optional<PoseNetwork> network;
-    std::mutex parsing;
     std::once_flag detector_read;
     std::optional<FaceDetector> detector;
 
     explicit Implementation(const PhotoPreparationSettings& given)
         : settings(given), head(morphable_head_from(given.morphable)) {
-        if (!settings.parser.empty()) parser.emplace(settings.parser);
+        if (!settings.mask_network.empty()) masks = read_head_mask_model(settings.mask_network);
         if (!settings.pose_network.empty()) network.emplace(settings.pose_network);
     }
 
@@ -108,17 +105,17 @@ struct PhotoPreparation::Implementation {
         return faces;
     }
 
-    [[nodiscard]] Tensor made_mask(const Tensor& image, const Landmarks& landmarks) {
-        if (!parser) return grab_cut_head_mask(image, landmarks);
-        const std::lock_guard one_at_a_time(parsing);
-        return parser->head_mask(image, landmarks);
+    [[nodiscard]] Tensor made_mask(const Tensor& image) const {
+        if (!masks)
+            fail<ValueError>(
+                "its head mask is not known, and no head-mask network lies beside this "
+                "program; name one with --mask-net");
+        return soft_head_mask(head_probability(*masks, image));
     }
 
     [[nodiscard]] FaceCrop crop(const Tensor& photo, const Tensor& known_mask,
                                 const FoundFace& face);
     [[nodiscard]] PreparedFace joined(FaceCrop crop, std::optional<MorphableFit> fit);
-    /// The mask by the model, now that the pose is known, and its agreement with a known one.
-    void complete_mask(FaceCrop& crop, const Pose& pose) const;
     /// Why the face cannot be used; empty if it can.
     [[nodiscard]] std::string failure_of(const FaceCrop& crop,
                                          const std::optional<MorphableFit>& fit) const;
@@ -151,9 +148,10 @@ FaceCrop PhotoPreparation::Implementation::crop(const Tensor& photo, const Tenso
     const Tensor image = resized(large, mask_side);
     const Tensor known = known_mask.defined() ? cut(known_mask, mask_side) : Tensor();
     crop.made_mask = settings.new_masks || !known.defined();
-    const Tensor mask = crop.made_mask ? made_mask(image, landmarks_at(mask_side)) : known;
-    if (crop.made_mask) crop.known_mask = known;
+    const Tensor mask = crop.made_mask ? made_mask(image) : known;
     crop.mask = resized(mask, side);
+    if (crop.made_mask && known.defined())
+        crop.mask_agreement = intersection_over_union(mask, known);
     crop.fit_target = {landmarks_at(fit_side), resized(image, fit_side), resized(mask, fit_side)};
     if (network) crop.face_box = network->face_box(image);
     return crop;
@@ -172,25 +170,11 @@ std::string PhotoPreparation::Implementation::failure_of(
     return {};
 }
 
-void PhotoPreparation::Implementation::complete_mask(FaceCrop& crop, const Pose& pose) const {
-    if (!crop.made_mask) return;
-    if (settings.mask_model != nullptr && !parser)
-        crop.mask =
-            grab_cut_head_mask(crop.image, crop.landmarks,
-                               {.probability = head_probability(*settings.mask_model, crop.image,
-                                                                pose, settings.intrinsics)});
-    if (crop.known_mask.defined())
-        crop.mask_agreement =
-            intersection_over_union(crop.mask, resized(crop.known_mask, settings.side));
-    crop.known_mask = {};
-}
-
 PreparedFace PhotoPreparation::Implementation::joined(FaceCrop crop,
                                                       std::optional<MorphableFit> fit) {
     PreparedFace face;
     face.failure = failure_of(crop, fit);
     face.fit = std::move(fit).value_or(MorphableFit{});
-    if (face.failure.empty()) complete_mask(crop, face.fit.pose);
     double yaw = face.fit.pose.yaw;
     if (network && face.failure.empty()) {
         try {
@@ -207,8 +191,7 @@ PreparedFace PhotoPreparation::Implementation::joined(FaceCrop crop,
                                     .covered_share = covered_share(crop.mask),
                                     .yaw = yaw,
                                     .landmark_error = face.fit.landmark_error,
-                                    .made_mask = crop.made_mask,
-                                    .has_parser = parser.has_value()});
+                                    .made_mask = crop.made_mask});
     crop.face_box = {};
     face.crop = std::move(crop);
     return face;

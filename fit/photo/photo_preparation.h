@@ -13,7 +13,6 @@
 #include "fit/morphable/morphable_fit.h"
 #include "fit/photo/landmarks.h"
 #include "fit/photo/network_poses.h"
-#include "nn/models/model.h"
 #include "render/camera.h"
 #include "render/morphable/head.h"
 
@@ -27,12 +26,11 @@ struct PhotoPreparationSettings {
     bool all_faces = false;  ///< prepares all faces of a photo; else the largest
     bool new_masks = false;  ///< makes masks even if they are known, and compares both
     PivotCamera pivot;       ///< camera position for poses from a network
-    /// Without a face parser, its heads guide GrabCut (model_mask.h). It must outlive the
-    /// preparation. Null: only the landmarks guide GrabCut.
-    const Model* mask_model = nullptr;
     // Optional files; an empty path means that the file is not used.
     std::filesystem::path landmark_model;  ///< for FaceDetector; empty: that of libdlib-data
-    std::filesystem::path parser;          ///< ONNX file of a face parser; empty: GrabCut
+    /// Head-mask network (nn/pretrained/head_mask_network.h). Without it, a photo whose mask is not
+    /// known is refused.
+    std::filesystem::path mask_network;
     std::filesystem::path pose_network;  ///< ONNX file of a pose network, whose rotations are found
                                          ///< in addition to the morphable fit's poses
     /// Head to fit (morphable_head_from); empty: the built-in one.
@@ -55,10 +53,8 @@ struct FaceCrop {
     Landmarks landmarks;  ///< in pixels of `image`
     bool was_aligned = false;
     bool made_mask = false;  ///< whether the mask was made here
-    Tensor known_mask;  ///< (512, 512, 1) until `finish`, if a new mask was made although one was
-                        ///< known
-    std::optional<double>
-        mask_agreement;          ///< intersection over union of made and known mask, after `finish`
+    /// Intersection over union of the made mask and a known one, if there are both.
+    std::optional<double> mask_agreement;
     std::int64_t faces = 1;      ///< number of faces found in the photo
     double side_in_photo = 0.0;  ///< side of the crop in pixels of the photo
     double share_outside = 0.0;  ///< share of the crop's area outside the photo
@@ -77,7 +73,7 @@ struct PreparedFace {
 };
 
 /// Prepares photos: faces in FFHQ's frame with masks, poses and codes. The steps are landmarks,
-/// alignment, a mask by a face parser or GrabCut, a morphable fit and a pose network.
+/// alignment, a mask by the head-mask network, a morphable fit and a pose network.
 class PhotoPreparation {
 public:
     /// Reads the networks and the head. Throws FileError for a file that is missing or has another

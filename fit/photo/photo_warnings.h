@@ -17,7 +17,6 @@ struct PhotoFindings {
     double landmark_error = 0.0;   ///< RMS distance of the model's landmarks from those found, in
                                    ///< units of the image's side
     bool made_mask = true;         ///< whether the mask was made rather than given
-    bool has_parser = false;       ///< whether a face parser makes masks
 };
 
 /// One line per problem, with its remedy; none for a good photo.

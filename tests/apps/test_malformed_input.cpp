@@ -91,9 +91,9 @@ TEST_CASE("Malformed command lines are refused, in one line that says why") {
         {"stymo-prep pose --yaw 400", 2, "--yaw: 400 is not a number in [-180, 180]"},
         {"stymo-prep --out out", 2, "--photos is required"},
         {prep + "out --size 0", 2, "--size: 0 is not a number in [8, 4096]"},
-        {prep + "out --parser a.onnx --mask-model run/model.safetensors", 2,
-         "--parser excludes --mask-model"},
         {train + "--measure all", 2, "--measure requires --dry-run"},
+        {train + "--head-mask --dry-run", 2, "--dry-run excludes --head-mask"},
+        {train + "--head-mask --resume run", 2, "--head-mask goes on with --resume latest alone"},
         {train + "--max-minutes soon", 2, "--max-minutes: soon is not a number in [0, 1000000]"},
         {"stymo-view --port 70000", 2, "--port: 70000 is not a number in [0, 65535]"},
         {"stymo-view --psnr 5", 2, "--psnr: 5 is not a number in [20, 90]"},
@@ -310,8 +310,9 @@ TEST_CASE("Malformed models, weights and heads are refused, in one line that say
         {"stymo-bench render --model text.png --out out", 1,
          "text.png: not a readable safetensors file (it does not begin with the length of a "
          "header)"},
-        {prep + "out --parser text.png", 1, "text.png: not an ONNX network that OpenCV can run"},
-        {prep + "out --mask-model text.png", 1,
+        {prep + "out --mask-net run/model.safetensors", 1,
+         "run/model.safetensors: not a head-mask network of stymo"},
+        {prep + "out --mask-net text.png", 1,
          "text.png: not a readable safetensors file (it does not begin with the length of a "
          "header)"},
         {prep + "out --morphable bad/head.safetensors", 1,

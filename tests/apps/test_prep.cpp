@@ -177,7 +177,8 @@ TEST_CASE("A copy of stymo-prep without the landmark network says that it uses d
     fs::copy_file(STYMO_BINARY_DIR "/bin/stymo-prep", folder / "copied/stymo-prep");
     const stymo::ChildOutcome outcome = stymo::run_child(
         {(folder / "copied/stymo-prep").string(), "--photos", (folder / "copied_photos").string(),
-         "--out", (folder / "copied/out").string(), "--size", "32", "--threads", "1"});
+         "--out", (folder / "copied/out").string(), "--size", "32", "--threads", "1", "--mask-net",
+         STYMO_SOURCE_DIR "/configs/models/head-mask/network.safetensors"});
     CHECK(outcome.exit_code == 0);
     CHECK_THAT(outcome.err, Catch::Contains("warning: the landmark network that comes with stymo"));
 }

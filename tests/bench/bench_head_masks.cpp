@@ -1,94 +1,87 @@
 #include <algorithm>
+#include <array>
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
 #include <filesystem>
-#include <functional>
 #include <map>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "core/error.h"
 #include "core/io/image.h"
-#include "fit/photo/alignment.h"
-#include "fit/photo/face_detector.h"
-#include "fit/photo/face_parser.h"
-#include "fit/photo/grab_cut.h"
 #include "fit/photo/head_mask.h"
+#include "nn/pretrained/head_mask_network.h"
 #include "render/parsing_classes.h"
 
-/// How well head masks found by each way agree with hand-made ones, and what finding them costs.
+/// How well the head masks of a network agree with hand-made ones, for all photos and by kind, and
+/// the processor time of a mask. With --out it writes the masks.
 namespace stymo::test {
 namespace {
 
 namespace fs = std::filesystem;
 
 struct Arguments {
-    fs::path folder;
-    std::optional<fs::path> parser;
-    std::size_t every = 1;
+    fs::path folder, network, out;
+    std::size_t from = 0;
+    std::size_t to = 1'000'000'000;
     bool list = false;
 };
 
 Arguments parse(const std::vector<std::string_view>& words) {
     Arguments arguments;
     for (std::size_t i = 0; i < words.size(); ++i) {
-        const bool has_value = i + 1 < words.size();
-        if (words[i] == "--parser" && has_value) {
-            arguments.parser = words[++i];
-        } else if (words[i] == "--every" && has_value) {
-            arguments.every =
-                static_cast<std::size_t>(std::max(1, std::atoi(std::string(words[++i]).c_str())));
-        } else if (words[i] == "--list") {
+        const std::string value(i + 1 < words.size() ? words[i + 1] : "");
+        if (words[i] == "--network")
+            arguments.network = value, ++i;
+        else if (words[i] == "--out")
+            arguments.out = value, ++i;
+        else if (words[i] == "--from")
+            arguments.from = std::strtoul(value.c_str(), nullptr, 10), ++i;
+        else if (words[i] == "--to")
+            arguments.to = std::strtoul(value.c_str(), nullptr, 10), ++i;
+        else if (words[i] == "--list")
             arguments.list = true;
-        } else {
+        else
             arguments.folder = words[i];
-        }
     }
-    if (arguments.folder.empty())
-        fail<ValueError>("usage: bench_head_masks FOLDER [--parser ONNX] [--every N] [--list]");
+    if (arguments.folder.empty() || arguments.network.empty())
+        fail<ValueError>(
+            "usage: bench_head_masks FOLDER --network FILE [--from N] [--to N] [--list] [--out "
+            "FOLDER]");
     return arguments;
 }
 
-double processor_seconds() {
-    return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
-}
-
-class Sums {
-public:
-    template <class Function>
-    auto time(const std::string& name, const Function& function) {
-        const double start = processor_seconds();
-        auto result = function();
-        add("cpu_ms." + name, 1e3 * (processor_seconds() - start));
-        return result;
+/// The kinds to which a photo belongs, by its hand-made class map.
+std::vector<std::string> kinds_of(const Tensor& photo, const Tensor& parsing) {
+    std::array<double, 19> share{};
+    std::array<double, 19> light{};
+    const auto classes = parsing.values<float>();
+    const auto colors = photo.values<float>();
+    const std::int64_t side = parsing.shape(0);
+    const bool same_size = photo.shape(0) == side;
+    std::int64_t chin = 0, low_hair = 0;
+    for (std::size_t i = 0; i < classes.size(); ++i) {
+        const auto index = static_cast<std::size_t>(classes[i]);
+        share[index] += 1.0 / static_cast<double>(classes.size());
+        if (same_size)
+            light[index] += static_cast<double>(0.3F * colors[3 * i] + 0.59F * colors[3 * i + 1] +
+                                                0.11F * colors[3 * i + 2]);
+        if (index == 1) chin = std::max(chin, static_cast<std::int64_t>(i) / side);
     }
-
-    void add(const std::string& name, double value) {
-        auto& [sum, count] = sums_[name];
-        sum += value;
-        ++count;
-    }
-
-    void print(std::size_t photos, std::size_t with_face, std::size_t aligned) const {
-        std::printf("{\"photos\": %zu, \"with_face\": %zu, \"aligned\": %zu", photos, with_face,
-                    aligned);
-        for (const auto& [name, entry] : sums_)
-            std::printf(",\n \"%s\": %.4f", name.c_str(),
-                        entry.first / static_cast<double>(entry.second));
-        std::printf("}\n");
-    }
-
-private:
-    std::map<std::string, std::pair<double, std::size_t>> sums_;
-};
-
-Tensor head_classes(Tensor classes) {
-    for (float& value : classes.mutable_values<float>())
-        value = is_head_class(static_cast<int>(value)) ? 1.0F : 0.0F;
-    return classes;
+    for (std::size_t i = 0; i < classes.size(); ++i)
+        if (classes[i] == 13.0F && static_cast<std::int64_t>(i) / side > chin) ++low_hair;
+    std::vector<std::string> kinds{"all"};
+    const double skin = share[1] * static_cast<double>(classes.size());
+    if (share[10] > 0.004) kinds.emplace_back("open mouth");
+    if (same_size && light[1] / std::max(1.0, skin) < 0.38) kinds.emplace_back("dark skin");
+    if (share[13] < 0.03 && share[14] == 0.0) kinds.emplace_back("bald");
+    if (share[3] > 0.0) kinds.emplace_back("glasses");
+    if (static_cast<double>(low_hair) > 0.01 * static_cast<double>(classes.size()))
+        kinds.emplace_back("long hair");
+    if (share[14] > 0.01) kinds.emplace_back("hat");
+    return kinds;
 }
 
 void run(const Arguments& arguments) {
@@ -96,43 +89,38 @@ void run(const Arguments& arguments) {
     for (const fs::directory_entry& entry : fs::directory_iterator(arguments.folder / "images"))
         files.push_back(entry.path());
     std::sort(files.begin(), files.end());
-    const FaceDetector detector;
-    std::optional<FaceParser> parser;
-    if (arguments.parser) parser.emplace(*arguments.parser);
-    Sums sums;
-    std::size_t photos = 0, with_face = 0, aligned = 0;
-    for (std::size_t i = 0; i < files.size(); i += arguments.every) {
-        const std::string id = files[i].stem().string();
+    const HeadMaskModel model = read_head_mask_model(arguments.network);
+    if (!arguments.out.empty()) fs::create_directories(arguments.out);
+    std::map<std::string, std::vector<double>> overlaps;
+    double seconds = 0.0;
+    std::size_t count = 0;
+    for (std::size_t i = arguments.from; i < std::min(files.size(), arguments.to + 1); ++i) {
+        const std::string name = files[i].stem().string() + ".png";
         const Tensor photo = read_image(files[i]);
-        const Tensor parsing = read_class_map(arguments.folder / "parsing" / (id + ".png"));
-        const Tensor truth = head_classes(parsing);
-        ++photos;
-        const auto faces = sums.time("detection", [&] { return detector.find(photo); });
-        if (faces.empty()) continue;
-        ++with_face;
-        const Landmarks& landmarks = faces.front().landmarks;
-        if (is_aligned(ffhq_alignment(landmarks), photo.shape(1), photo.shape(0))) ++aligned;
-        const auto judge = [&](const std::string& name, const Tensor& mask) {
-            const double agreement = intersection_over_union(mask, truth);
-            sums.add("iou." + name, agreement);
-            if (arguments.list) std::printf("%s %s %.4f\n", id.c_str(), name.c_str(), agreement);
-        };
-        judge("grab_cut",
-              sums.time("grab_cut", [&] { return grab_cut_head_mask(photo, landmarks); }));
-        if (!parser) continue;
-        const Tensor classes = sums.time("parser", [&] { return parser->parse(photo); });
-        judge("parser_as_it_is", head_classes(classes));
-        const Tensor mask = sums.time("clean_up", [&] { return head_mask_from_parsing(classes); });
-        judge("parser_and_clean_up", mask);
-        const Tensor mended =
-            sums.time("parser_and_grab_cut", [&] { return parser->head_mask(photo, landmarks); });
-        judge("parser_and_grab_cut", mended);
-        const Tensor cleaned_truth = head_mask_from_parsing(parsing);
-        sums.add("iou_with_cleaned.parser", intersection_over_union(mask, cleaned_truth));
-        sums.add("iou_with_cleaned.parser_and_grab_cut",
-                 intersection_over_union(mended, cleaned_truth));
+        const std::clock_t start = std::clock();
+        const Tensor mask = soft_head_mask(head_probability(model, photo));
+        seconds += static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
+        ++count;
+        if (!arguments.out.empty()) write_image(arguments.out / name, mask);
+        const fs::path parsing_file = arguments.folder / "parsing" / name;
+        if (!fs::exists(parsing_file)) continue;
+        const Tensor parsing = read_class_map(parsing_file);
+        Tensor truth = parsing;
+        for (float& value : truth.mutable_values<float>())
+            value = is_head_class(static_cast<int>(value)) ? 1.0F : 0.0F;
+        const double overlap = intersection_over_union(mask, truth);
+        if (arguments.list) std::printf("%s %.4f\n", name.c_str(), overlap);
+        for (const std::string& kind : kinds_of(photo, parsing)) overlaps[kind].push_back(overlap);
     }
-    sums.print(photos, with_face, aligned);
+    std::printf("{\"cpu_ms\": %.1f",
+                1e3 * seconds / static_cast<double>(std::max<std::size_t>(1, count)));
+    for (auto& [kind, values] : overlaps) {
+        double sum = 0.0;
+        for (const double value : values) sum += value;
+        std::printf(",\n \"%s\": {\"photos\": %zu, \"mean_iou\": %.4f}", kind.c_str(),
+                    values.size(), sum / static_cast<double>(values.size()));
+    }
+    std::printf("}\n");
 }
 
 }  // namespace

@@ -20,7 +20,9 @@ const fs::path configurations = fs::path(STYMO_SOURCE_DIR) / "configs";
 std::vector<fs::path> configuration_files() {
     std::vector<fs::path> files;
     for (const auto& entry : fs::recursive_directory_iterator(configurations))
-        if (entry.path().extension() == ".json") files.push_back(entry.path());
+        // The folder of the head-mask network has a configuration of its own kind.
+        if (entry.path().extension() == ".json" && entry.path().filename() != "training.json")
+            files.push_back(entry.path());
     std::ranges::sort(files);
     return files;
 }

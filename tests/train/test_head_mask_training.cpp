@@ -1,0 +1,99 @@
+#include <algorithm>
+#include <catch2/catch.hpp>
+
+#include "core/error.h"
+#include "core/io/file.h"
+#include "core/io/image.h"
+#include "core/io/scratch_folder.h"
+#include "train/head_mask_training.h"
+
+using namespace stymo;
+using Catch::Matchers::Contains;
+
+namespace head_mask_training_tests {
+
+/// A grey photo whose left half is the head, and red backgrounds.
+void write_examples(const std::filesystem::path& folder) {
+    Tensor half = Tensor::zeros({32, 32, 1});
+    for (std::size_t i = 0; i < 1024; ++i)
+        half.mutable_values<float>()[i] = i % 32 < 16 ? 1.0F : 0.0F;
+    Tensor red = Tensor::zeros({32, 32, 3});
+    for (std::size_t i = 0; i < 1024; ++i) red.mutable_values<float>()[3 * i] = 1.0F;
+    for (const char* part : {"images", "masks", "persons", "backgrounds", "unknown"})
+        std::filesystem::create_directories(folder / part);
+    write_image(folder / "images/a.png", Tensor::full({32, 32, 3}, 0.5));
+    write_image(folder / "masks/a.png", half);
+    write_image(folder / "persons/a.png", half);
+    write_image(folder / "unknown/a.png", Tensor::zeros({32, 32, 1}));
+    write_image(folder / "backgrounds/a.png", red);
+}
+
+constexpr HeadMaskVariation still{.background_share = 1.0,
+                                  .cover_share = 0.0,
+                                  .degrees = 0.0,
+                                  .scale = 1.0,
+                                  .shift = 0.0,
+                                  .color = 0.0,
+                                  .blur_share = 0.0};
+
+TEST_CASE("A cut-out person gets another background, and its mask moves with the photo") {
+    const ScratchFolder folder;
+    write_examples(folder.path());
+    const HeadMaskExamples examples(folder.path());
+    REQUIRE(examples.size() == 1);
+    const HeadMaskExamples::Batch batch = examples.draw(4, still, Rng(1));
+    const std::int64_t side = HeadMaskNetwork::usual_side;
+    REQUIRE(batch.images.shape() == Shape{4, side, side, 3});
+    const auto images = batch.images.values<float>();
+    const auto masks = batch.masks.values<float>();
+    double red = 0.0;
+    for (std::size_t i = 0; i < masks.size(); ++i) {
+        if (masks[i] > 0.99F) REQUIRE(images[3 * i + 1] > 0.2F);
+        // The colours of a background vary, but on the whole it stays red.
+        if (masks[i] < 0.01F) red += static_cast<double>(images[3 * i] - images[3 * i + 1]);
+    }
+    CHECK(red / static_cast<double>(masks.size()) > 0.05);
+    CHECK(examples.draw(4, still, Rng(1)).images.to_vector() == batch.images.to_vector());
+    HeadMaskVariation covered = still;
+    covered.cover_share = 1.0;
+    const auto sum = [](const Tensor& mask) {
+        double total = 0.0;
+        for (const float value : mask.values<float>()) total += static_cast<double>(value);
+        return total;
+    };
+    CHECK(sum(examples.draw(8, covered, Rng(1)).masks) <
+          sum(examples.draw(8, still, Rng(1)).masks));
+}
+
+TEST_CASE("A training of head masks that pauses gives the same network") {
+    const ScratchFolder folder;
+    write_examples(folder.path());
+    const HeadMaskExamples examples(folder.path());
+    HeadMaskTrainingConfig config;
+    config.batch = 1;
+    config.steps = 2;
+    const auto train = [&](const char* run, std::int64_t steps, bool resume) {
+        return train_head_mask(
+            make_head_mask_model(Rng(1)), examples, config,
+            {.folder = folder / run, .resume = resume, .most_steps = steps, .seed = 7});
+    };
+    CHECK(train("whole", 0, false).finished);
+    CHECK_FALSE(train("parts", 1, false).finished);
+    CHECK(train("parts", 1, true).steps == 2);
+    for (const char* file : {head_mask_file, head_mask_state_file})
+        CHECK(read_file(folder / "whole" / file) == read_file(folder / "parts" / file));
+    CHECK_THROWS_WITH(train("whole", 0, false), Contains("holds a training already"));
+    CHECK_THROWS_WITH(train("none", 0, true), Contains("no state to resume from"));
+}
+
+TEST_CASE("A folder without masks, and an unknown key, are refused") {
+    const ScratchFolder folder;
+    write_examples(folder.path());
+    std::filesystem::remove_all(folder / "masks");
+    CHECK_THROWS_WITH(HeadMaskExamples(folder.path()), Contains("has no mask"));
+    CHECK_THROWS_AS(HeadMaskTrainingConfig::load(
+                        STYMO_SOURCE_DIR "/configs/models/head-mask/training.json", {"step=1"}),
+                    ConfigError);
+}
+
+}  // namespace head_mask_training_tests
