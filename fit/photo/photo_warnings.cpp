@@ -50,7 +50,7 @@ std::vector<std::string> photo_warnings(const PhotoFindings& findings) {
     if (findings.covered_share < least_covered || findings.covered_share > most_covered)
         warnings.push_back(line("the head mask covers ", percent(findings.covered_share),
                                 " percent of the image; give ",
-                                 findings.made_mask ? "a mask" : "another mask"));
+                                findings.made_mask ? "a mask" : "another mask"));
     if (findings.landmark_error > doubtful_landmark_error)
         warnings.push_back(
             line("the landmark error of the head model is ", percent(findings.landmark_error),
