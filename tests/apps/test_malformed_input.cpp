@@ -101,10 +101,11 @@ TEST_CASE("Malformed command lines are refused, in one line that says why") {
         {"stymo-view --sessions 0", 2, "--sessions: 0 is not a number in [1, 1000]"},
         {"stymo-view --token a&b", 2, "--token: use only letters, digits and . _ ~ -"},
         {image + "--samples 1", 2, "--samples: 1 is not a number in [2, 4096]"},
-        {image + "--tolerance 0.1 --psnr 40", 2, "--tolerance excludes --psnr"},
+        {image + "--tolerance 0.1 --psnr 40", 2, "--psnr excludes --tolerance"},
         {image + "--psnr 5", 2, "--psnr: 5 is not a number in [20, 90]"},
         {image + "--mode fast", 2, "--mode: fast not in {exact,skip}"},
-        {render + "--out out.gif --grid-yaw 1:2", 2, "out.gif: the name must end in .png or .jpg"},
+        {render + "--out out.gif --grid-yaw 1:2", 2,
+         "out.gif: the name must end in .png or .jpg or .exr"},
         {image + "--grid-yaw 1:2:1000", 2,
          "--grid-yaw 1:2:1000: give FROM:TO:COUNT in degrees, such as -30:30:5, of 1 to 100 "
          "angles"},
