@@ -107,9 +107,8 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
     line.option("--mode", options.mode, stymo::render_mode_help())
         .one_of(stymo::render_mode_names());
     line.option("--psnr", options.psnr,
-                "modes " + stymo::tolerant_mode_names(" and ") +
-                    ": decibels that the worst view has against an exact one. One view in "
-                    "sixteen is checked; fewer than sixteen views are exact")
+                "mode skip: decibels that the worst view has against an exact one. One view in "
+                "sixteen is checked; fewer than sixteen views are exact")
         .range(20, 90);
     line.option("--tolerance", options.tolerance,
                 "for experts, instead of --psnr and unchecked: largest summed compositing weight "

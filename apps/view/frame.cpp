@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <opencv2/imgproc.hpp>
 
 #include "apps/view/depth_normals.h"
@@ -243,30 +242,6 @@ std::optional<Frame> FrameRenderer::render(const FrameRequest& request,
     if (request.quality == Quality::still && request.layer == Layer::image)
         frame.moving_psnr = state.adapt(request, view->image, stop);
     return frame;
-}
-
-RenderMode fastest_mode(const Model& model, const Codes& codes) {
-    if (!model.decoder().folds()) return RenderMode::exact;
-    RenderMode fastest = RenderMode::skip;
-    double least = std::numeric_limits<double>::infinity();
-    constexpr int frames = 8;
-    for (const RenderModeTraits& tried : render_modes()) {
-        if (!tried.tolerates) continue;
-        FaceRenderer renderer(
-            model, {.mode = tried.mode,
-                    .samples_per_ray = model.config().reconstruction.fit_samples_per_ray});
-        renderer.show(codes);
-        static_cast<void>(renderer.render(model_camera(model, 0.0, 0.0, 0.0)));
-        const double start = seconds_now();
-        for (int i = 1; i <= frames; ++i)
-            static_cast<void>(renderer.render(model_camera(model, 0.05 * i, 0.0, 0.0)));
-        const double seconds = seconds_now() - start;
-        if (seconds < least) {
-            least = seconds;
-            fastest = tried.mode;
-        }
-    }
-    return fastest;
 }
 
 }  // namespace stymo::view

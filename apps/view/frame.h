@@ -95,8 +95,4 @@ private:
     std::unique_ptr<State> state_;
 };
 
-/// The fastest mode that tolerates, on this machine for these codes; `exact` if the
-/// model's decoder does not fold.
-[[nodiscard]] RenderMode fastest_mode(const Model& model, const Codes& codes);
-
 }  // namespace stymo::view

@@ -20,7 +20,7 @@ struct Options {
     stymo::view::ServerOptions server;
     std::string token_file;
     int most_sessions = 32;
-    std::string mode = "auto";
+    std::string mode = "skip";
 };
 
 constexpr const char* token_variable = "STYMO_TOKEN";
@@ -52,9 +52,7 @@ std::string chosen_token(const Options& options) {
 stymo::AppResult serve(Options options) {
     using std::chrono_literals::operator""ms;
     options.server.token = chosen_token(options);
-    options.viewer.chooses_mode = options.mode == "auto";
-    if (!options.viewer.chooses_mode)
-        options.viewer.frames.moving_mode = stymo::render_mode(options.mode);
+    options.viewer.frames.moving_mode = stymo::render_mode(options.mode);
     const stymo::InterruptGuard guard;
     stymo::view::SharedState shared(options.viewer);
     stymo::view::Api api(shared, static_cast<std::size_t>(options.most_sessions));
@@ -91,12 +89,8 @@ int stymo_view(int argc, char** argv) {
     line.option("--token-file", options.token_file,
                 "file that holds the token, unseen by others (default: the environment variable "
                 "STYMO_TOKEN)");
-    std::vector<std::string> modes = stymo::render_mode_names();
-    modes.emplace_back("auto");
-    line.option("--mode", options.mode,
-                "how moving images are rendered; auto: the faster one of " +
-                    stymo::tolerant_mode_names(" and ") + " here")
-        .one_of(modes);
+    line.option("--mode", options.mode, "how moving images are rendered")
+        .one_of(stymo::render_mode_names());
     line.option("--psnr", options.viewer.frames.psnr,
                 "error of moving images against exact ones, in decibels")
         .range(20, 90);

@@ -33,8 +33,6 @@ SharedState::SharedState(const ViewerOptions& options) : options_(options) {
     }
     if (first_faces_.empty())
         fail<UsageError>("--codes is required: the model has no statistics to draw faces from");
-    if (options_.chooses_mode)
-        options_.frames.moving_mode = fastest_mode(*model_, first_faces_.front().second.codes);
     scheduler_ = std::make_unique<Scheduler>(options_.frames);
 }
 

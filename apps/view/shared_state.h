@@ -29,8 +29,6 @@ struct ViewerOptions {
     std::int64_t color_steps = 60;
     std::int64_t most_photo_pixels = 50'000'000;
     FrameSettings frames;
-    /// Uses the fastest mode that tolerates instead of frames.moving_mode.
-    bool chooses_mode = true;
 };
 
 /// The objects that all sessions share: the model and its data. They do not change after their

@@ -26,14 +26,4 @@ MatmulPrecision products_of(RenderMode mode) {
     return tolerates(mode) && own != MatmulPrecision::highest ? MatmulPrecision::medium : own;
 }
 
-std::string tolerant_mode_names(std::string_view separator) {
-    std::string names;
-    for (const RenderModeTraits& mode : render_modes()) {
-        if (!mode.tolerates) continue;
-        if (!names.empty()) names += separator;
-        names += mode.name;
-    }
-    return names;
-}
-
 }  // namespace stymo

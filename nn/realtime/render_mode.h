@@ -36,7 +36,5 @@ struct RenderModeTraits {
 [[nodiscard]] inline std::string name_of(RenderMode mode) {
     return std::string(traits_of(mode).name);
 }
-/// The names of the modes that tolerate, joined by `separator`.
-[[nodiscard]] std::string tolerant_mode_names(std::string_view separator);
 
 }  // namespace stymo

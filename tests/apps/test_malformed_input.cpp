@@ -97,7 +97,7 @@ TEST_CASE("Malformed command lines are refused, in one line that says why") {
         {train + "--max-minutes soon", 2, "--max-minutes: soon is not a number in [0, 1000000]"},
         {"stymo-view --port 70000", 2, "--port: 70000 is not a number in [0, 65535]"},
         {"stymo-view --psnr 5", 2, "--psnr: 5 is not a number in [20, 90]"},
-        {"stymo-view --mode fast", 2, "--mode: fast not in {exact,skip,auto}"},
+        {"stymo-view --mode fast", 2, "--mode: fast not in {exact,skip}"},
         {"stymo-view --sessions 0", 2, "--sessions: 0 is not a number in [1, 1000]"},
         {"stymo-view --token a&b", 2, "--token: use only letters, digits and . _ ~ -"},
         {image + "--samples 1", 2, "--samples: 1 is not a number in [2, 4096]"},
