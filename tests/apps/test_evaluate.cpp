@@ -354,6 +354,9 @@ TEST_CASE("A tuned face is scored as its files show it") {
     tiny.options.folder = &folder;
     tiny.options.range = {0, 0};
     tiny.fitting.tuning.steps = 3;
+    // Tuning that ends worse than it began is not kept.
+    tiny.fitting.tuning.learning_rate = 1e-3;
+    tiny.fitting.tuning.weights = {.regularizer = 0.0};
     const FaceScore score = tiny.run().scores.front();
     const RegionScore& head = score.regions.front();
     REQUIRE(head.tuned);

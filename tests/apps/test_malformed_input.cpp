@@ -124,9 +124,10 @@ TEST_CASE("Malformed command lines are refused, in one line that says why") {
         {eval + "--resolution 96", 1, "this model renders images with a side of 64, not 96"},
         {eval + "--ids 9999999999999999999999", 2,
          "--ids 9999999999999999999999: must be a range of positions in the order of ids, such as "
-         "700-799"},
+         "700-799, or a file of ids"},
         {eval + "--ids -1", 2,
-         "--ids -1: must be a range of positions in the order of ids, such as 700-799"},
+         "--ids -1: must be a range of positions in the order of ids, such as 700-799, or a file "
+         "of ids"},
     });
 }
 
