@@ -2,6 +2,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/matmul_precision.h"
 #include "nn/realtime/chosen_tolerance.h"
 #include "nn/realtime/view.h"
 #include "support/check_close.h"
@@ -45,6 +46,7 @@ FrameError error_on(FaceRenderer& renderer, FaceRenderer& exact, std::span<const
 
 TEST_CASE("the model that ships keeps 45 dB and its outline in the worst view of a path",
           "[realtime]") {
+    const PrecisionScope of_tools(MatmulPrecision::high);
     const Model model = shipped_model();
     Rng rng(1);
     const std::vector<FaceView> views =
@@ -61,7 +63,7 @@ TEST_CASE("the model that ships keeps 45 dB and its outline in the worst view of
                        << " dB, pixel " << error.worst_pixel);
         CHECK(chosen.mode == mode.mode);
         CHECK(error.worst_psnr > 45.0);
-        CHECK(error.worst_pixel < (keeps_float32(mode.mode) ? 0.15 : 0.4));
+        CHECK(error.worst_pixel < 0.15);
     }
 }
 
