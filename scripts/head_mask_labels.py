@@ -1,14 +1,15 @@
 #!/usr/bin/env python3
 """Makes the labels from which the head-mask network is trained.
 
-usage: head_mask_labels.py PREPARED OUT [--wall PREFIX]... [--drop FILE] [--mended FILE]
-                           [--network-masks FOLDER]
+usage: head_mask_labels.py PREPARED OUT [--wall PREFIX]... [--drop FILE] [--short-hair FILE]
+                           [--mended FILE] [--network-masks FOLDER]
 
 PREPARED is a folder of stymo-prep at 256 pixels: images, masks, landmarks in faces.jsonl. OUT gets
 images, masks, unknown, persons and backgrounds, as train/head_mask_examples.h reads them.
 Ids that begin with a --wall prefix stand before a plain wall: the outline and the person come from
 the distance to the wall's colour. Photos in --drop (one id a line) only give their background.
---mended has outlines of heads by hand, {"ID": [[x, y], ...]} in pixels. With --network-masks, the
+Those in --short-hair have no hair below the jaw, only a suit of its colour. --mended has
+outlines of heads by hand, {"ID": [[x, y], ...]} in pixels. With --network-masks, the
 masks of a network that learnt from earlier labels, what is not before a wall is known only where
 network and mask agree.
 """
@@ -86,7 +87,7 @@ def below_jaw(points):
     return zone > 0
 
 
-def label(image, mask, points, person):
+def label(image, mask, points, person, short_hair=False):
     """Head mask and unknown pixels, both in [0, 1]."""
     head = cv2.GaussianBlur(mask, (3, 3), 0).astype(np.float32) / 255.0
     unknown = np.zeros((SIDE, SIDE), np.float32)
@@ -98,7 +99,7 @@ def label(image, mask, points, person):
     under = below_jaw(points)
     depth = cv2.distanceTransform(under.astype(np.uint8), cv2.DIST_L2, 3)
     neck = under & (head > 0.5) & (depth > 2)
-    sure = neck & (skin < 12.0) & (skin < 0.5 * hair)
+    sure = neck & (skin < 12.0) & (skin < 0.5 * hair) | (neck & (depth > 6) & short_hair)
     head[sure] = 0.0
     unknown[neck & ~sure & ((skin < hair) | (hair > 12.0))] = 1.0
     return head, cv2.dilate(unknown, ellipse(1)) * (cv2.dilate(neck.astype(np.uint8), ellipse(2)))
@@ -172,12 +173,14 @@ def main():
     parser.add_argument("out")
     parser.add_argument("--wall", action="append", default=[])
     parser.add_argument("--drop")
+    parser.add_argument("--short-hair")
     parser.add_argument("--mended")
     parser.add_argument("--network-masks")
     parser.add_argument("--only", default="a_", help="ids that begin with this")
     parser.add_argument("--drawn", type=int, default=300)
     options = parser.parse_args()
     dropped = set(open(options.drop).read().split()) if options.drop else set()
+    short = set(open(options.short_hair).read().split()) if options.short_hair else set()
     mended = json.load(open(options.mended)) if options.mended else {}
     for line in open(os.path.join(options.prepared, "faces.jsonl")):
         record = json.loads(line)
@@ -193,7 +196,7 @@ def main():
         if name in dropped:
             continue
         points = np.float32(record["landmarks"])
-        head, unknown = label(image, mask, points, person)
+        head, unknown = label(image, mask, points, person, name in short)
         if name in mended:
             head, unknown = outline_label(mended[name])
         elif options.network_masks and person is None:

@@ -27,6 +27,25 @@ cv::Mat largest_component(const cv::Mat& set) {
     return largest == 0 ? cv::Mat::zeros(set.size(), CV_8U) : cv::Mat(components == largest);
 }
 
+/// Sets the small holes of the component to 255: teeth, or glasses that mirror a window. A large
+/// hole is a hand or a microphone before the face.
+void fill_small_holes(cv::Mat& component) {
+    constexpr double small = 0.03;
+    const double largest = small * cv::countNonZero(component);
+    cv::Mat components, statistics, centroids;
+    const int count = cv::connectedComponentsWithStats(component == 0, components, statistics,
+                                                       centroids, 4, CV_32S);
+    for (int i = 1; i < count; ++i) {
+        const cv::Rect box(
+            statistics.at<int>(i, cv::CC_STAT_LEFT), statistics.at<int>(i, cv::CC_STAT_TOP),
+            statistics.at<int>(i, cv::CC_STAT_WIDTH), statistics.at<int>(i, cv::CC_STAT_HEIGHT));
+        const bool at_border = box.x == 0 || box.y == 0 || box.br().x == component.cols ||
+                               box.br().y == component.rows;
+        if (!at_border && statistics.at<int>(i, cv::CC_STAT_AREA) < largest)
+            component.setTo(255, components == i);
+    }
+}
+
 }  // namespace
 
 Tensor soft_head_mask(const Tensor& probability) {
@@ -39,14 +58,23 @@ Tensor soft_head_mask(const Tensor& probability) {
     const std::span<const float> values = probability.values<float>();
     std::ranges::transform(values, set.begin<unsigned char>(),
                            [](float value) { return is_set(value) ? 255 : 0; });
+    const cv::Mat found = largest_component(set);
+    cv::Mat whole = found.clone();
+    fill_small_holes(whole);
     const int edge = 2 * (std::max(height, width) / 64) + 1;
     cv::Mat near;
-    cv::dilate(largest_component(set), near,
-               cv::getStructuringElement(cv::MORPH_ELLIPSE, {edge, edge}));
+    cv::dilate(found, near, cv::getStructuringElement(cv::MORPH_ELLIPSE, {edge, edge}));
     Tensor mask = probability;
-    std::transform(values.begin(), values.end(), near.begin<unsigned char>(),
-                   mask.mutable_values<float>().begin(),
-                   [](float value, unsigned char kept) { return kept != 0 ? value : 0.0F; });
+    auto value = mask.mutable_values<float>().begin();
+    for (int row = 0; row < height; ++row)
+        for (int column = 0; column < width; ++column, ++value) {
+            const bool is_hole = whole.at<unsigned char>(row, column) != 0 &&
+                                 found.at<unsigned char>(row, column) == 0;
+            if (is_hole)
+                *value = 1.0F;
+            else if (near.at<unsigned char>(row, column) == 0)
+                *value = 0.0F;
+        }
     return mask;
 }
 

@@ -29,12 +29,16 @@ bool within(std::int64_t row, std::int64_t column, std::int64_t top, std::int64_
 
 TEST_CASE("a soft head mask keeps its largest component with the soft edge") {
     const Tensor probability = filled(128, [](std::int64_t row, std::int64_t column) {
+        if (within(row, column, 50, 50, 53, 53)) return 0.25;  // a small hole
+        if (within(row, column, 60, 60, 70, 70)) return 0.0;   // a hand
         if (within(row, column, 40, 40, 80, 80)) return 0.75;
         if (within(row, column, 39, 39, 81, 81)) return 0.25;  // its edge
         if (within(row, column, 0, 0, 10, 10)) return 1.0;     // something smaller
         return within(row, column, 100, 100, 120, 120) ? 0.25 : 0.0;
     });
     const Tensor expected = filled(128, [](std::int64_t row, std::int64_t column) {
+        if (within(row, column, 50, 50, 53, 53)) return 1.0;
+        if (within(row, column, 60, 60, 70, 70)) return 0.0;
         if (within(row, column, 40, 40, 80, 80)) return 0.75;
         return within(row, column, 39, 39, 81, 81) ? 0.25 : 0.0;
     });
