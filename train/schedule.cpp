@@ -8,7 +8,7 @@
 namespace stymo {
 
 std::int64_t StepExecution::at_once(const TrainingPhase& phase) const {
-    return side_by_side ? std::min<std::int64_t>(phase.micro_batches(), thread_count()) : 1;
+    return side_by_side ? std::clamp<std::int64_t>(phase.micro_batches(), 1, thread_count()) : 1;
 }
 
 bool learns_poses(const TrainConfig& config, const TrainingPosition& position) {

@@ -158,7 +158,7 @@ SampledField<T>::SampledField(const ModelConfig& model, const RendererOptions& o
 
 template <class T>
 void SampledField<T>::set_field(const FoldedField& field) {
-    field_ = PackedField<T>(field, tolerates_ ? products_of(RenderMode::skip) : matmul_precision());
+    field_ = PackedField<T>(field, matmul_precision());
     if (tolerates_) grid_.forget();
 }
 

@@ -117,13 +117,13 @@ TEST_CASE("A peer stands beside the rows that it has, and one that fails is name
         outcome.err ==
         "stymo-bench: none.py: no such file; --peer names scripts/torch_peer.py of the project\n");
     const ToolOutcome other =
-        run_tool(tiny_run(), "stymo-bench bake --peer peer.py --peer-python ./none" + small);
+        run_tool(tiny_run(), "stymo-bench render --peer peer.py --peer-python ./none" + small);
     CHECK_THAT(other.err, Catch::Contains("no peer: ./none has no PyTorch"));
     if (!torch) {
         WARN("skipped: no PyTorch");
         return;
     }
-    const ToolOutcome broken = run_tool(tiny_run(), "stymo-bench bake --peer broken.py" + small);
+    const ToolOutcome broken = run_tool(tiny_run(), "stymo-bench render --peer broken.py" + small);
     CHECK(broken.exit_code == 1);
     CHECK_THAT(broken.err,
                Catch::Contains("stymo-bench: broken.py: render was not measured: no memory"));

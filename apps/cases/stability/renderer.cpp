@@ -67,14 +67,17 @@ StabilityCase rendered(const std::string& name, const std::string& behaviour, do
             Codes codes;
             for (std::size_t group = 0; group < code_sizes.size(); ++group)
                 codes.groups[group] = rng.normal({1, code_sizes[group]}, 0.0, 1.0).to(dtype);
-            if (dtype == DType::float64) {
+            // The decoder has no bound sideways, so far cameras are compared with exact frames.
+            if (dtype == DType::float64 && zoom == 1.0) {
                 model.parameters().convert(dtype);
                 return StabilityResult{
                     .values = {
                         decoded_view(model, codes, 0, camera, {.samples_per_ray = samples}).image}};
             }
             FaceRenderer renderer(model,
-                                  {.mode = mode, .samples_per_ray = samples, .tolerance = 0.01});
+                                  {.mode = dtype == DType::float64 ? RenderMode::exact : mode,
+                                   .samples_per_ray = samples,
+                                   .tolerance = 0.01});
             renderer.show(codes);
             return StabilityResult{.values = {renderer.render(camera).image}};
         }};
@@ -95,9 +98,10 @@ std::vector<StabilityCase> renderer_cases() {
         rows.push_back(rendered("shell that is thinner than a sample's interval",
                                 exact ? sampled : "the grid misses parts, whatever the tolerance",
                                 exact ? 1e-4 : 0.03, 1e5, 0.999, mode));
-        rows.push_back(rendered("camera at three times the distance", sampled, exact ? 1e-4 : 0.03,
-                                3.0, 0.0, mode, 3.0));
     }
+    rows.push_back(rendered("camera at three times the distance",
+                            "what is left out is what exact frames do not show", 0.03, 3.0, 0.0,
+                            RenderMode::skip, 3.0));
     return rows;
 }
 
