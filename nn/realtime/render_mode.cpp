@@ -10,7 +10,7 @@ std::span<const RenderModeTraits> render_modes() {
         RenderModeTraits{.mode = RenderMode::exact, .name = "exact", .help = "every sample"},
         RenderModeTraits{.mode = RenderMode::skip,
                          .name = "skip",
-                         .help = "significant samples only, and products in bfloat16 unless "
+                         .help = "significant samples only, and render blocks in bfloat16 unless "
                                  "--matmul-precision highest is given",
                          .tolerates = true},
     };

@@ -12,7 +12,7 @@ namespace stymo {
 enum class RenderMode {
     exact,  ///< every sample, float32
     skip,   ///< without samples that are insignificant at the tolerance and without pixels that
-            ///< show only the background; products as `products_of` says
+            ///< show only the background; render blocks as `products_of` says
 };
 
 /// What a mode is called and what it does.
@@ -30,8 +30,9 @@ struct RenderModeTraits {
 [[nodiscard]] inline bool tolerates(RenderMode mode) {
     return traits_of(mode).tolerates;
 }
-/// The precision of a mode's products: `medium` if it tolerates, unless this process computes in
-/// `highest`; else that of this process.
+/// The precision of products in a mode's render blocks: `medium` if it tolerates, unless this
+/// process computes in `highest`; else that of this process. The field keeps this process's, since
+/// a small error of an opacity moves the outline.
 [[nodiscard]] MatmulPrecision products_of(RenderMode mode);
 [[nodiscard]] inline std::string name_of(RenderMode mode) {
     return std::string(traits_of(mode).name);

@@ -131,11 +131,10 @@ TEST_CASE("products of medium precision cost an image little", "[realtime]") {
                   (computed_precision(MatmulPrecision::medium) == MatmulPrecision::highest &&
                    mode == RenderMode::exact));
         }
-        // Frames that leave out samples round operands, too, unless that is forbidden.
-        const RendererOptions skip{.mode = RenderMode::skip, .tolerance = 1e-3};
-        const View lowest = rendered(model, codes, camera, skip);
+        // Render blocks of frames that leave out samples round operands, unless that is forbidden.
         const PrecisionScope of_tools(MatmulPrecision::high, emulated);
-        CHECK(identical(rendered(model, codes, camera, skip).image, lowest.image));
+        const View of_skip = rendered(model, codes, camera, {.tolerance = 1e-3});
+        CHECK(-10.0 * std::log10(mean_square_difference(of_skip.image, exact.image)) > 50.0);
     }
 }
 
