@@ -59,6 +59,8 @@ StabilityCase rendered(const std::string& name, const std::string& behaviour, do
         .behaviour = behaviour,
         .value_bound = bound,
         .run = [=](DType dtype) {
+            // The decoder has no bound sideways, so far cameras are compared with exact frames.
+            const bool by_decoder = dtype == DType::float64 && zoom == 1.0;
             Model model = with_density(slope, level);
             const CameraConfig& of = model.config().camera;
             const Camera camera = camera_from_pose(
@@ -66,9 +68,9 @@ StabilityCase rendered(const std::string& name, const std::string& behaviour, do
             Rng rng(22);
             Codes codes;
             for (std::size_t group = 0; group < code_sizes.size(); ++group)
-                codes.groups[group] = rng.normal({1, code_sizes[group]}, 0.0, 1.0).to(dtype);
-            // The decoder has no bound sideways, so far cameras are compared with exact frames.
-            if (dtype == DType::float64 && zoom == 1.0) {
+                codes.groups[group] = rng.normal({1, code_sizes[group]}, 0.0, 1.0)
+                                          .to(by_decoder ? dtype : DType::float32);
+            if (by_decoder) {
                 model.parameters().convert(dtype);
                 return StabilityResult{
                     .values = {
