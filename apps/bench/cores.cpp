@@ -7,6 +7,7 @@
 
 #include "apps/bench/study.h"
 #include "apps/bench/training.h"
+#include "apps/common/tool_options.h"
 #include "apps/prep/pipeline.h"
 #include "core/clock.h"
 #include "core/io/folder_in_progress.h"
@@ -71,10 +72,13 @@ Run preparation(const std::filesystem::path& photos) {
         if (count < most)
             std::filesystem::copy_file(file.path(), input->path() / file.path().filename()),
                 ++count;
+    PhotoPreparationSettings settings;
+    settings.landmark_model = shipped_landmark_network();
+    settings.mask_network = shipped_mask_network();
+    const auto preparation = std::make_shared<PhotoPreparation>(settings);
     return [=] {
         const FolderInProgress out(std::filesystem::temp_directory_path() / "stymo-bench-faces");
-        const PhotoPreparation preparation({});
-        static_cast<void>(prepare_folder({input->path(), out.path(), false}, preparation));
+        static_cast<void>(prepare_folder({input->path(), out.path(), false}, *preparation));
     };
 }
 
