@@ -21,6 +21,7 @@ Table measured(const Study& study, const StudyPlan& plan) {
         for (Value& value : row.measure()) cells.push_back(std::move(value));
         table.rows.push_back(std::move(cells));
     }
+    if (interrupted()) fail<Error>("interrupted; nothing was written");
     progress.update(std::ssize(table.rows));
     return table;
 }
