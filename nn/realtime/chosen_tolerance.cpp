@@ -27,12 +27,10 @@ std::vector<FaceView> spread(std::span<const FaceView> views, std::int64_t count
     return chosen;
 }
 
-/// That of the options, or a smaller one if more decibels are wanted than the default tolerance has
-/// on the model that ships. Six decibels are a factor of two in the error.
-double first_tolerance(const RendererOptions& options, double psnr) {
+/// By what factor errors may be larger than those at 45 dB. Six decibels are a factor of two.
+double allowed_factor(double psnr) {
     constexpr double usual_psnr = 45.0, decibels_per_factor_of_two = 6.0;
-    return std::min(options.tolerance, default_tolerance * std::exp2((usual_psnr - psnr) /
-                                                                     decibels_per_factor_of_two));
+    return std::exp2((usual_psnr - psnr) / decibels_per_factor_of_two);
 }
 
 }  // namespace
@@ -56,20 +54,25 @@ ChosenRenderer choose_renderer(const Model& model, std::span<const FaceView> vie
     const std::vector<FaceView> checked = spread(views, count);
     std::vector<Tensor> expected;
     for (const FaceView& view : checked) expected.push_back(frame(exact.renderer, view));
-    ChosenRenderer fast{.renderer = FaceRenderer(model, options),
-                        .mode = options.mode,
-                        .tolerance = first_tolerance(options, psnr),
-                        .error = {},
-                        .exact_frames = count};
+    ChosenRenderer fast{
+        .renderer = FaceRenderer(model, options),
+        .mode = options.mode,
+        .tolerance = std::min(options.tolerance, default_tolerance * allowed_factor(psnr)),
+        .error = {},
+        .exact_frames = count};
     const double wanted = std::min(psnr + spare_decibels, psnr_of_equal_frames);
+    const auto suffices = [&] {
+        return fast.error.worst_psnr >= wanted &&
+               fast.error.worst_pixel <= largest_pixel_error * allowed_factor(psnr);
+    };
     for (std::int64_t i = 0; i < most_tolerances; ++i, fast.tolerance *= 0.5) {
         fast.renderer.set_tolerance(fast.tolerance);
         fast.error = {};
-        for (std::size_t k = 0; k < checked.size() && fast.error.worst_psnr >= wanted; ++k) {
+        for (std::size_t k = 0; k < checked.size() && suffices(); ++k) {
             fast.error.add(frame(fast.renderer, checked[k]), expected[k]);
             ++fast.fast_frames;
         }
-        if (fast.error.worst_psnr >= wanted) return fast;
+        if (suffices()) return fast;
     }
     exact.exact_frames = fast.exact_frames;
     exact.fast_frames = fast.fast_frames;

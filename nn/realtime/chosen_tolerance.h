@@ -42,8 +42,12 @@ inline constexpr std::int64_t most_tolerances = 4;
 /// So many decibels more are asked for in the checked views, because others may be worse.
 inline constexpr double spare_decibels = 1.5;
 
+/// Largest error of a pixel in the checked views at 45 dB; it halves with every 6 dB more.
+inline constexpr double largest_pixel_error = 0.15;
+
 /// A renderer of options.mode whose frames of these views have a PSNR of at least `psnr` against
-/// exact frames, also in the worst view. Checks some of the views, evenly spread. Tolerances go
+/// exact frames, also in the worst view, and no pixel that is off by more than
+/// `largest_pixel_error`. Checks some of the views, evenly spread. Tolerances go
 /// down by factors of 2 from options.tolerance, or from a smaller one if more than 45 dB are
 /// wanted. The renderer is exact if none suffices, if the mode tolerates none, and for fewer than
 /// `views_per_check` views. Throws what FaceRenderer and its `show` throw.

@@ -57,9 +57,8 @@ constexpr float featureless_share = 0.4F;
 constexpr double cells_in_depth = 32.0;
 
 /// Buffers of one thread.
-template <class T>
 struct Scratch {
-    RayTile<T> tile;
+    RayTile<float> tile;
     std::vector<float> points;           ///< of one ray
     std::vector<std::int32_t> rows;      ///< rows of the tile whose features are computed
     std::vector<std::int32_t> row_rays;  ///< their rays
@@ -111,7 +110,6 @@ DensityGrid make_grid(const ModelConfig& model) {
             (sampling.near_z - sampling.far_z) / cells_in_depth};
 }
 
-template <class T>
 class SampledField final : public FieldSource {
 public:
     SampledField(const ModelConfig& model, const RendererOptions& options);
@@ -130,56 +128,52 @@ private:
     void empty_haze();
     void cut_into_tiles();
     void reserve();
-    void trace_tile(std::int64_t first, std::int64_t end, const CameraRays& rays,
-                    Scratch<T>& scratch, FeatureMap& map);
-    void finish_ray(std::int64_t ray, const CameraSamples& samples, Scratch<T>& scratch,
+    void trace_tile(std::int64_t first, std::int64_t end, const CameraRays& rays, Scratch& scratch,
+                    FeatureMap& map);
+    void finish_ray(std::int64_t ray, const CameraSamples& samples, Scratch& scratch,
                     FeatureMap& map);
     void finish(FeatureMap& map);
 
     bool tolerates_;
     float tolerance_;
-    PackedField<T> field_;
+    PackedField<float> field_;
     DensityGrid grid_;
     SampleSelection selection_;
     std::vector<float> estimates_;     ///< of the opacity of each ray
     std::vector<std::int64_t> tiles_;  ///< first ray of each, and the end of the last
     std::int64_t largest_tile_ = 0;    ///< points
-    std::vector<Scratch<T>> scratch_;  ///< of each thread
+    std::vector<Scratch> scratch_;     ///< of each thread
     std::vector<float> composited_;    ///< (rays, width)
     float background_ = 0.0F;
 };
 
-template <class T>
-SampledField<T>::SampledField(const ModelConfig& model, const RendererOptions& options)
+SampledField::SampledField(const ModelConfig& model, const RendererOptions& options)
     : tolerates_(stymo::tolerates(options.mode)),
       tolerance_(tolerates_ ? static_cast<float>(options.tolerance) : 0.0F) {
     if (tolerates_) grid_ = make_grid(model);
 }
 
-template <class T>
-void SampledField<T>::set_field(const FoldedField& field) {
-    field_ = PackedField<T>(field, matmul_precision());
+void SampledField::set_field(const FoldedField& field) {
+    field_ = PackedField<float>(field);
     if (tolerates_) grid_.forget();
 }
 
-template <class T>
-void SampledField<T>::evaluate_grid_around(std::span<const float> points) {
+void SampledField::evaluate_grid_around(std::span<const float> points) {
     grid_.evaluate_around(points, [this](std::span<const float> vertices, std::span<float> logits) {
         const auto position_of = [&](std::int64_t i) {
             return vertices.subspan(static_cast<std::size_t>(3 * i), 3);
         };
         evaluate_points(field_, std::ssize(logits), position_of,
-                        [&](std::int64_t first, std::int64_t size, const FieldTile<T>& tile) {
+                        [&](std::int64_t first, std::int64_t size, const FieldTile<float>& tile) {
                             std::copy_n(tile.logits.begin(), size, logits.begin() + first);
                         });
     });
 }
 
-template <class T>
-void SampledField<T>::render(const CameraRays& rays, FeatureMap& map, const std::stop_token& stop) {
+void SampledField::render(const CameraRays& rays, FeatureMap& map, const std::stop_token& stop) {
     const std::size_t count = rays.rays.size();
     scratch_.resize(static_cast<std::size_t>(thread_count()));
-    for (Scratch<T>& scratch : scratch_) {
+    for (Scratch& scratch : scratch_) {
         scratch.significant = 0;
         scratch.points.reserve(static_cast<std::size_t>(3 * rays.samples_per_ray));
         scratch.bounds.reserve(static_cast<std::size_t>(rays.samples_per_ray));
@@ -208,12 +202,11 @@ void SampledField<T>::render(const CameraRays& rays, FeatureMap& map, const std:
     map.grid_points = grid_.known_vertices() - known_vertices;
     map.field_samples = map.significant_samples = 0;
     for (const std::int32_t selected : selection_.counts) map.field_samples += selected;
-    for (const Scratch<T>& scratch : scratch_) map.significant_samples += scratch.significant;
+    for (const Scratch& scratch : scratch_) map.significant_samples += scratch.significant;
     map.tiles = map.field_samples > 0 ? std::ssize(tiles_) - 1 : 0;
 }
 
-template <class T>
-void SampledField<T>::select(const CameraRays& rays) {
+void SampledField::select(const CameraRays& rays) {
     const std::size_t count = rays.rays.size();
     selection_.resize(static_cast<std::int64_t>(count), rays.samples_per_ray);
     if (!tolerates_) {
@@ -235,19 +228,17 @@ void SampledField<T>::select(const CameraRays& rays) {
 }
 
 /// Largest total weight of a stretch of samples that may be left out.
-template <class T>
-float SampledField<T>::limit_of_ray(float surely_opaque) const {
+float SampledField::limit_of_ray(float surely_opaque) const {
     return std::max(std::min(strict, tolerance_),
                     tolerance_ * std::pow(surely_opaque, static_cast<float>(opacity_power)));
 }
 
 /// False if the grid does not know enough yet.
-template <class T>
-bool SampledField<T>::select_from_grid(const CameraRays& rays) {
+bool SampledField::select_from_grid(const CameraRays& rays) {
     const auto count = static_cast<std::int64_t>(rays.rays.size()), samples = rays.samples_per_ray;
     std::atomic<bool> known{true};
     const auto select_chunk = [&](std::int64_t chunk, int thread) {
-        Scratch<T>& scratch = scratch_[static_cast<std::size_t>(thread)];
+        Scratch& scratch = scratch_[static_cast<std::size_t>(thread)];
         for (std::int64_t i = chunk * rays_per_chunk;
              i < std::min(count, (chunk + 1) * rays_per_chunk); ++i) {
             const Ray& ray = rays.rays[static_cast<std::size_t>(i)];
@@ -272,8 +263,7 @@ bool SampledField<T>::select_from_grid(const CameraRays& rays) {
 }
 
 /// Empties faint rays without a neighbour, also diagonal, that is solid.
-template <class T>
-void SampledField<T>::empty_haze() {
+void SampledField::empty_haze() {
     const auto side =
         static_cast<std::int64_t>(std::llround(std::sqrt(static_cast<double>(estimates_.size()))));
     const float least = std::min(solid, tolerance_);
@@ -293,8 +283,7 @@ void SampledField<T>::empty_haze() {
 
 /// Divides the samples into tiles of whole rays, so that each tile can composite its rays. Tiles
 /// have about the same size, and their number is a multiple of the number of threads.
-template <class T>
-void SampledField<T>::cut_into_tiles() {
+void SampledField::cut_into_tiles() {
     const std::int64_t all =
         std::accumulate(selection_.counts.begin(), selection_.counts.end(), std::int64_t{0});
     const std::int64_t rounds = chunk_count(all, tile_points * thread_count()),
@@ -315,10 +304,9 @@ void SampledField<T>::cut_into_tiles() {
 }
 
 /// For every thread, because any of them may get the largest tile.
-template <class T>
-void SampledField<T>::reserve() {
+void SampledField::reserve() {
     const auto points = static_cast<std::size_t>(largest_tile_);
-    for (Scratch<T>& scratch : scratch_) {
+    for (Scratch& scratch : scratch_) {
         field_.reserve(largest_tile_, scratch.tile.field);
         scratch.tile.reserve(largest_tile_, std::ssize(selection_.counts));
         scratch.rows.reserve(points);
@@ -327,11 +315,10 @@ void SampledField<T>::reserve() {
     }
 }
 
-template <class T>
-void SampledField<T>::trace_tile(std::int64_t first, std::int64_t end, const CameraRays& rays,
-                                 Scratch<T>& scratch, FeatureMap& map) {
+void SampledField::trace_tile(std::int64_t first, std::int64_t end, const CameraRays& rays,
+                              Scratch& scratch, FeatureMap& map) {
     const CameraSamples samples{rays};
-    RayTile<T>& tile = scratch.tile;
+    RayTile<float>& tile = scratch.tile;
     tile.take(selection_, samples, first, end);
     field_.evaluate(tile.points, tile.field);
     tile.composite(selection_, samples);
@@ -352,9 +339,8 @@ void SampledField<T>::trace_tile(std::int64_t first, std::int64_t end, const Cam
 
 /// Opacity and depth of one ray from its weights, and the rows of the tile whose features are
 /// computed.
-template <class T>
-void SampledField<T>::finish_ray(std::int64_t ray, const CameraSamples& samples,
-                                 Scratch<T>& scratch, FeatureMap& map) {
+void SampledField::finish_ray(std::int64_t ray, const CameraSamples& samples, Scratch& scratch,
+                              FeatureMap& map) {
     const auto index = static_cast<std::size_t>(ray);
     const std::span<const std::int32_t> selected = selection_.samples_of(ray);
     const std::int64_t first_row = scratch.tile.begin_of(ray);
@@ -387,8 +373,7 @@ void SampledField<T>::finish_ray(std::int64_t ray, const CameraSamples& samples,
     scratch.row_weights.back() += carried;
 }
 
-template <class T>
-void SampledField<T>::finish(FeatureMap& map) {
+void SampledField::finish(FeatureMap& map) {
     const auto count = static_cast<std::int64_t>(map.occupied.size()), width = field_.width(),
                channels = field_.feature_channels();
     const auto finish_rays = [&](std::int64_t first, std::int64_t end) {
@@ -420,7 +405,7 @@ double farthest_sample(const CameraRays& rays) {
 
 std::unique_ptr<FieldSource> make_sampled_field(const ModelConfig& model,
                                                 const RendererOptions& options) {
-    return std::make_unique<SampledField<float>>(model, options);
+    return std::make_unique<SampledField>(model, options);
 }
 
 }  // namespace stymo

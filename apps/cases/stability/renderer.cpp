@@ -94,14 +94,14 @@ std::vector<StabilityCase> renderer_cases() {
         const std::string sampled =
             exact ? "every sample" : "samples are left out where the grid has no density";
         rows.push_back(rendered("surface that is sharper than a sample's interval", sampled,
-                                exact ? 1e-4 : 0.03, 1e3, 0.0, mode));
-        rows.push_back(rendered("surface of densities up to 1e6", sampled, exact ? 1e-4 : 0.03, 1e6,
+                                exact ? 1e-4 : 1e-3, 1e3, 0.0, mode));
+        rows.push_back(rendered("surface of densities up to 1e6", sampled, exact ? 1e-4 : 1e-3, 1e6,
                                 0.0, mode));
         rows.push_back(rendered("shell that is thinner than a sample's interval", sampled,
-                                exact ? 1e-4 : 0.03, 1e5, 0.999, mode));
+                                exact ? 1e-4 : 1e-3, 1e5, 0.999, mode));
     }
     rows.push_back(rendered("camera at three times the distance",
-                            "what is left out is what exact frames do not show", 0.03, 3.0, 0.0,
+                            "what is left out is what exact frames do not show", 1e-3, 3.0, 0.0,
                             RenderMode::skip, 3.0));
     return rows;
 }

@@ -1,7 +1,11 @@
 #include <catch2/catch.hpp>
 
 #include "core/error.h"
+#include "core/io/image.h"
 #include "fit/photo/head_mask.h"
+#include "nn/pretrained/head_mask_network.h"
+#include "render/parsing_classes.h"
+#include "shared_data.h"
 
 namespace head_mask_tests {
 
@@ -56,6 +60,25 @@ TEST_CASE("intersection over union counts pixels") {
     CHECK(intersection_over_union(left, right) == Approx(0.2));
     CHECK(intersection_over_union(Tensor::zeros({4, 4, 1}), Tensor::zeros({4, 4, 1})) == 1.0);
     CHECK_THROWS_AS(intersection_over_union(left, Tensor::zeros({4, 4, 1})), ShapeError);
+}
+
+TEST_CASE("masks of the network that ships agree with hand-made ones", "[slow]") {
+    const auto shared = shared_data();
+    if (!shared) return;
+    const std::filesystem::path photos = *shared / "data/celebamask";
+    const HeadMaskModel model =
+        read_head_mask_model(STYMO_SOURCE_DIR "/configs/models/head-mask/network.safetensors");
+    double sum = 0.0;
+    constexpr int first = 200, end = 400;  // no training has seen these photos
+    for (int i = first; i < end; ++i) {
+        const std::string id = "00" + std::to_string(i);
+        Tensor truth = read_class_map(photos / "parsing" / (id + ".png"));
+        for (float& value : truth.mutable_values<float>())
+            value = is_head_class(static_cast<int>(value)) ? 1.0F : 0.0F;
+        const Tensor photo = read_image(photos / "images" / (id + ".jpg"));
+        sum += intersection_over_union(soft_head_mask(head_probability(model, photo)), truth);
+    }
+    CHECK(sum / (end - first) >= 0.89);  // the card of the network: 0.895
 }
 
 }  // namespace head_mask_tests

@@ -119,6 +119,7 @@ TEST_CASE("a choice costs little, and few views are rendered exactly without one
             if (chosen.mode == RenderMode::exact) continue;
             CHECK(chosen.error.views == chosen.exact_frames);
             CHECK(chosen.error.worst_psnr >= psnr + spare_decibels);
+            CHECK(chosen.error.worst_pixel <= largest_pixel_error * std::exp2((45.0 - psnr) / 6.0));
         }
     }
     for (const RenderMode mode : {RenderMode::skip, RenderMode::exact}) {
