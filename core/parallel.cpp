@@ -41,7 +41,7 @@ void run_alone(std::int64_t chunks, const Body& body) {
 
 /// Calls body(chunk, thread) for all chunks.
 template <class Body>
-void run_chunks(std::int64_t chunks, const std::source_location& caller, const Body& body) {
+void run_chunks(std::int64_t chunks, const char* caller, const Body& body) {
     if (chunks <= 1) return run_alone(chunks, body);
     if (ParallelRecording* const recording = ParallelRecording::of_this_thread())
         return recording->loop(chunks, caller, [&](std::int64_t chunk) { body(chunk, 0); });
@@ -86,8 +86,7 @@ int thread_count() {
 }
 
 void parallel_for(std::int64_t count, std::int64_t grain,
-                  const std::function<void(std::int64_t, std::int64_t)>& body,
-                  const std::source_location& caller) {
+                  const std::function<void(std::int64_t, std::int64_t)>& body, const char* caller) {
     grain = std::max<std::int64_t>(grain, 1);
     run_chunks(chunk_count(count, grain), caller, [&](std::int64_t chunk, int) {
         body(chunk * grain, std::min(count, (chunk + 1) * grain));
@@ -95,12 +94,12 @@ void parallel_for(std::int64_t count, std::int64_t grain,
 }
 
 void parallel_items(std::int64_t count, const std::function<void(std::int64_t, int)>& body,
-                    const std::source_location& caller) {
+                    const char* caller) {
     run_chunks(count, caller, body);
 }
 
 void parallel_tasks(std::int64_t count, const std::function<void(std::int64_t)>& body,
-                    const std::source_location& caller) {
+                    const char* caller) {
     const auto task = [&](std::int64_t i, int) { body(i); };
     const int threads = thread_count();
     if (count <= 1 || threads == 1 || omp_in_parallel() != 0 ||

@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <functional>
-#include <source_location>
 
 namespace stymo {
 
@@ -24,22 +23,22 @@ void set_thread_count(int count);
 /// stores one partial result for each chunk and adds them in order therefore gives the same bits
 /// for any number of threads. A nested call, from within a body, runs on the calling thread. Calls
 /// from several threads at once share the threads: each has its part of them, at least one. The
-/// first exception that a body throws is rethrown. `caller` names the loop in a recording
-/// (core/parallel_recording.h).
+/// first exception that a body throws is rethrown. `caller`, a file of the sources, names the loop
+/// in a recording (core/parallel_recording.h).
 void parallel_for(std::int64_t count, std::int64_t grain,
                   const std::function<void(std::int64_t, std::int64_t)>& body,
-                  const std::source_location& caller = std::source_location::current());
+                  const char* caller = __builtin_FILE());
 
 /// Calls `body(item, thread)` for each item of [0, count), for bodies that need buffers of their
 /// own: `thread` is below thread_count(), and differs between bodies of this call that run at the
 /// same time. Otherwise like `parallel_for` with a grain of 1.
 void parallel_items(std::int64_t count, const std::function<void(std::int64_t, int)>& body,
-                    const std::source_location& caller = std::source_location::current());
+                    const char* caller = __builtin_FILE());
 
 /// Calls `body(i)` for each i of [0, count), for bodies that call `parallel_for` themselves. Calls
 /// run side by side, one on each thread. Threads without a call help with the loops inside the
 /// calls of others. Exceptions are those of `parallel_for`.
 void parallel_tasks(std::int64_t count, const std::function<void(std::int64_t)>& body,
-                    const std::source_location& caller = std::source_location::current());
+                    const char* caller = __builtin_FILE());
 
 }  // namespace stymo

@@ -72,10 +72,9 @@ ParallelRecording* ParallelRecording::of_this_thread() {
     return recording;
 }
 
-void ParallelRecording::loop(std::int64_t chunks, const std::source_location& caller,
+void ParallelRecording::loop(std::int64_t chunks, const char* caller,
                              const std::function<void(std::int64_t)>& body) {
-    RecordedLoop loop{
-        .file = caller.file_name(), .before_seconds = thread_seconds() - mark_, .chunks = {}};
+    RecordedLoop loop{.file = caller, .before_seconds = thread_seconds() - mark_, .chunks = {}};
     const struct Return {
         ParallelRecording& recording;
         WorkProfile* outer;

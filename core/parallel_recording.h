@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <functional>
-#include <source_location>
 #include <vector>
 
 namespace stymo {
@@ -11,7 +10,7 @@ struct RecordedLoop;
 
 /// How work is divided: what runs on one thread, and the loops whose chunks may run on several.
 struct WorkProfile {
-    std::vector<RecordedLoop> loops{};
+    std::vector<RecordedLoop> loops;
     double after_seconds = 0.0;  ///< serial work after the last loop
 
     [[nodiscard]] double serial_seconds() const;
@@ -53,7 +52,7 @@ public:
     /// Null if the calling thread records nothing.
     [[nodiscard]] static ParallelRecording* of_this_thread();
     /// Calls body(chunk) for all chunks.
-    void loop(std::int64_t chunks, const std::source_location& caller,
+    void loop(std::int64_t chunks, const char* caller,
               const std::function<void(std::int64_t)>& body);
 
 private:

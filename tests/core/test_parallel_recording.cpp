@@ -23,7 +23,7 @@ void work_for(double seconds) {
 /// Chunks of these durations, without loops inside.
 RecordedLoop loop_of(double before, const std::vector<double>& seconds) {
     RecordedLoop loop{.before_seconds = before, .chunks = {}};
-    for (const double one : seconds) loop.chunks.push_back({.after_seconds = one});
+    for (const double one : seconds) loop.chunks.push_back({{}, one});
     return loop;
 }
 
