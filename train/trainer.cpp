@@ -53,8 +53,8 @@ Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Datas
       validation_(validation),
       rng_(seed),
       schedule_(config),
-      images_(training, config.data.mirror, rng_,
-              resolution_ladder(config.model.decoder).smallest(), config.stage1.batch),
+      images_(training, config.data, rng_, resolution_ladder(config.model.decoder).smallest(),
+              config.stage1.batch),
       model_(initial_model(config.model, rng_)),
       reconstruction_(config.model.reconstruction) {
     if (uses_encoder(config.model)) require_backbone_weights(config.model.encoder);

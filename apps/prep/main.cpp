@@ -100,6 +100,10 @@ int stymo_prep(int argc, char** argv) {
               "prepare every face of a photo instead of the largest one");
     line.flag("--new-masks", settings.new_masks,
               "make masks even where the folder has them, and report how well both agree");
+    line.flag(
+        "--whole-head", settings.whole_head,
+        "cut out more than FFHQ's square where the head leaves it at the top or the sides, as "
+        "that of a turned head does");
     line.option("--distance", settings.pivot.distance,
                 "with --pose-net: distance of the frontal camera from the head's origin")
         .range(1, 100);

@@ -58,6 +58,8 @@ FaceOutcome parse_face(const Json& value) {
     face.fit.landmark_error = value.at("landmark_error").get<double>();
     face.was_aligned = value.at("was_aligned").get<bool>();
     face.made_mask = value.at("made_mask").get<bool>();
+    face.person = record.value("person", "");
+    face.series = record.value("series", "");
     face.warnings = value.at("warnings").get<std::vector<std::string>>();
     if (value.contains("mask_agreement"))
         face.mask_agreement = value["mask_agreement"].get<double>();
@@ -71,19 +73,29 @@ FaceOutcome parse_face(const Json& value) {
 }  // namespace
 
 FaceOutcome outcome_of(std::string id, PreparedFace face) {
-    return {std::move(id),         std::move(face.fit),      face.crop.landmarks,
-            face.network_rotation, face.crop.mask_agreement, face.crop.was_aligned,
-            face.crop.made_mask,   std::move(face.warnings)};
+    return {std::move(id),
+            std::move(face.fit),
+            face.crop.landmarks,
+            face.network_rotation,
+            face.crop.mask_agreement,
+            face.crop.was_aligned,
+            face.crop.made_mask,
+            std::move(face.warnings),
+            {},
+            {}};
 }
 
 JsonValue face_record(const FaceOutcome& face, const Pose& pose) {
     JsonValue code = JsonValue::object();
     for (std::size_t group = 0; group < code_members.size(); ++group)
         code.add(code_names[group], face.fit.*code_members[group]);
-    return JsonValue::object({{"id", face.id},
-                              {"pose", to_json(pose)},
-                              {"code", code},
-                              {"landmarks", landmarks_json(face.landmarks)}});
+    JsonValue record = JsonValue::object({{"id", face.id},
+                                          {"pose", to_json(pose)},
+                                          {"code", code},
+                                          {"landmarks", landmarks_json(face.landmarks)}});
+    if (!face.person.empty()) record.add("person", face.person);
+    if (!face.series.empty()) record.add("series", face.series);
+    return record;
 }
 
 JsonValue to_json(const PhotoOutcome& outcome) {

@@ -20,6 +20,8 @@ struct FaceOutcome {
     bool was_aligned = false;
     bool made_mask = false;
     std::vector<std::string> warnings;
+    std::string person;  ///< as in FaceRecord
+    std::string series;
 };
 
 /// The outcome of one photo. `failure` says why it cannot be used, or is empty.

@@ -39,6 +39,7 @@ JsonValue settings_json(const fs::path& photos, const PhotoPreparationSettings& 
                               {"--max-pixels", settings.most_pixels},
                               {"--all-faces", settings.all_faces},
                               {"--new-masks", settings.new_masks},
+                              {"--whole-head", settings.whole_head},
                               {"--landmarks", absolute(settings.landmark_model)},
                               {"--morphable", absolute(settings.morphable)},
                               {"--mask-net", absolute(settings.mask_network)},
@@ -91,10 +92,12 @@ std::string face_id(const std::string& photo, std::size_t index) {
 }
 
 /// Writes the results of a photo, images first, so that the images of every recorded photo exist.
-PhotoOutcome written(const fs::path& photos, const fs::path& out, PhotoInWork work,
-                     std::span<PreparedFace> faces, const std::set<std::string>& photo_ids) {
+/// `known` is the line of the photo, whose person is its largest face; or null.
+PhotoOutcome written(const FolderPreparation& folders, PhotoInWork work,
+                     std::span<PreparedFace> faces, const std::set<std::string>& photo_ids,
+                     const FaceEntry* known) {
     PhotoOutcome outcome{
-        work.files->image.lexically_relative(photos).string(), std::move(work.failure), {}};
+        work.files->image.lexically_relative(folders.photos).string(), std::move(work.failure), {}};
     for (std::size_t i = 0; i < faces.size(); ++i) {
         std::string id = face_id(work.files->id, i);
         if (i > 0 && photo_ids.contains(id))
@@ -103,9 +106,14 @@ PhotoOutcome written(const fs::path& photos, const fs::path& out, PhotoInWork wo
             outcome.failure = faces[i].failure;
             continue;
         }
-        write_image(out / "images" / (id + ".png"), faces[i].crop.image, Durability::crash_safe);
-        write_image(out / "masks" / (id + ".png"), faces[i].crop.mask, Durability::crash_safe);
+        write_image(folders.out / "images" / (id + ".png"), faces[i].crop.image,
+                    Durability::crash_safe);
+        write_image(folders.out / "masks" / (id + ".png"), faces[i].crop.mask,
+                    Durability::crash_safe);
         outcome.faces.push_back(outcome_of(std::move(id), std::move(faces[i])));
+        if (i > 0 || known == nullptr) continue;
+        outcome.faces.back().person = known->person;
+        outcome.faces.back().series = known->series;
     }
     return outcome;
 }
@@ -153,9 +161,9 @@ public:
                 for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end);
                      ++i)
                     outcomes[i] = written(
-                        folders_.photos, folders_.out, std::move(batch[i]),
+                        folders_, std::move(batch[i]),
                         std::span(faces).subspan(first_face[i], first_face[i + 1] - first_face[i]),
-                        photo_ids_);
+                        photo_ids_, scan_.records.find(batch[i].files->id));
             });
         for (const PhotoOutcome& outcome : outcomes) notes_.append(outcome);
         waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(count));

@@ -1,6 +1,7 @@
 #include "fit/photo/photo_preparation.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <mutex>
 
@@ -33,6 +34,11 @@ constexpr double least_resolution = 0.25;
 /// Of a crop with a larger share outside the photo, less than half is known.
 constexpr double largest_unknown_share = 0.5;
 
+/// Sides of the squares that are tried for a whole head, in units of FFHQ's.
+constexpr std::array<double, 3> wider_squares{1.15, 1.3, 1.5};
+/// A wider square is of no use if this share of it is new and lies outside the photo.
+constexpr double largest_new_share_outside = 0.05;
+
 struct FoundFace {
     Landmarks landmarks;
     std::int64_t faces = 1;
@@ -54,6 +60,20 @@ Tensor in_frame_of(const Tensor& photo, const Tensor& mask) {
     if (std::abs(stretch - 1.0) > rounding) fail<ValueError>("its mask has other proportions");
     return clamp(resize_image(mask, static_cast<int>(height), static_cast<int>(width)), 0.0, 1.0)
         .value();
+}
+
+/// Whether the head leaves the image at the top or the sides. Below it, the neck always does.
+bool leaves_frame(const Tensor& mask) {
+    constexpr double least_share = 0.02;
+    const std::int64_t side = mask.shape(0);
+    const std::span<const float> values = mask.values<float>();
+    std::array<std::int64_t, 3> heads{};
+    for (std::int64_t i = 0; i < side; ++i) {
+        const std::array<std::int64_t, 3> pixels{i, i * side, i * side + side - 1};
+        for (std::size_t edge = 0; edge < pixels.size(); ++edge)
+            if (values[static_cast<std::size_t>(pixels[edge])] > 0.5F) ++heads[edge];
+    }
+    return static_cast<double>(std::ranges::max(heads)) > least_share * static_cast<double>(side);
 }
 
 /// If one face of the batch cannot be fitted, the faces are fitted one by one, so that the others
@@ -114,7 +134,9 @@ struct PhotoPreparation::Implementation {
     }
 
     [[nodiscard]] FaceCrop crop(const Tensor& photo, const Tensor& known_mask,
-                                const FoundFace& face);
+                                const FoundFace& face) const;
+    [[nodiscard]] FaceCrop crop_at(const Alignment& alignment, const Tensor& photo,
+                                   const Tensor& known_mask, const FoundFace& face) const;
     [[nodiscard]] PreparedFace joined(FaceCrop crop, std::optional<MorphableFit> fit);
     /// Why the face cannot be used; empty if it can.
     [[nodiscard]] std::string failure_of(const FaceCrop& crop,
@@ -125,9 +147,25 @@ struct PhotoPreparation::Implementation {
 };
 
 FaceCrop PhotoPreparation::Implementation::crop(const Tensor& photo, const Tensor& known_mask,
-                                                const FoundFace& face) {
+                                                const FoundFace& face) const {
+    const Alignment narrow = ffhq_alignment(face.landmarks);
+    FaceCrop crop = crop_at(narrow, photo, known_mask, face);
+    if (!settings.whole_head || crop.was_aligned) return crop;
+    for (const double scale : wider_squares) {
+        if (!leaves_frame(crop.mask)) break;
+        const Alignment wide{narrow.center, scale * narrow.axis};
+        if (share_outside(wide, photo.shape(1), photo.shape(0)) - crop.share_outside >
+            largest_new_share_outside)
+            break;
+        crop = crop_at(wide, photo, known_mask, face);
+    }
+    return crop;
+}
+
+FaceCrop PhotoPreparation::Implementation::crop_at(const Alignment& alignment, const Tensor& photo,
+                                                   const Tensor& known_mask,
+                                                   const FoundFace& face) const {
     const std::int64_t height = photo.shape(0), width = photo.shape(1);
-    const Alignment alignment = ffhq_alignment(face.landmarks);
     FaceCrop crop;
     crop.was_aligned = is_aligned(alignment, width, height);
     crop.faces = face.faces;

@@ -25,6 +25,9 @@ struct PhotoPreparationSettings {
     std::int64_t most_pixels = usual_most_pixels;  ///< photos with more pixels are rejected
     bool all_faces = false;  ///< prepares all faces of a photo; else the largest
     bool new_masks = false;  ///< makes masks even if they are known, and compares both
+    /// Widens FFHQ's square, up to 1.5 times, while the head leaves it at the top or the sides.
+    /// Photos that are already aligned stay as they are.
+    bool whole_head = false;
     PivotCamera pivot;       ///< camera position for poses from a network
     // Optional files; an empty path means that the file is not used.
     std::filesystem::path landmark_model;  ///< for FaceDetector; empty: that of libdlib-data
@@ -45,8 +48,8 @@ struct KnownOfPhoto {
     std::optional<Landmarks> landmarks;
 };
 
-/// One face cut out of a photo with FFHQ's alignment, or the photo itself if it was already
-/// aligned.
+/// One face cut out of a photo with FFHQ's alignment (or more of the photo, see `whole_head`), or
+/// the photo itself if it was already aligned.
 struct FaceCrop {
     Tensor image;         ///< (side, side, 3) in [0, 1]
     Tensor mask;          ///< (side, side, 1) in [0, 1], 1 on the head

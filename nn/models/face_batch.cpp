@@ -6,6 +6,7 @@
 #include "core/io/image.h"
 #include "core/ops/elementwise.h"
 #include "core/ops/resample.h"
+#include "core/ops/shape_ops.h"
 
 namespace stymo {
 namespace {
@@ -42,6 +43,10 @@ Tensor shrunk(const Tensor& images, std::int64_t side, double low, double high) 
     if (images.shape(1) == side) return images;
     return clamp(resize_bicubic(images, static_cast<int>(side), static_cast<int>(side)), low, high)
         .value();
+}
+
+Tensor encoder_input(std::span<const Face> faces) {
+    return affine(Variable(stacked(faces, &Face::image)), 2.0, -1.0).value();
 }
 
 void add_codes(FaceBatch& batch, std::span<const Face> faces) {
@@ -98,14 +103,39 @@ FaceBatch make_batch(std::span<const Face> faces, std::int64_t smallest_target,
     return batch;
 }
 
+void read_people_from(FaceBatch& batch, std::span<const Face> others,
+                      std::vector<bool> same_light) {
+    if (others.size() != batch.cameras.size() || same_light.size() != others.size())
+        fail<ShapeError>(others.size(), " photos for the people of ", batch.cameras.size(),
+                         " faces");
+    batch.other_input = encoder_input(others);
+    batch.same_light = std::move(same_light);
+}
+
 bool FaceBatch::has_codes() const {
     if (!code_present.defined()) return false;
     const std::vector<double> present = code_present.to_vector();
     return std::ranges::any_of(present, [](double value) { return value > 0.0; });
 }
 
+namespace {
+
+Codes encoded(const Model& model, const FaceBatch& batch) {
+    const Codes codes = model.encoder()(Variable(batch.input));
+    if (!batch.other_input.defined()) return codes;
+    const Codes others = model.encoder()(Variable(batch.other_input));
+    std::vector<Variable> light;
+    for (std::size_t i = 0; i < batch.same_light.size(); ++i) {
+        const auto row = static_cast<std::int64_t>(i);
+        light.push_back(slice((batch.same_light[i] ? others : codes).light(), 0, row, row + 1));
+    }
+    return {{others.identity(), codes.expression(), others.texture(), concat(light, 0)}};
+}
+
+}  // namespace
+
 Codes face_codes(const Model& model, const FaceBatch& batch) {
-    if (uses_encoder(model.config())) return model.encoder()(Variable(batch.input));
+    if (uses_encoder(model.config())) return encoded(model, batch);
     const std::vector<double> present = batch.code_present.defined()
                                             ? batch.code_present.to_vector()
                                             : std::vector<double>(batch.cameras.size());

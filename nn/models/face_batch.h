@@ -44,6 +44,10 @@ struct FaceBatch {
     std::array<Tensor, 4> codes{};  ///< (B, size) of each group in the order of `code_names`, zeros
                                     ///< where a face has no code
     Tensor code_present{};          ///< (B), 1 where a face has a code; undefined: no face has one
+    /// (B, S, S, 3) like `input`: photos that show the same people, from which the encoder reads
+    /// identity and texture, and light where `same_light`; undefined: the faces' own photos.
+    Tensor other_input{};
+    std::vector<bool> same_light{};
 
     /// Whether any face of the batch has a code.
     [[nodiscard]] bool has_codes() const;
@@ -56,6 +60,10 @@ struct FaceBatch {
 /// that doubling does not reach.
 [[nodiscard]] FaceBatch make_batch(std::span<const Face> faces, std::int64_t smallest_target = 64,
                                    std::int64_t largest_target = 0);
+
+/// Lets the encoder read who the faces are from `others`, photos of the same people: the code of
+/// one photo then has to render another. Throws ShapeError for another number of faces.
+void read_people_from(FaceBatch& batch, std::span<const Face> others, std::vector<bool> same_light);
 
 /// Initial codes of the batch's faces in Z: from the encoder, or from `batch.codes` if the model
 /// has no encoder. Throws ValueError, which names the first face whose code is missing.

@@ -61,7 +61,12 @@ fs::path photos_with_landmarks(const std::string& name, int count) {
         for (const char* kind : {"images", "masks"})
             fs::copy_file(tiny_run() / "faces" / kind / file, folder / kind / file,
                           fs::copy_options::overwrite_existing);
-        lines += json{{"id", record["id"]}, {"landmarks", record["landmarks"]}}.dump() + "\n";
+        lines += json{{"id", record["id"]},
+                      {"landmarks", record["landmarks"]},
+                      {"person", "of " + record["id"].get<std::string>()},
+                      {"series", "studio"}}
+                     .dump() +
+                 "\n";
     }
     fs::copy_file(tiny_run() / "zero.png", folder / "images/zero.png",
                   fs::copy_options::overwrite_existing);
@@ -108,6 +113,8 @@ TEST_CASE(
         CHECK(found[i]["pose"]["yaw_deg"].get<double>() ==
               Approx(truth[i]["pose"]["yaw_deg"].get<double>()).margin(5.0));
         CHECK(found[i]["code"]["expr"].size() == 79);
+        CHECK(found[i]["person"] == "of " + found[i]["id"].get<std::string>());
+        CHECK(found[i]["series"] == "studio");
     }
     done(
         "stymo-train --config tiny.json --data prepared --out prepared_run --set stage1.steps=1 "

@@ -1,3 +1,4 @@
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <limits>
@@ -140,8 +141,9 @@ TEST_CASE("A product of medium precision is that of rounded operands", "[tiles]"
     if (computed_precision(MatmulPrecision::medium) == MatmulPrecision::highest) return;
     // Blocks and panels that are whole and that are not, and operands that lie along both sides, as
     // in a layer, its gradients and a convolution.
-    const auto [m, k, n] = GENERATE(std::tuple{19, 70, 37}, std::tuple{64, 256, 64},
-                                    std::tuple{33, 1100, 16}, std::tuple{45, 27, 48});
+    const auto sides = GENERATE(std::array{19, 70, 37}, std::array{64, 256, 64},
+                                std::array{33, 1100, 16}, std::array{45, 27, 48});
+    const int m = sides[0], k = sides[1], n = sides[2];
     const bool transposed_left = GENERATE(false, true), transposed_right = GENERATE(false, true);
     Rng rng(13);
     std::vector<float> a = draw(rng, m * k), b = draw(rng, k * n);

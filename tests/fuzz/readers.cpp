@@ -158,7 +158,7 @@ const std::map<std::string, Reader>& readers() {
          [=](const auto& b) {
              static const std::filesystem::path faces = path(std::string(100, ' '));
              static const FileVersion version = version_of(faces);
-             static const std::string title = "stymo-face-index-1 " + std::to_string(version.size) +
+             static const std::string title = "stymo-face-index-2 " + std::to_string(version.size) +
                                               " " + std::to_string(version.time) + " ";
              static_cast<void>(
                  scratch_file("in.index", title + std::to_string(crc32c(b)) + "\n" + b));

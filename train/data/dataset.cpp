@@ -119,6 +119,9 @@ void describe(ConfigSchema& schema, DataConfig& config) {
                   "last (training, validation, test)");
     schema.boolean("data.mirror", config.mirror,
                    "mirror half of the training faces at random; a mirrored face has no code loss");
+    schema.number("data.other_photo", config.other_photo, 0.0, 1.0,
+                  "share of the images of people with several photos whose identity and texture "
+                  "are read from another photo of the person");
     schema.integer(
         "data.cache_megabytes", config.cache_megabytes, 0, 10000000,
         "memory for decoded faces at the training size; a larger set is decoded again at each use");
@@ -266,6 +269,10 @@ const FaceFiles& Dataset::files(std::int64_t index) const {
     if (index < 0 || index >= size())
         fail<ValueError>("face ", index, " of a data set of ", size());
     return implementation_->faces[static_cast<std::size_t>(index)];
+}
+
+const FaceEntry* Dataset::entry(std::int64_t index) const {
+    return implementation_->records.find(files(index).id);
 }
 
 Face Dataset::load(std::int64_t index) const {

@@ -20,11 +20,14 @@ struct DataConfig {
     /// Which end of the sorted ids is held out: "first" or "last".
     std::string held_out = "first";
     bool mirror = false;  ///< whether training mirrors a random half of the faces
+    /// Share of the images of people with several photos whose identity and texture the encoder
+    /// reads from another photo of the person.
+    double other_photo = 0.0;
     std::int64_t cache_megabytes = 2048;
 };
 
 /// Binds "data.split.test", "data.split.val", "data.split.held_out", "data.mirror",
-/// "data.cache_megabytes".
+/// "data.other_photo", "data.cache_megabytes".
 void describe(ConfigSchema& schema, DataConfig& config);
 
 /// With `held_out` "first" the sorted ids are divided into test, validation, training; with "last"
@@ -67,6 +70,9 @@ public:
     [[nodiscard]] std::int64_t side() const;
     /// The ids in the order of `id_less`.
     [[nodiscard]] const std::vector<std::string>& ids() const;
+    /// The line of faces.jsonl about a face; null if it has none. Throws ValueError for an index
+    /// outside the set.
+    [[nodiscard]] const FaceEntry* entry(std::int64_t index) const;
     /// The files of a face. Throws ValueError for an index outside the set.
     [[nodiscard]] const FaceFiles& files(std::int64_t index) const;
     /// Loads a face. Thread-safe. If a file turns out to be broken (in a set that is too large for

@@ -12,7 +12,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view title = "stymo-face-index-1";
+constexpr std::string_view title = "stymo-face-index-2";
 constexpr std::string_view code_mark = "c", landmarks_mark = "l", both_mark = "cl", no_mark = "-";
 
 /// Words of a line between single blanks; the last one, the id, is the rest of it.
@@ -69,6 +69,10 @@ void append_entry(std::string& text, const std::string& id, const FaceEntry& ent
     if (entry.pose)
         for (const double number : numbers_of(*entry.pose)) append(text, number);
     text += id;
+    for (const std::string* name : {&entry.person, &entry.series}) {
+        text += '\t';
+        text += *name;
+    }
     text += '\n';
 }
 
@@ -85,7 +89,17 @@ std::pair<std::string, FaceEntry> entry_of(std::string_view line) {
         for (double* angle : {&pose.yaw, &pose.pitch, &pose.roll}) words.read(*angle);
         for (int axis = 0; axis < 3; ++axis) words.read(pose.translation[axis]);
     }
-    return {std::string(words.rest()), entry};
+    std::string_view names = words.rest();
+    const auto next_name = [&] {
+        const std::size_t end = names.find('\t');
+        const std::string name(names.substr(0, end));
+        names.remove_prefix(end == std::string_view::npos ? names.size() : end + 1);
+        return name;
+    };
+    std::string id = next_name();
+    entry.person = next_name();
+    entry.series = next_name();
+    return {std::move(id), std::move(entry)};
 }
 
 }  // namespace
@@ -130,7 +144,7 @@ void write_face_index(const fs::path& file, const FileVersion& version,
                       const FaceEntries& entries) {
     std::string lines;
     for (const auto& [id, entry] : entries) {
-        if (id.find('\n') != std::string::npos) return;
+        if (id.find_first_of("\t\n") != std::string::npos) return;
         append_entry(lines, id, entry);
     }
     std::string text(title);

@@ -19,12 +19,14 @@ struct FileVersion {
 [[nodiscard]] FileVersion version_of(const std::filesystem::path& file);
 
 /// The path of the index, `faces.jsonl.index`. It has a line with the version of the file and a
-/// checksum, and for each face a line with offset, size, flags for code and landmarks, pose and id.
+/// checksum, and for each face a line with offset, size, flags for code and landmarks, pose,
+/// id, person and series.
 [[nodiscard]] std::filesystem::path index_path(const std::filesystem::path& file);
 /// Reads the index; nothing if it is missing, damaged or belongs to another version of the file.
 [[nodiscard]] std::optional<FaceEntries> read_face_index(const std::filesystem::path& file,
                                                          const FileVersion& version);
-/// Writes the index. Does nothing if it cannot be written, or if an id contains a line break.
+/// Writes the index. Does nothing if it cannot be written, or if an id contains a tab or a
+/// line break.
 void write_face_index(const std::filesystem::path& file, const FileVersion& version,
                       const FaceEntries& entries);
 

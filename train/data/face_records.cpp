@@ -1,5 +1,7 @@
 #include "train/data/face_records.h"
 
+#include <utility>
+
 #include "core/error.h"
 #include "train/data/face_index.h"
 
@@ -37,9 +39,14 @@ private:
         if (!is_blank(line_)) {
             try {
                 auto [id, record] = parse_face_record(line_);
-                const FaceEntry entry{offset_, size, !record.code.empty(),
-                                      !record.landmarks.empty(), record.pose};
-                if (!entries_.emplace(id, entry).second)
+                FaceEntry entry{offset_,
+                                size,
+                                !record.code.empty(),
+                                !record.landmarks.empty(),
+                                record.pose,
+                                std::move(record.person),
+                                std::move(record.series)};
+                if (!entries_.emplace(id, std::move(entry)).second)
                     fail<FileError>("the id \"", id, "\" comes twice");
             } catch (const FileError& error) {
                 fail<FileError>(path_.string(), ", line ", number_, ": ", error.what());

@@ -19,6 +19,8 @@ struct FaceEntry {
     bool has_code = false;
     bool has_landmarks = false;
     std::optional<Pose> pose{};
+    std::string person{};  ///< as in FaceRecord
+    std::string series{};
 };
 
 using FaceEntries = std::map<std::string, FaceEntry>;

@@ -81,18 +81,30 @@ std::vector<Eigen::Vector2d> landmarks_of(const Json& value) {
     return landmarks;
 }
 
+/// A name, or an empty one where there is none.
+std::string name_at(const Json& object, const char* key) {
+    if (!object.contains(key)) return {};
+    if (!object[key].is_string()) fail<FileError>("\"", key, "\" must be a text");
+    const auto name = object[key].get<std::string>();
+    if (name.find_first_of("\t\n") != std::string::npos)
+        fail<FileError>("\"", key, "\" holds a tab or a line break");
+    return name;
+}
+
 }  // namespace
 
 std::pair<std::string, FaceRecord> parse_face_record(std::string_view line) {
     try {
         require_sound_json(line);
         const Json object = Json::parse(line);
-        require_keys(object, "the line", {"id", "pose", "code", "landmarks"});
+        require_keys(object, "the line", {"id", "pose", "code", "landmarks", "person", "series"});
         if (!object.contains("id") || !object["id"].is_string()) fail<FileError>("no \"id\" text");
         FaceRecord record;
         if (object.contains("pose")) record.pose = parse_pose(object["pose"].dump());
         if (object.contains("code")) record.code = code_of(object["code"]);
         if (object.contains("landmarks")) record.landmarks = landmarks_of(object["landmarks"]);
+        record.person = name_at(object, "person");
+        record.series = name_at(object, "series");
         return {object["id"].get<std::string>(), std::move(record)};
     } catch (const Json::exception& error) {
         fail<FileError>("not JSON: ", plain_message(error));

@@ -17,12 +17,14 @@ struct FaceRecord {
     std::optional<Pose> pose;
     std::vector<float> code;  ///< identity, expression, texture, light: 306 elements, or empty
     std::vector<Eigen::Vector2d> landmarks;  ///< 68 points in pixels of the stored image, or empty
+    std::string person;                      ///< who it is, or empty
+    std::string series;                      ///< photos taken together, in the same light, or empty
 };
 
 /// Parses a line into id and record: {"id", "pose": {"yaw_deg", "pitch_deg", "roll_deg", "t":
-/// [x,y,z]}, "code": {"id", "expr", "tex", "light"}, "landmarks": [[x,y] x68]}. All keys except the
-/// id are optional. Throws FileError for malformed JSON, an unknown key, and a wrong type or
-/// length.
+/// [x,y,z]}, "code": {"id", "expr", "tex", "light"}, "landmarks": [[x,y] x68], "person",
+/// "series"}. All keys except the id are optional. Throws FileError for malformed JSON, an unknown
+/// key, and a wrong type or length.
 [[nodiscard]] std::pair<std::string, FaceRecord> parse_face_record(std::string_view line);
 
 /// Reads "photos" of the `report.json` that stymo-prep writes: the ids of all input photos. Empty

@@ -16,16 +16,11 @@ namespace stymo {
 /// shuffled differently. The n-th image is a pure function of data set and generator.
 class TrainingImages {
 public:
-    /// `mirror`: a random half of the faces is mirrored. `smallest_target` as in make_batch. When
+    /// Of `config`, `mirror` and `other_photo` are read. `smallest_target` as in make_batch. When
     /// an image is loaded, the operating system is told to read the image that is used `ahead`
     /// images later; 0: it is not. The data set must outlive this object.
-    TrainingImages(const Dataset& faces, bool mirror, const Rng& rng,
-                   std::int64_t smallest_target = 64, std::int64_t ahead = 0)
-        : faces_(faces),
-          mirror_(mirror),
-          rng_(rng),
-          smallest_target_(smallest_target),
-          ahead_(ahead) {}
+    TrainingImages(const Dataset& faces, const DataConfig& config, const Rng& rng,
+                   std::int64_t smallest_target = 64, std::int64_t ahead = 0);
 
     /// The batch of images [first_image, first_image + count), `largest_target` as in make_batch.
     /// Thread-safe.
@@ -42,9 +37,14 @@ private:
     using Order = std::vector<std::int64_t>;  ///< face of each image in one pass
     [[nodiscard]] std::shared_ptr<const Order> order(std::int64_t pass) const;
     [[nodiscard]] std::int64_t face_of(std::int64_t image) const;
+    /// The photo of the same person that the encoder sees for image `image`, or the face itself.
+    [[nodiscard]] std::int64_t other_photo_of(std::int64_t image, std::int64_t face) const;
 
     const Dataset& faces_;
     bool mirror_;
+    double other_photo_;
+    std::vector<std::vector<std::int64_t>> people_;  ///< of each person with several photos
+    std::vector<std::int64_t> person_of_;            ///< of each face the index into people_, or -1
     Rng rng_;
     std::int64_t smallest_target_;
     std::int64_t ahead_;

@@ -79,6 +79,38 @@ TEST_CASE("a rendered head with known landmarks and mask is aligned, and its tur
     CHECK(faces[0].fit.identity.size() == 100);
 }
 
+TEST_CASE("a head that leaves FFHQ's square is cut out whole where that is asked for", "[photo]") {
+    // A head from the side, drawn with a wide lens, so that all of it is in the photo.
+    const MorphableHead head = builtin_head();
+    RenderedHead turned{sample_synthetic_face(head, Rng(5)), {}};
+    turned.face.pose = orbit_pose(55.0 * degree, 0.0, 0.0, 5.3);
+    turned.image = render_synthetic_face(head, turned.face, {.focal = 1.2}, 512);
+    const RenderedHead photo = with_margin(std::move(turned), 100);
+    const KnownOfPhoto known{photo.image.mask, photo.image.landmarks};
+    PhotoPreparationSettings settings;
+    settings.side = 128;
+    const FaceCrop narrow = PhotoPreparation(settings).crops(photo.image.color, known).front();
+    settings.whole_head = true;
+    const FaceCrop wide = PhotoPreparation(settings).crops(photo.image.color, known).front();
+    const auto at_the_sides = [](const FaceCrop& crop) {
+        double sum = 0.0;
+        for (std::int64_t row = 0; row < 128; ++row)
+            for (const std::int64_t column : {std::int64_t{0}, std::int64_t{127}})
+                sum += crop.mask.values<float>()[static_cast<std::size_t>(row * 128 + column)];
+        return sum;
+    };
+    CHECK(at_the_sides(narrow) > 10.0);
+    CHECK(at_the_sides(wide) < 3.0);
+    const double scale = wide.side_in_photo / narrow.side_in_photo;
+    CHECK(scale > 1.1);
+    CHECK(scale < 1.51);
+    // The same points of the photo: distances shrink, the middle stays.
+    for (std::size_t i = 0; i < wide.landmarks.size(); ++i) {
+        const Eigen::Vector2d middle(64.0, 64.0);
+        CHECK((middle + (narrow.landmarks[i] - middle) / scale - wide.landmarks[i]).norm() < 0.01);
+    }
+}
+
 TEST_CASE("masks that are made are compared with known ones, and need a network", "[photo]") {
     const RenderedHead rendered = rendered_head(6, 256);
     PhotoPreparationSettings settings;

@@ -24,7 +24,8 @@ std::string line_of(const std::string& id, double yaw) {
 
 fs::path three_faces(const ScratchFolder& folder) {
     const fs::path file = folder.path() / "faces.jsonl";
-    write_file(file, line_of("b c", 10.0) + "\n\n" + line_of("a", 20.0) + "\n" + R"({"id":"d"})");
+    write_file(file, line_of("b c", 10.0) + "\n\n" + line_of("a", 20.0) + "\n" +
+                         R"({"id":"d","person":"two words","series":"1"})");
     return file;
 }
 
@@ -49,6 +50,9 @@ TEST_CASE("faces.jsonl is listed, and lines are read when they are asked for", "
     CHECK(records.size() == 3);
     CHECK(records.find("x") == nullptr);
     CHECK_FALSE(records.find("d")->pose);
+    CHECK(records.find("d")->person == "two words");
+    CHECK(records.find("d")->series == "1");
+    CHECK(records.find("a")->person.empty());
     CHECK_FALSE(records.find("a")->has_code);
     CHECK(records.read("a").pose->yaw == yaw_of(records, "a"));
     CHECK(records.read("b c").pose->translation[2] == 5.3);
@@ -81,6 +85,8 @@ TEST_CASE("the index stands for faces.jsonl until one of them changes", "[datase
         const FaceEntry& same = *listed.find(id);
         CHECK(entry.offset == same.offset);
         CHECK(entry.size == same.size);
+        CHECK(entry.person == same.person);
+        CHECK(entry.series == same.series);
         CHECK(entry.pose.has_value() == same.pose.has_value());
         if (!entry.pose) continue;
         CHECK(entry.pose->yaw == same.pose->yaw);
@@ -107,7 +113,7 @@ TEST_CASE("the index stands for faces.jsonl until one of them changes", "[datase
         CHECK(read_file(index_path(file)) != damaged);
     }
     SECTION("no index") {
-        for (const char* text : {"", "stymo-face-index-1", "stymo-face-index-1 x y z\n", "\n\n"}) {
+        for (const char* text : {"", "stymo-face-index-2", "stymo-face-index-1 x y z\n", "\n\n"}) {
             write_file(index_path(file), text);
             CHECK(listed_anew());
         }
@@ -128,8 +134,10 @@ TEST_CASE(
         CHECK_FALSE(read_face_index(file, version));
     }
     fs::remove(index_path(file));
-    write_face_index(file, version, {{"two\nlines", FaceEntry{0, 1}}});
-    CHECK_FALSE(fs::exists(index_path(file)));
+    for (const char* id : {"two\nlines", "a\ttab"}) {
+        write_face_index(file, version, {{id, FaceEntry{0, 1}}});
+        CHECK_FALSE(fs::exists(index_path(file)));
+    }
     fs::create_directory(index_path(file));
     CHECK(FaceRecords(file, always).size() == 3);
 }

@@ -1,8 +1,14 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <cmath>
+#include <nlohmann/json.hpp>
 #include <set>
+#include <sstream>
 
 #include "core/error.h"
+#include "core/io/file.h"
+#include "nn/models/model.h"
+#include "support/check_close.h"
 #include "train/data/training_images.h"
 #include "train/tiny_training.h"
 
@@ -20,7 +26,7 @@ TEST_CASE("each pass shows every face once, in the same order from wherever one 
     // Another one for each look, so that no order is kept.
     std::vector<std::string> ids;
     for (std::int64_t number = 0; number < 3 * count; ++number)
-        ids.push_back(id_of(TrainingImages(faces, true, rng, 8), number));
+        ids.push_back(id_of(TrainingImages(faces, {.mirror = true}, rng, 8), number));
     for (std::int64_t pass = 0; pass < 3; ++pass) {
         const auto begin = ids.begin() + pass * count;
         CHECK(std::set<std::string>(begin, begin + count).size() ==
@@ -29,7 +35,7 @@ TEST_CASE("each pass shows every face once, in the same order from wherever one 
     CHECK_FALSE(std::equal(ids.begin(), ids.begin() + count, ids.begin() + count));
 
     // Two orders are kept; here three are wanted in turn, forwards and backwards.
-    const TrainingImages images(faces, true, rng, 8, count + 1);
+    const TrainingImages images(faces, {.mirror = true}, rng, 8, count + 1);
     CHECK(images.batch(0, 3 * count).ids == ids);
     for (std::int64_t index = 0; index < count; ++index) {
         for (const std::int64_t pass : {2, 0, 1})
@@ -43,7 +49,7 @@ TEST_CASE("each pass shows every face once, in the same order from wherever one 
 TEST_CASE("a batch has the targets up to the side that is asked for, with the same values",
           "[dataset]") {
     const Dataset faces = synthetic_dataset();
-    const TrainingImages images(faces, true, Rng(3), 8);
+    const TrainingImages images(faces, {.mirror = true}, Rng(3), 8);
     const FaceBatch all = images.batch(0, 2), small = images.batch(0, 2, 16);
     REQUIRE(all.targets.size() == 4);
     REQUIRE(small.targets.size() == 2);
@@ -51,4 +57,69 @@ TEST_CASE("a batch has the targets up to the side that is asked for, with the sa
         CHECK(small.targets[i].to_vector() == all.targets[i].to_vector());
     CHECK(small.input.to_vector() == all.input.to_vector());
     CHECK_THROWS_AS(images.batch(0, 2, 24), ValueError);
+}
+
+TEST_CASE("identity and texture are read from another photo of the person, light in a series",
+          "[dataset]") {
+    // Faces 0, 1 and 2 are one person, 0 and 1 of one series; 3 is somebody with one photo.
+    const ScratchFolder folder;
+    std::filesystem::copy(synthetic_folder(), folder / "faces",
+                          std::filesystem::copy_options::recursive);
+    std::istringstream lines(read_file(folder / "faces/faces.jsonl"));
+    std::string named;
+    int number = 0;
+    for (std::string line; std::getline(lines, line); ++number) {
+        nlohmann::json record = nlohmann::json::parse(line);
+        record["person"] = number < 3 ? "A" : "B";
+        if (number < 2) record["series"] = "day";
+        named += record.dump() + "\n";
+    }
+    write_file(folder / "faces/faces.jsonl", named);
+    const TrainConfig config = tiny_train_config();
+    const Dataset faces(folder / "faces", 64, config.data, Split::all);
+    Rng rng(1);
+    const Model model(config.model, rng);
+    const auto codes_of = [&](std::int64_t face) {
+        return face_codes(model, make_batch(std::vector{faces.load(face)}));
+    };
+
+    const TrainingImages images(faces, {.other_photo = 1.0}, Rng(3));
+    std::set<std::pair<std::int64_t, std::int64_t>> pairs;
+    for (std::int64_t image = 0; image < 40; ++image) {
+        const FaceBatch batch = images.batch(image, 1);
+        const std::int64_t face =
+            std::ranges::find(faces.ids(), batch.ids[0]) - faces.ids().begin();
+        CHECK(identical(batch.input, make_batch(std::vector{faces.load(face)}).input));
+        CHECK(batch.other_input.defined() == (face != 3));
+        if (face == 3) continue;
+        std::int64_t other = 0;
+        while (!identical(batch.other_input, make_batch(std::vector{faces.load(other)}).input))
+            ++other;
+        CHECK(other != face);
+        pairs.emplace(face, other);
+        const bool same_light = face < 2 && other < 2;
+        CHECK(batch.same_light == std::vector<bool>{same_light});
+        const Codes codes = face_codes(model, batch), own = codes_of(face),
+                    theirs = codes_of(other);
+        CHECK(identical(codes.identity().value(), theirs.identity().value()));
+        CHECK(identical(codes.expression().value(), own.expression().value()));
+        CHECK(identical(codes.texture().value(), theirs.texture().value()));
+        CHECK(identical(codes.light().value(), (same_light ? theirs : own).light().value()));
+    }
+    CHECK(pairs.size() == 6);
+
+    // In a larger batch each face has its own.
+    const Codes both = face_codes(model, images.batch(0, 2));
+    for (std::int64_t i = 0; i < 2; ++i) {
+        const Codes alone = face_codes(model, images.batch(i, 1));
+        CHECK(check_close(joined(codes_of_face(both, i)).value(), joined(alone).value(), 1e-5)
+                  .passed);
+    }
+
+    int with_other = 0;
+    const TrainingImages half(faces, {.other_photo = 0.5}, Rng(3));
+    for (std::int64_t image = 0; image < 400; ++image)
+        if (half.batch(image, 1).other_input.defined()) ++with_other;
+    // Three quarters of the images can have one; five standard deviations are 48.
+    CHECK(std::abs(with_other - 150) < 48);
 }
