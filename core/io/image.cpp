@@ -16,6 +16,7 @@
 #include "core/io/file.h"
 #include "core/io/image_bytes.h"
 #include "core/io/image_encoder.h"
+#include "core/io/jpeg_damage.h"
 
 namespace stymo {
 namespace {
@@ -121,7 +122,7 @@ void turn_upright(Pixels& pixels, int orientation) {
 }
 
 Pixels read_pixels(const fs::path& path, std::int64_t most_pixels) {
-    const std::size_t bytes = read_image_bytes(path).size();
+    const std::string bytes = read_image_bytes(path);
     OIIO::ImageSpec hints;
     // Multiplying here ignores the file's gamma tag.
     hints.attribute("oiio:UnassociatedAlpha", 1);
@@ -134,7 +135,7 @@ Pixels read_pixels(const fs::path& path, std::int64_t most_pixels) {
     if (spec.deep || spec.depth > 1 || spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0) {
         refuse(path, "not a flat image");
     }
-    require_plausible_size(path, spec.width, spec.height, bytes, most_pixels);
+    require_plausible_size(path, spec.width, spec.height, bytes.size(), most_pixels);
     Pixels pixels{spec.height,        spec.width, std::min(spec.nchannels, 4),
                   spec.alpha_channel, false,      {}};
     pixels.alpha_multiplied = spec.get_int_attribute("oiio:UnassociatedAlpha", 0) == 0;
@@ -146,7 +147,8 @@ Pixels read_pixels(const fs::path& path, std::int64_t most_pixels) {
         input->read_image(0, 0, 0, pixels.channels, OIIO::TypeFloat, pixels.values.data());
     // OpenImageIO reads a truncated JPEG successfully and only leaves a warning.
     const std::string message = input->geterror();
-    if (!complete || !message.empty()) {
+    const bool is_jpeg = input->format_name() == std::string_view("jpeg");
+    if (!complete || (!message.empty() && !(is_jpeg && !jpeg_lost_pixels(bytes)))) {
         refuse(path, message.empty() ? "damaged image" : message);
     }
     if (orientation > 1 && orientation <= 8) {

@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/io/image_bytes.h"
 #include "core/io/image_encoder.h"
+#include "core/io/jpeg_damage.h"
 
 namespace stymo {
 
@@ -53,7 +54,8 @@ Tensor image_from_jpeg(std::string_view bytes, std::int64_t most_pixels) {
     std::vector<float> values(pixels * channels);
     const bool complete =
         input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeFloat, values.data());
-    if (const std::string message = input->geterror(); !complete || !message.empty())
+    if (const std::string message = input->geterror();
+        !complete || (!message.empty() && jpeg_lost_pixels(bytes)))
         refuse(message.empty() ? "damaged" : message);
     Tensor image({spec.height, spec.width, 3});
     const std::span<float> target = image.mutable_values<float>();
