@@ -1,7 +1,7 @@
 #include "apps/common/face_input.h"
 
 #include <algorithm>
-#include <ostream>
+#include <iostream>
 #include <set>
 
 #include "apps/common/command_line.h"
@@ -44,6 +44,13 @@ void require_photo(const FaceSource& source) {
         fail<UsageError>("--data and --id need each other");
 }
 
+Tensor read_image_of_user(const std::filesystem::path& path) {
+    std::string doubt;
+    Tensor image = read_image(path, usual_most_pixels, &doubt);
+    if (!doubt.empty()) std::cerr << "warning: " << path.string() << ": " << doubt << std::endl;
+    return image;
+}
+
 void write_broken_files(std::ostream& stream, const DatasetSummary& summary, std::size_t known) {
     for (std::size_t i = known; i < summary.broken.size(); ++i)
         stream << "skipped " << summary.broken[i].file << ": " << summary.broken[i].reason
@@ -61,7 +68,8 @@ Face read_face(const FaceSource& source, const ModelConfig& config) {
         face.intrinsics = config.camera.intrinsics;
         face.mask = Tensor::full({side, side, 1}, 1.0);
     }
-    if (!source.images.empty()) face.image = at_model_side(read_image(source.images.front()), side);
+    if (!source.images.empty())
+        face.image = at_model_side(read_image_of_user(source.images.front()), side);
     if (!source.mask.empty()) {
         face.mask = at_model_side(read_mask(source.mask), side);
         face.has_mask = true;

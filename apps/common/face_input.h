@@ -33,6 +33,8 @@ struct FaceSource {
 /// Throws UsageError unless there is --image, or --data with --id. Also throws it if there are
 /// several photos with known mask or pose.
 void require_photo(const FaceSource& source);
+/// read_image, with a warning on stderr if the colours could not be converted to sRGB.
+[[nodiscard]] Tensor read_image_of_user(const std::filesystem::path& path);
 /// A photo with known mask or pose, at the model's resolution. Throws FileError if a file cannot be
 /// read.
 [[nodiscard]] Face read_face(const FaceSource& source, const ModelConfig& config);

@@ -3,8 +3,8 @@
 #include <iomanip>
 #include <sstream>
 
+#include "apps/common/face_input.h"
 #include "core/error.h"
-#include "core/io/image.h"
 #include "fit/evaluation.h"
 
 namespace stymo {
@@ -37,8 +37,8 @@ AppResult compare_pair(const PairOptions& options) {
     std::optional<Lpips> lpips;
     if (!options.lpips.metric.empty())
         lpips.emplace(metric_config(options.lpips, {}), "leave out --lpips");
-    const Tensor a = read_image(options.a);
-    const Tensor b = read_image(options.b);
+    const Tensor a = read_image_of_user(options.a);
+    const Tensor b = read_image_of_user(options.b);
     if (!(a.shape() == b.shape()))
         fail<ShapeError>(options.b.string(), ": ", b.shape(1), " x ", b.shape(0), " pixels, but ",
                          options.a.string(), " has ", a.shape(1), " x ", a.shape(0));

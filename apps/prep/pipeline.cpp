@@ -65,11 +65,12 @@ struct PhotoInWork {
     const FaceFiles* files = nullptr;
     std::vector<FaceCrop> crops;
     std::string failure;
+    std::string doubt;  ///< about its colours
 };
 
 PhotoInWork cropped(const FaceFiles& files, const FolderScan& scan,
                     const PhotoPreparation& preparation) {
-    PhotoInWork work{&files, {}, {}};
+    PhotoInWork work{&files, {}, {}, {}};
     FaceImage image = read_face_image(files, preparation.settings().most_pixels);
     if (image.broken) {
         const bool of_photo = image.broken->file == files.image.string();
@@ -77,6 +78,7 @@ PhotoInWork cropped(const FaceFiles& files, const FolderScan& scan,
             of_photo ? image.broken->reason : image.broken->file + ": " + image.broken->reason;
         return work;
     }
+    work.doubt = std::move(image.doubt);
     try {
         work.crops =
             preparation.crops(image.image, known_of(files.id, scan, std::move(image.mask)));
@@ -106,6 +108,7 @@ PhotoOutcome written(const FolderPreparation& folders, PhotoInWork work,
             outcome.failure = faces[i].failure;
             continue;
         }
+        if (!work.doubt.empty()) faces[i].warnings.push_back(work.doubt);
         write_image(folders.out / "images" / (id + ".png"), faces[i].crop.image,
                     Durability::crash_safe);
         write_image(folders.out / "masks" / (id + ".png"), faces[i].crop.mask,

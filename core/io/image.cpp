@@ -7,12 +7,15 @@
 #include <zlib.h>
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 #include <optional>
 #include <string>
 #include <string_view>
 
 #include "core/error.h"
+#include "core/io/color_conversion.h"
+#include "core/io/color_tags.h"
 #include "core/io/file.h"
 #include "core/io/image_bytes.h"
 #include "core/io/image_encoder.h"
@@ -107,18 +110,72 @@ struct Pixels {
     int alpha_channel = -1;
     bool alpha_multiplied = false;
     std::vector<float> values;
+    std::vector<float> inks{};  ///< cyan, magenta, yellow, black of each pixel, or empty
+    ColorTags tags{};
 };
 
-void turn_upright(Pixels& pixels, int orientation) {
-    OIIO::ImageSpec spec(pixels.width, pixels.height, pixels.channels, OIIO::TypeFloat);
+std::vector<float> turned_upright(const std::vector<float>& values, const OIIO::ImageSpec& size,
+                                  int channels, int orientation) {
+    OIIO::ImageSpec spec(size.width, size.height, channels, OIIO::TypeFloat);
     spec.attribute("Orientation", orientation);
     const OIIO::ImageBuf turned =
-        OIIO::ImageBufAlgo::reorient(OIIO::ImageBuf(spec, pixels.values.data()), 1);
-    std::vector<float> values(pixels.values.size());
-    turned.get_pixels(turned.roi(), OIIO::TypeFloat, values.data());
-    pixels.height = turned.spec().height;
-    pixels.width = turned.spec().width;
-    pixels.values = std::move(values);
+        OIIO::ImageBufAlgo::reorient(OIIO::ImageBuf(spec, const_cast<float*>(values.data())), 1);
+    std::vector<float> result(values.size());
+    turned.get_pixels(turned.roi(), OIIO::TypeFloat, result.data());
+    return result;
+}
+
+/// The colours' meaning. Files of floats hold light, if they hold colours.
+ColorTags tags_of(const OIIO::ImageInput& input, std::string_view bytes) {
+    const OIIO::ImageSpec& spec = input.spec();
+    std::string profile;
+    if (const OIIO::ParamValue* icc = spec.find_attribute("ICCProfile"))
+        profile.assign(static_cast<const char*>(icc->data()),
+                       static_cast<std::size_t>(icc->datasize()));
+    const std::string_view format = input.format_name();
+    const bool has_colors = spec.channelindex("R") >= 0 || spec.channelindex("Y") >= 0;
+    if ((format == "openexr" || format == "hdr") && has_colors) {
+        ColorTags tags;
+        tags.gamma = 1.0;
+        if (const OIIO::ParamValue* xy = spec.find_attribute("chromaticities");
+            xy != nullptr && xy->type().basevalues() == 8 &&
+            xy->type().basetype == OIIO::TypeDesc::FLOAT) {
+            std::array<double, 8>& primaries = tags.primaries.emplace();
+            std::copy_n(static_cast<const float*>(xy->data()), 8, primaries.begin());
+        }
+        return tags;
+    }
+    constexpr int exif_code_of_adobe = 2;
+    if (profile.empty() && spec.get_int_attribute("Exif:ColorSpace") == exif_code_of_adobe)
+        return adobe_rgb();
+    return color_tags(bytes, std::move(profile));
+}
+
+/// The inks of an image that OpenImageIO has turned into colours without its profile.
+std::vector<float> inks_of(const fs::path& path, std::string_view bytes,
+                           const OIIO::ImageInput& input) {
+    std::vector<float> inks;
+    if (input.format_name() == std::string_view("jpeg")) {
+        for (const std::uint8_t ink : jpeg_inks(bytes))
+            inks.push_back(static_cast<float>(ink) / 255.0F);
+    } else if (input.format_name() == std::string_view("tiff")) {
+        OIIO::ImageSpec raw;
+        raw.attribute("oiio:RawColor", 1);
+        const auto again = OIIO::ImageInput::open(path.string(), &raw);
+        constexpr int ink_count = 4;
+        if (!again || again->spec().nchannels < ink_count) return {};
+        inks.resize(ink_count * again->spec().image_pixels());
+        if (!again->read_image(0, 0, 0, ink_count, OIIO::TypeFloat, inks.data())) inks.clear();
+    }
+    const OIIO::ImageSpec& spec = input.spec();
+    if (inks.size() != 4 * spec.image_pixels()) inks.clear();
+    return inks;
+}
+
+/// Whether the profile's header names the space of inks.
+bool is_for_inks(std::string_view profile) {
+    constexpr std::size_t place_of_space = 16;
+    return profile.substr(std::min(place_of_space, profile.size()), 4) == "CMYK";
 }
 
 Pixels read_pixels(const fs::path& path, std::int64_t most_pixels) {
@@ -136,8 +193,9 @@ Pixels read_pixels(const fs::path& path, std::int64_t most_pixels) {
         refuse(path, "not a flat image");
     }
     require_plausible_size(path, spec.width, spec.height, bytes.size(), most_pixels);
-    Pixels pixels{spec.height,        spec.width, std::min(spec.nchannels, 4),
-                  spec.alpha_channel, false,      {}};
+    Pixels pixels{
+        spec.height, spec.width, std::min(spec.nchannels, 4), spec.alpha_channel, false, {},
+        {},          {}};
     pixels.alpha_multiplied = spec.get_int_attribute("oiio:UnassociatedAlpha", 0) == 0;
     const int orientation = spec.get_int_attribute("Orientation", 1);
     pixels.values.resize(static_cast<std::size_t>(pixels.height) *
@@ -151,29 +209,44 @@ Pixels read_pixels(const fs::path& path, std::int64_t most_pixels) {
     if (!complete || (!message.empty() && !(is_jpeg && !jpeg_lost_pixels(bytes)))) {
         refuse(path, message.empty() ? "damaged image" : message);
     }
+    pixels.tags = tags_of(*input, bytes);
+    if (is_for_inks(pixels.tags.profile)) pixels.inks = inks_of(path, bytes, *input);
     if (orientation > 1 && orientation <= 8) {
-        turn_upright(pixels, orientation);
+        pixels.values = turned_upright(pixels.values, spec, pixels.channels, orientation);
+        if (!pixels.inks.empty()) pixels.inks = turned_upright(pixels.inks, spec, 4, orientation);
+        constexpr int first_on_its_side = 5;
+        if (orientation >= first_on_its_side) std::swap(pixels.width, pixels.height);
     }
     return pixels;
 }
 
-Tensor rgb_of(const Pixels& pixels) {
+/// Red, green and blue as the file has them.
+Tensor colors_of(const Pixels& pixels) {
     Tensor result({pixels.height, pixels.width, 3});
     const auto target = result.mutable_values<float>();
     const auto channels = static_cast<std::size_t>(pixels.channels);
     const bool colour = pixels.channels >= 3;
-    for (std::size_t i = 0; i < target.size() / 3; ++i) {
-        const float* source = pixels.values.data() + i * channels;
-        const bool multiply = pixels.alpha_channel >= 0 && pixels.alpha_channel < pixels.channels &&
-                              !pixels.alpha_multiplied;
-        const float alpha = multiply ? source[pixels.alpha_channel] : 1.0F;
-        for (std::size_t channel = 0; channel < 3; ++channel) {
-            const float value = source[colour ? channel : 0] * alpha;
-            // The order of the comparisons makes NaN end in 0.
-            target[3 * i + channel] = value > 0.0F ? std::min(value, 1.0F) : 0.0F;
-        }
-    }
+    for (std::size_t i = 0; i < target.size(); ++i)
+        target[i] = pixels.values[i / 3 * channels + (colour ? i % 3 : 0)];
     return result;
+}
+
+/// Multiplies by alpha and clips to [0, 1].
+Tensor over_black(Tensor colors, const Pixels& pixels) {
+    const auto channels = static_cast<std::size_t>(pixels.channels);
+    const bool multiply = pixels.alpha_channel >= 0 && pixels.alpha_channel < pixels.channels &&
+                          !pixels.alpha_multiplied;
+    const auto values = colors.mutable_values<float>();
+    for (std::size_t i = 0; i < values.size(); ++i) {
+        const float alpha =
+            multiply
+                ? pixels.values[i / 3 * channels + static_cast<std::size_t>(pixels.alpha_channel)]
+                : 1.0F;
+        const float value = values[i] * alpha;
+        // The order of the comparisons makes NaN end in 0.
+        values[i] = value > 0.0F ? std::min(value, 1.0F) : 0.0F;
+    }
+    return colors;
 }
 
 std::string encoded(const std::string& name, const Tensor& image) {
@@ -188,12 +261,19 @@ std::string encoded(const std::string& name, const Tensor& image) {
 
 }  // namespace
 
-Tensor read_image(const fs::path& path, std::int64_t most_pixels) {
-    return rgb_of(read_pixels(path, most_pixels));
+Tensor read_image(const fs::path& path, std::int64_t most_pixels, std::string* doubt) {
+    const Pixels pixels = read_pixels(path, most_pixels);
+    Tensor colors = colors_of(pixels);
+    const std::string unused =
+        convert_to_srgb(colors.mutable_values<float>(), pixels.inks, pixels.tags);
+    if (doubt != nullptr)
+        *doubt = unused.empty() ? unused : unused + "; its colours are taken as sRGB";
+    return over_black(std::move(colors), pixels);
 }
 
 Tensor read_mask(const fs::path& path) {
-    const Tensor colours = read_image(path);
+    const Pixels pixels = read_pixels(path, usual_most_pixels);
+    const Tensor colours = over_black(colors_of(pixels), pixels);
     Tensor result({colours.shape(0), colours.shape(1), 1});
     const auto source = colours.values<float>();
     const auto target = result.mutable_values<float>();

@@ -13,15 +13,18 @@ namespace stymo {
 /// Default limit for the pixels of an image file.
 inline constexpr std::int64_t usual_most_pixels = std::int64_t{1} << 28;
 
-/// Reads any image as float32 (height, width, 3), RGB in [0, 1], turned upright by its EXIF
-/// orientation. Grey images are repeated in all channels, alpha is composited over black, integers
-/// are scaled and floats clipped. Throws FileError with a short reason ("not an image (zero
-/// bytes)") if the file is not a readable image, and, before pixels are read, if it has more than
-/// `most_pixels`.
+/// Reads any image as float32 (height, width, 3), sRGB in [0, 1], turned upright by its EXIF
+/// orientation. Colours are converted to sRGB by the file's ICC profile or colour tags
+/// (color_tags.h), and light in an EXR file by sRGB's curve. Grey images are repeated in all
+/// channels, alpha is composited over black, integers are scaled and floats clipped. `doubt`
+/// becomes why the profile or the tags cannot be used, or empty. Throws FileError with a short
+/// reason ("not an image (zero bytes)") if the file is not a readable image or has lost pixels,
+/// and, before pixels are read, if it has more than `most_pixels`.
 [[nodiscard]] Tensor read_image(const std::filesystem::path& path,
-                                std::int64_t most_pixels = usual_most_pixels);
-/// Reads one channel as float32 (height, width, 1) in [0, 1]: a mask. A colour image becomes its
-/// luminance.
+                                std::int64_t most_pixels = usual_most_pixels,
+                                std::string* doubt = nullptr);
+/// Reads one channel as float32 (height, width, 1) in [0, 1]: a mask, whose values are taken as
+/// they are. A colour image becomes its luminance.
 [[nodiscard]] Tensor read_mask(const std::filesystem::path& path);
 /// Reads the raw indices (palette or grey, at most 8 bits) of a class map, a PNG file, as float32
 /// (height, width, 1), values 0..255.

@@ -13,8 +13,9 @@ namespace {
 
 constexpr std::int64_t least_aligned_side = 512;
 
-FaceCrop largest_face(const PhotoPreparation& preparation, const std::string& image) {
-    const Tensor photo = read_image(image, preparation.settings().most_pixels);
+FaceCrop face_of(const PhotoPreparation& preparation, const std::string& image,
+                 std::string& doubt) {
+    const Tensor photo = read_image(image, preparation.settings().most_pixels, &doubt);
     try {
         return preparation.crops(photo, {}).front();
     } catch (const ValueError& error) {
@@ -75,11 +76,15 @@ std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
     settings.pivot = {model.camera.distance, model.camera.pivot_depth};
     const PhotoPreparation preparation(settings);
     std::vector<FaceCrop> crops;
-    for (const std::string& image : images) crops.push_back(largest_face(preparation, image));
+    std::vector<std::string> doubts(images.size());
+    for (std::size_t i = 0; i < images.size(); ++i)
+        crops.push_back(face_of(preparation, images[i], doubts[i]));
     std::vector<PreparedFace> faces = preparation.finish(std::move(crops));
     std::vector<PreparedPhoto> photos;
-    for (std::size_t i = 0; i < faces.size(); ++i)
+    for (std::size_t i = 0; i < faces.size(); ++i) {
+        if (!doubts[i].empty()) faces[i].warnings.push_back(doubts[i]);
         photos.push_back(photo_of(images[i], std::move(faces[i]), preparation, model));
+    }
     return photos;
 }
 

@@ -29,6 +29,7 @@ struct Pixels {
 struct DecodedFace {
     std::optional<Pixels> pixels;
     BrokenFile broken;
+    std::string doubt;  ///< about its colours
 };
 
 std::vector<std::uint8_t> bytes_at_side(const Tensor& image, std::int64_t side) {
@@ -51,13 +52,13 @@ Tensor tensor_of(const std::vector<std::uint8_t>& bytes, std::int64_t side) {
 
 DecodedFace decode(const FaceFiles& files, const FaceRecords& records, std::int64_t side) {
     const FaceImage image = read_face_image(files);
-    if (image.broken) return {std::nullopt, *image.broken};
+    if (image.broken) return {std::nullopt, *image.broken, {}};
     Pixels pixels;
     pixels.image = bytes_at_side(image.image, side);
     if (image.mask.defined()) pixels.mask = bytes_at_side(image.mask, side);
     const FaceEntry* entry = records.find(files.id);
     if (entry != nullptr && entry->has_code) pixels.code = records.read(files.id).code;
-    return {std::move(pixels), {}};
+    return {std::move(pixels), {}, image.doubt};
 }
 
 bool has_mask(const FaceFiles& files) {
@@ -137,9 +138,11 @@ std::string DatasetSummary::text() const {
     if (!refused.empty())
         text << "; " << refused.size() << " skipped, which the model cannot render";
     if (!broken.empty()) text << "; " << broken.size() << " broken and skipped";
-    if (!refused.empty() || !broken.empty()) text << ':';
-    for (const std::vector<BrokenFile>* skipped : {&refused, &broken})
-        for (const BrokenFile& item : *skipped) text << '\n' << item.file << ": " << item.reason;
+    if (!doubted.empty())
+        text << "; " << doubted.size() << " whose colours could not be converted to sRGB";
+    if (!refused.empty() || !broken.empty() || !doubted.empty()) text << ':';
+    for (const std::vector<BrokenFile>* named : {&refused, &broken, &doubted})
+        for (const BrokenFile& item : *named) text << '\n' << item.file << ": " << item.reason;
     return text.str();
 }
 
@@ -153,6 +156,7 @@ struct Dataset::Implementation {
     std::vector<Pixels> cache;  ///< one for each face, or empty
     mutable std::mutex broken_mutex;
     mutable std::map<std::int64_t, BrokenFile> broken;  ///< by index in the split
+    mutable std::map<std::string, std::string> doubts;  ///< by file
     std::vector<BrokenFile> refused;
     mutable std::atomic<double> waiting_seconds = 0.0;
 
@@ -186,6 +190,7 @@ void Dataset::Implementation::fill_cache() {
     });
     std::vector<FaceFiles> readable;
     for (std::size_t i = 0; i < decoded.size(); ++i) {
+        if (!decoded[i].doubt.empty()) doubts[faces[i].image.string()] = decoded[i].doubt;
         if (decoded[i].pixels) {
             cache.push_back(std::move(*decoded[i].pixels));
             readable.push_back(std::move(faces[i]));
@@ -217,8 +222,12 @@ std::optional<Face> Dataset::Implementation::try_load(std::int64_t index) const 
     const double start = seconds_now(), computing = thread_seconds();
     DecodedFace decoded = decode(faces[static_cast<std::size_t>(index)], records, side);
     waiting_seconds += (seconds_now() - start) - (thread_seconds() - computing);
-    if (decoded.pixels) return face(index, *decoded.pixels);
+    if (decoded.pixels && decoded.doubt.empty()) return face(index, *decoded.pixels);
     const std::lock_guard lock(broken_mutex);
+    if (decoded.pixels) {
+        doubts[faces[static_cast<std::size_t>(index)].image.string()] = decoded.doubt;
+        return face(index, *decoded.pixels);
+    }
     broken.emplace(index, std::move(decoded.broken));
     return std::nullopt;
 }
@@ -332,6 +341,7 @@ DatasetSummary Dataset::summary() const {
     }
     for (const auto& [index, item] : data.broken) summary.broken.push_back(item);
     summary.refused = data.refused;
+    for (const auto& [file, doubt] : data.doubts) summary.doubted.push_back({file, doubt});
     return summary;
 }
 

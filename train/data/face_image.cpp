@@ -59,7 +59,7 @@ FaceImage read_face_image(const FaceFiles& files, std::int64_t most_pixels) {
     const std::filesystem::path* reading = &files.image;
     try {
         FaceImage image;
-        image.image = read_image(files.image, most_pixels);
+        image.image = read_image(files.image, most_pixels, &image.doubt);
         if (!files.mask.empty()) {
             reading = &files.mask;
             image.mask = read_mask(files.mask);
@@ -76,7 +76,7 @@ FaceImage read_face_image(const FaceFiles& files, std::int64_t most_pixels) {
         if (image.mask.defined()) require_same_frame(image.mask, image.image);
         return image;
     } catch (const Error& error) {
-        return {{}, {}, BrokenFile{reading->string(), reason_of(error, *reading)}};
+        return {{}, {}, {}, BrokenFile{reading->string(), reason_of(error, *reading)}};
     }
 }
 

@@ -21,6 +21,7 @@ struct FaceImage {
     /// (height, width, 1) in [0, 1]; its size may differ from the image's. Undefined if there is
     /// none.
     Tensor mask;
+    std::string doubt;  ///< why the image's colours could not be converted to sRGB, or empty
     /// The file that could not be read; image and mask are then undefined.
     std::optional<BrokenFile> broken;
 };

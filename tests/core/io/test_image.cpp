@@ -153,7 +153,8 @@ TEST_CASE("float files keep their bytes and are clipped when read as images") {
     const ScratchFolder folder;
     const std::vector<float> values = {-2.0F, 0.25F, 7.5F};
     write_exr(folder / "colour.exr", Tensor::from({1, 1, 3}, std::span<const float>(values)));
-    check_values(read_image(folder / "colour.exr"), {1, 1, 3}, {0.0, 0.25, 1.0});
+    // sRGB's curve: 1.055 * 0.25^(1 / 2.4) - 0.055.
+    check_values(read_image(folder / "colour.exr"), {1, 1, 3}, {0.0, 0.537099, 1.0});
     write_exr(folder / "depth.exr", Tensor::full({2, 3, 1}, 0.75));
     check_values(read_mask(folder / "depth.exr"), {2, 3, 1}, std::vector<double>(6, 0.75));
     const std::string bytes = read_file(folder / "depth.exr");

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace stymo {
+
+/// What an image file says about the colours of its pixels. Without any of it they are sRGB.
+struct ColorTags {
+    std::string profile;  ///< an ICC profile, which counts before the rest
+    std::optional<std::array<double, 8>> primaries;  ///< x, y of red, green, blue, white
+    std::optional<double> gamma;  ///< light = value^gamma; without it, sRGB's curve
+    std::string unusable;         ///< a tag that is not understood, in words, or empty
+};
+
+/// Adobe RGB (1998), which EXIF names by a number.
+[[nodiscard]] ColorTags adobe_rgb();
+
+/// The tags in the bytes of a file: cICP, sRGB, gAMA and cHRM of PNG (in the order of precedence of
+/// the PNG specification, third edition, 4.3), the ICCP chunk of WebP, and the colr box of HEIF,
+/// AVIF (ISO/IEC 23008-12, code points of ITU-T H.273) and JPEG 2000. `profile` is the ICC profile
+/// that a decoder has found, or empty.
+[[nodiscard]] ColorTags color_tags(std::string_view bytes, std::string profile);
+
+}  // namespace stymo
