@@ -141,15 +141,14 @@ void HeadMaskVariation::describe(ConfigSchema& schema) {
 
 HeadMaskExamples::HeadMaskExamples(const fs::path& folder) {
     const FolderScan scan = scan_folder(folder);
+    left_out_ = scan.left_out;
     photos_.resize(scan.faces.size());
     parallel_for(std::ssize(photos_), 8, [&](std::int64_t begin, std::int64_t end) {
         for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
             photos_[i] = read_photo(folder, scan.faces[i].image, scan.faces[i].mask);
     });
     if (!fs::is_directory(folder / "backgrounds")) return;
-    std::vector<fs::path> files(fs::directory_iterator(folder / "backgrounds"), {});
-    std::ranges::sort(files);
-    for (const fs::path& file : files) {
+    for (const fs::path& file : images_below(folder / "backgrounds").images) {
         Picture picture{std::vector<std::uint8_t>(std::size_t{picture_side} * picture_side * 3)};
         put(picture.bytes, 3, 0, at_usual_side(central_square(read_image(file))));
         backgrounds_.push_back(std::move(picture));

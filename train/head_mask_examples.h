@@ -8,6 +8,7 @@
 #include "core/config.h"
 #include "core/rng.h"
 #include "core/tensor.h"
+#include "train/data/image_files.h"
 
 namespace stymo {
 
@@ -41,6 +42,7 @@ public:
     explicit HeadMaskExamples(const std::filesystem::path& folder);
 
     [[nodiscard]] std::size_t size() const { return photos_.size(); }
+    [[nodiscard]] const std::vector<BrokenFile>& left_out() const { return left_out_; }
     /// Examples drawn with replacement and varied: mirrored, turned, scaled and shifted, with other
     /// backgrounds, partly covered, in other colours, blurred and noisy. The same `rng` gives the
     /// same batch.
@@ -62,6 +64,7 @@ private:
     void change_background(Example& example, Rng& rng) const;
     void cover(Example& example, Rng& rng) const;
 
+    std::vector<BrokenFile> left_out_;  ///< of the folder: what is no image
     std::vector<Picture> photos_;       ///< red, green, blue, mask, known, person
     std::vector<Picture> backgrounds_;  ///< red, green, blue
 };

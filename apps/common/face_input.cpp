@@ -51,6 +51,10 @@ Tensor read_image_of_user(const std::filesystem::path& path) {
     return image;
 }
 
+void write_left_out(std::ostream& stream, std::span<const BrokenFile> left_out) {
+    if (!left_out.empty()) stream << left_out_text(left_out) << std::endl;
+}
+
 void write_broken_files(std::ostream& stream, const DatasetSummary& summary, std::size_t known) {
     for (std::size_t i = known; i < summary.broken.size(); ++i)
         stream << "skipped " << summary.broken[i].file << ": " << summary.broken[i].reason

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <iosfwd>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -39,6 +40,8 @@ void require_photo(const FaceSource& source);
 /// read.
 [[nodiscard]] Face read_face(const FaceSource& source, const ModelConfig& config);
 
+/// Names what is no image in a data set's folder.
+void write_left_out(std::ostream& stream, std::span<const BrokenFile> left_out);
 /// Writes one line for each broken image except the first `known`, which were already reported. (If
 /// a data set is too large for the cache, broken images are found only when they are used.)
 void write_broken_files(std::ostream& stream, const DatasetSummary& summary, std::size_t known);

@@ -5,6 +5,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/explain.h"
+#include "apps/common/face_input.h"
 #include "apps/common/fit_options.h"
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
@@ -112,6 +113,7 @@ stymo::AppResult evaluate(Options options, const stymo::CommandLine& line) {
     // Throws for a side that the model does not render.
     static_cast<void>(model.decoder().ladder().count_up_to(evaluated.resolution));
     const stymo::Dataset faces = faces_of(options, model.config());
+    stymo::write_left_out(std::cerr, faces.summary().left_out);
     stymo::FaceRegion face_region(options.parser);
     evaluated.face_region = &face_region;
     stymo::ReconstructionConfig config =

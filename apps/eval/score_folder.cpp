@@ -30,13 +30,14 @@ ScoreFolder::ScoreFolder(std::filesystem::path path, const JsonValue& settings)
 }
 
 std::filesystem::path ScoreFolder::tuned_of(const std::string& id) const {
-    require_writable_folder(path_ / "tuned");
-    return path_ / "tuned" / (id + ".safetensors");
+    const std::filesystem::path file = path_ / "tuned" / (id + ".safetensors");
+    require_writable_folder(file.parent_path());
+    return file;
 }
 
 void ScoreFolder::add(const FaceScore& score, const FitResult& fit) {
     if (score.regions.front().fitted) {
-        require_writable_folder(path_ / "codes");
+        require_writable_folder(codes_of(score.id).parent_path());
         write_code_file(codes_of(score.id), fit.fitted, 0, pose_from_camera(fit.cameras.front()));
     }
     // Written after the codes, so that the codes of every line exist.

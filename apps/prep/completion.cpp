@@ -122,6 +122,13 @@ bool write_sheets(const fs::path& out, const PhotoPreparation& preparation,
     return !interrupted();
 }
 
+std::vector<JsonValue> to_json(const std::vector<BrokenFile>& files) {
+    std::vector<JsonValue> values;
+    for (const BrokenFile& item : files)
+        values.push_back(JsonValue::object({{"file", item.file}, {"reason", item.reason}}));
+    return values;
+}
+
 void remove_all_of(const fs::path& out) {
     fs::remove(ProgressFile::path_in(out));
     fs::remove_all(out / "images");
@@ -135,10 +142,12 @@ std::optional<PrepareReport> write_data_set(const FolderPreparation& folders,
                                             const PhotoPreparation& preparation,
                                             std::span<const std::string> files,
                                             const std::vector<std::string>& photo_ids,
+                                            const std::vector<BrokenFile>& left_out,
                                             const ProgressFile& notes, bool complete) {
     Summary summary = summary_of(folders, preparation.settings().pivot, files, notes);
     PrepareReport& report = summary.report;
     report.photos = photo_ids;
+    report.left_out = left_out;
     if (report.ok == 0 && !complete) return std::nullopt;
     if (report.ok == 0) {
         remove_all_of(folders.out);
@@ -166,9 +175,6 @@ std::optional<PrepareReport> write_data_set(const FolderPreparation& folders,
 }
 
 JsonValue to_json(const PrepareReport& report) {
-    std::vector<JsonValue> failed;
-    for (const BrokenFile& item : report.failed)
-        failed.push_back(JsonValue::object({{"file", item.file}, {"reason", item.reason}}));
     std::vector<JsonValue> warnings;
     for (const FaceWarning& item : report.warnings)
         warnings.push_back(JsonValue::object({{"id", item.id}, {"warning", item.warning}}));
@@ -180,7 +186,8 @@ JsonValue to_json(const PrepareReport& report) {
          {"made_masks", report.made_masks},
          {"landmark_error", report.landmark_error},
          {"mask_iou", report.mask_agreement ? JsonValue(*report.mask_agreement) : JsonValue()},
-         {"failed", failed},
+         {"failed", to_json(report.failed)},
+         {"left_out", to_json(report.left_out)},
          {"warnings", warnings},
          {"poses", to_json(report.poses)},
          {"photos", report.photos}});

@@ -38,6 +38,7 @@ std::string text_of(const stymo::PrepareReport& report, const Options& options) 
              << *report.mask_agreement << std::setprecision(1);
     for (const stymo::BrokenFile& item : report.failed)
         text << "\nskipped " << item.file << ": " << item.reason;
+    if (!report.left_out.empty()) text << '\n' << stymo::left_out_text(report.left_out);
     for (const stymo::FaceWarning& item : report.warnings)
         text << "\n" << item.id << ": " << item.warning;
     text << "\nmedian landmark error: " << std::setprecision(2) << 100.0 * report.landmark_error

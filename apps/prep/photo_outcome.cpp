@@ -1,6 +1,7 @@
 #include "apps/prep/photo_outcome.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
@@ -42,7 +43,8 @@ FaceOutcome parse_face(const Json& value) {
     FaceOutcome face;
     const Json& record = value.at("face");
     face.id = record.at("id").get<std::string>();
-    if (face.id.find('/') != std::string::npos)
+    const std::filesystem::path name(face.id);
+    if (name.is_absolute() || name.lexically_normal() != name || *name.begin() == "..")
         fail<FileError>("\"id\" holds ", face.id, ", which is no name of a file");
     face.fit.pose = parse_pose(record.at("pose").dump());
     for (std::size_t group = 0; group < code_members.size(); ++group) {

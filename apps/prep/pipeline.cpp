@@ -109,10 +109,12 @@ PhotoOutcome written(const FolderPreparation& folders, PhotoInWork work,
             continue;
         }
         if (!work.doubt.empty()) faces[i].warnings.push_back(work.doubt);
-        write_image(folders.out / "images" / (id + ".png"), faces[i].crop.image,
-                    Durability::crash_safe);
-        write_image(folders.out / "masks" / (id + ".png"), faces[i].crop.mask,
-                    Durability::crash_safe);
+        for (const auto& [kind, pixels] :
+             {std::pair("images", faces[i].crop.image), std::pair("masks", faces[i].crop.mask)}) {
+            const fs::path file = folders.out / kind / (id + ".png");
+            require_writable_folder(file.parent_path());
+            write_image(file, pixels, Durability::crash_safe);
+        }
         outcome.faces.push_back(outcome_of(std::move(id), std::move(faces[i])));
         if (i > 0 || known == nullptr) continue;
         outcome.faces.back().person = known->person;
@@ -218,8 +220,9 @@ PrepareOutcome prepare_folder(const FolderPreparation& folders, const PhotoPrepa
     FolderWork work(folders, preparation, scan);
     require_writable_folder(folders.out / "images");
     require_writable_folder(folders.out / "masks");
-    for (const fs::path& folder : {folders.out, folders.out / "images", folders.out / "masks"})
-        remove_temporary_files(folder);
+    remove_temporary_files(folders.out);
+    for (const auto& entry : fs::recursive_directory_iterator(folders.out))
+        if (entry.is_directory()) remove_temporary_files(entry.path());
     const std::int64_t before = outcome.found - work.waiting();
     bool going_on = true;
     do {
@@ -229,8 +232,8 @@ PrepareOutcome prepare_folder(const FolderPreparation& folders, const PhotoPrepa
     } while (going_on);
     outcome.done_now = outcome.done - before;
     const bool complete = work.waiting() == 0;
-    std::optional<PrepareReport> report =
-        write_data_set(folders, preparation, work.done(), work.photo_ids(), work.notes(), complete);
+    std::optional<PrepareReport> report = write_data_set(
+        folders, preparation, work.done(), work.photo_ids(), scan.left_out, work.notes(), complete);
     if (complete) outcome.report = std::move(report);
     return outcome;
 }

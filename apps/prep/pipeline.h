@@ -35,13 +35,14 @@ struct PrepareReport {
     double landmark_error = 0.0;  ///< median over the faces, in units of the image's side
     std::optional<double> mask_agreement;  ///< mean intersection over union of made and known masks
     std::vector<BrokenFile> failed;
+    std::vector<BrokenFile> left_out;  ///< files that are no images
     std::vector<FaceWarning> warnings;
     PoseStatistics poses;
 };
 
 /// {"found", "ok", "faces", "aligned_already", "made_masks", "landmark_error", "mask_iou": number
-/// or null, "failed": [{"file", "reason"}], "warnings": [{"id", "warning"}], "poses", "photos":
-/// [id]}
+/// or null, "failed" and "left_out": [{"file", "reason"}], "warnings": [{"id", "warning"}],
+/// "poses", "photos": [id]}
 [[nodiscard]] JsonValue to_json(const PrepareReport& report);
 
 /// The result of a call. If there is no report, the call was interrupted: the photos so far form a

@@ -27,6 +27,7 @@ CodeStatistics statistics_of(const RenderOptions& options, const Model& model) {
                         Split::all, frontal_pose(model.config().camera));
     const std::optional<CodeStatistics> statistics =
         code_statistics_of(model, faces, most_statistics_faces);
+    write_left_out(std::cerr, faces.summary().left_out);
     write_broken_files(std::cerr, faces.summary(), 0);
     if (!statistics)
         fail<FileError>(options.data.string(), ": statistics of codes need two faces or more");

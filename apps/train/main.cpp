@@ -117,6 +117,7 @@ stymo::AppResult train_masks(const Options& options, const stymo::CommonOptions&
             "--head-mask trains in one process; start it without mpirun");
     const auto config = stymo::HeadMaskTrainingConfig::load(options.config, options.set);
     const stymo::HeadMaskExamples examples(options.data);
+    stymo::write_left_out(std::cerr, examples.left_out());
     const stymo::HeadMaskModel model = options.initial_model.empty()
                                            ? stymo::make_head_mask_model(stymo::Rng(common.seed))
                                            : stymo::read_head_mask_model(options.initial_model);

@@ -143,6 +143,7 @@ std::string DatasetSummary::text() const {
     if (!refused.empty() || !broken.empty() || !doubted.empty()) text << ':';
     for (const std::vector<BrokenFile>* named : {&refused, &broken, &doubted})
         for (const BrokenFile& item : *named) text << '\n' << item.file << ": " << item.reason;
+    if (!left_out.empty()) text << '\n' << left_out_text(left_out);
     return text.str();
 }
 
@@ -158,6 +159,7 @@ struct Dataset::Implementation {
     mutable std::map<std::int64_t, BrokenFile> broken;  ///< by index in the split
     mutable std::map<std::string, std::string> doubts;  ///< by file
     std::vector<BrokenFile> refused;
+    std::vector<BrokenFile> left_out;
     mutable std::atomic<double> waiting_seconds = 0.0;
 
     [[nodiscard]] Pose pose_of(const std::string& id) const;
@@ -243,6 +245,7 @@ Dataset::Dataset(const std::filesystem::path& folder, std::int64_t side, const D
     data.faces = faces_of_split(scan, config, split);
     data.records = std::move(scan.records);
     data.intrinsics = scan.intrinsics;
+    data.left_out = std::move(scan.left_out);
     if (check) data.refuse(check);
     constexpr std::int64_t channels = 4;
     if (static_cast<std::int64_t>(data.faces.size()) * side * side * channels <=
@@ -341,6 +344,7 @@ DatasetSummary Dataset::summary() const {
     }
     for (const auto& [index, item] : data.broken) summary.broken.push_back(item);
     summary.refused = data.refused;
+    summary.left_out = data.left_out;
     for (const auto& [file, doubt] : data.doubts) summary.doubted.push_back({file, doubt});
     return summary;
 }

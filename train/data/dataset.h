@@ -42,9 +42,10 @@ struct DatasetSummary {
     std::int64_t without_mask = 0;
     std::int64_t without_pose = 0;
     std::int64_t without_code = 0;
-    std::vector<BrokenFile> broken;   ///< skipped, in order of id
-    std::vector<BrokenFile> refused;  ///< skipped because of their cameras, in order of id
-    std::vector<BrokenFile> doubted;  ///< used, but with colours that could not be converted
+    std::vector<BrokenFile> broken;    ///< skipped, in order of id
+    std::vector<BrokenFile> refused;   ///< skipped because of their cameras, in order of id
+    std::vector<BrokenFile> left_out;  ///< of the folder: what is no image
+    std::vector<BrokenFile> doubted;   ///< used, but with colours that could not be converted
 
     /// "700 faces; 700 without a pose (frontal is assumed); ..." and one line for each face that is
     /// skipped.

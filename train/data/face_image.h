@@ -9,12 +9,6 @@
 
 namespace stymo {
 
-/// A file that cannot be used, and the reason.
-struct BrokenFile {
-    std::string file;
-    std::string reason;
-};
-
 /// The image and the head mask of one face at their stored sizes.
 struct FaceImage {
     Tensor image;  ///< (height, width, 3) in [0, 1]

@@ -81,6 +81,11 @@ FaceRecords::FaceRecords(const std::filesystem::path& file, std::int64_t index_f
     if (indexed && version_of(file) == version) write_face_index(file, version, entries_);
 }
 
+void FaceRecords::add_pose(const std::string& id, const Pose& pose) {
+    FaceEntry& entry = entries_[id];
+    if (!entry.pose) entry.pose = pose;
+}
+
 const FaceEntry* FaceRecords::find(const std::string& id) const {
     const auto found = entries_.find(id);
     return found == entries_.end() ? nullptr : &found->second;
@@ -88,7 +93,7 @@ const FaceEntry* FaceRecords::find(const std::string& id) const {
 
 FaceRecord FaceRecords::read(const std::string& id) const {
     const FaceEntry* entry = find(id);
-    if (entry == nullptr) return {};
+    if (entry == nullptr || entry->size == 0) return {};
     try {
         auto [found, record] = parse_face_record(file_->read(entry->offset, entry->size));
         if (found == id) return std::move(record);

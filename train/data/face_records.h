@@ -42,6 +42,9 @@ public:
     explicit FaceRecords(const std::filesystem::path& file,
                          std::int64_t index_from = usual_index_from);
 
+    /// Gives a face a pose, unless its line has one. `read` does not return it.
+    void add_pose(const std::string& id, const Pose& pose);
+
     [[nodiscard]] std::int64_t size() const { return std::ssize(entries_); }
     /// Null for a face without a line.
     [[nodiscard]] const FaceEntry* find(const std::string& id) const;

@@ -1,6 +1,7 @@
 #include "train/data/folder_records.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <initializer_list>
 #include <nlohmann/json.hpp>
@@ -11,6 +12,7 @@
 #include "core/io/json_check.h"
 #include "core/io/json_writer.h"
 #include "nn/models/codes.h"
+#include "render/camera_matrices.h"
 #include "render/pose_json.h"
 
 namespace stymo {
@@ -121,6 +123,29 @@ std::vector<std::string> read_photo_ids(const std::filesystem::path& path) {
                              return photo.is_string();
                          });
     return are_ids ? photos.get<std::vector<std::string>>() : std::vector<std::string>();
+}
+
+std::optional<std::map<std::string, Camera>> read_eg3d_cameras(const std::filesystem::path& path) {
+    try {
+        const std::string text = read_file(path);
+        require_sound_json(text);
+        const Json object = Json::parse(text);
+        std::map<std::string, Camera> cameras;
+        if (!object.is_object() || !object.contains("labels")) return std::nullopt;
+        if (object["labels"].is_null()) return cameras;
+        for (const Json& label : object["labels"])
+            cameras.insert_or_assign(label.at(0).get<std::string>(),
+                                     camera_from_eg3d(label.at(1).get<std::array<double, 25>>()));
+        return cameras;
+    } catch (const FileError& error) {
+        fail<FileError>(path.string(), ": ", error.what());
+    } catch (const Json::parse_error& error) {
+        fail<FileError>(path.string(), ": not JSON: ", plain_message(error));
+    } catch (const Json::exception&) {
+        return std::nullopt;
+    } catch (const ValueError&) {
+        return std::nullopt;
+    }
 }
 
 Intrinsics read_intrinsics(const std::filesystem::path& path) {

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -30,6 +31,12 @@ struct FaceRecord {
 /// Reads "photos" of the `report.json` that stymo-prep writes: the ids of all input photos. Empty
 /// for any other file.
 [[nodiscard]] std::vector<std::string> read_photo_ids(const std::filesystem::path& path);
+
+/// Reads EG3D's `dataset.json`: {"labels": [["00000/img00000000.png", [25 numbers]], ...]}, the
+/// camera of each file (camera_matrices.h). Empty without labels; nothing if a label is no camera,
+/// such as a class. Throws FileError for malformed JSON.
+[[nodiscard]] std::optional<std::map<std::string, Camera>> read_eg3d_cameras(
+    const std::filesystem::path& path);
 
 /// Reads `camera.json`: {"focal", "cx", "cy"} in units of the image side, each optional. Throws
 /// FileError for malformed JSON, an unknown key, a wrong type or a focal length out of range.

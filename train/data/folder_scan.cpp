@@ -4,9 +4,11 @@
 #include <array>
 #include <cctype>
 #include <map>
+#include <optional>
 #include <string_view>
 
 #include "core/error.h"
+#include "render/camera_matrices.h"
 #include "train/data/folder_records.h"
 
 namespace stymo {
@@ -14,44 +16,18 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array<std::string_view, 7> image_extensions{".png", ".jpg",  ".jpeg", ".bmp",
-                                                           ".tif", ".tiff", ".webp"};
 constexpr std::array<std::string_view, 14> head_parts{"skin",  "l_brow", "r_brow", "l_eye", "r_eye",
                                                       "eye_g", "l_ear",  "r_ear",  "ear_r", "nose",
                                                       "mouth", "u_lip",  "l_lip",  "hair"};
 constexpr const char* celeba_images = "CelebA-HQ-img";
-constexpr const char* celeba_masks = "CelebAMask-HQ-mask-anno";
+constexpr std::string_view celeba_masks = "CelebAMask-HQ-mask-anno";
 constexpr std::array<const char*, 3> image_folders{"images1024x1024", "images", celeba_images};
 
-bool is_image(const fs::path& path) {
-    std::string extension = path.extension().string();
-    std::transform(extension.begin(), extension.end(), extension.begin(),
-                   [](unsigned char letter) { return static_cast<char>(std::tolower(letter)); });
-    return std::find(image_extensions.begin(), image_extensions.end(), extension) !=
-           image_extensions.end();
-}
-
-bool is_side_folder(const fs::path& name) {
-    return name == "masks" || name == "parsing" || name == celeba_masks ||
-           name.string().starts_with('.');
-}
-
-/// All images below `folder`, without those in its side folders. They are sorted, because the order
-/// in which a file system lists them is its own.
-std::vector<fs::path> images_below(const fs::path& folder) {
-    std::vector<fs::path> images;
-    for (auto entry = fs::recursive_directory_iterator(folder);
-         entry != fs::recursive_directory_iterator(); ++entry) {
-        const bool hidden = entry->path().filename().string().starts_with('.');
-        if (entry->is_directory()) {
-            if (hidden || (entry.depth() == 0 && is_side_folder(entry->path().filename())))
-                entry.disable_recursion_pending();
-        } else if (!hidden && entry->is_regular_file() && is_image(entry->path())) {
-            images.push_back(entry->path());
-        }
-    }
-    std::ranges::sort(images);
-    return images;
+bool is_side(const fs::path& name) {
+    constexpr std::array<std::string_view, 8> names{
+        "masks",       "parsing",     celeba_masks,  "faces.jsonl", "faces.jsonl.index",
+        "camera.json", "report.json", "dataset.json"};
+    return std::ranges::find(names, name.string()) != names.end();
 }
 
 fs::path image_folder(const fs::path& folder) {
@@ -62,20 +38,51 @@ fs::path image_folder(const fs::path& folder) {
 
 using PathById = std::map<std::string, fs::path>;
 
-PathById by_id(const std::vector<fs::path>& images) {
+/// How the images of a folder are named.
+enum class Naming { stems, paths };
+
+std::string id_of(const fs::path& image, const fs::path& root, Naming naming) {
+    return naming == Naming::stems
+               ? image.stem().string()
+               : image.lexically_relative(root).replace_extension().generic_string();
+}
+
+Naming naming_of(const std::vector<fs::path>& images, const fs::path& root,
+                 const FaceRecords& records) {
+    std::map<std::string, fs::path> folders;
+    for (const fs::path& image : images) {
+        const fs::path folder = image.parent_path();
+        const auto& [stem, former] = *folders.emplace(image.stem().string(), folder).first;
+        if (folder != former ||
+            (folder != root && records.find(id_of(image, root, Naming::paths)) != nullptr))
+            return Naming::paths;
+    }
+    return Naming::stems;
+}
+
+/// `files.left_out` gets the images that only their content tells, if another one has their id.
+PathById by_id(ImageFiles& files, const fs::path& root, Naming naming) {
     PathById result;
-    for (const fs::path& path : images) {
-        const auto [entry, added] = result.emplace(path.stem().string(), path);
-        if (!added)
+    const auto is_recognised = [&](const fs::path& path) {
+        return std::ranges::binary_search(files.recognised, path);
+    };
+    std::ranges::stable_sort(files.images, {}, is_recognised);
+    for (const fs::path& path : files.images) {
+        const auto [entry, added] = result.emplace(id_of(path, root, naming), path);
+        if (added) continue;
+        if (!is_recognised(path))
             fail<FileError>("two images have the id \"", entry->first,
                             "\": ", entry->second.string(), " and ", path.string(),
                             "; rename or remove one");
+        files.left_out.push_back({path.string(), "another file has the same photo's name"});
     }
     return result;
 }
 
-PathById optional_side_folder(const fs::path& folder) {
-    return fs::is_directory(folder) ? by_id(images_below(folder)) : PathById{};
+PathById optional_side_folder(const fs::path& folder, Naming naming) {
+    if (!fs::is_directory(folder)) return {};
+    ImageFiles files = images_below(folder);
+    return by_id(files, folder, naming);
 }
 
 bool is_number(std::string_view id) {
@@ -94,7 +101,7 @@ std::string_view without_leading_zeros(std::string_view digits) {
 std::map<std::string, std::vector<fs::path>> head_parts_by_number(const fs::path& folder) {
     std::map<std::string, std::vector<fs::path>> parts;
     if (!fs::is_directory(folder)) return parts;
-    for (const fs::path& path : images_below(folder)) {
+    for (const fs::path& path : images_below(folder).images) {
         const std::string stem = path.stem().string();
         const std::size_t underscore = stem.find('_');
         if (underscore == std::string::npos) continue;
@@ -103,6 +110,33 @@ std::map<std::string, std::vector<fs::path>> head_parts_by_number(const fs::path
         parts[std::string(without_leading_zeros(stem.substr(0, underscore)))].push_back(path);
     }
     return parts;
+}
+
+/// Adds the poses of EG3D's `dataset.json`, whose labels name files below `folder`.
+void add_eg3d_poses(const fs::path& folder, FolderScan& scan) {
+    const fs::path file = folder / "dataset.json";
+    if (!fs::exists(file)) return;
+    const std::optional<std::map<std::string, Camera>> cameras = read_eg3d_cameras(file);
+    if (!cameras) {
+        scan.left_out.push_back({file.string(), "its labels are no cameras of EG3D"});
+        return;
+    }
+    for (const FaceFiles& face : scan.faces) {
+        const auto found = cameras->find(face.image.lexically_relative(folder).generic_string());
+        if (found != cameras->end())
+            scan.records.add_pose(
+                face.id, pose_from_camera(with_focal(found->second, scan.intrinsics.focal)));
+    }
+}
+
+/// What is said of a folder in which no image was found.
+[[noreturn]] void fail_without_images(const fs::path& root, const ImageFiles& files) {
+    std::string others = left_out_text(files.left_out);
+    std::ranges::replace(others, '\n', ';');
+    fail<FileError>(root.string(),
+                    ": no images (png, jpg, heic, avif, webp, tif, raw); give a folder of face "
+                    "images",
+                    others.empty() ? "" : "; ", others);
 }
 
 }  // namespace
@@ -119,33 +153,38 @@ bool id_less(const std::string& a, const std::string& b) {
 }
 
 FolderScan scan_folder(const fs::path& folder) {
-    if (!fs::is_directory(folder))
-        fail<FileError>(folder.string(), ": no such folder; give a folder of face images");
+    if (!fs::is_directory(folder)) {
+        const bool is_file = fs::is_regular_file(folder);
+        fail<FileError>(folder.string(), is_file ? ": a file (" : ": no such folder",
+                        is_file ? reason_against(folder) : "", is_file ? ")" : "",
+                        "; give a folder of face images");
+    }
     try {
         const fs::path root = image_folder(folder);
-        const PathById images = by_id(images_below(root));
-        if (images.empty())
-            fail<FileError>(root.string(),
-                            ": no images (png, jpg, bmp, tif, webp); give a folder of face images");
-        const PathById masks = optional_side_folder(folder / "masks");
-        const PathById parsing = optional_side_folder(folder / "parsing");
+        ImageFiles files = images_below(root, is_side);
+        if (files.images.empty()) fail_without_images(root, files);
+        FolderScan scan;
+        if (fs::exists(folder / "faces.jsonl")) scan.records = FaceRecords(folder / "faces.jsonl");
+        const Naming naming = naming_of(files.images, root, scan.records);
+        const PathById images = by_id(files, root, naming);
+        scan.left_out = std::move(files.left_out);
+        const PathById masks = optional_side_folder(folder / "masks", naming);
+        const PathById parsing = optional_side_folder(folder / "parsing", naming);
         const auto parts = head_parts_by_number(folder / celeba_masks);
 
-        FolderScan scan;
         for (const auto& [id, image] : images) {
-            FaceFiles files{id, image, {}, {}, {}};
-            if (const auto mask = masks.find(id); mask != masks.end()) files.mask = mask->second;
-            if (const auto map = parsing.find(id); map != parsing.end())
-                files.parsing = map->second;
+            FaceFiles face{id, image, {}, {}, {}};
+            if (const auto mask = masks.find(id); mask != masks.end()) face.mask = mask->second;
+            if (const auto map = parsing.find(id); map != parsing.end()) face.parsing = map->second;
             if (const auto found = parts.find(std::string(without_leading_zeros(id)));
                 is_number(id) && found != parts.end())
-                files.mask_parts = found->second;
-            scan.faces.push_back(std::move(files));
+                face.mask_parts = found->second;
+            scan.faces.push_back(std::move(face));
         }
         std::ranges::sort(scan.faces, id_less, &FaceFiles::id);
-        if (fs::exists(folder / "faces.jsonl")) scan.records = FaceRecords(folder / "faces.jsonl");
         if (fs::exists(folder / "camera.json"))
             scan.intrinsics = read_intrinsics(folder / "camera.json");
+        add_eg3d_poses(folder, scan);
         if (fs::exists(folder / "report.json"))
             scan.photo_ids = read_photo_ids(folder / "report.json");
         std::ranges::sort(scan.photo_ids, id_less);

@@ -338,7 +338,7 @@ TEST_CASE("a folder that cannot be used gives one clear line", "[dataset]") {
     CHECK_THAT(line_of<FileError>([&] { open(folder); }),
                Catch::Contains("none of its 1 images can be read"));
     write_image(folder / "a/2.png", plain(8, 8, grey));
-    write_image(folder / "b/2.png", plain(8, 8, grey));
+    write_image(folder / "a/2.jpg", plain(8, 8, grey));
     CHECK_THAT(line_of<FileError>([&] { open(folder); }),
                Catch::Contains("two images have the id \"2\""));
 }
