@@ -125,6 +125,35 @@ TEST_CASE(
     CHECK_THAT(again.err, Catch::Contains("prepared: exists already"));
 }
 
+TEST_CASE("Folders of persons are prepared with paths as ids, and what is no photo is named") {
+    const fs::path& folder = tiny_run();
+    const json landmarks = records_in(folder / "faces/faces.jsonl").front()["landmarks"];
+    std::string lines;
+    for (const char* person : {"anna", "ben"}) {
+        for (const char* kind : {"images", "masks"}) {
+            fs::create_directories(folder / "persons" / kind / person);
+            fs::copy_file(folder / "faces" / kind / "00000.png",
+                          folder / "persons" / kind / person / "1.png");
+        }
+        lines += json{{"id", std::string(person) + "/1"}, {"landmarks", landmarks}}.dump() + "\n";
+    }
+    stymo::write_file(folder / "persons/faces.jsonl", lines);
+    stymo::write_file(folder / "persons/images/note.txt", "no photo");
+    const json report = json::parse(
+        done("stymo-prep --photos persons --out prepared_persons --size 32 --json").out);
+    CHECK(report["ok"] == 2);
+    CHECK(report["photos"] == json{"anna/1", "ben/1"});
+    CHECK(report["left_out"] ==
+          json{{{"file", "persons/images/note.txt"}, {"reason", "not an image"}}});
+    const stymo::FolderScan scan = stymo::scan_folder(folder / "prepared_persons");
+    REQUIRE(scan.faces.size() == 2);
+    for (const stymo::FaceFiles& face : scan.faces) {
+        CHECK(face.image == folder / "prepared_persons/images" / (face.id + ".png"));
+        CHECK(face.mask == folder / "prepared_persons/masks" / (face.id + ".png"));
+        CHECK(scan.records.find(face.id) != nullptr);
+    }
+}
+
 TEST_CASE("A preparation that was stopped goes on with the next call, as if it had not been",
           "[slow]") {
     const fs::path folder = photos_with_landmarks("many", 12).parent_path();
