@@ -1,5 +1,6 @@
 #include "core/metrics.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -86,11 +87,35 @@ double similarity(const Moments& mean) {
     return numerator / denominator;
 }
 
-/// Sum of the similarity over the windows whose top row is `row`.
+/// Which windows, by their upper left pixels, hold no 0 of (height, width, 1). Empty: all.
+std::vector<bool> counted_windows(const Tensor& counted) {
+    std::vector<bool> windows;
+    if (!counted.defined()) return windows;
+    const std::int64_t height = counted.shape(0), width = counted.shape(1);
+    const std::vector<double> values = counted.to_vector();
+    // The number of zeros in each column's last rows, as a window moves down.
+    std::vector<int> zeros(static_cast<std::size_t>(width));
+    const auto change = [&](std::int64_t row, int by) {
+        for (std::size_t i = 0; i < zeros.size(); ++i)
+            if (values[static_cast<std::size_t>(row * width) + i] == 0.0) zeros[i] += by;
+    };
+    for (std::int64_t row = 0; row < height; ++row) {
+        change(row, 1);
+        if (row >= window_size) change(row - window_size, -1);
+        if (row < window_size - 1) continue;
+        for (auto first = zeros.begin(); zeros.end() - first >= window_size; ++first)
+            windows.push_back(
+                std::all_of(first, first + window_size, [](int n) { return n == 0; }));
+    }
+    return windows;
+}
+
+/// Sum of the similarity over the windows whose top row is `row`, of those that count.
 template <class T>
 double row_similarity(std::span<const T> a, std::span<const T> b, std::size_t row,
                       std::size_t row_length, std::size_t channels,
-                      const std::array<double, window_size>& window) {
+                      const std::array<double, window_size>& window,
+                      const std::vector<bool>& counted) {
     std::vector<Moments> column_means(row_length);
     for (std::size_t k = 0; k < window.size(); ++k) {
         const auto a_row = a.subspan((row + k) * row_length, row_length);
@@ -103,7 +128,9 @@ double row_similarity(std::span<const T> a, std::span<const T> b, std::size_t ro
         }
     }
     double total = 0.0;
+    const std::size_t columns = row_length / channels - window.size() + 1;
     for (std::size_t i = 0; i + (window.size() - 1) * channels < row_length; ++i) {
+        if (!counted.empty() && !counted[row * columns + i / channels]) continue;
         Moments mean;
         for (std::size_t k = 0; k < window.size(); ++k) {
             mean.add(window[k], column_means[i + k * channels]);
@@ -133,7 +160,7 @@ double peak_signal_to_noise_ratio(const Tensor& a, const Tensor& b) {
                                 : -10.0 * std::log10(squared_error);
 }
 
-double structural_similarity(const Tensor& a, const Tensor& b) {
+double structural_similarity(const Tensor& a, const Tensor& b, const Tensor& counted) {
     require_match("structural_similarity", a, b);
     const std::int64_t rows = a.shape(0) - window_size + 1, columns = a.shape(1) - window_size + 1,
                        channels = a.shape(2);
@@ -141,6 +168,12 @@ double structural_similarity(const Tensor& a, const Tensor& b) {
         fail<ShapeError>("[structural_similarity] needs at least ", window_size, " x ", window_size,
                          " pixels, got ", a.shape());
     }
+    if (counted.defined() && !(counted.shape() == a.shape().with(2, 1)))
+        fail<ShapeError>("[structural_similarity] counted pixels ", counted.shape(),
+                         " of an image ", a.shape());
+    const std::vector<bool> windows = counted_windows(counted);
+    const auto count = windows.empty() ? rows * columns : std::ranges::count(windows, true);
+    if (count == 0) return 1.0;
     const auto window = gaussian_window();
     std::vector<double> row_totals(static_cast<std::size_t>(rows));
     dispatch(a.dtype(), [&]<class T>(T) {
@@ -150,13 +183,14 @@ double structural_similarity(const Tensor& a, const Tensor& b) {
         parallel_for(rows, 8, [&](std::int64_t begin, std::int64_t end) {
             for (auto row = static_cast<std::size_t>(begin); row < static_cast<std::size_t>(end);
                  ++row) {
-                row_totals[row] = row_similarity<T>(a_values, b_values, row, row_length,
-                                                    static_cast<std::size_t>(channels), window);
+                row_totals[row] =
+                    row_similarity<T>(a_values, b_values, row, row_length,
+                                      static_cast<std::size_t>(channels), window, windows);
             }
         });
     });
     return std::accumulate(row_totals.begin(), row_totals.end(), 0.0) /
-           static_cast<double>(rows * columns * channels);
+           static_cast<double>(count * channels);
 }
 
 }  // namespace stymo

@@ -17,7 +17,9 @@ namespace stymo {
 /// whose 11x11 window lies within the image: Gaussian window with deviation 1.5, K1 = 0.01, K2 =
 /// 0.03, population covariance. Equals scikit-image's structural_similarity(gaussian_weights=True,
 /// sigma=1.5, use_sample_covariance=False, data_range=1, channel_axis=2). Throws ShapeError for a
-/// side shorter than 11 pixels.
-[[nodiscard]] double structural_similarity(const Tensor& a, const Tensor& b);
+/// side shorter than 11 pixels. With `counted` (height, width, 1), only windows count that hold no
+/// 0 of it; 1 if there are none.
+[[nodiscard]] double structural_similarity(const Tensor& a, const Tensor& b,
+                                           const Tensor& counted = {});
 
 }  // namespace stymo

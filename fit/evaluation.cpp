@@ -1,10 +1,12 @@
 #include "fit/evaluation.h"
 
+#include <cmath>
 #include <numeric>
 
 #include "core/median.h"
 #include "core/metrics.h"
 #include "core/ops/elementwise.h"
+#include "nn/known_pixels.h"
 #include "nn/models/display_image.h"
 
 namespace stymo {
@@ -31,19 +33,30 @@ ImageMetrics averaged(const std::vector<ImageMetrics>& metrics, const Average& a
 
 }  // namespace
 
-MetricTarget::MetricTarget(const Tensor& target, const Tensor& mask, const Lpips* lpips)
-    : masked_target_(masked_image(target, mask)), mask_(mask), lpips_(lpips) {
+MetricTarget::MetricTarget(const Tensor& target, const Tensor& mask, const Lpips* lpips,
+                           const Tensor& known)
+    : masked_target_(masked_image(target, where_known(known, mask, 0.0).value())),
+      mask_(where_known(known, mask, 0.0).value()),
+      known_(known),
+      lpips_(lpips) {
     if (lpips_ != nullptr) features_ = lpips_->features(lpips_input(masked_target_));
 }
 
 ImageMetrics MetricTarget::measure(const Tensor& image) const {
     const Tensor& b = masked_target_;
     const Tensor a = masked_image(image, mask_);
-    ImageMetrics metrics{l1_error(a, b), mean_absolute_error(a, b), structural_similarity(a, b),
-                         peak_signal_to_noise_ratio(a, b)};
+    ImageMetrics metrics{l1_error(a, b), mean_absolute_error(a, b),
+                         structural_similarity(a, b, known_), peak_signal_to_noise_ratio(a, b)};
     if (lpips_ != nullptr)
         metrics.lpips =
             lpips_->distance(lpips_->features(lpips_input(a)), features_).value().item();
+    if (!known_.defined()) return metrics;
+    // Unknown pixels are black in both images.
+    const double share = known_share(known_);
+    metrics.l1 /= share;
+    metrics.l1_mean /= share;
+    metrics.psnr += 10.0 * std::log10(share);
+    if (metrics.lpips) *metrics.lpips /= share;
     return metrics;
 }
 

@@ -10,7 +10,7 @@
 namespace stymo {
 
 /// The paper's metrics of one image against its target. Both are masked (black outside the head),
-/// and means are over the full frame.
+/// and means are over the full frame, or the part of it that is known in the photo.
 struct ImageMetrics {
     double l1 = 0.0;       ///< summed over RGB, as in the paper's tables
     double l1_mean = 0.0;  ///< averaged over RGB
@@ -23,15 +23,17 @@ struct ImageMetrics {
 class MetricTarget {
 public:
     /// target (S, S, 3) and mask (S, S, 1), all in [0, 1]. `lpips` must outlive this object; null:
-    /// LPIPS is not measured.
-    MetricTarget(const Tensor& target, const Tensor& mask, const Lpips* lpips = nullptr);
+    /// LPIPS is not measured. `known` (S, S, 1) as in nn/known_pixels.h.
+    MetricTarget(const Tensor& target, const Tensor& mask, const Lpips* lpips = nullptr,
+                 const Tensor& known = {});
 
     /// image (S, S, 3) in [0, 1].
     [[nodiscard]] ImageMetrics measure(const Tensor& image) const;
 
 private:
     Tensor masked_target_;
-    Tensor mask_;
+    Tensor mask_;  ///< 0 where a pixel is unknown
+    Tensor known_;
     const Lpips* lpips_;
     Lpips::Features features_;
 };

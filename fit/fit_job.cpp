@@ -50,7 +50,9 @@ double reconstruction_of(const Model& model, const ReconstructionLoss& loss,
     const Decoded decoded = model.decoder()(
         done.fit.fitted, done.fit.cameras,
         {.samples_per_ray = samples_per_ray, .resolution = done.faces.targets.back().shape(1)});
-    return loss(decoded.images, loss.target(done.faces.targets)).total.value().item();
+    return loss(decoded.images, loss.target(done.faces.targets, 0, done.faces.known))
+        .total.value()
+        .item();
 }
 
 }  // namespace
@@ -66,8 +68,9 @@ FitJob::FitJob(const Model& model, const ReconstructionLoss& loss, FitJobOptions
     options_.tuning.tolerance = options_.fit.tolerance;
 }
 
-std::vector<PreparedPhoto> FitJob::prepare(std::span<const std::string> images) const {
-    return prepare_photos(images, model_.config(), options_.preparation);
+std::vector<PreparedPhoto> FitJob::prepare(std::span<const std::string> images,
+                                           const Tensor& known) const {
+    return prepare_photos(images, model_.config(), options_.preparation, known);
 }
 
 FaceBatch FitJob::batch_of(std::span<const Face> faces) const {

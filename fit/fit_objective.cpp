@@ -49,7 +49,8 @@ Variable depth_term(const FitComparison& seen, TermValues&) {
 }
 
 Variable mask_term(const FitComparison& seen, TermValues&) {
-    return seen.mask.defined() ? mask_loss(seen.decoded.mask_logit, seen.mask) : Variable();
+    return seen.mask.defined() ? mask_loss(seen.decoded.mask_logit, seen.mask, seen.known)
+                               : Variable();
 }
 
 template <double FitWeights::*member>

@@ -30,9 +30,10 @@ struct FitComparison {
     const ReconstructionLoss* reconstruction = nullptr;
     const ReconstructionLoss::Target* photos = nullptr;  ///< of the same faces
     const Codes* offsets = nullptr;                      ///< of the codes, which are optimised
-    std::span<const Tensor> kept_images{};  ///< what the images must stay, ascending by side
+    std::span<const Tensor> kept_images{};   ///< what the images must stay, ascending by side
     std::span<const double> kept_weights{};  ///< one for each of `kept_images`
     Tensor mask{};                           ///< (B, S, S, 1), the head in the photos
+    Tensor known{};                          ///< of `mask`, see nn/known_pixels.h
     Variable depths{};                       ///< expected_depth(decoded)
     /// By face: what its depth is drawn to; those without a value are left out.
     std::span<const std::optional<FaceSurface>> surfaces{};

@@ -109,7 +109,7 @@ bool FitProblem::choose_images(std::int64_t step) {
     count = std::min(count, all);
     if (count == image_count_) return false;
     image_count_ = count;
-    photos_ = loss_.kept_target(std::span(faces_.targets).first(count));
+    photos_ = loss_.kept_target(std::span(faces_.targets).first(count), faces_.known);
     // The largest compared image gets the weight of the model's largest image.
     if (photos_.weights.size() >= all) photos_.weights[count - 1] = photos_.weights[all - 1];
     decode_.resolution = faces_.targets[count - 1].shape(1);

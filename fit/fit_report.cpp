@@ -2,6 +2,7 @@
 
 #include "core/io/image.h"
 #include "core/ops/shape_ops.h"
+#include "nn/known_pixels.h"
 #include "nn/models/display_image.h"
 #include "nn/realtime/view.h"
 
@@ -25,7 +26,19 @@ bool is_unchanged(const FaceBatch& target, const FitResult& result, std::int64_t
     return true;
 }
 
+MetricTarget metric_target(const FitReport& report, const FaceBatch& target, const Tensor& mask,
+                           std::int64_t index, const Lpips* lpips) {
+    return {report.target, display_mask(mask, index), lpips, known_in(target, index)};
+}
+
 }  // namespace
+
+Tensor known_in(const FaceBatch& target, std::int64_t index) {
+    const Tensor known = target.known_of(index);
+    if (!known.defined()) return known;
+    const std::int64_t side = target.targets.back().shape(1);
+    return known_at(known, side, side).reshaped({side, side, 1});
+}
 
 FitReport report_fit(const Model& model, const FaceBatch& target, const Tensor& mask,
                      const FitResult& result, std::int64_t index, const Lpips* lpips,
@@ -44,7 +57,7 @@ FitReport report_fit(const Model& model, const FaceBatch& target, const Tensor& 
     report.fitted = fitted.image;
     report.mask = fitted.mask;
     report.counting_samples = fitted.significant_samples;
-    const MetricTarget measured(report.target, display_mask(mask, index), lpips);
+    const MetricTarget measured = metric_target(report, target, mask, index, lpips);
     report.fitted_metrics = measured.measure(report.fitted);
     if (unchanged) {
         report.initial = report.fitted;
@@ -65,8 +78,7 @@ void add_tuned(FitReport& report, const Model& tuned, const FaceBatch& target, c
                      .mask = report.mask.defined()});
     report.tuned = view.image;
     report.mask = view.mask;
-    report.tuned_metrics =
-        MetricTarget(report.target, display_mask(mask, index), lpips).measure(report.tuned);
+    report.tuned_metrics = metric_target(report, target, mask, index, lpips).measure(report.tuned);
 }
 
 JsonValue to_json(const FitReport& report, const FitResult& result, double seconds) {

@@ -24,6 +24,9 @@ struct FitReport {
     std::string lpips_network;      ///< Lpips::label(); empty: LPIPS was not measured
 };
 
+/// The known pixels of the largest target of row `index`, (S, S, 1); undefined: all.
+[[nodiscard]] Tensor known_in(const FaceBatch& target, std::int64_t index);
+
 /// Renders row `index` before and after the fit and measures both within `mask` (B, S, S, 1), with
 /// LPIPS unless `lpips` is null. If the fit changed nothing, only one image is rendered.
 /// `with_head_mask`: also renders the model's head mask.

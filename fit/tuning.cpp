@@ -75,7 +75,7 @@ public:
             std::vector<Tensor> images;
             for (const Tensor& images_of_all : faces.targets)
                 images.push_back(slice(Variable(images_of_all), 0, i, i + 1).value());
-            photos_.push_back(loss.kept_target(images));
+            photos_.push_back(loss.kept_target(images, faces.known_of(i)));
             look_at_photo(i);
         }
         significant_.resize(photos_.size());
@@ -140,7 +140,10 @@ private:
             significant_[index] =
                 significant_samples(decoded.weights.weights.value(), options_.tolerance);
         FitComparison seen{.decoded = decoded, .reconstruction = &loss_, .photos = &photo};
-        if (masked) seen.mask = slice(Variable(faces_.mask), 0, row, row + 1).value();
+        if (masked) {
+            seen.mask = slice(Variable(faces_.mask), 0, row, row + 1).value();
+            seen.known = faces_.known_of(row);
+        }
         return loss_of(seen, surfaces_[index], row);
     }
 

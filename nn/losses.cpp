@@ -4,6 +4,7 @@
 
 #include "core/error.h"
 #include "core/ops/ops.h"
+#include "nn/known_pixels.h"
 
 namespace stymo {
 namespace {
@@ -50,12 +51,12 @@ Variable code_loss(const Codes& z, const std::array<Tensor, 4>& targets,
     return total;
 }
 
-Variable mask_loss(const Variable& logit, const Tensor& mask) {
+Variable mask_loss(const Variable& logit, const Tensor& mask, const Tensor& known) {
     require_same_shape("mask_loss", logit.shape(), mask.shape());
-    return mean(binary_cross_entropy_with_logits(logit, mask));
+    return mean(where_known(known, binary_cross_entropy_with_logits(logit, mask), 0.0));
 }
 
-Variable opacity_loss(const Variable& transmittance, const Tensor& mask) {
+Variable opacity_loss(const Variable& transmittance, const Tensor& mask, const Tensor& known) {
     if (transmittance.value().size() != mask.size())
         fail<ShapeError>("opacity_loss: transmittance ", transmittance.shape(), " and mask ",
                          mask.shape(), " differ in size");
@@ -63,7 +64,9 @@ Variable opacity_loss(const Variable& transmittance, const Tensor& mask) {
     const Variable inside = mask.reshaped(transmittance.shape());
     const Variable log_opaque = log(affine(transmittance, -1.0, 1.0) + lift);
     const Variable log_clear = log(transmittance + lift);
-    return negate(mean(inside * log_opaque + affine(inside, -1.0, 1.0) * log_clear));
+    const Variable terms = inside * log_opaque + affine(inside, -1.0, 1.0) * log_clear;
+    if (!known.defined()) return negate(mean(terms));
+    return negate(mean(where_known(known.reshaped(transmittance.shape()), terms, 0.0)));
 }
 
 Variable depth_loss(const Variable& depth, const Tensor& target, const Tensor& present) {

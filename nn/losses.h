@@ -7,6 +7,8 @@
 #include "nn/models/codes.h"
 
 /// Losses of the reconstruction. Targets are constants of the same element type as the images.
+/// Where `known` (nn/known_pixels.h) is 0, a pixel contributes 0 to the mean over all pixels, so
+/// that the others weigh as much as without it.
 namespace stymo {
 
 /// The paper's L_photo: sum_r weights_r mean |image_r - target_r| over the resolutions r, a scalar;
@@ -24,13 +26,15 @@ namespace stymo {
 
 /// The paper's L_seg: mean binary cross-entropy of logits against a mask of the same shape in [0,
 /// 1].
-[[nodiscard]] Variable mask_loss(const Variable& logit, const Tensor& mask);
+[[nodiscard]] Variable mask_loss(const Variable& logit, const Tensor& mask,
+                                 const Tensor& known = {});
 
 /// Mean binary cross-entropy of the opacity 1 - transmittance of each ray against a mask in [0, 1]
-/// with as many elements. In the logarithms 1e-3 is added to opacity and transmittance, which
-/// bounds the gradient. Unlike the gradient of a squared difference, it does not vanish for an
-/// opaque ray of the background until the transmittance is as small as 1e-3.
-[[nodiscard]] Variable opacity_loss(const Variable& transmittance, const Tensor& mask);
+/// with as many elements, like `known`. In the logarithms 1e-3 is added to opacity and
+/// transmittance, which bounds the gradient. Unlike the gradient of a squared difference, it does
+/// not vanish for an opaque ray of the background until the transmittance is as small as 1e-3.
+[[nodiscard]] Variable opacity_loss(const Variable& transmittance, const Tensor& mask,
+                                    const Tensor& known = {});
 
 /// Mean of |depth - target| over the rays that `present` (0 or 1) selects, 0 if it selects none.
 /// All three have the same number of elements. Throws ShapeError otherwise.

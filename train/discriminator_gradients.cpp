@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "nn/adversarial.h"
+#include "train/loss_terms.h"
 
 namespace stymo {
 
@@ -40,7 +41,7 @@ Tensor fake_images(const GeneratorInputs& inputs, const FaceBatch& batch,
                                     .jitter = &jitter});
         images.push_back(decoded.images.back().detach());
     }
-    return faded_image(concat(images, 0), position.fade).value();
+    return faded_image(seen_by_discriminator(concat(images, 0), batch), position.fade).value();
 }
 
 double mean_sign(const Tensor& logits) {

@@ -8,6 +8,7 @@
 #include "core/autograd/recompute.h"
 #include "core/ops/ops.h"
 #include "nn/adversarial.h"
+#include "nn/known_pixels.h"
 #include "nn/losses.h"
 
 namespace stymo {
@@ -20,32 +21,36 @@ Variable adversarial_term(const LossInputs& in, LossValues&) {
     const double fade = in.position.fade;
     return differentiate_at_once(
         [&](const Variable& images) {
-            return generator_loss(
-                (*in.discriminator)(augmented(faded_image(images, fade), in.augmentations), fade));
+            return generator_loss((*in.discriminator)(
+                augmented(faded_image(seen_by_discriminator(images, in.batch), fade),
+                          in.augmentations),
+                fade));
         },
         in.decoded.images.back());
 }
 
 Variable reconstruction_term(const LossInputs& in, LossValues& values) {
-    const ReconstructionLoss::Terms terms =
-        in.reconstruction(in.decoded.images,
-                          in.reconstruction.target(in.batch.targets, in.position.phase.resolution));
+    const ReconstructionLoss::Terms terms = in.reconstruction(
+        in.decoded.images,
+        in.reconstruction.target(in.batch.targets, in.position.phase.resolution, in.batch.known));
     values["photometric"] = terms.photometric.value().item();
     if (terms.perceptual.defined()) values["perceptual"] = terms.perceptual.value().item();
     return terms.total;
 }
 
 Variable mask_term(const LossInputs& in, LossValues&) {
-    return mask_loss(in.decoded.mask_logit, in.batch.mask);
+    return mask_loss(in.decoded.mask_logit, in.batch.mask, in.batch.known);
 }
 
 Variable opacity_term(const LossInputs& in, LossValues&) {
     const Variable& transmittance = in.decoded.weights.transmittance;
-    if (transmittance.shape(1) == in.batch.ray_mask.shape(1) * in.batch.ray_mask.shape(2))
-        return opacity_loss(transmittance, in.batch.ray_mask);
+    const std::int64_t rays = in.batch.ray_mask.shape(1);
+    if (transmittance.shape(1) == rays * rays)
+        return opacity_loss(transmittance, in.batch.ray_mask, known_at(in.batch.known, rays, rays));
     // A field without render blocks has a ray for each pixel.
     const int side = static_cast<int>(in.decoded.images.back().shape(1));
-    return opacity_loss(transmittance, resize_box(in.batch.mask, side, side).value());
+    return opacity_loss(transmittance, resize_box(in.batch.mask, side, side).value(),
+                        known_at(in.batch.known, side, side));
 }
 
 Variable depth_variance_term(const LossInputs& in, LossValues&) {
@@ -74,6 +79,10 @@ bool codes_learn(const LossInputs& in) {
 }
 
 }  // namespace
+
+Variable seen_by_discriminator(const Variable& images, const FaceBatch& batch) {
+    return where_known(known_at(batch.known, images.shape(1), images.shape(2)), images, -1.0);
+}
 
 std::span<const LossTerm> loss_terms() {
     static const std::vector<LossTerm> terms{

@@ -59,6 +59,9 @@ struct LossTerm {
     bool second_stage_alone = false;
 };
 
+/// Rendered images of the batch's faces without what is unknown in the photos, as in its targets.
+[[nodiscard]] Variable seen_by_discriminator(const Variable& images, const FaceBatch& batch);
+
 /// Name, among the losses, of the share of samples that take part in the backward pass.
 inline constexpr std::string_view significant_share = "significant_samples";
 

@@ -1,6 +1,7 @@
 #include "train/tick.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iomanip>
 #include <sstream>
 #include <string_view>
@@ -13,6 +14,7 @@
 #include "core/ops/elementwise.h"
 #include "core/ops/resample.h"
 #include "core/parallel.h"
+#include "nn/known_pixels.h"
 #include "nn/models/display_image.h"
 #include "nn/models/face_batch.h"
 #include "nn/realtime/view.h"
@@ -110,13 +112,18 @@ ValidationScore validation_score(const Model& model, const ReconstructionLoss& r
         const Codes codes = face_codes(model, batch);
         const Decoded decoded = model.decoder()(
             codes, batch.cameras, {.samples_per_ray = samples_per_ray, .resolution = resolution});
-        const ReconstructionLoss::Target target = reconstruction.target(batch.targets, resolution);
+        const ReconstructionLoss::Target target =
+            reconstruction.target(batch.targets, resolution, batch.known);
         sum.reconstruction += reconstruction(decoded.images, target).total.value().item();
         const int side = static_cast<int>(resolution);
         const Tensor mask = clamp(resize_bicubic(batch.mask, side, side), 0.0, 1.0).value();
-        sum.psnr += peak_signal_to_noise_ratio(
-            masked_image(display_image(decoded.images.back().value(), 0), display_mask(mask, 0)),
-            display_image(target.images.back(), 0));
+        const Tensor known = known_at(batch.known, side, side);
+        const Tensor image =
+            masked_image(display_image(where_known(known, decoded.images.back(), -1.0).value(), 0),
+                         display_mask(mask, 0));
+        // Mean over the known pixels, where alone both differ.
+        sum.psnr += peak_signal_to_noise_ratio(image, display_image(target.images.back(), 0)) +
+                    10.0 * std::log10(known_share(known));
     }
     return {sum.reconstruction / static_cast<double>(count), sum.psnr / static_cast<double>(count)};
 }

@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "core/io/image.h"
 #include "fit/photo/prepared_photos.h"
+#include "nn/known_pixels.h"
 #include "nn/models/code_file.h"
 #include "nn/realtime/view.h"
 
@@ -34,6 +35,8 @@ void require_photo(const FaceSource& source) {
         fail<UsageError>(
             "several photos are prepared by the tool itself: leave out --mask, --pose, --data and "
             "--as-is");
+    if (source.images.size() > 1 && !source.ignore.empty())
+        fail<UsageError>("--ignore belongs to one photo; fit them one by one");
     std::set<std::string> names;
     for (const std::string& image : source.images) {
         const std::string name = std::filesystem::path(image).stem().string();
@@ -61,6 +64,15 @@ void write_broken_files(std::ostream& stream, const DatasetSummary& summary, std
                << std::endl;
 }
 
+Tensor read_known(const FaceSource& source) {
+    if (source.ignore.empty()) return {};
+    const Tensor known = read_known(source.ignore);
+    if (known_share(known) == 0.0)
+        fail<FileError>(source.ignore.string(),
+                        ": leaves nothing of the photo; white stands for what is ignored");
+    return known;
+}
+
 Face read_face(const FaceSource& source, const ModelConfig& config) {
     const std::int64_t side = config.decoder.resolution;
     Face face;
@@ -77,6 +89,10 @@ Face read_face(const FaceSource& source, const ModelConfig& config) {
     if (!source.mask.empty()) {
         face.mask = at_model_side(read_mask(source.mask), side);
         face.has_mask = true;
+    }
+    if (const Tensor known = read_known(source); known.defined()) {
+        const Tensor mine = known_at(central_square(known), side, side);
+        face.known = face.known.defined() ? where_known(mine, face.known, 0.0).value() : mine;
     }
     if (!source.pose.empty()) {
         face.pose = read_pose(source.pose);

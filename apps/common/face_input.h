@@ -17,8 +17,9 @@ namespace stymo {
 /// face of a data set.
 struct FaceSource {
     std::vector<std::string>
-        images;                  ///< several are allowed only if unprepared, and show one person
-    std::filesystem::path mask;  ///< mask file; empty: the whole frame
+        images;                    ///< several are allowed only if unprepared, and show one person
+    std::filesystem::path mask;    ///< mask file; empty: the whole frame
+    std::filesystem::path ignore;  ///< white where nothing is known of the face; empty: nowhere
     /// A JSON file with a "pose" in degrees, such as codes.json; empty: frontal.
     std::filesystem::path pose;
     std::filesystem::path data;  ///< a folder in the FFHQ format with mask and pose of `id`
@@ -32,10 +33,13 @@ struct FaceSource {
 };
 
 /// Throws UsageError unless there is --image, or --data with --id. Also throws it if there are
-/// several photos with known mask or pose.
+/// several photos with known mask or pose, or with --ignore.
 void require_photo(const FaceSource& source);
 /// read_image, with a warning on stderr if the colours could not be converted to sRGB.
 [[nodiscard]] Tensor read_image_of_user(const std::filesystem::path& path);
+/// The known pixels (nn/known_pixels.h) of the photo of --ignore, in its own frame; undefined: all.
+/// Throws FileError if the file cannot be read or covers the whole photo.
+[[nodiscard]] Tensor read_known(const FaceSource& source);
 /// A photo with known mask or pose, at the model's resolution. Throws FileError if a file cannot be
 /// read.
 [[nodiscard]] Face read_face(const FaceSource& source, const ModelConfig& config);

@@ -62,7 +62,8 @@ FaceScore score_of(const std::string& id, const FitReport& report, const Compare
         if (options.fit) region.fitted = report.fitted_metrics;
         if (tuned) region.tuned = report.tuned_metrics;
         if (k == 0) continue;
-        const MetricTarget measured(report.target, display_mask(face.masks[k], 0), options.lpips);
+        const MetricTarget measured(report.target, display_mask(face.masks[k], 0), options.lpips,
+                                    known_in(face.batch, 0));
         region.initial = measured.measure(report.initial);
         if (options.fit) region.fitted = measured.measure(report.fitted);
         if (tuned) region.tuned = measured.measure(report.tuned);

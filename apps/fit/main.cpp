@@ -96,9 +96,10 @@ struct Faces {
 };
 
 /// Prepares the photos and shows the results before the fit, which takes longer.
-Faces prepared(const stymo::FitJob& job, const std::vector<std::string>& images, Output& output) {
+Faces prepared(const stymo::FitJob& job, const stymo::FaceSource& source, Output& output) {
     stymo::warn_without_landmark_network(job.options().preparation);
-    std::vector<stymo::PreparedPhoto> photos = job.prepare(images);
+    std::vector<stymo::PreparedPhoto> photos =
+        job.prepare(source.images, stymo::read_known(source));
     Faces result;
     for (stymo::PreparedPhoto& photo : photos) {
         result.faces.push_back(std::move(photo.face));
@@ -115,7 +116,7 @@ Faces prepared(const stymo::FitJob& job, const std::vector<std::string>& images,
 }
 
 Faces faces_of(const Options& options, const stymo::FitJob& job, Output& output) {
-    if (options.face.as_it_comes()) return prepared(job, options.face.images, output);
+    if (options.face.as_it_comes()) return prepared(job, options.face, output);
     Faces result{{stymo::read_face(options.face, job.model().config())}, {}};
     output.begin(result.faces);
     return result;
@@ -236,6 +237,9 @@ int stymo_fit(int argc, char** argv) {
     line.option("--mask", options.face.mask,
                 "head mask of a photo that is aligned like FFHQ; without --pose the face is "
                 "assumed to be frontal");
+    line.option("--ignore", options.face.ignore,
+                "mask of the photo's own size, white where something covers the face; fit, tuning "
+                "and scores leave these pixels out, like those outside the photo");
     line.option(
         "--pose", options.face.pose,
         "JSON file with the pose of an aligned photo; without --mask the whole frame is fitted");

@@ -133,6 +133,7 @@ void remove_all_of(const fs::path& out) {
     fs::remove(ProgressFile::path_in(out));
     fs::remove_all(out / "images");
     fs::remove_all(out / "masks");
+    fs::remove_all(out / "unknown");
     if (fs::is_empty(out)) fs::remove(out);
 }
 

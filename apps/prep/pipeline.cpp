@@ -10,6 +10,7 @@
 #include "core/interrupt.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
+#include "core/ops/elementwise.h"
 #include "core/parallel.h"
 #include "train/data/folder_scan.h"
 
@@ -53,8 +54,8 @@ bool has_landmarks(const FolderScan& scan, const std::string& id) {
     return entry != nullptr && entry->has_landmarks;
 }
 
-KnownOfPhoto known_of(const std::string& id, const FolderScan& scan, Tensor mask) {
-    KnownOfPhoto known{std::move(mask), {}};
+KnownOfPhoto known_of(const std::string& id, const FolderScan& scan, const FaceImage& image) {
+    KnownOfPhoto known{image.mask, {}, image.known};
     if (has_landmarks(scan, id))
         std::ranges::copy(scan.records.read(id).landmarks, known.landmarks.emplace().begin());
     return known;
@@ -80,8 +81,7 @@ PhotoInWork cropped(const FaceFiles& files, const FolderScan& scan,
     }
     work.doubt = std::move(image.doubt);
     try {
-        work.crops =
-            preparation.crops(image.image, known_of(files.id, scan, std::move(image.mask)));
+        work.crops = preparation.crops(image.image, known_of(files.id, scan, image));
     } catch (const Error& error) {
         work.failure = error.what();
     }
@@ -109,12 +109,15 @@ PhotoOutcome written(const FolderPreparation& folders, PhotoInWork work,
             continue;
         }
         if (!work.doubt.empty()) faces[i].warnings.push_back(work.doubt);
-        for (const auto& [kind, pixels] :
-             {std::pair("images", faces[i].crop.image), std::pair("masks", faces[i].crop.mask)}) {
+        const auto write = [&](const char* kind, const Tensor& pixels) {
             const fs::path file = folders.out / kind / (id + ".png");
             require_writable_folder(file.parent_path());
             write_image(file, pixels, Durability::crash_safe);
-        }
+        };
+        write("images", faces[i].crop.image);
+        write("masks", faces[i].crop.mask);
+        if (faces[i].crop.known.defined())
+            write("unknown", affine(faces[i].crop.known, -1.0, 1.0).value());
         outcome.faces.push_back(outcome_of(std::move(id), std::move(faces[i])));
         if (i > 0 || known == nullptr) continue;
         outcome.faces.back().person = known->person;

@@ -4,11 +4,13 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <opencv2/imgproc.hpp>
 
 #include "core/error.h"
 #include "core/io/image.h"
 #include "core/ops/resample.h"
 #include "core/parallel.h"
+#include "nn/known_pixels.h"
 
 namespace stymo {
 namespace {
@@ -305,6 +307,39 @@ Tensor aligned_crop(const Tensor& photo, const Alignment& alignment, std::int64_
                                static_cast<int>(side), static_cast<int>(side));
     for (float& value : crop.mutable_values<float>()) value = std::clamp(value, 0.0F, 1.0F);
     return crop;
+}
+
+Tensor known_crop(const Alignment& alignment, std::int64_t side, std::int64_t height,
+                  std::int64_t width, const Tensor& photo_known) {
+    cv::Mat sums;  // the number of unknown pixels above and to the left
+    if (photo_known.defined()) {
+        cv::Mat unknown(static_cast<int>(height), static_cast<int>(width), CV_8U);
+        std::ranges::transform(photo_known.values<float>(), unknown.begin<unsigned char>(),
+                               [](float value) { return value == 0.0F ? 1 : 0; });
+        cv::integral(unknown, sums, CV_32S);
+    }
+    const double reach = 2.0 * half_extent(alignment) / static_cast<double>(side);
+    Tensor known = Tensor::zeros({side, side, 1});
+    const std::span<float> values = known.mutable_values<float>();
+    for (std::int64_t i = 0; i < side * side; ++i) {
+        const auto at = [&](std::int64_t index) {
+            return (2.0 * static_cast<double>(index) + 1.0) / static_cast<double>(side) - 1.0;
+        };
+        const Eigen::Vector2d point = alignment.point(at(i % side), at(i / side));
+        constexpr double rounding = 1e-6;
+        const Eigen::Vector2d low = point.array() - reach + rounding,
+                              high = point.array() + reach - rounding;
+        if (low.minCoeff() < 0.0 || high.x() > static_cast<double>(width) ||
+            high.y() > static_cast<double>(height))
+            continue;
+        const int left = cvFloor(low.x()), top = cvFloor(low.y()), right = cvCeil(high.x()),
+                  bottom = cvCeil(high.y());
+        const bool is_known =
+            sums.empty() || sums.at<int>(bottom, right) - sums.at<int>(top, right) ==
+                                sums.at<int>(bottom, left) - sums.at<int>(top, left);
+        values[static_cast<std::size_t>(i)] = is_known ? 1.0F : 0.0F;
+    }
+    return unless_all_known(known);
 }
 
 Landmarks aligned_landmarks(const Landmarks& landmarks, const Alignment& alignment,

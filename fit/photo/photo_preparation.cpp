@@ -13,6 +13,7 @@
 #include "fit/photo/head_mask.h"
 #include "fit/photo/photo_warnings.h"
 #include "fit/photo/pose_network.h"
+#include "nn/known_pixels.h"
 #include "nn/pretrained/head_mask_network.h"
 #include "render/morphable/head_source.h"
 
@@ -31,8 +32,8 @@ constexpr double largest_landmark_error = 0.10;
 /// spots for faces.
 constexpr double least_resolution = 0.25;
 
-/// Of a crop with a larger share outside the photo, less than half is known.
-constexpr double largest_unknown_share = 0.5;
+/// Of a crop with a larger share outside the photo too little is known.
+constexpr double largest_unknown_share = 0.7;
 
 /// Sides of the squares that are tried for a whole head, in units of FFHQ's.
 constexpr std::array<double, 3> wider_squares{1.15, 1.3, 1.5};
@@ -50,14 +51,18 @@ Tensor resized(const Tensor& image, std::int64_t side) {
         .value();
 }
 
+void require_proportions(const Tensor& photo, const Tensor& mask) {
+    const double stretch = static_cast<double>(mask.shape(1) * photo.shape(0)) /
+                           static_cast<double>(mask.shape(0) * photo.shape(1));
+    constexpr double rounding = 0.02;
+    if (std::abs(stretch - 1.0) > rounding) fail<ValueError>("its mask has other proportions");
+}
+
 /// The mask at the photo's own size.
 Tensor in_frame_of(const Tensor& photo, const Tensor& mask) {
     const std::int64_t height = photo.shape(0), width = photo.shape(1);
     if (mask.shape(0) == height && mask.shape(1) == width) return mask;
-    const double stretch =
-        static_cast<double>(mask.shape(1) * height) / static_cast<double>(mask.shape(0) * width);
-    constexpr double rounding = 0.02;
-    if (std::abs(stretch - 1.0) > rounding) fail<ValueError>("its mask has other proportions");
+    require_proportions(photo, mask);
     return clamp(resize_image(mask, static_cast<int>(height), static_cast<int>(width)), 0.0, 1.0)
         .value();
 }
@@ -133,10 +138,10 @@ struct PhotoPreparation::Implementation {
         return soft_head_mask(head_probability(*masks, image));
     }
 
-    [[nodiscard]] FaceCrop crop(const Tensor& photo, const Tensor& known_mask,
+    [[nodiscard]] FaceCrop crop(const Tensor& photo, const KnownOfPhoto& known,
                                 const FoundFace& face) const;
     [[nodiscard]] FaceCrop crop_at(const Alignment& alignment, const Tensor& photo,
-                                   const Tensor& known_mask, const FoundFace& face) const;
+                                   const KnownOfPhoto& known, const FoundFace& face) const;
     [[nodiscard]] PreparedFace joined(FaceCrop crop, std::optional<MorphableFit> fit);
     /// Why the face cannot be used; empty if it can.
     [[nodiscard]] std::string failure_of(const FaceCrop& crop,
@@ -146,10 +151,10 @@ struct PhotoPreparation::Implementation {
     }
 };
 
-FaceCrop PhotoPreparation::Implementation::crop(const Tensor& photo, const Tensor& known_mask,
+FaceCrop PhotoPreparation::Implementation::crop(const Tensor& photo, const KnownOfPhoto& known,
                                                 const FoundFace& face) const {
     const Alignment narrow = ffhq_alignment(face.landmarks);
-    FaceCrop crop = crop_at(narrow, photo, known_mask, face);
+    FaceCrop crop = crop_at(narrow, photo, known, face);
     if (!settings.whole_head || crop.was_aligned) return crop;
     for (const double scale : wider_squares) {
         if (!leaves_frame(crop.mask)) break;
@@ -157,13 +162,13 @@ FaceCrop PhotoPreparation::Implementation::crop(const Tensor& photo, const Tenso
         if (share_outside(wide, photo.shape(1), photo.shape(0)) - crop.share_outside >
             largest_new_share_outside)
             break;
-        crop = crop_at(wide, photo, known_mask, face);
+        crop = crop_at(wide, photo, known, face);
     }
     return crop;
 }
 
 FaceCrop PhotoPreparation::Implementation::crop_at(const Alignment& alignment, const Tensor& photo,
-                                                   const Tensor& known_mask,
+                                                   const KnownOfPhoto& of_photo,
                                                    const FoundFace& face) const {
     const std::int64_t height = photo.shape(0), width = photo.shape(1);
     FaceCrop crop;
@@ -179,18 +184,25 @@ FaceCrop PhotoPreparation::Implementation::crop_at(const Alignment& alignment, c
                                                                        static_cast<double>(width))
                                 : aligned_landmarks(face.landmarks, alignment, side);
     };
+    const auto known_pixels = [&](std::int64_t side) {
+        return crop.was_aligned ? known_at(of_photo.known, side, side)
+                                : known_crop(alignment, side, height, width, of_photo.known);
+    };
     const std::int64_t side = settings.side;
     const Tensor large = cut(photo, std::max(side, mask_side));
     crop.image = resized(large, side);
     crop.landmarks = landmarks_at(side);
     const Tensor image = resized(large, mask_side);
-    const Tensor known = known_mask.defined() ? cut(known_mask, mask_side) : Tensor();
+    const Tensor known = of_photo.mask.defined() ? cut(of_photo.mask, mask_side) : Tensor();
     crop.made_mask = settings.new_masks || !known.defined();
     const Tensor mask = crop.made_mask ? made_mask(image) : known;
     crop.mask = resized(mask, side);
+    crop.known = known_pixels(side);
     if (crop.made_mask && known.defined())
         crop.mask_agreement = intersection_over_union(mask, known);
-    crop.fit_target = {landmarks_at(fit_side), resized(image, fit_side), resized(mask, fit_side)};
+    const Tensor fitted_part =
+        where_known(known_pixels(fit_side), resized(mask, fit_side), 0.0).value();
+    crop.fit_target = {landmarks_at(fit_side), resized(image, fit_side), fitted_part};
     if (network) crop.face_box = network->face_box(image);
     return crop;
 }
@@ -256,9 +268,15 @@ void PhotoPreparation::require_detector() const {
 std::vector<FaceCrop> PhotoPreparation::crops(const Tensor& photo,
                                               const KnownOfPhoto& known) const {
     const std::vector<FoundFace> faces = implementation_->faces_in(photo, known);
-    const Tensor mask = known.mask.defined() ? in_frame_of(photo, known.mask) : Tensor();
+    KnownOfPhoto in_frame = known;
+    if (known.mask.defined()) in_frame.mask = in_frame_of(photo, known.mask);
+    if (known.known.defined()) {
+        require_proportions(photo, known.known);
+        in_frame.known = known_at(known.known, photo.shape(0), photo.shape(1));
+    }
     std::vector<FaceCrop> crops;
-    for (const FoundFace& face : faces) crops.push_back(implementation_->crop(photo, mask, face));
+    for (const FoundFace& face : faces)
+        crops.push_back(implementation_->crop(photo, in_frame, face));
     return crops;
 }
 

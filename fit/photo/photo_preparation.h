@@ -43,9 +43,11 @@ struct PhotoPreparationSettings {
 /// Known mask and landmarks of a photo, in its own frame.
 struct KnownOfPhoto {
     /// (height, width, 1), of any size with the photo's aspect ratio; may be undefined.
-    Tensor mask;
+    Tensor mask{};
     /// In pixels of the photo; if given, no face is searched for.
-    std::optional<Landmarks> landmarks;
+    std::optional<Landmarks> landmarks{};
+    /// (height, width, 1) like `mask`, see nn/known_pixels.h; undefined: all pixels are known.
+    Tensor known{};
 };
 
 /// One face cut out of a photo with FFHQ's alignment (or more of the photo, see `whole_head`), or
@@ -53,6 +55,7 @@ struct KnownOfPhoto {
 struct FaceCrop {
     Tensor image;         ///< (side, side, 3) in [0, 1]
     Tensor mask;          ///< (side, side, 1) in [0, 1], 1 on the head
+    Tensor known;         ///< (side, side, 1); undefined: all pixels are known
     Landmarks landmarks;  ///< in pixels of `image`
     bool was_aligned = false;
     bool made_mask = false;  ///< whether the mask was made here

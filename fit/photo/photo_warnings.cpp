@@ -41,8 +41,8 @@ std::vector<std::string> photo_warnings(const PhotoFindings& findings) {
                                 " are wanted; use a larger photo"));
     if (findings.share_outside > largest_share_outside)
         warnings.push_back(line("the head is cut off: ", percent(findings.share_outside),
-                                " percent of the crop lie outside the photo; use a photo with more "
-                                "space around the head"));
+                                " percent of the crop lie outside the photo, where the model alone "
+                                "decides; use a photo with more space around the head"));
     if (std::abs(degrees_from_radians(findings.yaw)) > largest_yaw_deg)
         warnings.push_back(
             line("the head is turned by ", std::lround(degrees_from_radians(findings.yaw)),

@@ -7,17 +7,20 @@
 #include "core/io/image.h"
 #include "core/ops/elementwise.h"
 #include "fit/photo/preparation_overlay.h"
+#include "nn/known_pixels.h"
 
 namespace stymo {
 namespace {
 
 constexpr std::int64_t least_aligned_side = 512;
+/// What the overlay shows in place of unknown pixels.
+constexpr double unknown_grey = 0.5;
 
 FaceCrop face_of(const PhotoPreparation& preparation, const std::string& image,
-                 std::string& doubt) {
+                 const Tensor& known, std::string& doubt) {
     const Tensor photo = read_image(image, preparation.settings().most_pixels, &doubt);
     try {
-        return preparation.crops(photo, {}).front();
+        return preparation.crops(photo, {.known = known}).front();
     } catch (const ValueError& error) {
         fail<FileError>(image, ": ", error.what(),
                         "; if it is an aligned crop already, give --mask and --pose, or --as-is");
@@ -47,6 +50,7 @@ PreparedPhoto photo_of(const std::string& image, PreparedFace prepared,
     photo.face = {.id = std::filesystem::path(image).stem().string(),
                   .image = at_model_side(crop.image, side),
                   .mask = at_model_side(crop.mask, side),
+                  .known = known_at(crop.known, side, side),
                   .pose = prepared.fit.pose,
                   .intrinsics = settings.intrinsics,
                   .code = code_of(prepared.fit),
@@ -54,7 +58,8 @@ PreparedPhoto photo_of(const std::string& image, PreparedFace prepared,
                   .has_pose = true,
                   .has_code = true};
     photo.aligned = crop.image;
-    photo.overlay = preparation_overlay({crop.image, crop.mask, crop.landmarks, prepared.fit},
+    const Tensor shown = where_known(crop.known, crop.image, unknown_grey).value();
+    photo.overlay = preparation_overlay({shown, crop.mask, crop.landmarks, prepared.fit},
                                         preparation.head(), settings.intrinsics, settings.side);
     photo.warnings = std::move(prepared.warnings);
     return photo;
@@ -69,7 +74,7 @@ Tensor at_model_side(const Tensor& image, std::int64_t side) {
 
 std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
                                           const ModelConfig& model,
-                                          PhotoPreparationSettings settings) {
+                                          PhotoPreparationSettings settings, const Tensor& known) {
     settings.side = std::max(model.decoder.resolution, least_aligned_side);
     settings.wanted_side = model.decoder.resolution;
     settings.intrinsics = model.camera.intrinsics;
@@ -78,7 +83,7 @@ std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
     std::vector<FaceCrop> crops;
     std::vector<std::string> doubts(images.size());
     for (std::size_t i = 0; i < images.size(); ++i)
-        crops.push_back(face_of(preparation, images[i], doubts[i]));
+        crops.push_back(face_of(preparation, images[i], known, doubts[i]));
     std::vector<PreparedFace> faces = preparation.finish(std::move(crops));
     std::vector<PreparedPhoto> photos;
     for (std::size_t i = 0; i < faces.size(); ++i) {

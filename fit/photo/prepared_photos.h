@@ -24,9 +24,11 @@ struct PreparedPhoto {
 
 /// Finds, aligns and masks the largest face of each photo, with its pose for the model's camera.
 /// `settings` gives the files of the networks and the model whose heads guide the masks. Throws
-/// FileError, which names the photo, for a photo that cannot be read or used.
+/// FileError, which names the photo, for a photo that cannot be read or used. `known` are the known
+/// pixels of each photo, as in KnownOfPhoto.
 [[nodiscard]] std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
                                                         const ModelConfig& model,
-                                                        PhotoPreparationSettings settings);
+                                                        PhotoPreparationSettings settings,
+                                                        const Tensor& known = {});
 
 }  // namespace stymo

@@ -7,6 +7,7 @@
 #include "core/ops/elementwise.h"
 #include "core/ops/resample.h"
 #include "core/ops/shape_ops.h"
+#include "nn/known_pixels.h"
 
 namespace stymo {
 namespace {
@@ -37,6 +38,19 @@ Tensor stacked(std::span<const Face> faces, Tensor Face::*member) {
         next = std::copy(values.begin(), values.end(), next);
     }
     return result;
+}
+
+/// Undefined if all pixels of all faces are known.
+Tensor known_of_all(std::span<const Face> faces) {
+    if (std::ranges::none_of(faces, [](const Face& face) { return face.known.defined(); }))
+        return {};
+    std::vector<Variable> rows;
+    for (const Face& face : faces) {
+        const Shape shape = {1, face.mask.shape(0), face.mask.shape(1), 1};
+        rows.push_back(face.known.defined() ? Variable(face.known.reshaped(shape))
+                                            : Variable(Tensor::full(shape, 1.0)));
+    }
+    return concat(rows, 0).value();
 }
 
 Tensor shrunk(const Tensor& images, std::int64_t side, double low, double high) {
@@ -73,6 +87,7 @@ Face mirrored(const Face& face) {
     Face result = face;
     result.image = mirror_image(face.image);
     result.mask = mirror_image(face.mask);
+    if (face.known.defined()) result.known = mirror_image(face.known);
     result.pose = mirrored(face.pose);
     result.intrinsics.center_x = 1.0 - face.intrinsics.center_x;
     result.is_mirrored = !face.is_mirrored;
@@ -87,12 +102,14 @@ FaceBatch make_batch(std::span<const Face> faces, std::int64_t smallest_target,
     const Variable images(stacked(faces, &Face::image));
 
     FaceBatch batch;
-    batch.mask = stacked(faces, &Face::mask);
+    batch.known = known_of_all(faces);
+    batch.mask = where_known(batch.known, stacked(faces, &Face::mask), 0.0).value();
     batch.ray_mask = shrunk(batch.mask, smallest_target / 2, 0.0, 1.0);
-    batch.input = affine(images, 2.0, -1.0).value();
+    batch.input = where_known(batch.known, affine(images, 2.0, -1.0), 0.0).value();
     const Tensor target = affine(images * Variable(batch.mask), 2.0, -1.0).value();
     for (const std::int64_t s : ladder.sides())
-        batch.targets.push_back(shrunk(target, s, -1.0, 1.0));
+        batch.targets.push_back(
+            where_known(known_at(batch.known, s, s), shrunk(target, s, -1.0, 1.0), -1.0).value());
 
     for (const Face& face : faces) {
         batch.ids.push_back(face.id);
@@ -110,6 +127,11 @@ void read_people_from(FaceBatch& batch, std::span<const Face> others,
                          " faces");
     batch.other_input = encoder_input(others);
     batch.same_light = std::move(same_light);
+}
+
+Tensor FaceBatch::known_of(std::int64_t row) const {
+    if (!known.defined()) return {};
+    return unless_all_known(slice(known, 0, row, row + 1).value());
 }
 
 bool FaceBatch::has_codes() const {

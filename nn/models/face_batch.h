@@ -14,9 +14,10 @@ namespace stymo {
 /// One photo at the training size S, with its data.
 struct Face {
     std::string id;
-    Tensor image;  ///< (S, S, 3) in [0, 1], unmasked
-    Tensor mask;   ///< (S, S, 1) in [0, 1], 1 on the head; 1 everywhere if there is none
-    Pose pose;     ///< frontal if there is none
+    Tensor image;    ///< (S, S, 3) in [0, 1], unmasked
+    Tensor mask;     ///< (S, S, 1) in [0, 1], 1 on the head; 1 everywhere if there is none
+    Tensor known{};  ///< (S, S, 1), see nn/known_pixels.h; undefined: all pixels are known
+    Pose pose;       ///< frontal if there is none
     Intrinsics intrinsics;
     std::vector<float> code;  ///< the 306 elements of a morphable model's fit, or empty
     bool is_mirrored = false;
@@ -38,7 +39,7 @@ struct FaceBatch {
     std::vector<Camera> cameras;
     std::vector<std::string> ids{};
     std::vector<bool> mirrored{};  ///< whether a face is the mirror image of its photo; empty: none
-    Tensor mask{};                 ///< (B, S, S, 1) in [0, 1]
+    Tensor mask{};                 ///< (B, S, S, 1) in [0, 1], 0 where a pixel is unknown
     Tensor ray_mask{};  ///< (B, R, R, 1) in [0, 1], one value for each ray; R is half the smallest
                         ///< target's side
     std::array<Tensor, 4> codes{};  ///< (B, size) of each group in the order of `code_names`, zeros
@@ -49,6 +50,12 @@ struct FaceBatch {
     Tensor other_input{};
     std::vector<bool> same_light{};
 
+    /// (B, S, S, 1), see nn/known_pixels.h; undefined: all pixels are known. Unknown pixels are 0
+    /// in `input` and -1 in `targets`, whatever the photos have there.
+    Tensor known{};
+
+    /// The known pixels of a row, (1, S, S, 1); undefined if all are.
+    [[nodiscard]] Tensor known_of(std::int64_t row) const;
     /// Whether any face of the batch has a code.
     [[nodiscard]] bool has_codes() const;
 };

@@ -1,11 +1,13 @@
 #include "nn/models/reconstruction.h"
 
+#include <algorithm>
 #include <bit>
 
 #include "core/autograd/recompute.h"
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "core/work_counts.h"
+#include "nn/known_pixels.h"
 #include "nn/losses.h"
 
 namespace stymo {
@@ -36,10 +38,15 @@ const PerceptualDistance* ReconstructionLoss::perceptual() const {
 }
 
 ReconstructionLoss::Target ReconstructionLoss::target(std::span<const Tensor> images,
-                                                      std::int64_t resolution) const {
+                                                      std::int64_t resolution,
+                                                      const Tensor& known) const {
     Target target;
-    for (const Tensor& image : images)
-        if (resolution == 0 || image.shape(1) <= resolution) target.images.push_back(image);
+    for (const Tensor& image : images) {
+        if (resolution > 0 && image.shape(1) > resolution) continue;
+        target.images.push_back(image);
+        if (known.defined())
+            target.known.push_back(known_at(known, image.shape(1), image.shape(2)));
+    }
     target.weights = config_.resolution_weights;
     return target;
 }
@@ -56,13 +63,13 @@ Variable compared_image(const Variable& images, std::int64_t i, std::int64_t lar
 /// Mean of the perceptual distance over the batch. Each image's gradient is computed before the
 /// features of the next image, since features of large images dominate the memory.
 Variable perceptual_loss(const PerceptualDistance& perceptual, const Variable& images,
-                         const ReconstructionLoss::Target& target, std::int64_t largest_side) {
+                         const Tensor& photos, const ReconstructionLoss::Target& target,
+                         std::int64_t largest_side) {
     Variable total;
     for (std::int64_t i = 0; i < images.shape(0); ++i) {
         const PerceptualDistance::Features features =
-            target.features.empty()
-                ? perceptual.features(compared_image(target.images.back(), i, largest_side))
-                : target.features.at(static_cast<std::size_t>(i));
+            target.features.empty() ? perceptual.features(compared_image(photos, i, largest_side))
+                                    : target.features.at(static_cast<std::size_t>(i));
         const auto distance = [&](const Variable& image) {
             return sum(perceptual.distance_to(image, features));
         };
@@ -75,9 +82,10 @@ Variable perceptual_loss(const PerceptualDistance& perceptual, const Variable& i
 
 }  // namespace
 
-ReconstructionLoss::Target ReconstructionLoss::kept_target(std::span<const Tensor> images) const {
-    Target kept = target(images);
-    if (perceptual() == nullptr || kept.images.empty()) return kept;
+ReconstructionLoss::Target ReconstructionLoss::kept_target(std::span<const Tensor> images,
+                                                           const Tensor& known) const {
+    Target kept = target(images, 0, known);
+    if (perceptual() == nullptr || kept.images.empty() || known.defined()) return kept;
     for (std::int64_t i = 0; i < kept.images.back().shape(0); ++i)
         kept.features.push_back(perceptual()->features(
             compared_image(kept.images.back(), i, config_.perceptual_resolution)));
@@ -93,12 +101,15 @@ LayerMemory ReconstructionLoss::memory(std::int64_t side) const {
 ReconstructionLoss::Terms ReconstructionLoss::operator()(const std::vector<Variable>& images,
                                                          const Target& target) const {
     Terms terms;
-    terms.photometric = photometric_loss(images, target.images, target.weights);
+    std::vector<Tensor> photos = target.images;
+    for (std::size_t i = 0; i < std::min(images.size(), target.known.size()); ++i)
+        photos[i] = where_known(target.known[i], photos[i], images[i].detach()).value();
+    terms.photometric = photometric_loss(images, photos, target.weights);
     work::count_named("loss_terms", "photometric", 1);
     terms.total = terms.photometric * config_.photometric_weight;
     if (perceptual() != nullptr) {
-        terms.perceptual =
-            perceptual_loss(*perceptual(), images.back(), target, config_.perceptual_resolution);
+        terms.perceptual = perceptual_loss(*perceptual(), images.back(), photos.back(), target,
+                                           config_.perceptual_resolution);
         work::count_named("loss_terms", "perceptual", 1);
         terms.total = terms.total + terms.perceptual * config_.perceptual_weight;
     }

@@ -35,13 +35,18 @@ public:
         /// Perceptual features of each face's largest image, reduced to the perceptual resolution.
         /// If empty, they are computed for one face at a time when needed, and not kept.
         std::vector<PerceptualDistance::Features> features;
+        /// The known pixels of each image (nn/known_pixels.h); empty: all are. In place of unknown
+        /// ones both terms see the rendered image itself, as a constant.
+        std::vector<Tensor> known{};
     };
     /// A target that is used once: `images` up to the side `resolution` (0: all of them), without
-    /// features.
-    [[nodiscard]] Target target(std::span<const Tensor> images, std::int64_t resolution = 0) const;
+    /// features. `known` (B, S, S, 1) of any side S.
+    [[nodiscard]] Target target(std::span<const Tensor> images, std::int64_t resolution = 0,
+                                const Tensor& known = {}) const;
     /// A target that is used many times: all `images`, with the features of the largest ones if
-    /// there is a perceptual term.
-    [[nodiscard]] Target kept_target(std::span<const Tensor> images) const;
+    /// there is a perceptual term and all pixels are known.
+    [[nodiscard]] Target kept_target(std::span<const Tensor> images,
+                                     const Tensor& known = {}) const;
 
     struct Terms {
         Variable total;        ///< weighted sum of both terms, a scalar: mean over the batch

@@ -61,6 +61,26 @@ TEST_CASE("the paper's L1 sums over the channels", "[metrics]") {
     CHECK(peak_signal_to_noise_ratio(black, grey) == Approx(-20.0 * std::log10(0.25)));
 }
 
+TEST_CASE("windows with an unknown pixel count for nothing in the structural similarity",
+          "[metrics][unknown]") {
+    const Tensor a = wave_image(30, 24, 3, 0.1), b = wave_image(30, 24, 3, 0.7);
+    const auto rows_from = [](const Tensor& image, std::int64_t first) {
+        const std::int64_t row = image.shape(1) * image.shape(2);
+        Tensor part({image.shape(0) - first, image.shape(1), image.shape(2)}, image.dtype());
+        std::ranges::copy(image.values<double>().subspan(static_cast<std::size_t>(first * row)),
+                          part.mutable_values<double>().begin());
+        return part;
+    };
+    Tensor counted = Tensor::full({30, 24, 1}, 1.0);
+    CHECK(structural_similarity(a, b, counted) == structural_similarity(a, b));
+    for (std::size_t column = 0; column < 24; ++column)
+        counted.mutable_values<float>()[7 * 24 + column] = 0.0F;
+    CHECK(structural_similarity(a, b, counted) ==
+          Approx(structural_similarity(rows_from(a, 8), rows_from(b, 8))).epsilon(1e-12));
+    CHECK(structural_similarity(a, b, Tensor::zeros({30, 24, 1})) == 1.0);
+    CHECK_THROWS_AS(structural_similarity(a, b, Tensor::zeros({30, 23, 1})), ShapeError);
+}
+
 TEST_CASE("identical images have no error", "[metrics]") {
     const Tensor image = wave_image(16, 16, 3, 0.2);
     CHECK(l1_error(image, image) == 0.0);

@@ -48,6 +48,21 @@ TEST_CASE("metrics of the head are averaged over the whole frame", "[evaluation]
     CHECK(metrics.ssim < 0.9);
 }
 
+TEST_CASE("metrics of a photo with unknown pixels are means over the others",
+          "[evaluation][unknown]") {
+    Tensor image = Tensor::full({side, side, 3}, 0.75);
+    const Tensor known = left_half(), everywhere = Tensor::full({side, side, 1}, 1.0);
+    const MetricTarget measured(Tensor::full({side, side, 3}, 0.25), everywhere, nullptr, known);
+    const ImageMetrics metrics = measured.measure(image);
+    CHECK(metrics.l1_mean == Approx(0.5));
+    CHECK(metrics.l1 == Approx(1.5));
+    CHECK(metrics.psnr == Approx(-10.0 * std::log10(0.25)));
+    const std::span<float> values = image.mutable_values<float>();
+    for (std::size_t i = 0; i < values.size(); ++i)
+        if (i / 3 % side >= side / 2) values[i] = 0.1F;
+    CHECK(measured.measure(image).psnr == metrics.psnr);
+}
+
 TEST_CASE("a soft mask weighs image and target alike", "[evaluation]") {
     const ImageMetrics metrics =
         MetricTarget(Tensor::full({side, side, 3}, 0.25), Tensor::full({side, side, 1}, 0.5))

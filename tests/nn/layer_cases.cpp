@@ -33,6 +33,14 @@ Tensor uniform(const Shape& shape) {
     return Rng(3).uniform(shape, 0.0, 1.0, DType::float64);
 }
 
+/// 1 and 0 in turn.
+Tensor checkered(const Shape& shape) {
+    Tensor result = Tensor::zeros(shape, DType::float64);
+    const auto values = result.mutable_values<double>();
+    for (std::size_t i = 0; i < values.size(); i += 2) values[i] = 1.0;
+    return result;
+}
+
 LayerFunction modulated(ParameterStore& store, Rng& rng, Activation activation) {
     return with(ModulatedLinear(store, "layer", 5, 4, 3, activation, rng),
                 [](const auto& f, const Inputs& x) { return f(x[0], x[1]); });
@@ -218,6 +226,24 @@ std::vector<LayerCase> make_losses() {
          {},
          [](ParameterStore&, Rng&) -> LayerFunction {
              return [](const Inputs& x) { return mask_loss(x[0], uniform(x[0].shape())); };
+         }},
+        {"mask loss with unknown pixels",
+         "mask_loss",
+         {{2, 3, 3, 1}},
+         {},
+         [](ParameterStore&, Rng&) -> LayerFunction {
+             return [](const Inputs& x) {
+                 return mask_loss(x[0], uniform(x[0].shape()), checkered(x[0].shape()));
+             };
+         }},
+        {"opacity loss with unknown rays",
+         "opacity_loss",
+         {{2, 9, 1}},
+         {},
+         [](ParameterStore&, Rng&) -> LayerFunction {
+             return [](const Inputs& x) {
+                 return opacity_loss(sigmoid(x[0]), uniform({2, 3, 3, 1}), checkered({2, 3, 3, 1}));
+             };
          }},
         {"opacity loss",
          "opacity_loss",

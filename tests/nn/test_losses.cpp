@@ -75,6 +75,22 @@ TEST_CASE("the opacity loss is the cross-entropy of opacity and mask, with a bou
     CHECK_THROWS_AS(opacity_loss(transmittance, tensor({1}, {1.0})), ShapeError);
 }
 
+TEST_CASE("unknown pixels add nothing to a loss, and the others weigh as much as without them",
+          "[unknown]") {
+    const Tensor known = tensor({1, 1, 3, 1}, {1.0, 0.0, 1.0});
+    const Variable logit = Variable::leaf(tensor({1, 1, 3, 1}, {0.0, 2.0, -1.0}));
+    const Tensor mask = tensor({1, 1, 3, 1}, {1.0, 0.0, 0.0});
+    const Variable seen = mask_loss(logit, mask, known);
+    CHECK(seen.value().item() == Approx((std::log(2.0) + std::log1p(std::exp(-1.0))) / 3.0));
+    CHECK(grad(seen, logit).value().to_vector()[1] == 0.0);
+    CHECK(grad(seen, logit).value().to_vector()[0] ==
+          Approx(grad(mask_loss(logit, mask), logit).value().to_vector()[0]));
+    const Variable clear = Variable::leaf(tensor({1, 3, 1}, {0.25, 0.0, 1.0}));
+    const Variable opacity = opacity_loss(clear, mask, known);
+    CHECK(opacity.value().item() == Approx(-(std::log(0.751) + std::log(1.001)) / 3.0));
+    CHECK(grad(opacity, clear).value().to_vector()[1] == 0.0);
+}
+
 TEST_CASE("the depth loss is the mean absolute difference of the rays that are present") {
     const Variable depth = Variable::leaf(tensor({1, 4, 1}, {5.0, 5.5, 7.0, 4.0}));
     const Tensor target = tensor({2, 2, 1}, {5.5, 5.0, 0.0, 4.25});

@@ -3,10 +3,12 @@
 
 #include "core/ops/ops.h"
 #include "nn/adversarial.h"
+#include "nn/known_pixels.h"
 #include "support/check_close.h"
 #include "support/error_message.h"
 #include "support/live_nodes.h"
 #include "train/discriminator_gradients.h"
+#include "train/loss_terms.h"
 #include "train/tiny_training.h"
 
 using namespace stymo;
@@ -198,6 +200,32 @@ TEST_CASE("the gradient of the generator's loss is that of central differences",
         CHECK(identical(result.gradients[i].value(),
                         Tensor::zeros(parameters[i].variable().shape(), DType::float64)));
     }
+}
+
+TEST_CASE("the gradients of a batch with unknown pixels are those of central differences",
+          "[adversarial][unknown]") {
+    const Stage stage;
+    FaceBatch batch = noise(0, 2);
+    batch.known = Tensor::full({2, 128, 128, 1}, 1.0);
+    std::ranges::fill(batch.known.mutable_values<float>().subspan(128 * 128, 128 * 50), 0.0F);
+    for (Tensor& target : batch.targets) target = seen_by_discriminator(target, batch).value();
+    const auto with_other_mask = [&] {
+        FaceBatch other = batch;
+        other.mask = where_known(batch.known, batch.mask, 0.5).value();
+        return other;
+    };
+    const std::vector<Parameter> parameters = stage.model.parameters().trainable();
+    const LossAndGradients result = stage.generate(batch, parameters);
+    CHECK(result.losses.total < stage.generate(noise(0, 2), {}).losses.total);
+    CHECK(result.losses["mask"] == stage.generate(with_other_mask(), {}).losses["mask"]);
+    check_gradients(
+        parameters, result.gradients,
+        {"decoder.mapping.id", "decoder.field.layer0", "decoder.block128", "decoder.mask"},
+        [&] { return stage.generate(batch, {}).losses.total; });
+    const std::vector<Parameter> classifier = stage.discriminator_parameters.trainable();
+    check_gradients(classifier, stage.classify(batch, classifier).gradients,
+                    {"discriminator.from_rgb128", "discriminator.block64.skip"},
+                    [&] { return stage.classify(batch, {}).losses["discriminator"]; });
 }
 
 TEST_CASE("what the discriminator sees is augmented, photos and rendered images each their way",

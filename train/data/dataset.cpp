@@ -13,6 +13,7 @@
 #include "core/io/file.h"
 #include "core/io/image.h"
 #include "core/parallel.h"
+#include "nn/known_pixels.h"
 #include "train/data/folder_scan.h"
 
 namespace stymo {
@@ -21,8 +22,9 @@ namespace {
 /// Image and mask at the training size, 8 bits a channel.
 struct Pixels {
     std::vector<std::uint8_t> image;
-    std::vector<std::uint8_t> mask;  ///< empty: the whole frame
-    std::vector<float> code;         ///< or none
+    std::vector<std::uint8_t> mask;   ///< empty: the whole frame
+    std::vector<std::uint8_t> known;  ///< empty: all pixels are known
+    std::vector<float> code;          ///< or none
 };
 
 /// The decoded pixels of a face, or the reason why there are none.
@@ -56,6 +58,8 @@ DecodedFace decode(const FaceFiles& files, const FaceRecords& records, std::int6
     Pixels pixels;
     pixels.image = bytes_at_side(image.image, side);
     if (image.mask.defined()) pixels.mask = bytes_at_side(image.mask, side);
+    if (image.known.defined())
+        pixels.known = bytes_at_side(known_at(central_square(image.known), side, side), side);
     const FaceEntry* entry = records.find(files.id);
     if (entry != nullptr && entry->has_code) pixels.code = records.read(files.id).code;
     return {std::move(pixels), {}, image.doubt};
@@ -210,6 +214,7 @@ Face Dataset::Implementation::face(std::int64_t index, const Pixels& pixels) con
     face.image = tensor_of(pixels.image, side);
     face.has_mask = !pixels.mask.empty();
     face.mask = face.has_mask ? tensor_of(pixels.mask, side) : Tensor::full({side, side, 1}, 1.0);
+    if (!pixels.known.empty()) face.known = tensor_of(pixels.known, side);
     face.intrinsics = intrinsics;
     face.pose = pose_of(files.id);
     const FaceEntry* entry = records.find(files.id);
@@ -320,7 +325,8 @@ std::vector<Face> Dataset::load(std::span<const std::int64_t> indices) const {
 void Dataset::announce(std::int64_t index) const {
     if (!implementation_->cache.empty()) return;
     const FaceFiles& face = files(index);
-    for (const std::filesystem::path* file : {&face.image, &face.mask, &face.parsing})
+    for (const std::filesystem::path* file :
+         {&face.image, &face.mask, &face.parsing, &face.unknown})
         if (!file->empty()) prefetch(*file);
 }
 

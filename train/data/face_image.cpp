@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "core/io/image.h"
+#include "nn/known_pixels.h"
 #include "render/parsing_classes.h"
 
 namespace stymo {
@@ -55,6 +56,14 @@ std::string reason_of(const Error& error, const std::filesystem::path& file) {
 
 }  // namespace
 
+Tensor read_known(const std::filesystem::path& unknown) {
+    // A drawn edge or the noise of a JPEG is not white.
+    constexpr float least_unknown = 0.1F;
+    Tensor known = read_mask(unknown);
+    for (float& value : known.mutable_values<float>()) value = value < least_unknown ? 1.0F : 0.0F;
+    return unless_all_known(known);
+}
+
 FaceImage read_face_image(const FaceFiles& files, std::int64_t most_pixels) {
     const std::filesystem::path* reading = &files.image;
     try {
@@ -74,9 +83,14 @@ FaceImage read_face_image(const FaceFiles& files, std::int64_t most_pixels) {
             }
         }
         if (image.mask.defined()) require_same_frame(image.mask, image.image);
+        if (!files.unknown.empty()) {
+            reading = &files.unknown;
+            image.known = read_known(files.unknown);
+            if (image.known.defined()) require_same_frame(image.known, image.image);
+        }
         return image;
     } catch (const Error& error) {
-        return {{}, {}, {}, BrokenFile{reading->string(), reason_of(error, *reading)}};
+        return {.broken = BrokenFile{reading->string(), reason_of(error, *reading)}};
     }
 }
 

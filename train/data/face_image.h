@@ -11,14 +11,19 @@ namespace stymo {
 
 /// The image and the head mask of one face at their stored sizes.
 struct FaceImage {
-    Tensor image;  ///< (height, width, 3) in [0, 1]
+    Tensor image{};  ///< (height, width, 3) in [0, 1]
     /// (height, width, 1) in [0, 1]; its size may differ from the image's. Undefined if there is
     /// none.
-    Tensor mask;
-    std::string doubt;  ///< why the image's colours could not be converted to sRGB, or empty
+    Tensor mask{};
+    Tensor known{};       ///< the same, see nn/known_pixels.h; undefined: all pixels are known
+    std::string doubt{};  ///< why the image's colours could not be converted to sRGB, or empty
     /// The file that could not be read; image and mask are then undefined.
-    std::optional<BrokenFile> broken;
+    std::optional<BrokenFile> broken{};
 };
+
+/// The known pixels (height, width, 1) of a photo whose unknown ones are white in a file: those
+/// whose grey is below a tenth. Undefined if there are none. Throws what read_mask throws.
+[[nodiscard]] Tensor read_known(const std::filesystem::path& unknown);
 
 /// Decodes the files of a face. The mask is read from the head mask, else made from the parsing,
 /// else from the mask parts. Does not throw for unreadable files.

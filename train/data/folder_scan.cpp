@@ -24,8 +24,8 @@ constexpr std::string_view celeba_masks = "CelebAMask-HQ-mask-anno";
 constexpr std::array<const char*, 3> image_folders{"images1024x1024", "images", celeba_images};
 
 bool is_side(const fs::path& name) {
-    constexpr std::array<std::string_view, 8> names{
-        "masks",       "parsing",     celeba_masks,  "faces.jsonl", "faces.jsonl.index",
+    constexpr std::array<std::string_view, 9> names{
+        "masks",       "parsing",     "unknown",     celeba_masks, "faces.jsonl", "faces.jsonl.index",
         "camera.json", "report.json", "dataset.json"};
     return std::ranges::find(names, name.string()) != names.end();
 }
@@ -170,12 +170,14 @@ FolderScan scan_folder(const fs::path& folder) {
         scan.left_out = std::move(files.left_out);
         const PathById masks = optional_side_folder(folder / "masks", naming);
         const PathById parsing = optional_side_folder(folder / "parsing", naming);
+        const PathById unknown = optional_side_folder(folder / "unknown", naming);
         const auto parts = head_parts_by_number(folder / celeba_masks);
 
         for (const auto& [id, image] : images) {
-            FaceFiles face{id, image, {}, {}, {}};
+            FaceFiles face{id, image, {}, {}, {}, {}};
             if (const auto mask = masks.find(id); mask != masks.end()) face.mask = mask->second;
             if (const auto map = parsing.find(id); map != parsing.end()) face.parsing = map->second;
+            if (const auto map = unknown.find(id); map != unknown.end()) face.unknown = map->second;
             if (const auto found = parts.find(std::string(without_leading_zeros(id)));
                 is_number(id) && found != parts.end())
                 face.mask_parts = found->second;

@@ -18,6 +18,8 @@ struct FaceFiles {
     std::filesystem::path parsing;  ///< class map with CelebAMask-HQ's indices, or empty
     /// One mask for each part of the head, the format in which CelebAMask-HQ is distributed.
     std::vector<std::filesystem::path> mask_parts;
+    /// White where nothing is known of the face (nn/known_pixels.h), or empty.
+    std::filesystem::path unknown{};
 };
 
 /// The files of a data set's folder; images are not decoded.
@@ -35,10 +37,10 @@ struct FolderScan {
 [[nodiscard]] bool id_less(const std::string& a, const std::string& b);
 
 /// Lists a folder in the FFHQ format: images (image_files.h) below `images1024x1024`, else
-/// `images`, else CelebAMask-HQ's `CelebA-HQ-img`, else anywhere in the folder except in `masks`
-/// and `parsing`; and next to them `masks/ID.png`, `parsing/ID.png`, CelebAMask-HQ's own
-/// `CelebAMask-HQ-mask-anno` (one file for each part), `faces.jsonl`, `camera.json`, EG3D's
-/// `dataset.json` and `report.json`, each optional.
+/// `images`, else CelebAMask-HQ's `CelebA-HQ-img`, else anywhere in the folder except in `masks`,
+/// `parsing` and `unknown`; and next to them `masks/ID.png`, `parsing/ID.png`, `unknown/ID.png`,
+/// CelebAMask-HQ's own `CelebAMask-HQ-mask-anno` (one file for each part), `faces.jsonl`,
+/// `camera.json`, EG3D's `dataset.json` and `report.json`, each optional.
 ///
 /// An id is the stem of the image's file. If images in different folders have the same stem, or the
 /// ids of `faces.jsonl` have folders, all ids are paths: "person/0001". Of a photo in two formats,

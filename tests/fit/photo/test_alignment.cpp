@@ -6,6 +6,7 @@
 #include "core/error.h"
 #include "core/io/file.h"
 #include "fit/photo/alignment.h"
+#include "nn/known_pixels.h"
 
 using namespace stymo;
 
@@ -114,6 +115,33 @@ TEST_CASE("the colour of what lies far outside of a photo is its median") {
     for (const float value : crop.values<float>()) CHECK(value == Approx(0.25F).margin(1e-4));
     CHECK(share_outside({{0.0, 0.0}, {20.0, 0.0}}, 40, 40) == Approx(0.75));
     CHECK(share_outside({{20.0, 20.0}, {20.0, 0.0}}, 40, 40) == 0.0);
+}
+
+TEST_CASE("a pixel of a crop is known if its surroundings lie on known pixels of the photo",
+          "[unknown]") {
+    const Alignment whole{{50, 50}, {32, 0}};  // pixels 18 to 82 of a photo
+    CHECK_FALSE(known_crop(whole, 64, 100, 100).defined());
+    const auto row_of = [](const Tensor& known) {
+        const auto values = known.values<float>();
+        return std::vector<float>(values.begin() + 16 * 32, values.begin() + 17 * 32);
+    };
+    const auto first_known = [&](const Tensor& known) {
+        const std::vector<float> row = row_of(known);
+        return std::ranges::find(row, 1.0F) - row.begin();
+    };
+    // A pixel of the crop has two of the photo. The left border of the photo is at pixel 5 of the
+    // crop, and half a pixel more must be within it.
+    const Alignment beyond{{22, 50}, {32, 0}};
+    CHECK(first_known(known_crop(beyond, 32, 100, 100)) == 6);
+    Tensor ignored = Tensor::full({100, 100, 1}, 1.0);
+    ignored.mutable_values<float>()[50 * 100 + 30] = 0.0F;
+    const std::vector<float> row = row_of(known_crop(whole, 32, 100, 100, ignored));
+    // Pixel 30 of the photo is the left half of pixel 6 of the crop.
+    for (std::size_t i = 0; i < row.size(); ++i) CHECK(row[i] == (i == 5 || i == 6 ? 0.0F : 1.0F));
+    // Half of a square that is turned by 45 degrees lies outside.
+    const Alignment turned{{0, 50}, {16, 16}};
+    CHECK(known_share(known_crop(turned, 128, 100, 100)) == Approx(0.5).margin(0.02));
+    CHECK(known_share(known_crop(turned, 128, 100, 100)) < 0.5);
 }
 
 TEST_CASE("only a photo that is nearly the square counts as aligned") {

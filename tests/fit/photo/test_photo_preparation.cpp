@@ -9,6 +9,7 @@
 #include "fit/photo/face_detector.h"
 #include "fit/photo/head_mask.h"
 #include "fit/photo/photo_preparation.h"
+#include "nn/known_pixels.h"
 #include "render/morphable/builtin_head.h"
 #include "support/error_message.h"
 #include "train/data/synthetic_faces.h"
@@ -128,6 +129,35 @@ TEST_CASE("masks that are made are compared with known ones, and need a network"
     CHECK(made.made_mask);
     REQUIRE(made.mask_agreement);
     CHECK(*made.mask_agreement > 0.7);
+}
+
+TEST_CASE("what lies outside a photo, or is said to be covered, is unknown in the crop",
+          "[photo]") {
+    const RenderedHead rendered = with_margin(rendered_head(5, 256), 100);
+    PhotoPreparationSettings settings;
+    settings.side = 64;
+    const PhotoPreparation preparation(settings);
+    const Tensor& mask = rendered.image.mask;
+    const auto crop = [&](const Tensor& photo, const Tensor& known) {
+        return preparation
+            .crops(photo, {image_part(mask, 0, 0, photo.shape(0), photo.shape(1)),
+                           rendered.image.landmarks, known})
+            .front();
+    };
+    CHECK_FALSE(crop(rendered.image.color, {}).known.defined());
+    const Tensor cut = image_part(rendered.image.color, 0, 0, 256, 456);
+    const FaceCrop lower = crop(cut, {});
+    CHECK(known_share(lower.known) == Approx(1.0 - lower.share_outside).margin(0.06));
+    CHECK(known_share(lower.known) < 1.0 - lower.share_outside);
+    // A mask of half the photo's size is read in the photo's frame.
+    Tensor half = Tensor::full({228, 228, 1}, 1.0);
+    std::ranges::fill(half.mutable_values<float>().subspan(128 * 228), 0.0F);
+    const FaceCrop covered = crop(rendered.image.color, half);
+    CHECK(known_share(covered.known) == Approx(known_share(lower.known)).margin(0.04));
+    CHECK(covered.fit_target.mask.values<float>().back() == 0.0F);
+    CHECK(test::error_message<ValueError>([&] {
+              static_cast<void>(crop(rendered.image.color, Tensor::zeros({228, 100, 1})));
+          }) == "its mask has other proportions");
 }
 
 TEST_CASE("a photo without a face, or with a mask of other proportions, is refused with the reason",

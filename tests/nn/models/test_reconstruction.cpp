@@ -55,6 +55,36 @@ TEST_CASE(
     for (const Variable& gradient : grad(terms.total, images)) CHECK(gradient.value().all_finite());
 }
 
+TEST_CASE("In place of unknown pixels both terms see the rendered image, as a constant",
+          "[reconstruction][unknown]") {
+    const ReconstructionLoss loss(config_with(0.25));
+    const std::vector<Tensor> photos = random_images(1);
+    const std::vector<Variable> images = leaves(random_images(2));
+    Tensor known = Tensor::full({2, 40, 40, 1}, 1.0);
+    std::ranges::fill(known.mutable_values<float>().first(40 * 15), 0.0F);
+    const ReconstructionLoss::Target target = loss.target(photos, 0, known);
+    const ReconstructionLoss::Terms terms = loss(images, target);
+    std::vector<Tensor> filled, others;
+    for (std::size_t i = 0; i < photos.size(); ++i) {
+        filled.push_back(where(target.known[i], photos[i], images[i].detach()).value());
+        others.push_back(where(target.known[i], photos[i], Variable(photos[i]) * -0.5).value());
+    }
+    const ReconstructionLoss::Terms expected = loss(images, loss.target(filled));
+    CHECK(identical(terms.total.value(), expected.total.value()));
+    CHECK(
+        identical(terms.total.value(), loss(images, loss.target(others, 0, known)).total.value()));
+    CHECK(identical(terms.total.value(),
+                    loss(images, loss.kept_target(photos, known)).total.value()));
+    for (std::size_t i = 0; i < images.size(); ++i)
+        CHECK(identical(grad(terms.total, images[i]).value(),
+                        grad(expected.total, images[i]).value()));
+    const Tensor photometric = grad(terms.photometric, images.back()).value();
+    const Tensor all = grad(loss(images, loss.target(photos)).photometric, images.back()).value();
+    for (std::size_t i = 0; i < static_cast<std::size_t>(photometric.size()); ++i)
+        REQUIRE(photometric.values<float>()[i] ==
+                (i < 3 * 40 * 15 ? 0.0F : all.values<float>()[i]));
+}
+
 TEST_CASE(
     "Up to a resolution only the images that reach it count, and LPIPS compares the largest of "
     "them",

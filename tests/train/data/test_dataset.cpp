@@ -261,6 +261,34 @@ TEST_CASE(
     CHECK_THROWS_WITH(read_face_region(faces.files(0)), Catch::Contains("parsing/1.png: "));
 }
 
+TEST_CASE("unknown pixels come from unknown, each pixel with a part of one counts", "[dataset]") {
+    const TemporaryFolder folder;
+    for (const char* name : {"images/1.png", "images/2.png", "images/3.png"})
+        write_image(folder / name, plain(128, 128, grey));
+    write_image(folder / "unknown/1.png", mask_of(128, 0.0F, 1.0F));
+    write_image(folder / "unknown/2.png", mask_of(128, 0.0F, 0.05F));  // not white
+    write_image(folder / "unknown/3.png", mask_of(100, 0.0F, 1.0F));
+    for (const std::int64_t megabytes : {0, 100}) {
+        DataConfig config = nothing_held_out();
+        config.cache_megabytes = megabytes;
+        const Dataset faces(folder.path(), 64, config, Split::all);
+        REQUIRE(faces.size() == 3);
+        const Face face = faces.load(0);
+        REQUIRE(face.known.defined());
+        // The filter reaches from pixel 57 to 64, and from 55 to 62.
+        CHECK(pixel(face.known, 9, 30, 0) == 0.0F);
+        CHECK(pixel(face.known, 9, 29, 0) == 1.0F);
+        CHECK(pixel(face.known, 9, 32, 0) == 0.0F);
+        CHECK_FALSE(faces.load(1).known.defined());
+        CHECK(pixel(faces.load(2).known, 9, 28, 0) == 1.0F);
+        CHECK(pixel(faces.load(2).known, 9, 32, 0) == 0.0F);
+    }
+    write_image(folder / "unknown/3.png", Tensor::zeros({100, 50, 1}));
+    CHECK(open(folder).size() == 3);  // an empty mask of any size ignores nothing
+    write_image(folder / "unknown/3.png", Tensor::full({100, 50, 1}, 1.0));
+    CHECK(open(folder).summary().broken.front().file == (folder / "unknown/3.png").string());
+}
+
 TEST_CASE("what a face lacks is filled in, counted and said once", "[dataset]") {
     const TemporaryFolder folder;
     for (const char* id : {"1", "2", "3"})
