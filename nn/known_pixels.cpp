@@ -22,6 +22,25 @@ ResampleMatrix contributions(std::int64_t output_length, std::int64_t input_leng
     return {weights.output_length(), weights.input_length(), std::move(entries)};
 }
 
+/// Unknown pixels become the mean of the known ones in the smallest block of 2, 4, 8, ... pixels
+/// that has any, smoothly.
+Tensor spread(const Tensor& known, const Tensor& images) {
+    const Tensor weight = broadcast_to(known, images.shape()).value();
+    const int side = static_cast<int>(images.shape(1)), half = side / 2;
+    const bool last = side % 2 != 0;
+    const auto shrunk = [&](const Variable& x) {
+        return last ? mean(x, {1, 2}) : resize_box(x, half, half);
+    };
+    const Variable area = shrunk(Variable(known));
+    const Tensor ones = Tensor::full(area.shape(), 1.0, known.dtype());
+    const Tensor means =
+        (shrunk(Variable(images) * weight) / where(area.value(), area, ones)).value();
+    const Tensor found = where(area.value(), ones, area).value();
+    const bool complete = last || known_share(found) == 1.0;
+    const Variable coarse = complete ? means : spread(found, means);
+    return where(weight, images, resize_bilinear(coarse, side, side)).value();
+}
+
 }  // namespace
 
 Tensor known_at(const Tensor& known, std::int64_t height, std::int64_t width) {
@@ -44,6 +63,14 @@ Variable where_known(const Tensor& known, const Variable& images, const Variable
 
 Variable where_known(const Tensor& known, const Variable& images, double other) {
     return where_known(known, images, Tensor::scalar(other, images.dtype()));
+}
+
+Tensor with_guesses(const Tensor& known, const Tensor& images) {
+    if (!known.defined()) return images;
+    const Tensor own = known.to(images.dtype());
+    const Variable mirrored_known = flip(own, 2);
+    const Tensor both = maximum(own, mirrored_known).value();
+    return spread(both, where(own, images, flip(images, 2)).value());
 }
 
 double known_share(const Tensor& known) {

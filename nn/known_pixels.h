@@ -20,6 +20,11 @@ namespace stymo {
 /// The same with one number for all unknown pixels.
 [[nodiscard]] Variable where_known(const Tensor& known, const Variable& images, double other);
 
+/// (B, S, S, C) with a guess in place of unknown pixels, which depends on the known ones alone: the
+/// pixel of the mirror image, since aligned faces are nearly symmetric, else the mean of known
+/// pixels around. For networks that must see something.
+[[nodiscard]] Tensor with_guesses(const Tensor& known, const Tensor& images);
+
 /// Share of the pixels that is known.
 [[nodiscard]] double known_share(const Tensor& known);
 /// `known`, or an undefined tensor if all of its pixels are.

@@ -21,10 +21,13 @@ constexpr std::size_t jaw_points = 17;
 }  // namespace
 
 LandmarkTerm::LandmarkTerm(const Contour& contour, Landmarks landmarks,
-                           const Intrinsics& intrinsics, const MorphableFitOptions& options)
+                           const Intrinsics& intrinsics, const MorphableFitOptions& options,
+                           const std::array<bool, 68>& guessed)
     : contour_(&contour), landmarks_(std::move(landmarks)), intrinsics_(intrinsics) {
+    constexpr double of_a_guess = 5.0;
     for (std::size_t k = 0; k < deviations_.size(); ++k)
-        deviations_[k] = k < jaw_points ? options.jaw_deviation : options.landmark_deviation;
+        deviations_[k] = (k < jaw_points ? options.jaw_deviation : options.landmark_deviation) *
+                         (guessed[k] ? of_a_guess : 1.0);
 }
 
 Landmarks LandmarkTerm::fitted(std::span<const double> state) const {

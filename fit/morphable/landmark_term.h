@@ -14,9 +14,9 @@ namespace stymo::morphable {
 /// detector's deviation, quadratic up to 2.5 units and linear beyond.
 class LandmarkTerm {
 public:
-    /// `landmarks` in units of the image side.
+    /// `landmarks` in units of the image side; those that are `guessed` count less.
     LandmarkTerm(const Contour& contour, Landmarks landmarks, const Intrinsics& intrinsics,
-                 const MorphableFitOptions& options);
+                 const MorphableFitOptions& options, const std::array<bool, 68>& guessed = {});
 
     /// Chooses the points of the outline and the weights for this state. They stay fixed until the
     /// next call.

@@ -1,6 +1,7 @@
 #include "fit/morphable/morphable_fit.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 
@@ -41,6 +42,21 @@ void check(const MorphableFitTarget& target) {
     for (const Eigen::Vector2d& point : target.landmarks) {
         if (!point.allFinite()) fail<ValueError>("[morphable fit] a landmark is not finite");
     }
+}
+
+/// Whether each landmark lies on an unknown pixel.
+std::array<bool, 68> guessed_landmarks(const MorphableFitTarget& target) {
+    std::array<bool, 68> guessed{};
+    const std::int64_t side = target.image.shape(0);
+    const auto at = [&](double coordinate) {
+        return std::clamp<std::int64_t>(static_cast<std::int64_t>(coordinate), 0, side - 1);
+    };
+    for (std::size_t k = 0; target.known.defined() && k < guessed.size(); ++k) {
+        const Eigen::Vector2d& point = target.landmarks[k];
+        const std::int64_t pixel = at(point.y()) * side + at(point.x());
+        guessed[k] = target.known.values<float>()[static_cast<std::size_t>(pixel)] == 0.0F;
+    }
+    return guessed;
 }
 
 /// The prior: codes are standard normal, and the light is close to white ambient light.
@@ -104,7 +120,8 @@ void add_prior(NormalEquations& equations, const State& state) {
     std::ranges::copy(morphable::affine_pose(fitted.contour, given, intrinsics), state.begin());
     std::ranges::copy(neutral_light(), state.begin() + morphable::light_begin);
 
-    morphable::LandmarkTerm landmarks(fitted.contour, given, intrinsics, options);
+    const std::array<bool, 68> guessed = guessed_landmarks(target);
+    morphable::LandmarkTerm landmarks(fitted.contour, given, intrinsics, options, guessed);
     std::optional<morphable::PixelTerm> pixels;
     landmarks.use_jaw(false);
     state = minimized(std::move(state), 0, morphable::pose_size, 5, fitted, landmarks, pixels);
@@ -126,9 +143,13 @@ void add_prior(NormalEquations& equations, const State& state) {
                      0.0};
     landmarks.hold(state);
     const Landmarks found = landmarks.fitted(state);
-    double sum = 0.0;
-    for (std::size_t k = 0; k < found.size(); ++k) sum += (found[k] - given[k]).squaredNorm();
-    fit.landmark_error = std::sqrt(sum / static_cast<double>(found.size()));
+    double sum = 0.0, count = 0.0;
+    for (std::size_t k = 0; k < found.size(); ++k) {
+        if (guessed[k]) continue;
+        sum += (found[k] - given[k]).squaredNorm();
+        count += 1.0;
+    }
+    fit.landmark_error = std::sqrt(sum / std::max(count, 1.0));
     return fit;
 }
 

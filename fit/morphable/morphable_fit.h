@@ -15,6 +15,9 @@ struct MorphableFitTarget {
     Landmarks landmarks;  ///< in pixels of `image`
     Tensor image;         ///< (S, S, 3) in [0, 1]
     Tensor mask;  ///< (S, S, 1), the head where values are at least 0.5; undefined: the whole image
+    /// (S, S, 1), see nn/known_pixels.h; undefined: all pixels are known. A landmark on an unknown
+    /// one is a guess and counts a twenty-fifth.
+    Tensor known{};
 };
 
 struct MorphableFitOptions {
@@ -39,8 +42,8 @@ struct MorphableFit {
     std::vector<float> expression;  ///< 79; one-sided expressions are >= 0
     std::vector<float> texture;     ///< 100
     std::vector<float> light;       ///< 27, render/spherical_harmonics.h
-    double landmark_error = 0.0;    ///< root mean square distance of given and fitted landmarks, in
-                                    ///< units of the image side
+    double landmark_error = 0.0;    ///< root mean square distance of given and fitted landmarks on
+                                    ///< known pixels, in units of the image side
 };
 
 /// Fits a linear head to each photo separately, on all threads: the pose in closed form, then pose

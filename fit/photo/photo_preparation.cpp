@@ -200,9 +200,9 @@ FaceCrop PhotoPreparation::Implementation::crop_at(const Alignment& alignment, c
     crop.known = known_pixels(side);
     if (crop.made_mask && known.defined())
         crop.mask_agreement = intersection_over_union(mask, known);
-    const Tensor fitted_part =
-        where_known(known_pixels(fit_side), resized(mask, fit_side), 0.0).value();
-    crop.fit_target = {landmarks_at(fit_side), resized(image, fit_side), fitted_part};
+    const Tensor fit_known = known_pixels(fit_side);
+    crop.fit_target = {landmarks_at(fit_side), resized(image, fit_side),
+                       where_known(fit_known, resized(mask, fit_side), 0.0).value(), fit_known};
     if (network) crop.face_box = network->face_box(image);
     return crop;
 }

@@ -105,7 +105,7 @@ FaceBatch make_batch(std::span<const Face> faces, std::int64_t smallest_target,
     batch.known = known_of_all(faces);
     batch.mask = where_known(batch.known, stacked(faces, &Face::mask), 0.0).value();
     batch.ray_mask = shrunk(batch.mask, smallest_target / 2, 0.0, 1.0);
-    batch.input = where_known(batch.known, affine(images, 2.0, -1.0), 0.0).value();
+    batch.input = with_guesses(batch.known, affine(images, 2.0, -1.0).value());
     const Tensor target = affine(images * Variable(batch.mask), 2.0, -1.0).value();
     for (const std::int64_t s : ladder.sides())
         batch.targets.push_back(

@@ -50,8 +50,8 @@ struct FaceBatch {
     Tensor other_input{};
     std::vector<bool> same_light{};
 
-    /// (B, S, S, 1), see nn/known_pixels.h; undefined: all pixels are known. Unknown pixels are 0
-    /// in `input` and -1 in `targets`, whatever the photos have there.
+    /// (B, S, S, 1), see nn/known_pixels.h; undefined: all pixels are known. Unknown pixels are
+    /// guessed in `input` (with_guesses) and -1 in `targets`, whatever the photos have there.
     Tensor known{};
 
     /// The known pixels of a row, (1, S, S, 1); undefined if all are.

@@ -87,6 +87,25 @@ TEST_CASE("no gradient flows into what is unknown, and none changes without unkn
     CHECK(identical(where_known({}, x, -1.0).value(), x.value()));
 }
 
+TEST_CASE("what is unknown is guessed from the mirror image, else from known pixels around",
+          "[unknown]") {
+    Tensor known = Tensor::full({1, 8, 8, 1}, 1.0);
+    const auto flags = known.mutable_values<float>();
+    const Tensor image = Rng(1).uniform({1, 8, 8, 3}, 0.0, 1.0);
+    flags[8] = 0.0F;  // row 1, column 0
+    Tensor expected = image;
+    std::copy_n(image.values<float>().begin() + 3 * 15, 3,
+                expected.mutable_values<float>().begin() + 3 * 8);
+    CHECK(identical(with_guesses(known, image), expected));
+    // Nothing is known of the upper half: it has the mean of the lower half.
+    std::ranges::fill(flags.first(32), 0.0F);
+    Tensor halves = Tensor::full({1, 8, 8, 3}, 0.25);
+    std::ranges::fill(halves.mutable_values<float>().first(32 * 3), 9.0F);
+    CHECK(identical(with_guesses(known, halves), Tensor::full({1, 8, 8, 3}, 0.25)));
+    std::ranges::fill(flags, 0.0F);
+    CHECK(with_guesses(known, halves).all_finite());
+}
+
 TEST_CASE("a batch does not depend on what its photos have in unknown pixels", "[unknown]") {
     const Tensor known = with_hole(128, 128);
     const auto [one, other] = photos(known);
