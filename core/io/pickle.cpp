@@ -178,7 +178,8 @@ private:
                                            std::string_view function) const {
         std::string name = std::string(module) + "." + std::string(function);
         if (!allowed_(name))
-            fail<FileError>(source_, ": refuses to load \"", name, "\": not a tensor or container");
+            fail<FileError>(source_, ": refuses to load \"", name,
+                            "\": not a tensor or container; in Python, save the state dict alone");
         return name;
     }
 

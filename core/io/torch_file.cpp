@@ -31,12 +31,33 @@ constexpr std::string_view tensor_with_gradient = "torch._utils._rebuild_tensor_
 constexpr std::string_view parameter = "torch._utils._rebuild_parameter";
 
 /// Names that a checkpoint may contain besides storages. They carry no tensors unless they are
-/// listed above.
+/// listed above: NumPy's are numbers, and the last are options, a device and milestones beside the
+/// state dict.
 constexpr std::string_view allowed_names[] = {
-    ordered_dictionary, plain_tensor,     tensor_with_gradient, parameter,       "builtins.set",
-    "__builtin__.set",  "torch.Size",     "torch.float32",      "torch.float64", "torch.float16",
-    "torch.int8",       "torch.int16",    "torch.int32",        "torch.int64",   "torch.uint8",
-    "torch.bool",       "torch.bfloat16",
+    ordered_dictionary,
+    plain_tensor,
+    tensor_with_gradient,
+    parameter,
+    "builtins.set",
+    "__builtin__.set",
+    "torch.Size",
+    "torch.float32",
+    "torch.float64",
+    "torch.float16",
+    "torch.int8",
+    "torch.int16",
+    "torch.int32",
+    "torch.int64",
+    "torch.uint8",
+    "torch.bool",
+    "torch.bfloat16",
+    "numpy.core.multiarray.scalar",
+    "numpy._core.multiarray.scalar",
+    "numpy.dtype",
+    "_codecs.encode",
+    "argparse.Namespace",
+    "torch.device",
+    "collections.Counter",
 };
 
 bool is_allowed(const std::string& name) {

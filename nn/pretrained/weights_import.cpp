@@ -146,8 +146,9 @@ Tensors below(const Tensors& tensors, const std::string& prefix) {
 }
 
 /// Prefixes that training programs add to a network's names.
-constexpr std::array<const char*, 5> wrappers{"state_dict.", "module.", "model.", "net.",
-                                              "model_state_dict."};
+constexpr std::array<const char*, 7> wrappers{
+    "state_dict.",          "module.",   "model.", "net.", "model_state_dict.",
+    "state_dict_backbone.", "_orig_mod."};
 constexpr int deepest_wrapper = 4;
 
 /// The published network in a file, which may also have prefixes and other tensors.
@@ -169,13 +170,14 @@ std::optional<ImportedWeights> recognised(const Tensors& tensors,
     return std::nullopt;
 }
 
-/// Removes prefixes that all tensors share. "state_dict" is removed even if there are other
-/// tensors, which belong to the optimiser.
+/// Removes prefixes that all tensors share. Those of a state dict are removed even if there are
+/// other tensors, which belong to the optimiser or to a classifier.
 Tensors unwrapped(Tensors tensors) {
     for (int depth = 0; depth < deepest_wrapper; ++depth) {
         for (const char* wrapper : wrappers) {
             Tensors wrapped = below(tensors, wrapper);
-            const bool takes_part = std::string(wrapper).ends_with("state_dict.");
+            const bool takes_part =
+                std::string_view(wrapper).find("state_dict") != std::string_view::npos;
             if (!wrapped.empty() && (takes_part || wrapped.size() == tensors.size()))
                 tensors = std::move(wrapped);
         }

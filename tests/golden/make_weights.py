@@ -1,6 +1,7 @@
 """Writes weights/*.pth with PyTorch (2.15) and NumPy (2): what a checkpoint may hold, in both
 formats, and what it must not."""
 
+import argparse
 import collections
 import os
 import pathlib
@@ -83,5 +84,16 @@ save(
 )
 save("eval.pth", {"weight": Malicious(eval, "open('executed', 'w')")}, pickle_protocol=4)
 save("numpy_scalar.pth", {"weight": torch.ones(1), "loss": np.float64(0.5)})
+save("numpy_array.pth", {"weight": torch.ones(1), "mean": np.zeros(2)})
+trainer = {
+    "weight": torch.ones(1),
+    "best": np.float32(0.5),
+    "epoch": np.int64(3),
+    "args": argparse.Namespace(lr=0.1),
+    "device": torch.device("cpu"),
+    "milestones": collections.Counter([3, 5]),
+}
+save("trainer.pth", trainer)
+save("trainer_legacy.pth", trainer, True)
 save("module.pth", {"model": torch.nn.Linear(1, 1)})
 (folder / "plain.pkl").write_bytes(pickle.dumps({"weight": [1.0, 2.0]}, protocol=2))

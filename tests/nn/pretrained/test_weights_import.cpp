@@ -152,7 +152,8 @@ TEST_CASE("LPIPS' heads are recognised by their widths and get the name of their
 
 TEST_CASE("wrappers are taken off, whether the network is known or not") {
     for (const std::string prefix :
-         {"state_dict.", "module.", "model.module.", "net.", "state_dict.model."}) {
+         {"state_dict.", "module.", "model.module.", "net.", "state_dict.model.",
+          "state_dict_backbone.", "_orig_mod.module."}) {
         Tensors tensors = prefixed(network("alexnet"), prefix);
         tensors["optimizer.state.0.exp_avg"] = Tensor(Shape{3});
         CHECK(recognised(tensors).recognised == "torchvision alexnet");
@@ -162,6 +163,9 @@ TEST_CASE("wrappers are taken off, whether the network is known or not") {
     checkpoint["optimizer.state.0.exp_avg"] = Tensor(Shape{3});
     CHECK(recognised(checkpoint).file.tensors.size() == 2);
     CHECK(recognised(checkpoint).file.tensors.contains("a.weight"));
+    checkpoint = prefixed(unknown, "state_dict_backbone.");
+    checkpoint["state_dict_softmax_fc.weight"] = Tensor(Shape{3});
+    CHECK(recognised(checkpoint).file.tensors.size() == 2);
     CHECK(recognised(prefixed(unknown, "module.")).file.tensors.contains("b"));
     Tensors beside = prefixed(unknown, "net.");
     beside["head.weight"] = Tensor(Shape{1});
