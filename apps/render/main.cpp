@@ -122,7 +122,7 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
     line.flag("--cutout", options.cutout,
               "write the head alone, with its soft mask as the alpha of a .png image");
     line.flag("--depth", options.renderer.depth,
-              "also write the depth of each ray, OUT_depth.exr, or one file per frame of an "
+              "also write the depth of each pixel, OUT_depth.exr, or one file per frame of an "
               "animation; with --out X.exr the depth alone, for which no image is rendered");
 }
 

@@ -38,8 +38,8 @@ void write_image(const std::filesystem::path& path, const Tensor& image,
                  Durability durability = Durability::none);
 /// The bytes that write_image writes to a .png file.
 [[nodiscard]] std::string png_bytes(const Tensor& image);
-/// Writes 32-bit float channels to an .exr file without clipping. A single channel is named "Z"
-/// (depth), three are named "R,G,B". Throws like write_image.
+/// Writes 32-bit float channels to an .exr file without clipping. A single channel is named "Y",
+/// three are named "R,G,B". Throws like write_image.
 void write_exr(const std::filesystem::path& path, const Tensor& image);
 /// Writes an animation: .gif (palette, repeated endlessly) or .mp4. All frames are (height, width,
 /// 3) in [0, 1].

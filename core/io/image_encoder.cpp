@@ -17,7 +17,8 @@ OIIO::ImageSpec spec_of(const ImageEncoding& encoding) {
     OIIO::ImageSpec spec(static_cast<int>(encoding.width), static_cast<int>(encoding.height),
                          static_cast<int>(encoding.channels),
                          encoding.floats ? OIIO::TypeFloat : OIIO::TypeUInt8);
-    if (encoding.floats && encoding.channels == 1) spec.channelnames = {"Z"};
+    // OpenCV reads zeros from a file whose only channel is "Z", as depths are usually called.
+    if (encoding.floats && encoding.channels == 1) spec.channelnames = {"Y"};
     if (!encoding.floats) spec.attribute("oiio:ColorSpace", "sRGB");
     // Colours are written as they are, not divided by alpha.
     if (encoding.channels == 4) spec.attribute("oiio:UnassociatedAlpha", 1);

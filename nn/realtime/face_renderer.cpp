@@ -142,8 +142,9 @@ void FaceRenderer::State::render_field(const Camera& seen_by, const std::stop_to
     }
     field->render(rays, feature_map, stop);
     if (stop.stop_requested()) return;
+    view.background_depth = farthest_sample(rays);
     if (options.remove_floaters)
-        floaters.apply(feature_map, sampling.rays_per_side, farthest_sample(rays));
+        floaters.apply(feature_map, sampling.rays_per_side, view.background_depth);
     camera = seen_by;
     feature_map_is_new = true;
 }

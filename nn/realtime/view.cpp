@@ -65,6 +65,7 @@ View decoded_view(const Model& model, const Codes& codes, std::int64_t index, co
         const auto side =
             std::llround(std::sqrt(static_cast<double>(decoded.samples.depths.shape(1))));
         view.depth = expected_depth(decoded).value().reshaped({side, side, 1});
+        view.background_depth = largest(decoded.samples.depths);
         view.opacity = (-decoded.weights.transmittance + 1.0).value().reshaped({side, side, 1});
     }
     require_finite(view);

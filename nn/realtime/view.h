@@ -18,6 +18,8 @@ struct View {
     Tensor depth;    ///< (R, R, 1), for each ray the expected Euclidean distance from the camera;
                      ///< undefined unless asked for
     Tensor opacity;  ///< (R, R, 1) in [0, 1], of each ray; undefined unless depth was asked for
+    double background_depth =
+        0.0;  ///< the part of `depth` that a ray's remaining light counts with
     /// Fraction of the samples whose compositing weight exceeds `significant_weight`.
     double significant_samples = 1.0;
 };

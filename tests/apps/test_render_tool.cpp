@@ -61,7 +61,7 @@ TEST_CASE("A grid shows yaw from left to right and pitch from top to bottom, as 
          "--out grid.png --grid-yaw -20:20:3 --grid-pitch 10:-10:2 --depth --mask");
     CHECK(read_image(tiny_run() / "grid.png").shape() == Shape{128, 192, 3});
     CHECK(stymo::read_mask(tiny_run() / "grid_mask.png").shape() == Shape{128, 192, 1});
-    CHECK(read_image(tiny_run() / "grid_depth.exr").shape() == Shape{64, 96, 3});
+    CHECK(read_image(tiny_run() / "grid_depth.exr").shape() == Shape{128, 192, 3});
     done(std::string(of_fit) + "--out single.png --yaw 20 --pitch 10");
     CHECK(identical(read_image(tiny_run() / "single.png"), tile("grid.png", 0, 2)));
     done(std::string(of_fit) + "--out column.png --grid-pitch 10:10:1 --yaw 20");

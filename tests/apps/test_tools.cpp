@@ -204,7 +204,7 @@ TEST_CASE(
     REQUIRE(own.size() == fitted.size());
     for (std::size_t i = 0; i < own.size(); ++i) CHECK(std::abs(own[i] - fitted[i]) < 1.5 / 255.0);
     CHECK(stymo::read_mask(folder / "views/own_mask.png").shape() == stymo::Shape{64, 64, 1});
-    CHECK(stymo::read_image(folder / "views/own_depth.exr").shape() == stymo::Shape{32, 32, 3});
+    CHECK(stymo::read_image(folder / "views/own_depth.exr").shape() == stymo::Shape{64, 64, 3});
     done(std::string(render) +
          "--out views/side.jpg --yaw -20 --pitch 5 --roll 3 --samples 8 --size 64");
     CHECK(stymo::read_image(folder / "views/side.jpg").shape() == stymo::Shape{64, 64, 3});
@@ -220,7 +220,7 @@ TEST_CASE("Every way of rendering writes the image, the mask and the depth") {
              ".png --samples 4 --mask --depth --tolerance 0.01 --mode " + mode);
         CHECK(stymo::read_image(folder / (name + ".png")).shape() == stymo::Shape{64, 64, 3});
         CHECK(stymo::read_mask(folder / (name + "_mask.png")).shape() == stymo::Shape{64, 64, 1});
-        CHECK(stymo::read_image(folder / (name + "_depth.exr")).shape() == stymo::Shape{32, 32, 3});
+        CHECK(stymo::read_image(folder / (name + "_depth.exr")).shape() == stymo::Shape{64, 64, 3});
     }
 }
 

@@ -158,8 +158,8 @@ TEST_CASE("float files keep their bytes and are clipped when read as images") {
     write_exr(folder / "depth.exr", Tensor::full({2, 3, 1}, 0.75));
     check_values(read_mask(folder / "depth.exr"), {2, 3, 1}, std::vector<double>(6, 0.75));
     const std::string bytes = read_file(folder / "depth.exr");
-    CHECK(bytes.find(std::string("Z\0\x02\0\0\0", 6)) !=
-          std::string::npos);  // channel Z of 32-bit floats
+    CHECK(bytes.find(std::string("Y\0\x02\0\0\0", 6)) !=
+          std::string::npos);  // channel Y of 32-bit floats
 }
 
 TEST_CASE("what is not a readable image is refused in one line that says why") {
