@@ -10,6 +10,7 @@
 #include "core/error.h"
 #include "core/io/checksum.h"
 #include "core/io/image.h"
+#include "core/io/protobuf.h"
 
 namespace stymo {
 namespace {
@@ -24,32 +25,17 @@ std::string little_endian(Unsigned value) {
     return bytes;
 }
 
-/// The wire format of protocol buffers, as far as event.proto and summary.proto need it.
-std::string varint(std::uint64_t value) {
-    std::string bytes;
-    for (; value >= 0x80; value >>= 7) bytes += static_cast<char>((value & 0x7FU) | 0x80U);
-    bytes += static_cast<char>(value);
-    return bytes;
-}
+using protobuf::bytes_field;
+using protobuf::integer_field;
+using protobuf::key;
+using protobuf::Wire;
 
-enum class Wire : std::uint32_t { varint = 0, fixed64 = 1, bytes = 2, fixed32 = 5 };
-
-std::string key(std::uint32_t field, Wire wire) {
-    return varint((field << 3) | static_cast<std::uint32_t>(wire));
-}
-std::string integer_field(std::uint32_t field, std::int64_t value) {
-    return key(field, Wire::varint) + varint(static_cast<std::uint64_t>(value));
-}
 std::string double_field(std::uint32_t field, double value) {
     return key(field, Wire::fixed64) + little_endian(std::bit_cast<std::uint64_t>(value));
 }
 std::string float_field(std::uint32_t field, float value) {
     return key(field, Wire::fixed32) + little_endian(std::bit_cast<std::uint32_t>(value));
 }
-std::string bytes_field(std::uint32_t field, std::string_view bytes) {
-    return key(field, Wire::bytes) + varint(bytes.size()) + std::string(bytes);
-}
-
 /// Field `what` of an Event is one of file_version, summary and session_log.
 std::string event(double seconds, std::int64_t step, const std::string& what) {
     // Protocol buffers omit fields with their default value.

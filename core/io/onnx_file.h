@@ -28,8 +28,19 @@ struct OnnxGraph {
     std::map<std::string, Tensor> tensors;
 };
 
-/// Throws FileError for a file that is truncated, not an ONNX model, or keeps its weights in other
-/// files.
+/// Tensors may be kept in files beside the model. Throws FileError for a file that is truncated or
+/// not an ONNX model, and if a file with its weights is missing.
 [[nodiscard]] OnnxGraph read_onnx_file(const std::filesystem::path& path);
+
+/// A model as readers of opset 13 take it: with its weights inside, float32 instead of float16,
+/// bfloat16 and float64, and the axes of reductions as attributes.
+struct PlainOnnx {
+    std::string bytes;
+    std::vector<std::int64_t> input;  ///< extents of the only input; 0 where any number will do
+};
+
+/// Throws like read_onnx_file, for a graph in which an operation takes what none before it gives,
+/// and for one without a single input.
+[[nodiscard]] PlainOnnx read_plain_onnx(const std::filesystem::path& path);
 
 }  // namespace stymo

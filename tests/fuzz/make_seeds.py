@@ -58,6 +58,10 @@ def request(**more):
     return json.dumps({"face": "f1", "sliders": {"id": [1, -2]}, **more})
 
 
+def is_small(file):
+    return file.stat().st_size < 4096
+
+
 def http(start, *lines, body=""):
     length = [f"Content-Length: {len(body)}"] if body else []
     return "\r\n".join([start, "Host: $HOST", *lines, *length, "", body])
@@ -128,6 +132,8 @@ seeds = {
     + [file.read_bytes() for file in golden.glob("safetensors/*.safetensors")],
     "torch": [file.read_bytes() for file in golden.glob("weights/*.p*")],
     "onnx": [file.read_bytes() for file in golden.glob("weights/*.onnx")],
+    "onnx_plain": [file.read_bytes() for file in golden.glob("*/*.onnx") if is_small(file)],
+    "onnx_network": [file.read_bytes() for file in golden.glob("onnx/face*.onnx")],
     "config": [compact(file) for file in configurations.glob("*.json")]
     + [b"stage1.steps=3", b'output.x="a"'],
     "faces": [faces, '{"id":"a"}\n\n{"id":"b"}'],

@@ -14,6 +14,7 @@
 #include "core/io/onnx_file.h"
 #include "core/io/tensor_file.h"
 #include "core/io/torch_file.h"
+#include "fit/photo/onnx_network.h"
 #include "fuzz/http_client.h"
 #include "fuzz/png_checksums.h"
 #include "fuzz/request_readers.h"
@@ -138,6 +139,13 @@ void read_photo(const std::string& bytes) {
         read_image(scratch_file(name, png ? with_png_checksums(bytes) : bytes), most_pixels));
 }
 
+/// What OpenCV makes of a network of ours, on a small image.
+void run_network(const std::filesystem::path& path) {
+    OnnxNetwork network(path);
+    static_cast<void>(network.run(Tensor::full({16, 16, 3}, 0.5),
+                                  {.mean = {0.5F, 0.5F, 0.5F}, .deviation = {1.0F, 1.0F, 1.0F}}));
+}
+
 void read_tuned(const std::string& bytes) {
     const WeightChanges changes = WeightChanges::load(scratch_file("in.safetensors", bytes));
     Model copy = small_model();
@@ -152,6 +160,8 @@ const std::map<std::string, Reader>& readers() {
         {"safetensors", [=](const auto& b) { static_cast<void>(read_tensor_file(path(b))); }},
         {"torch", [=](const auto& b) { static_cast<void>(read_torch_file(path(b))); }},
         {"onnx", [=](const auto& b) { static_cast<void>(read_onnx_file(path(b))); }},
+        {"onnx_plain", [=](const auto& b) { static_cast<void>(read_plain_onnx(path(b))); }},
+        {"onnx_network", [=](const auto& b) { run_network(path(b)); }},
         {"config", read_configuration},
         {"faces", [=](const auto& b) { static_cast<void>(FaceRecords(path(b))); }},
         {"face_index",

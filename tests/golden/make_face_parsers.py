@@ -67,3 +67,37 @@ half = numpy.array([0.5, 0.5, 0.5])
 onnx.save(parser(CELEBAMASK, 256, half, half, 1), folder / "face_parser_celebamask.onnx")
 onnx.save(parser(BISENET, 512, *IMAGENET, 1), folder / "face_parser_bisenet.onnx")
 onnx.save(parser(BISENET[:18], 512, *IMAGENET, 1), folder / "face_parser_18_classes.onnx")
+
+
+def opset18(model):
+    """Plus nothing, by a reduction whose axes are an input."""
+    graph = model.graph
+    graph.node[-1].output[0] = "logits of blocks"
+    graph.initializer.append(numpy_helper.from_array(numpy.array([2, 3]), "axes"))
+    graph.node.append(helper.make_node("ReduceMax", ["logits of blocks", "axes"], ["largest"]))
+    graph.node.append(helper.make_node("Sub", ["largest", "largest"], ["zero"]))
+    graph.node.append(helper.make_node("Add", ["logits of blocks", "zero"], ["out"]))
+    model.opset_import[0].version = 18
+    return model
+
+
+def float16(model):
+    """With float16 weights, input and output."""
+    for tensor in model.graph.initializer:
+        if tensor.data_type == TensorProto.FLOAT:
+            narrow = numpy_helper.to_array(tensor).astype(numpy.float16)
+            tensor.CopyFrom(numpy_helper.from_array(narrow, tensor.name))
+    for value in [*model.graph.input, *model.graph.output]:
+        value.type.tensor_type.elem_type = TensorProto.FLOAT16
+    return model
+
+
+onnx.save(opset18(parser(CELEBAMASK, 256, half, half, 1)), folder / "face_parser_opset18.onnx")
+onnx.save(float16(parser(CELEBAMASK, 256, half, half, 1)), folder / "face_parser_float16.onnx")
+onnx.save(
+    parser(CELEBAMASK, 256, half, half, 1),
+    folder / "face_parser_external.onnx",
+    save_as_external_data=True,
+    location="face_parser_external.onnx.data",
+    size_threshold=0,
+)

@@ -1,5 +1,7 @@
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <fstream>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -88,6 +90,45 @@ TEST_CASE(
                Contains("tensor \"words\" has the unsupported element type 8"));
 }
 
+TEST_CASE("weights in a file beside the model are read, as far as that file goes") {
+    const ScratchFolder folder;
+    write_file(folder / "external.onnx", read_file(golden("external.onnx")));
+    std::vector<float> values(36);
+    std::iota(values.begin(), values.end(), 0.5F);
+    const std::string bytes(reinterpret_cast<const char*>(values.data()), 144);
+    write_file(folder / "external.bin", bytes);
+    const Tensor weight = read_onnx_file(folder / "external.onnx").tensors.at("conv.weight");
+    CHECK(weight.shape() == Shape{2, 2, 3, 3});
+    CHECK(weight.to_vector() == Values(values.begin(), values.end()));
+    write_file(folder / "external.bin", bytes.substr(0, 100));
+    CHECK_THAT(error_of(folder / "external.onnx"), Contains("reaches beyond external.bin"));
+}
+
+TEST_CASE("a plain ONNX model has the same weights as float32, and the axes of reductions inside") {
+    const ScratchFolder folder;
+    const auto plain = [&](const std::filesystem::path& path) {
+        write_file(folder / "plain.onnx", read_plain_onnx(path).bytes);
+        return read_onnx_file(folder / "plain.onnx");
+    };
+    const OnnxGraph graph = plain(golden("small.onnx"));
+    const OnnxGraph expected = read_onnx_file(golden("small.onnx"));
+    CHECK(read_plain_onnx(golden("small.onnx")).input == std::vector<std::int64_t>{1, 2, 8, 8});
+    CHECK(graph.nodes.size() == 4);
+    REQUIRE(graph.tensors.size() == expected.tensors.size());
+    for (const auto& [name, tensor] : expected.tensors) {
+        INFO(name);
+        CHECK(graph.tensors.at(name).dtype() == DType::float32);
+        CHECK(graph.tensors.at(name).to_vector() == tensor.to(DType::float32).to_vector());
+    }
+    const OnnxGraph reduced = plain(golden("../onnx/face_parser_opset18.onnx"));
+    const auto reduction = std::ranges::find(reduced.nodes, "ReduceMax", &OnnxNode::operation);
+    REQUIRE(reduction != reduced.nodes.end());
+    CHECK(reduction->inputs.size() == 1);
+    CHECK(reduction->integers.at("axes") == std::vector<std::int64_t>{2, 3});
+    const OnnxGraph inside = plain(golden("../onnx/face_parser_external.onnx"));
+    CHECK(inside.tensors.at("extents").to_vector() == Values{1, 19, 16, 16});
+}
+
 TEST_CASE("a tensor of an ONNX model that lies about its type, extents or position is refused") {
     const auto field = [](int tag, const std::string& bytes) {
         return std::string{static_cast<char>(tag << 3 | 2), static_cast<char>(bytes.size())} +
@@ -116,6 +157,16 @@ TEST_CASE("a tensor of an ONNX model that lies about its type, extents or positi
     CHECK_THAT(error(number(1, 2) + f32 + number(14, 1) +
                      field(13, field(1, "location") + field(2, "../../etc/passwd"))),
                Contains("kept in another file, \"../../etc/passwd\""));
+}
+
+TEST_CASE("an ONNX graph that takes what nothing gives, or several inputs, has no plain form") {
+    const ScratchFolder folder;
+    std::string bytes = read_file(golden("small.onnx"));
+    bytes.replace(bytes.find("image"), 5, "imagf");
+    write_file(folder / "bad.onnx", bytes);
+    CHECK_THROWS_WITH(read_plain_onnx(folder / "bad.onnx"),
+                      Contains("Conv takes \"imagf\", which nothing before it gives"));
+    CHECK_THROWS_WITH(read_plain_onnx(golden("string.onnx")), Contains("element type 8"));
 }
 
 TEST_CASE("what is no ONNX model is refused") {

@@ -4,6 +4,7 @@
 
 #include "core/error.h"
 #include "core/io/file.h"
+#include "core/io/scratch_folder.h"
 #include "fit/photo/face_parser.h"
 #include "fit/photo/onnx_network.h"
 #include "render/parsing_classes.h"
@@ -60,6 +61,21 @@ TEST_CASE("a parser of face-parsing.PyTorch is recognised and its classes are re
     FaceParser parser(golden("face_parser_bisenet.onnx"));
     CHECK(parser.kind() == FaceParserKind::face_parsing_pytorch);
     check_parts(std::move(parser));
+}
+
+TEST_CASE("a parser runs with its weights in a second file, in float16 and with opset 18") {
+    for (const char* name : {"external", "float16", "opset18"}) {
+        INFO(name);
+        check_parts(FaceParser(golden("face_parser_" + std::string(name) + ".onnx")));
+    }
+}
+
+TEST_CASE("a parser whose second file is missing is refused by its name") {
+    const ScratchFolder folder;
+    fs::copy(golden("face_parser_external.onnx"), folder / "parser.onnx");
+    CHECK_THROWS_WITH(FaceParser(folder / "parser.onnx"),
+                      Contains("kept in another file, \"face_parser_external.onnx.data\"; put "
+                               "that file beside the model"));
 }
 
 TEST_CASE("what is no face parser is refused in one line") {

@@ -1,0 +1,231 @@
+#include <algorithm>
+#include <array>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/io/file.h"
+#include "core/io/onnx_file.h"
+#include "core/io/onnx_source.h"
+#include "core/io/protobuf.h"
+
+namespace stymo {
+namespace {
+
+using protobuf::bytes_field;
+using protobuf::integer_field;
+
+/// TensorProto.DataType
+constexpr std::uint64_t type_float = 1;
+constexpr std::array<std::uint64_t, 3> other_floats{10, 11, 16};  // float16, float64, bfloat16
+
+bool is_other_float(std::uint64_t type) {
+    return std::ranges::find(other_floats, type) != other_floats.end();
+}
+
+/// AttributeProto.AttributeType
+constexpr std::int64_t type_tensor = 4, type_integers = 7;
+
+/// Operations whose second input was an attribute once.
+bool takes_axes(std::string_view operation) {
+    return operation.starts_with("Reduce") || operation == "Squeeze" || operation == "Unsqueeze";
+}
+
+/// Copies a model field by field, and changes what a plain one has otherwise.
+class PlainWriter {
+public:
+    PlainWriter(OnnxSource& source, const OnnxGraph& graph) : source_(source), graph_(graph) {
+        for (const auto& [name, tensor] : graph.tensors) known_.insert(name);
+    }
+
+    PlainOnnx model(std::string_view message) {
+        std::string bytes = copied(message, [&](const OnnxField& field) {
+            return field.tag == 7 ? bytes_field(7, graph(field.bytes)) : std::string(field.whole);
+        });
+        if (inputs_.size() != 1) source_.refuse(inputs_.size(), " inputs instead of one");
+        return {std::move(bytes), inputs_[0]};
+    }
+
+private:
+    template <class Copy>
+    std::string copied(std::string_view message, const Copy& copy) const {
+        std::string result;
+        source_.each_field(message, [&](const OnnxField& field) {
+            result += field.has_bytes ? copy(field) : std::string(field.whole);
+        });
+        return result;
+    }
+
+    std::string graph(std::string_view message) {
+        // Inputs follow the operations that take them.
+        source_.each_field(message, [&](const OnnxField& field) {
+            if (field.tag == 11 && field.has_bytes) read_input(field.bytes);
+        });
+        return copied(message, [&](const OnnxField& field) -> std::string {
+            switch (field.tag) {
+                case 1:
+                    return bytes_field(1, node(field.bytes));
+                case 5:
+                    return bytes_field(5, tensor(field.bytes));
+                case 11:
+                case 12:
+                case 13:
+                    return bytes_field(static_cast<std::uint32_t>(field.tag),
+                                       with_type(field.bytes, {2, 1}));
+                default:
+                    return std::string(field.whole);
+            }
+        });
+    }
+
+    /// Initialisers may be listed among the inputs.
+    void read_input(std::string_view message) {
+        std::vector<std::int64_t> extents;
+        each_within(message, {2, 1, 2, 1}, [&](std::string_view dimension) {
+            extents.push_back(0);
+            source_.each_field(dimension, [&](const OnnxField& field) {
+                if (field.tag == 1) extents.back() = static_cast<std::int64_t>(field.number);
+            });
+        });
+        source_.each_field(message, [&](const OnnxField& field) {
+            if (field.tag == 1 && known_.insert(std::string(field.bytes)).second)
+                inputs_.push_back(extents);
+        });
+    }
+
+    /// Calls visit(message) for the messages at the end of a path of tags.
+    template <class Visit>
+    void each_within(std::string_view message, std::vector<std::uint64_t> path,
+                     const Visit& visit) const {
+        if (path.empty()) return visit(message);
+        source_.each_field(message, [&](const OnnxField& field) {
+            if (field.tag == path.front() && field.has_bytes)
+                each_within(field.bytes, {path.begin() + 1, path.end()}, visit);
+        });
+    }
+
+    /// A ValueInfoProto; `path` are the tags of the messages around the element type.
+    std::string with_type(std::string_view message, std::vector<std::uint64_t> path) const {
+        std::string result;
+        bool has_shape = false;
+        source_.each_field(message, [&](const OnnxField& field) {
+            has_shape = has_shape || field.tag == 2;
+            if (!path.empty() && field.tag == path.front() && field.has_bytes) {
+                result += bytes_field(static_cast<std::uint32_t>(field.tag),
+                                      with_type(field.bytes, {path.begin() + 1, path.end()}));
+            } else if (path.empty() && field.tag == 1 && is_other_float(field.number)) {
+                result += integer_field(1, type_float);
+            } else {
+                result += field.whole;
+            }
+        });
+        // OpenCV refuses a value of unknown shape, and looks at those of inputs only.
+        return path.empty() && !has_shape ? result + bytes_field(2, "") : result;
+    }
+
+    std::string tensor(std::string_view message) {
+        const OnnxStoredTensor stored = source_.stored_tensor(message);
+        if (!stored.is_external && !is_other_float(stored.type)) return std::string(message);
+        std::string result;
+        for (const std::int64_t extent : stored.extents) result += integer_field(1, extent);
+        result += bytes_field(8, stored.name);
+        if (!is_other_float(stored.type))
+            return result + integer_field(2, static_cast<std::int64_t>(stored.type)) +
+                   bytes_field(9, source_.external_bytes(stored));
+        const Tensor narrow = source_.tensor_of(stored).to(DType::float32);
+        const auto values = narrow.values<float>();
+        return result + integer_field(2, type_float) +
+               bytes_field(9, {reinterpret_cast<const char*>(values.data()), values.size_bytes()});
+    }
+
+    std::string node(std::string_view message) {
+        std::vector<std::string> inputs;
+        std::string operation;
+        source_.each_field(message, [&](const OnnxField& field) {
+            if (field.tag == 1) inputs.emplace_back(field.bytes);
+            if (field.tag == 4) operation = field.bytes;
+        });
+        require_inputs(operation, inputs);
+        source_.each_field(message, [&](const OnnxField& field) {
+            if (field.tag == 2) known_.insert(std::string(field.bytes));
+        });
+        while (!inputs.empty() && inputs.back().empty()) inputs.pop_back();
+        const bool moves_axes = takes_axes(operation) && inputs.size() == 2;
+        const std::size_t kept = moves_axes ? 1 : inputs.size();
+        std::size_t input = 0;
+        std::string result = copied(message, [&](const OnnxField& field) {
+            if (field.tag == 1 && input++ >= kept) return std::string();
+            return field.tag == 5 ? bytes_field(5, attribute(operation, field.bytes))
+                                  : std::string(field.whole);
+        });
+        if (moves_axes) result += axes_attribute(operation, inputs[1]);
+        return result;
+    }
+
+    void require_inputs(const std::string& operation, const std::vector<std::string>& inputs) {
+        for (const std::string& input : inputs)
+            if (!input.empty() && !known_.contains(input))
+                source_.refuse(operation, " takes \"", input, "\", which nothing before it gives");
+    }
+
+    [[nodiscard]] std::vector<std::int64_t> constant_integers(const std::string& operation,
+                                                              const std::string& name) const {
+        if (const auto found = graph_.tensors.find(name); found != graph_.tensors.end()) {
+            const std::vector<double> values = found->second.to_vector();
+            return {values.begin(), values.end()};
+        }
+        source_.refuse(operation, " computes its axes, and only constant ones are supported");
+    }
+
+    /// Without axes a reduction is over all of them.
+    [[nodiscard]] std::string axes_attribute(const std::string& operation,
+                                             const std::string& input) const {
+        std::string integers;
+        if (!input.empty())
+            for (const std::int64_t axis : constant_integers(operation, input))
+                integers += integer_field(8, axis);
+        if (integers.empty()) return {};
+        return bytes_field(5, bytes_field(1, "axes") + integers + integer_field(20, type_integers));
+    }
+
+    std::string attribute(std::string_view operation, std::string_view message) {
+        std::string name;
+        source_.each_field(message, [&](const OnnxField& field) {
+            if (field.tag == 1) name = field.bytes;
+        });
+        if (operation == "Constant" && OnnxSource::is_listed_constant(name))
+            return bytes_field(1, "value") + bytes_field(5, source_.listed_constant(message)) +
+                   integer_field(20, type_tensor);
+        std::string result;
+        source_.each_field(message, [&](const OnnxField& field) {
+            if (field.tag == 3 && name == "noop_with_empty_axes" && field.number != 0)
+                source_.refuse(operation, " reduces nothing without axes, which is not supported");
+            if (field.tag == 5 && field.has_bytes) {
+                result += bytes_field(5, tensor(field.bytes));
+            } else if (field.tag == 3 && operation == "Cast" && name == "to" &&
+                       is_other_float(field.number)) {
+                result += integer_field(3, type_float);
+            } else {
+                result += field.whole;
+            }
+        });
+        return result;
+    }
+
+    OnnxSource& source_;
+    const OnnxGraph& graph_;
+    std::set<std::string> known_;
+    std::vector<std::vector<std::int64_t>> inputs_;
+};
+
+}  // namespace
+
+PlainOnnx read_plain_onnx(const std::filesystem::path& path) {
+    const std::string bytes = read_file(path);
+    OnnxSource source(path);
+    const OnnxGraph graph = read_onnx_graph(source, bytes);
+    return PlainWriter(source, graph).model(bytes);
+}
+
+}  // namespace stymo
