@@ -16,8 +16,8 @@ constexpr std::int64_t least_aligned_side = 512;
 /// What the overlay shows in place of unknown pixels.
 constexpr double unknown_grey = 0.5;
 
-FaceCrop face_of(const PhotoPreparation& preparation, const std::string& image,
-                 const Tensor& known, std::string& doubt) {
+FaceCrop face_of(const PhotoPreparation& preparation, const std::string& image, const Tensor& known,
+                 std::string& doubt) {
     const Tensor photo = read_image(image, preparation.settings().most_pixels, &doubt);
     try {
         return preparation.crops(photo, {.known = known}).front();

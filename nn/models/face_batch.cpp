@@ -59,10 +59,6 @@ Tensor shrunk(const Tensor& images, std::int64_t side, double low, double high) 
         .value();
 }
 
-Tensor encoder_input(std::span<const Face> faces) {
-    return affine(Variable(stacked(faces, &Face::image)), 2.0, -1.0).value();
-}
-
 void add_codes(FaceBatch& batch, std::span<const Face> faces) {
     const auto count = static_cast<std::int64_t>(faces.size());
     batch.code_present = Tensor::zeros({count});
@@ -125,7 +121,8 @@ void read_people_from(FaceBatch& batch, std::span<const Face> others,
     if (others.size() != batch.cameras.size() || same_light.size() != others.size())
         fail<ShapeError>(others.size(), " photos for the people of ", batch.cameras.size(),
                          " faces");
-    batch.other_input = encoder_input(others);
+    batch.other_input = with_guesses(
+        known_of_all(others), affine(Variable(stacked(others, &Face::image)), 2.0, -1.0).value());
     batch.same_light = std::move(same_light);
 }
 

@@ -25,7 +25,8 @@ constexpr std::array<const char*, 3> image_folders{"images1024x1024", "images", 
 
 bool is_side(const fs::path& name) {
     constexpr std::array<std::string_view, 9> names{
-        "masks",       "parsing",     "unknown",     celeba_masks, "faces.jsonl", "faces.jsonl.index",
+        "masks",       "parsing",     "unknown",
+        celeba_masks,  "faces.jsonl", "faces.jsonl.index",
         "camera.json", "report.json", "dataset.json"};
     return std::ranges::find(names, name.string()) != names.end();
 }
