@@ -4,13 +4,16 @@
 #include <span>
 
 #include "apps/bench/study.h"
+#include "core/angle.h"
 #include "core/autograd/grad.h"
 #include "core/clock.h"
 #include "core/error.h"
 #include "core/interrupt.h"
+#include "core/matmul_precision.h"
 #include "core/ops/ops.h"
 #include "fit/evaluation.h"
 #include "fit/fitter.h"
+#include "fit/tuning.h"
 #include "nn/models/display_image.h"
 #include "nn/models/significant_rows.h"
 #include "nn/realtime/view.h"
@@ -40,7 +43,9 @@ struct FitTarget {
 /// The loss of the paper's fitting, by which all variants are judged.
 ReconstructionConfig paper_loss(const StudyInputs& inputs, ReconstructionConfig config) {
     constexpr double paper_weight = 0.1;
-    if (config.perceptual_weight == 0.0) config.perceptual_weight = paper_weight;
+    const bool by_encoder = config.perceptual.network == encoder_network;
+    if (by_encoder) config.perceptual.network = "squeezenet1_1";
+    if (by_encoder || config.perceptual_weight == 0.0) config.perceptual_weight = paper_weight;
     config.perceptual_resolution = 0;
     const auto choose = [](std::string& file, const std::string& given) {
         if (!given.empty()) file = given;
@@ -58,6 +63,8 @@ struct FitVariant {
     FitOptions options;
     double perceptual_weight = 0.0;
     std::int64_t perceptual_resolution = 0;
+    MatmulPrecision precision = MatmulPrecision::highest;
+    bool by_encoder = false;  ///< the perceptual term compares activations of the model's encoder
 };
 
 /// The paper's first.
@@ -69,6 +76,11 @@ std::vector<FitVariant> fit_variants(const ModelConfig& model, double weight, st
     every.tolerance = 0.0;
     coarse.coarse_steps = steps / 2;
     lbfgs.optimizer = FitOptimizer::lbfgs;
+    FitOptions short_lbfgs = lbfgs, half_samples = lbfgs, double_samples = lbfgs;
+    short_lbfgs.steps = std::max<std::int64_t>(steps * 3 / 10, 1);
+    half_samples.samples_per_ray =
+        std::max<std::int64_t>(model.reconstruction.fit_samples_per_ray / 2, 2);
+    double_samples.samples_per_ray = 2 * model.reconstruction.fit_samples_per_ray;
     FitOptions coarse_lbfgs = lbfgs;
     coarse_lbfgs.coarse_steps = steps / 4;
     std::vector<FitVariant> variants{
@@ -77,11 +89,24 @@ std::vector<FitVariant> fit_variants(const ModelConfig& model, double weight, st
         {"Adam, LPIPS at half", halved, adam, weight, half},
         {"Adam, no LPIPS", "photometric alone", adam, 0.0, 0},
         {"L-BFGS", "another optimiser, as many evaluations", lbfgs, weight, 0},
+        {"L-BFGS, few steps", "three tenths of the evaluations", short_lbfgs, weight, 0},
+        {"L-BFGS, half the samples", "along each ray", half_samples, weight, 0},
+        {"L-BFGS, twice the samples", "along each ray", double_samples, weight, 0},
         {"L-BFGS, LPIPS at half", halved, lbfgs, weight, half},
         {"L-BFGS, no LPIPS", "photometric alone", lbfgs, 0.0, 0},
         {"Adam, coarse to fine", "smaller images in the first half of the steps", coarse, weight,
          0},
         {"L-BFGS, coarse to fine", "smaller images in the first quarter", coarse_lbfgs, weight, 0}};
+    if (model.reconstruction.perceptual.network == encoder_network)
+        variants.push_back({.name = "L-BFGS, encoder",
+                            .what = "the model's own perceptual term",
+                            .options = lbfgs,
+                            .perceptual_weight = model.reconstruction.perceptual_weight,
+                            .by_encoder = true});
+    for (const auto precision : {MatmulPrecision::high, MatmulPrecision::medium})
+        if (computed_precision(precision) == precision)
+            variants.push_back({std::string("L-BFGS, ") + name_of(precision),
+                                "precision of products", lbfgs, weight, 0, precision});
     // With a single image there is nothing coarser.
     constexpr std::int64_t smallest = 64;
     if (model.decoder.resolution <= smallest)
@@ -134,7 +159,9 @@ FitCurve fitted(const Judge& judge, const FitTarget& photo, const FitVariant& va
     ReconstructionConfig config = judge.paper;
     config.perceptual_weight = variant.perceptual_weight;
     config.perceptual_resolution = variant.perceptual_resolution;
-    const ReconstructionLoss loss(config);
+    if (variant.by_encoder) config.perceptual.network = encoder_network;
+    const ReconstructionLoss loss(config, "",
+                                  variant.by_encoder ? &judge.model.encoder() : nullptr);
     const ReconstructionLoss::Target kept = judge.loss.kept_target(photo.faces.targets);
     FitOptions options = variant.options;
     options.initial = detached(face_codes(judge.model, photo.faces));
@@ -148,12 +175,14 @@ FitCurve fitted(const Judge& judge, const FitTarget& photo, const FitVariant& va
             static_cast<double>(step.steps) <
                 growth * static_cast<double>(curve.points.back().steps))
             return;
+        const PrecisionScope every_bit(MatmulPrecision::highest);
         FitPoint point = judged(judge, photo, kept, *options.initial, step.codes);
         point.steps = step.steps;
         point.seconds = seconds;
         curve.points.push_back(point);
         begin = seconds_now() - seconds;
     };
+    const PrecisionScope scope(variant.precision);
     curve.steps = std::ssize(fit_codes(judge.model, loss, photo.faces, options).losses);
     curve.seconds = seconds_now() - begin;
     return curve;
@@ -242,6 +271,48 @@ StudyPlan fitting_plan(const StudyInputs& inputs) {
         std::to_string(photos.size()) + " of the folder, " + std::to_string(steps) +
         " evaluations of loss and gradient each. LPIPS: " + judge->loss.lpips()->label() +
         ", weight " + significant(judge->paper.perceptual_weight, 3) + ".";
+    return plan;
+}
+
+/// Tuning of one fitted face for several times, with the steps that the machine does in them.
+StudyPlan tuning_plan(const StudyInputs& inputs) {
+    constexpr std::int64_t fit_steps = 30;
+    Model loaded = Model::load(inputs.fitting.model);
+    ReconstructionConfig config = loaded.config().reconstruction;
+    config.perceptual_weight = 0.0;  // tuning is then judged by what it lowers
+    const auto judge = std::make_shared<const Judge>(std::move(loaded), config);
+    const auto photo = std::make_shared<const FitTarget>(
+        last_photos(inputs.fitting, judge->model.config(), 1).front());
+    const auto fit = std::make_shared<const FitResult>(
+        fit_codes(judge->model, judge->loss, photo->faces,
+                  {.optimizer = FitOptimizer::lbfgs, .steps = fit_steps}));
+    const auto frame = [=](const Model& model, double yaw) {
+        Pose pose = pose_from_camera(photo->faces.cameras[0]);
+        const CameraConfig& camera = judge->model.config().camera;
+        if (yaw != 0.0) pose = pivot_pose(yaw, 0.0, 0.0, camera.distance, camera.pivot_depth);
+        return render_view(model, fit->fitted, 0,
+                           camera_from_pose(pose, photo->faces.cameras[0].intrinsics),
+                           {.samples_per_ray = judge->paper.fit_samples_per_ray})
+            .image;
+    };
+    StudyPlan plan;
+    for (const double seconds : {0.0, 1.0, 3.0, 10.0, 30.0}) {
+        if (seconds > inputs.seconds / 2.0) continue;
+        plan.add({seconds}, [=]() -> Row {
+            Model tuned = judge->model.copy();
+            std::int64_t steps = 0;
+            if (seconds > 0.0)
+                steps =
+                    std::ssize(tune_decoder(judge->model, tuned, judge->loss, photo->faces,
+                                            fit->fitted, photo->faces.cameras, {.seconds = seconds})
+                                   .losses);
+            const double yaw = radians_from_degrees(30.0);
+            return {steps, photo->measured.measure(frame(tuned, 0.0)).psnr,
+                    error_of({frame(tuned, yaw)}, {frame(judge->model, yaw)}).psnr_mean};
+        });
+    }
+    plan.setting = "One face, the last of the folder, fitted in " + std::to_string(fit_steps) +
+                   " evaluations of L-BFGS, both without LPIPS.";
     return plan;
 }
 
@@ -337,7 +408,9 @@ Study fitting_study() {
     return {.part = "fitting",
             .name = "fitting",
             .title = "Fitting",
-            .varied = "optimiser, samples that are left out, LPIPS, smaller images first",
+            .varied =
+                "optimiser, samples along a ray and those left out, LPIPS, smaller images first, "
+                "precision of products",
             .measured =
                 "time, the paper's loss and PSNR at the end, and when a way comes within "
                 "half a percent of the reference's final loss",
@@ -346,6 +419,21 @@ Study fitting_study() {
                         "faces_there", "steps_there", "seconds_there", "times_sooner"},
             .plan = fitting_plan,
             .seconds = 220.0,
+            .needs_model = true};
+}
+
+Study tuning_study() {
+    return {.part = "fitting",
+            .name = "tuning",
+            .title = "Tuning",
+            .varied = "seconds of tuning",
+            .measured =
+                "steps that were done, PSNR to the photo, and PSNR from a yaw of 30 degrees "
+                "between the tuned and the untuned face",
+            .reference = "the photo; the untuned face",
+            .columns = {"seconds", "steps", "psnr_db", "psnr_turned_db"},
+            .plan = tuning_plan,
+            .seconds = 70.0,
             .needs_model = true};
 }
 

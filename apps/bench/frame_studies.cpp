@@ -6,6 +6,7 @@
 
 #include "apps/bench/study.h"
 #include "core/angle.h"
+#include "core/matmul_precision.h"
 #include "core/parallel.h"
 #include "core/work_counts.h"
 #include "render/camera.h"
@@ -26,6 +27,7 @@ struct FrameVariant {
     std::string varied;
     std::string value;
     RendererOptions options;
+    MatmulPrecision precision = MatmulPrecision::highest;
 };
 
 /// The exact frame first.
@@ -47,6 +49,14 @@ std::vector<FrameVariant> frame_variants(const BenchOptions& bench) {
     for (const double tolerance : {0.5, 0.25, 0.12, 0.06, 0.03, 0.01})
         add("tolerance", significant(tolerance, 4), RenderMode::skip, &RendererOptions::tolerance,
             tolerance);
+    // Frames that skip round the operands of their render blocks unless highest is chosen.
+    for (FrameVariant& variant : variants)
+        if (variant.options.mode == RenderMode::skip) variant.precision = MatmulPrecision::high;
+    add("tolerance in float32", significant(default_tolerance, 4), RenderMode::skip,
+        &RendererOptions::tolerance, default_tolerance);
+    for (const auto precision : {MatmulPrecision::high, MatmulPrecision::medium})
+        if (computed_precision(precision) == precision)
+            variants.push_back({"products", name_of(precision), exact, precision});
     return variants;
 }
 
@@ -72,16 +82,20 @@ StudyPlan rendering_plan(const StudyInputs& inputs) {
     const BenchOptions bench = affordable(inputs);
     const Subject subject = shared_subject(bench);
     const std::vector<FrameVariant> variants = frame_variants(bench);
-    const auto exact =
-        std::make_shared<const Images>(all_images(*subject, variants.front().options));
+    const auto images_of = [subject](const FrameVariant& variant) {
+        const PrecisionScope scope(variant.precision);
+        return all_images(*subject, variant.options);
+    };
+    const auto exact = std::make_shared<const Images>(images_of(variants.front()));
     const auto exact_seconds = std::make_shared<double>(0.0);
     StudyPlan plan;
     for (const FrameVariant& variant : variants)
-        plan.add({variant.varied, variant.value}, [=, options = variant.options]() -> Row {
-            FaceRenderer renderer(subject->model, options);
+        plan.add({variant.varied, variant.value}, [=]() -> Row {
+            const PrecisionScope scope(variant.precision);
+            FaceRenderer renderer(subject->model, variant.options);
             const double seconds = time_frames(*subject, renderer, bench.repeats).median();
             if (*exact_seconds == 0.0) *exact_seconds = seconds;
-            const ImageError error = error_of(all_images(*subject, options), *exact);
+            const ImageError error = error_of(images_of(variant), *exact);
             return {seconds,          *exact_seconds / seconds, error.psnr_mean,
                     error.psnr_worst, error.root_mean_square,   error.worst_pixel};
         });
@@ -265,7 +279,9 @@ Study rendering_study() {
     return {.part = "rendering",
             .name = "curve",
             .title = "Rendering",
-            .varied = "samples per ray, tolerance in float32 and in 16 bits",
+            .varied =
+                "samples per ray, tolerance with render blocks in bfloat16 and in float32, "
+                "precision of products",
             .measured =
                 "median time of a frame, each of another view than the one before; error "
                 "of the images",

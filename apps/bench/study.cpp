@@ -29,8 +29,8 @@ Table measured(const Study& study, const StudyPlan& plan) {
 }  // namespace
 
 std::vector<Study> report_studies() {
-    return {quadrature_study(), euler_study(),     rendering_study(), fitting_study(),
-            training_study(),   stability_study(), scenes_study(),    jobs_study()};
+    return {quadrature_study(), euler_study(), rendering_study(), fitting_study(), tuning_study(),
+            training_study(),   step_study(),  stability_study(), scenes_study(),  jobs_study()};
 }
 
 void run_study(Page& page, const Study& study, const StudyInputs& inputs) {

@@ -63,7 +63,9 @@ struct Study {
 [[nodiscard]] Study euler_study();       ///< what the exponential form is needed for
 [[nodiscard]] Study rendering_study();   ///< error against frame time
 [[nodiscard]] Study fitting_study();     ///< loss against time of fitting
+[[nodiscard]] Study tuning_study();      ///< error against time of tuning
 [[nodiscard]] Study training_study();    ///< loss against time of training
+[[nodiscard]] Study step_study();        ///< what training in 16 bits and without samples does
 [[nodiscard]] Study stability_study();   ///< float32 against float64 on extreme inputs
 [[nodiscard]] Study scenes_study();      ///< what frames of scenes leave out
 [[nodiscard]] Study jobs_study();        ///< what jobs leave out

@@ -1,6 +1,7 @@
 #include "apps/bench/training.h"
 
 #include <algorithm>
+#include <array>
 
 #include "apps/bench/embedded_configurations.h"
 #include "apps/bench/speed.h"
@@ -9,6 +10,8 @@
 #include "core/interrupt.h"
 #include "core/io/file.h"
 #include "core/io/folder_in_progress.h"
+#include "core/matmul_precision.h"
+#include "core/median.h"
 #include "nn/pretrained/perceptual/trunk.h"
 #include "render/morphable/builtin_head.h"
 #include "train/data/synthetic_faces.h"
@@ -135,6 +138,57 @@ StudyPlan training_plan(const StudyInputs& inputs) {
     return plan;
 }
 
+/// What a step of training leaves out or rounds.
+struct StepVariant {
+    std::string name;
+    MatmulPrecision precision = MatmulPrecision::highest;
+    double sample_tolerance = 0.0;
+};
+
+StudyPlan step_plan(const StudyInputs& inputs) {
+    constexpr std::int64_t samples = 16;
+    constexpr double tolerance = 0.001;  // that of faces-256
+    constexpr std::array<std::uint64_t, 3> seeds{1, 2, 3};
+    const auto data = std::make_shared<const Heads>(synthetic_heads(inputs.bench.seed));
+    std::vector<StepVariant> variants{{"every sample, float32"},
+                                      {"samples left out", MatmulPrecision::highest, tolerance}};
+    for (const auto precision : {MatmulPrecision::high, MatmulPrecision::medium}) {
+        if (computed_precision(precision) != precision) continue;
+        variants.push_back({name_of(precision), precision});
+        variants.push_back(
+            {name_of(precision) + std::string(", samples left out"), precision, tolerance});
+    }
+    const double runs = static_cast<double>(variants.size() * seeds.size());
+    const auto steps = static_cast<std::int64_t>(
+        std::clamp(0.8 * inputs.seconds / (runs * time_of_step(*data, samples, 1)), 10.0, 1000.0));
+    StudyPlan plan;
+    for (const StepVariant& variant : variants)
+        plan.add({variant.name}, [=]() -> Row {
+            const PrecisionScope scope(variant.precision);
+            double seconds = 0.0;
+            std::vector<double> psnr;
+            for (const std::uint64_t seed : seeds) {
+                TrainConfig config = small_training(steps, samples);
+                config.optimizer.sample_tolerance = variant.sample_tolerance;
+                Trainer trainer(config, data->training, nullptr, seed);
+                const double begin = seconds_now();
+                for (std::int64_t step = 0; step < steps; ++step) {
+                    if (interrupted()) fail<Error>("interrupted; nothing was written");
+                    static_cast<void>(trainer.step());
+                }
+                seconds += (seconds_now() - begin) / static_cast<double>(seeds.size());
+                psnr.push_back(score_of(trainer, data->validation, most_samples).psnr);
+            }
+            const auto [least, most] = std::ranges::minmax(psnr);
+            return {seconds / static_cast<double>(steps), steps, median(psnr), least, most};
+        });
+    plan.setting = "The model of `configs/demo-64.json`, from the same three seeds for each row, " +
+                   std::to_string(samples) +
+                   " samples per ray. Samples are left out of the gradient below a weight of " +
+                   significant(tolerance, 1) + ".";
+    return plan;
+}
+
 Dataset heads_of(const TrainConfig& config, std::uint64_t seed) {
     const FolderInProgress folder = temporary_folder("stymo-bench-heads");
     write_heads(folder.path(), config.model, 2 * config.stage1.batch, seed);
@@ -200,6 +254,19 @@ Study training_study() {
                         "reconstruction_loss", "psnr_db", "psnr_64_db"},
             .plan = training_plan,
             .seconds = 100.0};
+}
+
+Study step_study() {
+    return {
+        .part = "training",
+        .name = "training_steps",
+        .title = "What a step of training leaves out",
+        .varied = "precision of products, samples without a gradient; as many steps for each",
+        .measured = "time of a step; PSNR: the median, least and most of three seeds",
+        .reference = "held-out heads",
+        .columns = {"way", "seconds_per_step", "steps", "psnr_db", "psnr_least_db", "psnr_most_db"},
+        .plan = step_plan,
+        .seconds = 120.0};
 }
 
 }  // namespace stymo
