@@ -9,6 +9,7 @@
 #include "apps/bench/training.h"
 #include "apps/tiny_run.h"
 #include "core/io/file.h"
+#include "core/matmul_precision.h"
 
 using namespace stymo;
 
@@ -38,6 +39,14 @@ json written(const Study& study, double seconds) {
 
 }  // namespace
 
+/// Precisions of products that this processor has, without float32.
+std::size_t lowered_precisions() {
+    std::size_t count = 0;
+    for (const auto precision : {MatmulPrecision::high, MatmulPrecision::medium})
+        if (computed_precision(precision) == precision) ++count;
+    return count;
+}
+
 TEST_CASE("The small model of the report is that of demo-64.json", "[report]") {
     TrainConfig demo = load_train_config(fs::path(STYMO_SOURCE_DIR) / "configs/demo-64.json", {});
     demo.stage1.average_half_life = 0.0;
@@ -47,7 +56,7 @@ TEST_CASE("The small model of the report is that of demo-64.json", "[report]") {
 TEST_CASE("The study of rendering holds every frame against the exact one", "[report]") {
     const json report = written(rendering_study(), 1.0);
     const json rows = report["curve"];
-    REQUIRE(rows.size() == 8);
+    REQUIRE(rows.size() == 9 + lowered_precisions());
     CHECK(rows[0]["varied"] == "exact");
     CHECK(rows[0]["worst_pixel"] == 0.0);
     for (const json& row : rows) {
@@ -64,7 +73,7 @@ TEST_CASE("The study of rendering holds every frame against the exact one", "[re
 TEST_CASE("The study of fitting judges every way by the same loss", "[report][slow]") {
     const json report = written(fitting_study(), 6.0);
     const json rows = report["fitting"];
-    REQUIRE(rows.size() == 7);
+    REQUIRE(rows.size() == 10 + lowered_precisions());
     // Nothing where no face gets there in the time, on a slow or busy machine.
     if (!rows[0]["times_sooner"].is_null()) CHECK(rows[0]["times_sooner"].get<double>() >= 1.0);
     std::map<std::string, double> first;
@@ -84,6 +93,26 @@ TEST_CASE("The study of training lowers the loss with every number of samples", 
     for (const auto& [samples, curve] : losses) {
         INFO(samples);
         CHECK(curve.back() < curve.front());
+    }
+}
+
+TEST_CASE("The study of tuning begins with the untuned face", "[report][slow]") {
+    const json rows = written(tuning_study(), 2.5)["tuning"];
+    REQUIRE(rows.size() == 2);
+    CHECK(rows[0]["steps"] == 0);
+    CHECK(rows[0]["psnr_turned_db"].is_null());
+    CHECK(rows[1]["steps"].get<int>() > 0);
+    CHECK(rows[1]["psnr_turned_db"].get<double>() > 0.0);
+}
+
+TEST_CASE("The study of training steps gives each way the same seeds", "[report][slow]") {
+    const json rows = written(step_study(), 4.0)["training_steps"];
+    REQUIRE(rows.size() == 2 + 2 * lowered_precisions());
+    for (const json& row : rows) {
+        CHECK(row["steps"] == rows[0]["steps"]);
+        CHECK(row["psnr_least_db"].get<double>() <= row["psnr_db"].get<double>());
+        CHECK(row["psnr_most_db"].get<double>() >= row["psnr_db"].get<double>());
+        CHECK(row["psnr_db"].get<double>() == Approx(rows[0]["psnr_db"].get<double>()).margin(1.0));
     }
 }
 
