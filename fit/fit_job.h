@@ -60,7 +60,7 @@ public:
     [[nodiscard]] const FitJobOptions& options() const { return options_; }
     [[nodiscard]] const MorphableHead* head() const { return head_ ? &*head_ : nullptr; }
 
-    /// Finds, aligns and masks the largest face of each photo, as `prepare_photos` does.
+    /// Finds, aligns and masks the face of each photo, as `prepare_photos` does.
     [[nodiscard]] std::vector<PreparedPhoto> prepare(std::span<const std::string> images,
                                                      const Tensor& known = {}) const;
     /// The faces as a batch whose targets have all sides of the model.

@@ -248,6 +248,13 @@ int stymo_fit(int argc, char** argv) {
     line.option("--data", options.face.data,
                 "folder of faces in the FFHQ format with the photo, its mask and its pose");
     line.option("--id", options.face.id, "id of the photo in --data").needs("--data");
+    line.option("--face", options.fit.job.preparation.face,
+                "which face of the photo, counted from the left; 0: the largest")
+        .range(0, 1000)
+        .excludes("--mask")
+        .excludes("--pose")
+        .excludes("--as-is")
+        .excludes("--data");
     line.option("--out", options.out,
                 "output folder: fit.png, render.png, codes.json, report.json; also aligned.png and "
                 "overlay.png if the photo is prepared, and tuned.safetensors with --tune")

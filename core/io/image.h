@@ -58,6 +58,8 @@ void write_animation(const std::filesystem::path& path, const std::vector<Tensor
 /// Images of the same size side by side, `columns` in a row. Missing images of the last row are
 /// black. Throws ValueError without images or columns, ShapeError for different sizes.
 [[nodiscard]] Tensor tile_images(const std::vector<Tensor>& images, int columns);
+/// Turned clockwise by this number of quarter turns; a negative one turns the other way.
+[[nodiscard]] Tensor turned_image(const Tensor& image, int quarter_turns);
 /// Swaps left and right.
 [[nodiscard]] Tensor mirror_image(const Tensor& image);
 

@@ -93,6 +93,33 @@ Tensor tile_images(const std::vector<Tensor>& images, int columns) {
     return result;
 }
 
+Tensor turned_image(const Tensor& image, int quarter_turns) {
+    constexpr int full_turn = 4;
+    if (image.rank() != 3)
+        fail<ShapeError>("[turned_image] an image is (height, width, channels); got ",
+                         image.shape());
+    const int turns = ((quarter_turns % full_turn) + full_turn) % full_turn;
+    if (turns == 0) return image;
+    const std::int64_t height = image.shape(0), width = image.shape(1), channels = image.shape(2);
+    const bool on_side = turns % 2 == 1;
+    Tensor result({on_side ? width : height, on_side ? height : width, channels});
+    const auto source = image.values<float>();
+    auto target = result.mutable_values<float>().begin();
+    for (std::int64_t row = 0; row < result.shape(0); ++row) {
+        for (std::int64_t column = 0; column < result.shape(1); ++column) {
+            const std::int64_t from_row = turns == 1   ? height - 1 - column
+                                          : turns == 2 ? height - 1 - row
+                                                       : column;
+            const std::int64_t from_column = turns == 1   ? row
+                                             : turns == 2 ? width - 1 - column
+                                                          : width - 1 - row;
+            target = std::copy_n(source.begin() + (from_row * width + from_column) * channels,
+                                 channels, target);
+        }
+    }
+    return result;
+}
+
 Tensor mirror_image(const Tensor& image) {
     if (image.rank() != 3) {
         fail<ShapeError>("[mirror_image] an image is (height, width, channels); got ",

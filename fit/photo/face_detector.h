@@ -21,6 +21,8 @@ struct DetectedFace {
 /// Effort of the search for faces.
 enum class FaceSearch {
     thorough,  ///< also finds small and partly covered faces
+    clear,     ///< the thorough search without its last, doubtful step
+    doubtful,  ///< that step alone
     quick,     ///< for video frames: searches only at their own size and at twice that size
 };
 
@@ -43,6 +45,11 @@ public:
     /// scales the photo's longer side to 640 pixels, and to more if it finds nothing. Thread-safe.
     [[nodiscard]] std::vector<DetectedFace> find(const Tensor& photo,
                                                  FaceSearch search = FaceSearch::thorough) const;
+
+    /// The number of clockwise quarter turns, 1 to 3, after which the clearest face of a photo that
+    /// shows none stands upright; 0 if no turned copy shows one clearly. Searches copies with a
+    /// longer side of at most 640 pixels. Thread-safe.
+    [[nodiscard]] int turns_to_face(const Tensor& photo) const;
 
 private:
     struct Implementation;

@@ -45,6 +45,22 @@ struct FoundFace {
     std::int64_t faces = 1;
 };
 
+/// The faces of a photo that is turned.
+struct FoundFaces {
+    int quarter_turns = 0;  ///< clockwise
+    std::vector<FoundFace> faces;
+};
+
+/// The face with this number, counted from the left.
+DetectedFace face_with_number(std::vector<DetectedFace> faces, std::int64_t number) {
+    if (number > std::ssize(faces))
+        fail<ValueError>("has ", faces.size(), faces.size() == 1 ? " face" : " faces", ", no face ",
+                         number, " from the left");
+    std::ranges::stable_sort(faces, {},
+                             [](const DetectedFace& face) { return face.left + 0.5 * face.width; });
+    return faces[static_cast<std::size_t>(number - 1)];
+}
+
 Tensor resized(const Tensor& image, std::int64_t side) {
     if (image.shape(0) == side && image.shape(1) == side) return image;
     return clamp(resize_image(image, static_cast<int>(side), static_cast<int>(side)), 0.0, 1.0)
@@ -120,14 +136,27 @@ struct PhotoPreparation::Implementation {
         return *detector;
     }
 
-    [[nodiscard]] std::vector<FoundFace> faces_in(const Tensor& photo, const KnownOfPhoto& known) {
-        if (known.landmarks) return {{*known.landmarks, 1}};
-        const std::vector<DetectedFace> found = read_detector().find(photo);
+    [[nodiscard]] FoundFaces faces_in(const Tensor& photo, const KnownOfPhoto& known) {
+        if (known.landmarks) return {0, {{*known.landmarks, 1}}};
+        const FaceDetector& faces = read_detector();
+        std::vector<DetectedFace> found = faces.find(photo, FaceSearch::clear);
+        FoundFaces result;
+        if (found.empty()) {
+            // A face that lies on its side looks like a doubtful upright one.
+            result.quarter_turns = faces.turns_to_face(photo);
+            found = result.quarter_turns > 0
+                        ? faces.find(turned_image(photo, result.quarter_turns), FaceSearch::clear)
+                        : faces.find(photo, FaceSearch::doubtful);
+        }
         if (found.empty()) fail<ValueError>("no face was found");
-        std::vector<FoundFace> faces;
-        for (const DetectedFace& face : found) faces.push_back({face.landmarks, std::ssize(found)});
-        if (!settings.all_faces) faces.resize(1);
-        return faces;
+        if (settings.face > 0) {
+            result.faces.push_back({face_with_number(std::move(found), settings.face).landmarks});
+            return result;
+        }
+        for (const DetectedFace& face : found)
+            result.faces.push_back({face.landmarks, std::ssize(found)});
+        if (!settings.all_faces) result.faces.resize(1);
+        return result;
     }
 
     [[nodiscard]] Tensor made_mask(const Tensor& image) const {
@@ -235,6 +264,7 @@ PreparedFace PhotoPreparation::Implementation::joined(FaceCrop crop,
         }
     }
     face.warnings = photo_warnings({.faces = settings.all_faces ? 1 : crop.faces,
+                                    .quarter_turns = crop.quarter_turns,
                                     .crop_side = crop.side_in_photo,
                                     .wanted_side = wanted_side(),
                                     .share_outside = crop.share_outside,
@@ -267,16 +297,21 @@ void PhotoPreparation::require_detector() const {
 
 std::vector<FaceCrop> PhotoPreparation::crops(const Tensor& photo,
                                               const KnownOfPhoto& known) const {
-    const std::vector<FoundFace> faces = implementation_->faces_in(photo, known);
+    const auto [quarter_turns, faces] = implementation_->faces_in(photo, known);
+    const Tensor upright = turned_image(photo, quarter_turns);
     KnownOfPhoto in_frame = known;
-    if (known.mask.defined()) in_frame.mask = in_frame_of(photo, known.mask);
+    if (known.mask.defined())
+        in_frame.mask = in_frame_of(upright, turned_image(known.mask, quarter_turns));
     if (known.known.defined()) {
-        require_proportions(photo, known.known);
-        in_frame.known = known_at(known.known, photo.shape(0), photo.shape(1));
+        const Tensor pixels = turned_image(known.known, quarter_turns);
+        require_proportions(upright, pixels);
+        in_frame.known = known_at(pixels, upright.shape(0), upright.shape(1));
     }
     std::vector<FaceCrop> crops;
-    for (const FoundFace& face : faces)
-        crops.push_back(implementation_->crop(photo, in_frame, face));
+    for (const FoundFace& face : faces) {
+        crops.push_back(implementation_->crop(upright, in_frame, face));
+        crops.back().quarter_turns = quarter_turns;
+    }
     return crops;
 }
 

@@ -23,6 +23,7 @@ struct PhotoPreparationSettings {
     std::int64_t wanted_side = 0;  ///< a crop from fewer pixels than this gets a warning; 0: `side`
     Intrinsics intrinsics;         ///< intrinsics for which poses are found
     std::int64_t most_pixels = usual_most_pixels;  ///< photos with more pixels are rejected
+    std::int64_t face = 0;   ///< the face to prepare, counted from the left; 0: the largest
     bool all_faces = false;  ///< prepares all faces of a photo; else the largest
     bool new_masks = false;  ///< makes masks even if they are known, and compares both
     /// Widens FFHQ's square, up to 1.5 times, while the head leaves it at the top or the sides.
@@ -61,7 +62,8 @@ struct FaceCrop {
     bool made_mask = false;  ///< whether the mask was made here
     /// Intersection over union of the made mask and a known one, if there are both.
     std::optional<double> mask_agreement;
-    std::int64_t faces = 1;      ///< number of faces found in the photo
+    std::int64_t faces = 1;      ///< number of faces found in the photo, unless one was named
+    int quarter_turns = 0;       ///< clockwise turns of the photo after which the face was found
     double side_in_photo = 0.0;  ///< side of the crop in pixels of the photo
     double share_outside = 0.0;  ///< share of the crop's area outside the photo
     MorphableFitTarget
@@ -96,9 +98,10 @@ public:
     /// like FaceDetector.
     void require_detector() const;
 
-    /// The largest face of a photo (height, width, 3) in [0, 1], or all of them, largest first.
-    /// Thread-safe. Throws ValueError with the reason for a photo that cannot be used (no face in
-    /// it).
+    /// The largest face of a photo (height, width, 3) in [0, 1], or that with the number
+    /// `settings.face`, or all of them, largest first. If none is found, and none is known, the
+    /// photo is tried lying on its sides and upside down. Thread-safe. Throws ValueError with the
+    /// reason for a photo that cannot be used (no face in it).
     [[nodiscard]] std::vector<FaceCrop> crops(const Tensor& photo, const KnownOfPhoto& known) const;
     /// Poses and codes of several crops at once, on all threads.
     [[nodiscard]] std::vector<PreparedFace> finish(std::vector<FaceCrop> crops) const;

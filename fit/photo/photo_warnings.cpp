@@ -34,7 +34,11 @@ std::vector<std::string> photo_warnings(const PhotoFindings& findings) {
     if (findings.faces > 1)
         warnings.push_back(line(
             findings.faces,
-            " faces were found and the largest one is used; crop the photo to use another one"));
+            " faces were found and the largest one is used; stymo-fit --face N takes another one, "
+            "counted from the left"));
+    if (findings.quarter_turns != 0)
+        warnings.push_back(line("the face did not stand upright; the photo was turned by ",
+                                90 * findings.quarter_turns, " degrees clockwise"));
     if (findings.crop_side < coarse_resolution * static_cast<double>(findings.wanted_side))
         warnings.push_back(line("the head is small: its crop has ", std::lround(findings.crop_side),
                                 " pixels per side, but ", findings.wanted_side,

@@ -8,8 +8,9 @@ namespace stymo {
 
 /// Properties of a prepared photo that decide its warnings.
 struct PhotoFindings {
-    std::int64_t faces = 1;        ///< number of faces found in the photo
-    double crop_side = 0.0;        ///< side of the crop in pixels of the photo
+    std::int64_t faces = 1;  ///< number of faces found in the photo
+    int quarter_turns = 0;   ///< clockwise turns of the photo that made its face stand upright
+    double crop_side = 0.0;  ///< side of the crop in pixels of the photo
     std::int64_t wanted_side = 0;  ///< side of the resulting image
     double share_outside = 0.0;    ///< share of the crop's area outside the photo
     double covered_share = 0.5;    ///< share of the image that the head mask covers

@@ -22,8 +22,11 @@ FaceCrop face_of(const PhotoPreparation& preparation, const std::string& image, 
     try {
         return preparation.crops(photo, {.known = known}).front();
     } catch (const ValueError& error) {
+        const bool is_named = preparation.settings().face > 0;
         fail<FileError>(image, ": ", error.what(),
-                        "; if it is an aligned crop already, give --mask and --pose, or --as-is");
+                        is_named ? ""
+                                 : "; if it is an aligned crop already, give --mask and --pose, or "
+                                   "--as-is");
     }
 }
 

@@ -122,6 +122,16 @@ TEST_CASE("a JPEG with an orientation is turned upright") {
     }
 }
 
+TEST_CASE("a quarter turn brings the first column up, and four of them nothing") {
+    const std::vector<double> values{1, 2, 3, 4, 5, 6};
+    const Tensor image =
+        Tensor::from({2, 3, 1}, std::span<const double>(values)).to(DType::float32);
+    check_values(turned_image(image, 1), {3, 2, 1}, {4, 1, 5, 2, 6, 3});
+    check_values(turned_image(image, 2), {2, 3, 1}, {6, 5, 4, 3, 2, 1});
+    check_values(turned_image(image, -1), {3, 2, 1}, {3, 6, 2, 5, 1, 4});
+    check_values(turned_image(image, 4), {2, 3, 1}, values);
+}
+
 TEST_CASE("a mask is grey as it is and colour as its luminance") {
     check_values(read_mask(golden("grey_8bit.png")), {1, 3, 1}, {0, 18, 255}, 255.0);
     check_values(read_mask(golden("turned.png")), {2, 2, 1}, {0.114, 0.299, 1.0, 0.587});

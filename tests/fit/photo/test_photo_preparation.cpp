@@ -174,6 +174,45 @@ TEST_CASE("a photo without a face, or with a mask of other proportions, is refus
               [&] { static_cast<void>(preparation.crops(grey, {})); }) == "no face was found");
 }
 
+TEST_CASE("a photo on its side is turned, and a face is chosen from the left", "[photo]") {
+    if (!FaceDetector::available()) return;
+    PhotoPreparationSettings settings;
+    settings.side = 64;
+    settings.mask_network = STYMO_SOURCE_DIR "/configs/models/head-mask/network.safetensors";
+    const Tensor left = with_margin(rendered_head(5, 256), 100).image.color;
+    const Tensor right = with_margin(rendered_head(6, 320), 68).image.color;
+    const Tensor both = tile_images({left, right}, 2);
+    const auto prepared = [&](const Tensor& photo, std::int64_t face) {
+        settings.face = face;
+        const PhotoPreparation preparation(settings);
+        return preparation.finish(preparation.crops(photo, {})).front();
+    };
+    const PreparedFace upright = prepared(left, 0);
+    CHECK(upright.crop.quarter_turns == 0);
+    for (const int turns : {1, 3}) {
+        const PreparedFace turned = prepared(turned_image(left, turns), 0);
+        CHECK(turned.crop.quarter_turns == 4 - turns);
+        CHECK(std::ranges::equal(turned.crop.image.values<float>(),
+                                 upright.crop.image.values<float>()));
+        CHECK(std::ranges::any_of(turned.warnings, [](const std::string& warning) {
+            return warning.starts_with("the face did not stand upright");
+        }));
+    }
+    const auto difference = [](const Tensor& a, const Tensor& b) {
+        double sum = 0.0;
+        for (std::size_t i = 0; i < a.values<float>().size(); ++i)
+            sum += std::abs(a.values<float>()[i] - b.values<float>()[i]);
+        return sum / static_cast<double>(a.size());
+    };
+    const Tensor alone = prepared(right, 0).crop.image;
+    CHECK(difference(prepared(both, 0).crop.image, alone) < 0.03);
+    CHECK(difference(prepared(both, 2).crop.image, alone) < 0.03);
+    CHECK(difference(prepared(both, 1).crop.image, upright.crop.image) < 0.03);
+    CHECK(difference(alone, upright.crop.image) > 0.05);
+    CHECK(test::error_message<ValueError>([&] { static_cast<void>(prepared(both, 3)); }) ==
+          "has 2 faces, no face 3 from the left");
+}
+
 TEST_CASE("a face of few pixels, points that are no face, and a profile are refused", "[photo]") {
     PhotoPreparationSettings settings;
     settings.side = 256;

@@ -28,6 +28,9 @@ TEST_CASE("each thing that looks wrong has a warning of its own", "[photo]") {
     PhotoFindings several = good();
     several.faces = 3;
     check_only(several, "3 faces were found");
+    PhotoFindings on_its_side = good();
+    on_its_side.quarter_turns = 3;
+    check_only(on_its_side, "the photo was turned by 270 degrees clockwise");
     PhotoFindings small = good();
     small.crop_side = 100.0;
     check_only(small, "100 pixels per side, but 512 are wanted");
