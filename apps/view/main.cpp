@@ -71,7 +71,7 @@ int stymo_view(int argc, char** argv) {
     Options options;
     stymo::CommandLine line("stymo-view",
                             "Shows faces in a web browser: turns, mixes, recolours and fits them. "
-                            "Serves its page on this machine alone.");
+                            "Serves its page on this machine alone unless told otherwise.");
     stymo::declare_model(line, options.viewer.model);
     stymo::declare_tuned(line, options.viewer.model);
     line.option("--codes", options.viewer.codes,
@@ -87,6 +87,11 @@ int stymo_view(int argc, char** argv) {
                 "secret that requests must bring: letters, digits and . _ ~ -; other users of this "
                 "machine see it in the list of processes");
     line.option("--token-file", options.token_file,
+    line.option("--origin", options.server.origins,
+                "address of the page behind a proxy or tunnel, as the browser sees it: "
+                "https://name or https://name/proxy/8080/; may be repeated; needs the token");
+    line.flag("--trust-proxy", options.server.trusts_proxy,
+              "believe a proxy's X-Forwarded-Host and X-Forwarded-Proto instead; needs the token");
                 "file that holds the token, unseen by others (default: the environment variable "
                 "STYMO_TOKEN)");
     line.option("--mode", options.mode, "how moving images are rendered")

@@ -1,13 +1,13 @@
 #include "apps/view/server.h"
 
 #include <algorithm>
-#include <array>
 #include <charconv>
+#include <regex>
 #include <thread>
 
 #include "apps/common/process_setup.h"
+#include "apps/view/access.h"
 #include "apps/view/page_files.h"
-#include "apps/view/random_token.h"
 #include "apps/view/timed_server.h"
 #include "core/error.h"
 #include "core/io/json_writer.h"
@@ -19,8 +19,21 @@ namespace {
 constexpr const char* session_header = "X-Stymo-Session";
 constexpr const char* token_header = "X-Stymo-Token";
 
-bool is_loopback(const std::string& host) {
-    return host == "127.0.0.1" || host == "localhost" || host == "::1";
+Access access_of(const ServerOptions& options) {
+    std::vector<PageAddress> addresses;
+    for (const std::string& url : options.origins) addresses.push_back(page_address(url));
+    return {options.host, options.token, std::move(addresses), options.trusts_proxy};
+}
+
+Asker asker_of(const httplib::Request& request) {
+    Asker asker{.host = request.get_header_value("Host"),
+                .site = request.get_header_value("Sec-Fetch-Site"),
+                .forwarded_host = request.get_header_value("X-Forwarded-Host"),
+                .forwarded_proto = request.get_header_value("X-Forwarded-Proto"),
+                .token = request.get_header_value(token_header),
+                .reads_page = request.method == "GET" || request.method == "HEAD"};
+    if (request.has_header("Origin")) asker.origin = request.get_header_value("Origin");
+    return asker;
 }
 
 std::string type_of(std::string_view name) {
@@ -28,14 +41,6 @@ std::string type_of(std::string_view name) {
     if (name.ends_with(".css")) return "text/css; charset=utf-8";
     if (name.ends_with(".svg")) return "image/svg+xml";
     return "text/javascript; charset=utf-8";
-}
-
-/// Takes constant time for texts of the same length.
-bool equal_tokens(const std::string& a, const std::string& b) {
-    unsigned difference = a.size() == b.size() ? 0U : 1U;
-    for (std::size_t i = 0; i < std::min(a.size(), b.size()); ++i)
-        difference |= static_cast<unsigned>(a[i] ^ b[i]);
-    return difference == 0;
 }
 
 /// Closes the connection after the answer, so that the rest of the request, such as its body, is
@@ -72,48 +77,34 @@ bool is_longer(const httplib::Request& request, std::size_t most_bytes) {
 struct Server::Implementation {
     std::function<Answer(const Request&)> answer_to;
     ServerOptions options;
+    Access access;
     TimedServer http;
     std::thread listener;
     int port = 0;
 
     Implementation(std::function<Answer(const Request&)> answers, ServerOptions given)
-        : answer_to(std::move(answers)), options(std::move(given)), http(options.clients) {}
+        : answer_to(std::move(answers)),
+          options(std::move(given)),
+          access(access_of(options)),
+          http(options.clients) {}
 
     /// Rejects requests from other origins before their body is read.
     [[nodiscard]] httplib::Server::HandlerResponse guard(const httplib::Request& request,
                                                          httplib::Response& response) const;
-    [[nodiscard]] bool is_own(const std::string& host) const;
     void answer(const httplib::Request& request, httplib::Response& response);
-    static void page(const httplib::Request& request, httplib::Response& response);
+    /// A file of the page.
+    void page(const std::string& name, const httplib::Request& request,
+              httplib::Response& response) const;
     void set_up();
+    /// Routes for the page and its requests below this path, which may be "/".
+    void serve_below(const std::string& path);
 };
-
-bool Server::Implementation::is_own(const std::string& host) const {
-    const std::string end = ":" + std::to_string(port);
-    // If the server is open to a network, its machine may have names that the server does not know.
-    if (!is_loopback(options.host)) return true;
-    return std::ranges::any_of(std::array{"127.0.0.1", "localhost", "[::1]"},
-                               [&](const char* name) {
-                                   // Browsers leave out the usual port.
-                                   return host == name + end || (port == 80 && host == name);
-                               });
-}
 
 httplib::Server::HandlerResponse Server::Implementation::guard(const httplib::Request& request,
                                                                httplib::Response& response) const {
     using enum httplib::Server::HandlerResponse;
-    const std::string host = request.get_header_value("Host");
-    if (!is_own(host)) {
-        refuse(response, 403, "this name is not the viewer's");
-        return Handled;
-    }
-    if (request.has_header("Origin") && request.get_header_value("Origin") != "http://" + host) {
-        refuse(response, 403, "requests of other pages are not answered");
-        return Handled;
-    }
-    if (request.path.starts_with("/api/") && !options.token.empty() &&
-        !equal_tokens(request.get_header_value(token_header), options.token)) {
-        refuse(response, 401, "the token is missing or wrong; open the address that was printed");
+    if (const std::optional<Refusal> refusal = access.refusal(asker_of(request))) {
+        refuse(response, refusal->status, refusal->reason);
         return Handled;
     }
     // Several ranges could multiply the size of the answer.
@@ -126,14 +117,15 @@ httplib::Server::HandlerResponse Server::Implementation::guard(const httplib::Re
         return Handled;
     }
     if (request.has_header("Content-Length") && is_longer(request, options.most_body_bytes)) {
-        refuse(response, 413, "the request is too large");
+        refuse(response, 413,
+               "the request is too large");
         return Handled;
     }
     return Unhandled;
 }
 
 void Server::Implementation::answer(const httplib::Request& request, httplib::Response& response) {
-    Request asked{.path = request.path,
+    Request asked{.path = request.matches[1],
                   .session = request.get_header_value(session_header),
                   .query = {},
                   .body = request.body};
@@ -144,9 +136,8 @@ void Server::Implementation::answer(const httplib::Request& request, httplib::Re
     response.set_content(answer.body, answer.type);
 }
 
-void Server::Implementation::page(const httplib::Request& request, httplib::Response& response) {
-    const std::string name =
-        request.path == "/" ? "index.html" : request.path.substr(std::string("/page/").size());
+void Server::Implementation::page(const std::string& name, const httplib::Request& request,
+                                  httplib::Response& response) const {
     const std::optional<PageFile> file = page_file(name);
     if (!file) {
         refuse(response, 404, "there is no such page");
@@ -155,7 +146,35 @@ void Server::Implementation::page(const httplib::Request& request, httplib::Resp
     response.set_header("Content-Security-Policy",
                         "default-src 'self'; img-src 'self' blob: data:; media-src blob:; "
                         "frame-ancestors 'none'");
-    response.set_content(std::string(file->text), type_of(file->name));
+    std::string text(file->text);
+    const PageAddress* address = access.address_of(request.get_header_value("Host"));
+    // A proxy that takes the path away does not tell whether the browser's ends with a slash.
+    if (name == "index.html" && address != nullptr) {
+        const std::string head = "<head>";
+        text.insert(text.find(head) + head.size(), "<base href=\"" + address->path + "\">");
+    }
+    response.set_content(text, type_of(file->name));
+}
+
+void Server::Implementation::serve_below(const std::string& path) {
+    const std::string start = std::regex_replace(path, std::regex("\\."), "\\.");
+    http.Get(start, [this](const auto& request, auto& response) {
+        page("index.html", request, response);
+    });
+    http.Get(start + "page/([a-z_]+\\.[a-z]+)", [this](const auto& request, auto& response) {
+        page(request.matches[1], request, response);
+    });
+    http.Post(start.substr(0, start.size() - 1) + "(/api/[a-z]+)",
+              [this](const auto& request, auto& response) { answer(request, response); });
+    if (path == "/") return;
+    http.Get(start.substr(0, start.size() - 1), [](const auto& request, auto& response) {
+        const std::string& target = request.target;
+        const std::size_t query = std::min(target.find('?'), target.size());
+        const std::size_t last = target.rfind('/', query) + 1;
+        constexpr int moved = 308;
+        response.set_redirect(target.substr(last, query - last) + "/" + target.substr(query),
+                              moved);
+    });
 }
 
 void Server::Implementation::set_up() {
@@ -179,12 +198,10 @@ void Server::Implementation::set_up() {
         if (response.body.empty() && !response.has_header("Connection"))
             refuse(response, response.status, "the request is not understood");
     });
-    const auto served = [this](const httplib::Request& request, httplib::Response& response) {
-        answer(request, response);
-    };
-    http.Get("/", page);
-    http.Get("/page/[a-z_]+\\.[a-z]+", page);
-    http.Post("/api/[a-z]+", served);
+    serve_below("/");
+    // Some proxies pass the whole path on.
+    for (const PageAddress& address : access.addresses())
+        if (address.path != "/") serve_below(address.path);
 }
 
 Server::Server(std::function<Answer(const Request&)> answer, const ServerOptions& options)
@@ -196,8 +213,6 @@ Server::~Server() {
 
 void Server::start() {
     Implementation& server = *implementation_;
-    if (!is_loopback(server.options.host) && server.options.token.empty())
-        server.options.token = random_token();
     server.set_up();
     server.port = server.options.port;
     if (server.port == 0) {
@@ -219,12 +234,15 @@ void Server::stop() {
 }
 
 std::string Server::address() const {
-    const ServerOptions& options = implementation_->options;
-    const bool six = options.host.find(':') != std::string::npos;
-    const bool every = options.host == "0.0.0.0" || options.host == "::";
-    const std::string host = every ? host_name() : six ? "[" + options.host + "]" : options.host;
+    const std::string& named = implementation_->options.host;
+    const bool six = named.find(':') != std::string::npos;
+    const bool every = named == "0.0.0.0" || named == "::";
+    const std::string host = every ? host_name() : six ? "[" + named + "]" : named;
     std::string address = "http://" + host + ":" + std::to_string(implementation_->port) + "/";
-    if (!options.token.empty()) address += "?token=" + options.token;
+    const Access& access = implementation_->access;
+    if (!access.addresses().empty())
+        address = access.addresses().front().origin + access.addresses().front().path;
+    if (!access.token().empty()) address += "?token=" + access.token();
     return address;
 }
 

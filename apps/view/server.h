@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "apps/view/api.h"
 #include "apps/view/client_limits.h"
@@ -12,19 +13,23 @@ namespace stymo::view {
 
 struct ServerOptions {
     std::string host = "127.0.0.1";
-    int port = 8080;      ///< 0: any free port
-    std::string token{};  ///< token that every request under /api must have; empty: none
+    int port = 8080;  ///< 0: any free port
+    /// Token that every request under /api must have; empty: none, or a random one where others
+    /// can reach the server (Access).
+    std::string token{};
+    std::vector<std::string> origins{};  ///< addresses of the page behind proxies
+    bool trusts_proxy = false;           ///< believes X-Forwarded-Host and X-Forwarded-Proto
     std::size_t most_body_bytes = 32U << 20U;
     ClientLimits clients{};
 };
 
-/// Serves the page and its requests over HTTP. Requests whose Host is not this server, or whose
-/// Origin is another page, are rejected, so that no other web page can use it. It serves no files
-/// of the machine. Clients that send or read slowly do not keep others out (ClientLimits): a
+/// Serves the page and its requests over HTTP, to those whom Access lets in. It serves no files of
+/// the machine. Clients that send or read slowly do not keep others out (ClientLimits): a
 /// request that takes too long ends with its connection.
 class Server {
 public:
-    /// `answer` is called by several threads at once and throws nothing (Api).
+    /// `answer` is called by several threads at once and throws nothing (Api). Throws what
+    /// `page_address` throws.
     Server(std::function<Answer(const Request&)> answer, const ServerOptions& options);
     ~Server();
     Server(const Server&) = delete;
@@ -34,7 +39,7 @@ public:
     /// address of this machine.
     void start();
     void stop();
-    /// The address of the page, with the token.
+    /// The address of the page, behind the first proxy if there is one, with the token.
     [[nodiscard]] std::string address() const;
     [[nodiscard]] int port() const;
 

@@ -141,6 +141,52 @@ TEST_CASE("a server that is open to others wants its token", "[view]") {
     CHECK(is_status(post("X-Stymo-Token: " + token + "\r\n"), 200));
 }
 
+TEST_CASE("the page is served below the path of its proxy, too", "[view]") {
+    view::ServerOptions options{.token = "secret"};
+    options.origins = {"https://name.example/user/a.b/proxy/8080"};
+    const Running running(options);
+    CHECK(running.server.address() == "https://name.example/user/a.b/proxy/8080/?token=secret");
+    const std::string path = "/user/a.b/proxy/8080";
+    const auto get = [&](const std::string& at) {
+        return running.exchange(running.request("GET " + at));
+    };
+    for (const std::string& start : {std::string(), path}) {
+        INFO(start);
+        CHECK(is_status(get(start + "/"), 200));
+        CHECK(is_status(get(start + "/page/app.js"), 200));
+        const std::string post = "POST " + start + "/api/session";
+        CHECK(is_status(running.exchange(running.request(post)), 401));
+        CHECK(is_status(running.exchange(running.request(post, "X-Stymo-Token: secret\r\n")), 200));
+    }
+    const std::string moved = get(path + "?token=secret");
+    CHECK(is_status(moved, 308));
+    CHECK_THAT(moved, Catch::Contains("Location: 8080/?token=secret\r\n"));
+    for (const char* other :
+         {"/user/axb/proxy/8080/", "/user/a.b/proxy/", "/proxy/8080/page/app.js"}) {
+        INFO(other);
+        CHECK(is_status(get(other), 404));
+    }
+    // A browser that reached the page without the last slash still finds its files.
+    const std::string named =
+        running.exchange("GET / HTTP/1.1\r\nHost: name.example\r\nConnection: close\r\n\r\n");
+    CHECK_THAT(named, Catch::Contains("<base href=\"/user/a.b/proxy/8080/\">"));
+    CHECK(get("/").find("<base") == std::string::npos);
+    options.origins = {"name.example"};
+    CHECK_THROWS_AS(Running(options), UsageError);
+}
+
+TEST_CASE("a forwarded port is answered, a page that leads here is not", "[view]") {
+    const Running running;
+    const auto post = [&](const std::string& host, const std::string& headers) {
+        return running.exchange("POST /api/session HTTP/1.1\r\nHost: " + host + "\r\n" + headers +
+                                "Connection: close\r\nContent-Length: 0\r\n\r\n");
+    };
+    CHECK(is_status(post("localhost:9000", "Origin: http://localhost:9000\r\n"), 200));
+    CHECK(is_status(post("localhost:9000", "Origin: http://localhost:9001\r\n"), 403));
+    CHECK(is_status(post("localhost:9000", "Sec-Fetch-Site: cross-site\r\n"), 403));
+    CHECK(is_status(post("rebind.example:" + std::to_string(running.server.port()), ""), 403));
+}
+
 TEST_CASE("malformed and huge requests are answered, and the server goes on", "[view]") {
     const Running running({.most_body_bytes = 1000});
     CHECK(is_status(running.exchange("nonsense\r\n\r\n"), 400));

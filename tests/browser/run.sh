@@ -7,16 +7,7 @@ viewer=${1:?usage: run.sh STYMO_VIEW [TEST...]}
 shift
 here=$(cd "$(dirname "$0")" && pwd)
 
-skip() {
-    echo "skipped: $1"
-    exit 77
-}
-command -v node >/dev/null || skip "node is not installed (apt-get install nodejs)"
-chromium=$(command -v chromium || command -v chromium-browser) ||
-    skip "Chromium is not installed (apt-get install chromium)"
-modules=${STYMO_PLAYWRIGHT:-${NODE_PATH:-$here/node_modules}}
-[[ -d "$modules/playwright-core" ]] ||
-    skip "playwright-core is not installed (scripts/install_browser.sh tests/browser)"
+source "$here/prerequisites.sh"
 
 work=$(mktemp -d)
 server=

@@ -15,7 +15,8 @@ export async function post(path, body = "", options = {}) {
   if (token) headers["X-Stymo-Token"] = token;
   let response;
   try {
-    response = await fetch("/api/" + path, { method: "POST", headers, body, ...options });
+    const address = new URL("../api/" + path, import.meta.url);  // below the path of a proxy, too
+    response = await fetch(address, { method: "POST", headers, body, ...options });
   } catch (error) {
     if (error.name === "AbortError") throw error;
     throw new RequestFailed(0, "The program has ended or cannot be reached.");

@@ -1,18 +1,18 @@
 // Starts the page and joins its parts.
 
-import { openSession, post, save } from "/page/api.js";
-import { enableColor, isPicking, setPicking } from "/page/color.js";
+import { openSession, post, save } from "./api.js";
+import { enableColor, isPicking, setPicking } from "./color.js";
 import {
   addFace, drawNew, enableDrop, fitPhoto, makeGroups, openFiles, setFaces, showFace,
-} from "/page/faces.js";
-import { request, shown } from "/page/frames.js";
-import { cancelJob, job, watchJob } from "/page/job.js";
-import { say } from "/page/message.js";
-import { enableOrbit } from "/page/orbit.js";
-import { addKey, play, stopPlaying } from "/page/path.js";
-import { makeSliders } from "/page/sliders.js";
-import { change, clamp, remembered, resetView, state, stateVersion } from "/page/state.js";
-import { followHead, head, stopFollowing, windowIsOn } from "/page/window.js";
+} from "./faces.js";
+import { request, shown } from "./frames.js";
+import { cancelJob, job, watchJob } from "./job.js";
+import { say } from "./message.js";
+import { enableOrbit } from "./orbit.js";
+import { addKey, play, stopPlaying } from "./path.js";
+import { makeSliders } from "./sliders.js";
+import { change, clamp, remembered, resetView, state, stateVersion } from "./state.js";
+import { followHead, head, stopFollowing, windowIsOn } from "./window.js";
 
 const element = (id) => document.getElementById(id);
 
@@ -87,6 +87,7 @@ function allowedSliders(sliders, groups) {
 }
 
 async function start() {
+  element("blocked").remove();
   let opened;
   try {
     opened = await openSession();

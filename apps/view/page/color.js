@@ -1,9 +1,9 @@
 // Recolouring: pick a colour, then a place on the face.
 
-import { ask } from "/page/api.js";
-import { watchJob } from "/page/job.js";
-import { say } from "/page/message.js";
-import { state } from "/page/state.js";
+import { ask } from "./api.js";
+import { watchJob } from "./job.js";
+import { say } from "./message.js";
+import { state } from "./state.js";
 
 const frame = document.getElementById("frame");
 const button = document.getElementById("pick");

@@ -1,9 +1,9 @@
 // The strip of faces: showing, mixing, drawing, fitting a photo, opening files.
 
-import { ask, post } from "/page/api.js";
-import { watchJob } from "/page/job.js";
-import { say } from "/page/message.js";
-import { change, state } from "/page/state.js";
+import { ask, post } from "./api.js";
+import { watchJob } from "./job.js";
+import { say } from "./message.js";
+import { change, state } from "./state.js";
 
 const strip = document.getElementById("faces");
 const groupsBar = document.getElementById("groups");

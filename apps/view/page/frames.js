@@ -1,8 +1,8 @@
 // Pulls frames: the next one is asked for when the last one has arrived. While something changes
 // they are quick ones; when nothing does any more, an exact one follows.
 
-import { post } from "/page/api.js";
-import { onChange, state, stateVersion } from "/page/state.js";
+import { post } from "./api.js";
+import { onChange, state, stateVersion } from "./state.js";
 
 const picture = document.getElementById("picture");
 const context = picture.getContext("2d", { alpha: false });

@@ -1,10 +1,10 @@
 // Follows what takes seconds: a fit, a change of colour, a film, a mesh, tuned weights.
 
-import { ask, post, save } from "/page/api.js";
-import { drawThumbnail, faceOf, refreshFaces, showFace } from "/page/faces.js";
-import { refreshSoon } from "/page/frames.js";
-import { say } from "/page/message.js";
-import { state } from "/page/state.js";
+import { ask, post, save } from "./api.js";
+import { drawThumbnail, faceOf, refreshFaces, showFace } from "./faces.js";
+import { refreshSoon } from "./frames.js";
+import { say } from "./message.js";
+import { state } from "./state.js";
 
 const box = document.getElementById("job");
 const progress = document.getElementById("progress");

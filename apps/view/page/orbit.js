@@ -1,6 +1,6 @@
 // Turning and approaching by mouse, touch and keys.
 
-import { resetView, state, turn } from "/page/state.js";
+import { resetView, state, turn } from "./state.js";
 
 const frame = document.getElementById("frame");
 const degreesAcross = 120;  // for a drag over the whole picture

@@ -1,9 +1,9 @@
 // A camera path: views that are remembered, played, and saved as a film.
 
-import { ask } from "/page/api.js";
-import { watchJob } from "/page/job.js";
-import { say } from "/page/message.js";
-import { change, state } from "/page/state.js";
+import { ask } from "./api.js";
+import { watchJob } from "./job.js";
+import { say } from "./message.js";
+import { change, state } from "./state.js";
 
 const list = document.getElementById("keys");
 const seconds = document.getElementById("seconds");

@@ -1,6 +1,6 @@
 // The sliders: standard deviations along the leading directions of each group of the codes.
 
-import { change, onChange, state } from "/page/state.js";
+import { change, onChange, state } from "./state.js";
 
 const place = document.getElementById("sliders");
 const inputs = new Map();  // group -> inputs

@@ -1,8 +1,8 @@
 // The screen as a window: the face is rendered for the position of the viewer's eyes.
 
-import { post } from "/page/api.js";
-import { say } from "/page/message.js";
-import { change } from "/page/state.js";
+import { post } from "./api.js";
+import { say } from "./message.js";
+import { change } from "./state.js";
 
 const frame = document.getElementById("frame");
 const video = document.getElementById("camera");
