@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <functional>
@@ -52,6 +53,9 @@ std::string chosen_token(const Options& options) {
 stymo::AppResult serve(Options options) {
     using std::chrono_literals::operator""ms;
     options.server.token = chosen_token(options);
+    // A photo of phones and cameras has less than a byte for each pixel.
+    options.server.most_body_bytes = std::max(
+        options.server.most_body_bytes, static_cast<std::size_t>(options.viewer.most_photo_pixels));
     options.viewer.frames.moving_mode = stymo::render_mode(options.mode);
     const stymo::InterruptGuard guard;
     stymo::view::SharedState shared(options.viewer);
@@ -83,15 +87,15 @@ int stymo_view(int argc, char** argv) {
         .range(0, 65535);
     line.option("--host", options.server.host,
                 "address to listen on; any but this machine's own needs the token that is printed");
-    line.option("--token", options.server.token,
-                "secret that requests must bring: letters, digits and . _ ~ -; other users of this "
-                "machine see it in the list of processes");
-    line.option("--token-file", options.token_file,
     line.option("--origin", options.server.origins,
                 "address of the page behind a proxy or tunnel, as the browser sees it: "
                 "https://name or https://name/proxy/8080/; may be repeated; needs the token");
     line.flag("--trust-proxy", options.server.trusts_proxy,
               "believe a proxy's X-Forwarded-Host and X-Forwarded-Proto instead; needs the token");
+    line.option("--token", options.server.token,
+                "secret that requests must bring: letters, digits and . _ ~ -; other users of this "
+                "machine see it in the list of processes");
+    line.option("--token-file", options.token_file,
                 "file that holds the token, unseen by others (default: the environment variable "
                 "STYMO_TOKEN)");
     line.option("--mode", options.mode, "how moving images are rendered")
@@ -104,7 +108,7 @@ int stymo_view(int argc, char** argv) {
     line.option("--color-steps", options.viewer.color_steps, "steps of recolouring a part")
         .range(1, 10000);
     line.option("--max-pixels", options.viewer.most_photo_pixels,
-                "photos with more pixels are refused")
+                "photos with more pixels, or as many bytes, are refused")
         .range(1, 1e12);
     line.option("--sessions", options.most_sessions, "largest number of open pages").range(1, 1000);
     return line.run(argc, argv, [&](const stymo::CommonOptions&) { return serve(options); });

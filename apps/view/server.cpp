@@ -118,7 +118,7 @@ httplib::Server::HandlerResponse Server::Implementation::guard(const httplib::Re
     }
     if (request.has_header("Content-Length") && is_longer(request, options.most_body_bytes)) {
         refuse(response, 413,
-               "the request is too large");
+               "the request is too large; --max-pixels of stymo-view raises the limit");
         return Handled;
     }
     return Unhandled;

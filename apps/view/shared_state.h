@@ -27,7 +27,7 @@ struct ViewerOptions {
                                    ///< is found by its colour
     std::int64_t fit_steps = 60;   ///< steps of L-BFGS
     std::int64_t color_steps = 60;
-    std::int64_t most_photo_pixels = 50'000'000;
+    std::int64_t most_photo_pixels = std::int64_t{1} << 26;  ///< what 64-megapixel cameras make
     FrameSettings frames;
 };
 

@@ -51,7 +51,7 @@ void require_plausible_size(const fs::path& path, std::int64_t width, std::int64
     const std::int64_t pixels = width * height;
     if (pixels > most_pixels) {
         fail<FileError>(path.string(), ": cannot be read (image too large: ", width, " x ", height,
-                        " pixels; at most ", most_pixels, " are allowed)");
+                        " pixels; at most ", most_pixels, " are allowed, see --max-pixels)");
     }
     if (pixels > trusted_pixels &&
         pixels / most_pixels_of_a_byte > static_cast<std::int64_t>(bytes)) {

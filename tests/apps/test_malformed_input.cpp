@@ -377,7 +377,8 @@ TEST_CASE("Malformed codes, poses and begun jobs are refused, in one line that s
          "bad/nested_codes.json: nested deeper than 32 levels"},
         {fit + "--mask text.png", 1, "text.png: not an image"},
         {fit + "--max-pixels 10", 1,
-         "whole.jpg: cannot be read (image too large: 64 x 64 pixels; at most 10 are allowed)"},
+         "whole.jpg: cannot be read (image too large: 64 x 64 pixels; at most 10 are allowed, see "
+         "--max-pixels)"},
         {prep + "bad/prep_text", 1,
          "bad/prep_text/progress.jsonl, line 1: not JSON; remove the folder and start again"},
         {prep + "bad/prep_settings", 1,
