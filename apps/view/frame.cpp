@@ -5,6 +5,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "apps/view/depth_normals.h"
+#include "apps/view/soft_edge.h"
 #include "core/clock.h"
 #include "core/io/image.h"
 #include "core/io/jpeg.h"
@@ -78,7 +79,7 @@ Tensor picture_of(const View& view, const FrameRequest& request, std::int64_t si
         case Layer::image:
             break;
     }
-    return view.image;
+    return with_soft_edge(view.image, view.mask);
 }
 
 RendererOptions options_for(const FrameRequest& request, RenderMode mode, double tolerance) {
@@ -86,7 +87,7 @@ RendererOptions options_for(const FrameRequest& request, RenderMode mode, double
     options.mode = request.model->decoder().folds() ? mode : RenderMode::exact;
     options.tolerance = tolerates(options.mode) ? tolerance : 0.0;
     options.samples_per_ray = request.model->config().reconstruction.fit_samples_per_ray;
-    options.mask = request.layer == Layer::mask;
+    options.mask = true;
     options.depth = true;
     options.remove_floaters = true;
     if (request.quality == Quality::thumbnail)
@@ -101,9 +102,8 @@ struct Kept {
     std::optional<FaceRenderer> renderer;
 
     [[nodiscard]] bool suits(const FrameRequest& request, const RendererOptions& wanted) const {
-        // A renderer with a mask also suits the layers that need none.
         return renderer && model == request.model && options.mode == wanted.mode &&
-               options.mask >= wanted.mask && options.resolution == wanted.resolution;
+               options.resolution == wanted.resolution;
     }
     bool is_new = false;  ///< made for the last request
     FaceRenderer& for_request(const FrameRequest& request, const RendererOptions& wanted) {
@@ -192,7 +192,8 @@ std::optional<double> FrameRenderer::State::adapt(const FrameRequest& request, c
         const std::optional<View> view =
             moving.for_request(request, options).render(request.camera, stop);
         if (!view) return std::nullopt;
-        reached = std::min(peak_signal_to_noise_ratio(enlarged(view->image, exact.shape(0)), exact),
+        const Tensor picture = picture_of(*view, request, exact.shape(0));
+        reached = std::min(peak_signal_to_noise_ratio(enlarged(picture, exact.shape(0)), exact),
                            highest_psnr);
         if (is_half_side(request)) return reached;
         if (*reached < settings.psnr && tolerance > least_tolerance) {
@@ -231,16 +232,16 @@ std::optional<Frame> FrameRenderer::render(const FrameRequest& request,
     Frame frame;
     frame.side =
         options.resolution == 0 ? request.model->config().decoder.resolution : options.resolution;
-    frame.jpeg =
-        jpeg_bytes(picture_of(*view, request, frame.side),
-                   exact ? state.settings.still_jpeg_quality : state.settings.moving_jpeg_quality);
+    const Tensor picture = picture_of(*view, request, frame.side);
+    frame.jpeg = jpeg_bytes(
+        picture, exact ? state.settings.still_jpeg_quality : state.settings.moving_jpeg_quality);
     frame.milliseconds = 1e3 * (seconds_now() - start);
     // The first frame includes creating the renderer, which takes longer than a frame.
     if (moving && !state.moving.is_new) state.side.take(frame.milliseconds);
     frame.mode = name_of(options.mode);
     frame.tolerance = options.tolerance;
     if (request.quality == Quality::still && request.layer == Layer::image)
-        frame.moving_psnr = state.adapt(request, view->image, stop);
+        frame.moving_psnr = state.adapt(request, picture, stop);
     return frame;
 }
 

@@ -85,8 +85,8 @@ public:
     /// The frame, or nothing if a stop is requested before it is complete. A still frame also
     /// measures the error of the moving frame of the same view, and adapts the tolerance to the
     /// wanted PSNR. It does not if moving frames are at half their side, which then dominates the
-    /// error. Depth and normals run no render block, and another layer than the mask keeps all that
-    /// is known of the face.
+    /// error. Depth and normals run no render block, and another layer keeps all that is known of
+    /// the face. Images have a soft edge (soft_edge.h).
     [[nodiscard]] std::optional<Frame> render(const FrameRequest& request,
                                               const std::stop_token& stop);
 

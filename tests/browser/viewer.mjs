@@ -138,6 +138,21 @@ test("a slider changes the face, its group's reset takes it back", async (page) 
   assert.ok(difference(before, await pixels(page)) < 1);
 });
 
+test("the picture has the pixels of the screen", async (page) => {
+  const sides = () => page.evaluate(() => {
+    const picture = document.getElementById("picture");
+    return [picture.width, Math.round(picture.clientWidth * devicePixelRatio)];
+  });
+  const [before, wanted] = await sides();
+  assert.equal(before, wanted);
+  await page.setViewportSize({ width: 900, height: 700 });
+  await page.waitForFunction(() => {
+    const picture = document.getElementById("picture");
+    return picture.width === Math.round(picture.clientWidth * devicePixelRatio);
+  });
+  assert.notEqual((await sides())[0], before);
+});
+
 test("mixing makes a new face with the ticked groups of another", async (page) => {
   const count = await faceCount(page);
   const before = await page.evaluate(() => window.stymo.state.codes);
@@ -387,7 +402,7 @@ test("a moving picture comes often and soon", async (page) => {
   const begun = (await shown(page)).frames;
   await page.waitForTimeout(4000);
   const rate = ((await shown(page)).frames - begun) / 4;
-  const side = await page.evaluate(() => document.getElementById("picture").width);
+  const side = await page.evaluate(() => window.stymo.shown.side);
   await page.waitForTimeout(1000);
   await page.evaluate(() => { window.stymo.shown.latencies.length = 0; });
   for (let i = 0; i < 4; ++i) await drag(page, 150, 0, 40);

@@ -40,12 +40,15 @@ async function show(response, version, quality, yaw, since = 0) {
   const facts = JSON.parse(response.headers.get("X-Stymo-Frame"));
   const image = await createImageBitmap(await response.blob());
   if (version < shownVersion) return;
-  if (picture.width !== image.width) picture.width = picture.height = image.width;
-  context.drawImage(image, 0, 0);
+  // Enlarged here, because the browser's own scaling of a canvas shows its pixels.
+  const side = Math.max(image.width, Math.round(picture.clientWidth * devicePixelRatio));
+  if (picture.width !== side) picture.width = picture.height = side;
+  context.imageSmoothingQuality = "high";
+  context.drawImage(image, 0, 0, side, side);
   image.close();
   shownVersion = version;
   shownStill = quality === "still";
-  Object.assign(shown, { version, quality, yaw, frames: shown.frames + 1 });
+  Object.assign(shown, { version, quality, yaw, side: facts.side, frames: shown.frames + 1 });
   movingPsnr = facts.psnr ?? null;
   tell(facts, quality, since);
 }
@@ -122,6 +125,8 @@ function ended(error) {
   told.textContent = error.message;
   if (error.status === 410) location.reload();
 }
+
+addEventListener("resize", refreshSoon);
 
 let lastChange = 0;
 onChange(() => {
