@@ -51,6 +51,18 @@ Answer job_answer(const Session& session) {
                                    {"artifact", status->has_artifact}}));
 }
 
+/// {"names": {"id": [[more, less], ...], ...}}, or {} until they are known.
+Answer names_answer(const std::optional<DirectionNames>& names) {
+    JsonValue groups = JsonValue::object();
+    for (std::size_t group = 0; names && group < code_names.size(); ++group) {
+        std::vector<JsonValue> ends;
+        for (const auto& [more, less] : (*names)[group])
+            ends.emplace_back(std::vector<JsonValue>{more, less});
+        groups.add(code_names[group], ends);
+    }
+    return json(names ? JsonValue::object({{"names", groups}}) : JsonValue::object());
+}
+
 Answer download(std::string bytes, const std::string& type, const std::string& name) {
     return {.type = type,
             .body = std::move(bytes),
@@ -93,6 +105,7 @@ Answer Api::answer(const Request& request) {
     const std::string& path = request.path;
     if (path == "/api/frame") return frame(*session, request);
     if (path == "/api/faces") return faces_answer(*session, "");
+    if (path == "/api/names") return names_answer(shared_.direction_names());
     if (path == "/api/face") return new_face(*session, request);
     if (path == "/api/remove") {
         session->faces().remove(request.value("face"));

@@ -6,6 +6,8 @@
 
 #include "core/error.h"
 #include "core/tensor_eigen.h"
+#include "nn/realtime/face_renderer.h"
+#include "render/morphable/head_source.h"
 
 namespace stymo {
 
@@ -31,6 +33,19 @@ GroupDirections directions_of(const Eigen::MatrixXd& covariance, std::int64_t co
         result.shares.push_back(variances[i] / all);
     }
     return result;
+}
+
+/// Where a mean face is in a frontal picture.
+FaceSquare mean_square(const Camera& camera, double side) {
+    const MorphableHead head = morphable_head_from({});
+    const auto vertices = head.mean.values<float>();
+    FacePoints points;
+    for (std::size_t k = 0; k < points.size(); ++k) {
+        const auto at = 3 * static_cast<std::size_t>(head.landmarks[k]);
+        points[k] =
+            side * project(camera, {vertices[at], vertices[at + 1], vertices[at + 2]}).head<2>();
+    }
+    return square_around(points);
 }
 
 }  // namespace
@@ -68,6 +83,48 @@ Codes moved_along(const Codes& codes, std::span<const GroupDirections> direction
         result.groups[group] = Variable(moved);
     }
     return result;
+}
+
+std::array<std::vector<EndNames>, code_names.size()> direction_names(
+    const Model& model, const std::array<GroupDirections, code_names.size()>& directions,
+    const LandmarkModel& landmarks, const std::function<void()>& before_each) {
+    if (!model.code_statistics()) fail<ValueError>("this model has no statistics of codes");
+    constexpr double deviations = 2.0;
+    constexpr std::int64_t least_samples = 8;
+    const Codes mean =
+        split_codes(Variable(model.code_statistics()->mean().reshaped({1, code_size})));
+    const std::int64_t samples =
+        std::max(model.config().reconstruction.fit_samples_per_ray / 2, least_samples);
+    FaceRenderer renderer(model, {.mode = RenderMode::exact,
+                                  .samples_per_ray = samples,
+                                  .mask = true,
+                                  .remove_floaters = true});
+    const Camera camera = model_camera(model, 0.0, 0.0, 0.0);
+    const FaceSquare square =
+        mean_square(camera, static_cast<double>(model.config().decoder.resolution));
+    const auto measured = [&](std::size_t group, std::size_t direction, double amount) {
+        before_each();
+        std::array<std::vector<double>, code_names.size()> amounts;
+        amounts[group].resize(direction + 1);
+        amounts[group][direction] = amount;
+        renderer.show(moved_along(mean, directions, amounts));
+        const View view = renderer.render(camera);
+        return face_measures(view.image, view.mask, find_points(landmarks, view.image, square));
+    };
+    std::vector<std::vector<double>> changes;
+    std::vector<std::size_t> groups;
+    for (std::size_t group = 0; group < directions.size(); ++group)
+        for (std::size_t d = 0; d < directions[group].directions.size(); ++d) {
+            std::vector<double> change = measured(group, d, deviations);
+            const std::vector<double> less = measured(group, d, -deviations);
+            std::ranges::transform(change, less, change.begin(), std::minus());
+            changes.push_back(change);
+            groups.push_back(group);
+        }
+    std::array<std::vector<EndNames>, code_names.size()> names;
+    const std::vector<EndNames> all = names_of_changes(changes, groups);
+    for (std::size_t i = 0; i < all.size(); ++i) names[groups[i]].push_back(all[i]);
+    return names;
 }
 
 }  // namespace stymo

@@ -2,10 +2,14 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
+#include "apps/view/face_measures.h"
 #include "nn/models/code_statistics.h"
+#include "nn/models/model.h"
+#include "nn/pretrained/landmark_network.h"
 
 namespace stymo {
 
@@ -28,5 +32,13 @@ struct GroupDirections {
 /// than directions.
 [[nodiscard]] Codes moved_along(const Codes& codes, std::span<const GroupDirections> directions,
                                 const std::array<std::vector<double>, code_names.size()>& amounts);
+
+/// The names of the directions' ends, by what they change most in frontal pictures of the model's
+/// mean face, moved by two standard deviations to either side. Renders two pictures for each
+/// direction, and calls `before_each` before each. Throws ValueError for a model without code
+/// statistics, NumericError where no landmarks are found.
+[[nodiscard]] std::array<std::vector<EndNames>, code_names.size()> direction_names(
+    const Model& model, const std::array<GroupDirections, code_names.size()>& directions,
+    const LandmarkModel& landmarks, const std::function<void()>& before_each);
 
 }  // namespace stymo

@@ -44,6 +44,20 @@ CodeFile SharedState::drawn_face(std::uint64_t seed, double truncation) const {
             frontal_pose(model_->config().camera)};
 }
 
+std::optional<DirectionNames> SharedState::direction_names() {
+    const std::lock_guard lock(made_when_needed_);
+    if (!naming_)
+        naming_ = std::make_unique<Job>([this](Job& job) {
+            const std::filesystem::path landmarks = shipped_landmark_network();
+            if (!model_->code_statistics() || landmarks.empty()) return;
+            direction_names_ =
+                stymo::direction_names(*model_, directions_, read_landmark_model(landmarks),
+                                       [&job] { job.report("naming the sliders", 0, 0); });
+        });
+    if (naming_->running()) return std::nullopt;
+    return direction_names_;
+}
+
 const ReconstructionLoss& SharedState::loss() {
     const std::lock_guard lock(made_when_needed_);
     if (!loss_)

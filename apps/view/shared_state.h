@@ -13,6 +13,7 @@
 #include "apps/view/code_directions.h"
 #include "apps/view/face_list.h"
 #include "apps/view/frame.h"
+#include "apps/view/job.h"
 #include "apps/view/scheduler.h"
 #include "fit/photo/face_detector.h"
 #include "nn/models/code_file.h"
@@ -31,6 +32,8 @@ struct ViewerOptions {
     FrameSettings frames;
 };
 
+using DirectionNames = std::array<std::vector<EndNames>, code_names.size()>;
+
 /// The objects that all sessions share: the model and its data. They do not change after their
 /// creation, except for the scheduler and the locks.
 class SharedState {
@@ -47,6 +50,9 @@ public:
     [[nodiscard]] const std::array<GroupDirections, code_names.size()>& directions() const {
         return directions_;
     }
+    /// What the ends of the directions do, measured when first asked for, in the background;
+    /// nothing until then. Empty names if the model or the landmark network does not allow it.
+    [[nodiscard]] std::optional<DirectionNames> direction_names();
     /// A face sampled from the model's code statistics with this seed. Throws ValueError for a
     /// model without statistics.
     [[nodiscard]] CodeFile drawn_face(std::uint64_t seed, double truncation) const;
@@ -61,8 +67,6 @@ public:
     [[nodiscard]] std::timed_mutex& heavy_work() { return heavy_work_; }
 
 private:
-    /// The tolerance for which the first face has the wanted PSNR.
-
     ViewerOptions options_;
     std::shared_ptr<const Model> model_;
     std::vector<std::pair<std::string, CodeFile>> first_faces_;
@@ -73,6 +77,8 @@ private:
     TunedModels tuned_models_;
     std::timed_mutex heavy_work_;
     std::unique_ptr<Scheduler> scheduler_;
+    DirectionNames direction_names_;
+    std::unique_ptr<Job> naming_;  ///< last, because it uses the other members
 };
 
 }  // namespace stymo::view

@@ -138,6 +138,32 @@ test("a slider changes the face, its group's reset takes it back", async (page) 
   assert.ok(difference(before, await pixels(page)) < 1);
 });
 
+test("sliders are called by what they do, and show it", async (page) => {
+  const slider = page.locator(".group label").first();
+  await page.waitForFunction(() => {
+    const first = document.querySelector(".names span");
+    return first.textContent && !first.textContent.startsWith("direction");
+  }, null, { timeout: slow });
+  const names = await page.locator(".group").nth(1).locator(".names span").allTextContents();
+  assert.ok(names.includes("smile"), names.join(", "));
+  const ends = await slider.locator(".names span").allTextContents();
+  assert.match(await slider.locator("input").getAttribute("aria-label"),
+    new RegExp(`Identity: ${ends[0]} to ${ends[1]}`));
+  await slider.hover();
+  await page.waitForFunction(() => !document.getElementById("ends").hidden &&
+    [...document.querySelectorAll("#ends img")].every((image) => image.naturalWidth === 64));
+  assert.deepEqual(await page.locator("#ends figcaption").allTextContents(), ends);
+  const [low, high] = await page.evaluate(() =>
+    [...document.querySelectorAll("#ends img")].map((image) => {
+      const context = document.createElement("canvas").getContext("2d");
+      context.drawImage(image, 0, 0);
+      return [...context.getImageData(0, 0, 64, 64).data];
+    }));
+  assert.ok(difference(low, high) > 3, "the ends differ");
+  await page.hover("h1");
+  assert.ok(await page.locator("#ends").isHidden());
+});
+
 test("the picture has the pixels of the screen", async (page) => {
   const sides = () => page.evaluate(() => {
     const picture = document.getElementById("picture");

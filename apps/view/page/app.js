@@ -10,7 +10,7 @@ import { cancelJob, job, watchJob } from "./job.js";
 import { say } from "./message.js";
 import { enableOrbit } from "./orbit.js";
 import { addKey, play, stopPlaying } from "./path.js";
-import { makeSliders } from "./sliders.js";
+import { makeSliders, nameSliders } from "./sliders.js";
 import { change, clamp, remembered, resetView, state, stateVersion } from "./state.js";
 import { followHead, head, stopFollowing, windowIsOn } from "./window.js";
 
@@ -120,6 +120,7 @@ async function start() {
     showFace(opened.faces[0].face);
   }
   element("frame").focus();
+  nameSliders(opened.groups).catch(() => {});  // they work without names
   // For the tests in a browser.
   window.stymo = { state, shown, job, head, stateVersion };
 }

@@ -80,15 +80,26 @@ function card(face) {
 
 let thumbnails = Promise.resolve();  // one after the other
 
-export function drawThumbnail(id) {
-  thumbnails = thumbnails.then(async () => {
+/// The address of a small picture of a face; null if a newer one was asked for.
+export function thumbnail(face, sliders = {}) {
+  const made = thumbnails.then(async () => {
+    const response = await post("frame", JSON.stringify({ face, sliders, quality: "thumbnail" }));
+    return response.status === 204 ? null : URL.createObjectURL(await response.blob());
+  });
+  thumbnails = made.catch(() => null);
+  return made;
+}
+
+export async function drawThumbnail(id) {
+  try {
+    const source = await thumbnail(id);
     const image = strip.querySelector(`[data-face="${id}"] img`);
-    if (!image) return;
-    const response = await post("frame", JSON.stringify({ face: id, quality: "thumbnail" }));
-    if (response.status === 204) return;
+    if (!source || !image) return;
     if (image.src) URL.revokeObjectURL(image.src);
-    image.src = URL.createObjectURL(await response.blob());
-  }).catch((error) => say(error.message));
+    image.src = source;
+  } catch (error) {
+    say(error.message);
+  }
 }
 
 export async function addFace(wish, sliders = {}) {
