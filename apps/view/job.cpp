@@ -51,9 +51,9 @@ void Job::set_face(const std::string& id) {
     status_.face = id;
 }
 
-void Job::set_note(const std::string& note) {
+void Job::add_note(const std::string& note) {
     const std::lock_guard lock(mutex_);
-    status_.note = note;
+    status_.note += (status_.note.empty() ? "" : "; ") + note;
 }
 
 void Job::set_artifact(Artifact artifact) {

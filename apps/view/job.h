@@ -47,11 +47,12 @@ public:
     [[nodiscard]] JobStatus status() const;
     [[nodiscard]] std::optional<Artifact> artifact() const;
 
-    // For the body. If the job is cancelled, all of these except `set_note` throw the exception
+    // For the body. If the job is cancelled, all of these except `add_note` throw the exception
     // that ends it.
     void report(const std::string& phase, std::int64_t done, std::int64_t total, double loss = 0.0);
     void set_face(const std::string& id);
-    void set_note(const std::string& note);
+    /// Adds to the note, after "; ".
+    void add_note(const std::string& note);
     void set_artifact(Artifact artifact);
 
 private:

@@ -47,7 +47,7 @@ FitJobOptions fit_options(const SharedState& shared, double tune_seconds) {
     return options;
 }
 
-/// The prepared photo whose file has these bytes. Its warnings become the job's note.
+/// The prepared photo whose file has these bytes. Its warnings join the job's note.
 PreparedPhoto prepared(const FitJob& fit, const std::string& bytes, Job& job) {
     job.report("finding the face", 0, 0);
     PreparedPhoto photo;
@@ -55,9 +55,7 @@ PreparedPhoto prepared(const FitJob& fit, const std::string& bytes, Job& job) {
         const std::string name = file.string();
         photo = fit.prepare({&name, 1}).front();
     });
-    std::string note;
-    for (const std::string& warning : photo.warnings) note += (note.empty() ? "" : "; ") + warning;
-    job.set_note(note);
+    for (const std::string& warning : photo.warnings) job.add_note(warning);
     return photo;
 }
 
@@ -178,6 +176,7 @@ Job::Body fit_photo(SharedState& shared, Session& session, std::string photo,
             {name, {face_codes(*shared.model(), batch), ready.face.pose}, shared.model()});
         try {
             FittedFaces done = fit.fit(std::move(batch), shown.observer());
+            for (const std::string& warning : done.warnings) job.add_note(warning);
             if (done.tuned) shown.show_tuned(std::move(*done.tuned));
         } catch (...) {
             shown.give_up();
@@ -220,7 +219,7 @@ Job::Body film(SharedState& shared, const ListedFace& face, const FilmQuery& que
         job.report("choosing the tolerance", 0, 0);
         ChosenRenderer chosen = choose_renderer(model, views, wanted, settings.psnr);
         if (tolerates(chosen.mode)) *face.tolerance = chosen.tolerance;
-        job.set_note(error_note(chosen));
+        job.add_note(error_note(chosen));
         chosen.renderer.show(face.face.codes);
         std::vector<Tensor> frames;
         for (const Camera& camera : query.cameras) {

@@ -286,6 +286,15 @@ TEST_CASE("the sliders get their names in the background", "[view]") {
     }
 }
 
+TEST_CASE("what a job has to say is one line", "[view]") {
+    view::Job job([](view::Job& self) {
+        self.add_note("the photo is dark");
+        self.add_note("the fit ended no better than it began");
+    });
+    while (job.running()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    CHECK(job.status().note == "the photo is dark; the fit ended no better than it began");
+}
+
 TEST_CASE("requests that are wrong are refused with a reason", "[view]") {
     ViewClient client;
     const std::string face = client.first_face();

@@ -164,6 +164,17 @@ test("sliders are called by what they do, and show it", async (page) => {
   assert.ok(await page.locator("#ends").isHidden());
 });
 
+test("a first visit says what to do, and a fit is tuned unless told otherwise", async (page) => {
+  assert.match(await page.textContent("#welcome"), /^Drop a photo/);
+  assert.ok(await page.locator("#welcome").isVisible());
+  assert.equal(await page.inputValue("#tune"), "28");
+  await drag(page, 30, 0);
+  await page.waitForTimeout(400);
+  await page.reload();
+  await settled(page);
+  assert.ok(await page.locator("#welcome").isHidden());
+});
+
 test("the picture has the pixels of the screen", async (page) => {
   const sides = () => page.evaluate(() => {
     const picture = document.getElementById("picture");
@@ -314,7 +325,7 @@ test("a page that is closed while it fits does not hold up another", async (page
 test("a fit is cancelled and leaves no face", async (page) => {
   const file = await photoOfAFace(page);
   const count = await faceCount(page);
-  await page.selectOption("#tune", "40");
+  await page.selectOption("#tune", "60");
   await page.setInputFiles("#photo", file);
   await page.waitForFunction(() => ["fitting"].includes(window.stymo.job.phase) ||
     window.stymo.job.ended > 0, null, { timeout: slow });

@@ -118,9 +118,10 @@ async function start() {
       showFace(opened.faces[0].face);
   } else {
     showFace(opened.faces[0].face);
+    element("welcome").hidden = !opened.fits;
   }
-  element("frame").focus();
   nameSliders(opened.groups).catch(() => {});  // they work without names
+  element("frame").focus();
   // For the tests in a browser.
   window.stymo = { state, shown, job, head, stateVersion };
 }

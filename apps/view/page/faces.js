@@ -154,6 +154,7 @@ export async function openFiles(files) {
 
 export async function fitPhoto(file) {
   if (!file) return;
+  document.getElementById("welcome").hidden = true;
   const tune = document.getElementById("tune").value;
   try {
     await post("photo?tune=" + tune, file);

@@ -6,5 +6,6 @@ let timer = 0;
 export function say(text) {
   clearTimeout(timer);
   line.textContent = text;
-  if (text) timer = setTimeout(() => { line.textContent = ""; }, 8000);
+  const timeToRead = Math.max(8000, 120 * text.length);
+  if (text) timer = setTimeout(() => { line.textContent = ""; }, timeToRead);
 }
