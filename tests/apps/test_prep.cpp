@@ -99,7 +99,7 @@ TEST_CASE(
     CHECK(report == json::parse(stymo::read_file(folder / "prepared/report.json")));
     CHECK(names_in(folder / "prepared") == std::set<std::string>{"camera.json", "faces.jsonl",
                                                                  "images", "masks", "overlays",
-                                                                 "report.json"});
+                                                                 "report.json", "unknown"});
     CHECK(names_in(folder / "prepared/images") ==
           std::set<std::string>{"00000.png", "00001.png", "00002.png"});
     CHECK(names_in(folder / "prepared/masks") == names_in(folder / "prepared/images"));

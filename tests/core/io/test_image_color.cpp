@@ -239,14 +239,15 @@ TEST_CASE("a JPEG in Display P3 or in CMYK is read as sRGB, and what cannot be u
     check_color(black.values<float>(), {grey, grey, grey}, rounding);
 }
 
-TEST_CASE("light in an EXR file is read by sRGB's curve, depth and masks as they are") {
+TEST_CASE("light in an EXR file is read by sRGB's curve, and masks as they are") {
     const ScratchFolder folder;
     const std::vector<float> values{0.25F, 0.001F, 7.5F};
     write_exr(folder / "light.exr", Tensor::from({1, 1, 3}, std::span<const float>(values)));
     check_color(read_image(folder / "light.exr").values<float>(),
                 {to_srgb(0.25), to_srgb(0.001), 1.0}, 1e-4);
-    write_exr(folder / "depth.exr", Tensor::full({1, 1, 1}, 0.25));
-    check_color(read_image(folder / "depth.exr").values<float>(), {0.25, 0.25, 0.25}, 0.0);
+    write_exr(folder / "grey.exr", Tensor::full({1, 1, 1}, 0.25));
+    const double grey = to_srgb(0.25);
+    check_color(read_image(folder / "grey.exr").values<float>(), {grey, grey, grey}, 1e-4);
     CHECK(read_mask(folder / "light.exr").values<float>()[0] ==
           Approx(0.299 * 0.25 + 0.587 * 0.001 + 0.114));
 }
