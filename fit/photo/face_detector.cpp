@@ -126,13 +126,15 @@ struct FaceDetector::Implementation {
         // A detector keeps the image that it searches, so each call searches with a copy of the
         // detector, which is small.
         dlib::frontal_face_detector searching = detector;
+        std::vector<std::pair<double, dlib::rectangle>> found;
+        searching(image_of(scaled_image(photo, scale)), found, confidence);
         std::vector<DetectedFace> faces;
-        for (const dlib::rectangle& box :
-             searching(image_of(scaled_image(photo, scale)), confidence))
+        for (const auto& [confidence_of_box, box] : found)
             faces.push_back({static_cast<double>(box.left()) / scale,
                              static_cast<double>(box.top()) / scale,
                              static_cast<double>(box.width()) / scale,
                              static_cast<double>(box.height()) / scale,
+                             confidence_of_box,
                              {}});
         return faces;
     }
@@ -206,21 +208,16 @@ std::vector<DetectedFace> FaceDetector::find(const Tensor& photo, FaceSearch sea
     return faces;
 }
 
-int FaceDetector::turns_to_face(const Tensor& photo) const {
+int FaceDetector::turns_to_face(const Tensor& photo, double confidence) const {
     constexpr double side = 640.0;
-    // Random structures reach lower values, and they come three times as often here.
-    constexpr double clear_confidence = 0.4;
     const auto longer_side = static_cast<double>(std::max(photo.shape(0), photo.shape(1)));
     const Tensor small = scaled_image(photo, std::min(1.0, side / longer_side));
     int best_turns = 0;
-    double best = clear_confidence;
     for (int turns = 1; turns < 4; ++turns) {
-        dlib::frontal_face_detector searching = implementation_->detector;
-        std::vector<std::pair<double, dlib::rectangle>> found;
-        searching(image_of(turned_image(small, turns)), found, best);
-        for (const auto& [confidence, box] : found) {
-            if (confidence <= best) continue;
-            best = confidence;
+        for (const DetectedFace& face :
+             implementation_->boxes(turned_image(small, turns), 1.0, confidence)) {
+            if (face.confidence <= confidence) continue;
+            confidence = face.confidence;
             best_turns = turns;
         }
     }
@@ -249,7 +246,7 @@ std::vector<DetectedFace> FaceDetector::find(const Tensor&, FaceSearch) const {
     return {};
 }
 
-int FaceDetector::turns_to_face(const Tensor&) const {
+int FaceDetector::turns_to_face(const Tensor&, double) const {
     return 0;
 }
 

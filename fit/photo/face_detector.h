@@ -15,6 +15,7 @@ struct DetectedFace {
     double top = 0.0;
     double width = 0.0;
     double height = 0.0;
+    double confidence = 0.0;  ///< about 2 for an upright face, less than 1 for a doubtful one
     Landmarks landmarks;
 };
 
@@ -46,10 +47,10 @@ public:
     [[nodiscard]] std::vector<DetectedFace> find(const Tensor& photo,
                                                  FaceSearch search = FaceSearch::thorough) const;
 
-    /// The number of clockwise quarter turns, 1 to 3, after which the clearest face of a photo that
-    /// shows none stands upright; 0 if no turned copy shows one clearly. Searches copies with a
-    /// longer side of at most 640 pixels. Thread-safe.
-    [[nodiscard]] int turns_to_face(const Tensor& photo) const;
+    /// The number of clockwise quarter turns, 1 to 3, after which the clearest face of the photo
+    /// stands upright; 0 if no turned copy shows one with at least this confidence. Searches copies
+    /// with a longer side of at most 640 pixels. Thread-safe.
+    [[nodiscard]] int turns_to_face(const Tensor& photo, double confidence) const;
 
 private:
     struct Implementation;

@@ -136,18 +136,28 @@ struct PhotoPreparation::Implementation {
         return *detector;
     }
 
+    /// The faces of the photo after clockwise quarter turns, which are made if a turned copy shows
+    /// a clearer face: the detector sees doubtful faces in those that lie upside down.
+    [[nodiscard]] std::pair<int, std::vector<DetectedFace>> detected(const Tensor& photo) {
+        constexpr double sure = 1.0, clearer = 0.4;
+        const FaceDetector& detector_of_faces = read_detector();
+        std::vector<DetectedFace> found = detector_of_faces.find(photo, FaceSearch::clear);
+        double confidence = 0.0;
+        for (const DetectedFace& face : found) confidence = std::max(confidence, face.confidence);
+        if (confidence < sure) {
+            const int turns = detector_of_faces.turns_to_face(photo, confidence + clearer);
+            if (turns > 0)
+                return {turns,
+                        detector_of_faces.find(turned_image(photo, turns), FaceSearch::clear)};
+        }
+        if (found.empty()) found = detector_of_faces.find(photo, FaceSearch::doubtful);
+        return {0, std::move(found)};
+    }
+
     [[nodiscard]] FoundFaces faces_in(const Tensor& photo, const KnownOfPhoto& known) {
         if (known.landmarks) return {0, {{*known.landmarks, 1}}};
-        const FaceDetector& faces = read_detector();
-        std::vector<DetectedFace> found = faces.find(photo, FaceSearch::clear);
-        FoundFaces result;
-        if (found.empty()) {
-            // A face that lies on its side looks like a doubtful upright one.
-            result.quarter_turns = faces.turns_to_face(photo);
-            found = result.quarter_turns > 0
-                        ? faces.find(turned_image(photo, result.quarter_turns), FaceSearch::clear)
-                        : faces.find(photo, FaceSearch::doubtful);
-        }
+        auto [quarter_turns, found] = detected(photo);
+        FoundFaces result{quarter_turns, {}};
         if (found.empty()) fail<ValueError>("no face was found");
         if (settings.face > 0) {
             result.faces.push_back({face_with_number(std::move(found), settings.face).landmarks});

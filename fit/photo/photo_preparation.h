@@ -99,9 +99,9 @@ public:
     void require_detector() const;
 
     /// The largest face of a photo (height, width, 3) in [0, 1], or that with the number
-    /// `settings.face`, or all of them, largest first. If none is found, and none is known, the
-    /// photo is tried lying on its sides and upside down. Thread-safe. Throws ValueError with the
-    /// reason for a photo that cannot be used (no face in it).
+    /// `settings.face`, or all of them, largest first. If none is found or a doubtful one, and none
+    /// is known, the photo is tried lying on its sides and upside down. Thread-safe. Throws
+    /// ValueError with the reason for a photo that cannot be used (no face in it).
     [[nodiscard]] std::vector<FaceCrop> crops(const Tensor& photo, const KnownOfPhoto& known) const;
     /// Poses and codes of several crops at once, on all threads.
     [[nodiscard]] std::vector<PreparedFace> finish(std::vector<FaceCrop> crops) const;

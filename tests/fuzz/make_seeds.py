@@ -50,6 +50,10 @@ def head():
     }
 
 
+def box(kind, contents):
+    return struct.pack(">I", 8 + len(contents)) + kind + contents
+
+
 def compact(file):
     return json.dumps(json.loads(file.read_text()), separators=(",", ":"))
 
@@ -126,6 +130,7 @@ numbers = ["seed", "step", "epoch_loss_sum", "epoch_loss_count", "failures", "be
 state = {key: "1" for key in [*numbers, "best_resolution", "mask_loss"]}
 faces = "\n".join(json.dumps({**face, "id": f"{i:05}"}) for i in range(2)) + "\n"
 small = {"a": ([2, 2], [1, 2, 3, 4]), "b": ([0], [])}
+colors = b"nclx" + struct.pack(">HHHB", 12, 13, 0, 128)
 seeds = {
     "face_index": ["0 0 cl p 0.1 -0.2 0.3 0 0 5.3 00000\n0 0 - - a b\n"],
     "safetensors": [safetensors(small, {"format": "x"}), safetensors({})]
@@ -138,6 +143,14 @@ seeds = {
     + [b"stage1.steps=3", b'output.x="a"'],
     "faces": [faces, '{"id":"a"}\n\n{"id":"b"}'],
     "intrinsics": ['{"focal": 3.2, "cx": 0.5, "cy": 0.5}'],
+    "eg3d": [json.dumps({"labels": [["0/a.png", label]]}), '{"labels": null}'],
+    "color_tags": [
+        box(b"ftyp", b"heic")
+        + box(b"meta", bytes(4) + box(b"iprp", box(b"ipco", box(b"colr", colors)))),
+        box(b"jP  ", bytes(4)) + box(b"jp2h", box(b"colr", b"\x02\0\0profile")),
+        b"RIFF\0\0\0\0WEBPICCP\x02\0\0\0ab",
+    ]
+    + [file.read_bytes() for file in golden.glob("images/*.png")],
     "photo_ids": ['{"photos": ["00000", "00001"], "found": 2}'],
     "codes": [json.dumps({"code": code, "pose": pose}), json.dumps({"pose": pose})],
     "camera": [

@@ -10,6 +10,7 @@
 #include "core/config.h"
 #include "core/error.h"
 #include "core/io/checksum.h"
+#include "core/io/color_tags.h"
 #include "core/io/image.h"
 #include "core/io/onnx_file.h"
 #include "core/io/tensor_file.h"
@@ -176,6 +177,8 @@ const std::map<std::string, Reader>& readers() {
          }},
         {"intrinsics", [=](const auto& b) { static_cast<void>(read_intrinsics(path(b))); }},
         {"photo_ids", [=](const auto& b) { static_cast<void>(read_photo_ids(path(b))); }},
+        {"eg3d", [=](const auto& b) { static_cast<void>(read_eg3d_cameras(path(b))); }},
+        {"color_tags", [](const auto& b) { static_cast<void>(color_tags(b, {})); }},
         {"codes",
          [=](const auto& b) {
              each([&] { static_cast<void>(parse_code_file(b, "fuzzed")); },
