@@ -1,6 +1,7 @@
 #include "core/parallel.h"
 
 #include <omp.h>
+#include <pthread.h>
 
 #include <algorithm>
 #include <atomic>
@@ -30,6 +31,15 @@ public:
     ActiveCaller& operator=(const ActiveCaller&) = delete;
 };
 
+/// A child of fork has none of its parent's threads, but OpenMP would wait for them. So the team of
+/// the thread that forks ends before, and both processes make another one when they need it. Loops
+/// of other threads do not go on in the child.
+void make_fork_safe() {
+    [[maybe_unused]] static const int registered = pthread_atfork(
+        [] { static_cast<void>(omp_pause_resource(omp_pause_hard, omp_get_initial_device())); },
+        nullptr, [] { active_callers = omp_in_parallel(); });
+}
+
 int share_of(int threads) {
     return std::max(1, threads / std::max(1, active_callers.load(std::memory_order_relaxed)));
 }
@@ -51,6 +61,7 @@ void run_chunks(std::int64_t chunks, const char* caller, const Body& body) {
     if (threads == 1 || omp_in_parallel() != 0) return run_alone(chunks, body);
     const ActiveCaller active;
     if (share_of(threads) == 1) return run_alone(chunks, body);
+    make_fork_safe();
     FirstError error;
     std::atomic<std::int64_t> next{0};
     // The team always has the same size, because libgomp ends the threads that a smaller team does
@@ -108,6 +119,7 @@ void parallel_tasks(std::int64_t count, const std::function<void(std::int64_t)>&
     const ActiveCaller active;
     // Alone, each task is on all of the caller's threads.
     if (share_of(threads) == 1) return run_alone(count, task);
+    make_fork_safe();
     TaskTeam team(threads);
     FirstError error;
     std::atomic<std::int64_t> next{0};

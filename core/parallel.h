@@ -3,6 +3,11 @@
 #include <cstdint>
 #include <functional>
 
+// A process may fork between calls: the child has threads of its own for the loops below. It must
+// not use what another thread of its parent was working on, nor loops if it was forked inside one.
+// OpenImageIO and OpenEXR keep threads that a child lacks, so it should not read or write .exr
+// files that its parent's threads began with.
+
 namespace stymo {
 
 /// Sets the number of threads that `parallel_for` uses in this process; 0 means one for each

@@ -1,3 +1,6 @@
+#include <sys/wait.h>
+#include <unistd.h>
+
 #include <atomic>
 #include <catch2/catch.hpp>
 #include <chrono>
@@ -228,4 +231,33 @@ TEST_CASE("Items know a thread of their own", "[parallel]") {
     });
     CHECK(items == 200);
     CHECK(clashes == 0);
+}
+
+TEST_CASE("A child of fork computes with threads of its own, as does its parent", "[parallel]") {
+    const ThreadCount restored;
+    set_thread_count(4);
+    const auto sum = [] {
+        std::atomic<std::int64_t> total{0};
+        parallel_for(1000, 1, [&](std::int64_t begin, std::int64_t) { total += begin; });
+        parallel_tasks(8, [&](std::int64_t task) {
+            parallel_for(100, 1, [&](std::int64_t begin, std::int64_t) { total += task * begin; });
+        });
+        return total.load();
+    };
+    const std::int64_t expected = 499500 + 28 * 4950;
+    CHECK(sum() == expected);
+    // A thread with a team of its own does not fork; its team is missing in the child.
+    std::thread([&] { CHECK(sum() == expected); }).join();
+    for (int child = 0; child < 3; ++child) {
+        const pid_t process = ::fork();
+        REQUIRE(process >= 0);
+        if (process == 0) {
+            ::alarm(60);  // instead of a wait for threads that are not there
+            ::_exit(sum() == expected ? 0 : 1);
+        }
+        int status = -1;
+        REQUIRE(::waitpid(process, &status, 0) == process);
+        CHECK(status == 0);
+        CHECK(sum() == expected);
+    }
 }
