@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <array>
+#include <map>
 #include <set>
 #include <string>
 #include <string_view>
@@ -65,7 +66,7 @@ private:
         return copied(message, [&](const OnnxField& field) -> std::string {
             switch (field.tag) {
                 case 1:
-                    return bytes_field(1, node(field.bytes));
+                    return node(field.bytes);
                 case 5:
                     return bytes_field(5, tensor(field.bytes));
                 case 11:
@@ -140,27 +141,38 @@ private:
     }
 
     std::string node(std::string_view message) {
-        std::vector<std::string> inputs;
+        std::vector<std::string> inputs, outputs;
         std::string operation;
         source_.each_field(message, [&](const OnnxField& field) {
-            if (field.tag == 1) inputs.emplace_back(field.bytes);
+            if (field.tag == 1) inputs.push_back(original(std::string(field.bytes)));
+            if (field.tag == 2) outputs.emplace_back(field.bytes);
             if (field.tag == 4) operation = field.bytes;
         });
         require_inputs(operation, inputs);
-        source_.each_field(message, [&](const OnnxField& field) {
-            if (field.tag == 2) known_.insert(std::string(field.bytes));
-        });
+        known_.insert(outputs.begin(), outputs.end());
+        // PyTorch names equal tensors so, and OpenCV knows no Identity of a constant.
+        if (operation == "Identity" && inputs.size() == 1 && outputs.size() == 1 &&
+            graph_.tensors.contains(inputs[0])) {
+            originals_[outputs[0]] = inputs[0];
+            return {};
+        }
         while (!inputs.empty() && inputs.back().empty()) inputs.pop_back();
         const bool moves_axes = takes_axes(operation) && inputs.size() == 2;
-        const std::size_t kept = moves_axes ? 1 : inputs.size();
-        std::size_t input = 0;
-        std::string result = copied(message, [&](const OnnxField& field) {
-            if (field.tag == 1 && input++ >= kept) return std::string();
+        std::string result;
+        for (std::size_t i = 0; i < (moves_axes ? 1 : inputs.size()); ++i)
+            result += bytes_field(1, inputs[i]);
+        result += copied(message, [&](const OnnxField& field) {
+            if (field.tag == 1) return std::string();
             return field.tag == 5 ? bytes_field(5, attribute(operation, field.bytes))
                                   : std::string(field.whole);
         });
         if (moves_axes) result += axes_attribute(operation, inputs[1]);
-        return result;
+        return bytes_field(1, result);
+    }
+
+    [[nodiscard]] std::string original(const std::string& name) const {
+        const auto found = originals_.find(name);
+        return found == originals_.end() ? name : found->second;
     }
 
     void require_inputs(const std::string& operation, const std::vector<std::string>& inputs) {
@@ -216,6 +228,7 @@ private:
     OnnxSource& source_;
     const OnnxGraph& graph_;
     std::set<std::string> known_;
+    std::map<std::string, std::string> originals_;  ///< constants by their other names
     std::vector<std::vector<std::int64_t>> inputs_;
 };
 
