@@ -145,7 +145,7 @@ WrittenImages write_images(const std::filesystem::path& out, const RenderOptions
     report(chosen);
     const std::vector<View> seen = views(options, model, list.shots, chosen.renderer);
     explainer.count(chosen.renderer.counts());
-    const bool animation = out.extension() == ".gif" || out.extension() == ".mp4";
+    const bool animation = is_animation(out);
     WrittenImages result{.files = {},
                          .mode = chosen.mode,
                          .tolerance = chosen.tolerance,

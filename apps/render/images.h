@@ -18,11 +18,11 @@ struct WrittenImages {
     std::optional<FrameError> error;  ///< of the views that were checked to choose the tolerance
 };
 
-/// Renders the shots and writes them to `out`: frames of a .gif or .mp4, tiles of any other image.
-/// Masks are written to OUT_mask in the same format, and depths to OUT_depth.exr, or for animations
-/// to OUT_NNNN_depth.exr for each frame; if `out` is an .exr file, it gets the depths, and no image
-/// is rendered. `explainer` gets the counts of the last frame. Throws Error, before anything is
-/// written, if the process is interrupted by a signal.
+/// Renders the shots and writes them to `out`: frames of a .gif, .webp or .mp4, tiles of any other
+/// image. Masks are written to OUT_mask in the same format, and depths to OUT_depth.exr, or for
+/// animations to OUT_NNNN_depth.exr for each frame; if `out` is an .exr file, it gets the depths,
+/// and no image is rendered. `explainer` gets the counts of the last frame. Throws Error, before
+/// anything is written, if the process is interrupted by a signal.
 [[nodiscard]] WrittenImages write_images(const std::filesystem::path& out,
                                          const RenderOptions& options, const Model& model,
                                          const ShotList& list, Explainer& explainer);

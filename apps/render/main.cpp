@@ -27,9 +27,9 @@ void require_names(const stymo::RenderOptions& options) {
                                        options.out.string(), " has no soft transparency");
     if (options.sample > 0 || options.out.empty()) return;
     if (options.orbit > 0) {
-        stymo::require_extension(options.out, {".gif", ".mp4"});
+        stymo::require_extension(options.out, {".gif", ".webp", ".mp4"});
     } else if (!options.to.empty()) {
-        stymo::require_extension(options.out, {".gif", ".mp4", ".png", ".jpg"});
+        stymo::require_extension(options.out, {".gif", ".webp", ".mp4", ".png", ".jpg"});
     } else {
         stymo::require_extension(options.out, {".png", ".jpg", ".exr"});
     }
@@ -194,9 +194,9 @@ int stymo_render(int argc, char** argv) {
     stymo::declare_model(line, options.model);
     stymo::declare_tuned(line, options.model);
     line.option("--codes", options.codes, "codes.json of a fit; required unless --sample is given");
-    line.option(
-        "--out", options.out,
-        "image (.png, .jpg); animation (.gif, .mp4) with --orbit or --to; folder with --sample");
+    line.option("--out", options.out,
+                "image (.png, .jpg); animation (.gif, .webp, .mp4) with --orbit or --to; folder "
+                "with --sample");
     declare_view(line, options);
     declare_jobs(line, options);
     stymo::declare_explain(line, options.explain);

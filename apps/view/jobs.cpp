@@ -231,8 +231,8 @@ Job::Body film(SharedState& shared, const ListedFace& face, const FilmQuery& que
             written_bytes(query.extension, [&](const std::filesystem::path& file) {
                 write_animation(file, frames, query.frames_per_second);
             });
-        const bool gif = query.extension == ".gif";
-        job.set_artifact({bytes, gif ? "image/gif" : "video/mp4", "face" + query.extension});
+        const std::string kind = query.extension == ".mp4" ? "video/" : "image/";
+        job.set_artifact({bytes, kind + query.extension.substr(1), "face" + query.extension});
     };
 }
 

@@ -262,7 +262,8 @@ FilmQuery film_query(const std::string& json, const CameraConfig& camera) {
     const Json object = parsed(json);
     auto query = query_for_face<FilmQuery>(object);
     query.frames_per_second = number(object, "fps", 24.0, 1.0, 60.0);
-    query.extension = choice(object, "format", std::array{"gif", "mp4"}) == 0 ? ".gif" : ".mp4";
+    constexpr std::array formats{"gif", "webp", "mp4"};
+    query.extension = std::string(".") + formats[choice(object, "format", formats)];
     const Json& keys = member(object, "keys");
     if (!keys.is_array() || keys.size() < 2 || keys.size() > most_keys)
         refuse("a path has from 2 to ", most_keys, " keys");

@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <opencv2/core.hpp>
@@ -8,10 +7,10 @@
 #include <string_view>
 
 #include "core/error.h"
+#include "core/io/animation_bytes.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
 #include "core/io/image_bytes.h"
-#include "core/io/image_encoder.h"
 
 namespace stymo {
 namespace {
@@ -22,20 +21,6 @@ std::uint64_t big_endian(std::string_view bytes) {
     std::uint64_t value = 0;
     for (const char byte : bytes) value = value << 8 | static_cast<unsigned char>(byte);
     return value;
-}
-
-void write_gif(const fs::path& path, const std::vector<Tensor>& frames, double frames_per_second) {
-    const ImageEncoding encoding{.name = path.filename(),
-                                 .height = frames[0].shape(0),
-                                 .width = frames[0].shape(1),
-                                 .channels = 3,
-                                 .frames_per_second = frames_per_second};
-    std::vector<std::uint8_t> bytes;
-    const auto pixels = [&](std::size_t frame) -> const void* {
-        bytes = image_bytes(frames[frame]);
-        return bytes.data();
-    };
-    write_file(path, encoded_frames(encoding, frames.size(), pixels), Durability::none);
 }
 
 /// Whether an MP4 file consists of whole boxes, one of which is the index of the film. The encoder
@@ -81,6 +66,11 @@ void encode_mp4(const fs::path& path, const fs::path& temporary, const std::vect
 
 }  // namespace
 
+bool is_animation(const fs::path& path) {
+    const std::string extension = path.extension();
+    return extension == ".gif" || extension == ".webp" || extension == ".mp4";
+}
+
 void write_animation(const fs::path& path, const std::vector<Tensor>& frames,
                      double frames_per_second) {
     if (frames.empty() || !(frames_per_second > 0.0) || !std::isfinite(frames_per_second)) {
@@ -94,11 +84,14 @@ void write_animation(const fs::path& path, const std::vector<Tensor>& frames,
                              frames[0].shape(), " and ", frame.shape());
         }
     }
-    const bool gif = path.extension() == ".gif";
-    if (!gif && path.extension() != ".mp4") {
-        fail<FileError>(path.string(), ": cannot be written (animations end in .gif or .mp4)");
+    const std::string extension = path.extension();
+    if (extension == ".gif" || extension == ".webp") {
+        const auto encode = extension == ".gif" ? gif_bytes : webp_bytes;
+        return write_file(path, encode(frames, frames_per_second), Durability::none);
     }
-    if (gif) return write_gif(path, frames, frames_per_second);
+    if (!is_animation(path))
+        fail<FileError>(path.string(),
+                        ": cannot be written (animations end in .gif, .webp or .mp4)");
     const auto write = [&](const fs::path& temporary) {
         encode_mp4(path, temporary, frames, frames_per_second);
     };

@@ -41,10 +41,12 @@ void write_image(const std::filesystem::path& path, const Tensor& image,
 /// Writes 32-bit float channels to an .exr file without clipping. A single channel is named "Y",
 /// three are named "R,G,B". Throws like write_image.
 void write_exr(const std::filesystem::path& path, const Tensor& image);
-/// Writes an animation: .gif (palette, repeated endlessly) or .mp4. All frames are (height, width,
+/// Writes an animation: .gif or .webp (repeated endlessly) or .mp4. All frames are (height, width,
 /// 3) in [0, 1].
 void write_animation(const std::filesystem::path& path, const std::vector<Tensor>& frames,
                      double frames_per_second);
+/// Whether `write_animation` writes files of this name.
+[[nodiscard]] bool is_animation(const std::filesystem::path& path);
 
 /// Antialiased resampling of (height, width, channels) to another size; values may overshoot
 /// slightly.

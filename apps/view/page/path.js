@@ -60,7 +60,7 @@ async function saveFilm(format) {
   if (keys.length < 2) return say("Add two views or more.");
   try {
     await ask("film", { face: state.face, sliders: state.sliders, keys, format,
-      seconds: Number(seconds.value), fps: format === "gif" ? 20 : 30 });
+      seconds: Number(seconds.value), fps: format === "mp4" ? 30 : 20 });
   } catch (error) {
     return say(error.message);
   }
@@ -70,5 +70,5 @@ async function saveFilm(format) {
 document.getElementById("key").onclick = addKey;
 document.getElementById("play").onclick = play;
 document.getElementById("clear").onclick = () => { stopPlaying(); keys.length = 0; drawKeys(); };
-document.getElementById("gif").onclick = () => saveFilm("gif");
-document.getElementById("mp4").onclick = () => saveFilm("mp4");
+for (const format of ["gif", "webp", "mp4"])
+  document.getElementById(format).onclick = () => saveFilm(format);

@@ -312,6 +312,7 @@ TEST_CASE("an image that the disk does not take whole is an error, and nothing i
         CHECK(limited(bytes, [&] { write_image(folder / "a.jpg", image); }));
         CHECK(limited(bytes, [&] { write_exr(folder / "a.exr", image); }));
         CHECK(limited(bytes, [&] { write_animation(folder / "a.gif", {image, image}, 10.0); }));
+        CHECK(limited(bytes, [&] { write_animation(folder / "a.webp", {image, image}, 10.0); }));
         CHECK(limited(bytes, [&] { write_animation(folder / "a.mp4", {image, image}, 10.0); }));
         CHECK(folder.file_count() == 0);
     }
@@ -337,7 +338,45 @@ TEST_CASE("animations repeat without end and hold every frame") {
 
     write_animation(folder / "a.mp4", frames, 12.5);
     CHECK(read_file(folder / "a.mp4").substr(4, 4) == "ftyp");
-    CHECK(folder.file_count() == 2);
+    write_animation(folder / "a.webp", frames, 12.5);
+    const std::string webp = read_file(folder / "a.webp");
+    CHECK(webp.starts_with("RIFF"));
+    CHECK(webp.find(std::string("ANIM\x06\0\0\0\xff\xff\xff\xff\0\0", 14)) !=
+          std::string::npos);  // a white background, endlessly
+    CHECK(folder.file_count() == 3);
+}
+
+TEST_CASE("an animation has the colours of its frames, and few small ones too") {
+    // A face's colours in many shades, and two blue dots of four pixels.
+    Tensor image({64, 64, 3});
+    const auto values = image.mutable_values<float>();
+    for (std::size_t i = 0; i < 64 * 64; ++i) {
+        const float x = static_cast<float>(i % 64) / 63.0F, y = static_cast<float>(i / 64) / 63.0F;
+        const bool iris =
+            (i / 64 == 20 || i / 64 == 21) && i % 16 < 2 && i % 64 > 15 && i % 64 < 34;
+        values[3 * i] = iris ? 0.2F : 0.4F + 0.5F * x;
+        values[3 * i + 1] = iris ? 0.4F : 0.3F + 0.3F * x + 0.2F * y;
+        values[3 * i + 2] = iris ? 0.9F : 0.2F + 0.3F * x * y;
+    }
+    const ScratchFolder folder;
+    for (const char* name : {"a.gif", "a.webp"}) {
+        INFO(name);
+        write_animation(folder / name, {image, mirror_image(image)}, 10.0);
+        const Tensor seen = read_image(folder / name);
+        double squares = 0.0;
+        for (std::size_t i = 0; i < values.size(); ++i)
+            squares += std::pow(seen.values<float>()[i] - values[i], 2.0);
+        CHECK(squares / static_cast<double>(values.size()) < 1e-4);  // 40 dB
+        if (std::string(name) == "a.gif")
+            CHECK(largest_difference(image_part(seen, 20, 16, 2, 2),
+                                     image_part(image, 20, 16, 2, 2)) < 0.03);
+    }
+    // No more colours than the palette holds: not a bit is lost.
+    Tensor few({16, 16, 3});
+    for (std::size_t i = 0; i < few.mutable_values<float>().size(); ++i)
+        few.mutable_values<float>()[i] = static_cast<float>(i * 7 % 240) / 255.0F;
+    write_animation(folder / "few.gif", {few}, 10.0);
+    CHECK(largest_difference(read_image(folder / "few.gif"), few) < 1e-6);
 }
 
 TEST_CASE("resampling keeps a constant and averages a fine pattern") {
