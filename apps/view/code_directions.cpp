@@ -100,16 +100,22 @@ std::array<std::vector<EndNames>, code_names.size()> direction_names(
                                   .mask = true,
                                   .remove_floaters = true});
     const Camera camera = model_camera(model, 0.0, 0.0, 0.0);
-    const FaceSquare square =
-        mean_square(camera, static_cast<double>(model.config().decoder.resolution));
-    const auto measured = [&](std::size_t group, std::size_t direction, double amount) {
+    const auto picture = [&](const Codes& codes) {
         before_each();
+        renderer.show(codes);
+        return renderer.render(camera);
+    };
+    const auto side = static_cast<double>(model.config().decoder.resolution);
+    // All in one square: what differs is then the face alone.
+    const FaceSquare square =
+        square_around(find_points(landmarks, picture(mean).image, mean_square(camera, side)));
+    const auto measured = [&](std::size_t group, std::size_t direction, double amount) {
         std::array<std::vector<double>, code_names.size()> amounts;
         amounts[group].resize(direction + 1);
         amounts[group][direction] = amount;
-        renderer.show(moved_along(mean, directions, amounts));
-        const View view = renderer.render(camera);
-        return face_measures(view.image, view.mask, find_points(landmarks, view.image, square));
+        const View view = picture(moved_along(mean, directions, amounts));
+        return face_measures(view.image, view.mask,
+                             points_in_squares(landmarks, view.image, {square}));
     };
     std::vector<std::vector<double>> changes;
     std::vector<std::size_t> groups;

@@ -295,6 +295,16 @@ TEST_CASE("what a job has to say is one line", "[view]") {
     CHECK(job.status().note == "the photo is dark; the fit ended no better than it began");
 }
 
+TEST_CASE("photos of phones are small enough; a refusal says how larger ones are read", "[view]") {
+    constexpr std::int64_t of_64_megapixels = 9280 * 6944;
+    CHECK(view::ViewerOptions{}.most_photo_pixels >= of_64_megapixels);
+    ViewClient client([](view::ViewerOptions& options) { options.most_photo_pixels = 4095; });
+    client.send("photo", jpeg_bytes(Tensor::full({64, 64, 3}, 0.5), 90));
+    CHECK(client.ended_job()["error"] ==
+          "the photo: cannot be read (image too large: 64 x 64 pixels; at most 4095 are allowed, "
+          "see --max-pixels)");
+}
+
 TEST_CASE("requests that are wrong are refused with a reason", "[view]") {
     ViewClient client;
     const std::string face = client.first_face();

@@ -402,4 +402,9 @@ TEST_CASE("stymo-view takes its token from a file or the environment", "[view]")
     CHECK_THAT(run_tool(tiny_run(), command + " --token-file " + empty.path().string()).err,
                Catch::Contains(": holds no token"));
     CHECK(run_tool(tiny_run(), command + " --token-file none").exit_code == 1);
+    const ToolOutcome refused = run_tool(tiny_run(), command + " --origin name");
+    CHECK(refused.exit_code == 2);
+    CHECK(refused.err ==
+          "stymo-view: --origin name: not an address such as https://name or "
+          "https://name/proxy/8080/; see stymo-view --help\n");
 }

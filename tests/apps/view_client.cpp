@@ -10,18 +10,20 @@ namespace stymo {
 
 namespace {
 
-view::ViewerOptions tiny_viewer() {
+view::ViewerOptions tiny_viewer(const std::function<void(view::ViewerOptions&)>& change) {
     view::ViewerOptions options;
     options.model.file = tiny_run() / "run/model.safetensors";
     options.codes = {(tiny_run() / "fit/codes.json").string()};
     options.fit_steps = 3;
     options.color_steps = 2;
+    if (change) change(options);
     return options;
 }
 
 }  // namespace
 
-ViewClient::ViewClient() : shared_(tiny_viewer()), api_(shared_, 4) {
+ViewClient::ViewClient(const std::function<void(view::ViewerOptions&)>& change)
+    : shared_(tiny_viewer(change)), api_(shared_, 4) {
     opened_ = nlohmann::json::parse(api_({.path = "/api/session"}).body);
 }
 

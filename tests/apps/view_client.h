@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -11,7 +12,8 @@ namespace stymo {
 /// The API of a viewer of the tiny run's model, with one session.
 class ViewClient {
 public:
-    ViewClient();
+    /// `change` may change the options of the viewer.
+    explicit ViewClient(const std::function<void(view::ViewerOptions&)>& change = {});
     view::Answer ask(const std::string& path, const nlohmann::json& body = {});
     view::Answer send(const std::string& path, const std::string& body,
                       const std::map<std::string, std::string>& query = {});
