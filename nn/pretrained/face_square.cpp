@@ -43,6 +43,11 @@ void add_sample(const Tensor& photo, const Eigen::Vector2d& at, float weight, fl
                             fy * ((1.0F - fx) * c[k] + fx * d[k]));
 }
 
+bool shows(const Tensor& photo, const Eigen::Vector2d& at) {
+    return at.minCoeff() >= 0.0 && at.x() <= static_cast<double>(photo.shape(1)) &&
+           at.y() <= static_cast<double>(photo.shape(0));
+}
+
 }  // namespace
 
 Eigen::Vector2d FaceSquare::coordinates(const Eigen::Vector2d& point) const {
@@ -70,7 +75,15 @@ FaceSquare square_of_box(double left, double top, double width, double height) {
     return {{left + 0.5 * width, top + 0.56 * height}, {0.62 * width, 0.0}};
 }
 
-Tensor image_in_square(const Tensor& photo, const FaceSquare& square, std::int64_t side) {
+Midline midline_of(const FacePoints& points) {
+    const Eigen::Vector2d bridge = mean_point(points, 27, 30);
+    const Eigen::Vector2d down = (points[57] + points[51]) / 2.0 - bridge;
+    if (!(down.norm() > 0.0)) fail<NumericError>("landmarks: nose and lips are at the same point");
+    return {bridge, Eigen::Vector2d(-down.y(), down.x()).normalized()};
+}
+
+Tensor image_in_square(const Tensor& photo, const FaceSquare& square, std::int64_t side,
+                       const std::optional<Midline>& midline) {
     if (photo.rank() != 3 || photo.size() == 0)
         fail<ShapeError>("[face square] a photo is (height, width, channels); got ", photo.shape());
     Tensor image = Tensor::zeros({side, side, photo.shape(2)});
@@ -91,9 +104,11 @@ Tensor image_in_square(const Tensor& photo, const FaceSquare& square, std::int64
                                    step -
                                1.0;
                     };
-                    add_sample(photo,
-                               square.point({inside(column, tap % taps), inside(row, tap / taps)}),
-                               share, values + (row * side + column) * photo.shape(2));
+                    Eigen::Vector2d at =
+                        square.point({inside(column, tap % taps), inside(row, tap / taps)});
+                    if (midline && !shows(photo, at) && shows(photo, midline->mirrored(at)))
+                        at = midline->mirrored(at);
+                    add_sample(photo, at, share, values + (row * side + column) * photo.shape(2));
                 }
     });
     return image;

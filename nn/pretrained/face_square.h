@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 
 #include "core/tensor.h"
@@ -35,11 +36,25 @@ struct FaceSquare {
 /// A square of about the same extent as `square_around`, from the box of dlib's frontal face
 /// detector.
 [[nodiscard]] FaceSquare square_of_box(double left, double top, double width, double height);
+/// The line of a photo about which a face is nearly symmetric.
+struct Midline {
+    Eigen::Vector2d point = Eigen::Vector2d::Zero();
+    Eigen::Vector2d normal = Eigen::Vector2d::UnitX();
+
+    [[nodiscard]] Eigen::Vector2d mirrored(const Eigen::Vector2d& at) const {
+        return at - 2.0 * (at - point).dot(normal) * normal;
+    }
+};
+/// The midline through nose and lips.
+[[nodiscard]] Midline midline_of(const FacePoints& points);
+
 /// Resamples the square of a photo (height, width, C) to an image (side, side, C) with
-/// antialiasing. Pixels outside the photo repeat its border. Throws ShapeError for a photo of
-/// another rank.
+/// antialiasing. Pixels outside the photo show what the photo has at their mirror image about the
+/// midline, if there is one and the photo has that pixel; else they repeat its border. Throws
+/// ShapeError for a photo of another rank.
 [[nodiscard]] Tensor image_in_square(const Tensor& photo, const FaceSquare& square,
-                                     std::int64_t side);
+                                     std::int64_t side,
+                                     const std::optional<Midline>& midline = std::nullopt);
 /// The index of the point that point k becomes in the mirror image.
 [[nodiscard]] std::size_t mirrored_point(std::size_t k);
 /// The points of the mirror image of a photo that is `width` pixels wide.

@@ -1,5 +1,6 @@
 #include "nn/pretrained/landmark_network.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <utility>
@@ -96,11 +97,14 @@ void write_landmark_model(const std::filesystem::path& path, const LandmarkModel
     write_tensor_file(path, file);
 }
 
-FacePoints points_in_squares(const LandmarkModel& model, const Tensor& photo,
-                             const std::vector<FaceSquare>& squares) {
+namespace {
+
+FacePoints points_seen(const LandmarkModel& model, const Tensor& photo,
+                       const std::vector<FaceSquare>& squares,
+                       const std::optional<Midline>& midline) {
     std::vector<Tensor> images;
     for (const FaceSquare& square : squares) {
-        images.push_back(image_in_square(photo, square, LandmarkNetwork::input_side));
+        images.push_back(image_in_square(photo, square, LandmarkNetwork::input_side, midline));
         images.push_back(mirror_image(images.back()));
     }
     const Variable answer = model.network(batch_of(images));
@@ -120,16 +124,38 @@ FacePoints points_in_squares(const LandmarkModel& model, const Tensor& photo,
     return points;
 }
 
+/// Whether the photo cuts the face off.
+bool is_cut(const FacePoints& points, const Tensor& photo) {
+    return std::ranges::any_of(points, [&](const Eigen::Vector2d& point) {
+        return point.minCoeff() < 0.0 || point.x() > static_cast<double>(photo.shape(1)) ||
+               point.y() > static_cast<double>(photo.shape(0));
+    });
+}
+
+}  // namespace
+
+FacePoints points_in_squares(const LandmarkModel& model, const Tensor& photo,
+                             const std::vector<FaceSquare>& squares) {
+    return points_seen(model, photo, squares, std::nullopt);
+}
+
 FacePoints find_points(const LandmarkModel& model, const Tensor& photo, const FaceSquare& start) {
     FacePoints points = points_in_squares(model, photo, {start});
     for (int turn = 2; turn < squares_in_turn; ++turn)
         points = points_in_squares(model, photo, {square_around(points)});
+    // The network has not learnt what a cut face looks like, so it sees the mirror image there.
+    constexpr int turns_of_a_cut_face = 4;
+    std::optional<Midline> midline;
+    for (int turn = 0; turn < turns_of_a_cut_face && is_cut(points, photo); ++turn) {
+        midline = midline_of(points);
+        points = points_seen(model, photo, {square_around(points)}, midline);
+    }
     std::vector<FaceSquare> last;
     for (const double scale : last_scales) {
         last.push_back(square_around(points));
         last.back().axis *= scale;
     }
-    return points_in_squares(model, photo, last);
+    return points_seen(model, photo, last, midline);
 }
 
 }  // namespace stymo

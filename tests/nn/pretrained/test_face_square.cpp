@@ -3,6 +3,7 @@
 #include <set>
 
 #include "core/error.h"
+#include "core/io/image.h"
 #include "nn/pretrained/face_square.h"
 
 using namespace stymo;
@@ -68,6 +69,28 @@ TEST_CASE("The image in a square samples a linear photo exactly, and repeats its
     const Tensor outside = image_in_square(photo, {{-50.0, -50.0}, {5.0, 0.0}}, 2);
     CHECK(outside.values<float>()[0] == values[0]);
     CHECK_THROWS_AS(image_in_square(Tensor::zeros({4, 4}), square, 8), ShapeError);
+}
+
+TEST_CASE("what a photo cuts off is seen in the mirror", "[landmarks]") {
+    Tensor whole({40, 40, 3});
+    const auto values = whole.mutable_values<float>();
+    for (std::size_t i = 0; i < values.size(); ++i) {
+        const auto row = static_cast<double>(i / 120), column = static_cast<double>(i / 3 % 40);
+        values[i] = static_cast<float>(row + (column - 19.5) * (column - 19.5));
+    }
+    const Tensor right = image_part(whole, 0, 15, 40, 25);
+    const Midline middle{{20.0, 10.0}, {1.0, 0.0}}, moved{{5.0, 10.0}, {1.0, 0.0}};
+    const Tensor seen = image_in_square(whole, {{20.0, 20.0}, {15.0, 0.0}}, 30, middle);
+    CHECK(seen.to_vector() == image_in_square(whole, {{20.0, 20.0}, {15.0, 0.0}}, 30).to_vector());
+    const std::vector<double> completed =
+        image_in_square(right, {{5.0, 20.0}, {15.0, 0.0}}, 30, moved).to_vector();
+    for (std::size_t i = 0; i < completed.size(); ++i)
+        REQUIRE(completed[i] == Approx(seen.to_vector()[i]).margin(1e-4));
+    FacePoints points;
+    points.fill({3.0, 4.0});
+    CHECK_THROWS_AS(midline_of(points), NumericError);
+    points[51] = points[57] = {3.0, 9.0};
+    CHECK(midline_of(points).mirrored({5.0, 7.0}).isApprox(Eigen::Vector2d(1.0, 7.0)));
 }
 
 TEST_CASE("A mirror image swaps the points of the two sides") {
