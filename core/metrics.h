@@ -13,6 +13,10 @@ namespace stymo {
 [[nodiscard]] double l1_error(const Tensor& a, const Tensor& b);
 /// Peak signal-to-noise ratio in decibels for a peak of 1; +infinity for identical images.
 [[nodiscard]] double peak_signal_to_noise_ratio(const Tensor& a, const Tensor& b);
+/// A photo is never matched better than this, in decibels. What to say of a score above it follows.
+inline constexpr double most_plausible_psnr = 60.0;
+inline constexpr const char* implausible_psnr =
+    ", which no photo allows: do the masks cover the heads?";
 /// Structural similarity (Wang et al. 2004) in [-1, 1], mean over the channels and over the pixels
 /// whose 11x11 window lies within the image: Gaussian window with deviation 1.5, K1 = 0.01, K2 =
 /// 0.03, population covariance. Equals scikit-image's structural_similarity(gaussian_weights=True,

@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/io/image.h"
+#include "core/io/mask_file.h"
 #include "core/ops/elementwise.h"
 #include "core/parallel.h"
 #include "nn/pretrained/head_mask_network.h"
@@ -163,16 +164,17 @@ HeadMaskExamples::Picture HeadMaskExamples::read_photo(const fs::path& folder,
     Picture picture{
         std::vector<std::uint8_t>(std::size_t{picture_side} * picture_side * photo_channels)};
     put(picture.bytes, photo_channels, 0, at_usual_side(read_image(image)));
-    put(picture.bytes, photo_channels, mask_channel, at_usual_side(read_mask(mask)));
+    put(picture.bytes, photo_channels, mask_channel, at_usual_side(read_mask_file(mask).mask));
     const std::string name = image.stem().string() + ".png";
     Tensor known = Tensor::full({picture_side, picture_side, 1}, 1.0);
     if (fs::exists(folder / "unknown" / name))
-        known = affine(at_usual_side(read_mask(folder / "unknown" / name)), -1.0, 1.0).value();
+        known = affine(at_usual_side(read_mask_file(folder / "unknown" / name).mask), -1.0, 1.0)
+                    .value();
     put(picture.bytes, photo_channels, known_channel, known);
     picture.has_person = fs::exists(folder / "persons" / name);
     if (picture.has_person)
         put(picture.bytes, photo_channels, person_channel,
-            at_usual_side(read_mask(folder / "persons" / name)));
+            at_usual_side(read_mask_file(folder / "persons" / name).mask));
     return picture;
 }
 

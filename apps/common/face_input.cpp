@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <iostream>
+#include <ostream>
 #include <set>
 
 #include "apps/common/command_line.h"
 #include "core/error.h"
 #include "core/io/image.h"
+#include "core/io/mask_file.h"
 #include "fit/photo/prepared_photos.h"
 #include "nn/known_pixels.h"
 #include "nn/models/code_file.h"
@@ -23,7 +25,19 @@ Face face_of_folder(const FaceSource& source, const ModelConfig& config) {
     if (found == data.ids().end())
         fail<FileError>(source.data.string(), ": no face with the id ", source.id,
                         "; give one of its ", data.size(), " ids with --id");
-    return data.load_exactly(found - data.ids().begin());
+    Face face = data.load_exactly(found - data.ids().begin());
+    if (data.summary().scaled_masks > 0)
+        std::cerr << "warning: the mask of " << source.id << " has " << scaled_mask_note
+                  << std::endl;
+    return face;
+}
+
+/// Says so if its values are scaled.
+Tensor mask_of_user(const std::filesystem::path& path) {
+    MaskFile file = read_mask_file(path);
+    if (file.was_scaled)
+        std::cerr << "warning: " << path.string() << " has " << scaled_mask_note << std::endl;
+    return std::move(file.mask);
 }
 
 }  // namespace
@@ -66,7 +80,7 @@ void write_broken_files(std::ostream& stream, const DatasetSummary& summary, std
 
 Tensor read_known(const FaceSource& source) {
     if (source.ignore.empty()) return {};
-    const Tensor known = read_known(source.ignore);
+    const Tensor known = known_outside(mask_of_user(source.ignore));
     if (known_share(known) == 0.0)
         fail<FileError>(source.ignore.string(),
                         ": leaves nothing of the photo; white stands for what is ignored");
@@ -87,7 +101,9 @@ Face read_face(const FaceSource& source, const ModelConfig& config) {
     if (!source.images.empty())
         face.image = at_model_side(read_image_of_user(source.images.front()), side);
     if (!source.mask.empty()) {
-        face.mask = at_model_side(read_mask(source.mask), side);
+        const Tensor mask = mask_of_user(source.mask);
+        require_covering(mask, source.mask.string() + ": ");
+        face.mask = at_model_side(mask, side);
         face.has_mask = true;
     }
     if (const Tensor known = read_known(source); known.defined()) {

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <filesystem>
 #include <iostream>
 #include <optional>
@@ -20,6 +21,8 @@
 #include "core/io/checksum.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
+#include "core/io/mask_file.h"
+#include "core/metrics.h"
 #include "nn/realtime/view.h"
 
 namespace {
@@ -100,6 +103,20 @@ stymo::AppResult result_of(const stymo::Evaluation& evaluation, const std::strin
     return result;
 }
 
+void write_doubts(const stymo::Evaluation& evaluation, const stymo::DatasetSummary& faces) {
+    if (faces.scaled_masks > 0)
+        std::cerr << "warning: " << faces.scaled_masks << " faces have a mask of "
+                  << stymo::scaled_mask_note << std::endl;
+    const auto doubtful = [](const stymo::FaceScore& score) {
+        return score.regions.front().last().psnr > stymo::most_plausible_psnr;
+    };
+    const auto first = std::ranges::find_if(evaluation.scores, doubtful);
+    if (first == evaluation.scores.end()) return;
+    std::cerr << "warning: " << std::ranges::count_if(evaluation.scores, doubtful)
+              << " faces (first: " << first->id << ") have a PSNR of more than "
+              << stymo::most_plausible_psnr << " dB" << stymo::implausible_psnr << std::endl;
+}
+
 stymo::AppResult evaluate(Options options, const stymo::CommandLine& line) {
     if (options.data.empty()) stymo::fail<stymo::UsageError>("--data is required");
     stymo::EvaluationOptions& evaluated = options.evaluation;
@@ -143,6 +160,7 @@ stymo::AppResult evaluate(Options options, const stymo::CommandLine& line) {
     for (const stymo::FailedFace& face : evaluation.failed)
         std::cerr << "skipped " << face.id << ": " << face.reason << std::endl;
 
+    write_doubts(evaluation, faces.summary());
     stymo::AppResult result = result_of(evaluation, network);
     if (folder && evaluation.incomplete.empty()) {
         const std::vector<stymo::SheetRow> rows = stymo::sheet_rows(evaluation.scores);

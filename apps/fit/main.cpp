@@ -15,6 +15,7 @@
 #include "core/interrupt.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
+#include "core/metrics.h"
 #include "core/progress.h"
 #include "fit/fit_job.h"
 #include "nn/models/code_file.h"
@@ -167,9 +168,24 @@ const stymo::Lpips* metric_network(const stymo::LpipsOptions& options,
     return nullptr;
 }
 
+/// What is strange about the score of the final image; empty if nothing is.
+std::string doubt_of(const stymo::FitReport& report, bool shipped_model) {
+    // With the model that comes with stymo portraits reach 22 to 29 dB.
+    constexpr double far_below = 18.0;
+    const double psnr =
+        (report.tuned.defined() ? report.tuned_metrics : report.fitted_metrics).psnr;
+    std::ostringstream text;
+    text << std::fixed << std::setprecision(1) << "the PSNR is " << psnr << " dB";
+    if (psnr > stymo::most_plausible_psnr) return text.str() + stymo::implausible_psnr;
+    if (shipped_model && psnr < far_below)
+        return text.str() +
+               ", far below what photos usually reach; look at fit.png and overlay.png";
+    return {};
+}
+
 stymo::AppResult reports(const stymo::FitJob& job, const Faces& photos,
                          const stymo::FittedFaces& done, const Output& output,
-                         const stymo::Lpips* lpips) {
+                         const stymo::Lpips* lpips, bool shipped_model) {
     if (lpips == nullptr)
         std::cerr << "LPIPS is not measured; name its weights with --lpips-trunk and --lpips-heads"
                   << std::endl;
@@ -182,6 +198,10 @@ stymo::AppResult reports(const stymo::FitJob& job, const Faces& photos,
             job.report(done, static_cast<std::int64_t>(i), done.faces.mask, lpips, true);
         stymo::JsonValue json = to_json(report, done);
         std::vector<std::string> warnings = done.warnings;
+        if (const std::string doubt = doubt_of(report, shipped_model); !doubt.empty()) {
+            warnings.push_back(doubt);
+            std::cerr << "warning: " << photos.faces[i].id << ": " << doubt << std::endl;
+        }
         if (!photos.warnings.empty())
             warnings.insert(warnings.end(), photos.warnings[i].begin(), photos.warnings[i].end());
         if (!photos.warnings.empty() || !warnings.empty()) json.add("warnings", warnings);
@@ -215,7 +235,7 @@ stymo::AppResult fit(Options& options) {
 
     const stymo::InterruptGuard guard;
     const stymo::FittedFaces done = fitted(job, photos.faces, output);
-    stymo::AppResult result = reports(job, photos, done, output, lpips);
+    stymo::AppResult result = reports(job, photos, done, output, lpips, options.model.file.empty());
     if (job.options().tunes()) explainer.count("tuning_steps", std::ssize(done.tuning.losses));
     explainer.count("photos", std::ssize(photos.faces));
     explainer.count("steps", std::ssize(done.fit.losses));

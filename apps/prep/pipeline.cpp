@@ -10,6 +10,7 @@
 #include "core/interrupt.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
+#include "core/io/mask_file.h"
 #include "core/ops/elementwise.h"
 #include "core/parallel.h"
 #include "train/data/folder_scan.h"
@@ -67,11 +68,12 @@ struct PhotoInWork {
     std::vector<FaceCrop> crops;
     std::string failure;
     std::string doubt;  ///< about its colours
+    bool scaled_mask = false;
 };
 
 PhotoInWork cropped(const FaceFiles& files, const FolderScan& scan,
                     const PhotoPreparation& preparation) {
-    PhotoInWork work{&files, {}, {}, {}};
+    PhotoInWork work{&files, {}, {}, {}, false};
     FaceImage image = read_face_image(files, preparation.settings().most_pixels);
     if (image.broken) {
         const bool of_photo = image.broken->file == files.image.string();
@@ -80,6 +82,7 @@ PhotoInWork cropped(const FaceFiles& files, const FolderScan& scan,
         return work;
     }
     work.doubt = std::move(image.doubt);
+    work.scaled_mask = image.scaled_mask;
     try {
         work.crops = preparation.crops(image.image, known_of(files.id, scan, image));
     } catch (const Error& error) {
@@ -109,6 +112,8 @@ PhotoOutcome written(const FolderPreparation& folders, PhotoInWork work,
             continue;
         }
         if (!work.doubt.empty()) faces[i].warnings.push_back(work.doubt);
+        if (work.scaled_mask)
+            faces[i].warnings.push_back(std::string("its mask has ") + scaled_mask_note);
         const auto write = [&](const char* kind, const Tensor& pixels) {
             const fs::path file = folders.out / kind / (id + ".png");
             require_writable_folder(file.parent_path());

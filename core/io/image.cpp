@@ -271,8 +271,8 @@ Tensor read_image(const fs::path& path, std::int64_t most_pixels, std::string* d
     return over_black(std::move(colors), pixels);
 }
 
-Tensor read_mask(const fs::path& path) {
-    const Pixels pixels = read_pixels(path, usual_most_pixels);
+Tensor read_mask(const fs::path& path, std::int64_t most_pixels) {
+    const Pixels pixels = read_pixels(path, most_pixels);
     const Tensor colours = over_black(colors_of(pixels), pixels);
     Tensor result({colours.shape(0), colours.shape(1), 1});
     const auto source = colours.values<float>();

@@ -25,7 +25,8 @@ inline constexpr std::int64_t usual_most_pixels = std::int64_t{1} << 28;
                                 std::string* doubt = nullptr);
 /// Reads one channel as float32 (height, width, 1) in [0, 1]: a mask, whose values are taken as
 /// they are. A colour image becomes its luminance.
-[[nodiscard]] Tensor read_mask(const std::filesystem::path& path);
+[[nodiscard]] Tensor read_mask(const std::filesystem::path& path,
+                               std::int64_t most_pixels = usual_most_pixels);
 /// Reads the raw indices (palette or grey, at most 8 bits) of a class map, a PNG file, as float32
 /// (height, width, 1), values 0..255.
 [[nodiscard]] Tensor read_class_map(const std::filesystem::path& path);

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <regex>
 #include <set>
@@ -157,6 +158,43 @@ TEST_CASE(
     CHECK(names_in(folder / "twice").size() == 4);
     CHECK(parsed_file(folder / "twice/codes.json")["pose"]["yaw_deg"].get<double>() ==
           Approx(parsed_file(folder / "fit/codes.json")["pose"]["yaw_deg"].get<double>()));
+}
+
+TEST_CASE("What is ignored in a photo does not change its fit, tuning or scores") {
+    const fs::path& folder = stymo::tiny_run();
+    stymo::Tensor photo = stymo::read_image(folder / "faces/images/00004.png");
+    const std::int64_t side = photo.shape(0);
+    stymo::Tensor cover = stymo::Tensor::zeros({side, side, 1});
+    const auto pixels = photo.mutable_values<float>();
+    const auto covered = cover.mutable_values<float>();
+    for (std::int64_t i = side * side / 2; i < side * side * 3 / 4; ++i) {
+        covered[static_cast<std::size_t>(i)] = 1.0F / 255.0F;  // numpy's ones are taken for white
+        std::fill_n(pixels.begin() + 3 * i, 3, i % 2 == 0 ? 1.0F : 0.0F);
+    }
+    fs::create_directories(folder / "covers");
+    stymo::write_image(folder / "covers/00004.png", photo);
+    stymo::write_image(folder / "covers/mask.png", cover);
+    const std::string known =
+        " --mask faces/masks/00004.png --ignore covers/mask.png --steps 2 --tune-steps 2 --out ";
+    const ToolOutcome bare = done(fit + ("--image faces/images/00004.png" + known + "ignored_a"));
+    CHECK_THAT(bare.err, Catch::Contains("warning: covers/mask.png has values of 0 and 1"));
+    done(fit + ("--image covers/00004.png" + known + "ignored_b"));
+    for (const char* name : {"codes.json", "render.png", "fit.png", "tuned.safetensors"})
+        CHECK(stymo::read_file(folder / "ignored_a" / name) ==
+              stymo::read_file(folder / "ignored_b" / name));
+    const json a = parsed_file(folder / "ignored_a/report.json"),
+               b = parsed_file(folder / "ignored_b/report.json");
+    for (const char* when : {"initial", "fitted", "tuned"}) CHECK(a[when] == b[when]);
+    stymo::write_image(folder / "covers/all.png", stymo::Tensor::full({side, side, 1}, 1.0));
+    for (const auto& [wrong, reason] : std::map<std::string, std::string>{
+             {"--ignore covers/all.png", "covers/all.png: leaves nothing of the photo"},
+             {"--mask zeros.png", "zeros.png: covers nothing (every pixel is 0)"}}) {
+        stymo::write_image(folder / "zeros.png", stymo::Tensor::zeros({side, side, 1}));
+        const ToolOutcome refused = stymo::run_tool(
+            folder, fit + ("--image covers/00004.png --as-is --out refused " + wrong));
+        CHECK(refused.exit_code == 1);
+        CHECK_THAT(refused.err, Catch::Contains(reason));
+    }
 }
 
 TEST_CASE("Fitting from a folder of faces is fitting the same files one by one") {

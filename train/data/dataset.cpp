@@ -6,12 +6,14 @@
 #include <map>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <sstream>
 
 #include "core/clock.h"
 #include "core/error.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
+#include "core/io/mask_file.h"
 #include "core/parallel.h"
 #include "nn/known_pixels.h"
 #include "train/data/folder_scan.h"
@@ -25,6 +27,7 @@ struct Pixels {
     std::vector<std::uint8_t> mask;   ///< empty: the whole frame
     std::vector<std::uint8_t> known;  ///< empty: all pixels are known
     std::vector<float> code;          ///< or none
+    bool scaled_mask = false;
 };
 
 /// The decoded pixels of a face, or the reason why there are none.
@@ -57,6 +60,7 @@ DecodedFace decode(const FaceFiles& files, const FaceRecords& records, std::int6
     if (image.broken) return {std::nullopt, *image.broken, {}};
     Pixels pixels;
     pixels.image = bytes_at_side(image.image, side);
+    pixels.scaled_mask = image.scaled_mask;
     if (image.mask.defined()) pixels.mask = bytes_at_side(image.mask, side);
     if (image.known.defined())
         pixels.known = bytes_at_side(known_at(central_square(image.known), side, side), side);
@@ -139,6 +143,8 @@ std::string DatasetSummary::text() const {
         text << "; " << without_mask << " without a mask (the whole frame is taken)";
     if (without_pose > 0) text << "; " << without_pose << " without a pose (frontal is assumed)";
     if (without_code > 0) text << "; " << without_code << " without a code (no code loss)";
+    if (with_unknown > 0) text << "; " << with_unknown << " with unknown pixels";
+    if (scaled_masks > 0) text << "; " << scaled_masks << " with a mask of " << scaled_mask_note;
     if (!refused.empty())
         text << "; " << refused.size() << " skipped, which the model cannot render";
     if (!broken.empty()) text << "; " << broken.size() << " broken and skipped";
@@ -162,6 +168,7 @@ struct Dataset::Implementation {
     mutable std::mutex broken_mutex;
     mutable std::map<std::int64_t, BrokenFile> broken;  ///< by index in the split
     mutable std::map<std::string, std::string> doubts;  ///< by file
+    mutable std::set<std::int64_t> scaled_masks;        ///< by index in the split
     std::vector<BrokenFile> refused;
     std::vector<BrokenFile> left_out;
     mutable std::atomic<double> waiting_seconds = 0.0;
@@ -198,6 +205,7 @@ void Dataset::Implementation::fill_cache() {
     for (std::size_t i = 0; i < decoded.size(); ++i) {
         if (!decoded[i].doubt.empty()) doubts[faces[i].image.string()] = decoded[i].doubt;
         if (decoded[i].pixels) {
+            if (decoded[i].pixels->scaled_mask) scaled_masks.insert(static_cast<std::int64_t>(i));
             cache.push_back(std::move(*decoded[i].pixels));
             readable.push_back(std::move(faces[i]));
         } else {
@@ -229,10 +237,11 @@ std::optional<Face> Dataset::Implementation::try_load(std::int64_t index) const 
     const double start = seconds_now(), computing = thread_seconds();
     DecodedFace decoded = decode(faces[static_cast<std::size_t>(index)], records, side);
     waiting_seconds += (seconds_now() - start) - (thread_seconds() - computing);
-    if (decoded.pixels && decoded.doubt.empty()) return face(index, *decoded.pixels);
     const std::lock_guard lock(broken_mutex);
     if (decoded.pixels) {
-        doubts[faces[static_cast<std::size_t>(index)].image.string()] = decoded.doubt;
+        if (!decoded.doubt.empty())
+            doubts[faces[static_cast<std::size_t>(index)].image.string()] = decoded.doubt;
+        if (decoded.pixels->scaled_mask) scaled_masks.insert(index);
         return face(index, *decoded.pixels);
     }
     broken.emplace(index, std::move(decoded.broken));
@@ -344,11 +353,13 @@ DatasetSummary Dataset::summary() const {
         if (data.cache.empty() && data.broken.contains(static_cast<std::int64_t>(i))) continue;
         ++summary.faces;
         if (!has_mask(data.faces[i])) ++summary.without_mask;
+        if (!data.faces[i].unknown.empty()) ++summary.with_unknown;
         const FaceEntry* entry = data.records.find(data.faces[i].id);
         if (entry == nullptr || !entry->pose) ++summary.without_pose;
         if (entry == nullptr || !entry->has_code) ++summary.without_code;
     }
     for (const auto& [index, item] : data.broken) summary.broken.push_back(item);
+    summary.scaled_masks = std::ssize(data.scaled_masks);
     summary.refused = data.refused;
     summary.left_out = data.left_out;
     for (const auto& [file, doubt] : data.doubts) summary.doubted.push_back({file, doubt});

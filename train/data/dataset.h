@@ -42,6 +42,8 @@ struct DatasetSummary {
     std::int64_t without_mask = 0;
     std::int64_t without_pose = 0;
     std::int64_t without_code = 0;
+    std::int64_t with_unknown = 0;     ///< with unknown pixels
+    std::int64_t scaled_masks = 0;     ///< faces with masks of 0 and 1, of those decoded so far
     std::vector<BrokenFile> broken;    ///< skipped, in order of id
     std::vector<BrokenFile> refused;   ///< skipped because of their cameras, in order of id
     std::vector<BrokenFile> left_out;  ///< of the folder: what is no image

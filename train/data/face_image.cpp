@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "core/io/image.h"
+#include "core/io/mask_file.h"
 #include "nn/known_pixels.h"
 #include "render/parsing_classes.h"
 
@@ -56,12 +57,12 @@ std::string reason_of(const Error& error, const std::filesystem::path& file) {
 
 }  // namespace
 
-Tensor read_known(const std::filesystem::path& unknown) {
+Tensor known_outside(Tensor unknown) {
     // A drawn edge or the noise of a JPEG is not white.
     constexpr float least_unknown = 0.1F;
-    Tensor known = read_mask(unknown);
-    for (float& value : known.mutable_values<float>()) value = value < least_unknown ? 1.0F : 0.0F;
-    return unless_all_known(known);
+    for (float& value : unknown.mutable_values<float>())
+        value = value < least_unknown ? 1.0F : 0.0F;
+    return unless_all_known(unknown);
 }
 
 FaceImage read_face_image(const FaceFiles& files, std::int64_t most_pixels) {
@@ -69,23 +70,31 @@ FaceImage read_face_image(const FaceFiles& files, std::int64_t most_pixels) {
     try {
         FaceImage image;
         image.image = read_image(files.image, most_pixels, &image.doubt);
+        const auto read = [&](const std::filesystem::path& path) {
+            MaskFile file = read_mask_file(path);
+            image.scaled_mask = image.scaled_mask || file.was_scaled;
+            return std::move(file.mask);
+        };
         if (!files.mask.empty()) {
             reading = &files.mask;
-            image.mask = read_mask(files.mask);
+            image.mask = read(files.mask);
         } else if (!files.parsing.empty()) {
             reading = &files.parsing;
             image.mask = part_of_parsing(read_class_map(files.parsing), is_head_class);
         } else {
             for (const std::filesystem::path& part : files.mask_parts) {
                 reading = &part;
-                image.mask = image.mask.defined() ? merged(std::move(image.mask), read_mask(part))
-                                                  : read_mask(part);
+                image.mask =
+                    image.mask.defined() ? merged(std::move(image.mask), read(part)) : read(part);
             }
         }
-        if (image.mask.defined()) require_same_frame(image.mask, image.image);
+        if (image.mask.defined()) {
+            require_covering(image.mask);
+            require_same_frame(image.mask, image.image);
+        }
         if (!files.unknown.empty()) {
             reading = &files.unknown;
-            image.known = read_known(files.unknown);
+            image.known = known_outside(read(files.unknown));
             if (image.known.defined()) require_same_frame(image.known, image.image);
         }
         return image;

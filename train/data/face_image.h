@@ -15,18 +15,20 @@ struct FaceImage {
     /// (height, width, 1) in [0, 1]; its size may differ from the image's. Undefined if there is
     /// none.
     Tensor mask{};
-    Tensor known{};       ///< the same, see nn/known_pixels.h; undefined: all pixels are known
-    std::string doubt{};  ///< why the image's colours could not be converted to sRGB, or empty
+    Tensor known{};            ///< the same, see nn/known_pixels.h; undefined: all pixels are known
+    bool scaled_mask = false;  ///< MaskFile::was_scaled of any of its masks
+    std::string doubt{};       ///< why the image's colours could not be converted to sRGB, or empty
     /// The file that could not be read; image and mask are then undefined.
     std::optional<BrokenFile> broken{};
 };
 
-/// The known pixels (height, width, 1) of a photo whose unknown ones are white in a file: those
-/// whose grey is below a tenth. Undefined if there are none. Throws what read_mask throws.
-[[nodiscard]] Tensor read_known(const std::filesystem::path& unknown);
+/// The known pixels (height, width, 1) of a photo whose unknown ones are white in a mask: those
+/// whose grey is below a tenth. Undefined if there are none.
+[[nodiscard]] Tensor known_outside(Tensor unknown);
 
 /// Decodes the files of a face. The mask is read from the head mask, else made from the parsing,
-/// else from the mask parts. Does not throw for unreadable files.
+/// else from the mask parts; one that covers nothing counts as unreadable. Does not throw for
+/// unreadable files.
 [[nodiscard]] FaceImage read_face_image(const FaceFiles& files,
                                         std::int64_t most_pixels = usual_most_pixels);
 

@@ -1,0 +1,29 @@
+#include "core/io/mask_file.h"
+
+#include <algorithm>
+
+#include "core/error.h"
+
+namespace stymo {
+
+MaskFile read_mask_file(const std::filesystem::path& path, std::int64_t most_pixels) {
+    constexpr float largest_one = 1.01F / 255.0F;
+    MaskFile file{read_mask(path, most_pixels)};
+    const auto values = file.mask.values<float>();
+    const float one = std::ranges::max(values);
+    file.was_scaled =
+        one > 0.0F && one < largest_one &&
+        std::ranges::all_of(values, [one](float value) { return value == 0.0F || value == one; });
+    if (!file.was_scaled) return file;
+    for (float& value : file.mask.mutable_values<float>()) value = value > 0.0F ? 1.0F : 0.0F;
+    return file;
+}
+
+void require_covering(const Tensor& mask, const std::string& prefix) {
+    if (std::ranges::none_of(mask.values<float>(), [](float value) { return value > 0.0F; }))
+        fail<FileError>(prefix,
+                        "covers nothing (every pixel is 0); give a mask that is white on "
+                        "the head, or none");
+}
+
+}  // namespace stymo
