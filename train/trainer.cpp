@@ -6,9 +6,11 @@
 #include <sstream>
 
 #include "core/error.h"
+#include "core/metrics.h"
 #include "nn/realtime/view.h"
 #include "train/adversarial_stage.h"
 #include "train/memory_estimate.h"
+#include "train/photo_changes.h"
 #include "train/reconstruction_stage.h"
 
 namespace stymo {
@@ -172,9 +174,10 @@ void Trainer::begin_with(const std::filesystem::path& model_file) {
     model_.parameters().load(weights, model_file.string());
 }
 
-void Trainer::resume(const std::filesystem::path& folder) {
-    const Checkpoint checkpoint = read_checkpoint(folder, model_, state_.seed);
+std::string Trainer::resume(const std::filesystem::path& folder) {
+    Checkpoint checkpoint = read_checkpoint(folder, model_, state_.seed);
     const std::string source = (folder / "state.safetensors").string();
+    std::string note = follow_photos(checkpoint.tensors, training_.ids());
     state_ = checkpoint.state;
     stage_number_ = 0;
     ema_.reset();
@@ -188,6 +191,7 @@ void Trainer::resume(const std::filesystem::path& folder) {
     if (offsets_) offsets_->load(checkpoint.tensors, source);
     enter_stage(schedule_.position(state_.step).phase.stage);
     stage_->load(checkpoint.tensors, source);
+    return note;
 }
 
 void Trainer::save_checkpoint(const RunFolder& folder) {
@@ -207,7 +211,8 @@ void Trainer::save_checkpoint(const RunFolder& folder) {
                                  phase.samples_per_ray);
             line << std::fixed << ", validation at " << phase.resolution
                  << " pixels: reconstruction " << std::setprecision(4) << score.reconstruction
-                 << ", PSNR " << std::setprecision(2) << score.psnr << " dB";
+                 << ", PSNR " << std::setprecision(2) << score.psnr << " dB"
+                 << (score.psnr > most_plausible_psnr ? implausible_psnr : "");
             // A run that is resumed in another folder has no best model there yet.
             if (phase.resolution != state_.best_resolution ||
                 score.reconstruction < state_.best_validation ||
@@ -221,6 +226,7 @@ void Trainer::save_checkpoint(const RunFolder& folder) {
     Checkpoint checkpoint{state_, {}};
     if (stage_) stage_->save(checkpoint.tensors);
     if (offsets_) offsets_->parameters().save(checkpoint.tensors);
+    store_photo_ids(checkpoint.tensors, training_.ids());
     if (ema_) ema_->save(checkpoint.tensors, ema_prefix);
     write_checkpoint(folder.checkpoint(state_.step), model_, checkpoint);
     folder.finish_checkpoint(state_.step, config_.output.keep_last);

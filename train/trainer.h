@@ -58,8 +58,8 @@ public:
     /// Continues from a checkpoint of a model of the same shape. State that the checkpoint lacks
     /// because its run did not use it (an EMA of the weights, a discriminator, the second stage's
     /// optimisers) is initialised. Throws FileError for a checkpoint that is damaged, does not
-    /// match or was made with another seed.
-    void resume(const std::filesystem::path& folder);
+    /// match or was made with another seed. Returns what follow_photos says of the photos.
+    std::string resume(const std::filesystem::path& folder);
     /// Trains until the configured steps are done, the time is up or the process is interrupted.
     /// Writes checkpoints at the configured intervals, at the end of each phase and at the end.
     /// Throws NumericError after too many consecutive steps without a finite loss and gradient, and

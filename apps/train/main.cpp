@@ -64,6 +64,7 @@ struct PreparedRun {
     stymo::Dataset training;
     std::optional<stymo::Dataset> validation;
     std::optional<stymo::Trainer> trainer;
+    std::string note{};  ///< what has changed since the checkpoint
 
     PreparedRun(const Options& options, const stymo::CommonOptions& common, stymo::Ranks* ranks)
         : config(stymo::load_train_config(options.config, options.set)),
@@ -79,8 +80,9 @@ struct PreparedRun {
         trainer.emplace(config, training, validation ? &*validation : nullptr, common.seed, ranks);
         if (!options.initial_model.empty()) trainer->begin_with(options.initial_model);
         if (!options.resume.empty() && !options.dry_run)
-            trainer->resume(options.resume == "latest" ? stymo::latest_checkpoint(options.out)
-                                                       : std::filesystem::path(options.resume));
+            note =
+                trainer->resume(options.resume == "latest" ? stymo::latest_checkpoint(options.out)
+                                                           : std::filesystem::path(options.resume));
         std::cerr << "training: " << training.summary().text() << '\n';
     }
 };
@@ -99,6 +101,10 @@ stymo::AppResult lead(const Options& options, PreparedRun& run,
     if (folder.replace_config(stymo::to_json(run.config)))
         std::cerr << "the configuration differs from that of the run so far; the run goes on with "
                      "the new one\n";
+    if (!run.note.empty()) {
+        std::cerr << run.note << '\n';
+        folder.log(run.note);
+    }
     const std::size_t known = run.training.summary().broken.size();
     const stymo::TrainingOutcome outcome =
         run.trainer->run(folder, {.minutes = options.max_minutes});
