@@ -281,7 +281,8 @@ PreparedFace PhotoPreparation::Implementation::joined(FaceCrop crop,
                                     .covered_share = covered_share(crop.mask),
                                     .yaw = yaw,
                                     .landmark_error = face.fit.landmark_error,
-                                    .made_mask = crop.made_mask});
+                                    .made_mask = crop.made_mask,
+                                    .look = look_of(crop.image, crop.landmarks, crop.known)});
     crop.face_box = {};
     face.crop = std::move(crop);
     return face;

@@ -15,6 +15,9 @@ constexpr double most_covered = 0.95;
 constexpr double doubtful_landmark_error = 0.04;
 /// A crop with fewer pixels per wanted pixel is blurred.
 constexpr double coarse_resolution = 0.5;
+/// See PhotoLook.
+constexpr double covered_difference = 0.3;
+constexpr double dark = 0.36;
 
 template <class... Parts>
 std::string line(const Parts&... parts) {
@@ -59,6 +62,16 @@ std::vector<std::string> photo_warnings(const PhotoFindings& findings) {
         warnings.push_back(
             line("the landmark error of the head model is ", percent(findings.landmark_error),
                  " percent of the image's side; the pose may be wrong, look at the overlay"));
+    constexpr const char* ignore = "; if something covers them, leave it out with --ignore";
+    if (findings.look.lower_face > covered_difference)
+        warnings.push_back(line("mouth and chin have another colour than the forehead", ignore));
+    if (findings.look.eyes > covered_difference)
+        warnings.push_back(line("the eyes have another colour than nose and forehead", ignore));
+    if (findings.look.brightness < dark)
+        warnings.push_back(line("the photo is dark (its brightest parts reach ",
+                                percent(findings.look.brightness),
+                                " percent), so noise is fitted and scores say little; use a "
+                                "brighter photo"));
     return warnings;
 }
 

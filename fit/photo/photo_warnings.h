@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "fit/photo/photo_look.h"
+
 namespace stymo {
 
 /// Properties of a prepared photo that decide its warnings.
@@ -18,6 +20,7 @@ struct PhotoFindings {
     double landmark_error = 0.0;   ///< RMS distance of the model's landmarks from those found, in
                                    ///< units of the image's side
     bool made_mask = true;         ///< whether the mask was made rather than given
+    PhotoLook look{};
 };
 
 /// One line per problem, with its remedy; none for a good photo.

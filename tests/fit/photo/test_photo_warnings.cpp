@@ -50,4 +50,13 @@ TEST_CASE("each thing that looks wrong has a warning of its own", "[photo]") {
     PhotoFindings astray = good();
     astray.landmark_error = 0.06;
     check_only(astray, "look at the overlay");
+    PhotoFindings masked = good();
+    masked.look.lower_face = 0.5;
+    check_only(masked, "mouth and chin have another colour than the forehead");
+    PhotoFindings shaded = good();
+    shaded.look.eyes = 0.5;
+    check_only(shaded, "the eyes have another colour than nose and forehead");
+    PhotoFindings dark = good();
+    dark.look.brightness = 0.3;
+    check_only(dark, "its brightest parts reach 30 percent");
 }
