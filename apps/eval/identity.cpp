@@ -5,6 +5,8 @@
 
 #include "core/angle.h"
 #include "core/ops/ops.h"
+#include "fit/fit_report.h"
+#include "nn/known_pixels.h"
 #include "nn/models/display_image.h"
 #include "nn/models/encoder.h"
 #include "nn/realtime/view.h"
@@ -57,11 +59,15 @@ IdentityScore IdentityMeasure::measure(const Model& model, const ComparedFace& f
                                        const ComparedFace& other, const FitResult& fit) const {
     const ViewOptions options{.samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
                               .resolution = face.batch.targets.back().shape(1)};
-    const auto seen_by = [&](const Camera& camera) {
-        return embedding(render_view(model, fit.fitted, 0, camera, options).image);
+    const auto view = [&](const Camera& camera) {
+        return render_view(model, fit.fitted, 0, camera, options).image;
     };
-    const std::vector<double> photo = embedding(display_image(face.batch.targets.back(), 0));
-    const std::vector<double> fitted = seen_by(fit.cameras.front());
+    const auto seen_by = [&](const Camera& camera) { return embedding(view(camera)); };
+    const Tensor rendered = view(fit.cameras.front());
+    const Tensor own = display_image(face.batch.targets.back(), 0);
+    const std::vector<double> photo =
+        embedding(where_known(known_in(face.batch, 0), own, rendered).value());
+    const std::vector<double> fitted = embedding(rendered);
     const auto turned = [&](double degrees) {
         const double yaw = radians_from_degrees(degrees);
         return 0.5 * (cosine(fitted, seen_by(model_camera(model, yaw, 0.0, 0.0))) +

@@ -229,11 +229,14 @@ ListedFace Api::moved_face(Session& session, const std::string& id, const Slider
 Answer Api::fit(Session& session, const Request& request) {
     constexpr double longest_tuning = 600.0;
     const double tune = request.number("tune", 0.0, 0.0, longest_tuning);
-    if (request.body.empty()) throw RequestError(400, "the photo is missing");
+    const auto cover = static_cast<std::size_t>(
+        request.number("cover", 0.0, 0.0, static_cast<double>(request.body.size())));
+    if (request.body.size() <= cover) throw RequestError(400, "the photo is missing");
+    const std::string photo = request.body.substr(0, request.body.size() - cover);
     if (!shared_.model()->has_encoder())
         throw RequestError(400, "this model has no encoder, so no photo can be fitted");
     if (tune > 0.0) session.faces().require_room_for_tuned();
-    session.start(fit_photo(shared_, session, request.body, "photo", tune));
+    session.start(fit_photo(shared_, session, photo, request.body.substr(photo.size()), tune));
     return job_answer(session);
 }
 

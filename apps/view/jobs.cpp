@@ -10,6 +10,7 @@
 #include "apps/view/private_file.h"
 #include "core/error.h"
 #include "core/io/image.h"
+#include "core/io/mask_file.h"
 #include "core/io/ply_file.h"
 #include "fit/edit/color_edit.h"
 #include "fit/fit_job.h"
@@ -20,6 +21,7 @@
 #include "nn/realtime/head_mesh.h"
 #include "nn/realtime/mesh_colors.h"
 #include "nn/realtime/view.h"
+#include "train/data/face_image.h"
 
 namespace stymo::view {
 
@@ -47,13 +49,26 @@ FitJobOptions fit_options(const SharedState& shared, double tune_seconds) {
     return options;
 }
 
+/// The known pixels of a photo whose cover is white in the file with these bytes; undefined without
+/// one.
+Tensor known_besides(const std::string& cover, std::int64_t most_pixels) {
+    Tensor known;
+    if (!cover.empty())
+        read_bytes(cover, "the cover", [&](const std::filesystem::path& file) {
+            known = known_outside(read_mask_file(file, most_pixels).mask);
+        });
+    return known;
+}
+
 /// The prepared photo whose file has these bytes. Its warnings join the job's note.
-PreparedPhoto prepared(const FitJob& fit, const std::string& bytes, Job& job) {
+PreparedPhoto prepared(const FitJob& fit, const std::string& bytes, const std::string& cover,
+                       Job& job) {
     job.report("finding the face", 0, 0);
+    const Tensor known = known_besides(cover, fit.options().preparation.most_pixels);
     PreparedPhoto photo;
     read_bytes(bytes, "the photo", [&](const std::filesystem::path& file) {
         const std::string name = file.string();
-        photo = fit.prepare({&name, 1}).front();
+        photo = fit.prepare({&name, 1}, known).front();
     });
     for (const std::string& warning : photo.warnings) job.add_note(warning);
     return photo;
@@ -164,16 +179,17 @@ std::string error_note(const ChosenRenderer& chosen) {
 
 }  // namespace
 
-Job::Body fit_photo(SharedState& shared, Session& session, std::string photo,
-                    const std::string& name, double tune_seconds) {
-    return [&shared, &session, photo = std::move(photo), name, tune_seconds](Job& job) {
+Job::Body fit_photo(SharedState& shared, Session& session, std::string photo, std::string cover,
+                    double tune_seconds) {
+    return [&shared, &session, photo = std::move(photo), cover = std::move(cover),
+            tune_seconds](Job& job) {
         const auto lock = wait_for_heavy_work(shared, job);
         const FitJob fit(*shared.model(), shared.loss(), fit_options(shared, tune_seconds));
-        const PreparedPhoto ready = prepared(fit, photo, job);
+        const PreparedPhoto ready = prepared(fit, photo, cover, job);
         FaceBatch batch = fit.batch_of({&ready.face, 1});
         ShownFit shown(
             session, job, fit.options(),
-            {name, {face_codes(*shared.model(), batch), ready.face.pose}, shared.model()});
+            {"photo", {face_codes(*shared.model(), batch), ready.face.pose}, shared.model()});
         try {
             FittedFaces done = fit.fit(std::move(batch), shown.observer());
             for (const std::string& warning : done.warnings) job.add_note(warning);

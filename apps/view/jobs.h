@@ -11,11 +11,12 @@ namespace stymo::view {
 /// Requests of the page that take seconds. Each function returns the body of a Job. The shared
 /// state and the session must outlive the job.
 
-/// Finds, masks and fits the face of a photo, whose file has the bytes `photo`. The face is in the
+/// Finds, masks and fits the face of a photo, whose file has the bytes `photo`. `cover` has those
+/// of a mask that is white where something covers the face; empty: nothing does. The face is in the
 /// list from the first step on and is updated during the fit. Then the decoder is tuned to it for
 /// `tune_seconds`.
 [[nodiscard]] Job::Body fit_photo(SharedState& shared, Session& session, std::string photo,
-                                  const std::string& name, double tune_seconds);
+                                  std::string cover, double tune_seconds);
 
 /// Changes the colour of a part of a face.
 [[nodiscard]] Job::Body recolor(SharedState& shared, Session& session, const ListedFace& shown,

@@ -264,6 +264,9 @@ TEST_CASE("a photo without a face ends the job with a reason and leaves no face"
     json job = client.ended_job();
     CHECK(job["state"] == "failed");
     CHECK(job["error"] == "the photo: not an image");
+    CHECK(client.send("photo", "photocover", {{"cover", "10"}}).status == 400);
+    CHECK(client.send("photo", "photocover", {{"cover", "5"}}).status == 200);
+    CHECK(client.ended_job()["error"] == "the cover: not an image");
     client.send("photo", jpeg_bytes(Tensor::full({64, 64, 3}, 0.5), 90));
     job = client.ended_job();
     CHECK(job["state"] == "failed");

@@ -3,7 +3,7 @@
 import { openSession, post, save } from "./api.js";
 import { enableColor, isPicking, setPicking } from "./color.js";
 import {
-  addFace, drawNew, enableDrop, fitPhoto, makeGroups, openFiles, setFaces, showFace,
+  addFace, drawNew, enableDrop, fitCovered, fitPhoto, makeGroups, openFiles, setFaces, showFace,
 } from "./faces.js";
 import { request, shown } from "./frames.js";
 import { cancelJob, job, watchJob } from "./job.js";
@@ -61,6 +61,7 @@ function connectButtons() {
     openFiles([...event.target.files]);
     event.target.value = "";
   };
+  element("covered").onclick = fitCovered;
   element("keep").onclick = keepSliders;
   element("zero").onclick = () => change({ sliders: {} });
   element("layer").onchange = (event) => change({ layer: event.target.value });

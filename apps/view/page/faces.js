@@ -1,6 +1,7 @@
 // The strip of faces: showing, mixing, drawing, fitting a photo, opening files.
 
 import { ask, post } from "./api.js";
+import { paintCover } from "./cover.js";
 import { watchJob } from "./job.js";
 import { say } from "./message.js";
 import { change, state } from "./state.js";
@@ -152,17 +153,32 @@ export async function openFiles(files) {
   await watchJob(false);
 }
 
-export async function fitPhoto(file) {
+let lastPhoto = null;
+
+/// `cover`: a PNG mask that is white where something covers the face.
+export async function fitPhoto(file, cover = null) {
   if (!file) return;
   document.getElementById("welcome").hidden = true;
-  const tune = document.getElementById("tune").value;
+  lastPhoto = file;
+  document.getElementById("covered").disabled = false;
+  const query = new URLSearchParams({ tune: document.getElementById("tune").value });
+  if (cover) query.set("cover", cover.size);
   try {
-    await post("photo?tune=" + tune, file);
+    await post("photo?" + query, cover ? new Blob([file, cover]) : file);
   } catch (error) {
     say(error.message);
     return;
   }
   await watchJob(true);
+}
+
+export async function fitCovered() {
+  try {
+    const cover = await paintCover(lastPhoto);
+    if (cover) await fitPhoto(lastPhoto, cover);
+  } catch (error) {
+    say(error.message);
+  }
 }
 
 export async function refreshFaces() {
