@@ -90,13 +90,15 @@ std::array<std::vector<EndNames>, code_names.size()> direction_names(
     const LandmarkModel& landmarks, const std::function<void()>& before_each) {
     if (!model.code_statistics()) fail<ValueError>("this model has no statistics of codes");
     constexpr double deviations = 2.0;
-    constexpr std::int64_t least_samples = 8;
+    constexpr std::int64_t least_samples = 8, largest_side = 128;
+    const std::int64_t side = std::min(model.config().decoder.resolution, largest_side);
     const Codes mean =
         split_codes(Variable(model.code_statistics()->mean().reshaped({1, code_size})));
     const std::int64_t samples =
         std::max(model.config().reconstruction.fit_samples_per_ray / 2, least_samples);
     FaceRenderer renderer(model, {.mode = RenderMode::exact,
                                   .samples_per_ray = samples,
+                                  .resolution = side,
                                   .mask = true,
                                   .remove_floaters = true});
     const Camera camera = model_camera(model, 0.0, 0.0, 0.0);
@@ -105,10 +107,9 @@ std::array<std::vector<EndNames>, code_names.size()> direction_names(
         renderer.show(codes);
         return renderer.render(camera);
     };
-    const auto side = static_cast<double>(model.config().decoder.resolution);
     // All in one square: what differs is then the face alone.
-    const FaceSquare square =
-        square_around(find_points(landmarks, picture(mean).image, mean_square(camera, side)));
+    const FaceSquare square = square_around(find_points(
+        landmarks, picture(mean).image, mean_square(camera, static_cast<double>(side))));
     const auto measured = [&](std::size_t group, std::size_t direction, double amount) {
         std::array<std::vector<double>, code_names.size()> amounts;
         amounts[group].resize(direction + 1);
