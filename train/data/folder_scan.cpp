@@ -75,7 +75,7 @@ PathById by_id(ImageFiles& files, const fs::path& root, Naming naming) {
             fail<FileError>("two images have the id \"", entry->first,
                             "\": ", entry->second.string(), " and ", path.string(),
                             "; rename or remove one");
-        files.left_out.push_back({path.string(), "another file has the same photo's name"});
+        files.left_out.push_back({path.string(), "another file of the same name is taken"});
     }
     return result;
 }

@@ -180,7 +180,7 @@ TEST_CASE("of a photo in two formats one is taken, and the other is named") {
     put(folder / "IMG_1.DNG", std::string("II*\0 raw", 8));
     CHECK(ids_in(folder.path()) == Names{"IMG_1"});
     CHECK(scan_folder(folder.path()).faces.front().image == folder / "IMG_1.PNG");
-    CHECK(left_out_of(folder) == Names{"IMG_1.DNG: another file has the same photo's name"});
+    CHECK(left_out_of(folder) == Names{"IMG_1.DNG: another file of the same name is taken"});
 }
 
 TEST_CASE("the labels of EG3D's dataset.json are the poses of its images") {
