@@ -5,8 +5,8 @@
 
 // A process may fork between calls: the child has threads of its own for the loops below. It must
 // not use what another thread of its parent was working on, nor loops if it was forked inside one.
-// OpenImageIO and OpenEXR keep threads that a child lacks, so it should not read or write .exr
-// files that its parent's threads began with.
+// If the parent has read or written an .exr file, the child must not: OpenEXR would wait for the
+// parent's threads.
 
 namespace stymo {
 
