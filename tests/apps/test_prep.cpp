@@ -100,6 +100,9 @@ TEST_CASE(
     CHECK(names_in(folder / "prepared") == std::set<std::string>{"camera.json", "faces.jsonl",
                                                                  "images", "masks", "overlays",
                                                                  "report.json", "unknown"});
+    for (const std::string& name : names_in(folder / "prepared/unknown"))
+        CHECK(stymo::read_mask(folder / "prepared/unknown" / name).shape() ==
+              stymo::Shape{64, 64, 1});
     CHECK(names_in(folder / "prepared/images") ==
           std::set<std::string>{"00000.png", "00001.png", "00002.png"});
     CHECK(names_in(folder / "prepared/masks") == names_in(folder / "prepared/images"));
