@@ -89,8 +89,8 @@ FaceImage read_face_image(const FaceFiles& files, std::int64_t most_pixels) {
             }
         }
         if (image.mask.defined()) {
-            require_covering(image.mask);
             require_same_frame(image.mask, image.image);
+            require_covering(image.mask);
         }
         if (!files.unknown.empty()) {
             reading = &files.unknown;
