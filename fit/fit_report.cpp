@@ -40,6 +40,12 @@ Tensor known_in(const FaceBatch& target, std::int64_t index) {
     return known_at(known, side, side).reshaped({side, side, 1});
 }
 
+Tensor photo_with_guesses(const FaceBatch& target) {
+    const Tensor& photos = target.targets.back();
+    return display_image(
+        with_guesses(known_at(target.known, photos.shape(1), photos.shape(2)), photos), 0);
+}
+
 FitReport report_fit(const Model& model, const FaceBatch& target, const Tensor& mask,
                      const FitResult& result, std::int64_t index, const Lpips* lpips,
                      bool with_head_mask) {

@@ -26,6 +26,8 @@ struct FitReport {
 
 /// The known pixels of the largest target of row `index`, (S, S, 1); undefined: all.
 [[nodiscard]] Tensor known_in(const FaceBatch& target, std::int64_t index);
+/// The first face's largest target for display, with guesses in place of its unknown pixels.
+[[nodiscard]] Tensor photo_with_guesses(const FaceBatch& target);
 
 /// Renders row `index` before and after the fit and measures both within `mask` (B, S, S, 1), with
 /// LPIPS unless `lpips` is null. If the fit changed nothing, only one image is rendered.

@@ -80,7 +80,7 @@ void AdversarialStage::load_faces(const TrainingPosition& position) {
     for_each_micro_batch(std::ssize(batches_), phase.execution.side_by_side, [&](std::int64_t k) {
         MicroBatch batch = load_micro_batch(parts_, position, k);
         batch.codes = detached(face_codes(parts_.model, batch.faces, parts_.offsets));
-        batch.faces.input = {};  // nothing else reads it
+        batch.faces.input = batch.faces.other_input = {};  // nothing else reads them
         batches_[static_cast<std::size_t>(k)] = std::move(batch);
     });
 }

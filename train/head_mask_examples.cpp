@@ -146,7 +146,7 @@ HeadMaskExamples::HeadMaskExamples(const fs::path& folder) {
     photos_.resize(scan.faces.size());
     parallel_for(std::ssize(photos_), 8, [&](std::int64_t begin, std::int64_t end) {
         for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
-            photos_[i] = read_photo(folder, scan.faces[i].image, scan.faces[i].mask);
+            photos_[i] = read_photo(folder, scan.faces[i]);
     });
     if (!fs::is_directory(folder / "backgrounds")) return;
     for (const fs::path& file : images_below(folder / "backgrounds").images) {
@@ -157,24 +157,24 @@ HeadMaskExamples::HeadMaskExamples(const fs::path& folder) {
 }
 
 HeadMaskExamples::Picture HeadMaskExamples::read_photo(const fs::path& folder,
-                                                       const fs::path& image,
-                                                       const fs::path& mask) {
-    if (mask.empty())
-        fail<FileError>(image.string(), ": has no mask; a head-mask network learns from masks");
+                                                       const FaceFiles& files) {
+    if (files.mask.empty())
+        fail<FileError>(files.image.string(),
+                        ": has no mask; a head-mask network learns from masks");
     Picture picture{
         std::vector<std::uint8_t>(std::size_t{picture_side} * picture_side * photo_channels)};
-    put(picture.bytes, photo_channels, 0, at_usual_side(read_image(image)));
-    put(picture.bytes, photo_channels, mask_channel, at_usual_side(read_mask_file(mask).mask));
-    const std::string name = image.stem().string() + ".png";
+    put(picture.bytes, photo_channels, 0, at_usual_side(read_image(files.image)));
+    put(picture.bytes, photo_channels, mask_channel,
+        at_usual_side(read_mask_file(files.mask).mask));
     Tensor known = Tensor::full({picture_side, picture_side, 1}, 1.0);
-    if (fs::exists(folder / "unknown" / name))
-        known = affine(at_usual_side(read_mask_file(folder / "unknown" / name).mask), -1.0, 1.0)
-                    .value();
+    if (!files.unknown.empty())
+        known = affine(at_usual_side(read_mask_file(files.unknown).mask), -1.0, 1.0).value();
     put(picture.bytes, photo_channels, known_channel, known);
-    picture.has_person = fs::exists(folder / "persons" / name);
+    const fs::path person = folder / "persons" / (files.id + ".png");
+    picture.has_person = fs::exists(person);
     if (picture.has_person)
         put(picture.bytes, photo_channels, person_channel,
-            at_usual_side(read_mask_file(folder / "persons" / name).mask));
+            at_usual_side(read_mask_file(person).mask));
     return picture;
 }
 

@@ -8,6 +8,7 @@
 #include "core/config.h"
 #include "core/rng.h"
 #include "core/tensor.h"
+#include "train/data/folder_scan.h"
 #include "train/data/image_files.h"
 
 namespace stymo {
@@ -58,8 +59,7 @@ private:
     struct Example;
 
     [[nodiscard]] static Picture read_photo(const std::filesystem::path& folder,
-                                            const std::filesystem::path& image,
-                                            const std::filesystem::path& mask);
+                                            const FaceFiles& files);
     [[nodiscard]] Example varied(const HeadMaskVariation& variation, Rng& rng) const;
     void change_background(Example& example, Rng& rng) const;
     void cover(Example& example, Rng& rng) const;

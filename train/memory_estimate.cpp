@@ -63,8 +63,9 @@ std::int64_t generator_numbers(const Model& model, const ReconstructionLoss& los
                                const TrainConfig& config, const TrainingPhase& phase,
                                const Recomputation& recomputation) {
     const std::int64_t side = model.decoder().ladder().largest();
+    const std::int64_t encoded = config.data.other_photo > 0.0 ? 2 : 1;
     // The photos at full size for the encoder and for the losses, with their masks.
-    LayerMemory memory{phase.micro_batch * 10 * side * side, 0};
+    LayerMemory memory{phase.micro_batch * (7 + 3 * encoded) * side * side, 0};
     memory.add(
         model.decoder().memory({.samples_per_ray = phase.samples_per_ray,
                                 .resolution = phase.resolution,
@@ -73,7 +74,7 @@ std::int64_t generator_numbers(const Model& model, const ReconstructionLoss& los
                                 .recompute_blocks = recomputation.blocks},
                                phase.micro_batch));
     if (phase.stage == 1 && model.has_encoder())
-        memory.saved += phase.micro_batch * model.encoder().backbone().saved();
+        memory.saved += phase.micro_batch * encoded * model.encoder().backbone().saved();
     memory.add(loss.memory(phase.resolution));
     if (has_discriminator(config, phase)) {
         const LayerMemory discriminator = discriminator_memory(config, phase);

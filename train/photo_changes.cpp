@@ -5,6 +5,7 @@
 #include <map>
 #include <optional>
 #include <sstream>
+#include <string_view>
 
 #include "train/photo_offsets.h"
 
@@ -19,6 +20,23 @@ std::vector<std::string> lines_of(const std::string& text) {
     std::istringstream stream(text);
     for (std::string line; std::getline(stream, line);) lines.push_back(line);
     return lines;
+}
+
+/// An id in ASCII and on one line, because metadata is UTF-8 and file names need not be.
+std::string escaped(const std::string& id) {
+    constexpr std::string_view digits = "0123456789ABCDEF";
+    std::string text;
+    for (const char letter : id) {
+        const auto byte = static_cast<unsigned char>(letter);
+        if (byte < ' ' || byte > '~' || letter == '%') {
+            text += '%';
+            text += digits[byte / digits.size()];
+            text += digits[byte % digits.size()];
+        } else {
+            text += letter;
+        }
+    }
+    return text;
 }
 
 using Rows = std::map<std::string, std::int64_t>;
@@ -76,11 +94,11 @@ bool is_of_photos(const std::string& name) {
 
 void store_photo_ids(TensorFile& state, const std::vector<std::string>& ids) {
     std::string text;
-    for (const std::string& id : ids) text += id + '\n';
+    for (const std::string& id : ids) text += escaped(id) + '\n';
     state.metadata[photos_key] = text;
 }
 
-std::string follow_photos(TensorFile& state, const std::vector<std::string>& ids) {
+std::string follow_photos(TensorFile& state, const std::vector<std::string>& photo_ids) {
     const bool learnt = std::ranges::any_of(
         state.tensors, [](const auto& entry) { return is_of_photos(entry.first); });
     const auto stored = state.metadata.find(photos_key);
@@ -89,6 +107,8 @@ std::string follow_photos(TensorFile& state, const std::vector<std::string>& ids
                         "in the order of the ids"
                       : "";
     const std::vector<std::string> earlier = lines_of(stored->second);
+    std::vector<std::string> ids;
+    for (const std::string& id : photo_ids) ids.push_back(escaped(id));
     const Rows before = rows_of(earlier), after = rows_of(ids);
     const std::vector<std::string> gone = missing_in(after, earlier),
                                    added = missing_in(before, ids);

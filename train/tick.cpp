@@ -106,9 +106,13 @@ ValidationScore validation_score(const Model& model, const ReconstructionLoss& r
                                  const Dataset& faces, std::int64_t count, std::int64_t resolution,
                                  std::int64_t samples_per_ray) {
     ValidationScore sum;
+    std::int64_t scored = 0;
     for (std::int64_t index = 0; index < count; ++index) {
         const FaceBatch batch =
             make_batch(std::vector{faces.load(index)}, model.decoder().ladder().smallest());
+        const Tensor known = known_at(batch.known, resolution, resolution);
+        if (known_share(known) == 0.0) continue;
+        ++scored;
         const Codes codes = face_codes(model, batch);
         const Decoded decoded = model.decoder()(
             codes, batch.cameras, {.samples_per_ray = samples_per_ray, .resolution = resolution});
@@ -117,7 +121,6 @@ ValidationScore validation_score(const Model& model, const ReconstructionLoss& r
         sum.reconstruction += reconstruction(decoded.images, target).total.value().item();
         const int side = static_cast<int>(resolution);
         const Tensor mask = clamp(resize_bicubic(batch.mask, side, side), 0.0, 1.0).value();
-        const Tensor known = known_at(batch.known, side, side);
         const Tensor image =
             masked_image(display_image(where_known(known, decoded.images.back(), -1.0).value(), 0),
                          display_mask(mask, 0));
@@ -125,7 +128,8 @@ ValidationScore validation_score(const Model& model, const ReconstructionLoss& r
         sum.psnr += peak_signal_to_noise_ratio(image, display_image(target.images.back(), 0)) +
                     10.0 * std::log10(known_share(known));
     }
-    return {sum.reconstruction / static_cast<double>(count), sum.psnr / static_cast<double>(count)};
+    const auto faces_scored = static_cast<double>(std::max<std::int64_t>(scored, 1));
+    return {sum.reconstruction / faces_scored, sum.psnr / faces_scored};
 }
 
 Tensor sample_sheet(const Model& model, const Dataset& faces, std::int64_t resolution,

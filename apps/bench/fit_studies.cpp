@@ -12,6 +12,7 @@
 #include "core/matmul_precision.h"
 #include "core/ops/ops.h"
 #include "fit/evaluation.h"
+#include "fit/fit_report.h"
 #include "fit/fitter.h"
 #include "fit/tuning.h"
 #include "nn/models/display_image.h"
@@ -33,8 +34,12 @@ constexpr double same_loss = 1.005;
 struct FitTarget {
     explicit FitTarget(const Face& face) : FitTarget(make_batch(std::span(&face, 1))) {}
     explicit FitTarget(const FaceBatch& batch)
-        : faces{batch.input, batch.targets, batch.cameras},
-          measured(display_image(batch.targets.back(), 0), display_mask(batch.mask, 0)) {}
+        : faces{.input = batch.input,
+                .targets = batch.targets,
+                .cameras = batch.cameras,
+                .known = batch.known},
+          measured(display_image(batch.targets.back(), 0), display_mask(batch.mask, 0), nullptr,
+                   known_in(batch, 0)) {}
 
     FaceBatch faces;
     MetricTarget measured;
@@ -162,7 +167,8 @@ FitCurve fitted(const Judge& judge, const FitTarget& photo, const FitVariant& va
     if (variant.by_encoder) config.perceptual.network = encoder_network;
     const ReconstructionLoss loss(config, "",
                                   variant.by_encoder ? &judge.model.encoder() : nullptr);
-    const ReconstructionLoss::Target kept = judge.loss.kept_target(photo.faces.targets);
+    const ReconstructionLoss::Target kept =
+        judge.loss.kept_target(photo.faces.targets, photo.faces.known);
     FitOptions options = variant.options;
     options.initial = detached(face_codes(judge.model, photo.faces));
     FitCurve curve{{judged(judge, photo, kept, *options.initial, *options.initial)}};

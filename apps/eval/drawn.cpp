@@ -12,6 +12,7 @@
 #include "core/interrupt.h"
 #include "core/io/image.h"
 #include "core/progress.h"
+#include "fit/fit_report.h"
 #include "nn/models/display_image.h"
 #include "nn/realtime/view.h"
 
@@ -37,7 +38,7 @@ Photos photos_of(const Model& model, const DrawnOptions& options, const Identity
     Photos photos;
     for (const std::int64_t i : positions_of(faces, selection.range)) {
         const ComparedFace face = compared_face(model, faces, i, selection);
-        photos.features.push_back(measure.embedding(display_image(face.batch.targets.back(), 0)));
+        photos.features.push_back(measure.embedding(photo_with_guesses(face.batch)));
         photos.cameras.push_back(face.batch.cameras.front());
     }
     constexpr std::size_t least = 4;

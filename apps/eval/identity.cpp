@@ -76,7 +76,7 @@ IdentityScore IdentityMeasure::measure(const Model& model, const ComparedFace& f
     return {.photo = cosine(photo, fitted),
             .turned_15 = turned(15.0),
             .turned_30 = turned(30.0),
-            .other = cosine(photo, embedding(display_image(other.batch.targets.back(), 0)))};
+            .other = cosine(photo, embedding(photo_with_guesses(other.batch)))};
 }
 
 }  // namespace stymo

@@ -55,6 +55,9 @@ std::string text_of(const stymo::PrepareReport& report, const Options& options) 
 stymo::AppResult prepare(Options options) {
     if (options.folders.photos.empty()) stymo::fail<stymo::UsageError>("--photos is required");
     if (options.folders.out.empty()) stymo::fail<stymo::UsageError>("--out is required");
+    if (options.settings.whole_head && !options.settings.pose_network.empty())
+        stymo::fail<stymo::UsageError>(
+            "--whole-head needs the poses of the fitted head; leave out --pose-net");
     options.folders.overlays = !options.no_overlay;
     stymo::warn_without_landmark_network(options.settings);
     const stymo::PhotoPreparation preparation(options.settings);

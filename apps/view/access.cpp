@@ -103,10 +103,12 @@ std::optional<Refusal> Access::refusal(const Asker& asker) const {
                        "this name is not the viewer's; if it is that of its proxy, start "
                        "stymo-view with --origin and the page's address"};
     if (asker.origin && !is_own_page(asker))
-        return Refusal{403, "requests of the page " + *asker.origin +
-                                " are not answered; if it is the viewer's own, behind a proxy, "
-                                "start stymo-view with --origin " +
-                                *asker.origin};
+        return Refusal{403, "requests of the page " + *asker.origin + " are not answered" +
+                                (*asker.origin == "null"
+                                     ? ""
+                                     : "; if it is the viewer's own, behind a proxy, start "
+                                       "stymo-view with --origin " +
+                                           *asker.origin)};
     if (asker.reads_page) return std::nullopt;
     const bool is_of_other_page =
         !asker.site.empty() && asker.site != "same-origin" && asker.site != "none";

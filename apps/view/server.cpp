@@ -112,7 +112,9 @@ httplib::Server::HandlerResponse Server::Implementation::guard(const httplib::Re
         refuse(response, 416, "parts of files are not served");
         return Handled;
     }
-    if (request.method == "POST" && !announces_body(request)) {
+    // httplib reads the bodies of other methods, too, before it looks for who serves them.
+    const bool has_no_body = request.method == "GET" || request.method == "HEAD";
+    if (!has_no_body && !announces_body(request)) {
         refuse(response, 411, "a request needs its length and must not be compressed");
         return Handled;
     }

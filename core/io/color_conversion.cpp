@@ -31,6 +31,9 @@ constexpr std::int64_t pixels_of_a_task = 1 << 14;
 Profile profile_of(const ColorTags& tags) {
     constexpr std::array<double, 8> srgb{0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290};
     const std::array<double, 8> p = tags.primaries.value_or(srgb);
+    const double white_y = p.back();
+    if (!std::ranges::all_of(p, [](double x) { return std::isfinite(x); }) || !(white_y > 0.0))
+        return {};
     const cmsCIExyY white{p[6], p[7], 1.0};
     const cmsCIExyYTRIPLE colors{{p[0], p[1], 1.0}, {p[2], p[3], 1.0}, {p[4], p[5], 1.0}};
     // IEC 61966-2-1: ((value + 0.055) / 1.055)^2.4, below 0.04045 value / 12.92.
@@ -47,6 +50,12 @@ Profile profile_of(const ColorTags& tags) {
 
 Profile profile_in(const std::string& bytes) {
     return Profile(cmsOpenProfileFromMem(bytes.data(), static_cast<cmsUInt32Number>(bytes.size())));
+}
+
+bool is_grey(std::span<const float> pixels) {
+    for (std::size_t i = 0; i + 2 < pixels.size(); i += 3)
+        if (pixels[i] != pixels[i + 1] || pixels[i] != pixels[i + 2]) return false;
+    return true;
 }
 
 Transform transform_to_srgb(const Profile& from, cmsUInt32Number format) {
@@ -86,6 +95,7 @@ std::string convert_to_srgb(std::span<float> pixels, std::span<const float> inks
     // A grey profile takes the first of the three equal values.
     constexpr cmsUInt32Number first_of_three = TYPE_GRAY_FLT | EXTRA_SH(2);
     const bool grey = space == cmsSigGrayData;
+    if (grey && !is_grey(pixels)) return "its colour profile is for another kind of image";
     const Transform transform = transform_to_srgb(
         profile, of_inks ? TYPE_CMYK_FLT : (grey ? first_of_three : TYPE_RGB_FLT));
     if (!transform) return "its colour profile is damaged";

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <memory>
+#include <new>
 #include <opencv2/core.hpp>
 
 #include "core/error.h"
@@ -113,9 +114,13 @@ private:
 };
 
 int append_bytes(GifFileType* file, const GifByteType* bytes, int count) {
-    static_cast<std::string*>(file->UserData)
-        ->append(reinterpret_cast<const char*>(bytes), static_cast<std::size_t>(count));
-    return count;
+    try {
+        static_cast<std::string*>(file->UserData)
+            ->append(reinterpret_cast<const char*>(bytes), static_cast<std::size_t>(count));
+        return count;
+    } catch (const std::bad_alloc&) {
+        return 0;  // no exception may pass through giflib
+    }
 }
 
 /// Writes a GIF through giflib.

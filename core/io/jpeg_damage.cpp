@@ -8,13 +8,14 @@
 #include <jpeglib.h>
 
 #include <algorithm>
+#include <memory>
 
 namespace stymo {
 namespace {
 
-/// What libjpeg's messages say; `manager` is first, because libjpeg hands out its address.
+/// What libjpeg's messages say; `errors` is first, because libjpeg hands out its address.
 struct Verdict {
-    jpeg_error_mgr manager{};
+    jpeg_error_mgr errors{};
     std::jmp_buf give_up{};
     bool lost = false;
     bool without_end = false;
@@ -89,11 +90,12 @@ void decode(jpeg_decompress_struct& jpeg, Verdict& verdict, std::string_view byt
 bool decodes_whole(std::string_view bytes, std::vector<std::uint8_t>* inks) {
     Verdict verdict;
     jpeg_decompress_struct jpeg{};
-    jpeg.err = jpeg_std_error(&verdict.manager);
-    verdict.manager.error_exit = on_error;
-    verdict.manager.emit_message = on_message;
+    jpeg.err = jpeg_std_error(&verdict.errors);
+    verdict.errors.error_exit = on_error;
+    verdict.errors.emit_message = on_message;
+    const std::unique_ptr<jpeg_decompress_struct, void (*)(jpeg_decompress_struct*)> end(
+        &jpeg, [](jpeg_decompress_struct* one) { jpeg_destroy_decompress(one); });
     decode(jpeg, verdict, bytes, inks);
-    jpeg_destroy_decompress(&jpeg);
     return !verdict.lost;
 }
 

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <map>
 #include <set>
 #include <string>
@@ -184,8 +185,13 @@ private:
     [[nodiscard]] std::vector<std::int64_t> constant_integers(const std::string& operation,
                                                               const std::string& name) const {
         if (const auto found = graph_.tensors.find(name); found != graph_.tensors.end()) {
-            const std::vector<double> values = found->second.to_vector();
-            return {values.begin(), values.end()};
+            constexpr double most = 64.0;
+            std::vector<std::int64_t> axes;
+            for (const double value : found->second.to_vector()) {
+                if (!(std::abs(value) <= most)) source_.refuse(operation, " has improper axes");
+                axes.push_back(static_cast<std::int64_t>(value));
+            }
+            return axes;
         }
         source_.refuse(operation, " computes its axes, and only constant ones are supported");
     }

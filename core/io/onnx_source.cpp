@@ -186,14 +186,21 @@ std::string_view OnnxSource::external_bytes(const OnnxStoredTensor& tensor) {
         return value;
     };
     const std::string location = entry("location");
-    const fs::path file = path_.parent_path() / location;
+    // A link may lead to another file, as in a cache, but not out of the folders of the model.
     std::error_code error;
-    if (!stays_inside(location) || !fs::is_regular_file(file, error))
+    const fs::path file = fs::canonical(path_.parent_path() / location, error);
+    const auto lies_in = [&](const fs::path& folder) {
+        std::error_code unknown;
+        return stays_inside(file.lexically_relative(fs::canonical(folder, unknown)));
+    };
+    const bool is_beside = !error && (lies_in(fs::absolute(path_).parent_path()) ||
+                                      lies_in(fs::canonical(path_, error).parent_path()));
+    if (!stays_inside(location) || !is_beside || !fs::is_regular_file(file, error))
         fail<FileError>(path_.string(), ": tensor \"", tensor.name,
                         "\" is kept in another file, \"", location,
                         "\"; put that file beside the model, or save the model with its weights "
                         "inside");
-    const auto [known, is_new] = files_.try_emplace(location);
+    const auto [known, is_new] = files_.try_emplace(file.string());
     if (is_new) known->second.bytes = read_file(file);
     const std::string_view all = known->second.bytes;
     const std::uint64_t offset = number("offset", 0);

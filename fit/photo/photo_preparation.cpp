@@ -35,6 +35,9 @@ constexpr double least_resolution = 0.25;
 /// Of a crop with a larger share outside the photo too little is known.
 constexpr double largest_unknown_share = 0.7;
 
+/// Crops of which less is known are refused, too.
+constexpr double least_known_share = 0.25;
+
 /// Sides of the squares that are tried for a whole head, in units of FFHQ's.
 constexpr std::array<double, 3> wider_squares{1.15, 1.3, 1.5};
 /// A wider square is of no use if this share of it is new and lies outside the photo.
@@ -179,7 +182,8 @@ struct PhotoPreparation::Implementation {
 
     [[nodiscard]] FaceCrop crop(const Tensor& photo, const KnownOfPhoto& known,
                                 const FoundFace& face) const;
-    [[nodiscard]] FaceCrop crop_at(const Alignment& alignment, const Tensor& photo,
+    /// `is_aligned`: the photo is that square already.
+    [[nodiscard]] FaceCrop crop_at(const Alignment& alignment, bool is_aligned, const Tensor& photo,
                                    const KnownOfPhoto& known, const FoundFace& face) const;
     [[nodiscard]] PreparedFace joined(FaceCrop crop, std::optional<MorphableFit> fit);
     /// Why the face cannot be used; empty if it can.
@@ -193,7 +197,8 @@ struct PhotoPreparation::Implementation {
 FaceCrop PhotoPreparation::Implementation::crop(const Tensor& photo, const KnownOfPhoto& known,
                                                 const FoundFace& face) const {
     const Alignment narrow = ffhq_alignment(face.landmarks);
-    FaceCrop crop = crop_at(narrow, photo, known, face);
+    FaceCrop crop =
+        crop_at(narrow, is_aligned(narrow, photo.shape(1), photo.shape(0)), photo, known, face);
     if (!settings.whole_head || crop.was_aligned) return crop;
     for (const double scale : wider_squares) {
         if (!leaves_frame(crop.mask)) break;
@@ -201,17 +206,18 @@ FaceCrop PhotoPreparation::Implementation::crop(const Tensor& photo, const Known
         if (share_outside(wide, photo.shape(1), photo.shape(0)) - crop.share_outside >
             largest_new_share_outside)
             break;
-        crop = crop_at(wide, photo, known, face);
+        crop = crop_at(wide, false, photo, known, face);
     }
     return crop;
 }
 
-FaceCrop PhotoPreparation::Implementation::crop_at(const Alignment& alignment, const Tensor& photo,
+FaceCrop PhotoPreparation::Implementation::crop_at(const Alignment& alignment, bool is_aligned,
+                                                   const Tensor& photo,
                                                    const KnownOfPhoto& of_photo,
                                                    const FoundFace& face) const {
     const std::int64_t height = photo.shape(0), width = photo.shape(1);
     FaceCrop crop;
-    crop.was_aligned = is_aligned(alignment, width, height);
+    crop.was_aligned = is_aligned;
     crop.faces = face.faces;
     crop.side_in_photo = crop.was_aligned ? static_cast<double>(width) : alignment.side();
     crop.share_outside = crop.was_aligned ? 0.0 : share_outside(alignment, width, height);
@@ -254,6 +260,8 @@ std::string PhotoPreparation::Implementation::failure_of(
     if (!(crop.share_outside <= largest_unknown_share))
         return "its face is cut off (" + std::to_string(std::lround(100.0 * crop.share_outside)) +
                " percent of the crop lie outside the photo)";
+    // What lies outside is unknown, and more may be, which is drawn or covered.
+    if (!(known_share(crop.known) >= least_known_share)) return "too little of its face is known";
     if (!fit || !(fit->landmark_error <= largest_landmark_error))
         return "the head model does not fit what was found";
     return {};

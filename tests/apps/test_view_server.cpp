@@ -216,6 +216,10 @@ TEST_CASE("what is left of a refused request is not taken for the next one", "[v
         {"another page", own + "\r\nOrigin: http://evil.example" + length + "\r\n\r\n" + hidden,
          403},
         {"in chunks", own + "\r\nTransfer-Encoding: chunked\r\n\r\n" + chunk, 411},
+        {"in chunks by another method",
+         "PUT /api/session HTTP/1.1\r\nHost: " + running.host() +
+             "\r\nTransfer-Encoding: chunked\r\n\r\n" + chunk,
+         411},
         {"without a length", own + "\r\n\r\n" + hidden, 411},
         {"compressed", own + length + "\r\nContent-Encoding: gzip\r\n\r\n" + hidden, 411},
         {"too long", own + "\r\nContent-Length: 1001\r\n\r\n" + hidden, 413},

@@ -86,13 +86,13 @@ constexpr bool keeps_what_is_freed = false;
 #endif
 
 /// What `work` takes at most beyond what the process holds already, in bytes; nothing where the
-/// system does not say. The larger of two measurements, because one is too small if the work finds
+/// system does not say. The largest of three measurements: one is too small if the work finds
 /// pages that the heap has kept, or if the system takes back pages of files meanwhile.
 template <class Work>
 std::optional<double> measured_peak(const Work& work) {
     if (keeps_what_is_freed) return std::nullopt;
     double largest = 0.0;
-    for (int i = 0; i < 2; ++i) {
+    for (int i = 0; i < 3; ++i) {
 #ifdef __GLIBC__
         malloc_trim(0);  // else it would take what other tests have left
 #endif

@@ -237,15 +237,17 @@ std::optional<Face> Dataset::Implementation::try_load(std::int64_t index) const 
     const double start = seconds_now(), computing = thread_seconds();
     DecodedFace decoded = decode(faces[static_cast<std::size_t>(index)], records, side);
     waiting_seconds += (seconds_now() - start) - (thread_seconds() - computing);
-    const std::lock_guard lock(broken_mutex);
-    if (decoded.pixels) {
+    {
+        const std::lock_guard lock(broken_mutex);
+        if (!decoded.pixels) {
+            broken.emplace(index, std::move(decoded.broken));
+            return std::nullopt;
+        }
         if (!decoded.doubt.empty())
             doubts[faces[static_cast<std::size_t>(index)].image.string()] = decoded.doubt;
         if (decoded.pixels->scaled_mask) scaled_masks.insert(index);
-        return face(index, *decoded.pixels);
     }
-    broken.emplace(index, std::move(decoded.broken));
-    return std::nullopt;
+    return face(index, *decoded.pixels);
 }
 
 Dataset::Dataset(const std::filesystem::path& folder, std::int64_t side, const DataConfig& config,
@@ -261,7 +263,9 @@ Dataset::Dataset(const std::filesystem::path& folder, std::int64_t side, const D
     data.intrinsics = scan.intrinsics;
     data.left_out = std::move(scan.left_out);
     if (check) data.refuse(check);
-    constexpr std::int64_t channels = 4;
+    const bool has_unknown = std::ranges::any_of(
+        data.faces, [](const FaceFiles& files) { return !files.unknown.empty(); });
+    const std::int64_t channels = has_unknown ? 5 : 4;
     if (static_cast<std::int64_t>(data.faces.size()) * side * side * channels <=
         config.cache_megabytes * 1000000)
         data.fill_cache();

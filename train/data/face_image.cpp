@@ -96,6 +96,8 @@ FaceImage read_face_image(const FaceFiles& files, std::int64_t most_pixels) {
             reading = &files.unknown;
             image.known = known_outside(read(files.unknown));
             if (image.known.defined()) require_same_frame(image.known, image.image);
+            if (known_share(image.known) == 0.0)
+                fail<FileError>("leaves nothing of the photo; white stands for what is unknown");
         }
         return image;
     } catch (const Error& error) {

@@ -162,7 +162,8 @@ FolderScan scan_folder(const fs::path& folder) {
     }
     try {
         const fs::path root = image_folder(folder);
-        ImageFiles files = images_below(root, is_side);
+        // Side files and folders lie beside folders of images, not in them.
+        ImageFiles files = root == folder ? images_below(root, is_side) : images_below(root);
         if (files.images.empty()) fail_without_images(root, files);
         FolderScan scan;
         if (fs::exists(folder / "faces.jsonl")) scan.records = FaceRecords(folder / "faces.jsonl");

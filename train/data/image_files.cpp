@@ -69,32 +69,14 @@ std::string_view reason_against_brands(std::string_view bytes) {
     return video;
 }
 
-/// One folder after the other, real ones before links to them.
+/// One folder after the other, all real ones before links to them.
 class ImageSearch {
 public:
     explicit ImageSearch(const std::function<bool(const fs::path&)>& is_side) : is_side_(is_side) {}
 
-    void visit(const fs::path& folder, bool is_top) {
-        const auto [former, added] = visited_.emplace(fs::canonical(folder), folder);
-        if (!added) {
-            leave_out(folder, "a link to a folder that is listed as " + former->second.string());
-            return;
-        }
-        std::vector<fs::directory_entry> entries(fs::directory_iterator(folder), {});
-        std::ranges::sort(entries, {}, [](const fs::directory_entry& entry) {
-            return std::pair(entry.is_symlink(), entry.path());
-        });
-        for (const fs::directory_entry& entry : entries) {
-            const std::string name = entry.path().filename().string();
-            if (name.starts_with('.') ||
-                std::ranges::find(passed_over, name) != passed_over.end() ||
-                (is_top && is_side_ && is_side_(name)))
-                continue;
-            if (entry.is_directory())
-                visit(entry.path(), false);
-            else
-                judge(entry);
-        }
+    void visit_all(const fs::path& folder) {
+        visit(folder, true);
+        for (std::size_t i = 0; i < links_.size(); ++i) visit(fs::path(links_[i]), false);
     }
 
     [[nodiscard]] ImageFiles result() && {
@@ -104,9 +86,36 @@ public:
     }
 
 private:
+    void visit(const fs::path& folder, bool is_top) {
+        const auto [former, added] = visited_.emplace(fs::canonical(folder), folder);
+        if (!added) {
+            leave_out(folder, "a link to a folder that is listed as " + former->second.string());
+            return;
+        }
+        std::vector<fs::directory_entry> entries(fs::directory_iterator(folder), {});
+        std::ranges::sort(entries, {},
+                          [](const fs::directory_entry& entry) { return entry.path(); });
+        for (const fs::directory_entry& entry : entries) {
+            const std::string name = entry.path().filename().string();
+            if (name.starts_with('.') ||
+                std::ranges::find(passed_over, name) != passed_over.end() ||
+                (is_top && is_side_ && is_side_(name)))
+                continue;
+            judge(entry);
+        }
+    }
+
     void judge(const fs::directory_entry& entry) {
-        if (!entry.exists()) return leave_out(entry.path(), "a link to nothing");
-        if (!entry.is_regular_file()) return leave_out(entry.path(), "not a file");
+        std::error_code error;
+        const fs::file_type type = entry.status(error).type();
+        if (type == fs::file_type::not_found) return leave_out(entry.path(), "a link to nothing");
+        if (type == fs::file_type::none) return leave_out(entry.path(), error.message());
+        if (type == fs::file_type::directory) {
+            if (!entry.is_symlink()) return visit(entry.path(), false);
+            links_.push_back(entry.path());
+            return;
+        }
+        if (type != fs::file_type::regular) return leave_out(entry.path(), "not a file");
         std::string ending = entry.path().extension().string();
         std::ranges::transform(ending, ending.begin(), [](unsigned char letter) {
             return static_cast<char>(std::tolower(letter));
@@ -124,6 +133,7 @@ private:
 
     const std::function<bool(const fs::path&)>& is_side_;
     std::map<fs::path, fs::path> visited_;  ///< by canonical path
+    std::vector<fs::path> links_;           ///< to folders, in the order in which they were found
     ImageFiles files_;
 };
 
@@ -154,7 +164,7 @@ std::string reason_against(const fs::path& file) {
 ImageFiles images_below(const fs::path& folder,
                         const std::function<bool(const fs::path& name)>& is_side) {
     ImageSearch search(is_side);
-    search.visit(folder, true);
+    search.visit_all(folder);
     return std::move(search).result();
 }
 

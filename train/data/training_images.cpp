@@ -82,7 +82,8 @@ FaceBatch TrainingImages::batch(std::int64_t first_image, std::int64_t count,
     std::vector<bool> same_light;
     bool has_others = false;
     for (std::int64_t number = first_image; number < first_image + count; ++number) {
-        const std::int64_t index = face_of(number), other = other_photo_of(number, index);
+        const std::int64_t index = face_of(number);
+        std::int64_t other = other_photo_of(number, index);
         if (ahead_ > 0) faces_.announce(face_of(number + ahead_));
         const bool mirror =
             mirror_ && rng_.split("mirror").split(static_cast<std::uint64_t>(number)).below(2) == 1;
@@ -93,6 +94,14 @@ FaceBatch TrainingImages::batch(std::int64_t first_image, std::int64_t count,
         faces.push_back(loaded(index));
         if (other_photo_ == 0.0) continue;
         others.push_back(other == index ? faces.back() : loaded(other));
+        // In place of a broken file the data set returns a photo of somebody else.
+        const auto is_of = [&](const Face& face, std::int64_t photo) {
+            return face.id == faces_.ids()[static_cast<std::size_t>(photo)];
+        };
+        if (!is_of(faces.back(), index) || !is_of(others.back(), other)) {
+            others.back() = faces.back();
+            other = index;
+        }
         same_light.push_back(other == index || same_series(faces_, index, other));
         has_others = has_others || other != index;
     }

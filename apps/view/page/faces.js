@@ -95,7 +95,8 @@ export async function drawThumbnail(id) {
   try {
     const source = await thumbnail(id);
     const image = strip.querySelector(`[data-face="${id}"] img`);
-    if (!source || !image) return;
+    if (!source) return;
+    if (!image) return URL.revokeObjectURL(source);
     if (image.src) URL.revokeObjectURL(image.src);
     image.src = source;
   } catch (error) {

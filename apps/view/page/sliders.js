@@ -70,12 +70,13 @@ export async function nameSliders(groups) {
 
 function hideEnds() {
   clearTimeout(endsTimer);
+  endsTimer = 0;
   ends.hidden = true;
 }
 
 function showEndsSoon(group, index) {
   hideEnds();
-  endsTimer = setTimeout(() => showEnds(group, index).catch(hideEnds), 200);
+  endsTimer = setTimeout(() => showEnds(group, index).catch(() => {}), 200);
 }
 
 // The shown face at both ends of a slider.
@@ -85,6 +86,7 @@ async function showEnds(group, index) {
   const captions = [...input.nextSibling.children].map((item) => item.textContent);
   const pictures = [];
   for (const amount of [-most, most]) {
+    if (timer !== endsTimer) break;
     const amounts = inputs.get(group).map((other) => Number(other.value));
     amounts[index] = amount;
     pictures.push(await thumbnail(state.face, { ...state.sliders, [group]: amounts }));

@@ -171,9 +171,6 @@ TEST_CASE("colours are converted to sRGB as the published matrices of their spac
           {},
           {}},
          converted(power(1.8), srgb_from_prophoto)},
-        {"grey",
-         {grey_profile(1.8), {}, {}, {}},
-         {to_srgb(std::pow(0.8, 1.8)), to_srgb(std::pow(0.8, 1.8)), to_srgb(std::pow(0.8, 1.8))}},
         {"a gamma alone",
          {{}, {}, 1.8, {}},
          {to_srgb(std::pow(0.8, 1.8)), to_srgb(std::pow(0.5, 1.8)), to_srgb(std::pow(0.3, 1.8))}},
@@ -184,6 +181,16 @@ TEST_CASE("colours are converted to sRGB as the published matrices of their spac
         CHECK(convert_to_srgb(colors, {}, item.tags).empty());
         check_color(colors, item.expected, 0.2 / 255.0);
     }
+    const ColorTags grey{grey_profile(1.8), {}, {}, {}};
+    const double light = to_srgb(std::pow(0.8, 1.8));
+    std::vector<float> colors = pixel({0.8, 0.8, 0.8});
+    CHECK(convert_to_srgb(colors, {}, grey).empty());
+    check_color(colors, {light, light, light}, 0.2 / 255.0);
+    colors = pixel(value);
+    CHECK(convert_to_srgb(colors, {}, grey) == "its colour profile is for another kind of image");
+    check_color(colors, value, 1e-7);
+    const ColorTags no_light{{}, std::array{0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3, 0.0}, {}, {}};
+    CHECK(convert_to_srgb(colors, {}, no_light) == "its colour tags are wrong");
 }
 
 TEST_CASE("pixels whose profile is that of sRGB keep their bits") {

@@ -147,9 +147,19 @@ TEST_CASE("links to folders are followed once, also in a loop") {
     CHECK(ids_in(folder.path()) == Names{"a", "b"});
     const Names left_out = left_out_of(folder);
     REQUIRE(left_out.size() == 3);
-    CHECK_THAT(left_out[0], Contains("own/loop: a link to a folder that is listed as "));
-    CHECK(left_out[1] == "broken: a link to nothing");
+    CHECK(left_out[0] == "broken: a link to nothing");
+    CHECK_THAT(left_out[1], Contains("own/loop: a link to a folder that is listed as "));
     CHECK_THAT(left_out[2], Contains("twice: a link to a folder that is listed as "));
+}
+
+TEST_CASE("a folder is listed where it is, not where a link shows it") {
+    const ScratchFolder folder;
+    put_image(folder / "a/1.png");
+    put_image(folder / "b/1.png");
+    fs::create_directory_symlink("../b", folder / "a/link");
+    fs::create_symlink("self", folder / "self");
+    CHECK(ids_in(folder.path()) == Names{"a/1", "b/1"});
+    CHECK(left_out_of(folder).size() == 2);
 }
 
 TEST_CASE("photos of the same name in folders of persons have their paths as ids") {
@@ -225,4 +235,16 @@ TEST_CASE("the photos of a phone are faces of a data set") {
     const Dataset faces(folder.path(), 64, {}, Split::all);
     CHECK(faces.ids() == Names{"iphone", "photo", "poster"});
     CHECK(faces.summary().broken.empty());
+}
+
+TEST_CASE("a photo of which nothing is known is left out") {
+    const ScratchFolder folder;
+    put_image(folder / "images/1.png");
+    put_image(folder / "images/2.png");
+    fs::create_directories(folder / "unknown");
+    write_image(folder / "unknown/2.png",
+                Tensor::full(read_mask(folder / "images/2.png").shape(), 1.0));
+    const Dataset faces(folder.path(), 8, DataConfig{.test = 0, .validation = 0}, Split::all);
+    REQUIRE(faces.size() == 1);
+    CHECK_THAT(faces.summary().broken.front().reason, Contains("leaves nothing of the photo"));
 }

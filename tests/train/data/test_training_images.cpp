@@ -123,3 +123,31 @@ TEST_CASE("identity and texture are read from another photo of the person, light
     // Three quarters of the images can have one; five standard deviations are 48.
     CHECK(std::abs(with_other - 150) < 48);
 }
+
+TEST_CASE("in place of a broken photo no other person's identity is read", "[dataset]") {
+    const ScratchFolder folder;
+    std::filesystem::copy(synthetic_folder(), folder / "faces",
+                          std::filesystem::copy_options::recursive);
+    std::istringstream lines(read_file(folder / "faces/faces.jsonl"));
+    std::string named;
+    for (std::string line; std::getline(lines, line);) {
+        nlohmann::json record = nlohmann::json::parse(line);
+        record["person"] = record["id"] < "00002" ? "A" : "B";
+        named += record.dump() + "\n";
+    }
+    write_file(folder / "faces/faces.jsonl", named);
+    DataConfig config = tiny_train_config().data;
+    config.cache_megabytes = 0;
+    config.mirror = false;
+    config.other_photo = 1.0;
+    const Dataset faces(folder / "faces", 64, config, Split::all);
+    write_file(folder / "faces/images/00001.png", "broken");
+    const TrainingImages images(faces, config, Rng(3));
+    for (std::int64_t image = 0; image < 16; ++image) {
+        const FaceBatch batch = images.batch(image, 1);
+        if (!batch.other_input.defined()) continue;
+        CHECK(batch.ids[0] >= "00002");
+        const std::int64_t other = batch.ids[0] == "00002" ? 3 : 2;
+        CHECK(identical(batch.other_input, make_batch(std::vector{faces.load(other)}).input));
+    }
+}
