@@ -58,7 +58,8 @@ built=$SECONDS
 [[ -n "$photo" ]] || fetch_portrait
 if [[ -n "$photo" ]]; then
     say "fitting the face in $photo"
-    "$bin/stymo-fit" --image "$photo" --steps 30 --tune 28 --out "$out"
+    "$bin/stymo-fit" --image "$photo" --steps 30 --tune 28 --matmul-precision medium \
+        --out "$out"
     face=(--codes "$out/codes.json" --tuned "$out/tuned.safetensors")
     made="$out/fit.png      photo | first guess | fitted | tuned | mask
   $out/codes.json   the face as 306 numbers, $out/tuned.safetensors the tuned weights"
