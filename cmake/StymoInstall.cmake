@@ -39,7 +39,8 @@ if(NOT BUILD_SHARED_LIBS)
     OUTPUT_VARIABLE stymo_pkgconfig_libraries)
   list(JOIN stymo_pkgconfig_libraries " " stymo_pkgconfig_libraries)
   string(APPEND stymo_pkgconfig_libraries
-    " -lOpenImageIO -lOpenImageIO_Util -lpng -ljpeg -lgif -lwebpmux -lwebp -llcms2 -lz -lzip -lhwy -lgomp")
+    " -lOpenImageIO -lOpenImageIO_Util -lpng -ljpeg -lgif -lwebpmux -lwebp -llcms2 -lz -lzip"
+    " -lhwy -lgomp")
   if(STYMO_WITH_DLIB)
     string(APPEND stymo_pkgconfig_libraries " -ldlib")
   endif()
