@@ -108,7 +108,12 @@ ReconstructionLoss::Terms ReconstructionLoss::operator()(const std::vector<Varia
     work::count_named("loss_terms", "photometric", 1);
     terms.total = terms.photometric * config_.photometric_weight;
     if (perceptual() != nullptr) {
-        terms.perceptual = perceptual_loss(*perceptual(), images.back(), photos.back(), target,
+        // Known pixels beside unknown ones must not move those.
+        const Variable seen = target.known.empty()
+                                  ? images.back()
+                                  : where_known(target.known.at(images.size() - 1), images.back(),
+                                                images.back().detach());
+        terms.perceptual = perceptual_loss(*perceptual(), seen, photos.back(), target,
                                            config_.perceptual_resolution);
         work::count_named("loss_terms", "perceptual", 1);
         terms.total = terms.total + terms.perceptual * config_.perceptual_weight;

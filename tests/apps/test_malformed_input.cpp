@@ -380,6 +380,8 @@ TEST_CASE("Malformed codes, poses and begun jobs are refused, in one line that s
         {fit + "--max-pixels 10", 1,
          "whole.jpg: cannot be read (image too large: 64 x 64 pixels; at most 10 are allowed, see "
          "--max-pixels)"},
+        {prep + "none --whole-head --pose-net none.onnx", 2,
+         "--whole-head needs the poses of the fitted head; leave out --pose-net"},
         {prep + "bad/prep_text", 1,
          "bad/prep_text/progress.jsonl, line 1: not JSON; remove the folder and start again"},
         {prep + "bad/prep_settings", 1,

@@ -143,6 +143,24 @@ TEST_CASE("micro-batches run side by side where the budget holds them all", "[me
     CHECK(chosen(100.0 * peak(true)).at_once(phase) == 1);
 }
 
+TEST_CASE("another photo of the person takes a second pass through the encoder", "[memory]") {
+    TrainConfig config = paper();
+    config.model.encoder.backbone = "small_conv";
+    Estimated estimated(config);
+    const auto generator = [&](int stage) {
+        return static_cast<double>(
+            estimated.memory(phase_of(estimated.config, stage, 2), {}).generator);
+    };
+    const double first = generator(1), second = generator(2);
+    estimated.config.data.other_photo = 0.5;
+    const std::int64_t side = config.model.decoder.resolution;
+    const double photo = 2.0 * 3.0 * static_cast<double>(side * side);
+    const auto pass = static_cast<double>(2 * estimated.model.encoder().backbone().saved());
+    constexpr double bytes_of_a_number = 4.0 * 1.15;  // with what the heap loses
+    CHECK(generator(1) - first == Approx(bytes_of_a_number * (photo + pass)));
+    CHECK(generator(2) - second == Approx(bytes_of_a_number * photo));
+}
+
 TEST_CASE("what lasts is the weights with gradients, moments and averages", "[memory]") {
     TrainConfig config = paper();
     config.model.encoder.backbone = "mobilefacenet";

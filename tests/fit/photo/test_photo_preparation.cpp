@@ -231,6 +231,14 @@ TEST_CASE("a face of few pixels, points that are no face, and a profile are refu
     for (auto& point : beside.image.landmarks) point[0] += 1e5;
     CHECK(failure_of(beside) ==
           "its face is cut off (100 percent of the crop lie outside the photo)");
+    const RenderedHead covered = with_margin(rendered_head(5, 256), 100);
+    const Tensor nothing = Tensor::zeros({456, 456, 1});
+    CHECK(preparation
+              .finish(preparation.crops(covered.image.color, {.mask = covered.image.mask,
+                                                              .landmarks = covered.image.landmarks,
+                                                              .known = nothing}))
+              .front()
+              .failure == "too little of its face is known");
     RenderedHead upside_down = rendered_head(5, 256);
     std::ranges::reverse(upside_down.image.landmarks);
     CHECK(failure_of(upside_down) == "the head model does not fit what was found");
