@@ -12,6 +12,7 @@ namespace stymo {
 namespace {
 
 constexpr std::int64_t orbit_size = 6;
+constexpr std::size_t light_group = 3;
 /// Radians and decimetres of an offset of 1, so that the learning rate of weights suits it.
 constexpr double pose_unit = 0.05;
 /// What mirroring does to yaw, pitch, roll and to the centre's part to the right, up and towards
@@ -44,12 +45,18 @@ PhotoOffsets::PhotoOffsets(const std::vector<std::string>& ids, const PhotoOffse
             code_prefix + std::string(code_names[group]),
             Tensor::zeros({config.mirrored_codes ? 2 * count : count, code_sizes[group]}));
     if (config.poses)
-        parameters_.create(pose_prefix + std::string("offset"), Tensor::zeros({count, orbit_size}));
+        poses_ = parameters_.create(pose_prefix + std::string("offset"),
+                                    Tensor::zeros({count, orbit_size}));
+    for (const std::string& source : config.sources)
+        parameters_.create(source_prefix + source, Tensor::zeros({code_sizes[light_group]}));
 }
 
 void PhotoOffsets::load(const TensorFile& file, const std::string& source) {
     for (const char* prefix : {code_prefix, pose_prefix})
         if (has_prefix(file, prefix)) parameters_.load(file, source, prefix);
+    for (const std::string& name : config_.sources)
+        if (file.tensors.contains(source_prefix + name))
+            parameters_.load(file, source, source_prefix + name);
 }
 
 std::vector<std::int64_t> PhotoOffsets::rows_of(const FaceBatch& batch, bool mirrored) const {
@@ -73,9 +80,25 @@ Codes PhotoOffsets::codes(const FaceBatch& batch) const {
     return codes;
 }
 
+Variable PhotoOffsets::source_lights(const FaceBatch& batch) const {
+    const auto count = static_cast<std::int64_t>(batch.ids.size());
+    Variable sum;
+    for (const Parameter& parameter : parameters_.all()) {
+        if (!parameter.name().starts_with(source_prefix)) continue;
+        const std::string source = parameter.name().substr(std::string_view(source_prefix).size());
+        Tensor is_of_source = Tensor::zeros({count, 1});
+        for (std::size_t face = 0; face < batch.sources.size(); ++face)
+            if (batch.sources[face] == source) is_of_source.mutable_values<float>()[face] = 1.0F;
+        const Variable lights =
+            Variable(is_of_source) * reshape(parameter.variable(), {1, code_sizes[light_group]});
+        sum = sum.defined() ? sum + lights : lights;
+    }
+    return sum;
+}
+
 Variable PhotoOffsets::orbits(const FaceBatch& batch) const {
     if (!config_.poses) fail<ValueError>("no offsets of poses are learnt");
-    const Variable& all = parameters_.all().back().variable();
+    const Variable& all = poses_.variable();
     // The mean counts as a constant. Otherwise every photo would have a gradient in every step, and
     // Adam would move all photos that no batch has shown yet.
     const Variable own = gather_rows(all, rows_of(batch, false)) - mean(all, {0}).detach();
@@ -84,8 +107,12 @@ Variable PhotoOffsets::orbits(const FaceBatch& batch) const {
 }
 
 Codes face_codes(const Model& model, const FaceBatch& batch, const PhotoOffsets* offsets) {
-    const Codes codes = face_codes(model, batch);
-    return offsets != nullptr && offsets->has_codes() ? add(codes, offsets->codes(batch)) : codes;
+    Codes codes = face_codes(model, batch);
+    if (offsets == nullptr) return codes;
+    if (offsets->has_codes()) codes = add(codes, offsets->codes(batch));
+    if (const Variable lights = offsets->source_lights(batch); lights.defined())
+        codes.groups[light_group] = codes.light() + lights;
+    return codes;
 }
 
 std::vector<Camera> face_cameras(const FaceBatch& batch, const PhotoOffsets* offsets) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -8,11 +9,15 @@
 
 namespace stymo {
 
-/// What training learns for each of its photos.
+/// What training learns for its photos besides the weights.
 struct PhotoOffsetsConfig {
     bool codes = false;           ///< an offset of its code
     bool mirrored_codes = false;  ///< and another one of its mirror image's code
     bool poses = false;           ///< an offset of its pose
+    /// Names for each of which an offset of the light code is learnt, so that the look of a source
+    /// does not become a part of its people. Without it a face has the look of the photos that
+    /// name no source.
+    std::set<std::string> sources{};
 };
 
 /// Offsets of codes and poses of the training photos, which begin as zeros and are trained together
@@ -21,23 +26,28 @@ class PhotoOffsets {
 public:
     static constexpr const char* code_prefix = "codes.offset.";
     static constexpr const char* pose_prefix = "poses.";
+    static constexpr const char* source_prefix = "sources.";
 
     /// Creates codes.offset.{id,expr,tex,light} and poses.offset, as far as they are asked for,
-    /// with one row for each of `ids`; codes of mirror images follow in as many rows.
+    /// with one row for each of `ids`; codes of mirror images follow in as many rows. sources.NAME
+    /// has the offset of a source's light code.
     PhotoOffsets(const std::vector<std::string>& ids, const PhotoOffsetsConfig& config);
 
     [[nodiscard]] bool has_codes() const { return config_.codes; }
     [[nodiscard]] bool has_poses() const { return config_.poses; }
     [[nodiscard]] ParameterStore& parameters() { return parameters_; }
 
-    /// Restores what `parameters().save` wrote. Offsets of a kind that the file does not have stay
-    /// zeros. Throws FileError, which names `source`, for offsets of another number of
-    /// photos.
+    /// Restores what `parameters().save` wrote. Offsets of a kind or of a source that the file does
+    /// not have stay zeros. Throws FileError, which names `source`, for offsets of another number
+    /// of photos.
     void load(const TensorFile& file, const std::string& source);
 
     /// Offsets of the codes of the batch's photos, one row for each. Throws ValueError for a photo
     /// without offset, or if none are learnt.
     [[nodiscard]] Codes codes(const FaceBatch& batch) const;
+    /// (B, 27): the offset of the light code that each photo's source has; undefined if none are
+    /// learnt.
+    [[nodiscard]] Variable source_lights(const FaceBatch& batch) const;
     /// Orbit parameters (render/tracked_rays.h) of the poses of the batch's photos, (B, 6), offset
     /// included. The mean offset of all photos is subtracted, because other photos, which have no
     /// offset, must go on fitting the same head. A mirrored photo has the mirrored offset. Throws
@@ -50,9 +60,11 @@ private:
     PhotoOffsetsConfig config_;
     std::map<std::string, std::int64_t> rows_;
     ParameterStore parameters_;
+    Parameter poses_;
 };
 
-/// The codes of the batch's faces (nn/models/face_batch.h), plus their learnt offsets, if any.
+/// The codes of the batch's faces (nn/models/face_batch.h), plus their learnt offsets and those of
+/// their sources, if any.
 /// `offsets` may be null.
 [[nodiscard]] Codes face_codes(const Model& model, const FaceBatch& batch,
                                const PhotoOffsets* offsets);

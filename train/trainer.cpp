@@ -75,10 +75,15 @@ Trainer::~Trainer() = default;
 
 void Trainer::create_offsets(bool poses) {
     const bool codes = learns_codes(config_.model);
-    if (!codes && !poses) return;
-    offsets_.emplace(
-        training_.ids(),
-        PhotoOffsetsConfig{.codes = codes, .mirrored_codes = config_.data.mirror, .poses = poses});
+    std::set<std::string> sources;
+    for (std::int64_t face = 0; face < training_.size(); ++face)
+        if (const FaceEntry* entry = training_.entry(face); entry && !entry->origin.source.empty())
+            sources.insert(entry->origin.source);
+    if (!codes && !poses && sources.empty()) return;
+    offsets_.emplace(training_.ids(), PhotoOffsetsConfig{.codes = codes,
+                                                         .mirrored_codes = config_.data.mirror,
+                                                         .poses = poses,
+                                                         .sources = std::move(sources)});
 }
 
 Trainer::EvaluationScope::EvaluationScope(Trainer& trainer) : trainer_(trainer) {

@@ -111,7 +111,8 @@ private:
         return images_.epochs(schedule_.images_before(step));
     }
     [[nodiscard]] double average_half_life(const TrainingPosition& position) const;
-    /// Offsets of zero for the photos' codes, if the configuration learns them, and their poses.
+    /// Offsets of zero for the photos' codes, if the configuration learns them, their poses and the
+    /// lights of their sources.
     void create_offsets(bool poses);
     /// Creates the objects that the stage of the next step needs, and releases those that no later
     /// step needs.

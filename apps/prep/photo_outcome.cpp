@@ -60,8 +60,8 @@ FaceOutcome parse_face(const Json& value) {
     face.fit.landmark_error = value.at("landmark_error").get<double>();
     face.was_aligned = value.at("was_aligned").get<bool>();
     face.made_mask = value.at("made_mask").get<bool>();
-    face.person = record.value("person", "");
-    face.series = record.value("series", "");
+    face.origin = {record.value("person", ""), record.value("series", ""),
+                   record.value("source", "")};
     face.warnings = value.at("warnings").get<std::vector<std::string>>();
     if (value.contains("mask_agreement"))
         face.mask_agreement = value["mask_agreement"].get<double>();
@@ -75,16 +75,9 @@ FaceOutcome parse_face(const Json& value) {
 }  // namespace
 
 FaceOutcome outcome_of(std::string id, PreparedFace face) {
-    return {std::move(id),
-            std::move(face.fit),
-            face.crop.landmarks,
-            face.network_rotation,
-            face.crop.mask_agreement,
-            face.crop.was_aligned,
-            face.crop.made_mask,
-            std::move(face.warnings),
-            {},
-            {}};
+    return {std::move(id),         std::move(face.fit),      face.crop.landmarks,
+            face.network_rotation, face.crop.mask_agreement, face.crop.was_aligned,
+            face.crop.made_mask,   std::move(face.warnings), {}};
 }
 
 JsonValue face_record(const FaceOutcome& face, const Pose& pose) {
@@ -95,8 +88,10 @@ JsonValue face_record(const FaceOutcome& face, const Pose& pose) {
                                           {"pose", to_json(pose)},
                                           {"code", code},
                                           {"landmarks", landmarks_json(face.landmarks)}});
-    if (!face.person.empty()) record.add("person", face.person);
-    if (!face.series.empty()) record.add("series", face.series);
+    const PhotoOrigin& origin = face.origin;
+    if (!origin.person.empty()) record.add("person", origin.person);
+    if (!origin.series.empty()) record.add("series", origin.series);
+    if (!origin.source.empty()) record.add("source", origin.source);
     return record;
 }
 

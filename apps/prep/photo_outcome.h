@@ -20,8 +20,7 @@ struct FaceOutcome {
     bool was_aligned = false;
     bool made_mask = false;
     std::vector<std::string> warnings;
-    std::string person;  ///< as in FaceRecord
-    std::string series;
+    PhotoOrigin origin;
 };
 
 /// The outcome of one photo. `failure` says why it cannot be used, or is empty.

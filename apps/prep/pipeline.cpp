@@ -125,8 +125,7 @@ PhotoOutcome written(const FolderPreparation& folders, PhotoInWork work,
             write("unknown", affine(faces[i].crop.known, -1.0, 1.0).value());
         outcome.faces.push_back(outcome_of(std::move(id), std::move(faces[i])));
         if (i > 0 || known == nullptr) continue;
-        outcome.faces.back().person = known->person;
-        outcome.faces.back().series = known->series;
+        outcome.faces.back().origin = known->origin;
     }
     return outcome;
 }

@@ -109,6 +109,7 @@ FaceBatch make_batch(std::span<const Face> faces, std::int64_t smallest_target,
 
     for (const Face& face : faces) {
         batch.ids.push_back(face.id);
+        batch.sources.push_back(face.source);
         batch.mirrored.push_back(face.is_mirrored);
         batch.cameras.push_back(camera_from_pose(face.pose, face.intrinsics));
     }

@@ -14,10 +14,11 @@ namespace stymo {
 /// One photo at the training size S, with its data.
 struct Face {
     std::string id;
-    Tensor image;    ///< (S, S, 3) in [0, 1], unmasked
-    Tensor mask;     ///< (S, S, 1) in [0, 1], 1 on the head; 1 everywhere if there is none
-    Tensor known{};  ///< (S, S, 1), see nn/known_pixels.h; undefined: all pixels are known
-    Pose pose;       ///< frontal if there is none
+    std::string source{};  ///< of photos of one look; empty: of none that is known
+    Tensor image;          ///< (S, S, 3) in [0, 1], unmasked
+    Tensor mask;           ///< (S, S, 1) in [0, 1], 1 on the head; 1 everywhere if there is none
+    Tensor known{};        ///< (S, S, 1), see nn/known_pixels.h; undefined: all pixels are known
+    Pose pose;             ///< frontal if there is none
     Intrinsics intrinsics;
     std::vector<float> code;  ///< the 306 elements of a morphable model's fit, or empty
     bool is_mirrored = false;
@@ -38,6 +39,7 @@ struct FaceBatch {
     std::vector<Tensor> targets;
     std::vector<Camera> cameras;
     std::vector<std::string> ids{};
+    std::vector<std::string> sources{};  ///< of each face, as in Face; empty: of none
     std::vector<bool> mirrored{};  ///< whether a face is the mirror image of its photo; empty: none
     Tensor mask{};                 ///< (B, S, S, 1) in [0, 1], 0 where a pixel is unknown
     Tensor ray_mask{};  ///< (B, R, R, 1) in [0, 1], one value for each ray; R is half the smallest

@@ -64,7 +64,8 @@ fs::path photos_with_landmarks(const std::string& name, int count) {
         lines += json{{"id", record["id"]},
                       {"landmarks", record["landmarks"]},
                       {"person", "of " + record["id"].get<std::string>()},
-                      {"series", "studio"}}
+                      {"series", "studio"},
+                      {"source", "albums"}}
                      .dump() +
                  "\n";
     }
@@ -118,6 +119,7 @@ TEST_CASE(
         CHECK(found[i]["code"]["expr"].size() == 79);
         CHECK(found[i]["person"] == "of " + found[i]["id"].get<std::string>());
         CHECK(found[i]["series"] == "studio");
+        CHECK(found[i]["source"] == "albums");
     }
     done(
         "stymo-train --config tiny.json --data prepared --out prepared_run --set stage1.steps=1 "

@@ -95,6 +95,42 @@ TEST_CASE("a photo and its mirror image have an offset of their code each", "[co
     CHECK(identical(row(rows, 2), row(light.variable().value(), 4)));
 }
 
+TEST_CASE("each photo has the light of its source, which a checkpoint keeps by name", "[codes]") {
+    FaceBatch batch = batch_with_mirror_image();
+    batch.sources = {"", "studio", "synthetic"};
+    PhotoOffsets offsets(faces().ids(), {.poses = true, .sources = {"studio", "synthetic"}});
+    const Tensor studio = Rng(3).normal({code_sizes[3]}, 0.0, 1.0);
+    const Tensor synthetic = Rng(4).normal({code_sizes[3]}, 0.0, 1.0);
+    TensorFile file;
+    file.tensors = {{"sources.studio", studio}, {"sources.synthetic", synthetic}};
+    offsets.load(file, "state");
+    const auto row = [](const Variable& x, std::int64_t i) {
+        return slice(x, 0, i, i + 1).value().reshaped({code_sizes[3]});
+    };
+    const Variable lights = offsets.source_lights(batch);
+    const auto is_zero = [](const Tensor& x) {
+        return sum(abs(Variable(x))).value().item() == 0.0;
+    };
+    CHECK(is_zero(row(lights, 0)));
+    CHECK(identical(row(lights, 1), studio));
+    CHECK(identical(row(lights, 2), synthetic));
+
+    Rng weights(1);
+    const Model model(tiny_train_config().model, weights);
+    const Variable moved = face_codes(model, batch, &offsets).light();
+    CHECK(
+        identical(row(moved, 1),
+                  (Variable(row(face_codes(model, batch).light(), 1)) + Variable(studio)).value()));
+
+    PhotoOffsets others(faces().ids(), {.sources = {"new", "synthetic"}});
+    others.load(file, "state");
+    batch.sources = {"new", "studio", "synthetic"};
+    CHECK(is_zero(row(others.source_lights(batch), 0)));
+    CHECK(is_zero(row(others.source_lights(batch), 1)));
+    CHECK(identical(row(others.source_lights(batch), 2), synthetic));
+    CHECK_FALSE(PhotoOffsets(faces().ids(), {.poses = true}).source_lights(batch).defined());
+}
+
 TEST_CASE("an offset that all photos share moves no camera", "[poses]") {
     const FaceBatch batch = batch_with_mirror_image();
     PhotoOffsets offsets(faces().ids(), {.poses = true});

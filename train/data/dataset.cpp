@@ -227,6 +227,7 @@ Face Dataset::Implementation::face(std::int64_t index, const Pixels& pixels) con
     face.pose = pose_of(files.id);
     const FaceEntry* entry = records.find(files.id);
     face.has_pose = entry != nullptr && entry->pose.has_value();
+    if (entry != nullptr) face.source = entry->origin.source;
     face.code = pixels.code;
     face.has_code = !face.code.empty();
     return face;

@@ -69,7 +69,8 @@ void append_entry(std::string& text, const std::string& id, const FaceEntry& ent
     if (entry.pose)
         for (const double number : numbers_of(*entry.pose)) append(text, number);
     text += id;
-    for (const std::string* name : {&entry.person, &entry.series}) {
+    for (const std::string* name :
+         {&entry.origin.person, &entry.origin.series, &entry.origin.source}) {
         text += '\t';
         text += *name;
     }
@@ -97,8 +98,9 @@ std::pair<std::string, FaceEntry> entry_of(std::string_view line) {
         return name;
     };
     std::string id = next_name();
-    entry.person = next_name();
-    entry.series = next_name();
+    entry.origin.person = next_name();
+    entry.origin.series = next_name();
+    entry.origin.source = next_name();
     return {std::move(id), std::move(entry)};
 }
 

@@ -44,8 +44,7 @@ private:
                                 !record.code.empty(),
                                 !record.landmarks.empty(),
                                 record.pose,
-                                std::move(record.person),
-                                std::move(record.series)};
+                                std::move(record.origin)};
                 if (!entries_.emplace(id, std::move(entry)).second)
                     fail<FileError>("the id \"", id, "\" comes twice");
             } catch (const FileError& error) {

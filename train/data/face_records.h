@@ -19,8 +19,7 @@ struct FaceEntry {
     bool has_code = false;
     bool has_landmarks = false;
     std::optional<Pose> pose{};
-    std::string person{};  ///< as in FaceRecord
-    std::string series{};
+    PhotoOrigin origin{};
 };
 
 using FaceEntries = std::map<std::string, FaceEntry>;

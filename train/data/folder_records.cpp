@@ -99,14 +99,15 @@ std::pair<std::string, FaceRecord> parse_face_record(std::string_view line) {
     try {
         require_sound_json(line);
         const Json object = Json::parse(line);
-        require_keys(object, "the line", {"id", "pose", "code", "landmarks", "person", "series"});
+        require_keys(object, "the line",
+                     {"id", "pose", "code", "landmarks", "person", "series", "source"});
         if (!object.contains("id") || !object["id"].is_string()) fail<FileError>("no \"id\" text");
         FaceRecord record;
         if (object.contains("pose")) record.pose = parse_pose(object["pose"].dump());
         if (object.contains("code")) record.code = code_of(object["code"]);
         if (object.contains("landmarks")) record.landmarks = landmarks_of(object["landmarks"]);
-        record.person = name_at(object, "person");
-        record.series = name_at(object, "series");
+        record.origin = {name_at(object, "person"), name_at(object, "series"),
+                         name_at(object, "source")};
         return {object["id"].get<std::string>(), std::move(record)};
     } catch (const Json::exception& error) {
         fail<FileError>("not JSON: ", plain_message(error));

@@ -13,19 +13,27 @@
 
 namespace stymo {
 
+/// Where a photo comes from. Empty names are not known.
+struct PhotoOrigin {
+    std::string person;  ///< who it is
+    std::string series;  ///< photos of the person taken together, in the same light
+    std::string source;  ///< photos of one look, such as those of one studio
+
+    bool operator==(const PhotoOrigin&) const = default;
+};
+
 /// One line of `faces.jsonl`.
 struct FaceRecord {
     std::optional<Pose> pose;
     std::vector<float> code;  ///< identity, expression, texture, light: 306 elements, or empty
     std::vector<Eigen::Vector2d> landmarks;  ///< 68 points in pixels of the stored image, or empty
-    std::string person;                      ///< who it is, or empty
-    std::string series;                      ///< photos taken together, in the same light, or empty
+    PhotoOrigin origin;
 };
 
 /// Parses a line into id and record: {"id", "pose": {"yaw_deg", "pitch_deg", "roll_deg", "t":
 /// [x,y,z]}, "code": {"id", "expr", "tex", "light"}, "landmarks": [[x,y] x68], "person",
-/// "series"}. All keys except the id are optional. Throws FileError for malformed JSON, an unknown
-/// key, and a wrong type or length.
+/// "series", "source"}. All keys except the id are optional. Throws FileError for malformed JSON,
+/// an unknown key, and a wrong type or length.
 [[nodiscard]] std::pair<std::string, FaceRecord> parse_face_record(std::string_view line);
 
 /// Reads "photos" of the `report.json` that stymo-prep writes: the ids of all input photos. Empty

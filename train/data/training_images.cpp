@@ -20,7 +20,7 @@ std::vector<std::int64_t> shuffled(std::int64_t count, Rng rng) {
 
 bool same_series(const Dataset& faces, std::int64_t a, std::int64_t b) {
     const FaceEntry *const one = faces.entry(a), *const other = faces.entry(b);
-    return !one->series.empty() && one->series == other->series;
+    return !one->origin.series.empty() && one->origin.series == other->origin.series;
 }
 
 }  // namespace
@@ -38,7 +38,8 @@ TrainingImages::TrainingImages(const Dataset& faces, const DataConfig& config, c
     std::map<std::string, std::vector<std::int64_t>> people;
     for (std::int64_t face = 0; face < faces.size(); ++face) {
         const FaceEntry* const entry = faces.entry(face);
-        if (entry != nullptr && !entry->person.empty()) people[entry->person].push_back(face);
+        if (entry != nullptr && !entry->origin.person.empty())
+            people[entry->origin.person].push_back(face);
     }
     for (auto& [name, photos] : people) {
         if (photos.size() < 2) continue;

@@ -25,7 +25,7 @@ std::string line_of(const std::string& id, double yaw) {
 fs::path three_faces(const ScratchFolder& folder) {
     const fs::path file = folder.path() / "faces.jsonl";
     write_file(file, line_of("b c", 10.0) + "\n\n" + line_of("a", 20.0) + "\n" +
-                         R"({"id":"d","person":"two words","series":"1"})");
+                         R"({"id":"d","person":"two words","series":"1","source":"here"})");
     return file;
 }
 
@@ -50,9 +50,8 @@ TEST_CASE("faces.jsonl is listed, and lines are read when they are asked for", "
     CHECK(records.size() == 3);
     CHECK(records.find("x") == nullptr);
     CHECK_FALSE(records.find("d")->pose);
-    CHECK(records.find("d")->person == "two words");
-    CHECK(records.find("d")->series == "1");
-    CHECK(records.find("a")->person.empty());
+    CHECK(records.find("d")->origin == PhotoOrigin{"two words", "1", "here"});
+    CHECK(records.find("a")->origin == PhotoOrigin{});
     CHECK_FALSE(records.find("a")->has_code);
     CHECK(records.read("a").pose->yaw == yaw_of(records, "a"));
     CHECK(records.read("b c").pose->translation[2] == 5.3);
@@ -85,8 +84,7 @@ TEST_CASE("the index stands for faces.jsonl until one of them changes", "[datase
         const FaceEntry& same = *listed.find(id);
         CHECK(entry.offset == same.offset);
         CHECK(entry.size == same.size);
-        CHECK(entry.person == same.person);
-        CHECK(entry.series == same.series);
+        CHECK(entry.origin == same.origin);
         CHECK(entry.pose.has_value() == same.pose.has_value());
         if (!entry.pose) continue;
         CHECK(entry.pose->yaw == same.pose->yaw);
