@@ -63,7 +63,8 @@ LossAndGradients generator_gradients(const GeneratorInputs& inputs,
                            codes,
                            decoded,
                            inputs.discriminator,
-                           inputs.augmentations};
+                           inputs.augmentations,
+                           inputs.identity};
     Variable total = Tensor::zeros({}, decoded.images.back().dtype());
     for (const LossTerm& term : loss_terms()) {
         const double weight = term.weight(terms);

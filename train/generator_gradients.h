@@ -36,6 +36,8 @@ struct GeneratorInputs {
     /// Codes of the batch's faces, which the second stage keeps as constants; null: they are
     /// computed (face_codes).
     const Codes* codes = nullptr;
+    /// Required by a weight of loss.identity_weight.
+    const IdentityNetwork* identity = nullptr;
 };
 
 /// Forward and backward pass of the generator's update on one micro-batch, in either stage: codes,

@@ -57,6 +57,22 @@ Variable depth_variance_term(const LossInputs& in, LossValues&) {
     return depth_variance(in.decoded.weights.weights, in.decoded.samples.depths);
 }
 
+/// The gradient is computed at once, as for the adversarial term.
+Variable identity_term(const LossInputs& in, LossValues&) {
+    const Variable& images = in.decoded.images.back();
+    const std::int64_t side = images.shape(1);
+    const auto has_side = [side](const Tensor& target) { return target.shape(1) == side; };
+    const Tensor& target = *std::ranges::find_if(in.batch.targets, has_side);
+    const Tensor shown =
+        where_known(known_at(in.batch.known, side, side), target, images.detach()).value();
+    std::vector<ImageAugmentation> frames;
+    for (const Camera& camera : in.batch.cameras)
+        frames.push_back(ffhq_frame(camera, in.config.model.camera));
+    return differentiate_at_once(
+        [&](const Variable& rendered) { return in.identity->distance(rendered, shown, frames); },
+        images);
+}
+
 Variable code_term(const LossInputs& in, LossValues&) {
     return code_loss(in.codes, in.batch.codes,
                      std::span<const double, 4>(in.config.loss.code_weights),
@@ -109,6 +125,9 @@ std::span<const LossTerm> loss_terms() {
         {.name = "depth_variance",
          .weight = configured<&LossConfig::depth_variance_weight>,
          .value = depth_variance_term},
+        {.name = "identity",
+         .weight = configured<&LossConfig::identity_weight>,
+         .value = identity_term},
         // The function itself applies the weights of the four groups.
         {.name = "code",
          .weight =

@@ -9,6 +9,7 @@
 #include "nn/image_augmentation.h"
 #include "nn/models/discriminator.h"
 #include "nn/models/face_batch.h"
+#include "nn/models/identity_network.h"
 #include "nn/models/reconstruction.h"
 #include "train/schedule.h"
 
@@ -45,6 +46,7 @@ struct LossInputs {
     const Discriminator* discriminator;  ///< null without an adversarial term
     /// Augmentations of the images that the discriminator sees.
     std::span<const ImageAugmentation> augmentations;
+    const IdentityNetwork* identity = nullptr;  ///< null without an identity term
 };
 
 /// A term of the generator's loss. To add one: write its function in nn/losses.h, add it to the

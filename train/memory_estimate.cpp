@@ -76,6 +76,8 @@ std::int64_t generator_numbers(const Model& model, const ReconstructionLoss& los
     if (phase.stage == 1 && model.has_encoder())
         memory.saved += phase.micro_batch * encoded * model.encoder().backbone().saved();
     memory.add(loss.memory(phase.resolution));
+    if (config.loss.identity_weight > 0.0)
+        memory.add({0, phase.micro_batch * IdentityNetwork::saved_per_image});
     if (has_discriminator(config, phase)) {
         const LayerMemory discriminator = discriminator_memory(config, phase);
         // A frozen layer keeps no input, only what its activation needs.

@@ -120,7 +120,8 @@ void update_generator(const TrainingParts& parts, const TrainingPosition& positi
                                          parts.offsets,
                                          adversary.discriminator,
                                          augmentations,
-                                         batch.codes ? &*batch.codes : nullptr};
+                                         batch.codes ? &*batch.codes : nullptr,
+                                         parts.identity};
             return generator_gradients(inputs, position, batch.faces, parameters, jitter, sink)
                 .losses;
         });

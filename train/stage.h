@@ -34,6 +34,7 @@ struct TrainingParts {
     Model& model;
     PhotoOffsets* offsets;  ///< null if none are learnt
     Ranks& ranks;
+    const IdentityNetwork* identity = nullptr;  ///< null without an identity term
 };
 
 /// The optimiser steps of one stage, with their state.

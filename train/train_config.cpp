@@ -30,6 +30,12 @@ void describe_loss(ConfigSchema& schema, LossConfig& config) {
         "lambda of the adversarial loss in stage 2 (paper: 0.1); 0: no discriminator is trained");
     schema.number("loss.code_norm_weight", config.code_norm_weight, 0.0, 1e6,
                   "mean squared number of the codes, learnt offsets included (paper: none)");
+    schema.number("loss.identity_weight", config.identity_weight, 0.0, 1e6,
+                  "1 - cosine between rendered face and photo in a face recognition network "
+                  "(paper: none)");
+    schema.text("loss.identity_network", config.identity_network,
+                ".safetensors file with weights of MobileFaceNet (stymo-weights import) for "
+                "loss.identity_weight; random: only to try it");
 }
 
 void describe_optimizer(ConfigSchema& schema, OptimizerConfig& config) {
@@ -222,6 +228,8 @@ void check_stage1(const TrainConfig& config, const ResolutionLadder& ladder,
 
 void check(const TrainConfig& config, const std::string& source) {
     const ResolutionLadder ladder = checked_ladder(config, source);
+    if (config.loss.identity_weight > 0.0 && config.loss.identity_network.empty())
+        fail<ConfigError>(source, ": loss.identity_weight needs loss.identity_network");
     check_stage1(config, ladder, source);
     if (!uses_encoder(config.model) && config.data.mirror)
         fail<ConfigError>(source, ": codes.source = ", config.model.code_source,

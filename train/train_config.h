@@ -23,6 +23,9 @@ struct LossConfig {
     /// Weight of the squared length of the codes, learnt offsets included, which keeps them in the
     /// range that fitting reaches.
     double code_norm_weight = 0.0;
+    /// Weight of 1 - cosine between rendered face and photo in a face recognition network.
+    double identity_weight = 0.0;
+    std::string identity_network{};  ///< its weights (IdentityNetwork)
 };
 
 struct OptimizerConfig {

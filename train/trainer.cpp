@@ -60,6 +60,7 @@ Trainer::Trainer(const TrainConfig& config, const Dataset& training, const Datas
       model_(initial_model(config.model, rng_)),
       reconstruction_(config.model.reconstruction) {
     if (uses_encoder(config.model)) require_backbone_weights(config.model.encoder);
+    if (config.loss.identity_weight > 0.0) identity_.emplace(config.loss.identity_network);
     require_codes(config, training);
     if (validation != nullptr) require_codes(config, *validation);
     create_offsets(config.stage1.pose_interval > 0);
@@ -109,8 +110,10 @@ double Trainer::average_half_life(const TrainingPosition& position) const {
 void Trainer::enter_stage(int stage) {
     if (stage == stage_number_) return;
     stage_number_ = stage;
-    const TrainingParts parts{
-        config_, images_, reconstruction_, rng_, model_, offsets_ ? &*offsets_ : nullptr, ranks_};
+    const TrainingParts parts{config_,         images_,
+                              reconstruction_, rng_,
+                              model_,          offsets_ ? &*offsets_ : nullptr,
+                              ranks_,          identity_ ? &*identity_ : nullptr};
     if (stage == 1) {
         stage_ = std::make_unique<ReconstructionStage>(parts);
     } else {

@@ -132,6 +132,7 @@ private:
     TrainingImages images_;
     Model model_;
     ReconstructionLoss reconstruction_;
+    std::optional<IdentityNetwork> identity_;
     std::optional<PhotoOffsets> offsets_;
     int stage_number_ = 0;  ///< 0 before the first step
     std::unique_ptr<TrainingStage> stage_;

@@ -1,6 +1,5 @@
 #include "apps/eval/identity.h"
 
-#include <cmath>
 #include <numeric>
 
 #include "core/angle.h"
@@ -8,7 +7,6 @@
 #include "fit/fit_report.h"
 #include "nn/known_pixels.h"
 #include "nn/models/display_image.h"
-#include "nn/models/encoder.h"
 #include "nn/realtime/view.h"
 
 namespace stymo {
@@ -19,40 +17,11 @@ double cosine(const std::vector<double>& a, const std::vector<double>& b) {
     return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
 }
 
-/// The middle of the FFHQ crop, which the network was trained on.
-Variable recognition_frame(const Variable& image) {
-    constexpr double kept = 0.765;
-    const std::int64_t side = image.shape(1);
-    const auto margin =
-        static_cast<std::int64_t>(std::lround(0.5 * (1.0 - kept) * static_cast<double>(side)));
-    return slice(slice(image, 1, margin, side - margin), 2, margin, side - margin);
-}
-
 }  // namespace
 
-struct IdentityMeasure::Network {
-    ParameterStore parameters;
-    std::unique_ptr<Backbone> backbone;
-};
-
-IdentityMeasure::IdentityMeasure(const std::filesystem::path& weights)
-    : network_(std::make_unique<Network>()) {
-    Rng unused(0);
-    network_->backbone = make_backbone("mobilefacenet", network_->parameters, "", unused);
-    network_->backbone->load_pretrained(read_tensor_file(weights), weights.string());
-    network_->parameters.set_trainable("", false);
-}
-
-IdentityMeasure::~IdentityMeasure() = default;
-
 std::vector<double> IdentityMeasure::embedding(const Tensor& image) const {
-    const Variable input =
-        Variable(image.reshaped({1, image.shape(0), image.shape(1), 3})) * 2.0 - 1.0;
-    std::vector<double> values =
-        (*network_->backbone)(recognition_frame(input)).value().to_vector();
-    const double length = std::sqrt(cosine(values, values));
-    for (double& value : values) value /= length;
-    return values;
+    const Variable input(image.reshaped({1, image.shape(0), image.shape(1), 3}));
+    return network_.embeddings(input * 2.0 - 1.0).value().to_vector();
 }
 
 IdentityScore IdentityMeasure::measure(const Model& model, const ComparedFace& face,

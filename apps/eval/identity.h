@@ -1,11 +1,11 @@
 #pragma once
 
 #include <filesystem>
-#include <memory>
 #include <vector>
 
 #include "apps/eval/evaluate.h"
 #include "apps/eval/score.h"
+#include "nn/models/identity_network.h"
 
 namespace stymo {
 
@@ -15,10 +15,7 @@ class IdentityMeasure {
 public:
     /// `weights` are those of MobileFaceNet, from `stymo-weights import`. Throws FileError for a
     /// file that cannot be used.
-    explicit IdentityMeasure(const std::filesystem::path& weights);
-    ~IdentityMeasure();
-    IdentityMeasure(const IdentityMeasure&) = delete;
-    IdentityMeasure& operator=(const IdentityMeasure&) = delete;
+    explicit IdentityMeasure(const std::filesystem::path& weights) : network_(weights) {}
 
     /// The score of the fitted codes of `fit`. `other` is a photo of another person.
     [[nodiscard]] IdentityScore measure(const Model& model, const ComparedFace& face,
@@ -29,8 +26,7 @@ public:
     [[nodiscard]] std::vector<double> embedding(const Tensor& image) const;
 
 private:
-    struct Network;
-    std::unique_ptr<Network> network_;
+    IdentityNetwork network_;
 };
 
 }  // namespace stymo

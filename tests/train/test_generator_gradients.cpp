@@ -211,3 +211,31 @@ TEST_CASE("samples below the shipped tolerance bias the gradient of a step by le
     CHECK(of_shipped < 0.01);
     CHECK(of_tenth < of_shipped);
 }
+
+TEST_CASE("the identity term pulls a rendered face towards its photo", "[reconstruction]") {
+    TrainConfig config = tiny_train_config();
+    config.loss.identity_weight = 0.5;
+    const IdentityNetwork network("random");
+    const FaceBatch batch = make_batch(std::vector{synthetic_dataset().load(0)});
+    Rng weights(1);
+    const Model model(config.model, weights);
+    const ReconstructionLoss reconstruction(config.model.reconstruction);
+    const auto evaluate = [&](double weight) {
+        config.loss.identity_weight = weight;
+        Rng jitter(2);
+        return generator_gradients({.model = model,
+                                    .reconstruction = reconstruction,
+                                    .config = config,
+                                    .identity = &network},
+                                   first_position(config), batch, model.parameters().trainable(),
+                                   jitter);
+    };
+    const LossAndGradients with = evaluate(0.5), without = evaluate(0.0);
+    CHECK(with.losses["identity"] > 0.0);
+    CHECK(with.losses.total ==
+          Approx(without.losses.total + 0.5 * with.losses["identity"]).epsilon(1e-5));
+    double change = 0.0;
+    for (std::size_t i = 0; i < with.gradients.size(); ++i)
+        change += sum(abs(with.gradients[i] - without.gradients[i])).value().item();
+    CHECK(change > 0.0);
+}

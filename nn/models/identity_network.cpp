@@ -1,0 +1,50 @@
+#include "nn/models/identity_network.h"
+
+#include <cmath>
+
+#include "core/ops/ops.h"
+
+namespace stymo {
+
+namespace {
+
+Variable recognition_frame(const Variable& images) {
+    constexpr double kept = 0.765;
+    const std::int64_t side = images.shape(1);
+    const std::int64_t margin = std::lround(0.5 * (1.0 - kept) * static_cast<double>(side));
+    return slice(slice(images, 1, margin, side - margin), 2, margin, side - margin);
+}
+
+}  // namespace
+
+IdentityNetwork::IdentityNetwork(const std::filesystem::path& weights) {
+    Rng unused(0);
+    backbone_ = make_backbone("mobilefacenet", parameters_, "", unused);
+    if (weights != random_backbone)
+        backbone_->load_pretrained(read_tensor_file(weights), weights.string());
+    parameters_.set_trainable("", false);
+}
+
+Variable IdentityNetwork::embeddings(const Variable& images) const {
+    const Variable values = (*backbone_)(recognition_frame(images));
+    return values / sqrt(sum(square(values), {1}) + 1e-12);
+}
+
+Variable IdentityNetwork::distance(const Variable& images, const Tensor& targets,
+                                   std::span<const ImageAugmentation> frames) const {
+    const Variable theirs = embeddings(augmented(Variable(targets), frames)).detach();
+    const Variable cosines = sum(embeddings(augmented(images, frames)) * theirs);
+    return -cosines / static_cast<double>(images.shape(0)) + 1.0;
+}
+
+ImageAugmentation ffhq_frame(const Camera& camera, const CameraConfig& model) {
+    const Eigen::Vector3d pivot = project(camera, Eigen::Vector3d(0.0, 0.0, model.pivot_depth));
+    const double scale = camera.intrinsics.focal / model.intrinsics.focal *
+                         (model.distance - model.pivot_depth) / pivot.z();
+    ImageAugmentation frame;
+    frame.source_from_target = {scale, 0.0,   2.0 * pivot.x() - 1.0,  //
+                                0.0,   scale, 2.0 * pivot.y() - 1.0};
+    return frame;
+}
+
+}  // namespace stymo
