@@ -14,6 +14,7 @@
 #include "apps/eval/evaluate.h"
 #include "apps/eval/identity.h"
 #include "apps/eval/pair.h"
+#include "apps/eval/people.h"
 #include "apps/eval/report_page.h"
 #include "apps/eval/run_split.h"
 #include "apps/eval/score_sheet.h"
@@ -258,6 +259,16 @@ int stymo_eval(int argc, char** argv) {
     command.option("--truncation", drawn.truncation, "1: as varied as the photos; 0: the mean")
         .range(0, 10);
     command.option("--sheet", drawn.sheet, "image file for the first 32 drawn faces");
+
+    stymo::PeopleOptions people;
+    command = line.command("people", "Measures whether the codes of photos tell who they show.",
+                           [&](const stymo::CommonOptions&) { return evaluate_people(people); });
+    stymo::declare_model(command, people.model);
+    command.option("--data", people.data,
+                   "folder of faces whose faces.jsonl names people (required)");
+    command.option("--ids", people.ids,
+                   "positions in the order of ids, such as 700-799, or a file with one id in each "
+                   "line");
     return line.run(argc, argv,
                     [&](const stymo::CommonOptions&) { return evaluate(options, line); });
 }

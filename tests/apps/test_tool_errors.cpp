@@ -90,6 +90,7 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
         {eval + "--parser run/model.safetensors", "--region"},
         {eval + "--refine-pose", "--fit"},
         {"stymo-eval drawn --data faces --identity none --sheet out.tiff", "out.tiff"},
+        {"stymo-eval people --model run/model.safetensors", "--data"},
         {fit + "--image faces/images/00000.png --image run/00000.png", "two photos"},
     };
     check_refused(calls, wrong_usage);
