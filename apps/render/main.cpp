@@ -100,6 +100,10 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
         .range(-180, 180);
     line.option("--pitch", options.pitch, "degrees").range(-180, 180);
     line.option("--roll", options.roll, "degrees").range(-180, 180);
+    line.option("--around", options.around,
+                "what the head turns around: head, so that all of it stays in the image up to 45 "
+                "degrees, or face, which stays in the middle")
+        .one_of({"head", "face"});
     line.option("--size", options.renderer.resolution,
                 "side of the image: 64, 128, 256 or 512; 0: the model's resolution")
         .range(0, 512);

@@ -43,17 +43,21 @@ CodeGroups groups_of(const std::string& list) {
     return list.empty() ? all : parse_code_groups(list);
 }
 
-Pose pose_of_degrees(const Model& model, double yaw, double pitch, double roll) {
-    return pose_from_camera(model_camera(model, radians_from_degrees(yaw),
-                                         radians_from_degrees(pitch), radians_from_degrees(roll)));
+Pose pose_of_degrees(const RenderOptions& options, const Model& model, double yaw, double pitch,
+                     double roll) {
+    const CameraConfig& camera = model.config().camera;
+    return pose_from_camera(turned_camera(
+        camera, options.around == "face" ? camera.pivot_depth : head_middle,
+        radians_from_degrees(yaw), radians_from_degrees(pitch), radians_from_degrees(roll)));
 }
 
 ShotList orbit(const RenderOptions& options, const Model& model, const Codes& codes) {
     ShotList list;
     for (int frame = 0; frame < options.orbit; ++frame) {
         const double turn = 2.0 * std::numbers::pi * frame / options.orbit;
-        list.shots.push_back({codes, pose_of_degrees(model, options.orbit_yaw * std::sin(turn),
-                                                     options.orbit_pitch * std::cos(turn), 0.0)});
+        list.shots.push_back(
+            {codes, pose_of_degrees(options, model, options.orbit_yaw * std::sin(turn),
+                                    options.orbit_pitch * std::cos(turn), 0.0)});
     }
     return list;
 }
@@ -68,7 +72,7 @@ ShotList grid(const RenderOptions& options, const Model& model, const Codes& cod
     for (const double pitch : angles("--grid-pitch", options.grid_pitch, options.pitch)) {
         for (const double yaw : yaws)
             list.shots.push_back(
-                {codes, pose_of_degrees(model, yaw, pitch, options.roll.value_or(0.0))});
+                {codes, pose_of_degrees(options, model, yaw, pitch, options.roll.value_or(0.0))});
     }
     return list;
 }
@@ -104,7 +108,7 @@ Codes interpolated(const Codes& from, const Codes& to, double part, const std::s
 
 Pose chosen_pose(const RenderOptions& options, const Model& model, const Pose& face) {
     if (!options.yaw && !options.pitch && !options.roll) return face;
-    return pose_of_degrees(model, options.yaw.value_or(0.0), options.pitch.value_or(0.0),
+    return pose_of_degrees(options, model, options.yaw.value_or(0.0), options.pitch.value_or(0.0),
                            options.roll.value_or(0.0));
 }
 

@@ -8,6 +8,7 @@
 #include "apps/view/off_axis_camera.h"
 #include "core/angle.h"
 #include "core/io/json_check.h"
+#include "nn/realtime/view.h"
 
 namespace stymo::view {
 
@@ -135,14 +136,11 @@ Camera window_camera(const Json& object, const CameraConfig& model) {
     return off_axis_camera(window, window.center + position);
 }
 
-/// A camera that looks at the face: angles in degrees, distance relative to the frontal camera's.
+/// A camera that looks at the head: angles in degrees, distance relative to the frontal camera's.
 Camera orbit_camera(double yaw, double pitch, double roll, double distance,
                     const CameraConfig& model) {
-    const double from_pivot = distance * (model.distance - model.pivot_depth);
-    return camera_from_pose(
-        pivot_pose(radians_from_degrees(yaw), radians_from_degrees(pitch),
-                   radians_from_degrees(roll), from_pivot + model.pivot_depth, model.pivot_depth),
-        model.intrinsics);
+    return turned_camera(model, head_middle, radians_from_degrees(yaw), radians_from_degrees(pitch),
+                         radians_from_degrees(roll), distance);
 }
 
 Camera camera_of(const Json& object, const CameraConfig& model) {

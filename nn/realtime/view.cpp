@@ -78,8 +78,13 @@ Pose frontal_pose(const CameraConfig& camera) {
 
 Camera model_camera(const Model& model, double yaw, double pitch, double roll) {
     const CameraConfig& camera = model.config().camera;
-    return camera_from_pose(pivot_pose(yaw, pitch, roll, camera.distance, camera.pivot_depth),
-                            camera.intrinsics);
+    return turned_camera(camera, camera.pivot_depth, yaw, pitch, roll);
+}
+
+Camera turned_camera(const CameraConfig& camera, double turning_z, double yaw, double pitch,
+                     double roll, double zoom) {
+    const double distance = turning_z + zoom * (camera.distance - turning_z);
+    return camera_from_pose(pivot_pose(yaw, pitch, roll, distance, turning_z), camera.intrinsics);
 }
 
 }  // namespace stymo

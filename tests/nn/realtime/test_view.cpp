@@ -2,10 +2,12 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
+#include "core/angle.h"
 #include "core/error.h"
 #include "core/ops/elementwise.h"
 #include "nn/realtime/face_renderer.h"
 #include "nn/realtime/view.h"
+#include "render/morphable/builtin_head.h"
 #include "support/check_close.h"
 #include "support/error_message.h"
 #include "support/tiny_model.h"
@@ -108,4 +110,27 @@ TEST_CASE("A frame that overflows is refused in every mode, not shown as black",
     }
     CHECK_THROWS_AS(decoded_view(sound, huge, 0, model_camera(sound, 0.1, 0.0, 0.0), {}),
                     NumericError);
+}
+
+TEST_CASE("a head that turns by 45 degrees around its middle stays in the image", "[view]") {
+    const CameraConfig camera;
+    const MorphableHead head = builtin_head();
+    const auto vertices = head.mean.values<float>();
+    const auto outside = [&](double turning_z, double yaw) {
+        const Camera turned = turned_camera(camera, turning_z, radians_from_degrees(yaw), 0.0, 0.0);
+        std::int64_t count = 0;
+        for (std::size_t v = 0; v < vertices.size(); v += 3) {
+            const Eigen::Vector3d point =
+                project(turned, Eigen::Vector3d(vertices[v], vertices[v + 1], vertices[v + 2]));
+            count += point.x() < 0.0 || point.x() > 1.0 ? 1 : 0;
+        }
+        return count;
+    };
+    for (const double yaw : {-45.0, -30.0, 0.0, 15.0, 45.0}) CHECK(outside(head_middle, yaw) == 0);
+    CHECK(outside(camera.pivot_depth, 45.0) > 0);
+
+    const Eigen::Vector3d middle(0.0, 0.0, head_middle);
+    const Camera near = turned_camera(camera, head_middle, 0.4, -0.1, 0.2, 0.8);
+    CHECK(project(near, middle).head<2>().isApprox(Eigen::Vector2d(0.5, 0.5), 1e-9));
+    CHECK((near.center - middle).norm() == Approx(0.8 * (camera.distance - head_middle)));
 }
