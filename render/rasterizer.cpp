@@ -21,6 +21,7 @@ struct SampleRows {
     std::int64_t first_row;  ///< in samples
     std::int64_t rows;
     std::int64_t columns;
+    std::size_t channels;
     std::vector<float> depth;
     std::vector<float> color;
     std::vector<std::int32_t> triangle;
@@ -30,8 +31,10 @@ struct SampleRows {
     return (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]);
 }
 
-void draw(std::int32_t index, const std::array<Eigen::Vector3d, 3>& corners,
-          const std::array<const float*, 3>& colors, SampleRows& target) {
+/// `paint` gets weights whose sum is 1 / depth.
+template <class Paint>
+void draw(std::int32_t index, const std::array<Eigen::Vector3d, 3>& corners, const Paint& paint,
+          SampleRows& target) {
     const auto [low_x, high_x] = std::minmax({corners[0][0], corners[1][0], corners[2][0]});
     const auto [low_y, high_y] = std::minmax({corners[0][1], corners[1][1], corners[2][1]});
     const auto bottom = static_cast<double>(target.first_row + target.rows);
@@ -64,14 +67,9 @@ void draw(std::int32_t index, const std::array<Eigen::Vector3d, 3>& corners,
             const auto sample =
                 static_cast<std::size_t>((row - target.first_row) * target.columns + column);
             if (static_cast<float>(depth) >= target.depth[sample]) continue;
+            if (!paint(index, weight, depth, &target.color[target.channels * sample])) continue;
             target.depth[sample] = static_cast<float>(depth);
             target.triangle[sample] = index;
-            for (std::size_t channel = 0; channel < 3; ++channel) {
-                double value = 0.0;
-                for (std::size_t k = 0; k < 3; ++k)
-                    value += weight[k] * static_cast<double>(colors[k][channel]);
-                target.color[3 * sample + channel] = static_cast<float>(value * depth);
-            }
         }
     }
 }
@@ -89,12 +87,10 @@ void draw(std::int32_t index, const std::array<Eigen::Vector3d, 3>& corners,
     return result;
 }
 
-void check(const Tensor& vertices, const Tensor& colors, std::span<const Triangle> triangles,
+void check(const Tensor& vertices, std::span<const Triangle> triangles,
            const RasterSettings& settings) {
-    if (vertices.rank() != 2 || vertices.shape(1) != 3 || !(colors.shape() == vertices.shape())) {
-        fail<ShapeError>("[rasterize] needs vertices and colors (V, 3); got ", vertices.shape(),
-                         " and ", colors.shape());
-    }
+    if (vertices.rank() != 2 || vertices.shape(1) != 3)
+        fail<ShapeError>("[rasterize] needs vertices (V, 3); got ", vertices.shape());
     if (settings.width < 1 || settings.height < 1 || settings.samples_per_side < 1) {
         fail<ValueError>("[rasterize] width, height and samples per side must be at least 1; got ",
                          settings.width, ", ", settings.height, ", ", settings.samples_per_side);
@@ -109,19 +105,17 @@ void check(const Tensor& vertices, const Tensor& colors, std::span<const Triangl
     }
 }
 
-}  // namespace
-
-RasterImage rasterize(const Tensor& vertices, const Tensor& colors,
-                      std::span<const Triangle> triangles, const Camera& camera,
-                      const RasterSettings& settings) {
-    check(vertices, colors, triangles, settings);
+template <class Paint>
+[[nodiscard]] RasterImage rasterized(const Tensor& vertices, std::span<const Triangle> triangles,
+                                     std::size_t channels, const Paint& paint, const Camera& camera,
+                                     const RasterSettings& settings) {
+    check(vertices, triangles, settings);
     const std::int64_t samples = settings.samples_per_side;
     const std::vector<Eigen::Vector3d> corners =
         projected(vertices, camera, static_cast<double>(settings.width * samples));
-    const auto color_values = colors.values<float>();
 
     const std::int64_t pixels = settings.width * settings.height;
-    std::vector<float> color(static_cast<std::size_t>(3 * pixels), 0.0F);
+    std::vector<float> color(channels * static_cast<std::size_t>(pixels), 0.0F);
     std::vector<float> coverage(static_cast<std::size_t>(pixels), 0.0F);
     std::vector<float> depth(static_cast<std::size_t>(pixels), nothing);
     std::vector<std::int32_t> nearest(static_cast<std::size_t>(pixels), -1);
@@ -133,19 +127,16 @@ RasterImage rasterize(const Tensor& vertices, const Tensor& colors,
         SampleRows target{begin * samples,
                           (end - begin) * samples,
                           settings.width * samples,
+                          channels,
                           std::vector<float>(count, nothing),
-                          std::vector<float>(3 * count, 0.0F),
+                          std::vector<float>(channels * count, 0.0F),
                           std::vector<std::int32_t>(count, -1)};
         for (std::size_t index = 0; index < triangles.size(); ++index) {
             std::array<Eigen::Vector3d, 3> points;
-            std::array<const float*, 3> point_colors{};
-            for (std::size_t k = 0; k < 3; ++k) {
-                const auto vertex = static_cast<std::size_t>(triangles[index][k]);
-                points[k] = corners[vertex];
-                point_colors[k] = &color_values[3 * vertex];
-            }
+            for (std::size_t k = 0; k < 3; ++k)
+                points[k] = corners[static_cast<std::size_t>(triangles[index][k])];
             if (std::min({points[0][2], points[1][2], points[2][2]}) < near_depth) continue;
-            draw(static_cast<std::int32_t>(index), points, point_colors, target);
+            draw(static_cast<std::int32_t>(index), points, paint, target);
         }
         const float share = 1.0F / static_cast<float>(samples * samples);
         for (std::size_t sample = 0; sample < count; ++sample) {
@@ -154,8 +145,9 @@ RasterImage rasterize(const Tensor& vertices, const Tensor& colors,
             const auto column = static_cast<std::int64_t>(sample) % target.columns / samples;
             const auto pixel = static_cast<std::size_t>(row * settings.width + column);
             coverage[pixel] += share;
-            for (std::size_t channel = 0; channel < 3; ++channel)
-                color[3 * pixel + channel] += share * target.color[3 * sample + channel];
+            for (std::size_t channel = 0; channel < channels; ++channel)
+                color[channels * pixel + channel] +=
+                    share * target.color[channels * sample + channel];
             if (target.depth[sample] < depth[pixel]) {
                 depth[pixel] = target.depth[sample];
                 nearest[pixel] = target.triangle[sample];
@@ -164,9 +156,47 @@ RasterImage rasterize(const Tensor& vertices, const Tensor& colors,
     });
     const std::int64_t height = settings.height;
     const std::int64_t width = settings.width;
-    return {Tensor::from({height, width, 3}, std::span<const float>(color)),
+    return {Tensor::from({height, width, static_cast<std::int64_t>(channels)},
+                         std::span<const float>(color)),
             Tensor::from({height, width, 1}, std::span<const float>(coverage)),
             Tensor::from({height, width, 1}, std::span<const float>(depth)), std::move(nearest)};
+}
+
+}  // namespace
+
+RasterImage rasterize(const Tensor& vertices, const Tensor& colors,
+                      std::span<const Triangle> triangles, const Camera& camera,
+                      const RasterSettings& settings) {
+    if (!(colors.shape() == vertices.shape()))
+        fail<ShapeError>("[rasterize] needs vertices and colors (V, 3); got ", vertices.shape(),
+                         " and ", colors.shape());
+    const auto values = colors.values<float>();
+    const auto paint = [&](std::int32_t index, const std::array<double, 3>& weight, double depth,
+                           float* color) {
+        const Triangle& corners = triangles[static_cast<std::size_t>(index)];
+        for (std::size_t channel = 0; channel < 3; ++channel) {
+            double value = 0.0;
+            for (std::size_t k = 0; k < 3; ++k)
+                value +=
+                    weight[k] *
+                    static_cast<double>(values[3 * static_cast<std::size_t>(corners[k]) + channel]);
+            color[channel] = static_cast<float>(value * depth);
+        }
+        return true;
+    };
+    return rasterized(vertices, triangles, 3, paint, camera, settings);
+}
+
+RasterImage rasterize(const Tensor& vertices, std::span<const Triangle> triangles,
+                      std::int64_t channels, const SampleColor& color, const Camera& camera,
+                      const RasterSettings& settings) {
+    const auto paint = [&](std::int32_t index, const std::array<double, 3>& weight, double depth,
+                           float* to) {
+        return color(index, {weight[0] * depth, weight[1] * depth, weight[2] * depth},
+                     {to, static_cast<std::size_t>(channels)});
+    };
+    return rasterized(vertices, triangles, static_cast<std::size_t>(channels), paint, camera,
+                      settings);
 }
 
 }  // namespace stymo

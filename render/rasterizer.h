@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -19,7 +20,7 @@ struct RasterSettings {
 };
 
 struct RasterImage {
-    Tensor color;     ///< (height, width, 3) float32, premultiplied: the background is black
+    Tensor color;     ///< (height, width, channels) float32, premultiplied: the background is 0
     Tensor coverage;  ///< (height, width, 1), fraction of the samples that a triangle covers
     Tensor depth;     ///< (height, width, 1), depth along the optical axis of the pixel's nearest
                       ///< sample; infinity where there is none
@@ -35,6 +36,18 @@ struct RasterImage {
 /// not match, ValueError for settings below 1 and for triangles that refer to a missing vertex.
 [[nodiscard]] RasterImage rasterize(const Tensor& vertices, const Tensor& colors,
                                     std::span<const std::array<std::int32_t, 3>> triangles,
+                                    const Camera& camera, const RasterSettings& settings);
+
+/// Writes the channels of a triangle's sample, whose perspective-correct barycentric coordinates
+/// are `weights`. False: the triangle is transparent there, and nothing was written.
+using SampleColor = std::function<bool(std::int32_t triangle, const std::array<double, 3>& weights,
+                                       std::span<float> color)>;
+
+/// The same with colours that are computed for each sample, for textures. `color` is called on
+/// several threads.
+[[nodiscard]] RasterImage rasterize(const Tensor& vertices,
+                                    std::span<const std::array<std::int32_t, 3>> triangles,
+                                    std::int64_t channels, const SampleColor& color,
                                     const Camera& camera, const RasterSettings& settings);
 
 }  // namespace stymo
