@@ -19,31 +19,15 @@ using Points = std::vector<Eigen::Vector3d>;
 constexpr float expression_deviation = 0.25F;
 constexpr std::int64_t ict_vertex_count = 26719;
 
-struct Frame {
-    double scale;
-    Eigen::Vector3d offset;
-};
-
-[[nodiscard]] Eigen::Vector3d landmark_mean(const Points& points,
+[[nodiscard]] Eigen::Vector3d landmark_mean(const Tensor& points,
                                             const std::array<std::int32_t, 68>& landmarks,
                                             std::span<const std::size_t> which) {
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (const std::size_t k : which) mean += points[static_cast<std::size_t>(landmarks[k])];
+    for (const std::size_t k : which) {
+        const auto at = 3 * static_cast<std::size_t>(landmarks[k]);
+        mean += Eigen::Map<const Eigen::Vector3f>(&points.values<float>()[at]).cast<double>();
+    }
     return mean / static_cast<double>(which.size());
-}
-
-/// Moves the corners of eyes and mouth to their height and depth on the built-in head.
-[[nodiscard]] Frame frame_of(const Points& points, const std::array<std::int32_t, 68>& landmarks,
-                             const std::string& name) {
-    constexpr std::array<std::size_t, 4> eye_corners{36, 39, 42, 45};
-    constexpr std::array<std::size_t, 2> mouth_corners{48, 54};
-    const Eigen::Vector3d eyes = landmark_mean(points, landmarks, eye_corners);
-    const Eigen::Vector3d mouth = landmark_mean(points, landmarks, mouth_corners);
-    if (!(eyes[1] > mouth[1]))
-        fail<FileError>(name, ": the landmarks of the eyes do not lie above those of the mouth");
-    const double scale = (eye_height - mouth_height) / (eyes[1] - mouth[1]);
-    constexpr double eye_depth = 0.68;
-    return {scale, Eigen::Vector3d(0.0, eye_height, eye_depth) - scale * eyes};
 }
 
 /// Vertex ranges of ICT-FaceKit; another mesh is skin all over.
@@ -182,6 +166,19 @@ void raise_hair(Points& points, const std::vector<HeadPart>& parts) {
 
 }  // namespace
 
+HeadFrame head_frame(const Tensor& points, const std::array<std::int32_t, 68>& landmarks,
+                     const std::string& name) {
+    constexpr std::array<std::size_t, 4> eye_corners{36, 39, 42, 45};
+    constexpr std::array<std::size_t, 2> mouth_corners{48, 54};
+    const Eigen::Vector3d eyes = landmark_mean(points, landmarks, eye_corners);
+    const Eigen::Vector3d mouth = landmark_mean(points, landmarks, mouth_corners);
+    if (!(eyes[1] > mouth[1]))
+        fail<FileError>(name, ": the landmarks of the eyes do not lie above those of the mouth");
+    const double scale = (eye_height - mouth_height) / (eyes[1] - mouth[1]);
+    constexpr double eye_depth = 0.68;
+    return {scale, Eigen::Vector3d(0.0, eye_height, eye_depth) - scale * eyes};
+}
+
 MorphableHead head_from_scans(const ScannedHead& scanned) {
     const std::int64_t count = scanned.mean.shape(0);
     MorphableHead head;
@@ -190,7 +187,7 @@ MorphableHead head_from_scans(const ScannedHead& scanned) {
     const auto values = scanned.mean.values<float>();
     for (std::size_t i = 0; i < points.size(); ++i)
         points[i] = Eigen::Map<const Eigen::Vector3f>(&values[3 * i]).cast<double>();
-    const Frame frame = frame_of(points, head.landmarks, scanned.name);
+    const HeadFrame frame = head_frame(scanned.mean, head.landmarks, scanned.name);
     for (Eigen::Vector3d& point : points) point = frame.scale * point + frame.offset;
     for (const auto& triangle : scanned.triangles) {
         const bool hidden = std::any_of(triangle.begin(), triangle.end(), [&](std::int32_t vertex) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <cstdint>
 #include <string>
@@ -21,6 +22,19 @@ struct ScannedHead {
     std::vector<std::array<std::int32_t, 3>> triangles;
     std::array<std::int32_t, 68> landmarks{};
 };
+
+/// Moves a scan into the frame of the built-in head: scale * point + offset.
+struct HeadFrame {
+    double scale;
+    Eigen::Vector3d offset;
+};
+
+/// The frame in which the corners of eyes and mouth of the points (V, 3) have the height and depth
+/// that they have on the built-in head. Throws FileError, which begins with `name`, if the eyes do
+/// not lie above the mouth.
+[[nodiscard]] HeadFrame head_frame(const Tensor& points,
+                                   const std::array<std::int32_t, 68>& landmarks,
+                                   const std::string& name);
 
 /// Moves and scales the head so that its eyes and mouth are at the positions of the built-in head,
 /// fills the bases up with zero rows, removes the triangles of the neck, and adds parts and the
