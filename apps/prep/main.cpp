@@ -108,6 +108,10 @@ int stymo_prep(int argc, char** argv) {
         "--whole-head", settings.whole_head,
         "cut out more than FFHQ's square where the head leaves it at the top or the sides, as "
         "that of a turned head does");
+    line.option("--focal", settings.intrinsics.focal,
+                "focal length of the cameras for which poses are fitted, in units of the image's "
+                "side. A small one stands for photos taken from near by")
+        .range(0.1, 100);
     line.option("--distance", settings.pivot.distance,
                 "with --pose-net: distance of the frontal camera from the head's origin")
         .range(1, 100);

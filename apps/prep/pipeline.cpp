@@ -42,6 +42,7 @@ JsonValue settings_json(const fs::path& photos, const PhotoPreparationSettings& 
                               {"--all-faces", settings.all_faces},
                               {"--new-masks", settings.new_masks},
                               {"--whole-head", settings.whole_head},
+                              {"--focal", settings.intrinsics.focal},
                               {"--landmarks", absolute(settings.landmark_model)},
                               {"--morphable", absolute(settings.morphable)},
                               {"--mask-net", absolute(settings.mask_network)},

@@ -23,6 +23,9 @@ int stymo_synth(int argc, char** argv) {
         .required();
     line.option("--count", settings.count, "number of heads").range(1, 10000000);
     line.option("--size", settings.side, "side of the images in pixels").range(8, 4096);
+    line.option("--focal", settings.intrinsics.focal,
+                "focal length of the cameras in units of the image's side; heads keep their size")
+        .range(0.1, 100);
     line.option(
         "--morphable", morphable,
         "head model: a .safetensors file or a folder of ICT-FaceKit (default: the built-in head)");
@@ -42,6 +45,7 @@ int stymo_synth(int argc, char** argv) {
         std::int64_t vertices = 0;
         if (!textured.empty()) {
             people.side = settings.side;
+            people.intrinsics = settings.intrinsics;
             settings.count = people.people * people.views;
         }
         stymo::Progress progress({"Heads", settings.count, 0, "heads"});

@@ -130,6 +130,26 @@ TEST_CASE(
     CHECK_THAT(again.err, Catch::Contains("prepared: exists already"));
 }
 
+TEST_CASE("Poses are fitted for the focal length that heads were rendered with") {
+    const fs::path& folder = tiny_run();
+    done("stymo-synth --out far --count 3 --size 64 --focal 4.06 --seed 3");
+    done("stymo-prep --photos far --out prepared_far --size 64 --focal 4.06 --no-overlay");
+    const std::vector<json> truth = records_in(folder / "far/faces.jsonl");
+    const std::vector<json> found = records_in(folder / "prepared_far/faces.jsonl");
+    REQUIRE(found.size() == 3);
+    for (std::size_t i = 0; i < found.size(); ++i) {
+        const auto distance = [](const json& record) {
+            const auto t = record["pose"]["t"].get<std::array<double, 3>>();
+            return Eigen::Vector3d(t.data()).norm();
+        };
+        CHECK(distance(truth[i]) == Approx(2.0 * 5.3).margin(0.4));
+        CHECK(distance(found[i]) == Approx(distance(truth[i])).epsilon(0.1));
+        CHECK(found[i]["pose"]["yaw_deg"].get<double>() ==
+              Approx(truth[i]["pose"]["yaw_deg"].get<double>()).margin(5.0));
+    }
+    CHECK(json::parse(stymo::read_file(folder / "prepared_far/camera.json"))["focal"] == 4.06);
+}
+
 TEST_CASE("Folders of persons are prepared with paths as ids, and what is no photo is named") {
     const fs::path& folder = tiny_run();
     const json landmarks = records_in(folder / "faces/faces.jsonl").front()["landmarks"];

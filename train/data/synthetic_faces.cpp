@@ -101,8 +101,9 @@ void write_synthetic_faces(const MorphableHead& head, const SyntheticFaceSetting
     for (std::int64_t index = 0; index < settings.count; ++index)
         ids.push_back(synthetic::padded_number(index));
     const auto render = [&](std::int64_t index) {
-        const SyntheticFace face =
+        SyntheticFace face =
             sample_synthetic_face(head, rng.split(static_cast<std::uint64_t>(index)));
+        face.pose = synthetic::at_focal(face.pose, settings.intrinsics.focal);
         const SyntheticImage image =
             render_synthetic_face(head, face, settings.intrinsics, settings.side);
         return synthetic::WrittenFace{

@@ -11,6 +11,7 @@
 #include "core/io/folder_in_progress.h"
 #include "core/io/image.h"
 #include "core/parallel.h"
+#include "render/camera_matrices.h"
 #include "train/data/folder_records.h"
 
 namespace stymo::synthetic {
@@ -63,6 +64,12 @@ std::vector<float> sample_light(Rng rng) {
 std::string padded_number(std::int64_t number) {
     const std::string digits = std::to_string(number);
     return std::string(digits.size() < 5 ? 5 - digits.size() : 0, '0') + digits;
+}
+
+Pose at_focal(const Pose& pose, double focal) {
+    const Intrinsics usual;
+    if (focal == usual.focal) return pose;
+    return pose_from_camera(with_focal(camera_from_pose(pose, usual), focal));
 }
 
 void write_faces(const std::vector<std::string>& ids, const Intrinsics& intrinsics,

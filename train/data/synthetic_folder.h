@@ -22,6 +22,10 @@ namespace stymo::synthetic {
 /// "00012"
 [[nodiscard]] std::string padded_number(std::int64_t number);
 
+/// A pose that was drawn for the usual focal length (Intrinsics), moved so that a camera of another
+/// one sees the head's origin at the same size.
+[[nodiscard]] Pose at_focal(const Pose& pose, double focal);
+
 struct WrittenFace {
     Tensor image;
     Tensor mask;

@@ -153,10 +153,11 @@ using synthetic::truncated_normal;
 SyntheticView sample_synthetic_view(const TexturedHeads& heads, const Rng& rng, std::int64_t view,
                                     const Intrinsics& intrinsics) {
     const Rng of_view = rng.split(static_cast<std::uint64_t>(view));
-    SyntheticView result{sample_person(heads, rng.split("person")),
-                         sample_expression(heads, of_view.split("expression")),
-                         synthetic::sample_light(of_view.split("light")),
-                         sample_pose(of_view.split("pose"), view % 3 == 0)};
+    SyntheticView result{
+        sample_person(heads, rng.split("person")),
+        sample_expression(heads, of_view.split("expression")),
+        synthetic::sample_light(of_view.split("light")),
+        synthetic::at_focal(sample_pose(of_view.split("pose"), view % 3 == 0), intrinsics.focal)};
     const TexturedSurface surface = textured_surface(heads, result.person, result.expression);
     const Eigen::Vector3d back =
         rotation_from_angles(result.pose.yaw, result.pose.pitch, result.pose.roll).col(2);
