@@ -101,9 +101,9 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
     line.option("--pitch", options.pitch, "degrees").range(-180, 180);
     line.option("--roll", options.roll, "degrees").range(-180, 180);
     line.option("--around", options.around,
-                "what the head turns around: head, so that all of it stays in the image up to 45 "
-                "degrees, or face, which stays in the middle")
-        .one_of({"head", "face"});
+                "what the head turns around: face, which stays in the middle, or head, so that all "
+                "of it stays in the image up to 45 degrees")
+        .one_of({"face", "head"});
     line.option("--size", options.renderer.resolution,
                 "side of the image: 64, 128, 256 or 512; 0: the model's resolution")
         .range(0, 512);

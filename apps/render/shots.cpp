@@ -47,7 +47,7 @@ Pose pose_of_degrees(const RenderOptions& options, const Model& model, double ya
                      double roll) {
     const CameraConfig& camera = model.config().camera;
     return pose_from_camera(turned_camera(
-        camera, options.around == "face" ? camera.pivot_depth : head_middle,
+        camera, options.around == "head" ? head_middle : camera.pivot_depth,
         radians_from_degrees(yaw), radians_from_degrees(pitch), radians_from_degrees(roll)));
 }
 

@@ -53,7 +53,7 @@ inline constexpr double significant_weight = 1e-3;
 [[nodiscard]] Camera model_camera(const Model& model, double yaw, double pitch, double roll);
 
 /// World z of the middle of the head. Around it a head turns without leaving the image from a yaw
-/// of -45 to 45 degrees, while around the face, as in model_camera, its back leaves it at 25.
+/// of -45 to 45 degrees; around the face, as in model_camera, it leaves it.
 inline constexpr double head_middle = 0.1;
 /// The frontal camera turned around the point (0, 0, turning_z) by these angles (radians), at
 /// `zoom` times its distance from that point.
