@@ -111,7 +111,8 @@ int stymo_prep(int argc, char** argv) {
     line.option("--focal", settings.intrinsics.focal,
                 "focal length of the cameras for which poses are fitted, in units of the image's "
                 "side. A small one stands for photos taken from near by")
-        .range(0.1, 100);
+        .range(0.1, 100)
+        .excludes("--pose-net");
     line.option("--distance", settings.pivot.distance,
                 "with --pose-net: distance of the frontal camera from the head's origin")
         .range(1, 100);

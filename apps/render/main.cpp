@@ -101,8 +101,8 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
     line.option("--pitch", options.pitch, "degrees").range(-180, 180);
     line.option("--roll", options.roll, "degrees").range(-180, 180);
     line.option("--around", options.around,
-                "what the head turns around: face, which stays in the middle, or head, so that all "
-                "of it stays in the image up to 45 degrees")
+                "what the head turns around: the face, which stays in the middle of the image, or "
+                "the middle of the head, of which more then stays in the image")
         .one_of({"face", "head"});
     line.option("--size", options.renderer.resolution,
                 "side of the image: 64, 128, 256 or 512; 0: the model's resolution")

@@ -26,15 +26,14 @@ void load_backbone(Backbone& backbone, const std::string& path) {
     }
 }
 
-/// Cuts the same whole number of pixels off every side.
-Variable arcface_frame(const Variable& image) {
-    constexpr double kept = 0.765;
-    const std::int64_t side = image.shape(1);
-    const std::int64_t margin = std::lround(0.5 * (1.0 - kept) * static_cast<double>(side));
-    return slice(slice(image, 1, margin, side - margin), 2, margin, side - margin);
-}
-
 }  // namespace
+
+Variable arcface_frame(const Variable& images) {
+    constexpr double kept = 0.765;
+    const std::int64_t side = images.shape(1);
+    const std::int64_t margin = std::lround(0.5 * (1.0 - kept) * static_cast<double>(side));
+    return slice(slice(images, 1, margin, side - margin), 2, margin, side - margin);
+}
 
 bool lacks_backbone_weights(const EncoderConfig& config) {
     return config.backbone_weights.empty() && *published_weights(config.backbone) != '\0';

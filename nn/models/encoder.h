@@ -26,6 +26,10 @@ struct EncoderConfig {
 void describe(ConfigSchema& schema, EncoderConfig& config);
 
 /// The value of EncoderConfig::backbone_weights that asks for random weights by name.
+/// The middle 76.5 % of images (B, S, S, 3) in FFHQ's crop, which is about the frame of ArcFace's
+/// training: the same whole number of pixels is cut off every side.
+[[nodiscard]] Variable arcface_frame(const Variable& images);
+
 inline constexpr const char* random_backbone = "random";
 /// Whether the backbone begins with weights from a file.
 [[nodiscard]] inline bool is_pretrained(const EncoderConfig& config) {

@@ -1,21 +1,9 @@
 #include "nn/models/identity_network.h"
 
-#include <cmath>
-
 #include "core/ops/ops.h"
+#include "nn/models/encoder.h"
 
 namespace stymo {
-
-namespace {
-
-Variable recognition_frame(const Variable& images) {
-    constexpr double kept = 0.765;
-    const std::int64_t side = images.shape(1);
-    const std::int64_t margin = std::lround(0.5 * (1.0 - kept) * static_cast<double>(side));
-    return slice(slice(images, 1, margin, side - margin), 2, margin, side - margin);
-}
-
-}  // namespace
 
 IdentityNetwork::IdentityNetwork(const std::filesystem::path& weights) {
     Rng unused(0);
@@ -26,7 +14,7 @@ IdentityNetwork::IdentityNetwork(const std::filesystem::path& weights) {
 }
 
 Variable IdentityNetwork::embeddings(const Variable& images) const {
-    const Variable values = (*backbone_)(recognition_frame(images));
+    const Variable values = (*backbone_)(arcface_frame(images));
     return values / sqrt(sum(square(values), {1}) + 1e-12);
 }
 

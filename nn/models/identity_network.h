@@ -11,7 +11,7 @@
 namespace stymo {
 
 /// A face recognition network, which tells who a face is: MobileFaceNet with frozen weights. Its
-/// input is the middle 76.5 % of FFHQ's crop.
+/// input is the arcface_frame of FFHQ's crop (nn/models/encoder.h).
 class IdentityNetwork {
 public:
     /// Number of elements that are kept for the backward pass of one image, measured.

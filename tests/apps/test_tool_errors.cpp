@@ -91,6 +91,7 @@ TEST_CASE("Wrong usage of a tool exits with 2") {
         {eval + "--refine-pose", "--fit"},
         {"stymo-eval drawn --data faces --identity none --sheet out.tiff", "out.tiff"},
         {"stymo-eval people --model run/model.safetensors", "--data"},
+        {"stymo-prep --photos faces --out out --focal 4 --pose-net none.onnx", "--focal"},
         {fit + "--image faces/images/00000.png --image run/00000.png", "two photos"},
     };
     check_refused(calls, wrong_usage);

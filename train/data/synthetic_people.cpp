@@ -74,8 +74,8 @@ using synthetic::truncated_normal;
     return weights;
 }
 
-/// A view from `distance`, in which the point before the head's middle that FFHQ's alignment
-/// centres is near the middle of the image.
+/// A view in which the point before the head's middle that FFHQ's alignment centres is near the
+/// middle of the image.
 [[nodiscard]] Pose sample_pose(Rng rng, bool is_frontal) {
     const auto angle = [&](double deviation, double limit) {
         return radians_from_degrees(truncated_normal(rng, deviation, limit));
@@ -157,8 +157,9 @@ SyntheticView sample_synthetic_view(const TexturedHeads& heads, const Rng& rng, 
         sample_person(heads, rng.split("person")),
         sample_expression(heads, of_view.split("expression")),
         synthetic::sample_light(of_view.split("light")),
-        synthetic::at_focal(sample_pose(of_view.split("pose"), view % 3 == 0), intrinsics.focal)};
-    const TexturedSurface surface = textured_surface(heads, result.person, result.expression);
+        synthetic::at_focal(sample_pose(of_view.split("pose"), view % 3 == 0), intrinsics.focal),
+        {}};
+    result.surface = textured_surface(heads, result.person, result.expression);
     const Eigen::Vector3d back =
         rotation_from_angles(result.pose.yaw, result.pose.pitch, result.pose.roll).col(2);
     const Eigen::Vector3d start = result.pose.translation;
@@ -167,8 +168,9 @@ SyntheticView sample_synthetic_view(const TexturedHeads& heads, const Rng& rng, 
     for (const double wider : {1.0, 1.15, 1.3, 1.5, 1.6, 1.7, 1.8}) {
         result.pose.translation = start + (wider - 1.0) * distance * back;
         const std::int64_t vertices =
-            wider < 1.5 ? surface.vertices.shape(0) : heads.vertices.shape(1);
-        if (!leaves_frame(surface, camera_from_pose(result.pose, intrinsics), vertices)) break;
+            wider < 1.5 ? result.surface.vertices.shape(0) : heads.vertices.shape(1);
+        if (!leaves_frame(result.surface, camera_from_pose(result.pose, intrinsics), vertices))
+            break;
     }
     return result;
 }
@@ -194,15 +196,14 @@ void write_synthetic_people(const TexturedHeads& heads, const SyntheticPeopleSet
         const SyntheticView view =
             sample_synthetic_view(heads, of_person, number, settings.intrinsics);
         const Camera camera = camera_from_pose(view.pose, settings.intrinsics);
-        const TexturedSurface surface = textured_surface(heads, view.person, view.expression);
         std::vector<std::vector<double>> landmarks;
-        for (const Eigen::Vector3d& point : surface.landmarks) {
+        for (const Eigen::Vector3d& point : view.surface.landmarks) {
             const Eigen::Vector3d at = project(camera, point) * static_cast<double>(settings.side);
             landmarks.push_back({at.x(), at.y()});
         }
         const Rng of_view = of_person.split(static_cast<std::uint64_t>(number));
         synthetic::WrittenFace face =
-            photo_of(render_textured(surface, view.light, camera, settings.side),
+            photo_of(render_textured(view.surface, view.light, camera, settings.side),
                      of_view.split("background"));
         face.record = JsonValue::object({{"id", ids[static_cast<std::size_t>(index)]},
                                          {"pose", to_json(view.pose)},

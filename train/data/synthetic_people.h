@@ -18,6 +18,7 @@ struct SyntheticView {
     std::vector<float> expression;  ///< weights of the heads' expressions
     std::vector<float> light;       ///< 27, see render/spherical_harmonics.h
     Pose pose;  ///< a camera that has the head, but not all of long hair, in its square
+    TexturedSurface surface;  ///< of the person with the expression
 };
 
 /// Draws view `view` of a person. The person, two or three heads with uniformly distributed weights
