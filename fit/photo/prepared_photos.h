@@ -22,10 +22,10 @@ struct PreparedPhoto {
 /// The central square of an image, resized to side x side pixels.
 [[nodiscard]] Tensor at_model_side(const Tensor& image, std::int64_t side);
 
-/// Finds, aligns and masks the face of each photo that `settings` name, with its pose for the
-/// model's camera. `settings` gives the files of the networks and the model whose heads guide the
-/// masks. Throws FileError, which names the photo, for a photo that cannot be read or used. `known`
-/// are the known pixels of each photo, as in KnownOfPhoto.
+/// Finds, aligns and masks the face of each photo, with its pose for the model's camera. `settings`
+/// gives the files of the networks and of the head. Throws FileError, which names the photo, for a
+/// photo that cannot be read or used. `known` are the known pixels of each photo, as in
+/// KnownOfPhoto.
 [[nodiscard]] std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
                                                         const ModelConfig& model,
                                                         PhotoPreparationSettings settings,
