@@ -4,8 +4,8 @@
 
 namespace stymo {
 
-/// Intrinsics in units of the image side, shared by all images of a data set (docs/paper-notes.md:
-/// focal 2.03, centre 0.5).
+/// Intrinsics in units of the image side, shared by all images of a data set
+/// (docs/conventions.md).
 struct Intrinsics {
     double focal = 2.03;
     double center_x = 0.5;

@@ -35,7 +35,7 @@ struct MorphableFitOptions {
     int pixel_steps = 8;
 };
 
-/// The most probable pose and codes. docs/morphable-models.md states the cost function.
+/// The most probable pose and codes. docs/morphable-models.md says how they are found.
 struct MorphableFit {
     Pose pose;
     std::vector<float> identity;    ///< 100

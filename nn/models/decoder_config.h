@@ -11,8 +11,8 @@
 
 namespace stymo {
 
-/// Configuration of the decoder. The defaults are the paper's; docs/paper-notes.md lists those that
-/// the paper does not state.
+/// Configuration of the decoder. The defaults are the paper's; configs/keys.md marks those that the
+/// paper does not state.
 struct DecoderConfig {
     std::int64_t resolution = 512;  ///< side of the largest image: 64, 128, 256 or 512
     /// "modulation" (paper) or "concatenation" (HeadNeRF); see nn/models/field.h.

@@ -11,7 +11,7 @@
 
 namespace stymo {
 
-/// On the model that ships its frames have about 45 dB in the worst views (docs/numerics.md).
+/// docs/numerics.md has the error of its frames on the model that ships.
 inline constexpr double default_tolerance = 0.25;
 
 struct RendererOptions {
