@@ -1,7 +1,6 @@
 #include "fit/photo/photo_look.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <optional>
 #include <vector>
@@ -9,7 +8,15 @@
 namespace stymo {
 namespace {
 
+using Point = Eigen::Vector2d;
 using Color = Eigen::Vector3d;
+
+double quantile(std::vector<double> values, double share) {
+    const auto at = values.begin() +
+                    static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+    std::nth_element(values.begin(), at, values.end());
+    return *at;
+}
 
 struct Pixels {
     const Tensor& image;
@@ -22,83 +29,131 @@ struct Pixels {
         return Eigen::Map<const Eigen::Vector3f>(image.values<float>().data() + 3 * pixel)
             .cast<double>();
     }
+    [[nodiscard]] double grey(std::int64_t pixel) const { return color(pixel).mean(); }
 };
 
-double quantile(std::vector<double> values, double share) {
-    const auto at = values.begin() +
-                    static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-    std::nth_element(values.begin(), at, values.end());
-    return *at;
-}
-
-/// Logarithms of colour and brightness of the median colour around a point; nothing if a pixel is
-/// unknown or outside the image.
-std::optional<Color> tone_at(const Pixels& pixels, const Eigen::Vector2d& center, double radius) {
-    constexpr double brightness_weight = 0.3, darkest = 0.02;
+/// The pixels around a point; nothing if one is unknown or outside the image.
+std::vector<std::int64_t> disc(const Pixels& pixels, const Point& center, double radius) {
     const std::int64_t side = pixels.image.shape(0);
-    std::array<std::vector<double>, 3> channels;
+    std::vector<std::int64_t> result;
     for (auto y = std::floor(center.y() - radius); y <= center.y() + radius; ++y)
         for (auto x = std::floor(center.x() - radius); x <= center.x() + radius; ++x) {
-            if ((Eigen::Vector2d(x, y) - center).norm() > radius) continue;
-            if (std::min(x, y) < 0.0 || std::max(x, y) >= static_cast<double>(side))
-                return std::nullopt;
+            if ((Point(x, y) - center).norm() > radius) continue;
+            if (std::min(x, y) < 0.0 || std::max(x, y) >= static_cast<double>(side)) return {};
             const std::int64_t pixel =
                 static_cast<std::int64_t>(y) * side + static_cast<std::int64_t>(x);
-            if (!pixels.is_known(pixel)) return std::nullopt;
-            const Color color = pixels.color(pixel);
-            for (std::size_t c = 0; c < 3; ++c)
-                channels[c].push_back(color[static_cast<Eigen::Index>(c)]);
+            if (!pixels.is_known(pixel)) return {};
+            result.push_back(pixel);
         }
-    if (channels[0].empty()) return std::nullopt;
-    Color median;
-    for (std::size_t c = 0; c < 3; ++c)
-        median[static_cast<Eigen::Index>(c)] = std::max(darkest, quantile(channels[c], 0.5));
-    return Color(std::log(median[0] / median[1]), std::log(median[2] / median[1]),
-                 brightness_weight * std::log(median.mean()));
+    return result;
 }
 
-/// The smallest difference of any place from any reference; 0 if one is unknown.
-template <std::size_t P, std::size_t R>
-double difference(const std::array<std::optional<Color>, P>& places,
-                  const std::array<std::optional<Color>, R>& references) {
-    double least = 1e9;
+/// The median of a channel of an image of `channels` channels.
+double median(const Tensor& image, const std::vector<std::int64_t>& pixels, std::int64_t channel,
+              std::int64_t channels) {
+    std::vector<double> values;
+    for (const std::int64_t pixel : pixels)
+        values.push_back(
+            image.values<float>()[static_cast<std::size_t>(channels * pixel + channel)]);
+    return quantile(std::move(values), 0.5);
+}
+
+/// Logarithms of colour and brightness; nothing without pixels.
+std::optional<Color> tone_of(const Tensor& image, const std::vector<std::int64_t>& pixels) {
+    constexpr double brightness_weight = 0.3, offset = 0.1;
+    if (pixels.empty()) return std::nullopt;
+    Color color;
+    for (Eigen::Index c = 0; c < 3; ++c) color[c] = offset + median(image, pixels, c, 3);
+    return Color(std::log(color[0] / color[1]), std::log(color[2] / color[1]),
+                 brightness_weight * std::log(color.mean()));
+}
+
+using Tones = std::vector<std::optional<Color>>;
+
+/// The smallest difference of any place from any reference; 0 if a place is unknown.
+double difference(const Tones& places, const Tones& references) {
+    std::optional<double> least;
     for (const auto& place : places)
         for (const auto& reference : references) {
-            if (!place || !reference) return 0.0;
-            least = std::min(least, (*place - *reference).norm());
+            if (!place) return 0.0;
+            if (!reference) continue;
+            const double found = (*place - *reference).norm();
+            least = std::min(found, least.value_or(found));
         }
-    return least;
+    return least.value_or(0.0);
 }
 
 double brightness_of(const Pixels& pixels) {
     std::vector<double> values;
     for (std::int64_t i = 0; i < pixels.image.size() / 3; ++i)
-        if (pixels.is_known(i)) values.push_back(pixels.color(i).mean());
+        if (pixels.is_known(i)) values.push_back(pixels.grey(i));
     constexpr double nearly_all = 0.99;
     return values.empty() ? 1.0 : quantile(std::move(values), nearly_all);
 }
 
+/// Sets noise and share of clipped pixels of a disc.
+void measure_light(const Pixels& pixels, const Point& center, double radius, PhotoLook& look) {
+    const std::int64_t side = pixels.image.shape(0);
+    std::vector<double> residuals, greys;
+    double clipped = 0.0;
+    for (std::int64_t i = 0; i < side * side; ++i) {
+        const std::int64_t x = i % side, y = i / side;
+        const Point place(static_cast<double>(x), static_cast<double>(y));
+        if (std::min(x, y) < 1 || std::max(x, y) > side - 2 || !pixels.is_known(i) ||
+            !((place - center).norm() < radius))
+            continue;
+        const auto row = [&](std::int64_t at) {
+            return pixels.grey(at - 1) - 2.0 * pixels.grey(at) + pixels.grey(at + 1);
+        };
+        residuals.push_back(std::abs(row(i - side) - 2.0 * row(i) + row(i + side)));
+        greys.push_back(pixels.grey(i));
+        const double highest = pixels.color(i).maxCoeff();
+        if (highest > 0.99 || highest < 0.01) ++clipped;
+    }
+    if (greys.empty()) return;
+    look.clipped = clipped / static_cast<double>(greys.size());
+    constexpr double deviation_of_median = 0.6745, gain = 6.0, darkest = 0.004;
+    look.noise = quantile(std::move(residuals), 0.5) / (deviation_of_median * gain) /
+                 std::max(darkest, quantile(std::move(greys), 0.5));
+}
+
 }  // namespace
 
-PhotoLook look_of(const Tensor& image, const Landmarks& landmarks, const Tensor& known) {
+PhotoLook look_of(const Tensor& image, const Tensor& mask, const Landmarks& landmarks,
+                  const Tensor& known) {
     const Pixels pixels{image, known};
-    const Eigen::Vector2d left = mean_landmark(landmarks, 36, 41),
-                          right = mean_landmark(landmarks, 42, 47);
-    constexpr double radius_in_eye_distances = 0.12;
-    const double radius = radius_in_eye_distances * (right - left).norm();
-    const auto tone = [&](const Eigen::Vector2d& point) { return tone_at(pixels, point, radius); };
-    const auto below = [](const Eigen::Vector2d& eye, const Eigen::Vector2d& nostril) {
-        return Eigen::Vector2d(eye + 0.15 * (nostril - eye));
+    const Point left = mean_landmark(landmarks, 36, 41), right = mean_landmark(landmarks, 42, 47);
+    const double eye_distance = (right - left).norm();
+    const auto around = [&](const Point& point) {
+        constexpr double radius_in_eye_distances = 0.12;
+        return disc(pixels, point, radius_in_eye_distances * eye_distance);
     };
-    const auto brows = tone(0.5 * (landmarks[21] + landmarks[22]));
+    const auto tone = [&](const Point& point) { return tone_of(image, around(point)); };
+    const auto between = [](const Point& from, const Point& to, double part) {
+        return Point(from + part * (to - from));
+    };
+    const auto in_mask = [&](const Point& point) {
+        const std::vector<std::int64_t> place = around(point);
+        return place.empty() ? 1.0 : median(mask, place, 0, 1);
+    };
+    const Point mouth = mean_landmark(landmarks, 48, 67), up(0.0, -0.15 * eye_distance);
+    const auto brows = tone(between(landmarks[21], landmarks[22], 0.5));
     PhotoLook look;
-    look.lower_face = difference<2, 1>(
-        {tone(mean_landmark(landmarks, 48, 67)), tone(0.35 * landmarks[8] + 0.65 * landmarks[57])},
-        {brows});
-    look.eyes = difference<4, 2>({tone(left), tone(right), tone(below(left, landmarks[31])),
-                                  tone(below(right, landmarks[35]))},
-                                 {brows, tone(landmarks[30])});
+    look.lower_face = difference({tone(mouth), tone(between(landmarks[57], landmarks[8], 0.35))},
+                                 {brows, tone(landmarks[19] + up), tone(landmarks[24] + up),
+                                  tone(between(landmarks[41], landmarks[31], 0.18)),
+                                  tone(between(landmarks[46], landmarks[35], 0.18))});
+    look.eyes = difference({tone(left), tone(right), tone(between(left, landmarks[31], 0.15)),
+                            tone(between(right, landmarks[35], 0.15))},
+                           {brows, tone(landmarks[30]), tone(between(left, landmarks[48], 0.5)),
+                            tone(between(right, landmarks[54], 0.5))});
+    look.mouth_in_mask = in_mask(mouth);
+    // The farther eye of a profile lies at or behind the outline.
+    const double to_left = (left - landmarks[27]).norm(), to_right = (right - landmarks[27]).norm();
+    look.eyes_in_mask = std::min(to_right < 2.0 * to_left ? in_mask(left) : 1.0,
+                                 to_left < 2.0 * to_right ? in_mask(right) : 1.0);
     look.brightness = brightness_of(pixels);
+    measure_light(pixels, landmarks[30], 0.9 * eye_distance, look);
     return look;
 }
 

@@ -248,6 +248,8 @@ FaceCrop PhotoPreparation::Implementation::crop_at(const Alignment& alignment, b
     const Tensor fit_known = known_pixels(fit_side);
     crop.fit_target = {landmarks_at(fit_side), resized(image, fit_side),
                        where_known(fit_known, resized(mask, fit_side), 0.0).value(), fit_known};
+    const MorphableFitTarget& small = crop.fit_target;
+    crop.look = look_of(small.image, small.mask, small.landmarks, small.known);
     if (network) crop.face_box = network->face_box(image);
     return crop;
 }
@@ -290,7 +292,7 @@ PreparedFace PhotoPreparation::Implementation::joined(FaceCrop crop,
                                     .yaw = yaw,
                                     .landmark_error = face.fit.landmark_error,
                                     .made_mask = crop.made_mask,
-                                    .look = look_of(crop.image, crop.landmarks, crop.known)});
+                                    .look = crop.look});
     crop.face_box = {};
     face.crop = std::move(crop);
     return face;

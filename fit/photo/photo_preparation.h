@@ -13,6 +13,7 @@
 #include "fit/morphable/morphable_fit.h"
 #include "fit/photo/landmarks.h"
 #include "fit/photo/network_poses.h"
+#include "fit/photo/photo_look.h"
 #include "render/camera.h"
 #include "render/morphable/head.h"
 
@@ -29,7 +30,7 @@ struct PhotoPreparationSettings {
     /// Widens FFHQ's square, up to 1.5 times, while the head leaves it at the top or the sides.
     /// Photos that are already aligned stay as they are.
     bool whole_head = false;
-    PivotCamera pivot;       ///< camera position for poses from a network
+    PivotCamera pivot;  ///< camera position for poses from a network
     // Optional files; an empty path means that the file is not used.
     std::filesystem::path landmark_model;  ///< for FaceDetector; empty: that of libdlib-data
     /// Head-mask network (nn/pretrained/head_mask_network.h). Without it, a photo whose mask is not
@@ -66,6 +67,7 @@ struct FaceCrop {
     int quarter_turns = 0;       ///< clockwise turns of the photo after which the face was found
     double side_in_photo = 0.0;  ///< side of the crop in pixels of the photo
     double share_outside = 0.0;  ///< share of the crop's area outside the photo
+    PhotoLook look{};            ///< of `fit_target`
     MorphableFitTarget
         fit_target;   ///< image, mask and landmarks at the resolution of the morphable fit
     Tensor face_box;  ///< input of the pose network, if there is one

@@ -16,8 +16,11 @@ constexpr double doubtful_landmark_error = 0.04;
 /// A crop with fewer pixels per wanted pixel is blurred.
 constexpr double coarse_resolution = 0.5;
 /// See PhotoLook.
-constexpr double covered_difference = 0.3;
+constexpr double covered_difference = 0.25;
+constexpr double in_head = 0.5;
 constexpr double dark = 0.36;
+constexpr double noisy = 0.03;
+constexpr double largest_clipped_share = 0.25;
 
 template <class... Parts>
 std::string line(const Parts&... parts) {
@@ -35,10 +38,10 @@ long percent(double share) {
 std::vector<std::string> photo_warnings(const PhotoFindings& findings) {
     std::vector<std::string> warnings;
     if (findings.faces > 1)
-        warnings.push_back(line(
-            findings.faces,
-            " faces were found and the largest one is used; stymo-fit --face N takes another one, "
-            "counted from the left"));
+        warnings.push_back(line(findings.faces,
+                                " faces were found and the largest one is used; stymo-fit --face "
+                                "N, or Face in the viewer, "
+                                "takes another one, counted from the left"));
     if (findings.quarter_turns != 0)
         warnings.push_back(line("the face did not stand upright; the photo was turned by ",
                                 90 * findings.quarter_turns, " degrees clockwise"));
@@ -62,16 +65,25 @@ std::vector<std::string> photo_warnings(const PhotoFindings& findings) {
         warnings.push_back(
             line("the landmark error of the head model is ", percent(findings.landmark_error),
                  " percent of the image's side; the pose may be wrong, look at the overlay"));
+    const PhotoLook& look = findings.look;
     constexpr const char* ignore = "; if something covers them, leave it out with --ignore";
-    if (findings.look.lower_face > covered_difference)
-        warnings.push_back(line("mouth and chin have another colour than the forehead", ignore));
-    if (findings.look.eyes > covered_difference)
-        warnings.push_back(line("the eyes have another colour than nose and forehead", ignore));
-    if (findings.look.brightness < dark)
+    if (look.lower_face > covered_difference || look.mouth_in_mask < in_head)
+        warnings.push_back(line("mouth and chin do not look like the rest of the face", ignore));
+    if (look.eyes > covered_difference || look.eyes_in_mask < in_head)
+        warnings.push_back(line("the eyes do not look like the rest of the face", ignore));
+    if (look.brightness < dark)
         warnings.push_back(line("the photo is dark (its brightest parts reach ",
-                                percent(findings.look.brightness),
+                                percent(look.brightness),
                                 " percent), so noise is fitted and scores say little; use a "
                                 "brighter photo"));
+    if (look.noise > noisy)
+        warnings.push_back(line("the photo is noisy (by ", percent(look.noise),
+                                " percent of the face's brightness), and the noise is fitted; use "
+                                "a photo with more light"));
+    if (look.clipped > largest_clipped_share)
+        warnings.push_back(line("the light clips ", percent(look.clipped),
+                                " percent of the face, where its colours are lost; use a photo "
+                                "with another exposure"));
     return warnings;
 }
 

@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
+#include "core/rng.h"
 #include "fit/photo/photo_look.h"
 
 namespace photo_look_tests {
@@ -19,6 +20,9 @@ Landmarks landmarks() {
     points.fill({50.0, 70.0});
     for (std::size_t k = 36; k < 42; ++k) points[k] = {35.0, 40.0};
     for (std::size_t k = 42; k < 48; ++k) points[k] = {65.0, 40.0};
+    points[19] = {36.0, 30.0};
+    points[24] = {64.0, 30.0};
+    points[27] = {50.0, 40.0};
     points[21] = {46.0, 32.0};
     points[22] = {54.0, 32.0};
     points[30] = {50.0, 55.0};
@@ -40,37 +44,94 @@ Tensor face(std::int64_t first, std::int64_t last, const std::array<float, 3>& c
     return image;
 }
 
+Tensor whole_mask() {
+    return Tensor::full({side, side, 1}, 1.0);
+}
+
+/// The mask without rows [first, last) right of a column.
+Tensor mask_without(std::int64_t first, std::int64_t last, std::int64_t column) {
+    Tensor mask = whole_mask();
+    for (std::int64_t i = first * side; i < last * side; ++i)
+        if (i % side >= column) mask.mutable_values<float>()[static_cast<std::size_t>(i)] = 0.0F;
+    return mask;
+}
+
+PhotoLook look(const Tensor& image, const Tensor& known = {}) {
+    return look_of(image, whole_mask(), landmarks(), known);
+}
+
 }  // namespace
 
 TEST_CASE("a cover is told by its colour, unless it is unknown", "[photo][unknown]") {
-    const PhotoLook bare = look_of(face(0, 0, {}), landmarks());
+    const PhotoLook bare = look(face(0, 0, {}));
     CHECK(bare.lower_face == 0.0);
     CHECK(bare.eyes == 0.0);
     CHECK(bare.brightness == Approx(1.9 / 3.0));
     const Tensor masked = face(60, 100, {0.69F, 0.84F, 0.91F});
-    const PhotoLook mask = look_of(masked, landmarks());
-    const double red = std::log(0.69 / 0.84) - std::log(0.8 / 0.6),
-                 blue = std::log(0.91 / 0.84) - std::log(0.5 / 0.6),
-                 light = 0.3 * std::log((0.69 + 0.84 + 0.91) / 1.9);
+    const PhotoLook mask = look(masked);
+    const double red = std::log(0.79 / 0.94) - std::log(0.9 / 0.7),
+                 blue = std::log(1.01 / 0.94) - std::log(0.6 / 0.7),
+                 light = 0.3 * std::log((0.79 + 0.94 + 1.01) / 2.2);
     CHECK(mask.lower_face ==
           Approx(std::sqrt(red * red + blue * blue + light * light)).epsilon(1e-5));
     CHECK(mask.eyes == 0.0);
-    const PhotoLook glasses = look_of(face(36, 52, {0.05F, 0.05F, 0.05F}), landmarks());
-    CHECK(glasses.eyes > 0.6);
+    const PhotoLook glasses = look(face(36, 52, {0.05F, 0.05F, 0.05F}));
+    CHECK(glasses.eyes > 0.4);
     CHECK(glasses.lower_face == 0.0);
-    Tensor known = Tensor::full({side, side, 1}, 1.0);
+    Tensor known = whole_mask();
     std::ranges::fill(known.mutable_values<float>().subspan(60 * side), 0.0F);
-    CHECK(look_of(masked, landmarks(), known).lower_face == 0.0);
-    CHECK(look_of(masked, landmarks(), known).brightness == Approx(1.9 / 3.0));
+    CHECK(look(masked, known).lower_face == 0.0);
+    CHECK(look(masked, known).brightness == Approx(1.9 / 3.0));
+    // Without the forehead the skin below the eyes is left.
+    known = whole_mask();
+    std::ranges::fill(known.mutable_values<float>().subspan(0, 38 * side), 0.0F);
+    CHECK(look(masked, known).lower_face == Approx(mask.lower_face));
 }
 
-TEST_CASE("colour differences do not depend on how bright a dark photo is", "[photo]") {
+TEST_CASE("the noise of dark colours is no cover, and a cover in the dark is one", "[photo]") {
     Tensor dark = face(60, 100, {0.69F, 0.84F, 0.91F});
     for (float& value : dark.mutable_values<float>()) value *= 0.25F;
-    CHECK(look_of(dark, landmarks()).lower_face ==
-          Approx(look_of(face(60, 100, {0.69F, 0.84F, 0.91F}), landmarks()).lower_face)
-              .epsilon(1e-4));
-    CHECK(look_of(dark, landmarks()).brightness < 0.36);
+    CHECK(look(dark).lower_face > 0.3);
+    CHECK(look(dark).brightness < 0.36);
+    for (float& value : dark.mutable_values<float>()) value *= 0.1F;
+    CHECK(look(dark).lower_face < 0.1);
+}
+
+TEST_CASE("a cover is told by a head mask that leaves it out", "[photo]") {
+    const Tensor skin = face(0, 0, {});
+    CHECK(look(skin).mouth_in_mask == 1.0);
+    CHECK(look(skin).eyes_in_mask == 1.0);
+    const PhotoLook mouth = look_of(skin, mask_without(60, 100, 0), landmarks());
+    CHECK(mouth.mouth_in_mask == 0.0);
+    CHECK(mouth.eyes_in_mask == 1.0);
+    // A patch on one eye counts, an eye behind the outline of a profile does not.
+    const Tensor one_eye = mask_without(30, 50, 55);
+    CHECK(look_of(skin, one_eye, landmarks()).eyes_in_mask == 0.0);
+    Landmarks profile = landmarks();
+    profile[27] = {58.0, 40.0};
+    CHECK(look_of(skin, one_eye, profile).eyes_in_mask == 1.0);
+    CHECK(look_of(skin, mask_without(30, 50, 0), profile).eyes_in_mask == 0.0);
+}
+
+TEST_CASE("noise is measured in units of the brightness, and clipped pixels are counted",
+          "[photo]") {
+    const Tensor skin = face(0, 0, {});
+    CHECK(look(skin).noise == Approx(0.0).margin(1e-6));
+    CHECK(look(skin).clipped == 0.0);
+    Tensor noisy = skin;
+    Rng rng(1);
+    constexpr double deviation = 0.06;
+    for (float& value : noisy.mutable_values<float>())
+        value += static_cast<float>(deviation * rng.normal());
+    // The mean of three channels has a third of the variance.
+    const double expected = deviation / std::sqrt(3.0) / (1.9 / 3.0);
+    CHECK(look(noisy).noise == Approx(expected).epsilon(0.1));
+    // Below the nose, which is in the middle of the disc.
+    CHECK(look(face(56, 100, {1.0F, 0.8F, 0.7F})).clipped == Approx(0.5).margin(0.02));
+    CHECK(look(face(0, 55, {0.0F, 0.005F, 0.0F})).clipped == Approx(0.5).margin(0.02));
+    Tensor known = whole_mask();
+    std::ranges::fill(known.mutable_values<float>().subspan(56 * side), 0.0F);
+    CHECK(look(face(56, 100, {1.0F, 0.8F, 0.7F}), known).clipped == 0.0);
 }
 
 }  // namespace photo_look_tests

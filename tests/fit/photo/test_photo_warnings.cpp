@@ -52,11 +52,23 @@ TEST_CASE("each thing that looks wrong has a warning of its own", "[photo]") {
     check_only(astray, "look at the overlay");
     PhotoFindings masked = good();
     masked.look.lower_face = 0.5;
-    check_only(masked, "mouth and chin have another colour than the forehead");
+    check_only(masked, "mouth and chin do not look like the rest of the face");
     PhotoFindings shaded = good();
     shaded.look.eyes = 0.5;
-    check_only(shaded, "the eyes have another colour than nose and forehead");
+    check_only(shaded, "the eyes do not look like the rest of the face");
+    PhotoFindings cloth = good();
+    cloth.look.mouth_in_mask = 0.2;
+    check_only(cloth, "mouth and chin do not look like the rest of the face");
+    PhotoFindings patch = good();
+    patch.look.eyes_in_mask = 0.2;
+    check_only(patch, "the eyes do not look like the rest of the face");
     PhotoFindings dark = good();
     dark.look.brightness = 0.3;
     check_only(dark, "its brightest parts reach 30 percent");
+    PhotoFindings noisy = good();
+    noisy.look.noise = 0.05;
+    check_only(noisy, "noisy (by 5 percent of the face's brightness)");
+    PhotoFindings clipped = good();
+    clipped.look.clipped = 0.4;
+    check_only(clipped, "clips 40 percent of the face");
 }
