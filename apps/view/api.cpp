@@ -47,6 +47,7 @@ Answer job_answer(const Session& session) {
                                    {"loss", status->loss},
                                    {"face", status->face},
                                    {"note", status->note},
+                                   {"faces", status->faces},
                                    {"error", status->error},
                                    {"artifact", status->has_artifact}}));
 }
@@ -229,6 +230,7 @@ ListedFace Api::moved_face(Session& session, const std::string& id, const Slider
 Answer Api::fit(Session& session, const Request& request) {
     constexpr double longest_tuning = 600.0;
     const double tune = request.number("tune", 0.0, 0.0, longest_tuning);
+    const auto face = static_cast<std::int64_t>(request.number("face", 0.0, 0.0, 1000.0));
     const auto cover = static_cast<std::size_t>(
         request.number("cover", 0.0, 0.0, static_cast<double>(request.body.size())));
     if (request.body.size() <= cover) throw RequestError(400, "the photo is missing");
@@ -236,7 +238,8 @@ Answer Api::fit(Session& session, const Request& request) {
     if (!shared_.model()->has_encoder())
         throw RequestError(400, "this model has no encoder, so no photo can be fitted");
     if (tune > 0.0) session.faces().require_room_for_tuned();
-    session.start(fit_photo(shared_, session, photo, request.body.substr(photo.size()), tune));
+    session.start(
+        fit_photo(shared_, session, photo, request.body.substr(photo.size()), tune, face));
     return job_answer(session);
 }
 

@@ -51,6 +51,12 @@ void Job::set_face(const std::string& id) {
     status_.face = id;
 }
 
+void Job::set_faces(std::int64_t count) {
+    require_wanted();
+    const std::lock_guard lock(mutex_);
+    status_.faces = count;
+}
+
 void Job::add_note(const std::string& note) {
     const std::lock_guard lock(mutex_);
     status_.note += (status_.note.empty() ? "" : "; ") + note;

@@ -24,10 +24,11 @@ struct JobStatus {
     std::string phase;      ///< "fitting"
     std::int64_t done = 0;  ///< finished steps of this phase
     std::int64_t total = 0;
-    double loss = 0.0;  ///< 0 if the phase has no loss
-    std::string face;   ///< id of the resulting face; empty before there is one
-    std::string error;  ///< reason of a failure
-    std::string note;   ///< further information, such as a warning about the photo
+    double loss = 0.0;       ///< 0 if the phase has no loss
+    std::string face;        ///< id of the resulting face; empty before there is one
+    std::string error;       ///< reason of a failure
+    std::string note;        ///< further information, such as a warning about the photo
+    std::int64_t faces = 0;  ///< number of faces among which a photo's was chosen
     bool has_artifact = false;
 };
 
@@ -51,6 +52,7 @@ public:
     // that ends it.
     void report(const std::string& phase, std::int64_t done, std::int64_t total, double loss = 0.0);
     void set_face(const std::string& id);
+    void set_faces(std::int64_t count);
     /// Adds to the note, after "; ".
     void add_note(const std::string& note);
     void set_artifact(Artifact artifact);

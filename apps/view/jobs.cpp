@@ -36,12 +36,13 @@ std::unique_lock<std::timed_mutex> wait_for_heavy_work(SharedState& shared, Job&
     return lock;
 }
 
-FitJobOptions fit_options(const SharedState& shared, double tune_seconds) {
+FitJobOptions fit_options(const SharedState& shared, double tune_seconds, std::int64_t number) {
     FitJobOptions options;
     PhotoPreparationSettings& preparation = options.preparation;
     preparation.landmark_model = shipped_landmark_network();
     preparation.mask_network = shipped_mask_network();
     preparation.most_pixels = shared.options().most_photo_pixels;
+    preparation.face = number;
     options.head = preparation.morphable;
     options.fit.optimizer = FitOptimizer::lbfgs;
     options.fit.steps = shared.options().fit_steps;
@@ -60,7 +61,8 @@ Tensor known_besides(const std::string& cover, std::int64_t most_pixels) {
     return known;
 }
 
-/// The prepared photo whose file has these bytes. Its warnings join the job's note.
+/// The prepared photo whose file has these bytes. Its warnings join the job's note, and its number
+/// of faces the status.
 PreparedPhoto prepared(const FitJob& fit, const std::string& bytes, const std::string& cover,
                        Job& job) {
     job.report("finding the face", 0, 0);
@@ -71,6 +73,7 @@ PreparedPhoto prepared(const FitJob& fit, const std::string& bytes, const std::s
         photo = fit.prepare({&name, 1}, known).front();
     });
     for (const std::string& warning : photo.warnings) job.add_note(warning);
+    job.set_faces(photo.faces);
     return photo;
 }
 
@@ -180,11 +183,11 @@ std::string error_note(const ChosenRenderer& chosen) {
 }  // namespace
 
 Job::Body fit_photo(SharedState& shared, Session& session, std::string photo, std::string cover,
-                    double tune_seconds) {
-    return [&shared, &session, photo = std::move(photo), cover = std::move(cover),
-            tune_seconds](Job& job) {
+                    double tune_seconds, std::int64_t number) {
+    return [&shared, &session, photo = std::move(photo), cover = std::move(cover), tune_seconds,
+            number](Job& job) {
         const auto lock = wait_for_heavy_work(shared, job);
-        const FitJob fit(*shared.model(), shared.loss(), fit_options(shared, tune_seconds));
+        const FitJob fit(*shared.model(), shared.loss(), fit_options(shared, tune_seconds, number));
         const PreparedPhoto ready = prepared(fit, photo, cover, job);
         FaceBatch batch = fit.batch_of({&ready.face, 1});
         ShownFit shown(

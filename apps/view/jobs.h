@@ -14,9 +14,9 @@ namespace stymo::view {
 /// Finds, masks and fits the face of a photo, whose file has the bytes `photo`. `cover` has those
 /// of a mask that is white where something covers the face; empty: nothing does. The face is in the
 /// list from the first step on and is updated during the fit. Then the decoder is tuned to it for
-/// `tune_seconds`.
+/// `tune_seconds`. `number`: which face of the photo, counted from the left; 0: the largest.
 [[nodiscard]] Job::Body fit_photo(SharedState& shared, Session& session, std::string photo,
-                                  std::string cover, double tune_seconds);
+                                  std::string cover, double tune_seconds, std::int64_t number);
 
 /// Changes the colour of a part of a face.
 [[nodiscard]] Job::Body recolor(SharedState& shared, Session& session, const ListedFace& shown,

@@ -65,6 +65,7 @@ PreparedPhoto photo_of(const std::string& image, PreparedFace prepared,
     photo.overlay = preparation_overlay({shown, crop.mask, crop.landmarks, prepared.fit},
                                         preparation.head(), settings.intrinsics, settings.side);
     photo.warnings = std::move(prepared.warnings);
+    photo.faces = crop.faces;
     return photo;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <string>
 #include <vector>
@@ -17,6 +18,7 @@ struct PreparedPhoto {
     Tensor aligned;
     Tensor overlay;  ///< the crop with all results drawn over it
     std::vector<std::string> warnings;
+    std::int64_t faces = 1;  ///< as in FaceCrop
 };
 
 /// The central square of an image, resized to side x side pixels.

@@ -17,10 +17,13 @@
 #include "core/metrics.h"
 #include "core/ops/elementwise.h"
 #include "core/rng.h"
+#include "fit/photo/face_detector.h"
 #include "nn/models/code_file.h"
 #include "nn/models/weight_changes.h"
 #include "nn/realtime/view.h"
+#include "render/morphable/builtin_head.h"
 #include "support/tiny_model.h"
+#include "train/data/synthetic_faces.h"
 
 using namespace stymo;
 using nlohmann::json;
@@ -272,6 +275,44 @@ TEST_CASE("a photo without a face ends the job with a reason and leaves no face"
     CHECK(job["state"] == "failed");
     CHECK(job["error"].get<std::string>().starts_with("the photo: "));
     CHECK(client.json("faces")["faces"].size() == client.opened()["faces"].size());
+}
+
+TEST_CASE("of a photo with several faces another one is fitted", "[view]") {
+    if (!FaceDetector::available()) return;
+    constexpr std::int64_t side = 320, width = 1000, height = 480;
+    Tensor photo = Tensor::zeros({height, width, 3});
+    for (const std::int64_t number : {0, 1}) {
+        const SyntheticFace face =
+            sample_synthetic_face(builtin_head(), Rng(static_cast<std::uint64_t>(5 + number)));
+        const Tensor head = render_synthetic_face(builtin_head(), face, {}, side).color;
+        for (std::int64_t row = 0; row < side; ++row)
+            std::copy_n(head.values<float>().begin() + row * side * 3, side * 3,
+                        photo.mutable_values<float>().begin() +
+                            ((row + 80) * width + 90 + 500 * number) * 3);
+    }
+    ViewClient client;
+    const std::string bytes = jpeg_bytes(photo, 95);
+    const auto fitted = [&](const std::map<std::string, std::string>& query) {
+        REQUIRE(client.send("photo", bytes, query).status == 200);
+        return client.ended_job();
+    };
+    const auto codes_of = [&](const json& job) {
+        INFO(job.dump());
+        REQUIRE(job["state"] == "done");
+        const json listed = client.json("faces");
+        for (const json& face : listed["faces"])
+            if (face["face"] == job["face"]) return face["codes"].get<std::string>();
+        return std::string();
+    };
+    const json largest = fitted({});
+    CHECK(largest["faces"] == 2);
+    CHECK_THAT(largest["note"].get<std::string>(), Catch::Contains("Face in the viewer"));
+    const json left = fitted({{"face", "1"}}), right = fitted({{"face", "2"}});
+    CHECK(left["faces"] == 1);
+    CHECK(codes_of(left) != codes_of(right));
+    CHECK((codes_of(largest) == codes_of(left) || codes_of(largest) == codes_of(right)));
+    CHECK(fitted({{"face", "3"}})["error"] == "the photo: has 2 faces, no face 3 from the left");
+    CHECK(client.send("photo", bytes, {{"face", "-1"}}).status == 400);
 }
 
 TEST_CASE("the sliders get their names in the background", "[view]") {

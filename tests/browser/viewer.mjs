@@ -309,6 +309,45 @@ test("a photo is fitted, picture after picture, tuned, saved and opened", async 
   assert.ok(await page.locator("#tuned").isVisible());
 });
 
+// The photo twice in one, the right one larger.
+async function photoOfTwo(page) {
+  const one = fs.readFileSync(await photoOfAFace(page)).toString("base64");
+  const both = await page.evaluate(async (base64) => {
+    const bytes = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
+    const image = await createImageBitmap(new Blob([bytes]));
+    const canvas = new OffscreenCanvas(1000, 560);
+    const context = canvas.getContext("2d");
+    context.drawImage(image, 0, 60, 440, 440);
+    context.drawImage(image, 440, 0, 560, 560);
+    const blob = await canvas.convertToBlob({ type: "image/jpeg", quality: 0.95 });
+    return [...new Uint8Array(await blob.arrayBuffer())];
+  }, one);
+  const file = path.join(work, "two.jpg");
+  fs.writeFileSync(file, Buffer.from(both));
+  return file;
+}
+
+test("another face of a photo is chosen, also while one is fitted", async (page) => {
+  const file = await photoOfTwo(page);
+  const count = await faceCount(page);
+  await page.selectOption("#tune", "60");
+  await page.setInputFiles("#photo", file);
+  await page.locator("#which").waitFor({ state: "visible", timeout: slow });
+  assert.deepEqual(await page.locator("#which option").allTextContents(),
+    ["largest", "1 from the left", "2 from the left"]);
+  await page.waitForFunction(() => window.stymo.job.phase === "fitting" ||
+    window.stymo.job.ended > 0, null, { timeout: slow });
+  await page.selectOption("#tune", "0");
+  await page.selectOption("#which select", "1");
+  const job = await jobEnds(page, 2);
+  assert.equal(job.state, "done", job.error);
+  assert.equal(await faceCount(page), count + 1, "the fit of the other face was cancelled");
+  assert.ok(await page.locator("#which").isVisible());
+  await page.setInputFiles("#photo", path.join(work, "photo.jpg"));
+  assert.equal((await jobEnds(page, 3)).state, "done");
+  assert.ok(!await page.locator("#which").isVisible());
+});
+
 test("a page that is closed while it fits does not hold up another", async (page) => {
   const file = await photoOfAFace(page);
   const other = await page.context().newPage();

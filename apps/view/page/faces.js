@@ -2,7 +2,7 @@
 
 import { ask, post } from "./api.js";
 import { paintCover } from "./cover.js";
-import { watchJob } from "./job.js";
+import { endJob, watchJob } from "./job.js";
 import { say } from "./message.js";
 import { change, state } from "./state.js";
 
@@ -155,14 +155,33 @@ export async function openFiles(files) {
 }
 
 let lastPhoto = null;
+let lastCover = null;
+const which = document.getElementById("which");
+const number = which.querySelector("select");
+
+/// Offers the faces of the last photo, counted from the left.
+export function offerFaces(count) {
+  if (!which.hidden || count < 2) return;
+  const names = Array.from({ length: count }, (_, i) => `${i + 1} from the left`);
+  number.replaceChildren(...["largest", ...names].map((name, i) => new Option(name, i)));
+  which.hidden = false;
+}
+
+number.onchange = async () => {
+  await endJob();
+  await fitPhoto(lastPhoto, lastCover);
+};
 
 /// `cover`: a PNG mask that is white where something covers the face.
 export async function fitPhoto(file, cover = null) {
   if (!file) return;
   document.getElementById("welcome").hidden = true;
+  if (file !== lastPhoto) which.hidden = true;
   lastPhoto = file;
+  lastCover = cover;
   document.getElementById("covered").disabled = false;
   const query = new URLSearchParams({ tune: document.getElementById("tune").value });
+  if (!which.hidden) query.set("face", number.value);
   if (cover) query.set("cover", cover.size);
   try {
     await post("photo?" + query, cover ? new Blob([file, cover]) : file);

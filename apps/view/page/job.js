@@ -1,7 +1,7 @@
 // Follows what takes seconds: a fit, a change of colour, a film, a mesh, tuned weights.
 
 import { ask, post, save } from "./api.js";
-import { drawThumbnail, faceOf, refreshFaces, showFace } from "./faces.js";
+import { drawThumbnail, faceOf, offerFaces, refreshFaces, showFace } from "./faces.js";
 import { refreshSoon } from "./frames.js";
 import { say } from "./message.js";
 import { state } from "./state.js";
@@ -18,6 +18,12 @@ export function cancelJob() {
 
 document.getElementById("cancel").onclick = cancelJob;
 
+/// Cancels the job, if one runs, and waits for its end.
+export async function endJob() {
+  await cancelJob();
+  while (!box.hidden) await new Promise((done) => setTimeout(done, 50));
+}
+
 /// Until the job ends. `live`: its face changes on the way and is shown.
 export async function watchJob(live) {
   box.hidden = false;
@@ -29,6 +35,7 @@ export async function watchJob(live) {
       status = await ask("job");
       Object.assign(job, status);
       tell(status);
+      offerFaces(status.faces);
       if (live && status.face && status.state === "running") await follow(status, watched);
       await new Promise((done) => setTimeout(done, 120));
     } while (status.state === "running");
