@@ -69,18 +69,18 @@ Access::Access(const std::string& host, std::string token, std::vector<PageAddre
         token_ = random_token();
 }
 
-const PageAddress* Access::address_of(const std::string& host) const {
-    const auto found = std::ranges::find_if(addresses_, [&](const PageAddress& address) {
-        return address.origin == origin_of("https", host) ||
-               address.origin == origin_of("http", host);
-    });
-    return found == addresses_.end() ? nullptr : &*found;
+std::set<std::string> Access::paths_on(const std::string& host) const {
+    std::set<std::string> paths;
+    for (const PageAddress& address : addresses_)
+        if (address.origin == origin_of("https", host) || address.origin == origin_of("http", host))
+            paths.insert(address.path);
+    return paths;
 }
 
 bool Access::is_own_name(const std::string& host) const {
     // The machine or its proxy may have names that the server does not know; the token decides.
     if (!is_local_ || trusts_proxy_) return true;
-    return is_loopback(host) || address_of(host) != nullptr;
+    return is_loopback(host) || !paths_on(host).empty();
 }
 
 bool Access::is_own_page(const Asker& asker) const {
@@ -91,7 +91,7 @@ bool Access::is_own_page(const Asker& asker) const {
         const std::string& name = asker.forwarded_host.empty() ? asker.host : asker.forwarded_host;
         return origin == origin_of(first_of(asker.forwarded_proto), first_of(name));
     }
-    if (!is_loopback(asker.host) && address_of(asker.host) != nullptr) return false;
+    if (!is_loopback(asker.host) && !paths_on(asker.host).empty()) return false;
     // Proxies that encrypt say so only in headers that anybody can write, hence the token.
     return origin == origin_of("http", asker.host) ||
            (!token_.empty() && origin == origin_of("https", asker.host));

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -48,8 +49,8 @@ public:
     /// Empty: none is needed.
     [[nodiscard]] const std::string& token() const { return token_; }
     [[nodiscard]] const std::vector<PageAddress>& addresses() const { return addresses_; }
-    /// The address behind a proxy that has this Host; null if there is none.
-    [[nodiscard]] const PageAddress* address_of(const std::string& host) const;
+    /// The paths of the addresses behind a proxy that have this Host.
+    [[nodiscard]] std::set<std::string> paths_on(const std::string& host) const;
 
 private:
     [[nodiscard]] bool is_own_name(const std::string& host) const;

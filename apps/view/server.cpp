@@ -149,11 +149,12 @@ void Server::Implementation::page(const std::string& name, const httplib::Reques
                         "default-src 'self'; img-src 'self' blob: data:; media-src blob:; "
                         "frame-ancestors 'none'");
     std::string text(file->text);
-    const PageAddress* address = access.address_of(request.get_header_value("Host"));
-    // A proxy that takes the path away does not tell whether the browser's ends with a slash.
-    if (name == "index.html" && address != nullptr) {
+    const std::set<std::string> paths = access.paths_on(request.get_header_value("Host"));
+    // A proxy that takes the path away does not tell whether the browser's ends with a slash, and
+    // of several paths not which.
+    if (name == "index.html" && paths.size() == 1) {
         const std::string head = "<head>";
-        text.insert(text.find(head) + head.size(), "<base href=\"" + address->path + "\">");
+        text.insert(text.find(head) + head.size(), "<base href=\"" + *paths.begin() + "\">");
     }
     response.set_content(text, type_of(file->name));
 }

@@ -1,5 +1,6 @@
 // Who the viewer answers, by the headers of a request.
 #include <catch2/catch.hpp>
+#include <set>
 
 #include "apps/common/command_line.h"
 #include "apps/view/access.h"
@@ -156,6 +157,27 @@ TEST_CASE("a page behind a proxy is answered if it has the token", "[view]") {
     CHECK(access.refusal(rows.at(11).asker)->reason ==
           "requests of the page https://evil.example are not answered; if it is the viewer's own, "
           "behind a proxy, start stymo-view with --origin https://evil.example");
+}
+
+TEST_CASE("a page may have several addresses of one name", "[view]") {
+    const Access access("127.0.0.1", token,
+                        {view::page_address("https://name.example"),
+                         view::page_address("https://name.example/proxy/8080/"),
+                         view::page_address("http://name.example/proxy/8080/"),
+                         view::page_address("https://name.example:8443/proxy/8080/")},
+                        false);
+    using Paths = std::set<std::string>;
+    CHECK(access.paths_on("name.example") == Paths{"/", "/proxy/8080/"});
+    CHECK(access.paths_on("name.example:8443") == Paths{"/proxy/8080/"});
+    CHECK(access.paths_on("other.example").empty());
+    for (const char* origin : {"https://name.example", "http://name.example"})
+        CHECK(status(access, {.host = "name.example", .origin = origin, .token = token}) == 200);
+    CHECK(status(access, {.host = "name.example:8443",
+                          .origin = "https://name.example:8443",
+                          .token = token}) == 200);
+    CHECK(status(access, {.host = "name.example:8443",
+                          .origin = "http://name.example:8443",
+                          .token = token}) == 403);
 }
 
 TEST_CASE("a trusted proxy says where the page is; the token is needed all the same", "[view]") {

@@ -173,6 +173,19 @@ TEST_CASE("the page is served below the path of its proxy, too", "[view]") {
     CHECK(get("/").find("<base") == std::string::npos);
     options.origins = {"name.example"};
     CHECK_THROWS_AS(Running(options), UsageError);
+    // Of two paths of one name nothing says which one the browser sees; the same one twice does.
+    options.origins = {"https://name.example" + path, "http://name.example" + path};
+    const std::string from_name =
+        "GET / HTTP/1.1\r\nHost: name.example\r\nConnection: close\r\n\r\n";
+    CHECK_THAT(Running(options).exchange(from_name), Catch::Contains("<base href=\"" + path));
+    options.origins = {"https://name.example", "https://name.example" + path};
+    const Running two(options);
+    CHECK(two.exchange(from_name).find("<base") == std::string::npos);
+    for (const std::string& start : {std::string(), path})
+        CHECK(is_status(two.exchange("GET " + start +
+                                     "/page/app.js HTTP/1.1\r\nHost: name.example\r\n"
+                                     "Connection: close\r\n\r\n"),
+                        200));
 }
 
 TEST_CASE("a forwarded port is answered, a page that leads here is not", "[view]") {
