@@ -27,6 +27,31 @@ using Transform = std::unique_ptr<void, DeleteTransform>;
 
 constexpr std::int64_t pixels_of_a_task = 1 << 14;
 
+/// ITU-R BT.2100, tables 4 and 5; see ColorTags::hdr.
+double hdr_light(ColorTags::Hdr curve, double value) {
+    constexpr double white = 203.0;  // cd/m2
+    if (curve == ColorTags::Hdr::pq) {
+        constexpr double m1 = 2610.0 / 16384, m2 = 2523.0 / 32, c1 = 3424.0 / 4096,
+                         c2 = 2413.0 / 128, c3 = 2392.0 / 128, brightest = 10000.0;
+        const double power = std::pow(value, 1.0 / m2);
+        return brightest / white *
+               std::pow(std::max(power - c1, 0.0) / (c2 - c3 * power), 1.0 / m1);
+    }
+    constexpr double a = 0.17883277, b = 1.0 - 4.0 * a, gamma = 1.2, brightest = 1000.0;
+    const double c = 0.5 - a * std::log(4.0 * a);
+    const double scene = value <= 0.5 ? value * value / 3.0 : (std::exp((value - c) / a) + b) / 12;
+    return brightest / white * std::pow(scene, gamma);
+}
+
+std::unique_ptr<cmsToneCurve, FreeCurve> hdr_curve(ColorTags::Hdr curve) {
+    constexpr std::size_t steps = 4096;
+    std::vector<float> light;
+    for (std::size_t i = 0; i < steps; ++i)
+        light.push_back(static_cast<float>(hdr_light(curve, static_cast<double>(i) / (steps - 1))));
+    return std::unique_ptr<cmsToneCurve, FreeCurve>(
+        cmsBuildTabulatedToneCurveFloat(nullptr, steps, light.data()));
+}
+
 /// A profile of primaries and a curve.
 Profile profile_of(const ColorTags& tags) {
     constexpr std::array<double, 8> srgb{0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290};
@@ -40,10 +65,13 @@ Profile profile_of(const ColorTags& tags) {
     constexpr std::array<double, 5> srgb_curve{2.4, 1.0 / 1.055, 0.055 / 1.055, 1.0 / 12.92,
                                                0.04045};
     constexpr int gamma_with_linear_part = 4;
-    const std::unique_ptr<cmsToneCurve, FreeCurve> curve(
-        tags.gamma
-            ? cmsBuildGamma(nullptr, *tags.gamma)
-            : cmsBuildParametricToneCurve(nullptr, gamma_with_linear_part, srgb_curve.data()));
+    const std::unique_ptr<cmsToneCurve, FreeCurve> curve =
+        tags.hdr != ColorTags::Hdr::none
+            ? hdr_curve(tags.hdr)
+            : std::unique_ptr<cmsToneCurve, FreeCurve>(
+                  tags.gamma ? cmsBuildGamma(nullptr, *tags.gamma)
+                             : cmsBuildParametricToneCurve(nullptr, gamma_with_linear_part,
+                                                           srgb_curve.data()));
     const std::array<cmsToneCurve*, 3> curves{curve.get(), curve.get(), curve.get()};
     return Profile(cmsCreateRGBProfile(&white, &colors, curves.data()));
 }

@@ -66,10 +66,10 @@ ColorTags tags_of_codes(std::uint32_t primaries, std::uint32_t transfer) {
             tags.gamma = 1.0;
             break;
         case 16:
-            tags.unusable = "the transfer function PQ of HDR";
+            tags.hdr = ColorTags::Hdr::pq;
             break;
         case 18:
-            tags.unusable = "the transfer function HLG of HDR";
+            tags.hdr = ColorTags::Hdr::hlg;
             break;
         default:
             tags.unusable = "the transfer function " + std::to_string(transfer);

@@ -13,6 +13,10 @@ struct ColorTags {
     std::optional<std::array<double, 8>> primaries;  ///< x, y of red, green, blue, white
     std::optional<double> gamma;  ///< light = value^gamma; without it, sRGB's curve
     std::string unusable;         ///< a tag that is not understood, in words, or empty
+    /// The curve, if it is one of HDR (ITU-R BT.2100), with the light of its reference white (203
+    /// cd/m2, BT.2408) as 1. HLG is for a display of 1000 cd/m2, whose gamma of 1.2 each channel
+    /// has for itself.
+    enum class Hdr { none, pq, hlg } hdr = Hdr::none;
 };
 
 /// Adobe RGB (1998), which EXIF names by a number.

@@ -193,6 +193,31 @@ TEST_CASE("colours are converted to sRGB as the published matrices of their spac
     CHECK(convert_to_srgb(colors, {}, no_light) == "its colour tags are wrong");
 }
 
+TEST_CASE("PQ and HLG are converted to sRGB with the reference white of BT.2408 as white") {
+    const std::array<double, 8> bt2020{0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290};
+    const auto check = [&](ColorTags::Hdr curve, const Color& value, const Color& light) {
+        std::vector<float> colors = pixel(value);
+        CHECK(convert_to_srgb(colors, {}, {{}, bt2020, {}, {}, curve}).empty());
+        check_color(colors, {to_srgb(light[0]), to_srgb(light[1]), to_srgb(light[2])}, 0.4 / 255.0);
+    };
+    const auto grey = [](double value) { return Color{value, value, value}; };
+    // BT.2408, table 1: 203 cd/m2 are 58.06 percent in PQ and 75 percent in HLG; BT.2100: 100 cd/m2
+    // are 50.81 percent in PQ, and a twelfth of the scene's light is a half in HLG.
+    check(ColorTags::Hdr::pq, grey(0.580689), grey(1.0));
+    check(ColorTags::Hdr::pq, grey(0.508078), grey(100.0 / 203.0));
+    check(ColorTags::Hdr::pq, grey(0.0), grey(0.0));
+    check(ColorTags::Hdr::hlg, grey(0.5), grey(1000.0 / 203.0 * std::pow(1.0 / 12.0, 1.2)));
+    // Skin in PQ, 100, 50 and 30 cd/m2, by the matrix of BT.2087.
+    const Color skin{100.0 / 203.0, 50.0 / 203.0, 30.0 / 203.0};
+    check(ColorTags::Hdr::pq, {0.508078, 0.440282, 0.392876},
+          {1.6605 * skin[0] - 0.5876 * skin[1] - 0.0728 * skin[2],
+           -0.1246 * skin[0] + 1.1329 * skin[1] - 0.0083 * skin[2],
+           -0.0182 * skin[0] - 0.1006 * skin[1] + 1.1187 * skin[2]});
+    std::vector<float> white = pixel(grey(0.75));
+    CHECK(convert_to_srgb(white, {}, {{}, bt2020, {}, {}, ColorTags::Hdr::hlg}).empty());
+    CHECK(white[0] == Approx(1.0).margin(0.01));
+}
+
 TEST_CASE("pixels whose profile is that of sRGB keep their bits") {
     cmsHPROFILE srgb = cmsCreate_sRGBProfile();
     std::vector<float> colors{0.123F, 0.456F, 0.789F};
@@ -266,8 +291,9 @@ TEST_CASE("the colour tags of PNG are read in the order of their precedence") {
     CHECK(tags("tEXt", "").profile == "profile");
     CHECK(tags("cICP", std::string("\x0c\x0d\0\x01", 4)).profile.empty());
     CHECK(tags("cICP", std::string("\x0c\x0d\0\x01", 4)).primaries.value()[0] == 0.680);
-    CHECK(tags("cICP", std::string("\x09\x10\0\x01", 4)).unusable ==
-          "the transfer function PQ of HDR");
+    CHECK(tags("cICP", std::string("\x09\x10\0\x01", 4)).hdr == ColorTags::Hdr::pq);
+    CHECK(tags("cICP", std::string("\x09\x12\0\x01", 4)).hdr == ColorTags::Hdr::hlg);
+    CHECK(tags("cICP", std::string("\x09\x11\0\x01", 4)).unusable == "the transfer function 17");
     CHECK(tags("gAMA", big_endian(100000, 4)).gamma == Approx(1.0));
     CHECK_FALSE(tags("gAMA", big_endian(45455, 4)).gamma);
     CHECK_FALSE(tags("gAMA", big_endian(0, 4)).gamma);
