@@ -192,6 +192,10 @@ Pixels read_pixels(const fs::path& path, std::int64_t most_pixels) {
     if (spec.deep || spec.depth > 1 || spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0) {
         refuse(path, "not a flat image");
     }
+    // The TIFF reader's first image of a raw photo that LibRaw does not know.
+    if ((spec.get_int_attribute("tiff:subfiletype") & 1) != 0)
+        fail<FileError>(path.string(), ": only its preview of ", spec.width, " x ", spec.height,
+                        " pixels can be read; convert the raw photo to JPEG or TIFF");
     require_plausible_size(path, spec.width, spec.height, bytes.size(), most_pixels);
     Pixels pixels{
         spec.height, spec.width, std::min(spec.nchannels, 4), spec.alpha_channel, false, {},

@@ -1,6 +1,7 @@
 #include <png.h>
 #include <sys/resource.h>
 
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <csignal>
@@ -434,4 +435,116 @@ TEST_CASE("a PNG in memory has the bytes of the file") {
         write_image(folder / "a.png", image);
         CHECK(png_bytes(image) == read_file(folder / "a.png"));
     }
+}
+
+namespace {
+
+/// A raw photo of 64 x 64 pixels (TIFF/EP): a grey thumbnail of 8 x 8 in front, and the light that
+/// a sensor with sRGB's primaries sees, in red, green, green and blue pixels.
+class RawPhoto {
+public:
+    explicit RawPhoto(std::uint32_t compression) {
+        const std::uint32_t thumbnail = put(std::string(192, '\x80'));
+        std::string light;
+        for (int pixel = 0; pixel < 64 * 64; ++pixel) {
+            const int place = pixel / 64 % 2 + pixel % 2;  // 0: red, 1: green, 2: blue
+            light +=
+                short_text(static_cast<std::uint32_t>(std::array{0.5, 0.3, 0.15}[place] * 65535));
+        }
+        const std::uint32_t pixels = put(light);
+        const std::uint32_t raw = directory({{254, 4, {0}},
+                                             {256, 4, {64}},
+                                             {257, 4, {64}},
+                                             {258, 3, {16}},
+                                             {259, 3, {compression}},
+                                             {262, 3, {32803}},
+                                             {273, 4, {pixels}},
+                                             {277, 3, {1}},
+                                             {278, 4, {64}},
+                                             {279, 4, {64 * 64 * 2}},
+                                             {33421, 3, {2, 2}},
+                                             {33422, 1, {0, 1, 1, 2}},
+                                             {50717, 4, {65535}}});
+        // IEC 61966-2-1: sRGB's light from XYZ.
+        std::vector<std::uint32_t> matrix;
+        for (const int value : {32406, -15372, -4986, -9689, 18758, 415, 557, -2040, 10570}) {
+            matrix.push_back(static_cast<std::uint32_t>(value));
+            matrix.push_back(10000);
+        }
+        const std::uint32_t first = directory({{254, 4, {1}},
+                                               {256, 4, {8}},
+                                               {257, 4, {8}},
+                                               {258, 3, {8, 8, 8}},
+                                               {259, 3, {1}},
+                                               {262, 3, {2}},
+                                               {271, 2, {'M', 'e', 0}},
+                                               {272, 2, {'M', 'y', 0}},
+                                               {273, 4, {thumbnail}},
+                                               {277, 3, {3}},
+                                               {278, 4, {8}},
+                                               {279, 4, {192}},
+                                               {330, 4, {raw}},
+                                               {50706, 1, {1, 4, 0, 0}},
+                                               {50708, 2, {'M', 'e', ' ', 'M', 'y', 0}},
+                                               {50721, 10, matrix},
+                                               {50728, 5, {1, 1, 1, 1, 1, 1}},
+                                               {50778, 3, {21}}});
+        bytes_.replace(4, 4, long_text(first));
+    }
+    [[nodiscard]] const std::string& bytes() const { return bytes_; }
+
+private:
+    struct Entry {
+        std::uint32_t tag, type;
+        std::vector<std::uint32_t> values;
+    };
+
+    static std::string short_text(std::uint32_t value) {
+        return {static_cast<char>(value & 255), static_cast<char>(value >> 8 & 255)};
+    }
+    static std::string long_text(std::uint32_t value) {
+        return short_text(value & 65535) + short_text(value >> 16);
+    }
+    std::uint32_t put(const std::string& data) {
+        const auto place = static_cast<std::uint32_t>(bytes_.size());
+        bytes_ += data + std::string((4 - data.size() % 4) % 4, '\0');
+        return place;
+    }
+    std::uint32_t directory(const std::vector<Entry>& entries) {
+        std::string text = short_text(static_cast<std::uint32_t>(entries.size()));
+        for (const auto& [tag, type, values] : entries) {
+            std::string data;
+            for (const std::uint32_t value : values)
+                data += type <= 2   ? std::string(1, static_cast<char>(value))
+                        : type == 3 ? short_text(value)
+                                    : long_text(value);
+            const std::size_t fraction = type == 5 || type == 10 ? 2 : 1;
+            text += short_text(tag) + short_text(type) +
+                    long_text(static_cast<std::uint32_t>(values.size() / fraction));
+            text +=
+                data.size() > 4 ? long_text(put(data)) : data + std::string(4 - data.size(), '\0');
+        }
+        return put(text + long_text(0));
+    }
+
+    std::string bytes_ = std::string("II*\0\0\0\0\0", 8);
+};
+
+}  // namespace
+
+TEST_CASE("a raw photo is developed, or refused if only its preview can be read") {
+    const ScratchFolder folder;
+    write_file(folder / "raw.dng", RawPhoto(1).bytes());
+    const Tensor image = read_image(folder / "raw.dng");
+    REQUIRE(image.shape() == Shape{64, 64, 3});
+    const auto srgb = [](double light) { return 1.055 * std::pow(light, 1.0 / 2.4) - 0.055; };
+    for (std::size_t c = 0; c < 3; ++c)
+        CHECK(image.values<float>()[3 * (32 * 64 + 32) + c] ==
+              Approx(srgb(std::array{0.5, 0.3, 0.15}[c])).margin(0.01));
+    constexpr std::uint32_t jpeg_xl = 52546;  // of DNG 1.7, which LibRaw 0.20 does not know
+    write_file(folder / "new.dng", RawPhoto(jpeg_xl).bytes());
+    CHECK_THROWS_WITH(read_image(folder / "new.dng"),
+                      Contains("new.dng: only its preview of 8 x 8 pixels can be read"));
+    write_file(folder / "cut.dng", RawPhoto(1).bytes().substr(0, 4000));
+    CHECK_THROWS_WITH(read_image(folder / "cut.dng"), Contains("cut.dng: "));
 }
