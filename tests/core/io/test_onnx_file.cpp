@@ -125,6 +125,19 @@ TEST_CASE("a plain ONNX model has the same weights as float32, and the axes of r
     REQUIRE(reduction != reduced.nodes.end());
     CHECK(reduction->inputs.size() == 1);
     CHECK(reduction->integers.at("axes") == std::vector<std::int64_t>{2, 3});
+    const OnnxGraph kept = plain(golden("../onnx/face_parser_noop.onnx"));
+    REQUIRE(kept.nodes.size() > 1);
+    CHECK(kept.nodes[1].operation == "Identity");
+    CHECK(kept.nodes[1].outputs == Names{"mean"});
+    const auto with_axes = std::ranges::find(kept.nodes, "ReduceMax", &OnnxNode::operation);
+    REQUIRE(with_axes != kept.nodes.end());
+    CHECK(with_axes->numbers.empty());
+    CHECK(with_axes->integers.at("axes") == std::vector<std::int64_t>{2, 3});
+    std::string squares = read_file(golden("../onnx/face_parser_noop.onnx"));
+    squares.replace(squares.find("ReduceSum"), 9, "ReduceLog");
+    write_file(folder / "log.onnx", squares);
+    CHECK_THROWS_WITH(read_plain_onnx(folder / "log.onnx"),
+                      Contains("ReduceLog reduces nothing without axes"));
     const OnnxGraph inside = plain(golden("../onnx/face_parser_external.onnx"));
     CHECK(inside.tensors.at("extents").to_vector() == Values{1, 19, 16, 16});
 }
