@@ -208,7 +208,6 @@ void Trainer::save_checkpoint(const RunFolder& folder) {
     line << "checkpoint at step " << state_.step;
     {
         const EvaluationScope evaluation(*this);
-        model_.save(folder.model_file());
         const std::int64_t count =
             validation_ == nullptr
                 ? 0
@@ -217,6 +216,7 @@ void Trainer::save_checkpoint(const RunFolder& folder) {
             const ValidationScore score =
                 validation_score(model_, reconstruction_, *validation_, count, phase.resolution,
                                  phase.samples_per_ray);
+            model_.set_validation_psnr(score.psnr);
             line << std::fixed << ", validation at " << phase.resolution
                  << " pixels: reconstruction " << std::setprecision(4) << score.reconstruction
                  << ", PSNR " << std::setprecision(2) << score.psnr << " dB"
@@ -230,6 +230,7 @@ void Trainer::save_checkpoint(const RunFolder& folder) {
                 model_.save(folder.best_file());
             }
         }
+        model_.save(folder.model_file());
     }
     Checkpoint checkpoint{state_, {}};
     if (stage_) stage_->save(checkpoint.tensors);

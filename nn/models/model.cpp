@@ -1,5 +1,9 @@
 #include "nn/models/model.h"
 
+#include <charconv>
+#include <cmath>
+#include <string>
+
 #include "core/error.h"
 #include "core/io/tensor_file.h"
 
@@ -10,6 +14,7 @@ namespace {
 constexpr const char* format_key = "format";
 constexpr const char* format_name = "stymo-model-1";
 constexpr const char* config_key = "config";
+constexpr const char* psnr_key = "validation_psnr";
 
 }  // namespace
 
@@ -109,6 +114,13 @@ Model Model::load(const std::filesystem::path& path, ModelParts parts) {
     model.parameters_.load(file, path.string());
     model.parameters_.set_trainable("", false);
     model.code_statistics_ = CodeStatistics::load(file, path.string());
+    if (const auto psnr = file.metadata.find(psnr_key); psnr != file.metadata.end()) {
+        double value = 0.0;
+        const char* const end = psnr->second.data() + psnr->second.size();
+        const auto [last, error] = std::from_chars(psnr->second.data(), end, value);
+        if (error == std::errc() && last == end && std::isfinite(value))
+            model.validation_psnr_ = value;
+    }
     return model;
 }
 
@@ -125,6 +137,7 @@ Model Model::copy(ModelParts parts) const {
     model.parameters_.load(values, "a copy of a model");
     model.parameters_.set_trainable("", false);
     model.code_statistics_ = code_statistics_;
+    model.validation_psnr_ = validation_psnr_;
     return model;
 }
 
@@ -134,6 +147,7 @@ void Model::save(const std::filesystem::path& path) const {
     TensorFile file;
     file.metadata[format_key] = format_name;
     file.metadata[config_key] = to_json(config_);
+    if (validation_psnr_) file.metadata[psnr_key] = std::to_string(*validation_psnr_);
     parameters_.save(file);
     if (code_statistics_) code_statistics_->save(file);
     write_tensor_file(path, file);

@@ -92,6 +92,10 @@ public:
     [[nodiscard]] const std::optional<CodeStatistics>& code_statistics() const {
         return code_statistics_;
     }
+    /// The mean PSNR of its first guesses on the validation photos of its training, in dB, if the
+    /// file has it (metadata "validation_psnr").
+    [[nodiscard]] std::optional<double> validation_psnr() const { return validation_psnr_; }
+    void set_validation_psnr(double psnr) { validation_psnr_ = psnr; }
 
 private:
     Model(const ModelConfig& config, Rng& rng, ModelParts parts, ParameterStore parameters);
@@ -101,6 +105,7 @@ private:
     std::optional<Encoder> encoder_;
     Decoder decoder_;
     std::optional<CodeStatistics> code_statistics_;
+    std::optional<double> validation_psnr_;
 };
 
 /// The configuration in the form that the metadata of a model's file has.

@@ -12,6 +12,7 @@
 #include "apps/tool_run.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
+#include "core/io/tensor_file.h"
 #include "nn/models/model.h"
 
 namespace tool_tests {
@@ -160,6 +161,36 @@ TEST_CASE(
           Approx(parsed_file(folder / "fit/codes.json")["pose"]["yaw_deg"].get<double>()));
 }
 
+TEST_CASE("stymo-fit warns of a score far below its model's, and of a fit that is not kept") {
+    const fs::path& folder = stymo::tiny_run();
+    const auto warnings = [&](const std::string& options) {
+        const ToolOutcome outcome =
+            done("stymo-fit --data faces --id 00011 --out doubtful " + options);
+        std::vector<std::string> lines = parsed_file(folder / "doubtful/report.json")
+                                             .value("warnings", std::vector<std::string>());
+        for (const std::string& line : lines) CHECK_THAT(outcome.err, Catch::Contains(line));
+        return lines;
+    };
+    const double psnr = parsed_file(folder / "fit/report.json")["fitted"]["psnr"];
+    stymo::TensorFile model = stymo::read_tensor_file(folder / "run/model.safetensors");
+    const auto with_usual = [&](double decibels) {
+        model.metadata["validation_psnr"] = std::to_string(decibels);
+        stymo::write_tensor_file(folder / "usual.safetensors", model);
+        return warnings("--model usual.safetensors --steps 3");
+    };
+    CHECK(with_usual(psnr + 4.0).empty());
+    const std::vector<std::string> low = with_usual(psnr + 5.0);
+    REQUIRE(low.size() == 1);
+    CHECK_THAT(low.front(), Catch::Contains("far below what photos usually reach with this model"));
+
+    const std::vector<std::string> thrown =
+        warnings("--model run/model.safetensors --steps 3 --learning-rate 10");
+    REQUIRE(thrown.size() == 1);
+    CHECK_THAT(thrown.front(), Catch::StartsWith("the fit ended no better than it began"));
+    const json report = parsed_file(folder / "doubtful/report.json");
+    CHECK(report["fitted"] == report["initial"]);
+}
+
 TEST_CASE("What is ignored in a photo does not change its fit, tuning or scores") {
     const fs::path& folder = stymo::tiny_run();
     stymo::Tensor photo = stymo::read_image(folder / "faces/images/00004.png");
@@ -223,8 +254,12 @@ TEST_CASE(
         done(
             command.append("--image mixed/").append(name).append(" --as-is --out kinds --steps 1"));
     }
-    const ToolOutcome outcome =
-        done("stymo-train --config tiny.json --data mixed --out kinds_run --set data.split.test=0");
+    const ToolOutcome outcome = done(
+        "stymo-train --config tiny.json --data mixed --out kinds_run --set data.split.test=0 "
+        "--set data.other_photo=0.5");
+    CHECK_THAT(outcome.err, Catch::Contains("data.other_photo: 0 of " +
+                                            std::to_string(names_in(folder / "mixed").size()) +
+                                            " photos have another one of the same person"));
     CHECK_THAT(outcome.err,
                Catch::Contains(std::to_string(names_in(folder / "mixed").size()) + " faces") &&
                    !Catch::Contains("broken"));

@@ -3,9 +3,11 @@
 #include <chrono>
 #include <cmath>
 #include <csignal>
+#include <iomanip>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <sstream>
 #include <thread>
 
 #include "core/interrupt.h"
@@ -382,6 +384,11 @@ TEST_CASE("a run keeps the model that scores best and samples of what it sees", 
     const Model best = Model::load(folder / "run/best.safetensors");
     const Model ema = Model::load(folder / "run/model.safetensors");
     CHECK(all_identical(values_of(best), values_of(ema)));
+    const std::string log = read_file(folder / "run/log.txt");
+    REQUIRE(ema.validation_psnr());
+    std::ostringstream psnr;
+    psnr << std::fixed << std::setprecision(2) << "PSNR " << *ema.validation_psnr() << " dB";
+    CHECK_THAT(log, Catch::Contains(psnr.str()));
     const TensorFile raw = read_tensor_file(folder / "run/checkpoints/000002/model.safetensors");
     CHECK_FALSE(identical(parameter_named(ema, "decoder.field.density.weight").variable().value(),
                           raw.tensors.at("decoder.field.density.weight")));

@@ -1,5 +1,6 @@
 #include "train/data/training_images.h"
 
+#include <algorithm>
 #include <iterator>
 #include <numeric>
 #include <utility>
@@ -47,6 +48,10 @@ TrainingImages::TrainingImages(const Dataset& faces, const DataConfig& config, c
             person_of_[static_cast<std::size_t>(face)] = std::ssize(people_);
         people_.push_back(std::move(photos));
     }
+}
+
+std::int64_t TrainingImages::photos_with_partner() const {
+    return std::ranges::count_if(person_of_, [](std::int64_t person) { return person >= 0; });
 }
 
 std::int64_t TrainingImages::other_photo_of(std::int64_t image, std::int64_t face) const {

@@ -30,6 +30,8 @@ public:
     [[nodiscard]] double epochs(std::int64_t images) const {
         return static_cast<double>(images) / static_cast<double>(faces_.size());
     }
+    /// The number of photos in whose place another one of the same person may be encoded.
+    [[nodiscard]] std::int64_t photos_with_partner() const;
     /// Seconds in which threads waited for the disk, summed over all threads.
     [[nodiscard]] double waiting_seconds() const { return faces_.waiting_seconds(); }
 

@@ -52,6 +52,23 @@ TEST_CASE("a model that was saved and loaded encodes and renders to the same bit
     CHECK(read_file(folder / "again.safetensors") == read_file(folder / "model.safetensors"));
 }
 
+TEST_CASE("a model keeps the PSNR of its validation photos, if it is a number", "[model]") {
+    const ScratchFolder folder;
+    Model model = tiny_model(3);
+    CHECK_FALSE(model.validation_psnr());
+    model.set_validation_psnr(21.25);
+    model.save(folder / "model.safetensors");
+    const Model loaded = Model::load(folder / "model.safetensors");
+    CHECK(loaded.validation_psnr() == 21.25);
+    CHECK(loaded.copy(ModelParts::decoder).validation_psnr() == 21.25);
+    TensorFile file = read_tensor_file(folder / "model.safetensors");
+    for (const char* text : {"", "high", "1e999", "inf", "nan", "21.25 dB"}) {
+        file.metadata["validation_psnr"] = text;
+        write_tensor_file(folder / "other.safetensors", file);
+        CHECK_FALSE(Model::load(folder / "other.safetensors").validation_psnr());
+    }
+}
+
 TEST_CASE("of a model that only renders no encoder is made, and its frames have the same bits",
           "[model]") {
     const ScratchFolder folder;

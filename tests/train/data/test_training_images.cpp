@@ -84,6 +84,7 @@ TEST_CASE("identity and texture are read from another photo of the person, light
     };
 
     const TrainingImages images(faces, {.other_photo = 1.0}, Rng(3));
+    CHECK(images.photos_with_partner() == 3);
     std::set<std::pair<std::int64_t, std::int64_t>> pairs;
     for (std::int64_t image = 0; image < 40; ++image) {
         const FaceBatch batch = images.batch(image, 1);
