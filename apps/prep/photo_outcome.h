@@ -7,6 +7,7 @@
 
 #include "core/io/json_writer.h"
 #include "fit/photo/photo_preparation.h"
+#include "train/data/folder_records.h"
 
 namespace stymo {
 
