@@ -26,7 +26,6 @@ constexpr std::array<int, 5> thread_counts{1, 2, 4, 16, 64};
 /// A job for the number of threads that is set when it is made.
 using Run = std::function<void()>;
 
-/// Name and how it is made.
 struct ScaledJob {
     std::string name;
     std::function<Run()> make;
@@ -122,30 +121,26 @@ double loop_seconds() {
     return least;
 }
 
-/// Sets the number of threads, and the former one at its end.
-class ThreadsInScope {
-public:
-    explicit ThreadsInScope(int count) { set_thread_count(count); }
-    ~ThreadsInScope() { set_thread_count(before_); }
-    ThreadsInScope(const ThreadsInScope&) = delete;
-    ThreadsInScope& operator=(const ThreadsInScope&) = delete;
-
-private:
-    int before_ = thread_count();
-};
+/// `body` with so many threads; then the former number is set again.
+auto with_threads(int count, const auto& body) {
+    const std::shared_ptr<void> restored(
+        nullptr, [before = thread_count()](void*) { set_thread_count(before); });
+    set_thread_count(count);
+    return body();
+}
 
 WorkProfile recorded(const ScaledJob& job, int threads) {
-    const ThreadsInScope scope(threads);
-    const Run run = job.make();
-    run();  // what is done once
-    const ParallelRecording recording;
-    run();
-    return recording.profile();
+    return with_threads(threads, [&] {
+        const Run run = job.make();
+        run();  // what is done once
+        const ParallelRecording recording;
+        run();
+        return recording.profile();
+    });
 }
 
 double clocked(const ScaledJob& job, int threads, int repeats) {
-    const ThreadsInScope scope(threads);
-    return time_repeated(repeats, 0.0, job.make()).median();
+    return with_threads(threads, [&] { return time_repeated(repeats, 0.0, job.make()).median(); });
 }
 
 Row scaling_of(const ScaledJob& job, int repeats) {

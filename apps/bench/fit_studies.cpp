@@ -1,11 +1,9 @@
 #include <algorithm>
-#include <cmath>
 #include <memory>
 #include <span>
 
 #include "apps/bench/study.h"
 #include "core/angle.h"
-#include "core/autograd/grad.h"
 #include "core/clock.h"
 #include "core/error.h"
 #include "core/interrupt.h"
@@ -16,10 +14,9 @@
 #include "fit/fitter.h"
 #include "fit/tuning.h"
 #include "nn/models/display_image.h"
-#include "nn/models/significant_rows.h"
 #include "nn/realtime/view.h"
 
-/// Studies of fits: loss against time, and what leaving out samples does to a gradient.
+/// Studies of fits: loss against time, and tuning.
 namespace stymo {
 
 namespace {
@@ -74,48 +71,50 @@ struct FitVariant {
 
 /// The paper's first.
 std::vector<FitVariant> fit_variants(const ModelConfig& model, double weight, std::int64_t steps) {
-    const std::int64_t half = model.decoder.resolution / 2;
-    const std::string halved = "images of " + std::to_string(half) + " pixels in LPIPS";
-    const FitOptions adam{.steps = steps};
-    FitOptions every = adam, coarse = adam, lbfgs = adam;
-    every.tolerance = 0.0;
-    coarse.coarse_steps = steps / 2;
-    lbfgs.optimizer = FitOptimizer::lbfgs;
-    FitOptions short_lbfgs = lbfgs, half_samples = lbfgs, double_samples = lbfgs;
-    short_lbfgs.steps = std::max<std::int64_t>(steps * 3 / 10, 1);
-    half_samples.samples_per_ray =
-        std::max<std::int64_t>(model.reconstruction.fit_samples_per_ray / 2, 2);
-    double_samples.samples_per_ray = 2 * model.reconstruction.fit_samples_per_ray;
-    FitOptions coarse_lbfgs = lbfgs;
-    coarse_lbfgs.coarse_steps = steps / 4;
-    std::vector<FitVariant> variants{
-        {"Adam, every sample", "the paper's", every, weight, 0},
-        {"Adam", "skips samples of little weight, as all that follow", adam, weight, 0},
-        {"Adam, LPIPS at half", halved, adam, weight, half},
-        {"Adam, no LPIPS", "photometric alone", adam, 0.0, 0},
-        {"L-BFGS", "another optimiser, as many evaluations", lbfgs, weight, 0},
-        {"L-BFGS, few steps", "three tenths of the evaluations", short_lbfgs, weight, 0},
-        {"L-BFGS, half the samples", "along each ray", half_samples, weight, 0},
-        {"L-BFGS, twice the samples", "along each ray", double_samples, weight, 0},
-        {"L-BFGS, LPIPS at half", halved, lbfgs, weight, half},
-        {"L-BFGS, no LPIPS", "photometric alone", lbfgs, 0.0, 0},
-        {"Adam, coarse to fine", "smaller images in the first half of the steps", coarse, weight,
-         0},
-        {"L-BFGS, coarse to fine", "smaller images in the first quarter", coarse_lbfgs, weight, 0}};
+    const std::int64_t side = model.decoder.resolution;
+    const std::int64_t samples = model.reconstruction.fit_samples_per_ray;
+    const auto lbfgs = [](FitVariant& fit) { fit.options.optimizer = FitOptimizer::lbfgs; };
+    const auto halved = [=](FitVariant& fit) { fit.perceptual_resolution = side / 2; };
+    const auto photometric = [](FitVariant& fit) { fit.perceptual_weight = 0.0; };
+    const auto with_samples = [](std::int64_t count) {
+        return [=](FitVariant& fit) {
+            fit.options.samples_per_ray = std::max<std::int64_t>(count, 2);
+        };
+    };
+    const auto coarse = [=](std::int64_t part) {
+        return [=](FitVariant& fit) { fit.options.coarse_steps = steps / part; };
+    };
+    std::vector<FitVariant> variants;
+    const auto add = [&](const std::string& name, const std::string& what, auto... edits) {
+        FitVariant& next = variants.emplace_back(FitVariant{name, what, {.steps = steps}, weight});
+        (edits(next), ...);
+    };
+    const std::string at_half = "images of " + std::to_string(side / 2) + " pixels in LPIPS";
+    add("Adam, every sample", "the paper's", [](FitVariant& fit) { fit.options.tolerance = 0.0; });
+    add("Adam", "skips samples of little weight, as all that follow");
+    add("Adam, LPIPS at half", at_half, halved);
+    add("Adam, no LPIPS", "photometric alone", photometric);
+    add("L-BFGS", "another optimiser, as many evaluations", lbfgs);
+    add("L-BFGS, few steps", "three tenths of the evaluations", lbfgs,
+        [=](FitVariant& fit) { fit.options.steps = std::max<std::int64_t>(steps * 3 / 10, 1); });
+    add("L-BFGS, half the samples", "along each ray", lbfgs, with_samples(samples / 2));
+    add("L-BFGS, twice the samples", "along each ray", lbfgs, with_samples(2 * samples));
+    add("L-BFGS, LPIPS at half", at_half, lbfgs, halved);
+    add("L-BFGS, no LPIPS", "photometric alone", lbfgs, photometric);
+    // With a single image there is nothing coarser.
+    if (constexpr std::int64_t smallest = 64; side > smallest) {
+        add("Adam, coarse to fine", "smaller images in the first half of the steps", coarse(2));
+        add("L-BFGS, coarse to fine", "smaller images in the first quarter", lbfgs, coarse(4));
+    }
     if (model.reconstruction.perceptual.network == encoder_network)
-        variants.push_back({.name = "L-BFGS, encoder",
-                            .what = "the model's own perceptual term",
-                            .options = lbfgs,
-                            .perceptual_weight = model.reconstruction.perceptual_weight,
-                            .by_encoder = true});
+        add("L-BFGS, encoder", "the model's own perceptual term", lbfgs, [&](FitVariant& fit) {
+            fit.perceptual_weight = model.reconstruction.perceptual_weight;
+            fit.by_encoder = true;
+        });
     for (const auto precision : {MatmulPrecision::high, MatmulPrecision::medium})
         if (computed_precision(precision) == precision)
-            variants.push_back({std::string("L-BFGS, ") + name_of(precision),
-                                "precision of products", lbfgs, weight, 0, precision});
-    // With a single image there is nothing coarser.
-    constexpr std::int64_t smallest = 64;
-    if (model.decoder.resolution <= smallest)
-        std::erase_if(variants, [](const FitVariant& one) { return one.options.coarse_steps > 0; });
+            add(std::string("L-BFGS, ") + name_of(precision), "precision of products", lbfgs,
+                [=](FitVariant& fit) { fit.precision = precision; });
     return variants;
 }
 
@@ -194,39 +193,36 @@ FitCurve fitted(const Judge& judge, const FitTarget& photo, const FitVariant& va
     return curve;
 }
 
-template <class Number>
-double mean_of(const std::vector<FitCurve>& curves, const Number& number) {
-    double sum = 0.0;
-    for (const FitCurve& curve : curves) sum += static_cast<double>(number(curve));
-    return sum / static_cast<double>(curves.size());
-}
-
 /// The results of a variant: its means, and when it reached, on each face, the final loss of the
 /// paper's variant.
 Row fit_summary(const std::vector<FitCurve>& curves, const std::vector<FitCurve>& paper) {
-    std::vector<FitCurve> reached;  // up to that loss
-    double paper_seconds = 0.0;
+    const auto faces = static_cast<double>(curves.size());
+    double seconds = 0.0, steps = 0.0, loss = 0.0, psnr = 0.0;
+    // Of the faces that reached it.
+    double steps_there = 0.0, seconds_there = 0.0, paper_seconds = 0.0;
+    std::int64_t reached = 0;
     for (std::size_t face = 0; face < curves.size(); ++face) {
+        const FitCurve& curve = curves[face];
+        seconds += curve.seconds;
+        steps += static_cast<double>(curve.steps);
+        loss += curve.points.back().loss / faces;
+        psnr += curve.points.back().psnr / faces;
         const double wanted = same_loss * paper[face].points.back().loss;
-        for (const FitPoint& point : curves[face].points) {
-            if (point.loss > wanted) continue;
-            reached.push_back({{}, point.seconds, point.steps});
-            paper_seconds += paper[face].seconds;
-            break;
-        }
+        const auto there = std::ranges::find_if(
+            curve.points, [=](const FitPoint& point) { return point.loss <= wanted; });
+        if (there == curve.points.end()) continue;
+        ++reached;
+        steps_there += static_cast<double>(there->steps);
+        seconds_there += there->seconds;
+        paper_seconds += paper[face].seconds;
     }
-    const auto seconds = [](const FitCurve& curve) { return curve.seconds; };
-    const auto steps = [](const FitCurve& curve) { return curve.steps; };
-    Row row{mean_of(curves, seconds) / mean_of(curves, steps), mean_of(curves, seconds),
-            mean_of(curves, [](const FitCurve& curve) { return curve.points.back().loss; }),
-            mean_of(curves, [](const FitCurve& curve) { return curve.points.back().psnr; }),
-            std::ssize(reached)};
-    if (reached.empty()) {
+    Row row{seconds / steps, seconds / faces, loss, psnr, reached};
+    if (reached == 0) {
         row.insert(row.end(), 3, "never");
     } else {
-        const double own = mean_of(reached, seconds);
-        row.insert(row.end(), {mean_of(reached, steps), own,
-                               paper_seconds / static_cast<double>(reached.size()) / own});
+        const auto count = static_cast<double>(reached);
+        row.insert(row.end(),
+                   {steps_there / count, seconds_there / count, paper_seconds / seconds_there});
     }
     return row;
 }
@@ -322,92 +318,6 @@ StudyPlan tuning_plan(const StudyInputs& inputs) {
     return plan;
 }
 
-double inner_product(const Tensor& a, const Tensor& b) {
-    return sum(Variable(a) * Variable(b)).value().item();
-}
-
-/// The gradient of the loss with respect to all codes, in one row. `significant`: the samples that
-/// count; undefined: every sample.
-Tensor gradient(const Judge& judge, const FitTarget& photo, const Codes& at, std::int64_t samples,
-                const Tensor& significant) {
-    Codes codes;
-    for (std::size_t i = 0; i < codes.groups.size(); ++i)
-        codes.groups[i] = Variable::leaf(at.groups[i].value());
-    const std::vector<Tensor>& targets = photo.faces.targets;
-    const Decoded decoded = judge.model.decoder()(codes, photo.faces.cameras,
-                                                  {.samples_per_ray = samples,
-                                                   .resolution = targets.back().shape(1),
-                                                   .significant_samples = significant});
-    const Variable total = judge.loss(decoded.images, judge.loss.target(targets)).total;
-    return concat(grad(total, {codes.groups.begin(), codes.groups.end()}), 1).value();
-}
-
-/// A face, its fit with every sample, and the PSNR of that.
-struct BiasFace {
-    FitTarget photo;
-    FitResult exact;
-    double psnr = 0.0;
-};
-
-/// Means and worst values over all faces; gradients are compared at the initial and at the fitted
-/// codes. `fit` fits a photo and returns also the PSNR.
-Row bias_at(double tolerance, const Judge& judge, const std::vector<BiasFace>& faces,
-            std::int64_t samples_per_ray, const auto& fit) {
-    double samples = 0.0, cosine_mean = 0.0, cosine_worst = 1.0, distance_mean = 0.0,
-           distance_worst = 0.0, psnr_mean = 0.0, psnr_worst_loss = 0.0;
-    const auto count = static_cast<double>(faces.size());
-    for (const BiasFace& face : faces) {
-        const double psnr = tolerance == 0.0 ? face.psnr : fit(face.photo, tolerance).psnr;
-        psnr_mean += psnr / count;
-        psnr_worst_loss = std::max(psnr_worst_loss, face.psnr - psnr);
-        for (const Codes& codes : {face.exact.initial, face.exact.fitted}) {
-            const Tensor kept =
-                significant_samples(judge.model.decoder().compositing_weights(
-                                        codes, face.photo.faces.cameras, samples_per_ray),
-                                    tolerance);
-            const Tensor every = gradient(judge, face.photo, codes, samples_per_ray, {}),
-                         some = gradient(judge, face.photo, codes, samples_per_ray, kept);
-            const double length = std::sqrt(inner_product(every, every));
-            const double cosine =
-                inner_product(every, some) / (length * std::sqrt(inner_product(some, some)));
-            const Tensor difference = (Variable(some) - Variable(every)).value();
-            const double distance = std::sqrt(inner_product(difference, difference)) / length;
-            samples += 0.5 * mean(Variable(kept)).value().item() / count;
-            cosine_mean += 0.5 * cosine / count;
-            cosine_worst = std::min(cosine_worst, cosine);
-            distance_mean += 0.5 * distance / count;
-            distance_worst = std::max(distance_worst, distance);
-        }
-    }
-    return {samples,        cosine_mean, cosine_worst,   distance_mean,
-            distance_worst, psnr_mean,   psnr_worst_loss};
-}
-
-StudyPlan bias_plan(const StudyInputs& inputs) {
-    BenchSubject subject = make_subject(inputs.bench);
-    ReconstructionConfig photometric = subject.model.config().reconstruction;
-    photometric.perceptual_weight = 0.0;
-    const auto judge = std::make_shared<const Judge>(std::move(subject.model), photometric);
-    const auto fit = [=, bench = inputs.bench](const FitTarget& photo, double tolerance) {
-        BiasFace face{photo, fit_codes(judge->model, judge->loss, photo.faces,
-                                       {.steps = bench.steps,
-                                        .samples_per_ray = bench.samples,
-                                        .tolerance = tolerance})};
-        const View view = render_view(judge->model, face.exact.fitted, 0, photo.faces.cameras[0],
-                                      {.samples_per_ray = judge->paper.fit_samples_per_ray});
-        face.psnr = photo.measured.measure(view.image).psnr;
-        return face;
-    };
-    std::vector<BiasFace> faces;
-    for (const Face& photo : subject.photos) faces.push_back(fit(FitTarget(photo), 0.0));
-    StudyPlan plan;
-    for (const double tolerance : {0.0, 1e-4, 1e-3, 1e-2})
-        plan.add({tolerance}, [=, samples = inputs.bench.samples] {
-            return bias_at(tolerance, *judge, faces, samples, fit);
-        });
-    return plan;
-}
-
 }  // namespace
 
 Study fitting_study() {
@@ -441,18 +351,6 @@ Study tuning_study() {
             .plan = tuning_plan,
             .seconds = 70.0,
             .needs_model = true};
-}
-
-Study bias_study() {
-    return {.part = "bias",
-            .name = "bias",
-            .title = "Bias of a fit that leaves out samples",
-            .varied = "weight below which a sample is left out",
-            .measured = "direction and relative difference of the gradient, and PSNR of the fit",
-            .reference = "gradient and fit with every sample",
-            .columns = {"tolerance", "samples", "cosine_mean", "cosine_worst", "distance_mean",
-                        "distance_worst", "psnr_mean_db", "psnr_worst_loss_db"},
-            .plan = bias_plan};
 }
 
 }  // namespace stymo

@@ -1,13 +1,150 @@
-#include <string>
+#include <algorithm>
+#include <iostream>
+#include <optional>
+#include <sstream>
 #include <utility>
-#include <vector>
 
-#include "apps/bench/report.h"
+#include "apps/bench/peak.h"
+#include "apps/bench/speed.h"
+#include "apps/bench/training.h"
 #include "apps/common/tools.h"
+#include "core/clock.h"
+#include "core/error.h"
+#include "core/interrupt.h"
+#include "core/io/file.h"
+#include "core/io/folder_in_progress.h"
+#include "core/matmul_precision.h"
+#include "core/parallel.h"
+
+namespace stymo {
 
 namespace {
 
-void declare(stymo::Command& command, stymo::BenchOptions& options) {
+struct ReportOptions {
+    BenchOptions bench;
+    std::filesystem::path out{};  ///< empty: nothing is written
+    PeerProgram peer{};           ///< of the commands with rows
+    // Of the report:
+    std::filesystem::path fit_model{};  ///< model of the study of fitting; empty: that of `bench`
+    std::filesystem::path fit_data{};
+    LpipsOptions lpips{};
+    std::string parts{};  ///< separated by commas; empty: all parts whose inputs are available
+};
+
+/// The names of all parts: "quadrature,rendering,...".
+std::string report_parts() {
+    std::string parts, last;
+    for (const Study& study : report_studies())
+        if (study.part != last) parts += (parts.empty() ? "" : ",") + (last = study.part);
+    return parts;
+}
+
+/// In the order of the report, whatever the order of `options.parts`. Throws UsageError for an
+/// unknown part, and for one that needs a model if only one of --model and --data was given.
+std::vector<Study> chosen_studies(const ReportOptions& options) {
+    const auto lacks_inputs = [&](const Study& study) {
+        return study.needs_model && options.bench.model.empty() != options.bench.data.empty();
+    };
+    std::vector<Study> studies = report_studies();
+    if (options.parts.empty()) {
+        std::erase_if(studies, lacks_inputs);
+        return studies;
+    }
+    std::vector<std::string> parts;
+    std::istringstream list(options.parts);
+    for (std::string part; std::getline(list, part, ',');) {
+        const auto found = std::ranges::find(studies, part, &Study::part);
+        if (found == studies.end())
+            fail<UsageError>("--parts: the report has no part \"", part, "\"; it has ",
+                             report_parts());
+        if (lacks_inputs(*found))
+            fail<UsageError>("--parts: ", part, " needs --data with --model, or neither");
+        parts.push_back(part);
+    }
+    std::erase_if(studies, [&](const Study& study) {
+        return std::ranges::find(parts, study.part) == parts.end();
+    });
+    return studies;
+}
+
+/// Runs the studies of a command: its rows of the table of speeds, the curve, or the cores. Files
+/// in `out` are named after the command.
+AppResult bench_session(const std::string& command, const ReportOptions& options) {
+    // A model or a peer that is not there is reported before anything is measured.
+    const DecoderConfig decoder = make_subject(options.bench).model.config().decoder;
+    PeerProgram peer = options.peer;
+    const std::string missing = missing_peer(peer);
+    if (!missing.empty()) peer.script.clear();
+    if (!options.out.empty()) require_writable_folder(options.out);
+    const std::vector<SpeedRow> rows = speed_rows(command);
+    if (!missing.empty() && !std::ranges::all_of(rows, &std::string::empty, &SpeedRow::peer))
+        std::cerr << "no peer: " << missing << std::endl;
+
+    std::vector<Study> studies;
+    if (!rows.empty()) studies.push_back(speed_study(command, peer, decoder));
+    if (command == "all" || command == "curve" || (command == "render" && !options.out.empty()))
+        studies.push_back(rendering_study());
+    if (command == "cores") studies.push_back(cores_study());
+
+    Page page(command, options.out);
+    const kernels::MachinePeak machine = kernels::measure_machine_peak();
+    const JsonValue peak = JsonValue::object({{"float32_flops", machine.multiply_adds},
+                                              {"bfloat16_flops", machine.bfloat16_multiply_adds},
+                                              {"triad_bytes_per_second", machine.triad_bytes}});
+    page.fact("threads", thread_count());
+    page.fact("precision of matrix products", name_of(matmul_precision()));
+    page.fact("peak", peak);
+    page.fact("model", options.bench.model.empty() ? "random weights, paper-512"
+                                                   : options.bench.model.string());
+    for (const Study& study : studies) run_study(page, study, {.bench = options.bench});
+    page.text("Threads: " + std::to_string(thread_count()) + "; peak: " + peak.text());
+    return page.finish();
+}
+
+/// Writes report.md with its tables. The folder is created when all studies are done.
+AppResult write_report(const ReportOptions& options) {
+    const std::vector<Study> studies = chosen_studies(options);
+    for (const std::filesystem::path& model : {options.bench.model, options.fit_model})
+        if (!model.empty() && !std::filesystem::exists(model))
+            fail<FileError>(model.string(), ": no such file");
+    FolderInProgress folder(options.out);
+    const InterruptGuard guard;
+    StudyInputs inputs{.bench = options.bench, .lpips = options.lpips};
+    std::optional<FolderInProgress> small;
+    if (options.bench.model.empty() && std::ranges::any_of(studies, &Study::needs_model)) {
+        small.emplace(std::filesystem::temp_directory_path() / "stymo-report-model");
+        train_small_subject(small->path(), inputs.bench);
+    }
+    inputs.fitting = inputs.bench;
+    if (!options.fit_model.empty()) inputs.fitting.model = options.fit_model;
+    if (!options.fit_data.empty()) inputs.fitting.data = options.fit_data;
+
+    Page page("report", folder.path());
+    page.text("# Error against run time, and numerical stability");
+    page.text("Threads: " + std::to_string(thread_count()) +
+              "; seed: " + std::to_string(options.bench.seed) + "; model: " +
+              (options.bench.model.empty() ? "a small one, trained for this report"
+                                           : options.bench.model.filename().string()) +
+              ". `scripts/plot_reports.py` draws the curves from the CSV files.");
+    Table times{"parts", {"name", "seconds", "seconds_allowed"}};
+    for (const Study& study : studies) {
+        inputs.seconds = study.seconds;
+        const double begin = seconds_now();
+        run_study(page, study, inputs);
+        if (times.rows.empty() || times.rows.back()[0] != Value(study.part))
+            times.rows.push_back({study.part, 0.0, 0.0});
+        std::get<double>(times.rows.back()[1]) += seconds_now() - begin;
+        std::get<double>(times.rows.back()[2]) += study.seconds;
+    }
+    page.text("## Time that this report took");
+    page.add(times);
+    static_cast<void>(page.finish());
+    folder.finish();
+    return {markdown(times) + (options.out / "report.md").string() + "\n",
+            JsonValue::object({{times.name, to_json(times)}})};
+}
+
+void declare(Command& command, BenchOptions& options) {
     command.option(
         "--model", options.model,
         "model.safetensors of a training run; without one paper-512 with random weights");
@@ -28,6 +165,8 @@ void declare(stymo::Command& command, stymo::BenchOptions& options) {
 }
 
 }  // namespace
+
+}  // namespace stymo
 
 int stymo_bench(int argc, char** argv) {
     stymo::ReportOptions options;
@@ -51,17 +190,13 @@ int stymo_bench(int argc, char** argv) {
         {"disc", "Updates of the discriminator."},
         {"kernels", "A layer of the field by itself."},
         {"curve", "Error against frame time over samples, tolerance and precision."},
-        {"growth", "How the time of a frame grows with samples, size, width and threads."},
         {"all", "All of these."},
         {"cores",
-         "What frames, fits, tuning, training and preparation would gain from more processors."},
-        {"bias", "What leaving out samples does to a fit's gradient and outcome; takes minutes."}};
+         "What frames, fits, tuning, training and preparation would gain from more processors."}};
     for (const auto& [name, description] : sessions) {
         const auto body = [&options, name = name] { return stymo::bench_session(name, options); };
         stymo::Command command = line.command(name, description, seeded(body));
-        declare(command, options.bench);
-        if (name == "bias")
-            command.option("--steps", options.bench.steps, "of each fit").range(1, 10000);
+        stymo::declare(command, options.bench);
         command.option(
             "--peer", options.peer.script,
             "scripts/torch_peer.py, the same in PyTorch, or scripts/onnx_peer.py, frames in "
@@ -75,7 +210,7 @@ int stymo_bench(int argc, char** argv) {
     stymo::Command one = line.command("row", "One row in this process, without the peer.",
                                       seeded([&] { return stymo::bench_row(row, options.bench); }));
     one.option("NAME", row, "the row").required();
-    declare(one, options.bench);
+    stymo::declare(one, options.bench);
     stymo::Command report =
         line.command("report", "Error against run time and numerical stability, as tables.",
                      seeded([&] { return stymo::write_report(options); }));
@@ -88,7 +223,7 @@ int stymo_bench(int argc, char** argv) {
         "model of the part on fitting, which takes hundreds of steps; --model unless given");
     report.option("--fit-data", options.fit_data, "its photos; --data unless given");
     stymo::declare_lpips_files(report, options.lpips);
-    declare(report, options.bench);
+    stymo::declare(report, options.bench);
     line.command("rows", "Lists all rows.",
                  [](const stymo::CommonOptions&) { return stymo::bench_row_names(); });
     return line.run(argc, argv);

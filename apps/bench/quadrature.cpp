@@ -93,25 +93,6 @@ StudyPlan quadrature_plan(const StudyInputs& inputs) {
     return plan;
 }
 
-/// T_n = (1 - x)^n with x = sigma delta: negative for x > 1, unbounded for x > 2.
-StudyPlan euler_plan(const StudyInputs&) {
-    constexpr std::size_t steps = 64;
-    const auto transmittance = [](double x, std::size_t count, bool euler) {
-        const std::vector<double> ones(count, 1.0);
-        const QuadratureRule rule{.name = {}, .what = {}, .euler = euler};
-        return integrate(rule, {1, std::vector<double>(count, x), ones, ones})
-            .front()
-            .transmittance;
-    };
-    StudyPlan plan;
-    for (const double x : {0.5, 0.9, 1.1, 1.9, 2.1, 1e8})
-        plan.add({x}, [=]() -> Row {
-            return {transmittance(x, 1, true), transmittance(x, steps, true),
-                    transmittance(x, steps, false), std::exp(-x * steps)};
-        });
-    return plan;
-}
-
 }  // namespace
 
 Study quadrature_study() {
@@ -129,17 +110,6 @@ Study quadrature_study() {
                         "order_transmittance"},
             .plan = quadrature_plan,
             .seconds = 60.0};
-}
-
-Study euler_study() {
-    return {.part = "quadrature",
-            .name = "euler",
-            .title = "Explicit Euler against the exponential form",
-            .varied = "optical depth x of one of 64 steps through a slab",
-            .measured = "transmittance by (1 - x)^n and by the renderer's exponential",
-            .reference = "exp(-64 x)",
-            .columns = {"optical_depth", "euler_1_step", "euler", "exponential", "exact"},
-            .plan = euler_plan};
 }
 
 }  // namespace stymo

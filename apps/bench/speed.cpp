@@ -19,31 +19,13 @@ namespace {
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
 std::vector<Column> columns() {
-    return {"name",
-            "what",
-            "threads",
-            "median_seconds",
-            hidden("minimum_seconds"),
-            "per_second",
-            "share_of_peak",
-            "psnr_mean_db",
-            "psnr_worst_db",
-            hidden("equal_images"),
-            "peak_memory_mebibytes",
-            "remark",
-            "peer_median_seconds",
-            "times_peer",
-            hidden("peer_peak_memory_mebibytes")};
+    std::vector<Column> all{"name", "what", "threads", "median_seconds", hidden("minimum_seconds")};
+    all.insert(all.end(), {"per_second", "share_of_peak", "psnr_mean_db", "psnr_worst_db",
+                           hidden("equal_images"), "peak_memory_mebibytes", "remark"});
+    all.insert(all.end(),
+               {"peer_median_seconds", "times_peer", hidden("peer_peak_memory_mebibytes")});
+    return all;
 }
-
-}  // namespace
-
-Limit limit_of(MatmulPrecision precision) {
-    return computed_precision(precision) == MatmulPrecision::medium ? Limit::bfloat16
-                                                                    : Limit::float32;
-}
-
-namespace {
 
 Value share_of_peak(const Measurement& one) {
     if (one.limit == Limit::none || one.work <= 0.0) return {};
@@ -62,19 +44,12 @@ Row measured_here(const SpeedRow& row, const BenchOptions& options) {
     const auto error = [&](double ImageError::*part) {
         return one.error ? Value((*one.error).*part) : Value();
     };
-    return {static_cast<std::int64_t>(thread_count()),
-            seconds,
-            std::ranges::min(one.timing.seconds),
-            1.0 / seconds,
-            share_of_peak(one),
-            error(&ImageError::psnr_mean),
-            error(&ImageError::psnr_worst),
-            one.error && std::isinf(one.error->psnr_worst),
-            one.peak_memory,
-            one.remark,
-            {},
-            {},
-            {}};
+    Row cells{static_cast<std::int64_t>(thread_count()), seconds,
+              std::ranges::min(one.timing.seconds), 1.0 / seconds, share_of_peak(one)};
+    cells.insert(cells.end(), {error(&ImageError::psnr_mean), error(&ImageError::psnr_worst),
+                               one.error && std::isinf(one.error->psnr_worst), one.peak_memory,
+                               one.remark, Value(), Value(), Value()});
+    return cells;
 }
 
 std::string last_line(std::string text) {
@@ -149,11 +124,18 @@ Row measured_apart(const SpeedRow& row, const PeerProgram& program, const Decode
 
 }  // namespace
 
-std::vector<SpeedRow> speed_rows() {
-    std::vector<SpeedRow> all;
+Limit limit_of(MatmulPrecision precision) {
+    return computed_precision(precision) == MatmulPrecision::medium ? Limit::bfloat16
+                                                                    : Limit::float32;
+}
+
+std::vector<SpeedRow> speed_rows(const std::string& command) {
+    std::vector<SpeedRow> chosen;
     for (const auto& rows : {frame_rows(), step_rows(), training_rows(), kernel_rows()})
-        std::ranges::copy(rows, std::back_inserter(all));
-    return all;
+        std::ranges::copy_if(rows, std::back_inserter(chosen), [&](const SpeedRow& row) {
+            return command == "all" || row.command == command;
+        });
+    return chosen;
 }
 
 std::string missing_peer(const PeerProgram& program) {
@@ -170,11 +152,10 @@ Study speed_study(const std::string& command, const PeerProgram& program,
                   const DecoderConfig& decoder) {
     const auto plan = [=](const StudyInputs& inputs) {
         StudyPlan result;
-        for (const SpeedRow& row : speed_rows())
-            if (command == "all" || row.command == command)
-                result.add({row.name, row.what}, [=, bench = inputs.bench] {
-                    return measured_apart(row, program, decoder, bench);
-                });
+        for (const SpeedRow& row : speed_rows(command))
+            result.add({row.name, row.what}, [=, bench = inputs.bench] {
+                return measured_apart(row, program, decoder, bench);
+            });
         return result;
     };
     return {.part = command,

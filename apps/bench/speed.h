@@ -37,8 +37,8 @@ struct SpeedRow {
     int threads = 0;     ///< 0: the number of the command line
 };
 
-/// All rows, in the order of the table.
-[[nodiscard]] std::vector<SpeedRow> speed_rows();
+/// The rows of a command ("all": of all commands), in the order of the table.
+[[nodiscard]] std::vector<SpeedRow> speed_rows(const std::string& command = "all");
 // Its parts.
 [[nodiscard]] std::vector<SpeedRow> frame_rows();
 [[nodiscard]] std::vector<SpeedRow> step_rows();

@@ -1,18 +1,68 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <memory>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "apps/bench/subject.h"
-#include "apps/bench/table.h"
 #include "apps/common/tool_options.h"
+#include "core/io/json_writer.h"
 
 /// A study is data: what it varies, what it measures, and with what the results are compared. One
 /// harness measures the rows of every study and writes them.
 namespace stymo {
+
+/// A cell of a table: nothing, a flag, a number or text.
+using Value = std::variant<std::monostate, bool, std::int64_t, double, std::string>;
+using Row = std::vector<Value>;
+
+/// A column. Its key names its unit: "median_seconds", "psnr_db", "peak_bytes", "share_of_peak".
+struct Column {
+    // NOLINTNEXTLINE(google-explicit-constructor): lists of columns are lists of keys
+    Column(const char* name) : key(name) {}
+
+    std::string key;
+    bool hidden = false;  ///< only in CSV and JSON
+};
+[[nodiscard]] Column hidden(const char* key);
+
+struct Table {
+    std::string name;
+    std::vector<Column> columns;
+    std::vector<Row> rows{};
+    bool hidden = false;  ///< only in CSV and JSON
+};
+
+/// The cell in the column `key`. Throws ValueError for a column that does not exist.
+[[nodiscard]] Value& cell(const std::vector<Column>& columns, Row& row, const std::string& key);
+/// Its number; NaN if it has none.
+[[nodiscard]] double number(const Table& table, const Row& row, const std::string& key);
+/// The cell for people: times in s or ms, shares in percent, "equal" for an infinite PSNR, other
+/// numbers with four significant digits, flags as "yes" and "no", nothing as "".
+[[nodiscard]] std::string words(const Table& table, const Row& row, const std::string& key);
+
+/// An aligned Markdown table with escaped vertical bars; empty if the table is hidden. This and the
+/// next two throw ValueError for a row of another length than the columns.
+[[nodiscard]] std::string markdown(const Table& table);
+/// All columns as CSV (RFC 4180): cells with commas, quotes or line ends are quoted.
+[[nodiscard]] std::string csv(const Table& table);
+/// A list of objects, one for each row.
+[[nodiscard]] JsonValue to_json(const Table& table);
+[[nodiscard]] JsonValue to_json(const std::vector<Column>& columns, const Row& row);
+/// Reads a row that `to_json` wrote; missing columns stay empty. Throws Error for anything but an
+/// object.
+[[nodiscard]] Row row_from_json(const std::vector<Column>& columns, const std::string& text);
+
+/// "12.3", with this number of digits after the decimal point.
+[[nodiscard]] std::string decimal(double value, int digits);
+/// "0.02", with at most this number of significant digits.
+[[nodiscard]] std::string significant(double value, int digits);
+/// "45 %"
+[[nodiscard]] std::string percent(double share);
 
 /// The inputs of a study.
 struct StudyInputs {
@@ -60,18 +110,13 @@ struct Study {
 };
 
 [[nodiscard]] Study quadrature_study();  ///< rules of integration along a ray
-[[nodiscard]] Study euler_study();       ///< what the exponential form is needed for
 [[nodiscard]] Study rendering_study();   ///< error against frame time
 [[nodiscard]] Study fitting_study();     ///< loss against time of fitting
 [[nodiscard]] Study tuning_study();      ///< error against time of tuning
 [[nodiscard]] Study training_study();    ///< loss against time of training
 [[nodiscard]] Study step_study();        ///< what training in 16 bits and without samples does
 [[nodiscard]] Study stability_study();   ///< float32 against float64 on extreme inputs
-[[nodiscard]] Study scenes_study();      ///< what frames of scenes leave out
-[[nodiscard]] Study jobs_study();        ///< what jobs leave out
-[[nodiscard]] Study growth_study();      ///< time against work
 [[nodiscard]] Study cores_study();       ///< what more processors would give
-[[nodiscard]] Study bias_study();        ///< what leaving out samples does to a fit
 
 /// The studies of the report, in its order; those of one part follow each other.
 [[nodiscard]] std::vector<Study> report_studies();

@@ -5,7 +5,6 @@
 #include <cstdlib>
 #include <fstream>
 #include <numbers>
-#include <span>
 #include <utility>
 
 #include "apps/bench/peak.h"
@@ -13,6 +12,7 @@
 #include "core/clock.h"
 #include "core/metrics.h"
 #include "core/ops/ops.h"
+#include "nn/realtime/chosen_tolerance.h"
 #include "nn/realtime/view.h"
 #include "train/data/dataset.h"
 
@@ -43,37 +43,6 @@ Face random_face(const ModelConfig& config, Rng& rng) {
 Dataset photos_of(const BenchOptions& options, const ModelConfig& config) {
     return Dataset(options.data, config.decoder.resolution, {.cache_megabytes = 0}, Split::all,
                    frontal_pose(config.camera));
-}
-
-BenchSubject subject_of(Model model, const BenchOptions& options) {
-    model.parameters().set_trainable("", false);
-    Rng rng = Rng(options.seed).split("faces");
-    BenchSubject subject{std::move(model), {}, {}, {}};
-    const ModelConfig& config = subject.model.config();
-    if (options.data.empty()) {
-        // About the standard deviation of an encoder's codes.
-        constexpr double deviation = 0.1;
-        for (int i = 0; i < options.faces; ++i) subject.photos.push_back(random_face(config, rng));
-        for (std::size_t group = 0; group < code_sizes.size(); ++group)
-            subject.codes.groups[group] =
-                rng.normal({options.faces, code_sizes[group]}, 0.0, deviation);
-    } else {
-        const Dataset data = photos_of(options, config);
-        const std::int64_t faces = std::min<std::int64_t>(options.faces, data.size());
-        for (std::int64_t i = 0; i < faces; ++i) subject.photos.push_back(data.load(i));
-        subject.codes = detached(face_codes(subject.model, make_batch(subject.photos)));
-    }
-    subject.views = orbit(subject.model, options.views);
-    return subject;
-}
-
-double largest_difference(const Tensor& a, const Tensor& b) {
-    double largest = 0.0;
-    const std::span<const float> left = a.values<float>(), right = b.values<float>();
-    for (std::size_t i = 0; i < left.size(); ++i)
-        largest = std::max(largest,
-                           std::abs(static_cast<double>(left[i]) - static_cast<double>(right[i])));
-    return largest;
 }
 
 }  // namespace
@@ -111,13 +80,28 @@ double peak_memory_mebibytes() {
 }
 
 BenchSubject make_subject(const BenchOptions& options) {
-    if (options.model.empty()) return random_subject({}, options);
-    return subject_of(Model::load(options.model), options);
-}
-
-BenchSubject random_subject(const ModelConfig& config, const BenchOptions& options) {
     Rng rng = Rng(options.seed).split("model");
-    return subject_of(Model(config, rng), options);
+    Model model = options.model.empty() ? Model({}, rng) : Model::load(options.model);
+    model.parameters().set_trainable("", false);
+    BenchSubject subject{std::move(model), {}, {}, {}};
+    const ModelConfig& config = subject.model.config();
+    if (options.data.empty()) {
+        // About the standard deviation of an encoder's codes.
+        constexpr double deviation = 0.1;
+        Rng draws = Rng(options.seed).split("faces");
+        for (int i = 0; i < options.faces; ++i)
+            subject.photos.push_back(random_face(config, draws));
+        for (std::size_t group = 0; group < code_sizes.size(); ++group)
+            subject.codes.groups[group] =
+                draws.normal({options.faces, code_sizes[group]}, 0.0, deviation);
+    } else {
+        const Dataset data = photos_of(options, config);
+        const std::int64_t faces = std::min<std::int64_t>(options.faces, data.size());
+        for (std::int64_t i = 0; i < faces; ++i) subject.photos.push_back(data.load(i));
+        subject.codes = detached(face_codes(subject.model, make_batch(subject.photos)));
+    }
+    subject.views = orbit(subject.model, options.views);
+    return subject;
 }
 
 std::vector<Face> last_photos(const BenchOptions& options, const ModelConfig& config,
@@ -150,14 +134,13 @@ Timing time_frames(const BenchSubject& subject, FaceRenderer& renderer, int repe
     return timing;
 }
 
-double field_work(const Model& model, std::int64_t samples_per_ray, std::int64_t resolution) {
-    const DecoderWork work = model.decoder().work(resolution);
+double field_work(const Model& model, std::int64_t samples_per_ray) {
+    const DecoderWork work = model.decoder().work();
     return static_cast<double>(work.rays * (work.field.sample * samples_per_ray + work.field.ray));
 }
 
-double frame_work(const Model& model, std::int64_t samples_per_ray, std::int64_t resolution) {
-    return field_work(model, samples_per_ray, resolution) +
-           static_cast<double>(model.decoder().work(resolution).blocks);
+double frame_work(const Model& model, std::int64_t samples_per_ray) {
+    return field_work(model, samples_per_ray) + static_cast<double>(model.decoder().work().blocks);
 }
 
 Images all_images(const BenchSubject& subject, const RendererOptions& options) {
@@ -172,14 +155,16 @@ Images all_images(const BenchSubject& subject, const RendererOptions& options) {
 
 ImageError error_of(const Images& images, const Images& exact) {
     ImageError error;
+    FrameError worst;
     double squares = 0.0;
     for (std::size_t i = 0; i < exact.size(); ++i) {
         const double psnr = peak_signal_to_noise_ratio(images.at(i), exact[i]);
         error.psnr_mean += psnr / static_cast<double>(exact.size());
         error.psnr_worst = std::min(error.psnr_worst, psnr);
-        error.worst_pixel = std::max(error.worst_pixel, largest_difference(images[i], exact[i]));
+        worst.add(images[i], exact[i]);
         squares += std::pow(10.0, -psnr / 10.0) / static_cast<double>(exact.size());
     }
+    error.worst_pixel = worst.worst_pixel;
     error.root_mean_square = std::sqrt(squares);
     return error;
 }

@@ -42,7 +42,6 @@ struct BenchOptions {
     int faces = 5;
     int views = 20;  ///< views of each face, for errors
     std::int64_t samples = 64;
-    std::int64_t steps = 100;  ///< steps of fits whose results are compared
     std::uint64_t seed = 0;
 };
 
@@ -57,8 +56,6 @@ struct BenchSubject {
 
 /// Throws what loading the model and the photos throws.
 [[nodiscard]] BenchSubject make_subject(const BenchOptions& options);
-/// The same faces and cameras with a model of random weights.
-[[nodiscard]] BenchSubject random_subject(const ModelConfig& config, const BenchOptions& options);
 /// The last `faces` photos of the folder, which trainings hold out; fewer if it has fewer.
 [[nodiscard]] std::vector<Face> last_photos(const BenchOptions& options, const ModelConfig& config,
                                             std::int64_t faces);
@@ -70,11 +67,9 @@ struct BenchSubject {
 [[nodiscard]] Timing time_frames(const BenchSubject& subject, FaceRenderer& renderer, int repeats);
 
 /// Multiply-adds of the matrix products and convolutions of a frame with every sample, and of its
-/// field alone. They are nearly all of the arithmetic. `resolution` 0: the model's.
-[[nodiscard]] double frame_work(const Model& model, std::int64_t samples_per_ray,
-                                std::int64_t resolution = 0);
-[[nodiscard]] double field_work(const Model& model, std::int64_t samples_per_ray,
-                                std::int64_t resolution = 0);
+/// field alone. They are nearly all of the arithmetic.
+[[nodiscard]] double frame_work(const Model& model, std::int64_t samples_per_ray);
+[[nodiscard]] double field_work(const Model& model, std::int64_t samples_per_ray);
 
 /// Images of every face in every view, for comparison.
 using Images = std::vector<Tensor>;

@@ -61,7 +61,7 @@ Measurement training_step(const BenchOptions& options, const std::string& config
     return result;
 }
 
-constexpr std::int64_t most_samples = 64;
+constexpr std::int64_t most_samples = 64, small_head_count = 240;
 
 struct Heads {
     Dataset training;
@@ -70,8 +70,8 @@ struct Heads {
 
 Heads synthetic_heads(std::uint64_t seed) {
     const FolderInProgress folder = temporary_folder("stymo-report-heads");
-    write_small_heads(folder.path(), seed);
     const TrainConfig config = small_training(1, most_samples);
+    write_heads(folder.path(), config.model, small_head_count, seed);
     return {dataset(folder.path(), config, Split::training),
             dataset(folder.path(), config, Split::test)};
 }
@@ -81,34 +81,43 @@ ValidationScore score_of(const Trainer& trainer, const Dataset& faces, std::int6
                             trainer.model().config().decoder.resolution, samples);
 }
 
-double time_of_step(const Heads& data, std::int64_t samples, std::uint64_t seed) {
-    Trainer trainer(small_training(1000, samples), data.training, nullptr, seed);
-    static_cast<void>(trainer.step());
-    constexpr int steps = 4;
-    const double begin = seconds_now();
-    for (int i = 0; i < steps; ++i) static_cast<void>(trainer.step());
-    return (seconds_now() - begin) / steps;
-}
-
-/// Trains for `seconds`, in which the learning rate falls to zero; the points go to `curves`.
-Row train(const Heads& data, std::int64_t samples, double seconds, std::uint64_t seed,
-          Table& curves) {
-    const double step_time = time_of_step(data, samples, seed);
-    const auto steps = static_cast<std::int64_t>(std::clamp(seconds / step_time, 10.0, 3200.0));
-    const TrainConfig config = small_training(steps, samples);
-    Trainer trainer(config, data.training, nullptr, seed);
+/// Trains so many steps, or until `after`, which is given the steps and the seconds so far, returns
+/// false. Its own time does not count. Returns the seconds of all steps.
+double train(Trainer& trainer, std::int64_t steps,
+             const std::function<bool(std::int64_t, double)>& after = {}) {
     double spent = 0.0;
-    ValidationScore score;
-    constexpr std::int64_t points = 24;
     for (std::int64_t step = 1; step <= steps; ++step) {
         if (interrupted()) fail<Error>("interrupted; nothing was written");
         const double begin = seconds_now();
         static_cast<void>(trainer.step());
         spent += seconds_now() - begin;
-        if (step * points / steps == (step - 1) * points / steps) continue;
-        score = score_of(trainer, data.validation, samples);
-        curves.rows.push_back({samples, step, spent, score.reconstruction, score.psnr});
+        if (after && !after(step, spent)) break;
     }
+    return spent;
+}
+
+double time_of_step(const Heads& data, std::int64_t samples, std::uint64_t seed) {
+    Trainer trainer(small_training(1000, samples), data.training, nullptr, seed);
+    static_cast<void>(trainer.step());
+    constexpr int steps = 4;
+    return train(trainer, steps) / steps;
+}
+
+/// Trains for `seconds`, in which the learning rate falls to zero; the points go to `curves`.
+Row trained_for(double seconds, const Heads& data, std::int64_t samples, std::uint64_t seed,
+                Table& curves) {
+    const double step_time = time_of_step(data, samples, seed);
+    const auto steps = static_cast<std::int64_t>(std::clamp(seconds / step_time, 10.0, 3200.0));
+    const TrainConfig config = small_training(steps, samples);
+    Trainer trainer(config, data.training, nullptr, seed);
+    ValidationScore score;
+    constexpr std::int64_t points = 24;
+    const double spent = train(trainer, steps, [&](std::int64_t step, double so_far) {
+        if (step * points / steps == (step - 1) * points / steps) return true;
+        score = score_of(trainer, data.validation, samples);
+        curves.rows.push_back({samples, step, so_far, score.reconstruction, score.psnr});
+        return true;
+    });
     const double psnr_64 = score_of(trainer, data.validation, most_samples).psnr;
     return {spent / static_cast<double>(steps),
             steps,
@@ -128,7 +137,7 @@ StudyPlan training_plan(const StudyInputs& inputs) {
         "training_curves", {"samples", "steps", "seconds", "reconstruction_loss", "psnr_db"}});
     for (const std::int64_t samples : {std::int64_t{16}, std::int64_t{32}, most_samples})
         plan.add({samples}, [=, seed = inputs.bench.seed, curves = plan.curves] {
-            return train(*data, samples, seconds, seed, *curves);
+            return trained_for(seconds, *data, samples, seed, *curves);
         });
     plan.setting = "The model of `configs/demo-64.json` on " +
                    std::to_string(data->training.size()) + " synthetic heads, in float32, and " +
@@ -171,12 +180,7 @@ StudyPlan step_plan(const StudyInputs& inputs) {
                 TrainConfig config = small_training(steps, samples);
                 config.optimizer.sample_tolerance = variant.sample_tolerance;
                 Trainer trainer(config, data->training, nullptr, seed);
-                const double begin = seconds_now();
-                for (std::int64_t step = 0; step < steps; ++step) {
-                    if (interrupted()) fail<Error>("interrupted; nothing was written");
-                    static_cast<void>(trainer.step());
-                }
-                seconds += (seconds_now() - begin) / static_cast<double>(seeds.size());
+                seconds += train(trainer, steps) / static_cast<double>(seeds.size());
                 psnr.push_back(score_of(trainer, data->validation, most_samples).psnr);
             }
             const auto [least, most] = std::ranges::minmax(psnr);
@@ -212,25 +216,20 @@ TrainConfig small_training(std::int64_t steps, std::int64_t samples_per_ray) {
                                    "stage1.average_half_life=0"});
 }
 
-void write_small_heads(const std::filesystem::path& folder, std::uint64_t seed) {
-    constexpr std::int64_t heads = 240;
-    write_heads(folder, small_training(1, 2).model, heads, seed);
-}
-
-void write_small_model(const std::filesystem::path& heads, const std::filesystem::path& file,
-                       std::uint64_t seed, double seconds) {
+void train_small_subject(const std::filesystem::path& folder, BenchOptions& bench) {
     constexpr std::int64_t steps = 3200, samples = 16;
+    constexpr double seconds = 45.0;
+    bench.data = folder / "heads";
+    bench.model = folder / "model.safetensors";
+    std::filesystem::create_directory(bench.data);
     TrainConfig config = small_training(steps, samples);
+    write_heads(bench.data, config.model, small_head_count, bench.seed);
     // The number of steps that fit into the time is not known beforehand.
     config.optimizer.schedule = "epoch";
-    const Dataset faces = dataset(heads, config, Split::training);
-    Trainer trainer(config, faces, nullptr, seed);
-    const double begin = seconds_now();
-    for (std::int64_t step = 0; step < steps && seconds_now() - begin < seconds; ++step) {
-        if (interrupted()) fail<Error>("interrupted; nothing was written");
-        static_cast<void>(trainer.step());
-    }
-    trainer.model().save(file);
+    const Dataset faces = dataset(bench.data, config, Split::training);
+    Trainer trainer(config, faces, nullptr, bench.seed);
+    train(trainer, steps, [](std::int64_t, double spent) { return spent < seconds; });
+    trainer.model().save(bench.model);
 }
 
 std::vector<SpeedRow> training_rows() {

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <string>
 
+#include "apps/bench/subject.h"
 #include "train/data/dataset.h"
 #include "train/train_config.h"
 #include "train/trainer.h"
@@ -31,11 +32,8 @@ private:
 /// The configuration demo-64, which the program contains, with these numbers of steps and samples
 /// and without EMA.
 [[nodiscard]] TrainConfig small_training(std::int64_t steps, std::int64_t samples_per_ray);
-/// Writes synthetic heads into an empty folder.
-void write_small_heads(const std::filesystem::path& folder, std::uint64_t seed);
-/// Trains the first stage on the folder `heads` for this number of seconds and writes the model to
-/// `file`.
-void write_small_model(const std::filesystem::path& heads, const std::filesystem::path& file,
-                       std::uint64_t seed, double seconds);
+/// Writes synthetic heads and a model that is trained on them for less than a minute into an empty
+/// folder, and makes them the data and the model of `bench`.
+void train_small_subject(const std::filesystem::path& folder, BenchOptions& bench);
 
 }  // namespace stymo

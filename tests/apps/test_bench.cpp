@@ -97,15 +97,6 @@ TEST_CASE("The curve is written as JSON, CSV and Markdown") {
     CHECK(names_in_table(stymo::read_file(folder / "curve.md")).empty());
 }
 
-TEST_CASE("The growth of a frame's cost has time beside work") {
-    const json growth = json::parse(done("stymo-bench growth --json" + small).out);
-    for (const json& point : growth["growth"]) {
-        if (point["varied"] == "samples per ray" && point["value"] == 256)
-            CHECK(point["times_work"].get<double>() > 4.0);
-        if (point["varied"] == "threads") CHECK(point["value"] == 1);
-    }
-}
-
 TEST_CASE("A peer stands beside the rows that it has, and one that fails is named") {
     stymo::write_file(tiny_run() / "peer.py", "print('disc: 1500.0 ms  (threads 1)')\n");
     stymo::write_file(tiny_run() / "broken.py", "raise SystemExit('no memory')\n");

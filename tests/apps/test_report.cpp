@@ -87,7 +87,7 @@ TEST_CASE("A row is read back from its JSON", "[report]") {
 TEST_CASE("A study becomes its rows, its summary and its curves", "[report]") {
     const fs::path folder = new_folder("report-study");
     Page page("report", folder);
-    stymo::Study study{.part = "growth",
+    stymo::Study study{.part = "part",
                        .name = "squares",
                        .title = "Squares",
                        .varied = "x",

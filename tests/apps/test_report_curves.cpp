@@ -115,31 +115,3 @@ TEST_CASE("The study of training steps gives each way the same seeds", "[report]
         CHECK(row["psnr_db"].get<double>() == Approx(rows[0]["psnr_db"].get<double>()).margin(1.0));
     }
 }
-
-TEST_CASE("Scenes and jobs give with less work what they give with all of it", "[report]") {
-    const json scenes = written(scenes_study(), 1.0)["omitted_scenes"],
-               jobs = written(jobs_study(), 1.0)["omitted_jobs"];
-    REQUIRE(scenes.size() == 5);
-    for (const json& scene : scenes) {
-        INFO(scene["scene"]);
-        CHECK(scene["samples"] == 4 * 1024);
-        CHECK(scene["field_samples"] <= scene["samples"]);
-        CHECK(scene["buffers"] == 0);
-    }
-    CHECK(scenes[4]["scene"] == "empty");
-    CHECK(scenes[4]["field_samples"] == 0);
-    CHECK(scenes[4]["layers_computed"] == 0);
-    CHECK(scenes[4]["worst_pixel"].get<double>() < 1e-4);
-    REQUIRE(jobs.size() == 10);
-    for (std::size_t i = 0; i < jobs.size(); i += 2) {
-        const json &needed = jobs[i], &everything = jobs[i + 1];
-        INFO(needed["job"]);
-        CHECK(needed["error"].get<double>() < 1e-4);
-        CHECK(needed["operations"] < everything["operations"]);
-        CHECK(needed["buffers"] < everything["buffers"]);
-        CHECK(needed["field_points"] <= everything["field_points"]);
-        CHECK(needed["parameters_made"] <= everything["parameters_made"]);
-        if (needed["job"] == "edit of light only") CHECK(needed["field_points"] == 0);
-        if (needed["job"] == "evaluation of a face") CHECK(needed["gradient_rules"] == 0);
-    }
-}
