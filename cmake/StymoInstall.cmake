@@ -14,7 +14,7 @@ install(EXPORT stymoTargets NAMESPACE stymo:: DESTINATION ${stymo_cmake_folder}
 # Headers of kernels are not installed, because they include Highway; nor are those that include
 # them. tests/package looks for an installed header that needs one that is not.
 set(private_headers kernels *_kernel.h packed_*.h colors.h image_rows.h block_step.h ray_tile.h
-  rays_of_face.h evaluate_points.h)
+  rays_of_face.h)
 list(TRANSFORM private_headers REPLACE "(.+)" "PATTERN;\\1;EXCLUDE" OUTPUT_VARIABLE excluded)
 foreach(folder core nn render train fit)
   if(IS_DIRECTORY ${PROJECT_SOURCE_DIR}/${folder})

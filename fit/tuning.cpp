@@ -19,7 +19,7 @@
 #include "fit/head_depth.h"
 #include "fit/turned_photo.h"
 #include "nn/models/significant_rows.h"
-#include "nn/optim/hybrid_optimizer.h"
+#include "nn/optim/muon.h"
 #include "nn/realtime/view.h"
 
 namespace stymo {

@@ -1,5 +1,6 @@
 #include "render/spherical_harmonics.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -39,6 +40,27 @@ std::array<float, 27> neutral_light() {
     std::array<float, 27> light{};
     light[0] = light[1] = light[2] = 0.8F;
     return light;
+}
+
+Tensor shaded_colors(const Tensor& albedo, const Tensor& normals, std::span<const float> light,
+                     const Camera& camera) {
+    Tensor colors = albedo;
+    const auto normal_values = normals.values<float>();
+    const auto color_values = colors.mutable_values<float>();
+    const Eigen::Matrix3d camera_from_world = camera.world_from_camera.transpose();
+    for (std::size_t vertex = 0; vertex < color_values.size(); vertex += 3) {
+        const Eigen::Vector3d normal =
+            camera_from_world *
+            Eigen::Map<const Eigen::Vector3f>(&normal_values[vertex]).cast<double>();
+        const Eigen::Vector3d received = irradiance(light, normal);
+        for (std::size_t channel = 0; channel < 3; ++channel) {
+            color_values[vertex + channel] =
+                std::clamp(color_values[vertex + channel] *
+                               static_cast<float>(received[static_cast<Eigen::Index>(channel)]),
+                           0.01F, 1.0F);
+        }
+    }
+    return colors;
 }
 
 }  // namespace stymo

@@ -3,6 +3,7 @@
 #include <array>
 #include <span>
 
+#include "core/tensor.h"
 #include "render/camera.h"
 
 namespace stymo {
@@ -19,5 +20,11 @@ namespace stymo {
 
 /// The white ambient light: 0.8 in the constant function, 0 elsewhere.
 [[nodiscard]] std::array<float, 27> neutral_light();
+
+/// Shaded colours (V, 3) of a head's vertices for a camera: albedo times the irradiance
+/// (spherical_harmonics.h) at the normals, clipped to [0.01, 1]. `light` has 27 numbers. Throws
+/// ShapeError for a light of another size.
+[[nodiscard]] Tensor shaded_colors(const Tensor& albedo, const Tensor& normals,
+                                   std::span<const float> light, const Camera& camera);
 
 }  // namespace stymo

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/io/tensor_file.h"
-#include "nn/optim/hybrid_optimizer.h"
+#include "nn/optim/muon.h"
 #include "train/data/training_images.h"
 #include "train/generator_gradients.h"
 #include "train/gradient_sums.h"

@@ -8,10 +8,9 @@
 #include "core/error.h"
 #include "core/metrics.h"
 #include "nn/realtime/view.h"
-#include "train/adversarial_stage.h"
 #include "train/memory_estimate.h"
-#include "train/photo_changes.h"
-#include "train/reconstruction_stage.h"
+#include "train/photo_offsets.h"
+#include "train/stages.h"
 
 namespace stymo {
 

@@ -63,7 +63,7 @@ public:
     /// Trains until the configured steps are done, the time is up or the process is interrupted.
     /// Writes checkpoints at the configured intervals, at the end of each phase and at the end.
     /// Throws NumericError after too many consecutive steps without a finite loss and gradient, and
-    /// if the loss explodes (loss_watch.h), without a checkpoint of the exploding steps.
+    /// if the loss explodes (LossWatch), without a checkpoint of the exploding steps.
     TrainingOutcome run(const RunFolder& folder, const TrainingLimits& limits) {
         return run_steps(&folder, limits);
     }

@@ -7,7 +7,6 @@
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/progress.h"
-#include "train/loss_watch.h"
 #include "train/tick.h"
 #include "train/trainer.h"
 #include "train/training_codes.h"
@@ -71,7 +70,7 @@ private:
     [[nodiscard]] std::int64_t images_done() const {
         return trainer_.schedule_.images_before(trainer_.state_.step);
     }
-    /// Both throw NumericError if the loss explodes (loss_watch.h).
+    /// Both throw NumericError if the loss explodes (LossWatch).
     void watch(const TrainingPosition& position, const StepReport& report);
     void require_sound_loss(std::int64_t most) const;
     void end_tick(const TrainingPosition& position);

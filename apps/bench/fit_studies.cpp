@@ -9,7 +9,6 @@
 #include "core/interrupt.h"
 #include "core/matmul_precision.h"
 #include "core/ops/ops.h"
-#include "fit/evaluation.h"
 #include "fit/fit_report.h"
 #include "fit/fitter.h"
 #include "fit/tuning.h"

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <initializer_list>
 #include <optional>
 #include <string>
 #include <vector>
@@ -84,5 +85,12 @@ void declare_perceptual_weight(Command& command, LpipsOptions& options);
 
 /// Parses the value of --take, a list such as "expr,tex". Throws UsageError for an unknown name.
 [[nodiscard]] CodeGroups parse_code_groups(const std::string& list);
+
+/// Throws UsageError unless the file's name ends in one of `extensions` (".png"). Tools call this
+/// before they begin to work.
+void require_extension(const std::filesystem::path& path,
+                       std::initializer_list<const char*> extensions);
+/// Creates the parent folder of `path`. Throws FileError if that fails, or if `path` is a folder.
+void require_folder_of(const std::filesystem::path& path);
 
 }  // namespace stymo

@@ -1,11 +1,10 @@
-#include "apps/eval/pair.h"
-
 #include <iomanip>
 #include <sstream>
 
 #include "apps/common/face_input.h"
+#include "apps/eval/commands.h"
 #include "core/error.h"
-#include "fit/evaluation.h"
+#include "fit/fit_report.h"
 
 namespace stymo {
 

@@ -1,5 +1,3 @@
-#include "apps/eval/people.h"
-
 #include <algorithm>
 #include <cmath>
 #include <iomanip>
@@ -7,6 +5,7 @@
 #include <numeric>
 #include <sstream>
 
+#include "apps/eval/commands.h"
 #include "apps/eval/evaluate.h"
 #include "core/error.h"
 #include "nn/realtime/view.h"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/io/json_writer.h"
-#include "fit/evaluation.h"
+#include "fit/fit_report.h"
 
 namespace stymo {
 
@@ -41,7 +41,7 @@ struct RegionScore {
     }
 };
 
-/// Cosines between embeddings of faces (apps/eval/identity.h).
+/// Cosines between embeddings of faces (apps/eval/person_measures.h).
 struct IdentityScore {
     double photo = 0.0;      ///< photo and fitted face
     double turned_15 = 0.0;  ///< mean over fitted face and its views at yaw -15 and 15 degrees
@@ -49,8 +49,8 @@ struct IdentityScore {
     double other = 0.0;      ///< photo and photo of another person
 };
 
-/// Shape errors in units of the distance of the eyes (apps/eval/shape.h). Infinite if they could
-/// not be measured.
+/// Shape errors in units of the distance of the eyes (apps/eval/person_measures.h). Infinite if
+/// they could not be measured.
 struct ShapeScore {
     /// Mean distance, in views at yaw -30 and 30 degrees, between the landmarks that are found and
     /// the landmarks of the fitted face turned to the view; over the points inside the jaw line and

@@ -4,13 +4,13 @@
 #include <sstream>
 #include <vector>
 
-#include "apps/common/output_file.h"
+#include "apps/common/tool_options.h"
 #include "apps/prep/camera_file.h"
 #include "core/angle.h"
 #include "core/error.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
-#include "fit/photo/photo_overlay.h"
+#include "fit/photo/preparation_overlay.h"
 #include "render/camera_matrices.h"
 #include "render/morphable/builtin_head.h"
 #include "render/pose_json.h"

@@ -3,7 +3,6 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/explain.h"
-#include "apps/common/output_file.h"
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
 #include "apps/render/images.h"

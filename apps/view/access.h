@@ -1,11 +1,25 @@
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <set>
 #include <string>
 #include <vector>
 
 namespace stymo::view {
+
+/// Limits on what one client can take from the others.
+struct ClientLimits {
+    std::size_t connections = 128;  ///< served at once; further ones wait
+    double read_seconds = 10.0;     ///< largest time between two bytes
+    double head_seconds = 10.0;     ///< largest time for the head of a request, from its first byte
+    /// Largest time for the body of a request, and again for its answer. A body or an answer gets
+    /// one second more for each 64 KiB.
+    double body_seconds = 30.0;
+};
+
+/// 128 random bits from the operating system as hexadecimal digits.
+[[nodiscard]] std::string random_token();
 
 /// Where a browser finds the page if it is behind a proxy.
 struct PageAddress {

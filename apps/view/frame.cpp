@@ -1,12 +1,13 @@
 #include "apps/view/frame.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <vector>
 
-#include "apps/view/depth_normals.h"
-#include "apps/view/soft_edge.h"
 #include "core/clock.h"
+#include "core/error.h"
 #include "core/io/image.h"
 #include "core/io/jpeg.h"
 #include "core/metrics.h"
@@ -14,6 +15,52 @@
 #include "nn/realtime/view.h"
 
 namespace stymo::view {
+
+Tensor depth_normals(const Tensor& depth, const Camera& camera, const RaySampling& sampling) {
+    const std::int64_t side = sampling.rays_per_side;
+    if (!(depth.shape() == Shape{side, side, 1}))
+        fail<ShapeError>("[depth_normals] needs (", side, ", ", side, ", 1), got ", depth.shape());
+    const std::vector<double> depths = depth.to_vector();
+    std::vector<Eigen::Vector3d> points;
+    points.reserve(depths.size());
+    for (std::int64_t i = 0; i < side * side; ++i) {
+        const Eigen::Vector3d direction =
+            camera.world_from_camera *
+            camera_direction(camera.intrinsics, sampling, i / side, i % side);
+        points.emplace_back(camera.center + depths[static_cast<std::size_t>(i)] * direction);
+    }
+    const auto point = [&](std::int64_t row, std::int64_t column) -> const Eigen::Vector3d& {
+        const std::int64_t y = std::clamp<std::int64_t>(row, 0, side - 1),
+                           x = std::clamp<std::int64_t>(column, 0, side - 1);
+        return points[static_cast<std::size_t>(y * side + x)];
+    };
+    Tensor result({side, side, 3});
+    const std::span<float> values = result.mutable_values<float>();
+    for (std::int64_t i = 0; i < side * side; ++i) {
+        const std::int64_t row = i / side, column = i % side;
+        const Eigen::Vector3d right = point(row, column + 1) - point(row, column - 1);
+        const Eigen::Vector3d down = point(row + 1, column) - point(row - 1, column);
+        const Eigen::Vector3d normal = down.cross(right).stableNormalized();
+        for (int axis = 0; axis < 3; ++axis)
+            values[static_cast<std::size_t>(3 * i + axis)] = static_cast<float>(normal[axis]);
+    }
+    return result;
+}
+
+Tensor with_soft_edge(const Tensor& image, const Tensor& mask) {
+    constexpr float trained = 0.9F;
+    constexpr double smoothed_at_256 = 1.0;
+    if (std::ranges::max(mask.values<float>()) < trained) return image;
+    const auto side = static_cast<int>(mask.shape(0));
+    Tensor opacity = mask;
+    cv::Mat smooth(side, side, CV_32F, opacity.mutable_values<float>().data());
+    cv::GaussianBlur(smooth, smooth, {}, std::max(smoothed_at_256 * side / 256.0, 0.3));
+    for (float& value : opacity.mutable_values<float>()) {
+        const float t = std::clamp(2.0F * value - 1.0F, 0.0F, 1.0F);
+        value = t * t * (3.0F - 2.0F * t);
+    }
+    return masked_image(image, opacity);
+}
 
 namespace {
 

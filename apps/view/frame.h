@@ -5,12 +5,27 @@
 #include <stop_token>
 #include <string>
 
+#include "core/tensor.h"
 #include "nn/models/codes.h"
 #include "nn/models/model.h"
 #include "nn/realtime/face_renderer.h"
 #include "render/camera.h"
+#include "render/rays.h"
 
 namespace stymo::view {
+
+/// Surface normals of a depth map (R, R, 1) by central differences: unit vectors (R, R, 3) in world
+/// axes that point towards the camera's side. `depth` holds the distance along each ray of
+/// `sampling` (rays_per_side = R). A normal that cannot be determined is zero. Throws ShapeError
+/// for a depth map of another size.
+[[nodiscard]] Tensor depth_normals(const Tensor& depth, const Camera& camera,
+                                   const RaySampling& sampling);
+
+/// The image (S, S, 3) of a head with a soft edge, for a screen that shows it enlarged: the model's
+/// own edge is as hard as the masks of its training photos and shows as a staircase. It fades to
+/// black where the mask (S, S, 1), smoothed by the width of a pixel of 256, falls from 1 to 0.5.
+/// Unchanged if the mask is nowhere above 0.9: then the model was not trained with masks.
+[[nodiscard]] Tensor with_soft_edge(const Tensor& image, const Tensor& mask);
 
 /// The quantity that a frame shows.
 enum class Layer { image, depth, mask, normals };
@@ -86,7 +101,7 @@ public:
     /// measures the error of the moving frame of the same view, and adapts the tolerance to the
     /// wanted PSNR. It does not if moving frames are at half their side, which then dominates the
     /// error. Depth and normals run no render block, and another layer keeps all that is known of
-    /// the face. Images have a soft edge (soft_edge.h).
+    /// the face. Images have a soft edge.
     [[nodiscard]] std::optional<Frame> render(const FrameRequest& request,
                                               const std::stop_token& stop);
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "apps/view/access.h"
 #include "apps/view/api.h"
-#include "apps/view/client_limits.h"
 
 namespace stymo::view {
 

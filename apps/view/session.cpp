@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "apps/view/random_token.h"
+#include "apps/view/access.h"
 #include "core/error.h"
 
 namespace stymo::view {

@@ -8,7 +8,7 @@
 #include <map>
 #include <mutex>
 
-#include "apps/view/client_limits.h"
+#include "apps/view/access.h"
 
 namespace stymo::view {
 

@@ -5,10 +5,9 @@
 #include <sstream>
 
 #include "apps/common/command_line.h"
-#include "apps/common/output_file.h"
+#include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
-#include "apps/weights/published_model.h"
-#include "apps/weights/widened_model.h"
+#include "apps/weights/derived_models.h"
 #include "nn/pretrained/weights_import.h"
 
 namespace {

@@ -9,7 +9,6 @@
 #include <opencv2/core.hpp>
 
 #include "core/error.h"
-#include "core/io/animation_bytes.h"
 #include "core/io/image_bytes.h"
 
 namespace stymo {

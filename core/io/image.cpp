@@ -18,8 +18,7 @@
 #include "core/io/color_tags.h"
 #include "core/io/file.h"
 #include "core/io/image_bytes.h"
-#include "core/io/image_encoder.h"
-#include "core/io/jpeg_damage.h"
+#include "core/io/jpeg.h"
 
 namespace stymo {
 namespace {

@@ -4,7 +4,6 @@
 #include <array>
 #include <vector>
 
-#include "core/kernels/scratch.h"
 #include "core/kernels/targets.h"
 #include "core/kernels/tile_product.h"
 #include "core/matmul_precision.h"

@@ -12,7 +12,7 @@
 #include <array>
 
 #include "core/kernels/epilogue-inl.h"
-#include "core/kernels/scratch.h"
+#include "core/kernels/gemm.h"
 #include "core/kernels/tile_product.h"
 #include "core/parallel.h"
 

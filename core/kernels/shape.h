@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "core/op_options.h"
 #include "core/tensor.h"
 
 namespace stymo::kernels {
@@ -14,5 +15,9 @@ namespace stymo::kernels {
 /// position.
 [[nodiscard]] Tensor pixel_shuffle(const Tensor& x, const Tensor& coarse = {});
 [[nodiscard]] Tensor pixel_unshuffle(const Tensor& x);
+
+[[nodiscard]] Tensor gather_rows(const Tensor& x, const RowIndices& rows);
+[[nodiscard]] Tensor scatter_add_rows(const Tensor& x, const RowIndices& rows,
+                                      std::int64_t row_count);
 
 }  // namespace stymo::kernels

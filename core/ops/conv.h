@@ -3,9 +3,9 @@
 #include "core/autograd/variable.h"
 #include "core/op_options.h"
 
-/// Two-dimensional cross-correlation and its two adjoints. Derivatives of any order exist. All ops
-/// throw ShapeError for shapes that do not match, ValueError for invalid options and TypeError for
-/// different element types.
+/// Two-dimensional cross-correlation and its two adjoints, and pooling, of images (batch, height,
+/// width, channels). Derivatives of any order exist. All ops throw ShapeError for shapes that do
+/// not match, ValueError for invalid options and TypeError for different element types.
 namespace stymo {
 
 /// x (batch, height, width, in), weight (out, kernel height, kernel width, in / groups) -> (batch,
@@ -27,5 +27,11 @@ namespace stymo {
 [[nodiscard]] Variable conv2d_weight_grad(const Variable& dL_dy, const Variable& x,
                                           const Shape& weight_shape,
                                           const Conv2dOptions& options = {});
+
+/// Largest element of each window and channel; at a tie the gradient goes to the first one in
+/// row-major order. No padding. (batch, h, w, c) -> (batch, h', w', c) with h' = (h - kernel) /
+/// stride + 1, rounded down, or up with ceil_mode. Throws ValueError for invalid options or a
+/// kernel above 16, ShapeError for another rank or an image smaller than a window.
+[[nodiscard]] Variable max_pool2d(const Variable& x, const MaxPoolOptions& options = {});
 
 }  // namespace stymo

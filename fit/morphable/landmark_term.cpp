@@ -9,7 +9,6 @@
 #include "core/autograd/grad.h"
 #include "core/error.h"
 #include "core/ops/ops.h"
-#include "fit/morphable/projection.h"
 #include "fit/morphable/state.h"
 
 namespace stymo::morphable {

@@ -3,9 +3,9 @@
 #include <array>
 #include <span>
 
-#include "fit/morphable/contour.h"
 #include "fit/morphable/least_squares.h"
 #include "fit/morphable/morphable_fit.h"
+#include "fit/morphable/vertex_table.h"
 
 /// Not part of the public interface.
 namespace stymo::morphable {

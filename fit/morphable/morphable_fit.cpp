@@ -7,10 +7,10 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
-#include "fit/morphable/contour.h"
 #include "fit/morphable/landmark_term.h"
 #include "fit/morphable/pixel_term.h"
 #include "fit/morphable/state.h"
+#include "fit/morphable/vertex_table.h"
 #include "render/spherical_harmonics.h"
 
 namespace stymo {

@@ -8,7 +8,6 @@
 #include "core/autograd/grad.h"
 #include "core/io/image.h"
 #include "core/ops/ops.h"
-#include "fit/morphable/projection.h"
 #include "fit/morphable/state.h"
 #include "render/rasterizer.h"
 #include "render/spherical_harmonics.h"

@@ -1,6 +1,7 @@
 #include "fit/morphable/vertex_table.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 #include "core/parallel.h"
@@ -73,6 +74,85 @@ std::vector<double> table_points(const VertexTable& table, std::span<const doubl
 
 std::vector<double> table_albedo(const VertexTable& table, std::span<const double> state) {
     return linear_model(table.mean_albedo, table.color, state.subspan(texture_begin, color_size));
+}
+
+namespace {
+
+[[nodiscard]] Eigen::Vector3d point_at(std::span<const float> points, std::int32_t vertex) {
+    return Eigen::Map<const Eigen::Vector3f>(&points[3 * static_cast<std::size_t>(vertex)])
+        .cast<double>();
+}
+
+/// Unit vector in the frontal plane, perpendicular to the jaw line at landmark k and pointing away
+/// from the face.
+[[nodiscard]] Eigen::Vector3d outward_direction(const MorphableHead& head, std::size_t k) {
+    const auto points = head.mean.values<float>();
+    const Eigen::Vector3d before = point_at(points, head.landmarks[k == 0 ? 0 : k - 1]);
+    const Eigen::Vector3d after =
+        point_at(points, head.landmarks[std::min<std::size_t>(k + 1, 16)]);
+    const Eigen::Vector2d tangent = (after - before).head<2>();
+    const double length = std::max(tangent.norm(), 1e-9);
+    // Landmarks 0 to 16 run down, right and up again: the face lies to their left.
+    return {tangent[1] / length, -tangent[0] / length, 0.0};
+}
+
+/// The vertices that landmark k of the jaw may slide to, itself first. All in units of about a
+/// decimetre.
+[[nodiscard]] std::vector<std::int32_t> slide_vertices(const MorphableHead& head, std::size_t k,
+                                                       const Eigen::Vector3d& outward) {
+    constexpr double half_thickness = 0.02;
+    constexpr double backwards = 0.02;
+    constexpr double inwards = 0.35;  // stops short of the nose
+    constexpr double outwards = 0.15;
+    const auto points = head.mean.values<float>();
+    const Eigen::Vector3d start = point_at(points, head.landmarks[k]);
+    std::vector<std::int32_t> result{head.landmarks[k]};
+    for (std::size_t vertex = 0; vertex < head.parts.size(); ++vertex) {
+        if (head.parts[vertex] != HeadPart::skin) continue;
+        const Eigen::Vector3d point = point_at(points, static_cast<std::int32_t>(vertex));
+        const Eigen::Vector3d offset = point - start;
+        const double out = offset.dot(outward);
+        const double along = offset.x() * outward.y() - offset.y() * outward.x();
+        if (std::abs(along) < half_thickness && out > -inwards && out < outwards &&
+            offset.z() > -backwards)
+            result.push_back(static_cast<std::int32_t>(vertex));
+    }
+    return result;
+}
+
+}  // namespace
+
+Contour::Contour(const MorphableHead& head)
+    : table_(head, [&] {
+          std::vector<std::int32_t> vertices(head.landmarks.begin(), head.landmarks.end());
+          for (std::size_t k = 0; k < slides_.size(); ++k) {
+              const Eigen::Vector3d outward = outward_direction(head, k);
+              const std::vector<std::int32_t> slide = slide_vertices(head, k, outward);
+              slides_[k] = {vertices.size(), vertices.size() + slide.size(), outward};
+              vertices.insert(vertices.end(), slide.begin(), slide.end());
+          }
+          return vertices;
+      }()) {}
+
+std::array<std::size_t, 68> Contour::rows(std::span<const double> points,
+                                          const Camera& camera) const {
+    std::array<std::size_t, 68> result{};
+    for (std::size_t k = 0; k < result.size(); ++k) result[k] = k;
+    for (std::size_t k = 0; k < slides_.size(); ++k) {
+        const Eigen::Vector2d direction =
+            (camera.world_from_camera.transpose() * slides_[k].outward).head<2>();
+        double farthest = -1e300;
+        for (std::size_t row = slides_[k].begin; row < slides_[k].end; ++row) {
+            const Eigen::Vector3d seen =
+                project(camera, Eigen::Map<const Eigen::Vector3d>(&points[3 * row]));
+            const double out = seen.head<2>().dot(direction);
+            if (out > farthest) {
+                farthest = out;
+                result[k] = row;
+            }
+        }
+    }
+    return result;
 }
 
 }  // namespace stymo::morphable

@@ -12,8 +12,8 @@
 #include "core/tensor.h"
 #include "fit/morphable/morphable_fit.h"
 #include "fit/photo/landmarks.h"
-#include "fit/photo/network_poses.h"
 #include "fit/photo/photo_look.h"
+#include "fit/photo/pose_network.h"
 #include "render/camera.h"
 #include "render/morphable/head.h"
 

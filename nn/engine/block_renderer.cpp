@@ -9,7 +9,6 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "nn/engine/block_step.h"
-#include "nn/engine/buffer_pool.h"
 
 namespace stymo {
 namespace {

@@ -2,15 +2,70 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
+#include <mutex>
+#include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
-#include "nn/engine/aligned_vector.h"
 #include "nn/engine/image_rows.h"
-#include "nn/engine/packed_block.h"
-#include "nn/engine/pixel_rows.h"
+#include "nn/engine/packed_layer.h"
+#include "nn/layers/mask_branch.h"
+#include "nn/layers/render_block.h"
 
 namespace stymo {
+
+/// A pool of buffers. `take` and `give_back` are thread-safe. The buffer that was given back last
+/// is handed out first.
+template <class Buffers>
+class BufferPool {
+public:
+    /// Adds buffers until the pool holds `count`, and calls prepare(buffers) for all of them. No
+    /// buffer may be in use during the call.
+    template <class Prepare>
+    void fill(std::int64_t count, Prepare prepare) {
+        while (std::ssize(free_) < count) free_.push_back(std::make_unique<Buffers>());
+        for (const std::unique_ptr<Buffers>& buffers : free_) prepare(*buffers);
+    }
+    /// The caller must not take more buffers at once than the pool holds.
+    [[nodiscard]] std::unique_ptr<Buffers> take() {
+        const std::scoped_lock lock(mutex_);
+        std::unique_ptr<Buffers> buffers = std::move(free_.back());
+        free_.pop_back();
+        return buffers;
+    }
+    void give_back(std::unique_ptr<Buffers> buffers) {
+        const std::scoped_lock lock(mutex_);
+        free_.push_back(std::move(buffers));
+    }
+
+private:
+    std::mutex mutex_;
+    std::vector<std::unique_ptr<Buffers>> free_;
+};
+
+/// The weights of a folded render block and of its lateral layer of the mask branch, in the memory
+/// layout of the renderer.
+struct PackedBlock {
+    /// Output k * channels + c is channel c of sub-pixel k = 2 row + column.
+    PackedLayer<float> detail;
+    PackedLayer<float> modulated0;
+    PackedLayer<float> modulated1;
+    std::vector<float> rgb_weight;  ///< (3, out)
+    std::vector<float> rgb_bias;
+    PackedLayer<float> lateral;  ///< empty without a mask
+
+    MatmulPrecision precision;  ///< of all layers but those of RGB
+
+    PackedBlock(const FoldedRenderBlock& block, const FoldedLayer* mask_lateral,
+                MatmulPrecision precision_of_layers);
+    /// Replaces the modulated layers by those of `block`.
+    void set_style(const FoldedRenderBlock& block);
+
+    [[nodiscard]] std::int64_t in() const { return modulated0.inputs(); }
+    [[nodiscard]] std::int64_t out() const { return modulated1.outputs(); }
+};
 
 inline constexpr std::int64_t colors = 3;
 

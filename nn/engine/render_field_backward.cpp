@@ -53,7 +53,6 @@
 
 #include "core/kernels/sine.h"
 #include "nn/engine/rays_of_face.h"
-#include "nn/engine/render_field_passes.h"
 
 namespace stymo {
 

@@ -3,10 +3,18 @@
 #include <cstdint>
 #include <string>
 
+#include "core/autograd/variable.h"
 #include "nn/layer_memory.h"
 #include "nn/layers/conv_layer.h"
 
 namespace stymo {
+
+/// StyleGAN2's minibatch standard deviation, which shows a discriminator how much the images of a
+/// batch differ: x (B, H, W, C) -> (B, H, W, C + 1). The new channel is constant within each group
+/// of G = `group_size` images. It is the standard deviation over the group, sqrt(variance + 1e-8)
+/// with the population variance, averaged over pixels and channels. Images i, i + B / G, i + 2 B /
+/// G, ... form a group. Throws ShapeError if the group size does not divide B.
+[[nodiscard]] Variable append_minibatch_deviation(const Variable& x, std::int64_t group_size);
 
 /// Residual block of StyleGAN2's discriminator, which halves the side: (main + skip) / sqrt(2).
 /// Main path: 3x3 convolution, blur, 3x3 convolution with stride 2; both convolutions have leaky

@@ -1,13 +1,43 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "nn/layer_memory.h"
+#include "nn/layers/linear.h"
 #include "nn/layers/modulated_linear.h"
-#include "nn/layers/upsampler.h"
 
 namespace stymo {
+
+/// Learnt upsampling of an image: a 1x1 layer C -> 4C with leaky ReLU (slope 0.2, no gain) and a
+/// pixel shuffle compute the detail. It is added to the nearest-neighbour upsampling, and the sum
+/// is blurred by [1,2,1] / 4 along both axes with mirrored border. This is HeadNeRF's upsampler
+/// with one layer instead of two, and with interleaved channels of the detail, so that with zero
+/// weights it is an exact (blurred) nearest-neighbour upsampling.
+class Upsampler {
+public:
+    /// Creates `prefix`.detail.{weight,bias}.
+    Upsampler(ParameterStore& store, const std::string& prefix, std::int64_t channels, Rng& rng);
+
+    /// (B, H, W, C) -> (B, 2H, 2W, C)
+    [[nodiscard]] Variable operator()(const Variable& x) const;
+    /// The layer C -> 4C; output channel 4 c + 2 i + j is the detail of channel c at row i, column
+    /// j of the upsampled pixel.
+    [[nodiscard]] FoldedLayer folded_detail() const { return detail_.folded(); }
+    /// Number of elements saved for the backward pass, for one pixel of the input: the detail. The
+    /// input is saved by the layer that made it.
+    [[nodiscard]] std::int64_t saved() const { return detail_.outputs(); }
+    /// Multiply-adds for one pixel of the input.
+    [[nodiscard]] std::int64_t multiply_adds() const { return detail_.multiply_adds(); }
+
+private:
+    Linear detail_;
+};
+
+/// Fixed upsampling for the sum of RGB images: bilinear, then the same blur. (B, H, W, C) -> (B,
+/// 2H, 2W, C).
+[[nodiscard]] Variable upsample_smoothly(const Variable& image);
 
 /// The output of one render block and the input of the next.
 struct Rendered {
@@ -74,6 +104,36 @@ private:
     ModulatedLinear modulated0_;
     ModulatedLinear modulated1_;
     Linear to_rgb_;
+};
+
+/// HeadNeRF's render block, which no code modulates. Two 1x1 layers C -> 2C -> 4C, each with leaky
+/// ReLU (slope 0.2, no gain), compute the detail that is added to the nearest-neighbour upsampling
+/// before the blur. A layer with leaky ReLU follows to the block's channels, and a layer to RGB,
+/// whose result is added to the upsampled RGB of the blocks before. The first block also computes
+/// an RGB image of its input features. Unlike in HeadNeRF, the channels of the detail are
+/// interleaved, as in `Upsampler`.
+class PlainRenderBlock : public UpsampleBlock {
+public:
+    /// Creates `prefix`.{widened,detail,narrowed,to_rgb}.{weight,bias}, and for the first block
+    /// `prefix`.to_rgb_below.
+    PlainRenderBlock(ParameterStore& store, const std::string& prefix, std::int64_t in,
+                     std::int64_t out, bool first, Rng& rng);
+
+    /// Ignores the style.
+    [[nodiscard]] Rendered operator()(const Rendered& below, const Variable& style,
+                                      bool recomputed = false) const override;
+    [[nodiscard]] FoldedRenderBlock folded(const Variable& style) const override;
+    [[nodiscard]] std::int64_t multiply_adds() const override;
+    [[nodiscard]] UpsampleWidths widths() const override;
+
+private:
+    [[nodiscard]] Variable features(const Variable& below) const;
+
+    Linear widened_;
+    Linear detail_;
+    Linear narrowed_;
+    Linear to_rgb_;
+    std::optional<Linear> to_rgb_below_;
 };
 
 }  // namespace stymo

@@ -9,8 +9,7 @@
 #include "nn/layers/conv_layer.h"
 #include "nn/layers/discriminator_block.h"
 #include "nn/layers/linear.h"
-#include "nn/layers/minibatch_deviation.h"
-#include "nn/models/resolution_ladder.h"
+#include "nn/models/decoder_config.h"
 
 namespace stymo {
 namespace {

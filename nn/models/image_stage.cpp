@@ -5,7 +5,7 @@
 #include "core/autograd/recompute.h"
 #include "core/error.h"
 #include "core/ops/ops.h"
-#include "nn/layers/plain_render_block.h"
+#include "nn/layers/render_block.h"
 
 namespace stymo {
 namespace {

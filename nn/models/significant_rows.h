@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/ops/index.h"
+#include "core/ops/shape_ops.h"
 #include "nn/models/radiance_field.h"
 
 namespace stymo {

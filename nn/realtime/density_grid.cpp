@@ -29,7 +29,7 @@
 #include <cmath>
 #include <limits>
 
-#include "nn/engine/softplus.h"
+#include "nn/engine/compositing.h"
 
 namespace stymo {
 namespace {

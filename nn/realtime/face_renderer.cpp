@@ -8,9 +8,8 @@
 #include "core/error.h"
 #include "nn/engine/block_renderer.h"
 #include "nn/models/display_image.h"
-#include "nn/realtime/floaters.h"
+#include "nn/realtime/field_source.h"
 #include "nn/realtime/sampled_field.h"
-#include "nn/realtime/trained_volume.h"
 
 namespace stymo {
 namespace {

@@ -24,8 +24,8 @@ struct RendererOptions {
     double tolerance = default_tolerance;
     bool mask = false;
     bool depth = false;
-    /// Removes pieces that are separate from the head (floaters.h). Ignored if the model's decoder
-    /// does not fold.
+    /// Removes pieces that are separate from the head (FloaterRemoval). Ignored if the model's
+    /// decoder does not fold.
     bool remove_floaters = false;
 };
 
@@ -56,7 +56,7 @@ enum class FrameParts {
 /// while, in addition, the camera and the tolerance stay the same. Rendering allocates no memory if
 /// the density grid covers the view and the previous View was destroyed.
 ///
-/// There is no density outside the volume that training cameras see (trained_volume.h).
+/// There is no density outside the volume that training cameras see (field_source.h).
 class FaceRenderer {
 public:
     /// The model must outlive the renderer. If its decoder does not fold, frames are those of

@@ -5,11 +5,28 @@
 #include <stop_token>
 #include <vector>
 
+#include "nn/models/model.h"
 #include "nn/models/radiance_field.h"
-#include "nn/realtime/trained_volume.h"
 #include "render/rays.h"
 
 namespace stymo {
+
+/// The samples [first, end) of a ray.
+struct SampleRange {
+    std::int32_t first = 0;
+    std::int32_t end = 0;
+};
+
+/// The samples of a ray that lie in the volume that a training camera would see in the same
+/// direction, enlarged sideways by a quarter. That camera stands at `trained.distance` and has the
+/// point at `trained.pivot_depth` in the middle of its image. Beyond that volume no photo has
+/// taught the field anything, and it repeats the head. For a camera whose optical axis misses the
+/// pivot, by up to the pivot's depth, the volume also holds that axis and as much around it.
+/// Cameras at up to 1.15 times the trained distance see the whole image inside it; from farther
+/// away the image has a margin without density.
+[[nodiscard]] SampleRange samples_in_trained_volume(const CameraConfig& trained,
+                                                    const Camera& camera, const Ray& ray,
+                                                    std::int64_t samples_per_ray);
 
 struct CameraRays {
     std::vector<Ray> rays;           ///< row-major over the square feature map
@@ -54,5 +71,24 @@ public:
 
 /// Distance of the farthest sample of all rays, which is the depth of the background.
 [[nodiscard]] double farthest_sample(const CameraRays& rays);
+
+/// Removes floaters, pieces that are separate from the head in a view. A field that was trained
+/// only on frontal faces may place a part of an ear anywhere along the ray that showed it. Seen
+/// from the side, such a part floats in the air.
+class FloaterRemoval {
+public:
+    /// `map` has side x side rays. Neighbouring rays, also diagonal ones, with an opacity of at
+    /// least 0.1 form a piece. Connected fainter rays belong to the nearest piece. All pieces
+    /// except the one with the largest sum of opacities become empty, with the depth `background`.
+    void apply(FeatureMap& map, std::int64_t side, double background);
+
+private:
+    void label_pieces(const FeatureMap& map, std::int64_t side);
+    void spread(const FeatureMap& map, std::int64_t side, float least_opacity);
+
+    std::vector<std::int32_t> pieces_;  ///< for each ray, -1: no piece
+    std::vector<std::int32_t> queue_;   ///< rays whose neighbours are still to be visited
+    std::vector<double> opacities_;     ///< sum for each piece
+};
 
 }  // namespace stymo

@@ -5,8 +5,8 @@
 
 #include "core/error.h"
 #include "core/ops/ops.h"
-#include "nn/engine/evaluate_points.h"
-#include "nn/engine/softplus.h"
+#include "nn/engine/compositing.h"
+#include "nn/engine/packed_field.h"
 #include "nn/realtime/vertex_grid.h"
 
 namespace stymo {

@@ -35,7 +35,7 @@
 #include <numeric>
 
 #include "core/parallel.h"
-#include "nn/engine/evaluate_points.h"
+#include "nn/engine/packed_field.h"
 #include "nn/engine/ray_tile.h"
 #include "nn/realtime/density_grid.h"
 

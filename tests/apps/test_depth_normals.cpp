@@ -1,10 +1,11 @@
 #include <Eigen/Geometry>
 #include <catch2/catch.hpp>
 
-#include "apps/view/depth_normals.h"
+#include "apps/view/frame.h"
 #include "core/error.h"
 
 using namespace stymo;
+using view::depth_normals;
 
 namespace {
 

@@ -4,15 +4,11 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/common/command_line.h"
-#include "apps/eval/drawn.h"
+#include "apps/eval/commands.h"
 #include "apps/eval/evaluate.h"
-#include "apps/eval/identity.h"
-#include "apps/eval/kernel_distance.h"
+#include "apps/eval/person_measures.h"
 #include "apps/eval/report_page.h"
-#include "apps/eval/run_split.h"
 #include "apps/eval/score_folder.h"
-#include "apps/eval/score_sheet.h"
-#include "apps/eval/shape.h"
 #include "apps/tiny_run.h"
 #include "core/error.h"
 #include "core/io/file.h"

@@ -2,7 +2,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "apps/eval/people.h"
+#include "apps/eval/commands.h"
 #include "apps/tiny_run.h"
 #include "core/error.h"
 #include "core/io/file.h"

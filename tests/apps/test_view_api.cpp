@@ -8,8 +8,8 @@
 
 #include "apps/tiny_run.h"
 #include "apps/view/face_list.h"
+#include "apps/view/frame.h"
 #include "apps/view/private_file.h"
-#include "apps/view/soft_edge.h"
 #include "apps/view_client.h"
 #include "core/angle.h"
 #include "core/error.h"

@@ -2,7 +2,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "apps/view/soft_edge.h"
+#include "apps/view/frame.h"
 
 using namespace stymo;
 

@@ -2,7 +2,7 @@
 #include <cmath>
 #include <map>
 
-#include "apps/weights/widened_model.h"
+#include "apps/weights/derived_models.h"
 #include "core/autograd/grad.h"
 #include "core/io/scratch_folder.h"
 #include "core/ops/elementwise.h"

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/rng.h"
-#include "fit/evaluation.h"
+#include "fit/fit_report.h"
 
 using namespace stymo;
 

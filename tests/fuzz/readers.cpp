@@ -28,7 +28,6 @@
 #include "render/morphable/obj_head.h"
 #include "support/tiny_model.h"
 #include "train/checkpoint.h"
-#include "train/data/face_index.h"
 #include "train/data/face_records.h"
 #include "train/data/folder_records.h"
 #include "train/train_config.h"

@@ -9,11 +9,8 @@
 #include "nn/layers/discriminator_block.h"
 #include "nn/layers/mapping.h"
 #include "nn/layers/mask_branch.h"
-#include "nn/layers/minibatch_deviation.h"
 #include "nn/layers/modulated_linear.h"
-#include "nn/layers/plain_render_block.h"
 #include "nn/layers/render_block.h"
-#include "nn/layers/upsampler.h"
 #include "nn/losses.h"
 
 namespace stymo::test {

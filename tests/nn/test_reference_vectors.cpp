@@ -5,7 +5,7 @@
 #include "core/io/tensor_file.h"
 #include "core/ops/ops.h"
 #include "nn/layers/modulated_linear.h"
-#include "nn/layers/upsampler.h"
+#include "nn/layers/render_block.h"
 #include "support/check_close.h"
 
 using namespace stymo;

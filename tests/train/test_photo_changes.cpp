@@ -2,7 +2,7 @@
 #include <filesystem>
 
 #include "support/check_close.h"
-#include "train/photo_changes.h"
+#include "train/photo_offsets.h"
 #include "train/tiny_training.h"
 #include "train/trainer.h"
 

@@ -17,7 +17,7 @@
 #include "support/check_close.h"
 #include "support/error_message.h"
 #include "support/thread_count.h"
-#include "train/loss_watch.h"
+#include "train/tick.h"
 #include "train/tiny_training.h"
 #include "train/trainer.h"
 

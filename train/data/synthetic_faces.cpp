@@ -7,9 +7,9 @@
 #include "core/angle.h"
 #include "core/error.h"
 #include "core/io/json_writer.h"
-#include "render/morphable/shading.h"
 #include "render/pose_json.h"
 #include "render/rasterizer.h"
+#include "render/spherical_harmonics.h"
 #include "train/data/synthetic_folder.h"
 
 namespace stymo {

@@ -3,7 +3,7 @@
 #include "core/ops/ops.h"
 #include "core/rng.h"
 #include "nn/layers/batch_norm.h"
-#include "nn/layers/minibatch_deviation.h"
+#include "nn/layers/discriminator_block.h"
 #include "nn/layers/modulated_linear.h"
 
 namespace stymo::stability {

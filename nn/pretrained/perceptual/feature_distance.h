@@ -1,6 +1,10 @@
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "core/autograd/variable.h"
+#include "nn/layer_memory.h"
 
 namespace stymo {
 
@@ -15,5 +19,26 @@ inline constexpr double feature_epsilon = 1e-10;
 /// The same as a composition of ops: the reference implementation.
 [[nodiscard]] Variable feature_distance_reference(const Variable& x, const Tensor& target,
                                                   const Tensor& weight);
+
+/// A distance between images by the activations of a network, for the perceptual term of the
+/// reconstruction loss.
+class PerceptualDistance {
+public:
+    /// Activations, each (B, h, w, C), normalised over the channels.
+    using Features = std::vector<Variable>;
+
+    virtual ~PerceptualDistance() = default;
+
+    /// images (B, S, S, 3) in [-1, 1]. Detached features of a target can be kept and reused. Throws
+    /// ShapeError for other shapes and for images that are too small.
+    [[nodiscard]] virtual Features features(const Variable& images) const = 0;
+    /// Distance (B) to a constant target. It makes no normalised copy of the images' activations.
+    [[nodiscard]] virtual Variable distance_to(const Variable& images,
+                                               const Features& target) const = 0;
+    /// Memory for the distance of one image of this side and its gradient.
+    [[nodiscard]] virtual LayerMemory memory(std::int64_t side) const = 0;
+    /// Name in reports.
+    [[nodiscard]] virtual std::string label() const = 0;
+};
 
 }  // namespace stymo

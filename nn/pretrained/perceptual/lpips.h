@@ -9,11 +9,11 @@
 #include "core/config.h"
 #include "core/rng.h"
 #include "nn/parameter_store.h"
-#include "nn/pretrained/perceptual/perceptual_distance.h"
+#include "nn/pretrained/perceptual/feature_distance.h"
 
 namespace stymo {
 
-/// The value of LpipsConfig::network that selects the model's own encoder (encoder_distance.h).
+/// The value of LpipsConfig::network that selects the model's own encoder (EncoderDistance).
 inline constexpr const char* encoder_network = "encoder";
 
 /// Network and weight files of the learned perceptual distance.

@@ -12,7 +12,6 @@
 #include "core/io/file.h"
 #include "core/io/image.h"
 #include "core/io/jpeg.h"
-#include "core/io/jpeg_damage.h"
 #include "core/io/scratch_folder.h"
 #include "core/rng.h"
 #include "shared_data.h"

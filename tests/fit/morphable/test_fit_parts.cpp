@@ -5,11 +5,10 @@
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "core/rng.h"
-#include "fit/morphable/contour.h"
 #include "fit/morphable/landmark_term.h"
 #include "fit/morphable/least_squares.h"
-#include "fit/morphable/projection.h"
 #include "fit/morphable/state.h"
+#include "fit/morphable/vertex_table.h"
 #include "render/morphable/builtin_head.h"
 
 namespace {

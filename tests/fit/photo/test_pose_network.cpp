@@ -13,7 +13,6 @@
 #include "core/io/file.h"
 #include "core/io/image.h"
 #include "core/io/scratch_folder.h"
-#include "fit/photo/network_poses.h"
 #include "fit/photo/pose_network.h"
 #include "shared_data.h"
 #include "support/error_message.h"

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "core/rng.h"
+#include "nn/engine/compositing.h"
 #include "nn/engine/sample_selection.h"
-#include "nn/engine/softplus.h"
 #include "nn/realtime/density_grid.h"
 
 using namespace stymo;

@@ -9,7 +9,7 @@
 #include "core/ops/ops.h"
 #include "nn/layer_cases.h"
 #include "nn/layers/linear.h"
-#include "nn/layers/upsampler.h"
+#include "nn/layers/render_block.h"
 
 using namespace stymo;
 using namespace stymo::test;

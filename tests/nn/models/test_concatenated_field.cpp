@@ -4,7 +4,7 @@
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "core/parallel.h"
-#include "nn/layers/plain_render_block.h"
+#include "nn/layers/render_block.h"
 #include "nn/models/concatenated_field.h"
 #include "nn/models/decoder.h"
 #include "nn/models/radiance_field.h"

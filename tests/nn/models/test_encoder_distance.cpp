@@ -2,7 +2,6 @@
 
 #include "core/error.h"
 #include "core/ops/ops.h"
-#include "nn/models/encoder_distance.h"
 #include "nn/models/reconstruction.h"
 #include "nn/pretrained/perceptual/feature_distance.h"
 #include "support/check_grad.h"

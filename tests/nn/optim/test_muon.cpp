@@ -7,7 +7,6 @@
 #include "core/ops/elementwise.h"
 #include "core/rng.h"
 #include "core/tensor_eigen.h"
-#include "nn/optim/hybrid_optimizer.h"
 #include "nn/optim/muon.h"
 #include "support/check_close.h"
 #include "support/tiny_model.h"

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "nn/realtime/face_renderer.h"
-#include "nn/realtime/floaters.h"
+#include "nn/realtime/field_source.h"
 #include "support/tiny_model.h"
 
 using namespace stymo;

@@ -1,7 +1,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "nn/realtime/trained_volume.h"
+#include "nn/realtime/field_source.h"
 #include "nn/realtime/view.h"
 #include "support/tiny_model.h"
 

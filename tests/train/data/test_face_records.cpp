@@ -6,7 +6,6 @@
 #include "core/io/file.h"
 #include "core/io/scratch_folder.h"
 #include "support/error_message.h"
-#include "train/data/face_index.h"
 #include "train/data/face_records.h"
 
 using namespace stymo;

@@ -1,0 +1,100 @@
+#include "apps/weights/derived_models.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/error.h"
+#include "core/io/tensor_file.h"
+#include "nn/models/model.h"
+
+namespace stymo {
+
+void publish_model(const std::filesystem::path& in, const std::filesystem::path& out) {
+    ModelConfig config = Model::load(in).config();
+    config.encoder.backbone_weights.clear();
+    config.reconstruction.perceptual = {.network = encoder_network};
+    // With this weight, fitted and tuned faces had the highest PSNR and SSIM.
+    config.reconstruction.perceptual_weight = config.encoder.backbone == "small_conv" ? 1.0 : 0.0;
+    TensorFile file = read_tensor_file(in);
+    file.metadata["config"] = to_json(config);
+    write_tensor_file(out, file, StoredElements::float16);
+}
+
+namespace {
+
+constexpr std::uint64_t seed_of_new_channels = 1;
+
+ModelConfig widened_config(const ModelConfig& narrow, std::span<const std::string> settings) {
+    ModelConfig wide = narrow;
+    ConfigSchema schema;
+    describe(schema, wide);
+    for (const std::string& setting : settings) schema.set(setting);
+    return wide;
+}
+
+void require_wider(const ModelConfig& narrow, const ModelConfig& wide) {
+    const DecoderConfig &from = narrow.decoder, &to = wide.decoder;
+    if (from.conditioning != "modulation" || from.render != "blocks")
+        fail<ValueError>("only a decoder with modulated layers and render blocks can be widened");
+    ModelConfig same = wide;
+    same.decoder.field_width = from.field_width;
+    same.decoder.feature_channels = from.feature_channels;
+    same.decoder.block_channels = from.block_channels;
+    same.decoder.mask_channels = from.mask_channels;
+    if (to_json(same) != to_json(narrow))
+        fail<ConfigError>(
+            "widening changes decoder.field_width, .feature_channels, "
+            ".block_channels and .mask_channels only");
+    const bool blocks =
+        std::ranges::equal(from.block_channels, to.block_channels, std::ranges::less_equal{});
+    if (to.field_width < from.field_width || to.feature_channels < from.feature_channels ||
+        to.mask_channels < from.mask_channels || !blocks)
+        fail<ConfigError>(
+            "widening needs at least as many channels in every layer, and as many "
+            "render blocks as before");
+}
+
+/// Copies the narrow tensor into the leading part of the wide one. In old rows the new columns are
+/// 0. Stored weights are divided by sqrt(columns) when used, so the old ones are rescaled.
+Tensor embedded(const Tensor& narrow, const Tensor& wide) {
+    if (narrow.shape() == wide.shape()) return narrow;
+    Tensor result = wide;
+    const std::span<const float> from = narrow.values<float>();
+    const std::span<float> to = result.mutable_values<float>();
+    if (narrow.rank() == 1) {
+        std::ranges::copy(from, to.begin());
+        return result;
+    }
+    const auto rows = static_cast<std::size_t>(narrow.shape(0));
+    const std::size_t columns = from.size() / rows;
+    const auto wide_columns = static_cast<std::size_t>(wide.shape(1));
+    const auto scale = static_cast<float>(
+        std::sqrt(static_cast<double>(wide_columns) / static_cast<double>(columns)));
+    for (std::size_t row = 0; row < rows; ++row) {
+        const std::span<float> target = to.subspan(row * wide_columns, wide_columns);
+        std::ranges::fill(target, 0.0F);
+        std::ranges::transform(from.subspan(row * columns, columns), target.begin(),
+                               [scale](float weight) { return scale * weight; });
+    }
+    return result;
+}
+
+}  // namespace
+
+void widen_model(const std::filesystem::path& in, const std::filesystem::path& out,
+                 std::span<const std::string> settings) {
+    const Model narrow = Model::load(in);
+    const ModelConfig config = widened_config(narrow.config(), settings);
+    require_wider(narrow.config(), config);
+    Rng rng(seed_of_new_channels);
+    const Model wide(config, rng);
+    TensorFile file = read_tensor_file(in);
+    for (const Parameter& parameter : wide.parameters().all()) {
+        Tensor& tensor = file.tensors.at(parameter.name());
+        tensor = embedded(tensor, parameter.variable().value());
+    }
+    file.metadata["config"] = to_json(config);
+    write_tensor_file(out, file);
+}
+
+}  // namespace stymo
