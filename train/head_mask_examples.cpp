@@ -256,30 +256,27 @@ HeadMaskExamples::Batch HeadMaskExamples::draw(std::int64_t count,
     const auto images = batch.images.mutable_values<float>();
     const auto masks = batch.masks.mutable_values<float>();
     const auto known = batch.known.mutable_values<float>();
-    parallel_for(count, 1, [&](std::int64_t begin, std::int64_t end) {
-        for (std::int64_t row = begin; row < end; ++row) {
-            Rng draws = rng.split(static_cast<std::uint64_t>(row));
-            const Example example = varied(variation, draws);
-            Tensor image({picture_side, picture_side, 3});
-            const auto values = image.mutable_values<float>();
-            const std::size_t first = static_cast<std::size_t>(row) * picture_side * picture_side;
-            for (std::size_t i = 0; i < example.pixels.size(); ++i) {
-                std::copy_n(example.pixels[i].begin(), 3,
-                            values.begin() + 3 * static_cast<std::ptrdiff_t>(i));
-                masks[first + i] = example.pixels[i][mask_channel];
-                known[first + i] = example.pixels[i][known_channel];
-            }
-            if (draws.uniform() < variation.blur_share) {
-                const auto coarse = static_cast<int>(between(draws, 0.2, 0.8) * picture_side);
-                image =
-                    resize_image(resize_image(image, coarse, coarse), picture_side, picture_side);
-            }
-            const double noise = 0.05 * std::pow(draws.uniform(), 3.0);
-            const Tensor grain = draws.normal({picture_side, picture_side, 3}, 0.0, noise);
-            image = clamp(Variable(image) + Variable(grain), 0.0, 1.0).value();
-            std::ranges::copy(image.values<float>(),
-                              images.begin() + static_cast<std::ptrdiff_t>(3 * first));
+    parallel_items(count, [&](std::int64_t row, int /*thread*/) {
+        Rng draws = rng.split(static_cast<std::uint64_t>(row));
+        const Example example = varied(variation, draws);
+        Tensor image({picture_side, picture_side, 3});
+        const auto values = image.mutable_values<float>();
+        const std::size_t first = static_cast<std::size_t>(row) * picture_side * picture_side;
+        for (std::size_t i = 0; i < example.pixels.size(); ++i) {
+            std::copy_n(example.pixels[i].begin(), 3,
+                        values.begin() + 3 * static_cast<std::ptrdiff_t>(i));
+            masks[first + i] = example.pixels[i][mask_channel];
+            known[first + i] = example.pixels[i][known_channel];
         }
+        if (draws.uniform() < variation.blur_share) {
+            const auto coarse = static_cast<int>(between(draws, 0.2, 0.8) * picture_side);
+            image = resize_image(resize_image(image, coarse, coarse), picture_side, picture_side);
+        }
+        const double noise = 0.05 * std::pow(draws.uniform(), 3.0);
+        const Tensor grain = draws.normal({picture_side, picture_side, 3}, 0.0, noise);
+        image = clamp(Variable(image) + Variable(grain), 0.0, 1.0).value();
+        std::ranges::copy(image.values<float>(),
+                          images.begin() + static_cast<std::ptrdiff_t>(3 * first));
     });
     return batch;
 }

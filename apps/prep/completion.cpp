@@ -88,14 +88,12 @@ void write_sheet(const fs::path& out, std::size_t number, const PhotoPreparation
                  std::span<const FaceOutcome> faces) {
     std::vector<Tensor> thumbnails(faces.size());
     const Intrinsics& intrinsics = preparation.settings().intrinsics;
-    parallel_for(std::ssize(faces), 1, [&](std::int64_t begin, std::int64_t end) {
-        for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
-            const std::string name = faces[i].id + ".png";
-            thumbnails[i] = preparation_overlay(
-                {read_image(out / "images" / name), read_mask(out / "masks" / name),
-                 faces[i].landmarks, faces[i].fit},
-                preparation.head(), intrinsics, thumbnail_side);
-        }
+    parallel_items(std::ssize(faces), [&](std::size_t i, int /*thread*/) {
+        const std::string name = faces[i].id + ".png";
+        thumbnails[i] =
+            preparation_overlay({read_image(out / "images" / name), read_mask(out / "masks" / name),
+                                 faces[i].landmarks, faces[i].fit},
+                                preparation.head(), intrinsics, thumbnail_side);
     });
     const std::string digits = std::to_string(number);
     const std::string padding(digits.size() < 3 ? 3 - digits.size() : 0, '0');

@@ -153,12 +153,9 @@ public:
     [[nodiscard]] bool next_batch() {
         const std::size_t count = std::min(photos_in_a_batch(), waiting_.size());
         std::vector<PhotoInWork> batch(count);
-        parallel_for(static_cast<std::int64_t>(count), 1,
-                     [&](std::int64_t begin, std::int64_t end) {
-                         for (auto i = static_cast<std::size_t>(begin);
-                              i < static_cast<std::size_t>(end) && !interrupted(); ++i)
-                             batch[i] = cropped(*waiting_[i], scan_, preparation_);
-                     });
+        parallel_items(std::ssize(batch), [&](std::size_t i, int /*thread*/) {
+            if (!interrupted()) batch[i] = cropped(*waiting_[i], scan_, preparation_);
+        });
         if (interrupted()) return false;
         std::vector<FaceCrop> crops;
         std::vector<std::size_t> first_face;
@@ -169,15 +166,12 @@ public:
         first_face.push_back(crops.size());
         std::vector<PreparedFace> faces = preparation_.finish(std::move(crops));
         std::vector<PhotoOutcome> outcomes(count);
-        parallel_for(
-            static_cast<std::int64_t>(count), 1, [&](std::int64_t begin, std::int64_t end) {
-                for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end);
-                     ++i)
-                    outcomes[i] = written(
-                        folders_, std::move(batch[i]),
+        parallel_items(std::ssize(outcomes), [&](std::size_t i, int /*thread*/) {
+            outcomes[i] =
+                written(folders_, std::move(batch[i]),
                         std::span(faces).subspan(first_face[i], first_face[i + 1] - first_face[i]),
                         photo_ids_, scan_.records.find(batch[i].files->id));
-            });
+        });
         for (const PhotoOutcome& outcome : outcomes) notes_.append(outcome);
         waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(count));
         return true;

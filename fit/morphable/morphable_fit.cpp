@@ -167,11 +167,9 @@ std::vector<MorphableFit> fit_morphable(const MorphableHead& head,
     std::copy(head.one_sided.begin(), head.one_sided.end(),
               fitted.non_negative.begin() + morphable::expression_begin);
     std::vector<MorphableFit> fits(targets.size());
-    parallel_for(
-        static_cast<std::int64_t>(targets.size()), 1, [&](std::int64_t begin, std::int64_t end) {
-            for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
-                fits[i] = fit_one(fitted, targets[i], intrinsics, options);
-        });
+    parallel_items(std::ssize(fits), [&](std::size_t i, int /*thread*/) {
+        fits[i] = fit_one(fitted, targets[i], intrinsics, options);
+    });
     return fits;
 }
 

@@ -144,12 +144,8 @@ std::vector<BasisRow> texture_basis(std::span<const Eigen::Vector3d> vertices,
             row[vertex] = weight * tint.color;
         }
     };
-    parallel_for(std::ssize(rows), 1, [&](std::int64_t begin, std::int64_t end) {
-        for (std::int64_t index = begin; index < end; ++index) {
-            const auto row = static_cast<std::size_t>(index);
-            fill(rows[row], basis[row]);
-        }
-    });
+    parallel_items(std::ssize(rows),
+                   [&](std::size_t row, int /*thread*/) { fill(rows[row], basis[row]); });
     return basis;
 }
 

@@ -194,12 +194,9 @@ void Dataset::Implementation::refuse(const CameraCheck& check) {
 }
 
 void Dataset::Implementation::fill_cache() {
-    const auto count = static_cast<std::int64_t>(faces.size());
     std::vector<DecodedFace> decoded(faces.size());
-    parallel_for(count, 1, [&](std::int64_t begin, std::int64_t end) {
-        for (std::int64_t i = begin; i < end; ++i)
-            decoded[static_cast<std::size_t>(i)] =
-                decode(faces[static_cast<std::size_t>(i)], records, side);
+    parallel_items(std::ssize(faces), [&](std::size_t i, int /*thread*/) {
+        decoded[i] = decode(faces[i], records, side);
     });
     std::vector<FaceFiles> readable;
     for (std::size_t i = 0; i < decoded.size(); ++i) {
@@ -328,11 +325,8 @@ Face Dataset::load_exactly(std::int64_t index) const {
 
 std::vector<Face> Dataset::load(std::span<const std::int64_t> indices) const {
     std::vector<Face> faces(indices.size());
-    parallel_for(
-        static_cast<std::int64_t>(indices.size()), 1, [&](std::int64_t begin, std::int64_t end) {
-            for (std::int64_t i = begin; i < end; ++i)
-                faces[static_cast<std::size_t>(i)] = load(indices[static_cast<std::size_t>(i)]);
-        });
+    parallel_items(std::ssize(faces),
+                   [&](std::size_t i, int /*thread*/) { faces[i] = load(indices[i]); });
     return faces;
 }
 

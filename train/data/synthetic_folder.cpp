@@ -87,14 +87,13 @@ void write_faces(const std::vector<std::string>& ids, const Intrinsics& intrinsi
     for (std::int64_t first = 0; first < std::ssize(ids); first += faces_between_reports) {
         if (interrupted()) fail<Error>("interrupted; nothing was written");
         const std::int64_t count = std::min(faces_between_reports, std::ssize(ids) - first);
-        parallel_for(count, 1, [&](std::int64_t begin, std::int64_t end) {
-            for (std::int64_t index = first + begin; index < first + end; ++index) {
-                const std::string& id = ids[static_cast<std::size_t>(index)];
-                const WrittenFace face = render(index);
-                write_image(output.path() / "images" / (id + ".png"), face.image);
-                write_image(output.path() / "masks" / (id + ".png"), face.mask);
-                records[static_cast<std::size_t>(index)] = face.record.text() + "\n";
-            }
+        parallel_items(count, [&](std::int64_t item, int /*thread*/) {
+            const std::int64_t index = first + item;
+            const std::string& id = ids[static_cast<std::size_t>(index)];
+            const WrittenFace face = render(index);
+            write_image(output.path() / "images" / (id + ".png"), face.image);
+            write_image(output.path() / "masks" / (id + ".png"), face.mask);
+            records[static_cast<std::size_t>(index)] = face.record.text() + "\n";
         });
         if (progress) progress(first + count);
     }
