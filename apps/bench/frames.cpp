@@ -120,22 +120,17 @@ Measurement radiance_field(const BenchOptions& options) {
 }  // namespace
 
 std::vector<SpeedRow> frame_rows() {
-    const auto with = [](auto measure, RenderMode mode) {
-        return [=](const BenchOptions& options) { return measure(options, mode); };
-    };
-    const auto reduced = [](RenderMode mode, MatmulPrecision precision) {
-        return [=](const BenchOptions& options) { return reduced_frame(options, mode, precision); };
-    };
+    using enum MatmulPrecision;
     return {
         {"exact-frame", "render", "frame with every sample, float32", exact_frame, "render"},
         {"exact-frame-one-thread", "render", "the same on one thread", exact_frame, "render", 1},
         {"exact-frame-medium", "render", "frame with every sample, operands in bfloat16",
-         reduced(RenderMode::exact, MatmulPrecision::medium), "render-bfloat16"},
+         with(reduced_frame, RenderMode::exact, medium), "render-bfloat16"},
         {"radiance-field", "render", "the field of an exact frame alone", radiance_field},
         {"skip-frame", "render", "frame of the significant samples, render blocks in bfloat16",
-         reduced(RenderMode::skip, MatmulPrecision::high), "render-bfloat16"},
+         with(reduced_frame, RenderMode::skip, high), "render-bfloat16"},
         {"skip-frame-float32", "render", "the same in float32",
-         reduced(RenderMode::skip, MatmulPrecision::highest), "render"},
+         with(reduced_frame, RenderMode::skip, highest), "render"},
         {"first-frame", "render", "new codes and their first frame", first_frame},
         {"edit-exact", "edit", "texture and light of a shown view, every pixel",
          with(appearance_edit, RenderMode::exact)},

@@ -37,6 +37,11 @@ struct SpeedRow {
     int threads = 0;     ///< 0: the number of the command line
 };
 
+/// `measure` with these arguments after the options.
+[[nodiscard]] auto with(auto measure, auto... arguments) {
+    return [=](const BenchOptions& options) { return measure(options, arguments...); };
+}
+
 /// The rows of a command ("all": of all commands), in the order of the table.
 [[nodiscard]] std::vector<SpeedRow> speed_rows(const std::string& command = "all");
 // Its parts.

@@ -130,7 +130,9 @@ constexpr std::int64_t all_points = 65536;
 constexpr std::int64_t few_points = 4096;
 constexpr std::int64_t width = 256;
 
-Measurement layer(const BenchOptions& options, std::int64_t points, Activation activation) {
+Measurement layer(const BenchOptions& options, std::int64_t points, Activation activation,
+                  MatmulPrecision precision) {
+    const PrecisionScope of_products(precision);
     /// Rows that stay in the second-level cache with the weights.
     constexpr std::int64_t tile = 256;
     Rng rng = Rng(options.seed).split("layer");
@@ -156,27 +158,16 @@ Measurement layer(const BenchOptions& options, std::int64_t points, Activation a
             .limit = limit_of(matmul_precision())};
 }
 
-auto layer_of(std::int64_t points, Activation activation, MatmulPrecision precision) {
-    return [=](const BenchOptions& options) {
-        const PrecisionScope of_products(precision);
-        return layer(options, points, activation);
-    };
-}
-
 }  // namespace
 
 std::vector<SpeedRow> step_rows() {
-    const auto fit = [](bool perceptual, double tolerance) {
-        return
-            [=](const BenchOptions& options) { return fit_step(options, perceptual, tolerance); };
-    };
-    const auto with = [](auto measure, bool flag) {
-        return [=](const BenchOptions& options) { return measure(options, flag); };
-    };
     const double usual = FitOptions{}.tolerance;
-    return {{"fit-step-photometric", "fit", "fitting step without LPIPS", fit(false, usual), "fit"},
-            {"fit-step", "fit", "fitting step with LPIPS (VGG-16)", fit(true, usual), "fit-lpips"},
-            {"fit-step-exact", "fit", "the same with every sample", fit(true, 0.0), "fit-lpips"},
+    return {{"fit-step-photometric", "fit", "fitting step without LPIPS",
+             with(fit_step, false, usual), "fit"},
+            {"fit-step", "fit", "fitting step with LPIPS (VGG-16)", with(fit_step, true, usual),
+             "fit-lpips"},
+            {"fit-step-exact", "fit", "the same with every sample", with(fit_step, true, 0.0),
+             "fit-lpips"},
             {"train-step-photometric", "train", "stage 1, one image, 32 samples, without LPIPS",
              with(train_step, false), "train"},
             {"train-step", "train", "stage 1, one image, 32 samples, LPIPS (VGG-16)",
@@ -189,17 +180,17 @@ std::vector<SpeedRow> step_rows() {
 std::vector<SpeedRow> kernel_rows() {
     using enum MatmulPrecision;
     return {{"product", "kernels", "65536 x 256 times 256 x 256, float32",
-             layer_of(all_points, Activation::none, highest)},
+             with(layer, all_points, Activation::none, highest)},
             {"sine-layer", "kernels", "the same with bias and sine",
-             layer_of(all_points, Activation::sine, highest)},
+             with(layer, all_points, Activation::sine, highest)},
             {"sine-layer-medium", "kernels", "the same with operands in bfloat16",
-             layer_of(all_points, Activation::sine, medium)},
+             with(layer, all_points, Activation::sine, medium)},
             {"product-in-cache", "kernels", "4096 x 256 times 256 x 256, float32",
-             layer_of(few_points, Activation::none, highest)},
+             with(layer, few_points, Activation::none, highest)},
             {"product-high", "kernels", "the same on matrix tiles where the processor has them",
-             layer_of(few_points, Activation::none, high)},
+             with(layer, few_points, Activation::none, high)},
             {"product-medium", "kernels", "the same with operands in bfloat16",
-             layer_of(few_points, Activation::none, medium)}};
+             with(layer, few_points, Activation::none, medium)}};
 }
 
 }  // namespace stymo
