@@ -133,12 +133,8 @@ FitResult fit_codes(const Model& model, const ReconstructionLoss& loss, const Fa
                                      : model.config().reconstruction.fit_learning_rate;
     if (options.steps > 0) result.initial_loss = problem.complete_loss();
     switch (options.optimizer) {
-        case FitOptimizer::adam:
-            fit_by_adam(problem, options, learning_rate, result);
-            break;
-        case FitOptimizer::lbfgs:
-            fit_by_lbfgs(problem, options, learning_rate, result);
-            break;
+        case FitOptimizer::adam: fit_by_adam(problem, options, learning_rate, result); break;
+        case FitOptimizer::lbfgs: fit_by_lbfgs(problem, options, learning_rate, result); break;
     }
     if (options.steps > 0) result.final_loss = problem.complete_loss();
     result.cameras = problem.cameras();

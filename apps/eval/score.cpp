@@ -129,12 +129,9 @@ const char* name_of(Region region) {
 
 const char* name_of(FitStage stage) {
     switch (stage) {
-        case FitStage::initial:
-            return "initial";
-        case FitStage::fitted:
-            return "fitted";
-        case FitStage::tuned:
-            return "tuned";
+        case FitStage::initial: return "initial";
+        case FitStage::fitted: return "fitted";
+        case FitStage::tuned: return "tuned";
     }
     return "";
 }

@@ -92,19 +92,15 @@ void on_message(j_common_ptr info, int level) {
     constexpr int first_restart = 0xd0, last_restart = 0xd7;
     switch (info->err->msg_code) {
         case JWRN_NOT_SEQUENTIAL:
-        case JWRN_ADOBE_XFORM:
-            return;
-        case JWRN_JPEG_EOF:
-            verdict->without_end = true;
-            return;
+        case JWRN_ADOBE_XFORM: return;
+        case JWRN_JPEG_EOF: verdict->without_end = true; return;
         case JWRN_EXTRANEOUS_DATA: {
             // Before a restart marker they are pixels.
             const int marker = info->err->msg_parm.i[1];
             verdict->lost = verdict->lost || (marker >= first_restart && marker <= last_restart);
             return;
         }
-        default:
-            verdict->lost = true;
+        default: verdict->lost = true;
     }
 }
 

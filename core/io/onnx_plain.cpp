@@ -66,17 +66,14 @@ private:
         });
         return copied(message, [&](const OnnxField& field) -> std::string {
             switch (field.tag) {
-                case 1:
-                    return node(field.bytes);
-                case 5:
-                    return bytes_field(5, tensor(field.bytes));
+                case 1: return node(field.bytes);
+                case 5: return bytes_field(5, tensor(field.bytes));
                 case 11:
                 case 12:
                 case 13:
                     return bytes_field(static_cast<std::uint32_t>(field.tag),
                                        with_type(field.bytes, {2, 1}));
-                default:
-                    return std::string(field.whole);
+                default: return std::string(field.whole);
             }
         });
     }

@@ -59,21 +59,14 @@ OnnxField OnnxSource::take_field(std::string_view& message) const {
     const std::uint64_t key = take_varint(message);
     OnnxField field{.tag = key >> 3};
     switch (key & 7U) {
-        case 0:
-            field.number = take_varint(message);
-            break;
-        case 1:
-            field.number = take_fixed(message, 8);
-            break;
+        case 0: field.number = take_varint(message); break;
+        case 1: field.number = take_fixed(message, 8); break;
         case 2:
             field.bytes = take(message, take_varint(message));
             field.has_bytes = true;
             break;
-        case 5:
-            field.number = take_fixed(message, 4);
-            break;
-        default:
-            refuse("malformed");
+        case 5: field.number = take_fixed(message, 4); break;
+        default: refuse("malformed");
     }
     field.whole = start.substr(0, start.size() - message.size());
     return field;
@@ -115,38 +108,21 @@ OnnxStoredTensor OnnxSource::stored_tensor(std::string_view message) const {
     OnnxStoredTensor tensor;
     each_field(message, [&](const OnnxField& field) {
         switch (field.tag) {
-            case 1:
-                append_integers(field, tensor.extents);
-                break;
-            case 2:
-                tensor.type = field.number;
-                break;
-            case 4:
-                append_fixed(field, sizeof(float), tensor.fixed);
-                break;
+            case 1: append_integers(field, tensor.extents); break;
+            case 2: tensor.type = field.number; break;
+            case 4: append_fixed(field, sizeof(float), tensor.fixed); break;
             case 5:
             case 7:
-            case 11:
-                append_integers(field, tensor.integers);
-                break;
-            case 8:
-                tensor.name = field.bytes;
-                break;
-            case 9:
-                tensor.raw = field.bytes;
-                break;
-            case 10:
-                append_fixed(field, sizeof(double), tensor.fixed);
-                break;
+            case 11: append_integers(field, tensor.integers); break;
+            case 8: tensor.name = field.bytes; break;
+            case 9: tensor.raw = field.bytes; break;
+            case 10: append_fixed(field, sizeof(double), tensor.fixed); break;
             case 13:
                 read_entry(field.bytes, tensor.external);
                 tensor.is_external = true;
                 break;
-            case 14:
-                tensor.is_external = tensor.is_external || field.number == 1;
-                break;
-            default:
-                break;
+            case 14: tensor.is_external = tensor.is_external || field.number == 1; break;
+            default: break;
         }
     });
     return tensor;

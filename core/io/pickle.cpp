@@ -206,87 +206,45 @@ private:
                 if (const int version = number<std::uint8_t>(); version > 5)
                     refuse("protocol ", version);
                 return true;
-            case Opcode::frame:
-                static_cast<void>(number<std::uint64_t>());
-                return true;
-            case Opcode::none:
-                push(std::monostate());
-                return true;
-            case Opcode::new_true:
-                push(true);
-                return true;
-            case Opcode::new_false:
-                push(false);
-                return true;
-            case Opcode::int32:
-                push(std::int64_t{number<std::int32_t>()});
-                return true;
-            case Opcode::uint8:
-                push(std::int64_t{number<std::uint8_t>()});
-                return true;
-            case Opcode::uint16:
-                push(std::int64_t{number<std::uint16_t>()});
-                return true;
-            case Opcode::long1:
-                push(integer(take(number<std::uint8_t>())));
-                return true;
-            case Opcode::long4:
-                push(integer(take(number<std::uint32_t>())));
-                return true;
+            case Opcode::frame: static_cast<void>(number<std::uint64_t>()); return true;
+            case Opcode::none: push(std::monostate()); return true;
+            case Opcode::new_true: push(true); return true;
+            case Opcode::new_false: push(false); return true;
+            case Opcode::int32: push(std::int64_t{number<std::int32_t>()}); return true;
+            case Opcode::uint8: push(std::int64_t{number<std::uint8_t>()}); return true;
+            case Opcode::uint16: push(std::int64_t{number<std::uint16_t>()}); return true;
+            case Opcode::long1: push(integer(take(number<std::uint8_t>()))); return true;
+            case Opcode::long4: push(integer(take(number<std::uint32_t>()))); return true;
             case Opcode::float_number:
                 push(std::bit_cast<double>(__builtin_bswap64(number<std::uint64_t>())));
                 return true;
             case Opcode::short_text:
             case Opcode::short_byte_text:
-            case Opcode::short_bytes:
-                push_text(take(number<std::uint8_t>()));
-                return true;
+            case Opcode::short_bytes: push_text(take(number<std::uint8_t>())); return true;
             case Opcode::text:
             case Opcode::byte_text:
-            case Opcode::bytes:
-                push_text(take(number<std::uint32_t>()));
-                return true;
+            case Opcode::bytes: push_text(take(number<std::uint32_t>())); return true;
             case Opcode::text8:
-            case Opcode::bytes8:
-                push_text(take(number<std::uint64_t>()));
-                return true;
-            default:
-                return false;
+            case Opcode::bytes8: push_text(take(number<std::uint64_t>())); return true;
+            default: return false;
         }
     }
 
     bool read_memo(Opcode opcode) {
         switch (opcode) {
-            case Opcode::put:
-                memorise(number<std::uint8_t>());
-                return true;
-            case Opcode::long_put:
-                memorise(number<std::uint32_t>());
-                return true;
-            case Opcode::memoize:
-                memorise(memo_.size());
-                return true;
-            case Opcode::get:
-                push(remembered(number<std::uint8_t>()));
-                return true;
-            case Opcode::long_get:
-                push(remembered(number<std::uint32_t>()));
-                return true;
+            case Opcode::put: memorise(number<std::uint8_t>()); return true;
+            case Opcode::long_put: memorise(number<std::uint32_t>()); return true;
+            case Opcode::memoize: memorise(memo_.size()); return true;
+            case Opcode::get: push(remembered(number<std::uint8_t>())); return true;
+            case Opcode::long_get: push(remembered(number<std::uint32_t>())); return true;
             case Opcode::duplicate:
                 require_items(1);
                 push(PickleValue(stack_.back()));
                 return true;
-            case Opcode::pop:
-                static_cast<void>(pop());
-                return true;
-            case Opcode::mark:
-                marks_.push_back(stack_.size());
-                return true;
-            case Opcode::pop_mark:
-                static_cast<void>(pop_to_mark());
-                return true;
-            default:
-                return false;
+            case Opcode::pop: static_cast<void>(pop()); return true;
+            case Opcode::mark: marks_.push_back(stack_.size()); return true;
+            case Opcode::pop_mark: static_cast<void>(pop_to_mark()); return true;
+            default: return false;
         }
     }
 
@@ -303,21 +261,11 @@ private:
 
     bool read_container(Opcode opcode) {
         switch (opcode) {
-            case Opcode::empty_list:
-                push_node({.kind = Kind::list});
-                return true;
-            case Opcode::empty_tuple:
-                push_node({.kind = Kind::tuple});
-                return true;
-            case Opcode::empty_set:
-                push_node({.kind = Kind::set});
-                return true;
-            case Opcode::empty_dictionary:
-                push_node({.kind = Kind::dictionary});
-                return true;
-            case Opcode::list:
-                push_node({.kind = Kind::list, .items = pop_to_mark()});
-                return true;
+            case Opcode::empty_list: push_node({.kind = Kind::list}); return true;
+            case Opcode::empty_tuple: push_node({.kind = Kind::tuple}); return true;
+            case Opcode::empty_set: push_node({.kind = Kind::set}); return true;
+            case Opcode::empty_dictionary: push_node({.kind = Kind::dictionary}); return true;
+            case Opcode::list: push_node({.kind = Kind::list, .items = pop_to_mark()}); return true;
             case Opcode::tuple:
                 push_node({.kind = Kind::tuple, .items = pop_to_mark()});
                 return true;
@@ -339,23 +287,16 @@ private:
                 add_to_top(std::move(items), {Kind::dictionary});
                 return true;
             }
-            case Opcode::append:
-                add_to_top(pop_last(1), {Kind::list});
-                return true;
-            case Opcode::appends:
-                add_to_top(pop_to_mark(), {Kind::list});
-                return true;
-            case Opcode::add_items:
-                add_to_top(pop_to_mark(), {Kind::set});
-                return true;
+            case Opcode::append: add_to_top(pop_last(1), {Kind::list}); return true;
+            case Opcode::appends: add_to_top(pop_to_mark(), {Kind::list}); return true;
+            case Opcode::add_items: add_to_top(pop_to_mark(), {Kind::set}); return true;
             case Opcode::set_item:
                 add_to_top(pop_last(2), {Kind::dictionary, Kind::call});
                 return true;
             case Opcode::set_items:
                 add_to_top(pop_to_mark(), {Kind::dictionary, Kind::call});
                 return true;
-            default:
-                return false;
+            default: return false;
         }
     }
 
@@ -375,9 +316,7 @@ private:
                 return true;
             }
             case Opcode::reduce:
-            case Opcode::new_object:
-                call(pop_last(2));
-                return true;
+            case Opcode::new_object: call(pop_last(2)); return true;
             case Opcode::new_object_with_keywords: {
                 const PickleValue keywords = pop();
                 call(pop_last(2));
@@ -392,8 +331,7 @@ private:
             case Opcode::reference:
                 push_node({.kind = Kind::reference, .items = pop_last(1)});
                 return true;
-            default:
-                return false;
+            default: return false;
         }
     }
 

@@ -162,16 +162,11 @@ public:
                 for (std::size_t i = 0; i < (*node)->items.size(); ++i)
                     visit((*node)->items[i], joined(name, std::to_string(i)), depth + 1);
                 break;
-            case Kind::dictionary:
-                visit_pairs((*node)->items, name, depth);
-                break;
-            case Kind::call:
-                visit_call(**node, name, depth);
-                break;
+            case Kind::dictionary: visit_pairs((*node)->items, name, depth); break;
+            case Kind::call: visit_call(**node, name, depth); break;
             case Kind::set:
             case Kind::name:
-            case Kind::reference:
-                break;
+            case Kind::reference: break;
         }
     }
 

@@ -102,14 +102,9 @@ HWY_INLINE void apply_leaky_relu(const Activated<T>& block) {
 template <class T>
 HWY_INLINE void activate(const Activated<T>& block, Activation activation) {
     switch (activation) {
-        case Activation::sine:
-            apply_sine(block);
-            return;
-        case Activation::leaky_relu:
-            apply_leaky_relu(block);
-            return;
-        case Activation::none:
-            break;
+        case Activation::sine: apply_sine(block); return;
+        case Activation::leaky_relu: apply_leaky_relu(block); return;
+        case Activation::none: break;
     }
     const simd::ScalableTag<T> tag;
     for_each_vector(block, [&](const T* sums, std::int64_t index) {

@@ -134,20 +134,11 @@ HWY_INLINE void multiply_rows(const Block<T>& block) {
 template <int vectors, class T>
 HWY_INLINE void multiply_block(int rows, const Block<T>& block) {
     switch (rows) {
-        case block_rows:
-            multiply_rows<block_rows, vectors>(block);
-            return;
-        case 4:
-            multiply_rows<4, vectors>(block);
-            return;
-        case 2:
-            multiply_rows<2, vectors>(block);
-            return;
-        case 1:
-            multiply_rows<1, vectors>(block);
-            return;
-        default:
-            break;
+        case block_rows: multiply_rows<block_rows, vectors>(block); return;
+        case 4: multiply_rows<4, vectors>(block); return;
+        case 2: multiply_rows<2, vectors>(block); return;
+        case 1: multiply_rows<1, vectors>(block); return;
+        default: break;
     }
     if constexpr (block_rows > 8) multiply_rows<8, vectors>(block);
 }

@@ -155,12 +155,9 @@ Variable record_leaky_layer(const Tensor& output, const Variable& x, const Varia
 
 Variable apply(Activation activation, const Variable& x) {
     switch (activation) {
-        case Activation::sine:
-            return sin(x);
-        case Activation::leaky_relu:
-            return leaky_relu(x, leaky_slope) * leaky_gain;
-        case Activation::none:
-            break;
+        case Activation::sine: return sin(x);
+        case Activation::leaky_relu: return leaky_relu(x, leaky_slope) * leaky_gain;
+        case Activation::none: break;
     }
     return x;
 }

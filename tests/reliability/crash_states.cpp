@@ -87,9 +87,7 @@ private:
             case Kind::link:
                 change(moment, {entry(operation.target, object_at(operation.path))});
                 break;
-            case Kind::remove:
-                change(moment, {entry(operation.path, {})});
-                break;
+            case Kind::remove: change(moment, {entry(operation.path, {})}); break;
         }
     }
     void change(std::size_t moment, std::vector<Entry> entries) {

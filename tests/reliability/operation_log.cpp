@@ -26,25 +26,13 @@ Operation operation_of(const std::string& line) {
     std::size_t size = 0;
     switch (operation.kind) {
         case Kind::make_file:
-        case Kind::make_folder:
-            words >> operation.number >> operation.path;
-            break;
-        case Kind::write:
-            words >> operation.number >> operation.offset >> size;
-            break;
-        case Kind::resize:
-            words >> operation.number >> operation.offset;
-            break;
-        case Kind::flush:
-            words >> operation.number;
-            break;
+        case Kind::make_folder: words >> operation.number >> operation.path; break;
+        case Kind::write: words >> operation.number >> operation.offset >> size; break;
+        case Kind::resize: words >> operation.number >> operation.offset; break;
+        case Kind::flush: words >> operation.number; break;
         case Kind::rename:
-        case Kind::link:
-            words >> operation.path >> operation.target;
-            break;
-        case Kind::remove:
-            words >> operation.path;
-            break;
+        case Kind::link: words >> operation.path >> operation.target; break;
+        case Kind::remove: words >> operation.path; break;
     }
     if (!words) fail<FileError>("not an operation: ", line);
     operation.bytes.resize(size);

@@ -35,12 +35,9 @@ public:
         const Variable scale = norm_.scale();
         const Variable y = conv_.scaled(x, scale, norm_.shift(scale));
         switch (clip_) {
-            case Clip::relu:
-                return relu(y);
-            case Clip::relu6:
-                return clamp(y, 0.0, 6.0);
-            case Clip::none:
-                break;
+            case Clip::relu: return relu(y);
+            case Clip::relu6: return clamp(y, 0.0, 6.0);
+            case Clip::none: break;
         }
         return y;
     }

@@ -138,14 +138,12 @@ Trunk::Trunk(const TrunkDescription& description, ParameterStore& store, const s
 Variable Trunk::apply(const Stage& stage, const Variable& x) const {
     const std::vector<ConvLayer>& layers = stage.convolutions;
     switch (stage.layer.kind) {
-        case Kind::convolution:
-            return layers[0](x, 0.0);
+        case Kind::convolution: return layers[0](x, 0.0);
         case Kind::fire: {
             const Variable squeezed = layers[0](x, 0.0);
             return relu(concat({layers[1](squeezed), layers[2](squeezed)}, 3));
         }
-        case Kind::max_pool:
-            break;
+        case Kind::max_pool: break;
     }
     return max_pool2d(
         x,
