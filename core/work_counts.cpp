@@ -1,6 +1,5 @@
 #include "core/work_counts.h"
 
-#include <algorithm>
 #include <atomic>
 #include <mutex>
 

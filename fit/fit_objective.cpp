@@ -1,7 +1,5 @@
 #include "fit/fit_objective.h"
 
-#include <algorithm>
-
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "core/work_counts.h"

@@ -1,7 +1,6 @@
 #include "fit/turned_photo.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 

@@ -1,7 +1,6 @@
 #include "render/rays.h"
 
 #include <algorithm>
-#include <cmath>
 #include <span>
 
 #include "core/error.h"

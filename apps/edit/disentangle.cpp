@@ -2,7 +2,6 @@
 #include <filesystem>
 #include <iomanip>
 #include <memory>
-#include <optional>
 #include <sstream>
 #include <vector>
 

@@ -1,6 +1,5 @@
 #include "apps/prep/completion.h"
 
-#include <algorithm>
 #include <fstream>
 #include <functional>
 

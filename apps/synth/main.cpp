@@ -1,5 +1,4 @@
 #include <filesystem>
-#include <optional>
 #include <sstream>
 
 #include "apps/common/command_line.h"

@@ -4,7 +4,6 @@
 #include <bit>
 #include <cstring>
 #include <map>
-#include <optional>
 #include <utility>
 
 #include "core/error.h"

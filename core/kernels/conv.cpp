@@ -1,7 +1,5 @@
 #include "core/kernels/conv.h"
 
-#include <algorithm>
-
 #include "core/kernels/depthwise_conv.h"
 #include "core/kernels/direct_conv.h"
 #include "core/kernels/elementwise.h"

@@ -1,7 +1,6 @@
 #include "fit/photo/alignment.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
 #include <opencv2/imgproc.hpp>

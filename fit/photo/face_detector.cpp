@@ -20,7 +20,6 @@
 #include <array>
 #include <cmath>
 #include <optional>
-#include <string>
 #include <utility>
 
 #include "core/io/image.h"

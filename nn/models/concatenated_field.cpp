@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <numbers>
-#include <utility>
 
 #include "core/autograd/recompute.h"
 #include "core/error.h"

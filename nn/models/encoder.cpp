@@ -1,6 +1,5 @@
 #include "nn/models/encoder.h"
 
-#include <array>
 #include <cmath>
 #include <filesystem>
 

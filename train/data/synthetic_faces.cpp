@@ -1,7 +1,6 @@
 #include "train/data/synthetic_faces.h"
 
 #include <algorithm>
-#include <cmath>
 #include <string>
 
 #include "core/angle.h"

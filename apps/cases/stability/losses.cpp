@@ -1,7 +1,6 @@
 #include "nn/losses.h"
 
 #include <algorithm>
-#include <memory>
 
 #include "apps/cases/stability/case.h"
 #include "core/autograd/grad.h"
