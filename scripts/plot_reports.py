@@ -35,15 +35,10 @@ class Plot:
     x_unit: float = 1.0
     scales: tuple[str, str] = ("log", "log")
     label: str = ""
-    profile: str = ""  # only the rows of this density
     face: bool = False  # the mean over the faces
 
 
 plots = [
-    *(Plot(f"quadrature_colour_{profile.replace(' ', '_')}", "quadrature",
-           f"Error of the colour: {profile}", "rule", "seconds", "time of a ray, µs",
-           "colour_error", "root mean square error", 1e-6, profile=profile)
-      for profile in ("fog", "blob", "step", "wall", "two surfaces")),
     Plot("error_against_time", "curve", "Error against frame time", "varied", "median_seconds",
          "time of a frame, ms", "root_mean_square_error",
          "root mean square error against the exact frame (white = 1)", 1e-3, label="value"),
@@ -86,17 +81,13 @@ def mean_over_faces(curves: list[Points]) -> Points:
 def lines_of(plot: Plot, rows: list[dict[str, str]]) -> dict[str, Points]:
     lines: dict[str, dict[str, Points]] = {}
     for row in rows:
-        if plot.profile and row["profile"] != plot.profile:
-            continue
         point = (number(row[plot.x]) / plot.x_unit, number(row[plot.y]), row.get(plot.label, ""))
         lines.setdefault(row[plot.series], {}).setdefault(row.get("face", ""), []).append(point)
     means = {name: mean_over_faces(list(faces.values())) if plot.face else faces[""]
              for name, faces in lines.items()}
-    # Round-off has no curve, and Euler's errors have no bound.
-    bounds = (1e-15, 10.0) if plot.profile else (-math.inf, math.inf)
     return {name: [(x, y, text) for x, y, text in points
-                   if shown(x, plot.scales[0]) and shown(y, plot.scales[1])
-                   and bounds[0] < y <= bounds[1]] for name, points in means.items()}
+                   if shown(x, plot.scales[0]) and shown(y, plot.scales[1])]
+            for name, points in means.items()}
 
 
 def draw(plot: Plot, rows: list[dict[str, str]], file: pathlib.Path) -> None:

@@ -31,7 +31,7 @@ struct ReportOptions {
     std::string parts{};  ///< separated by commas; empty: all parts whose inputs are available
 };
 
-/// The names of all parts: "quadrature,rendering,...".
+/// The names of all parts: "rendering,fitting,...".
 std::string report_parts() {
     std::string parts, last;
     for (const Study& study : report_studies())

@@ -109,14 +109,13 @@ struct Study {
     bool needs_model = false;
 };
 
-[[nodiscard]] Study quadrature_study();  ///< rules of integration along a ray
-[[nodiscard]] Study rendering_study();   ///< error against frame time
-[[nodiscard]] Study fitting_study();     ///< loss against time of fitting
-[[nodiscard]] Study tuning_study();      ///< error against time of tuning
-[[nodiscard]] Study training_study();    ///< loss against time of training
-[[nodiscard]] Study step_study();        ///< what training in 16 bits and without samples does
-[[nodiscard]] Study stability_study();   ///< float32 against float64 on extreme inputs
-[[nodiscard]] Study cores_study();       ///< what more processors would give
+[[nodiscard]] Study rendering_study();  ///< error against frame time
+[[nodiscard]] Study fitting_study();    ///< loss against time of fitting
+[[nodiscard]] Study tuning_study();     ///< error against time of tuning
+[[nodiscard]] Study training_study();   ///< loss against time of training
+[[nodiscard]] Study step_study();       ///< what training in 16 bits and without samples does
+[[nodiscard]] Study stability_study();  ///< float32 against float64 on extreme inputs
+[[nodiscard]] Study cores_study();      ///< what more processors would give
 
 /// The studies of the report, in its order; those of one part follow each other.
 [[nodiscard]] std::vector<Study> report_studies();

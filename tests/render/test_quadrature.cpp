@@ -7,7 +7,7 @@
 #include <functional>
 #include <vector>
 
-#include "apps/cases/quadrature/quadrature.h"
+#include "render/quadrature.h"
 
 using namespace stymo;
 

@@ -1,4 +1,4 @@
-#include "apps/cases/quadrature/quadrature.h"
+#include "render/quadrature.h"
 
 #include <algorithm>
 #include <cmath>
