@@ -30,16 +30,6 @@ void announce_lpips(const Lpips* lpips, const RunFolder& folder, Progress& progr
     if (lpips->random()) progress.message(line);
 }
 
-/// Says for how many photos `data.other_photo` can do something.
-void announce_partners(const TrainingImages& images, std::int64_t photos, const RunFolder& folder,
-                       Progress& progress) {
-    std::ostringstream line;
-    line << "data.other_photo: " << images.photos_with_partner() << " of " << photos
-         << " photos have another one of the same person";
-    folder.log(line.str());
-    progress.message(line.str());
-}
-
 /// Tells the user if the disk slows the training down.
 void announce_slow_disk(double share, const RunFolder* folder, Progress& progress) {
     std::ostringstream line;
@@ -110,8 +100,12 @@ Trainer::Run::Run(Trainer& trainer, const RunFolder* folder, const TrainingLimit
     if (folder_ == nullptr) return;
     folder_->forget_statistics_after(trainer_.state_.step);
     announce_lpips(trainer_.reconstruction_.lpips(), *folder_, progress_);
-    if (trainer_.config_.data.other_photo > 0.0)
-        announce_partners(trainer_.images_, trainer_.training_.size(), *folder_, progress_);
+    if (trainer_.config_.data.other_photo == 0.0) return;
+    const std::string partners = std::to_string(trainer_.images_.photos_with_partner()) + " of " +
+                                 std::to_string(trainer_.training_.size()) +
+                                 " photos have another one of the same person";
+    folder_->log("data.other_photo: " + partners);
+    progress_.message("data.other_photo: " + partners);
 }
 
 bool Trainer::Run::time_is_up() {

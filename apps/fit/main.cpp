@@ -169,8 +169,8 @@ const stymo::Lpips* metric_network(const stymo::LpipsOptions& options,
 }
 
 /// What is strange about the score of the final image, if the model's first guesses of held-out
-/// photos have this PSNR; empty if nothing is.
-std::string doubt_of(const stymo::FitReport& report, std::optional<double> usual) {
+/// photos have this PSNR (0: not known); empty if nothing is.
+std::string doubt_of(const stymo::FitReport& report, double usual) {
     // With the model that ships (22.7 dB) fits of portraits reach 22 to 29 dB.
     constexpr double far_below = 4.5;
     const double psnr =
@@ -178,18 +178,16 @@ std::string doubt_of(const stymo::FitReport& report, std::optional<double> usual
     std::ostringstream text;
     text << std::fixed << std::setprecision(1) << "the PSNR is " << psnr << " dB";
     if (psnr > stymo::most_plausible_psnr) return text.str() + stymo::implausible_psnr;
-    if (usual && psnr < *usual - far_below) {
+    if (psnr < usual - far_below)
         text << ", far below what photos usually reach with this model (its first guesses of "
                 "held-out photos: "
-             << *usual << " dB); look at fit.png and overlay.png";
-        return text.str();
-    }
-    return {};
+             << usual << " dB); look at fit.png and overlay.png";
+    return psnr < usual - far_below ? text.str() : std::string();
 }
 
 stymo::AppResult reports(const stymo::FitJob& job, const Faces& photos,
                          const stymo::FittedFaces& done, const Output& output,
-                         const stymo::Lpips* lpips, std::optional<double> usual) {
+                         const stymo::Lpips* lpips, double usual) {
     if (lpips == nullptr)
         std::cerr << "LPIPS is not measured; name its weights with --lpips-trunk and --lpips-heads"
                   << std::endl;
@@ -219,13 +217,6 @@ stymo::AppResult reports(const stymo::FitJob& job, const Faces& photos,
     return result;
 }
 
-/// The file of the model that ships was written before models had their PSNR.
-std::optional<double> usual_psnr(const Options& options, const stymo::Model& model) {
-    constexpr double of_shipped_model = 22.7;
-    return options.model.file.empty() ? model.validation_psnr().value_or(of_shipped_model)
-                                      : model.validation_psnr();
-}
-
 stymo::AppResult fit(Options& options) {
     stymo::require_photo(options.face);
     stymo::Explainer explainer(options.explain);
@@ -246,7 +237,9 @@ stymo::AppResult fit(Options& options) {
 
     const stymo::InterruptGuard guard;
     const stymo::FittedFaces done = fitted(job, photos.faces, output);
-    stymo::AppResult result = reports(job, photos, done, output, lpips, usual_psnr(options, model));
+    // The file of the model that ships was written before models had their PSNR.
+    const double usual = model.validation_psnr().value_or(options.model.file.empty() ? 22.7 : 0.0);
+    stymo::AppResult result = reports(job, photos, done, output, lpips, usual);
     if (job.options().tunes()) explainer.count("tuning_steps", std::ssize(done.tuning.losses));
     explainer.count("photos", std::ssize(photos.faces));
     explainer.count("steps", std::ssize(done.fit.losses));

@@ -43,13 +43,11 @@ double hdr_light(ColorTags::Hdr curve, double value) {
     return brightest / white * std::pow(scene, gamma);
 }
 
-std::unique_ptr<cmsToneCurve, FreeCurve> hdr_curve(ColorTags::Hdr curve) {
-    constexpr std::size_t steps = 4096;
-    std::vector<float> light;
-    for (std::size_t i = 0; i < steps; ++i)
-        light.push_back(static_cast<float>(hdr_light(curve, static_cast<double>(i) / (steps - 1))));
-    return std::unique_ptr<cmsToneCurve, FreeCurve>(
-        cmsBuildTabulatedToneCurveFloat(nullptr, steps, light.data()));
+cmsToneCurve* hdr_curve(ColorTags::Hdr curve) {
+    std::array<float, 4096> light{};
+    for (std::size_t i = 0; i < light.size(); ++i)
+        light[i] = static_cast<float>(hdr_light(curve, static_cast<double>(i) / 4095.0));
+    return cmsBuildTabulatedToneCurveFloat(nullptr, light.size(), light.data());
 }
 
 /// A profile of primaries and a curve.
@@ -65,13 +63,11 @@ Profile profile_of(const ColorTags& tags) {
     constexpr std::array<double, 5> srgb_curve{2.4, 1.0 / 1.055, 0.055 / 1.055, 1.0 / 12.92,
                                                0.04045};
     constexpr int gamma_with_linear_part = 4;
-    const std::unique_ptr<cmsToneCurve, FreeCurve> curve =
-        tags.hdr != ColorTags::Hdr::none
-            ? hdr_curve(tags.hdr)
-            : std::unique_ptr<cmsToneCurve, FreeCurve>(
-                  tags.gamma ? cmsBuildGamma(nullptr, *tags.gamma)
-                             : cmsBuildParametricToneCurve(nullptr, gamma_with_linear_part,
-                                                           srgb_curve.data()));
+    const std::unique_ptr<cmsToneCurve, FreeCurve> curve(
+        tags.hdr != ColorTags::Hdr::none ? hdr_curve(tags.hdr)
+        : tags.gamma
+            ? cmsBuildGamma(nullptr, *tags.gamma)
+            : cmsBuildParametricToneCurve(nullptr, gamma_with_linear_part, srgb_curve.data()));
     const std::array<cmsToneCurve*, 3> curves{curve.get(), curve.get(), curve.get()};
     return Profile(cmsCreateRGBProfile(&white, &colors, curves.data()));
 }

@@ -29,6 +29,9 @@ bool is_other_float(std::uint64_t type) {
 /// AttributeProto.AttributeType
 constexpr std::int64_t type_tensor = 4, type_integers = 7;
 
+/// Says that a reduction without axes reduces nothing.
+constexpr std::string_view keeping = "noop_with_empty_axes";
+
 /// Operations whose second input was an attribute once.
 bool takes_axes(std::string_view operation) {
     return operation.starts_with("Reduce") || operation == "Squeeze" || operation == "Unsqueeze";
@@ -144,7 +147,8 @@ private:
         bool may_keep = false;
         source_.each_field(message, [&](const OnnxField& field) {
             if (field.tag == 5 && field.has_bytes)
-                may_keep = may_keep || keeps_without_axes(field.bytes);
+                may_keep = may_keep ||
+                           (named(field.bytes).first == keeping && named(field.bytes).second != 0);
             if (field.tag == 1) inputs.push_back(original(std::string(field.bytes)));
             if (field.tag == 2) outputs.emplace_back(field.bytes);
             if (field.tag == 4) operation = field.bytes;
@@ -160,50 +164,37 @@ private:
         while (!inputs.empty() && inputs.back().empty()) inputs.pop_back();
         const bool moves_axes = takes_axes(operation) && inputs.size() == 2;
         const std::string axes = moves_axes ? axes_attribute(operation, inputs[1]) : std::string();
-        if (may_keep && axes.empty()) return unreduced(operation, inputs, outputs);
+        if (may_keep && axes.empty()) {
+            // Others would still square or take logarithms.
+            constexpr std::string_view plain =
+                "ReduceMax ReduceMean ReduceMin ReduceProd ReduceSum ";
+            if (inputs.empty() || outputs.size() != 1 ||
+                plain.find(operation + ' ') == std::string_view::npos)
+                source_.refuse(operation, " reduces nothing without axes, which is not supported");
+            return bytes_field(1, bytes_field(1, inputs[0]) + bytes_field(2, outputs[0]) +
+                                      bytes_field(4, "Identity"));
+        }
         std::string result;
         for (std::size_t i = 0; i < (moves_axes ? 1 : inputs.size()); ++i)
             result += bytes_field(1, inputs[i]);
         result += copied(message, [&](const OnnxField& field) {
             if (field.tag == 1) return std::string();
             // With axes it says nothing, and OpenCV does not know it.
-            if (field.tag == 5 && attribute_name(field.bytes) == keeping) return std::string();
+            if (field.tag == 5 && named(field.bytes).first == keeping) return std::string();
             return field.tag == 5 ? bytes_field(5, attribute(operation, field.bytes))
                                   : std::string(field.whole);
         });
         return bytes_field(1, result + axes);
     }
 
-    static constexpr std::string_view keeping = "noop_with_empty_axes";
-
-    [[nodiscard]] std::string attribute_name(std::string_view message) const {
-        std::string name;
+    /// The name of an attribute, and its integer.
+    [[nodiscard]] std::pair<std::string_view, std::uint64_t> named(std::string_view message) const {
+        std::pair<std::string_view, std::uint64_t> result;
         source_.each_field(message, [&](const OnnxField& field) {
-            if (field.tag == 1) name = field.bytes;
+            if (field.tag == 1) result.first = field.bytes;
+            if (field.tag == 3) result.second = field.number;
         });
-        return name;
-    }
-
-    /// Whether the attribute says that a reduction without axes reduces nothing.
-    [[nodiscard]] bool keeps_without_axes(std::string_view message) const {
-        bool keeps = false;
-        source_.each_field(message, [&](const OnnxField& field) {
-            keeps = keeps || (field.tag == 3 && field.number != 0);
-        });
-        return keeps && attribute_name(message) == keeping;
-    }
-
-    /// A reduction over no axis. The other ones would still take logarithms or squares.
-    [[nodiscard]] std::string unreduced(const std::string& operation,
-                                        const std::vector<std::string>& inputs,
-                                        const std::vector<std::string>& outputs) const {
-        constexpr std::array<std::string_view, 5> plain{"ReduceMax", "ReduceMean", "ReduceMin",
-                                                        "ReduceProd", "ReduceSum"};
-        if (std::ranges::find(plain, operation) == plain.end() || inputs.empty() ||
-            outputs.size() != 1)
-            source_.refuse(operation, " reduces nothing without axes, which is not supported");
-        return bytes_field(
-            1, bytes_field(1, inputs[0]) + bytes_field(2, outputs[0]) + bytes_field(4, "Identity"));
+        return result;
     }
 
     [[nodiscard]] std::string original(const std::string& name) const {
@@ -243,7 +234,7 @@ private:
     }
 
     std::string attribute(std::string_view operation, std::string_view message) {
-        const std::string name = attribute_name(message);
+        const std::string_view name = named(message).first;
         if (operation == "Constant" && OnnxSource::is_listed_constant(name))
             return bytes_field(1, "value") + bytes_field(5, source_.listed_constant(message)) +
                    integer_field(20, type_tensor);

@@ -48,13 +48,11 @@ std::vector<std::int64_t> disc(const Pixels& pixels, const Point& center, double
     return result;
 }
 
-/// The median of a channel of an image of `channels` channels.
-double median(const Tensor& image, const std::vector<std::int64_t>& pixels, std::int64_t channel,
-              std::int64_t channels) {
+double median(const Tensor& image, const std::vector<std::int64_t>& pixels, std::int64_t channel) {
     std::vector<double> values;
-    for (const std::int64_t pixel : pixels)
+    for (const std::int64_t i : pixels)
         values.push_back(
-            image.values<float>()[static_cast<std::size_t>(channels * pixel + channel)]);
+            image.values<float>()[static_cast<std::size_t>(i * image.shape(2) + channel)]);
     return quantile(std::move(values), 0.5);
 }
 
@@ -63,7 +61,7 @@ std::optional<Color> tone_of(const Tensor& image, const std::vector<std::int64_t
     constexpr double brightness_weight = 0.3, offset = 0.1;
     if (pixels.empty()) return std::nullopt;
     Color color;
-    for (Eigen::Index c = 0; c < 3; ++c) color[c] = offset + median(image, pixels, c, 3);
+    for (Eigen::Index c = 0; c < 3; ++c) color[c] = offset + median(image, pixels, c);
     return Color(std::log(color[0] / color[1]), std::log(color[2] / color[1]),
                  brightness_weight * std::log(color.mean()));
 }
@@ -72,15 +70,14 @@ using Tones = std::vector<std::optional<Color>>;
 
 /// The smallest difference of any place from any reference; 0 if a place is unknown.
 double difference(const Tones& places, const Tones& references) {
-    std::optional<double> least;
+    constexpr double none = 1e9;
+    double least = none;
     for (const auto& place : places)
         for (const auto& reference : references) {
             if (!place) return 0.0;
-            if (!reference) continue;
-            const double found = (*place - *reference).norm();
-            least = std::min(found, least.value_or(found));
+            if (reference) least = std::min(least, (*place - *reference).norm());
         }
-    return least.value_or(0.0);
+    return least < none ? least : 0.0;
 }
 
 double brightness_of(const Pixels& pixels) {
@@ -134,7 +131,7 @@ PhotoLook look_of(const Tensor& image, const Tensor& mask, const Landmarks& land
     };
     const auto in_mask = [&](const Point& point) {
         const std::vector<std::int64_t> place = around(point);
-        return place.empty() ? 1.0 : median(mask, place, 0, 1);
+        return place.empty() ? 1.0 : median(mask, place, 0);
     };
     const Point mouth = mean_landmark(landmarks, 48, 67), up(0.0, -0.15 * eye_distance);
     const auto brows = tone(between(landmarks[21], landmarks[22], 0.5));

@@ -1,8 +1,6 @@
 #include "nn/models/model.h"
 
-#include <charconv>
-#include <cmath>
-#include <string>
+#include <sstream>
 
 #include "core/error.h"
 #include "core/io/tensor_file.h"
@@ -115,11 +113,8 @@ Model Model::load(const std::filesystem::path& path, ModelParts parts) {
     model.parameters_.set_trainable("", false);
     model.code_statistics_ = CodeStatistics::load(file, path.string());
     if (const auto psnr = file.metadata.find(psnr_key); psnr != file.metadata.end()) {
-        double value = 0.0;
-        const char* const end = psnr->second.data() + psnr->second.size();
-        const auto [last, error] = std::from_chars(psnr->second.data(), end, value);
-        if (error == std::errc() && last == end && std::isfinite(value))
-            model.validation_psnr_ = value;
+        std::istringstream number(psnr->second);
+        if (double value = 0.0; number >> value && number.eof()) model.validation_psnr_ = value;
     }
     return model;
 }

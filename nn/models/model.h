@@ -92,8 +92,7 @@ public:
     [[nodiscard]] const std::optional<CodeStatistics>& code_statistics() const {
         return code_statistics_;
     }
-    /// The mean PSNR of its first guesses on the validation photos of its training, in dB, if the
-    /// file has it (metadata "validation_psnr").
+    /// The mean PSNR in dB of its first guesses of the validation photos of its training, if known.
     [[nodiscard]] std::optional<double> validation_psnr() const { return validation_psnr_; }
     void set_validation_psnr(double psnr) { validation_psnr_ = psnr; }
 

@@ -155,7 +155,6 @@ export async function openFiles(files) {
 }
 
 let lastPhoto = null;
-let lastCover = null;
 const which = document.getElementById("which");
 const number = which.querySelector("select");
 
@@ -167,10 +166,7 @@ export function offerFaces(count) {
   which.hidden = false;
 }
 
-number.onchange = async () => {
-  await endJob();
-  await fitPhoto(lastPhoto, lastCover);
-};
+number.onchange = () => endJob().then(() => fitPhoto(lastPhoto));
 
 /// `cover`: a PNG mask that is white where something covers the face.
 export async function fitPhoto(file, cover = null) {
@@ -178,7 +174,6 @@ export async function fitPhoto(file, cover = null) {
   document.getElementById("welcome").hidden = true;
   if (file !== lastPhoto) which.hidden = true;
   lastPhoto = file;
-  lastCover = cover;
   document.getElementById("covered").disabled = false;
   const query = new URLSearchParams({ tune: document.getElementById("tune").value });
   if (!which.hidden) query.set("face", number.value);
