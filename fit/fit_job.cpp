@@ -68,9 +68,16 @@ FitJob::FitJob(const Model& model, const ReconstructionLoss& loss, FitJobOptions
     options_.tuning.tolerance = options_.fit.tolerance;
 }
 
+const PhotoPreparation& FitJob::preparation() const {
+    std::call_once(preparation_read_, [this] {
+        preparation_.emplace(settings_for(model_.config(), options_.preparation));
+    });
+    return *preparation_;
+}
+
 std::vector<PreparedPhoto> FitJob::prepare(std::span<const std::string> images,
                                            const Tensor& known) const {
-    return prepare_photos(images, model_.config(), options_.preparation, known);
+    return prepare_photos(images, model_.config(), preparation(), known);
 }
 
 FaceBatch FitJob::batch_of(std::span<const Face> faces) const {
@@ -81,6 +88,11 @@ FittedFaces FitJob::unfitted(FaceBatch faces) const {
     FittedFaces done{.faces = std::move(faces)};
     done.fit = fit_codes(model_, loss_, done.faces, {.steps = 0});
     return done;
+}
+
+FitResult FitJob::fit_frames(const FaceBatch& frames, FitOptions options) const {
+    options.head = head();
+    return fit_codes(model_, loss_, frames, options);
 }
 
 FittedFaces FitJob::fit(FaceBatch faces, const FitObserver& observer) const {

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
@@ -60,6 +61,9 @@ public:
     [[nodiscard]] const FitJobOptions& options() const { return options_; }
     [[nodiscard]] const MorphableHead* head() const { return head_ ? &*head_ : nullptr; }
 
+    /// What prepares photos for the model; read when it is first used. Throws what its constructor
+    /// throws.
+    [[nodiscard]] const PhotoPreparation& preparation() const;
     /// Finds, aligns and masks the face of each photo, as `prepare_photos` does.
     [[nodiscard]] std::vector<PreparedPhoto> prepare(std::span<const std::string> images,
                                                      const Tensor& known = {}) const;
@@ -72,6 +76,9 @@ public:
     /// Throws what `fit_codes` and `tune_decoder` throw. After an interrupt (core/interrupt.h) it
     /// returns what it has.
     [[nodiscard]] FittedFaces fit(FaceBatch faces, const FitObserver& observer = {}) const;
+    /// The fit alone with these options, of which the job sets `head`: frames of a film
+    /// (fit/video).
+    [[nodiscard]] FitResult fit_frames(const FaceBatch& frames, FitOptions options) const;
     /// The faces with the codes from which a fit starts.
     [[nodiscard]] FittedFaces unfitted(FaceBatch faces) const;
     /// Shows and measures row `index` within `mask` (B, S, S, 1), as `report_fit` does; tuned, too,
@@ -86,6 +93,8 @@ private:
     const ReconstructionLoss& loss_;
     FitJobOptions options_;
     std::optional<MorphableHead> head_;
+    mutable std::once_flag preparation_read_;
+    mutable std::optional<PhotoPreparation> preparation_;
 };
 
 /// The report's members, and "terms": the value of each term of the loss, by name, after the

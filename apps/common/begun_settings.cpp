@@ -5,6 +5,7 @@
 #include <system_error>
 
 #include "core/error.h"
+#include "core/io/checksum.h"
 #include "core/io/file.h"
 #include "core/io/json_check.h"
 
@@ -27,6 +28,28 @@ void require_same_settings(const std::filesystem::path& folder, const std::strin
     if (before.size() == now.size()) return;  // in another order
     fail<FileError>(folder.string(),
                     ": was begun by another version of the program; give another --out");
+}
+
+void begin_or_continue(const std::filesystem::path& folder, const JsonValue& settings,
+                       const std::string& results) {
+    const std::filesystem::path file = folder / "settings.json";
+    if (std::filesystem::exists(file)) {
+        std::string begun = read_file(file);
+        if (begun.ends_with('\n')) begun.pop_back();
+        return require_same_settings(folder, begun, settings.text());
+    }
+    if (std::filesystem::exists(folder / results))
+        fail<FileError>(folder.string(), ": holds ", results,
+                        " but no settings.json; give another --out");
+    require_writable_folder(folder);
+    write_file(file, settings.text() + "\n");
+}
+
+std::string with_checksum(const std::filesystem::path& file) {
+    std::ostringstream text;
+    text << std::filesystem::absolute(file).string() << ", CRC-32C " << std::hex
+         << crc32c(read_file(file));
+    return text.str();
 }
 
 void visit_whole_lines(

@@ -4,6 +4,8 @@
 #include <functional>
 #include <string>
 
+#include "core/io/json_writer.h"
+
 namespace stymo {
 
 /// Compares the settings with which a job in `folder` was begun with those that should continue it.
@@ -11,6 +13,15 @@ namespace stymo {
 /// Throws FileError, which names the first difference.
 void require_same_settings(const std::filesystem::path& folder, const std::string& begun,
                            const std::string& wanted);
+
+/// Begins a job in `folder` by writing its settings.json, or continues one that has the same, as
+/// `require_same_settings` says. Throws FileError for a folder that holds `results` but no
+/// settings.json, or cannot be written.
+void begin_or_continue(const std::filesystem::path& folder, const JsonValue& settings,
+                       const std::string& results);
+
+/// A file's absolute name and checksum, for the settings of a job that reads it.
+[[nodiscard]] std::string with_checksum(const std::filesystem::path& file);
 
 /// Calls `visit` with each complete line of a file to which results are appended, its number (from
 /// 1) and its offset in bytes. A partial last line, which a crash leaves, is removed from the file.

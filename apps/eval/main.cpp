@@ -4,6 +4,7 @@
 #include <optional>
 #include <sstream>
 
+#include "apps/common/begun_settings.h"
 #include "apps/common/command_line.h"
 #include "apps/common/explain.h"
 #include "apps/common/face_input.h"
@@ -14,7 +15,6 @@
 #include "apps/eval/evaluate.h"
 #include "apps/eval/person_measures.h"
 #include "apps/eval/report_page.h"
-#include "core/io/checksum.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
 #include "core/io/mask_file.h"
@@ -59,16 +59,10 @@ const stymo::Lpips* metric_network(const stymo::LpipsOptions& options,
 /// writes it anew; so is a list of ids.
 stymo::Settings settings_of(const stymo::CommandLine& line, const Options& options) {
     stymo::Settings settings = line.settings();
-    const auto with_checksum = [](const fs::path& file) {
-        std::ostringstream text;
-        text << fs::absolute(file).string() << ", CRC-32C " << std::hex
-             << stymo::crc32c(stymo::read_file(file));
-        return text.str();
-    };
     for (auto& [name, value] : settings) {
-        if (name == "--model") value = with_checksum(stymo::model_file(options.model));
+        if (name == "--model") value = stymo::with_checksum(stymo::model_file(options.model));
         if (name == "--ids" && !options.evaluation.range.list.empty())
-            value = with_checksum(options.evaluation.range.list);
+            value = stymo::with_checksum(options.evaluation.range.list);
     }
     return settings;
 }

@@ -10,23 +10,12 @@ namespace stymo {
 
 ScoreFolder::ScoreFolder(std::filesystem::path path, const JsonValue& settings)
     : path_(std::move(path)), scores_(path_ / "scores.jsonl") {
-    const std::filesystem::path settings_file = path_ / "settings.json";
-    if (std::filesystem::exists(settings_file)) {
-        std::string begun = read_file(settings_file);
-        if (begun.ends_with('\n')) begun.pop_back();
-        require_same_settings(path_, begun, settings.text());
-        visit_whole_lines(scores_, [&](const std::string& line, int, std::int64_t) {
-            known_.push_back(parse_face_score(line));
-            if (known_.back().regions.size() != known_.front().regions.size())
-                fail<FileError>("other regions than in the lines before");
-        });
-        return;
-    }
-    if (std::filesystem::exists(scores_))
-        fail<FileError>(path_.string(),
-                        ": holds scores.jsonl but no settings.json; give another --out");
-    require_writable_folder(path_);
-    write_file(settings_file, settings.text() + "\n");
+    begin_or_continue(path_, settings, scores_.filename().string());
+    visit_whole_lines(scores_, [&](const std::string& line, int, std::int64_t) {
+        known_.push_back(parse_face_score(line));
+        if (known_.back().regions.size() != known_.front().regions.size())
+            fail<FileError>("other regions than in the lines before");
+    });
 }
 
 std::filesystem::path ScoreFolder::tuned_of(const std::string& id) const {

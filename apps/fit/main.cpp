@@ -6,16 +6,19 @@
 #include <sstream>
 #include <vector>
 
+#include "apps/common/begun_settings.h"
 #include "apps/common/command_line.h"
 #include "apps/common/explain.h"
 #include "apps/common/face_input.h"
 #include "apps/common/fit_options.h"
+#include "apps/common/ranked_run.h"
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
+#include "apps/fit/fitting.h"
+#include "apps/fit/folder_fit.h"
 #include "core/interrupt.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
-#include "core/metrics.h"
 #include "core/progress.h"
 #include "fit/fit_job.h"
 #include "nn/models/code_file.h"
@@ -24,6 +27,7 @@ namespace {
 
 struct Options {
     stymo::ModelOptions model;
+    std::filesystem::path images;
     std::filesystem::path out;
     stymo::FaceSource face;
     stymo::LpipsOptions lpips;
@@ -155,40 +159,9 @@ stymo::FittedFaces fitted(const stymo::FitJob& job, const std::vector<stymo::Fac
     return done;
 }
 
-/// The network that measures LPIPS: that of the loss, or the one of the command line, which is read
-/// even if the fit does not use the term. Null without one.
-const stymo::Lpips* metric_network(const stymo::LpipsOptions& options,
-                                   const stymo::ReconstructionConfig& config,
-                                   const stymo::ReconstructionLoss& loss,
-                                   std::optional<stymo::Lpips>& own) {
-    if (loss.lpips() != nullptr) return loss.lpips();
-    if (!options.trunk.empty())
-        return &own.emplace(stymo::metric_config(options, config.perceptual),
-                            "leave out --lpips-trunk");
-    return nullptr;
-}
-
-/// What is strange about the score of the final image, if the model's first guesses of held-out
-/// photos have this PSNR (0: not known); empty if nothing is.
-std::string doubt_of(const stymo::FitReport& report, double usual) {
-    // With the model that ships (22.7 dB) fits of portraits reach 22 to 29 dB.
-    constexpr double far_below = 4.5;
-    const double psnr =
-        (report.tuned.defined() ? report.tuned_metrics : report.fitted_metrics).psnr;
-    std::ostringstream text;
-    text << std::fixed << std::setprecision(1) << "the PSNR is " << psnr << " dB";
-    if (psnr > stymo::most_plausible_psnr) return text.str() + stymo::implausible_psnr;
-    if (psnr < usual - far_below)
-        text << ", far below what photos usually reach with this model (its first guesses of "
-                "held-out photos: "
-             << usual << " dB); look at fit.png and overlay.png";
-    return psnr < usual - far_below ? text.str() : std::string();
-}
-
-stymo::AppResult reports(const stymo::FitJob& job, const Faces& photos,
-                         const stymo::FittedFaces& done, const Output& output,
-                         const stymo::Lpips* lpips, double usual) {
-    if (lpips == nullptr)
+stymo::AppResult reports(const stymo::Fitting& fitting, const Faces& photos,
+                         const stymo::FittedFaces& done, const Output& output) {
+    if (fitting.lpips == nullptr)
         std::cerr << "LPIPS is not measured; name its weights with --lpips-trunk and --lpips-heads"
                   << std::endl;
     for (const std::string& warning : done.warnings)
@@ -196,11 +169,11 @@ stymo::AppResult reports(const stymo::FitJob& job, const Faces& photos,
     stymo::AppResult result;
     std::vector<stymo::JsonValue> all;
     for (std::size_t i = 0; i < photos.faces.size(); ++i) {
-        const stymo::FitReport report =
-            job.report(done, static_cast<std::int64_t>(i), done.faces.mask, lpips, true);
+        const stymo::FitReport report = fitting.job.report(done, static_cast<std::int64_t>(i),
+                                                           done.faces.mask, fitting.lpips, true);
         stymo::JsonValue json = to_json(report, done);
         std::vector<std::string> warnings = done.warnings;
-        if (const std::string doubt = doubt_of(report, usual); !doubt.empty()) {
+        if (const std::string doubt = fitting.doubt_of(report); !doubt.empty()) {
             warnings.push_back(doubt);
             std::cerr << "warning: " << photos.faces[i].id << ": " << doubt << std::endl;
         }
@@ -217,29 +190,56 @@ stymo::AppResult reports(const stymo::FitJob& job, const Faces& photos,
     return result;
 }
 
-stymo::AppResult fit(Options& options) {
+stymo::FitJobOptions job_options(const Options& options) {
+    stymo::FitJobOptions job = options.fit.job_options();
+    // A folder in the FFHQ format does not say to which head its codes belong.
+    if (options.face.as_it_comes() || !job.preparation.morphable.empty())
+        job.head = job.preparation.morphable;
+    return job;
+}
+
+stymo::AppResult fit_folder(const Options& options, const stymo::CommandLine& line) {
+    if (!options.face.images.empty() || !options.face.as_it_comes() || !options.face.ignore.empty())
+        stymo::fail<stymo::UsageError>(
+            "--images prepares the photos of a folder itself: leave out --image, --mask, --ignore, "
+            "--pose, --data and --as-is");
+    std::optional<stymo::Fitting> fitting;
+    std::optional<stymo::FolderFit> folder;
+    stymo::Settings settings = line.settings();
+    for (auto& [name, value] : settings)
+        if (name == "--model") value = stymo::with_checksum(stymo::model_file(options.model));
+    stymo::Explainer explainer(options.explain);
+    stymo::AppResult result = stymo::run_on_ranks("stymo-fit", [&](stymo::Ranks& ranks) {
+        return stymo::RankedRun{
+            .claim = [&] { stymo::claim_folder(options.images, options.out); },
+            .prepare =
+                [&] {
+                    stymo::warn_without_landmark_network(options.fit.job.preparation);
+                    fitting.emplace(options.model, options.lpips, job_options(options));
+                    static_cast<void>(fitting->job.preparation());
+                    folder.emplace(*fitting, options.images, options.out, settings, ranks);
+                },
+            .state = [&] { return folder->state(); },
+            .lead = [&] { return folder->lead(); },
+            .follow = [&] { folder->follow(); }};
+    });
+    if (folder) explainer.count("photos", folder->done_now());
+    explainer.finish(result);
+    return result;
+}
+
+stymo::AppResult fit(const Options& options, const stymo::CommandLine& line) {
+    if (!options.images.empty()) return fit_folder(options, line);
     stymo::require_photo(options.face);
     stymo::Explainer explainer(options.explain);
-    const stymo::Model model = stymo::load_model(options.model);
-    const stymo::ReconstructionConfig config =
-        stymo::fitting_config(options.lpips, model.config().reconstruction);
-    const stymo::ReconstructionLoss loss(config, "--perceptual-weight 0",
-                                         model.has_encoder() ? &model.encoder() : nullptr);
-    std::optional<stymo::Lpips> own;
-    const stymo::Lpips* lpips = metric_network(options.lpips, config, loss, own);
-    stymo::FitJobOptions job_options = options.fit.job_options();
-    // A folder does not say to which head its codes belong.
-    if (options.face.as_it_comes() || !job_options.preparation.morphable.empty())
-        job_options.head = job_options.preparation.morphable;
-    const stymo::FitJob job(model, loss, std::move(job_options));
+    const stymo::Fitting fitting(options.model, options.lpips, job_options(options));
+    const stymo::FitJob& job = fitting.job;
     Output output(options.out);
     const Faces photos = faces_of(options, job, output);
 
     const stymo::InterruptGuard guard;
     const stymo::FittedFaces done = fitted(job, photos.faces, output);
-    // The file of the model that ships was written before models had their PSNR.
-    const double usual = model.validation_psnr().value_or(options.model.file.empty() ? 22.7 : 0.0);
-    stymo::AppResult result = reports(job, photos, done, output, lpips, usual);
+    stymo::AppResult result = reports(fitting, photos, done, output);
     if (job.options().tunes()) explainer.count("tuning_steps", std::ssize(done.tuning.losses));
     explainer.count("photos", std::ssize(photos.faces));
     explainer.count("steps", std::ssize(done.fit.losses));
@@ -258,6 +258,11 @@ int stymo_fit(int argc, char** argv) {
     line.option("--image", options.face.images,
                 "photo; its face is found, aligned and masked. Repeat the option to fit photos of "
                 "one person together");
+    line.option("--images", options.images,
+                "folder of photos of any people, each fitted by itself: one line a photo in "
+                "faces.jsonl. The same command continues an interrupted run; mpirun divides the "
+                "folder")
+        .excludes("--image");
     line.option("--mask", options.face.mask,
                 "head mask of a photo that is aligned like FFHQ; without --pose the face is "
                 "assumed to be frontal");
@@ -281,12 +286,14 @@ int stymo_fit(int argc, char** argv) {
         .excludes("--data");
     line.option("--out", options.out,
                 "output folder: fit.png, render.png, codes.json, report.json; also aligned.png and "
-                "overlay.png if the photo is prepared, and tuned.safetensors with --tune")
-        .required();
+                "overlay.png if the photo is prepared, and tuned.safetensors with --tune. With "
+                "--images: faces.jsonl, codes/ID.json, fits/ID.jpg, report.json")
+        .required()
+        .keeps_results();
     stymo::declare_preparation_files(line, options.fit.job.preparation);
     stymo::declare_fit(line, options.fit);
     stymo::declare_perceptual_weight(line, options.lpips);
     stymo::declare_lpips_files(line, options.lpips);
     stymo::declare_explain(line, options.explain);
-    return line.run(argc, argv, [&](const stymo::CommonOptions&) { return fit(options); });
+    return line.run(argc, argv, [&](const stymo::CommonOptions&) { return fit(options, line); });
 }

@@ -214,7 +214,7 @@ PrepareOutcome prepare_folder(const FolderPreparation& folders, const PhotoPrepa
     // Before anything is written.
     if (!std::ranges::all_of(scan.faces,
                              [&](const FaceFiles& files) { return has_landmarks(scan, files.id); }))
-        preparation.require_detector();
+        preparation.detector();
     require_writable_folder(folders.out);
 
     PrepareOutcome outcome;

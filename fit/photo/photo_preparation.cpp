@@ -21,7 +21,7 @@ namespace stymo {
 namespace {
 
 /// Sides of the images from which masks and the morphable fit are computed.
-constexpr std::int64_t mask_side = 512;
+constexpr std::int64_t usual_mask_side = 512;
 constexpr std::int64_t fit_side = 256;
 
 /// A larger landmark error, in units of the image's side, means that the model was fitted to
@@ -42,6 +42,11 @@ constexpr double least_known_share = 0.25;
 constexpr std::array<double, 3> wider_squares{1.15, 1.3, 1.5};
 /// A wider square is of no use if this share of it is new and lies outside the photo.
 constexpr double largest_new_share_outside = 0.05;
+
+/// Sides of a crop's image, and of the image from which its mask is made.
+struct CropSides {
+    std::int64_t image, mask;
+};
 
 struct FoundFace {
     Landmarks landmarks;
@@ -125,6 +130,7 @@ struct PhotoPreparation::Implementation {
     MorphableHead head;
     std::optional<HeadMaskModel> masks;
     std::optional<PoseNetwork> network;
+    std::mutex network_in_use;
     std::once_flag detector_read;
     std::optional<FaceDetector> detector;
 
@@ -184,7 +190,8 @@ struct PhotoPreparation::Implementation {
                                 const FoundFace& face) const;
     /// `is_aligned`: the photo is that square already.
     [[nodiscard]] FaceCrop crop_at(const Alignment& alignment, bool is_aligned, const Tensor& photo,
-                                   const KnownOfPhoto& known, const FoundFace& face) const;
+                                   const KnownOfPhoto& known, const FoundFace& face,
+                                   CropSides sides) const;
     [[nodiscard]] PreparedFace joined(FaceCrop crop, std::optional<MorphableFit> fit);
     /// Why the face cannot be used; empty if it can.
     [[nodiscard]] std::string failure_of(const FaceCrop& crop,
@@ -197,8 +204,9 @@ struct PhotoPreparation::Implementation {
 FaceCrop PhotoPreparation::Implementation::crop(const Tensor& photo, const KnownOfPhoto& known,
                                                 const FoundFace& face) const {
     const Alignment narrow = ffhq_alignment(face.landmarks);
-    FaceCrop crop =
-        crop_at(narrow, is_aligned(narrow, photo.shape(1), photo.shape(0)), photo, known, face);
+    const CropSides sides{settings.side, usual_mask_side};
+    FaceCrop crop = crop_at(narrow, is_aligned(narrow, photo.shape(1), photo.shape(0)), photo,
+                            known, face, sides);
     if (!settings.whole_head || crop.was_aligned) return crop;
     for (const double scale : wider_squares) {
         if (!leaves_frame(crop.mask)) break;
@@ -206,7 +214,7 @@ FaceCrop PhotoPreparation::Implementation::crop(const Tensor& photo, const Known
         if (share_outside(wide, photo.shape(1), photo.shape(0)) - crop.share_outside >
             largest_new_share_outside)
             break;
-        crop = crop_at(wide, false, photo, known, face);
+        crop = crop_at(wide, false, photo, known, face, sides);
     }
     return crop;
 }
@@ -214,7 +222,7 @@ FaceCrop PhotoPreparation::Implementation::crop(const Tensor& photo, const Known
 FaceCrop PhotoPreparation::Implementation::crop_at(const Alignment& alignment, bool is_aligned,
                                                    const Tensor& photo,
                                                    const KnownOfPhoto& of_photo,
-                                                   const FoundFace& face) const {
+                                                   const FoundFace& face, CropSides sides) const {
     const std::int64_t height = photo.shape(0), width = photo.shape(1);
     FaceCrop crop;
     crop.was_aligned = is_aligned;
@@ -233,7 +241,7 @@ FaceCrop PhotoPreparation::Implementation::crop_at(const Alignment& alignment, b
         return crop.was_aligned ? known_at(of_photo.known, side, side)
                                 : known_crop(alignment, side, height, width, of_photo.known);
     };
-    const std::int64_t side = settings.side;
+    const auto [side, mask_side] = sides;
     const Tensor large = cut(photo, std::max(side, mask_side));
     crop.image = resized(large, side);
     crop.landmarks = landmarks_at(side);
@@ -276,6 +284,7 @@ PreparedFace PhotoPreparation::Implementation::joined(FaceCrop crop,
     face.fit = std::move(fit).value_or(MorphableFit{});
     double yaw = face.fit.pose.yaw;
     if (network && face.failure.empty()) {
+        const std::lock_guard lock(network_in_use);
         try {
             face.network_rotation = network->rotation(crop.face_box);
             yaw = angles_from_rotation(*face.network_rotation)[0];
@@ -312,8 +321,14 @@ const MorphableHead& PhotoPreparation::head() const {
     return implementation_->head;
 }
 
-void PhotoPreparation::require_detector() const {
-    static_cast<void>(implementation_->read_detector());
+const FaceDetector& PhotoPreparation::detector() const {
+    return implementation_->read_detector();
+}
+
+FaceCrop PhotoPreparation::frame_crop(const Tensor& frame, const Landmarks& landmarks) const {
+    const std::int64_t side = implementation_->wanted_side();
+    return implementation_->crop_at(ffhq_alignment(landmarks), false, frame, {}, {landmarks},
+                                    {side, side});
 }
 
 std::vector<FaceCrop> PhotoPreparation::crops(const Tensor& photo,

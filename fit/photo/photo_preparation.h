@@ -19,6 +19,8 @@
 
 namespace stymo {
 
+class FaceDetector;
+
 struct PhotoPreparationSettings {
     std::int64_t side = 256;       ///< side of the resulting images and masks, in pixels
     std::int64_t wanted_side = 0;  ///< a crop from fewer pixels than this gets a warning; 0: `side`
@@ -96,16 +98,18 @@ public:
     [[nodiscard]] const PhotoPreparationSettings& settings() const;
     [[nodiscard]] const MorphableHead& head() const;
 
-    /// Reads the landmark model now instead of at the first photo with unknown landmarks. Throws
-    /// like FaceDetector.
-    void require_detector() const;
+    /// Reads the landmark model, unless that was done before. Throws like FaceDetector.
+    const FaceDetector& detector() const;  // NOLINT(modernize-use-nodiscard)
 
     /// The largest face of a photo (height, width, 3) in [0, 1], or that with the number
     /// `settings.face`, or all of them, largest first. If none is found or a doubtful one, and none
     /// is known, the photo is tried lying on its sides and upside down. Thread-safe. Throws
     /// ValueError with the reason for a photo that cannot be used (no face in it).
     [[nodiscard]] std::vector<FaceCrop> crops(const Tensor& photo, const KnownOfPhoto& known) const;
-    /// Poses and codes of several crops at once, on all threads.
+    /// The crop of a film's frame whose landmarks are known, faster: everything at `wanted_side`.
+    /// Thread-safe.
+    [[nodiscard]] FaceCrop frame_crop(const Tensor& frame, const Landmarks& landmarks) const;
+    /// Poses and codes of several crops at once, on all threads. Thread-safe.
     [[nodiscard]] std::vector<PreparedFace> finish(std::vector<FaceCrop> crops) const;
 
 private:

@@ -42,24 +42,11 @@ PreparedPhoto photo_of(const std::string& image, PreparedFace prepared,
                        const PhotoPreparation& preparation, const ModelConfig& model) {
     if (!prepared.failure.empty()) fail<FileError>(image, ": ", prepared.failure);
     const PhotoPreparationSettings& settings = preparation.settings();
-    if (prepared.network_rotation) {
-        const Eigen::Vector3d angles = angles_from_rotation(*prepared.network_rotation);
-        prepared.fit.pose = pivot_pose(angles[0], angles[1], angles[2], settings.pivot.distance,
-                                       settings.pivot.pivot_depth);
-    }
-    const std::int64_t side = model.decoder.resolution;
     const FaceCrop& crop = prepared.crop;
     PreparedPhoto photo;
-    photo.face = {.id = std::filesystem::path(image).stem().string(),
-                  .image = at_model_side(crop.image, side),
-                  .mask = at_model_side(crop.mask, side),
-                  .known = known_at(crop.known, side, side),
-                  .pose = prepared.fit.pose,
-                  .intrinsics = settings.intrinsics,
-                  .code = code_of(prepared.fit),
-                  .has_mask = true,
-                  .has_pose = true,
-                  .has_code = true};
+    photo.face = face_of_crop(prepared, settings, model);
+    photo.face.id = std::filesystem::path(image).stem().string();
+    prepared.fit.pose = photo.face.pose;
     photo.aligned = crop.image;
     const Tensor shown = where_known(crop.known, crop.image, unknown_grey).value();
     photo.overlay = preparation_overlay({shown, crop.mask, crop.landmarks, prepared.fit},
@@ -76,14 +63,40 @@ Tensor at_model_side(const Tensor& image, std::int64_t side) {
     return clamp(resize_image(central_square(image), length, length), 0.0, 1.0).value();
 }
 
-std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
-                                          const ModelConfig& model,
-                                          PhotoPreparationSettings settings, const Tensor& known) {
+Face face_of_crop(const PreparedFace& prepared, const PhotoPreparationSettings& settings,
+                  const ModelConfig& model) {
+    Pose pose = prepared.fit.pose;
+    if (prepared.network_rotation) {
+        const Eigen::Vector3d angles = angles_from_rotation(*prepared.network_rotation);
+        pose = pivot_pose(angles[0], angles[1], angles[2], settings.pivot.distance,
+                          settings.pivot.pivot_depth);
+    }
+    const std::int64_t side = model.decoder.resolution;
+    const FaceCrop& crop = prepared.crop;
+    return {.id = {},
+            .image = at_model_side(crop.image, side),
+            .mask = at_model_side(crop.mask, side),
+            .known = known_at(crop.known, side, side),
+            .pose = pose,
+            .intrinsics = settings.intrinsics,
+            .code = code_of(prepared.fit),
+            .has_mask = true,
+            .has_pose = true,
+            .has_code = true};
+}
+
+PhotoPreparationSettings settings_for(const ModelConfig& model, PhotoPreparationSettings settings) {
     settings.side = std::max(model.decoder.resolution, least_aligned_side);
     settings.wanted_side = model.decoder.resolution;
     settings.intrinsics = model.camera.intrinsics;
     settings.pivot = {model.camera.distance, model.camera.pivot_depth};
-    const PhotoPreparation preparation(settings);
+    return settings;
+}
+
+std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
+                                          const ModelConfig& model,
+                                          const PhotoPreparation& preparation,
+                                          const Tensor& known) {
     std::vector<FaceCrop> crops;
     std::vector<std::string> doubts(images.size());
     for (std::size_t i = 0; i < images.size(); ++i)

@@ -24,13 +24,19 @@ struct PreparedPhoto {
 /// The central square of an image, resized to side x side pixels.
 [[nodiscard]] Tensor at_model_side(const Tensor& image, std::int64_t side);
 
-/// Finds, aligns and masks the face of each photo, with its pose for the model's camera. `settings`
-/// gives the files of the networks and of the head. Throws FileError, which names the photo, for a
+/// These settings with the sides and the camera that photos for this model have.
+[[nodiscard]] PhotoPreparationSettings settings_for(const ModelConfig& model,
+                                                    PhotoPreparationSettings settings);
+/// A prepared face, which did not fail, as a face for the model; `settings` are those of the model.
+[[nodiscard]] Face face_of_crop(const PreparedFace& prepared,
+                                const PhotoPreparationSettings& settings, const ModelConfig& model);
+/// Finds, aligns and masks the face of each photo, with its pose for the model's camera.
+/// `preparation` has the `settings_for` the model. Throws FileError, which names the photo, for a
 /// photo that cannot be read or used. `known` are the known pixels of each photo, as in
 /// KnownOfPhoto.
 [[nodiscard]] std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
                                                         const ModelConfig& model,
-                                                        PhotoPreparationSettings settings,
+                                                        const PhotoPreparation& preparation,
                                                         const Tensor& known = {});
 
 }  // namespace stymo

@@ -89,11 +89,15 @@ CodeFile parse_code_file(const std::string& text, const std::string& source) {
     return result;
 }
 
-std::string code_file_text(const Codes& codes, std::int64_t index, const Pose& pose) {
+JsonValue code_file_json(const Codes& codes, std::int64_t index, const Pose& pose) {
     JsonValue code = JsonValue::object();
     for (std::size_t group = 0; group < code_names.size(); ++group)
         code.add(code_names[group], row(codes.groups[group].value(), index));
-    return JsonValue::object({{"code", code}, {"pose", to_json(pose)}}).text() + "\n";
+    return JsonValue::object({{"code", code}, {"pose", to_json(pose)}});
+}
+
+std::string code_file_text(const Codes& codes, std::int64_t index, const Pose& pose) {
+    return code_file_json(codes, index, pose).text() + "\n";
 }
 
 void write_code_file(const std::filesystem::path& path, const Codes& codes, std::int64_t index,

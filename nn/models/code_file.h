@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <string>
 
+#include "core/io/json_writer.h"
 #include "nn/models/codes.h"
 #include "render/camera.h"
 
@@ -23,6 +24,8 @@ struct CodeFile {
 /// Reads only the pose, from a code file or from any JSON object with such a "pose". Throws
 /// FileError.
 [[nodiscard]] Pose read_pose(const std::filesystem::path& path);
+/// The object of a code file for row `index` of the codes.
+[[nodiscard]] JsonValue code_file_json(const Codes& codes, std::int64_t index, const Pose& pose);
 /// The text of a code file for row `index` of the codes.
 [[nodiscard]] std::string code_file_text(const Codes& codes, std::int64_t index, const Pose& pose);
 /// Writes a code file for row `index` of the codes, completely or not at all.

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "apps/common/child_process.h"
+#include "apps/common/mpi_ranks.h"
 #include "apps/tiny_run.h"
 #include "apps/tool_run.h"
-#include "apps/train/mpi_ranks.h"
 #include "core/io/file.h"
 #include "core/matmul_precision.h"
 

@@ -1,4 +1,4 @@
-#include "apps/train/ranked_run.h"
+#include "apps/common/ranked_run.h"
 
 #include <unistd.h>
 
@@ -8,8 +8,8 @@
 #include <fstream>
 #include <iostream>
 
+#include "apps/common/mpi_ranks.h"
 #include "apps/common/process_setup.h"
-#include "apps/train/mpi_ranks.h"
 #include "core/error.h"
 #include "core/io/checksum.h"
 #include "core/io/file.h"
@@ -55,6 +55,11 @@ void require_none(Ranks& ranks, const std::string& problem) {
 
 }  // namespace
 
+CommonState program_state() {
+    return {{"a precision of matrix products", name_of(computed_precision(matmul_precision()))},
+            {"a program", checksum(read_file("/proc/self/exe"))}};
+}
+
 CommonState common_state(const TrainConfig& config, const Dataset& training,
                          const TrainingState& state, const std::filesystem::path& initial_model) {
     std::string photos;
@@ -63,13 +68,15 @@ CommonState common_state(const TrainConfig& config, const Dataset& training,
         photos += image.filename().string() + ' ' +
                   std::to_string(std::filesystem::file_size(image)) + '\n';
     }
-    return {{"a precision of matrix products", name_of(computed_precision(matmul_precision()))},
-            {"a program", checksum(read_file("/proc/self/exe"))},
-            {"a configuration", checksum(to_json(config))},
-            {"a seed", std::to_string(state.seed)},
-            {"a folder of photos", checksum(photos)},
-            {"a checkpoint", std::to_string(state.step)},
-            {"an initial model", initial_model.empty() ? "" : checksum(read_file(initial_model))}};
+    CommonState common = program_state();
+    common.insert(
+        common.end(),
+        {{"a configuration", checksum(to_json(config))},
+         {"a seed", std::to_string(state.seed)},
+         {"a folder of photos", checksum(photos)},
+         {"a checkpoint", std::to_string(state.step)},
+         {"an initial model", initial_model.empty() ? "" : checksum(read_file(initial_model))}});
+    return common;
 }
 
 AppResult run_as_rank(Ranks& ranks, const std::string& program, const RankedRun& run) {
@@ -89,6 +96,17 @@ AppResult run_as_rank(Ranks& ranks, const std::string& program, const RankedRun&
         static_cast<void>(::write(STDERR_FILENO, line.data(), line.size()) == 0);
         end_all_ranks();
     }
+}
+
+AppResult run_on_ranks(const std::string& program,
+                       const std::function<RankedRun(Ranks& ranks)>& parts) {
+    if (const std::unique_ptr<Ranks> ranks = started_ranks())
+        return run_as_rank(*ranks, program, parts(*ranks));
+    OneRank alone;
+    const RankedRun run = parts(alone);
+    run.claim();
+    run.prepare();
+    return run.lead();
 }
 
 }  // namespace stymo

@@ -1,4 +1,4 @@
-#include "apps/train/mpi_ranks.h"
+#include "apps/common/mpi_ranks.h"
 
 #include <algorithm>
 #include <chrono>

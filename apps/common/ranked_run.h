@@ -17,7 +17,9 @@ namespace stymo {
 /// Values that must be the same on all ranks: pairs of a name for messages and the compared text.
 using CommonState = std::vector<std::pair<std::string, std::string>>;
 
-/// Program, configuration, photos (names and sizes of the files), position of the run, and the
+/// Program and precision of products.
+[[nodiscard]] CommonState program_state();
+/// Those, configuration, photos (names and sizes of the files), position of the run, and the
 /// initial model, unless that path is empty.
 [[nodiscard]] CommonState common_state(const TrainConfig& config, const Dataset& training,
                                        const TrainingState& state,
@@ -36,5 +38,8 @@ struct RankedRun {
 /// ranks differ in their CommonState, the first problem is thrown on every rank. A later error is
 /// printed by the rank on which it occurs, and ends all ranks at once.
 AppResult run_as_rank(Ranks& ranks, const std::string& program, const RankedRun& run);
+/// Runs the parts as one of the ranks that mpirun has started, or alone.
+AppResult run_on_ranks(const std::string& program,
+                       const std::function<RankedRun(Ranks& ranks)>& parts);
 
 }  // namespace stymo

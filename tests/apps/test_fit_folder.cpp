@@ -1,0 +1,136 @@
+// stymo-fit on a folder of photos, played by rendered heads, alone and under mpirun.
+#include <unistd.h>
+
+#include <catch2/catch.hpp>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "apps/common/child_process.h"
+#include "apps/common/mpi_ranks.h"
+#include "apps/tiny_run.h"
+#include "apps/tool_run.h"
+#include "core/io/file.h"
+#include "fit/photo/face_detector.h"
+
+namespace fit_folder_tests {
+
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using stymo::run_tool;
+using stymo::tiny_run;
+using stymo::ToolOutcome;
+
+constexpr int head_count = 3;
+const std::string model = " --model run/model.safetensors --steps 2 --depth-weight 0 ";
+
+/// Rendered heads that are large enough to be found, and a file that is no image.
+bool can_run() {
+    if (!stymo::FaceDetector::available()) {
+        std::cout << "skipped: built without dlib\n";
+        return false;
+    }
+    if (fs::exists(tiny_run() / "portraits")) return true;
+    REQUIRE(run_tool(tiny_run(), "stymo-synth --out heads --count 3 --size 256").exit_code == 0);
+    fs::rename(tiny_run() / "heads/images", tiny_run() / "portraits");
+    stymo::write_file(tiny_run() / "portraits/broken.png", "no image\n");
+    return true;
+}
+
+ToolOutcome fit(const std::string& more) {
+    return run_tool(tiny_run(), "stymo-fit --images portraits" + model + more);
+}
+
+std::string bytes(const std::string& file) {
+    return stymo::read_file(tiny_run() / file);
+}
+
+const std::vector<std::string> environment{
+    "OMPI_ALLOW_RUN_AS_ROOT=1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1", "ASAN_OPTIONS=detect_leaks=0"};
+
+}  // namespace
+
+TEST_CASE("A folder of photos is fitted photo by photo, and a stopped run goes on") {
+    if (!can_run()) return;
+    const ToolOutcome whole = fit("--out folder_fit --json");
+    INFO(whole.err);
+    REQUIRE(whole.exit_code == 0);
+    const json report = json::parse(whole.out);
+    CHECK(report["found"] == head_count + 1);
+    CHECK(report["fitted"] == head_count);
+    CHECK(report["failed"][0]["file"] == "broken.png");
+    CHECK(report["photos_a_minute"].get<double>() > 0.0);
+    const std::string lines = bytes("folder_fit/faces.jsonl");
+    CHECK(stymo::line_count(lines) == head_count + 1);
+    const json first = json::parse(lines.substr(0, lines.find('\n')));
+    CHECK(first["file"] == "00000.png");
+    CHECK(first["code"] == json::parse(bytes("folder_fit/codes/00000.json"))["code"]);
+    CHECK(fs::exists(tiny_run() / "folder_fit/fits/00000.jpg"));
+
+    // What a rank leaves that dies in the middle of a line.
+    fs::create_directory(tiny_run() / "torn");
+    fs::copy(tiny_run() / "folder_fit/settings.json", tiny_run() / "torn/settings.json");
+    const std::size_t end = lines.find('\n', lines.find('\n') + 1) + 1;
+    stymo::write_file(tiny_run() / "torn/faces.1.jsonl", lines.substr(0, end + 20));
+    const ToolOutcome again = fit("--out torn");
+    CHECK(again.exit_code == 0);
+    CHECK_THAT(again.out, Catch::Contains("3 of 4 photos fitted"));
+    CHECK(bytes("torn/faces.jsonl") == lines);
+    CHECK_FALSE(fs::exists(tiny_run() / "torn/faces.1.jsonl"));
+    CHECK_FALSE(fs::exists(tiny_run() / "torn/codes/00000.json"));  // it was not fitted again
+
+    CHECK_THAT(fit("--out folder_fit --tolerance 0.5").err,
+               Catch::Contains("was begun with other settings (--tolerance was 0.001, now 0.5)"));
+}
+
+TEST_CASE("Folders that cannot be fitted are refused, and nothing is written") {
+    if (!can_run()) return;
+    const auto refused = [](const std::string& command, const std::string& words) {
+        const ToolOutcome outcome = run_tool(tiny_run(), command);
+        CHECK(outcome.exit_code != 0);
+        CHECK_THAT(outcome.err, Catch::Contains(words));
+        CHECK_FALSE(fs::exists(tiny_run() / "refused"));
+    };
+    refused("stymo-fit --images empty --out refused" + model, "empty: no images");
+    refused("stymo-fit --images portraits --as-is --out refused" + model, "leave out --image");
+    refused("stymo-fit --images portraits --out faces" + model, "faces: exists already");
+    fs::create_directory(tiny_run() / "no_faces");
+    fs::copy(tiny_run() / "portraits/broken.png", tiny_run() / "no_faces/broken.png");
+    refused("stymo-fit --images no_faces --out refused" + model,
+            "none of its 1 photos can be used; the first: broken.png: not an image");
+}
+
+TEST_CASE("Two ranks fit a folder to the same bits, and one that is killed loses no photo") {
+    if (!can_run() || !stymo::has_mpi() ||
+        stymo::run_child({"mpirun", "-n", "1", "true"}, environment).exit_code != 0)
+        return;
+    const auto line = [](const std::string& out) {
+        const std::string folder = tiny_run().string() + "/";
+        return stymo::words(
+            "mpirun --oversubscribe -n 2 " STYMO_BINARY_DIR "/bin/stymo-fit --threads 1 --images " +
+            folder + "portraits --model " + folder +
+            "run/model.safetensors --steps 2 --depth-weight 0 --out " + folder + out);
+    };
+    REQUIRE(fit("--out alone").exit_code == 0);
+    REQUIRE(stymo::run_child(line("ranks"), environment).exit_code == 0);
+    CHECK(bytes("ranks/faces.jsonl") == bytes("alone/faces.jsonl"));
+    CHECK_FALSE(fs::exists(tiny_run() / "ranks/faces.1.jsonl"));
+
+    // The first rank that finishes a photo is killed, and with it the others.
+    std::vector<std::string> words = line("killed");
+    const std::string watched = tiny_run() / "killed";
+    words.insert(words.begin(), {"sh", "-c",
+                                 "\"$@\" & while ! ls " + watched +
+                                     "/faces*.jsonl >/dev/null 2>&1; do sleep 0.05; kill -0 $! || "
+                                     "break; done; pkill -KILL -P $! ; wait",
+                                 "sh"});
+    static_cast<void>(stymo::run_child(words, environment));
+    REQUIRE(stymo::run_child(line("killed"), environment).exit_code == 0);
+    CHECK(bytes("killed/faces.jsonl") == bytes("alone/faces.jsonl"));
+}
+
+}  // namespace fit_folder_tests
