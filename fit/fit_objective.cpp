@@ -51,6 +51,14 @@ Variable mask_term(const FitComparison& seen, TermValues&) {
                                : Variable();
 }
 
+Variable time_term(const FitComparison& seen, TermValues&) {
+    Variable all = seen.expressions;
+    if (!all.defined()) return {};
+    if (seen.expression_before.defined()) all = concat({Variable(seen.expression_before), all}, 0);
+    const std::int64_t rows = all.shape(0);
+    return sum(square(slice(all, 0, 1, rows) - slice(all, 0, 0, rows - 1)));
+}
+
 template <double FitWeights::*member>
 double weight_of(const FitWeights& weights) {
     return weights.*member;
@@ -88,6 +96,7 @@ std::span<const FitTerm> fit_terms() {
         {.name = "locality", .weight = weight_of<&FitWeights::locality>, .value = locality_term},
         {.name = "depth", .weight = weight_of<&FitWeights::depth>, .value = depth_term},
         {.name = "mask", .weight = weight_of<&FitWeights::mask>, .value = mask_term},
+        {.name = "time", .weight = weight_of<&FitWeights::time>, .value = time_term},
     };
     return terms;
 }

@@ -21,6 +21,8 @@ struct FitWeights {
     double locality = 0.0;
     double depth = 0.0;  ///< of the mean difference of depths, per distance of the eyes
     double mask = 0.0;   ///< of the mask branch's cross-entropy
+    /// Of the squared change of the expression from row to row, for frames of a film.
+    double time = 0.0;
 };
 
 /// Rendered images of one or more faces, and everything that a term may compare them with. A member
@@ -30,6 +32,8 @@ struct FitComparison {
     const ReconstructionLoss* reconstruction = nullptr;
     const ReconstructionLoss::Target* photos = nullptr;  ///< of the same faces
     const Codes* offsets = nullptr;                      ///< of the codes, which are optimised
+    Variable expressions{};                              ///< (B, 79), of consecutive frames
+    Tensor expression_before{};  ///< (1, 79), of the frame before them; undefined: there is none
     std::span<const Tensor> kept_images{};   ///< what the images must stay, ascending by side
     std::span<const double> kept_weights{};  ///< one for each of `kept_images`
     Tensor mask{};                           ///< (B, S, S, 1), the head in the photos

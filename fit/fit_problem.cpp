@@ -66,6 +66,7 @@ FitProblem::FitProblem(const Model& model, const ReconstructionLoss& loss, const
     if (weights_.regularizer < 0.0)
         weights_.regularizer = model.config().reconstruction.fit_regularizer;
     for (std::size_t group = 0; group < code_names.size(); ++group) {
+        if (!options.fitted_groups[group]) continue;
         const Variable& values = initial_.groups[group];
         const std::int64_t rows = options.one_person && is_of_person(group) ? 1 : initial_.batch();
         offsets_.create(std::string("offset.") + code_names[group],
@@ -80,8 +81,13 @@ FitProblem::FitProblem(const Model& model, const ReconstructionLoss& loss, const
 
 Codes FitProblem::code_offsets() const {
     Codes result;
-    for (std::size_t group = 0; group < code_names.size(); ++group)
-        result.groups[group] = offsets()[group].variable();
+    std::size_t next = 0;
+    for (std::size_t group = 0; group < code_names.size(); ++group) {
+        const Variable& values = initial_.groups[group];
+        result.groups[group] = options_.fitted_groups[group]
+                                   ? offsets()[next++].variable()
+                                   : Variable(Tensor::zeros(values.shape(), values.dtype()));
+    }
     return result;
 }
 
@@ -131,12 +137,15 @@ std::vector<std::optional<FaceSurface>> FitProblem::aligned_surfaces(const Varia
 
 FitLoss FitProblem::loss_here() {
     if (!orbits().empty()) decode_.orbits = orbits().front().variable();
-    const Decoded decoded = model_.decoder()(codes(), cameras(), decode_);
+    const Codes codes_now = codes();
+    const Decoded decoded = model_.decoder()(codes_now, cameras(), decode_);
     const Codes offsets_now = code_offsets();
     FitComparison seen{.decoded = decoded,
                        .reconstruction = &loss_,
                        .photos = &photos_,
                        .offsets = &offsets_now,
+                       .expressions = codes_now.expression(),
+                       .expression_before = options_.expression_before,
                        .heads = &heads_};
     std::vector<std::optional<FaceSurface>> surfaces;
     if (!heads_.empty()) {

@@ -29,7 +29,7 @@ public:
     /// whatever the last evaluation left out.
     [[nodiscard]] double complete_loss();
 
-    /// The offsets of the four groups, zero at first.
+    /// The offsets of the fitted groups, zero at first.
     [[nodiscard]] const std::vector<Parameter>& offsets() const { return offsets_.all(); }
     /// The poses as orbit parameters (render/tracked_rays.h); empty if they are fixed.
     [[nodiscard]] const std::vector<Parameter>& orbits() const { return orbits_.all(); }

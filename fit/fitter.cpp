@@ -35,8 +35,8 @@ void fit_by_adam(FitProblem& problem, const FitOptions& options, double learning
         result.losses.push_back(evaluation.loss);
         result.terms = std::move(evaluation.terms);
         const std::span gradients(evaluation.gradients);
-        adam.step(problem.offsets(), gradients.first(code_names.size()), learning_rate);
-        adam.step(problem.orbits(), gradients.subspan(code_names.size()),
+        adam.step(problem.offsets(), gradients.first(problem.offsets().size()), learning_rate);
+        adam.step(problem.orbits(), gradients.subspan(problem.offsets().size()),
                   learning_rate * options.pose_learning_rate_factor);
         learning_rate *= options.decay;
         report_step(problem, options, result);
@@ -131,12 +131,13 @@ FitResult fit_codes(const Model& model, const ReconstructionLoss& loss, const Fa
     const double learning_rate = options.learning_rate > 0.0
                                      ? options.learning_rate
                                      : model.config().reconstruction.fit_learning_rate;
-    if (options.steps > 0) result.initial_loss = problem.complete_loss();
+    const bool ends = options.end_losses && options.steps > 0;
+    if (ends) result.initial_loss = problem.complete_loss();
     switch (options.optimizer) {
         case FitOptimizer::adam: fit_by_adam(problem, options, learning_rate, result); break;
         case FitOptimizer::lbfgs: fit_by_lbfgs(problem, options, learning_rate, result); break;
     }
-    if (options.steps > 0) result.final_loss = problem.complete_loss();
+    if (ends) result.final_loss = problem.complete_loss();
     result.cameras = problem.cameras();
     result.fitted = detached(problem.codes());
     return result;

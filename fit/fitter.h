@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <functional>
 #include <optional>
 #include <vector>
@@ -48,6 +49,11 @@ struct FitOptions {
     /// The rows are photos of one person: identity and texture start at the mean over the rows and
     /// share one offset.
     bool one_person = false;
+    /// The groups of codes, in the order of `code_names`, that are optimised; others stay
+    /// `initial`.
+    std::array<bool, 4> fitted_groups{true, true, true, true};
+    /// Of the frame before the first row, (1, 79), for FitWeights::time; undefined: there is none.
+    Tensor expression_before{};
     /// Also optimises the poses, as orbit parameters (render/tracked_rays.h), with
     /// `pose_learning_rate_factor` times the learning rate.
     bool refine_pose = false;
@@ -56,6 +62,8 @@ struct FitOptions {
     /// Where a face has such a code, the depth of its fit is drawn to this head's, up to a shift.
     const MorphableHead* head = nullptr;
     std::function<void(const FitStep&)> on_step = {};
+    /// Also computes the losses of FitResult at both ends, each as dear as some steps.
+    bool end_losses = true;
 };
 
 struct FitResult {
@@ -69,7 +77,7 @@ struct FitResult {
     std::vector<Camera> cameras{};  ///< the target's, or the optimised ones
     TermValues terms{};             ///< of the last evaluation
     /// The loss with all samples and all images before the first step and after the last one, which
-    /// `losses` may miss; 0 for a fit without steps.
+    /// `losses` may miss; 0 for a fit without steps, and without FitOptions::end_losses.
     double initial_loss = 0.0, final_loss = 0.0;
 };
 

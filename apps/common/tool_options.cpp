@@ -9,6 +9,7 @@
 
 #include "apps/common/command_line.h"
 #include "core/error.h"
+#include "core/io/checksum.h"
 #include "core/io/file.h"
 #include "nn/models/weight_changes.h"
 
@@ -80,6 +81,20 @@ Model load_model(const ModelOptions& options, ModelParts parts) {
         fail<FileError>(options.tuned.string(), ": ", error.what());
     }
     return model;
+}
+
+std::string model_mark(const ModelOptions& options) {
+    std::ostringstream text;
+    text << std::hex << crc32c(read_file(model_file(options)));
+    return text.str();
+}
+
+CodeFile read_own_codes(const std::filesystem::path& file, const ModelOptions& options) {
+    CodeFile codes = read_code_file(file);
+    if (!codes.model.empty() && codes.model != model_mark(options))
+        fail<FileError>(file.string(),
+                        ": holds codes of another model; name that one with --model");
+    return codes;
 }
 
 void declare_preparation_files(Command& command, PhotoPreparationSettings& settings) {

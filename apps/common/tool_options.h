@@ -43,6 +43,12 @@ void declare_tuned(Command& command, ModelOptions& options);
 /// throw.
 [[nodiscard]] Model load_model(const ModelOptions& options, ModelParts parts = ModelParts::all);
 
+/// What the codes of that model are marked with: a checksum of its file.
+[[nodiscard]] std::string model_mark(const ModelOptions& options);
+/// Reads a code file. Throws FileError, too, if it is marked with another model.
+[[nodiscard]] CodeFile read_own_codes(const std::filesystem::path& file,
+                                      const ModelOptions& options);
+
 /// Declares --mask-net, --morphable, --landmarks and --pose-net, the files for the preparation of
 /// photos, and --max-pixels.
 void declare_preparation_files(Command& command, PhotoPreparationSettings& settings);

@@ -3,6 +3,7 @@
 /// The tools. Each is the main function of an executable (stymo-bench and so on). Tests call them
 /// too.
 int stymo_bench(int argc, char** argv);
+int stymo_drive(int argc, char** argv);
 int stymo_edit(int argc, char** argv);
 int stymo_eval(int argc, char** argv);
 int stymo_fit(int argc, char** argv);

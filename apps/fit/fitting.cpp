@@ -24,6 +24,7 @@ const Lpips* metric_network(const LpipsOptions& options, const ReconstructionCon
 Fitting::Fitting(const ModelOptions& model_options, const LpipsOptions& lpips_options,
                  FitJobOptions options)
     : shipped_model(model_options.file.empty()),
+      mark(model_mark(model_options)),
       model(load_model(model_options)),
       config(fitting_config(lpips_options, model.config().reconstruction)),
       loss(config, "--perceptual-weight 0", model.has_encoder() ? &model.encoder() : nullptr),

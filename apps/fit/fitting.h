@@ -19,6 +19,7 @@ struct Fitting {
     [[nodiscard]] std::string doubt_of(const FitReport& report) const;
 
     bool shipped_model;
+    std::string mark;  ///< model_mark
     Model model;
     ReconstructionConfig config;
     ReconstructionLoss loss;

@@ -34,8 +34,9 @@ fs::path file_in(const fs::path& folder, const std::string& id, const char* exte
 
 /// The line of a fitted photo. It holds no times, so that it is the same in every run.
 JsonValue line_of(const FittedFaces& done, const FitReport& report,
-                  const std::vector<std::string>& warnings) {
-    JsonValue line = code_file_json(done.fit.fitted, 0, pose_from_camera(done.fit.cameras.front()));
+                  const std::vector<std::string>& warnings, const std::string& mark) {
+    JsonValue line =
+        code_file_json(done.fit.fitted, 0, pose_from_camera(done.fit.cameras.front()), mark);
     line.add("steps", done.fit.losses.size());
     line.add("initial", to_json(report.initial_metrics));
     line.add("fitted", to_json(report.fitted_metrics));
@@ -90,7 +91,7 @@ bool FolderFit::fit_photo(const FaceFiles& files) {
         std::ranges::copy(done->warnings, std::back_inserter(photo.warnings));
         if (const std::string doubt = fitting_.doubt_of(*report); !doubt.empty())
             photo.warnings.push_back(doubt);
-        line = line_of(*done, *report, photo.warnings);
+        line = line_of(*done, *report, photo.warnings, fitting_.mark);
     } catch (const Error& error) {
         std::string reason = error.what();
         if (reason.starts_with(name + ": ")) reason.erase(0, name.size() + 2);
@@ -101,7 +102,7 @@ bool FolderFit::fit_photo(const FaceFiles& files) {
     const std::lock_guard lock(mutex_);
     if (report) {
         write_code_file(file_in(out_ / "codes", files.id, ".json"), done->fit.fitted, 0,
-                        pose_from_camera(done->fit.cameras.front()));
+                        pose_from_camera(done->fit.cameras.front()), fitting_.mark);
         write_image(file_in(out_ / "fits", files.id, ".jpg"), comparison_sheet(*report));
         if (done->changes) done->changes->save(file_in(out_ / "tuned", files.id, ".safetensors"));
     }

@@ -14,8 +14,10 @@
 #include "apps/common/ranked_run.h"
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
+#include "apps/common/video_options.h"
 #include "apps/fit/fitting.h"
 #include "apps/fit/folder_fit.h"
+#include "apps/fit/video_output.h"
 #include "core/interrupt.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
@@ -28,6 +30,8 @@ namespace {
 struct Options {
     stymo::ModelOptions model;
     std::filesystem::path images;
+    std::filesystem::path video;
+    stymo::VideoFitOptions frames;
     std::filesystem::path out;
     stymo::FaceSource face;
     stymo::LpipsOptions lpips;
@@ -58,7 +62,9 @@ std::string summary(const stymo::FitReport& report, double seconds) {
 /// The output folder of each photo.
 class Output {
 public:
-    explicit Output(std::filesystem::path folder) : folder_(std::move(folder)) {}
+    /// `mark` is that of the model.
+    Output(std::filesystem::path folder, std::string mark)
+        : folder_(std::move(folder)), mark_(std::move(mark)) {}
 
     /// Names the folders of the photos and makes them. Several photos get a folder each.
     void begin(const std::vector<stymo::Face>& faces) {
@@ -79,7 +85,7 @@ public:
         for (std::size_t i = 0; i < folders_.size(); ++i)
             stymo::write_code_file(of(i) / "codes.json", result.fitted,
                                    static_cast<std::int64_t>(i),
-                                   stymo::pose_from_camera(result.cameras[i]));
+                                   stymo::pose_from_camera(result.cameras[i]), mark_);
     }
     void write_report(std::size_t photo, const stymo::FitReport& report,
                       const stymo::JsonValue& json) const {
@@ -91,6 +97,7 @@ public:
 
 private:
     std::filesystem::path folder_;
+    std::string mark_;
     std::vector<std::filesystem::path> folders_;
 };
 
@@ -230,11 +237,18 @@ stymo::AppResult fit_folder(const Options& options, const stymo::CommandLine& li
 
 stymo::AppResult fit(const Options& options, const stymo::CommandLine& line) {
     if (!options.images.empty()) return fit_folder(options, line);
+    if (!options.video.empty()) {
+        // The perceptual term takes longer than it gains in a film.
+        stymo::LpipsOptions lpips = options.lpips;
+        lpips.perceptual_weight = lpips.perceptual_weight.value_or(0.0);
+        const stymo::Fitting fitting(options.model, lpips, job_options(options));
+        return stymo::fit_video(fitting, options.video, options.out, options.frames);
+    }
     stymo::require_photo(options.face);
     stymo::Explainer explainer(options.explain);
     const stymo::Fitting fitting(options.model, options.lpips, job_options(options));
     const stymo::FitJob& job = fitting.job;
-    Output output(options.out);
+    Output output(options.out, fitting.mark);
     const Faces photos = faces_of(options, job, output);
 
     const stymo::InterruptGuard guard;
@@ -263,6 +277,10 @@ int stymo_fit(int argc, char** argv) {
                 "faces.jsonl. The same command continues an interrupted run; mpirun divides the "
                 "folder")
         .excludes("--image");
+    line.option("--video", options.video,
+                "film of one person; writes the codes of each frame to codes.jsonl")
+        .excludes("--image")
+        .excludes("--images");
     line.option("--mask", options.face.mask,
                 "head mask of a photo that is aligned like FFHQ; without --pose the face is "
                 "assumed to be frontal");
@@ -292,6 +310,7 @@ int stymo_fit(int argc, char** argv) {
         .keeps_results();
     stymo::declare_preparation_files(line, options.fit.job.preparation);
     stymo::declare_fit(line, options.fit);
+    stymo::declare_video(line, options.frames);
     stymo::declare_perceptual_weight(line, options.lpips);
     stymo::declare_lpips_files(line, options.lpips);
     stymo::declare_explain(line, options.explain);

@@ -2,16 +2,12 @@
 #include <webp/mux.h>
 
 #include <cmath>
-#include <cstdint>
 #include <memory>
-#include <opencv2/core.hpp>
-#include <opencv2/imgproc.hpp>
-#include <opencv2/videoio.hpp>
 #include <string>
-#include <string_view>
 
 #include "core/error.h"
 #include "core/io/file.h"
+#include "core/io/film.h"
 #include "core/io/image.h"
 #include "core/io/image_bytes.h"
 
@@ -85,51 +81,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::uint64_t big_endian(std::string_view bytes) {
-    std::uint64_t value = 0;
-    for (const char byte : bytes) value = value << 8 | static_cast<unsigned char>(byte);
-    return value;
-}
-
-/// Whether an MP4 file consists of whole boxes, one of which is the index of the film. The encoder
-/// does not say when the disk refuses a part of the file.
-bool is_whole_mp4(std::string_view bytes) {
-    constexpr std::size_t header = 8;
-    bool has_index = false;
-    while (bytes.size() >= header) {
-        std::uint64_t size = big_endian(bytes.substr(0, 4));
-        if (size == 1 && bytes.size() >= 2 * header) size = big_endian(bytes.substr(header, 8));
-        if (size < header || size > bytes.size()) return false;
-        has_index = has_index || bytes.substr(4, 4) == "moov";
-        bytes.remove_prefix(size);
-    }
-    return has_index && bytes.empty();
-}
-
 void encode_mp4(const fs::path& path, const fs::path& temporary, const std::vector<Tensor>& frames,
                 double frames_per_second) {
-    const int height = static_cast<int>(frames[0].shape(0));
-    const int width = static_cast<int>(frames[0].shape(1));
-    // H.264 halves the resolution of colour, so images must have even sides.
-    const cv::Size size(width + width % 2, height + height % 2);
-    cv::VideoWriter writer(temporary.string(), cv::CAP_FFMPEG,
-                           cv::VideoWriter::fourcc('a', 'v', 'c', '1'), frames_per_second, size);
-    if (!writer.isOpened()) {
-        fail<FileError>(path.string(),
-                        ": cannot be written (no H.264 encoder for this size and rate)");
-    }
-    for (const Tensor& frame : frames) {
-        std::vector<std::uint8_t> bytes = image_bytes(frame);
-        cv::Mat image;
-        cv::cvtColor(cv::Mat(height, width, CV_8UC3, bytes.data()), image, cv::COLOR_RGB2BGR);
-        cv::copyMakeBorder(image, image, 0, size.height - height, 0, size.width - width,
-                           cv::BORDER_REPLICATE);
-        writer.write(image);
-    }
-    writer.release();
-    if (!is_whole_mp4(read_file(temporary)))
-        fail<FileError>(path.string(),
-                        ": cannot be written (the film is not whole; is the disk full?)");
+    FilmWriter writer(path, temporary, frames[0].shape(0), frames[0].shape(1), frames_per_second);
+    for (const Tensor& frame : frames) writer.add(frame);
+    writer.finish();
 }
 
 }  // namespace

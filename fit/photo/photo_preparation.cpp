@@ -109,17 +109,18 @@ bool leaves_frame(const Tensor& mask) {
 /// succeed.
 std::vector<std::optional<MorphableFit>> fits_of(const MorphableHead& head,
                                                  const std::vector<MorphableFitTarget>& targets,
-                                                 const Intrinsics& intrinsics) {
+                                                 const Intrinsics& intrinsics,
+                                                 const MorphableFitOptions& options) {
     std::vector<std::optional<MorphableFit>> fits;
     try {
-        for (MorphableFit& fit : fit_morphable(head, targets, intrinsics))
+        for (MorphableFit& fit : fit_morphable(head, targets, intrinsics, options))
             fits.emplace_back(std::move(fit));
         return fits;
     } catch (const Error&) {
         if (targets.size() == 1) return {std::nullopt};
     }
     for (const MorphableFitTarget& target : targets)
-        fits.push_back(fits_of(head, {target}, intrinsics).front());
+        fits.push_back(fits_of(head, {target}, intrinsics, options).front());
     return fits;
 }
 
@@ -351,13 +352,14 @@ std::vector<FaceCrop> PhotoPreparation::crops(const Tensor& photo,
     return crops;
 }
 
-std::vector<PreparedFace> PhotoPreparation::finish(std::vector<FaceCrop> crops) const {
+std::vector<PreparedFace> PhotoPreparation::finish(std::vector<FaceCrop> crops,
+                                                   const MorphableFitOptions& options) const {
     if (crops.empty()) return {};
     Implementation& tools = *implementation_;
     std::vector<MorphableFitTarget> targets;
     for (FaceCrop& crop : crops) targets.push_back(std::move(crop.fit_target));
     std::vector<std::optional<MorphableFit>> fits =
-        fits_of(tools.head, targets, tools.settings.intrinsics);
+        fits_of(tools.head, targets, tools.settings.intrinsics, options);
     std::vector<PreparedFace> faces;
     for (std::size_t i = 0; i < crops.size(); ++i)
         faces.push_back(tools.joined(std::move(crops[i]), std::move(fits[i])));

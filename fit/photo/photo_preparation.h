@@ -110,7 +110,9 @@ public:
     /// Thread-safe.
     [[nodiscard]] FaceCrop frame_crop(const Tensor& frame, const Landmarks& landmarks) const;
     /// Poses and codes of several crops at once, on all threads. Thread-safe.
-    [[nodiscard]] std::vector<PreparedFace> finish(std::vector<FaceCrop> crops) const;
+    /// `options`: those of the morphable fits.
+    [[nodiscard]] std::vector<PreparedFace> finish(std::vector<FaceCrop> crops,
+                                                   const MorphableFitOptions& options = {}) const;
 
 private:
     struct Implementation;

@@ -86,14 +86,19 @@ CodeFile parse_code_file(const std::string& text, const std::string& source) {
                          .to(DType::float32));
     }
     result.pose = pose_of(json, source);
+    if (const auto model = json.find("model"); model != json.end() && model->is_string())
+        result.model = model->get<std::string>();
     return result;
 }
 
-JsonValue code_file_json(const Codes& codes, std::int64_t index, const Pose& pose) {
+JsonValue code_file_json(const Codes& codes, std::int64_t index, const Pose& pose,
+                         const std::string& model) {
     JsonValue code = JsonValue::object();
     for (std::size_t group = 0; group < code_names.size(); ++group)
         code.add(code_names[group], row(codes.groups[group].value(), index));
-    return JsonValue::object({{"code", code}, {"pose", to_json(pose)}});
+    JsonValue json = JsonValue::object({{"code", code}, {"pose", to_json(pose)}});
+    if (!model.empty()) json.add("model", model);
+    return json;
 }
 
 std::string code_file_text(const Codes& codes, std::int64_t index, const Pose& pose) {
@@ -101,8 +106,8 @@ std::string code_file_text(const Codes& codes, std::int64_t index, const Pose& p
 }
 
 void write_code_file(const std::filesystem::path& path, const Codes& codes, std::int64_t index,
-                     const Pose& pose) {
-    write_file(path, code_file_text(codes, index, pose));
+                     const Pose& pose, const std::string& model) {
+    write_file(path, code_file_json(codes, index, pose, model).text() + "\n");
 }
 
 }  // namespace stymo

@@ -14,6 +14,7 @@ namespace stymo {
 struct CodeFile {
     Codes codes;  ///< one row, in Z
     Pose pose;
+    std::string model{};  ///< mark of the model that has the codes ("model"); empty: not known
 };
 
 /// Throws FileError, which names the file and the key, if a key is missing, has another length or
@@ -25,11 +26,12 @@ struct CodeFile {
 /// FileError.
 [[nodiscard]] Pose read_pose(const std::filesystem::path& path);
 /// The object of a code file for row `index` of the codes.
-[[nodiscard]] JsonValue code_file_json(const Codes& codes, std::int64_t index, const Pose& pose);
+[[nodiscard]] JsonValue code_file_json(const Codes& codes, std::int64_t index, const Pose& pose,
+                                       const std::string& model = {});
 /// The text of a code file for row `index` of the codes.
 [[nodiscard]] std::string code_file_text(const Codes& codes, std::int64_t index, const Pose& pose);
 /// Writes a code file for row `index` of the codes, completely or not at all.
 void write_code_file(const std::filesystem::path& path, const Codes& codes, std::int64_t index,
-                     const Pose& pose);
+                     const Pose& pose, const std::string& model = {});
 
 }  // namespace stymo

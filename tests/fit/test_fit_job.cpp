@@ -166,3 +166,16 @@ TEST_CASE("With poses of a network the depth is not drawn to a head of another p
     options.preparation.pose_network = "pose.onnx";
     CHECK(FitJob(given.model, given.loss, options).head() == nullptr);
 }
+
+TEST_CASE("Groups of codes that are not fitted keep their bits", "[fit_job]") {
+    const Case given;
+    FitOptions options = given.job(3, 0).options().fit;
+    options.fitted_groups = {false, true, false, false};
+    for (const FitOptimizer optimizer : {FitOptimizer::adam, FitOptimizer::lbfgs}) {
+        options.optimizer = optimizer;
+        const FitResult fit = given.job(3, 0).fit_frames(given.photo(), options);
+        for (std::size_t group = 0; group < code_names.size(); ++group)
+            CHECK((fit.fitted.groups[group].value().to_vector() ==
+                   options.initial->groups[group].value().to_vector()) == (group != 1));
+    }
+}

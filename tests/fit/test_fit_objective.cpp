@@ -26,6 +26,7 @@ struct Case {
     std::vector<Tensor> grey{affine(decoded.images.back(), 0.0, 0.25).value()};
     ReconstructionLoss::Target photos = loss.kept_target(grey);
     std::vector<double> kept_weights{0.5};
+    Variable frames = random_codes(2, 5).expression();
     Tensor mask = Tensor::full(decoded.mask_logit.shape(), 1.0);
 
     /// What the term of this name compares.
@@ -39,6 +40,9 @@ struct Case {
         } else if (name == "locality") {
             seen.kept_images = grey;
             seen.kept_weights = kept_weights;
+        } else if (name == "time") {
+            seen.expressions = frames;
+            seen.expression_before = codes.expression().value();
         } else if (name == "mask") {
             seen.mask = mask;
         }
@@ -51,13 +55,19 @@ struct Case {
         if (name == "photometric") return photos.weights.front() * difference();
         if (name == "regularizer") return squared_length(codes).value().item();
         if (name == "locality") return kept_weights.front() * difference();
+        if (name == "time") {
+            const Variable first = slice(frames, 0, 0, 1), second = slice(frames, 0, 1, 2);
+            return (sum(square(first - codes.expression())) + sum(square(second - first)))
+                .value()
+                .item();
+        }
         return mask_loss(decoded.mask_logit, mask).value().item();
     }
 };
 
 /// Terms with a row in this file or, for those that need a fitted head or a network's weights, in
 /// the named test.
-const std::set<std::string> rows{"photometric", "regularizer", "locality", "mask"};
+const std::set<std::string> rows{"photometric", "regularizer", "locality", "mask", "time"};
 const std::set<std::string> tested_elsewhere{
     "depth",       // test_head_depth.cpp
     "perceptual",  // test_fitter.cpp
@@ -78,7 +88,8 @@ TEST_CASE("Every term of the objective has a test", "[fit_objective]") {
 
 TEST_CASE("A term has its closed form, its name and its weight", "[fit_objective]") {
     const Case given;
-    const FitWeights weights{.regularizer = 0.5, .locality = 3.0, .depth = 1.0, .mask = 0.25};
+    const FitWeights weights{
+        .regularizer = 0.5, .locality = 3.0, .depth = 1.0, .mask = 0.25, .time = 1.0};
     for (const std::string& name : rows) {
         INFO(name);
         const WorkMeter meter;

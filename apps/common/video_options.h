@@ -1,0 +1,16 @@
+#pragma once
+
+#include <string>
+
+#include "apps/common/command_line.h"
+#include "fit/video/video_fit.h"
+
+namespace stymo {
+
+/// Declares the options of fits to films.
+void declare_video(Command& command, VideoFitOptions& options);
+/// A few lines for people.
+[[nodiscard]] std::string text_of(const VideoSummary& summary);
+[[nodiscard]] JsonValue to_json(const VideoSummary& summary);
+
+}  // namespace stymo

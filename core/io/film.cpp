@@ -1,0 +1,144 @@
+#include "core/io/film.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/error.h"
+#include "core/io/file.h"
+#include "core/io/image_bytes.h"
+
+namespace stymo {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::uint64_t big_endian(std::string_view bytes) {
+    std::uint64_t value = 0;
+    for (const char byte : bytes) value = value << 8 | static_cast<unsigned char>(byte);
+    return value;
+}
+
+/// Whether an MP4 file consists of whole boxes, one of which is the index of the film. The encoder
+/// does not say when the disk refuses a part of the file.
+bool is_whole_mp4(std::string_view bytes) {
+    constexpr std::size_t header = 8;
+    bool has_index = false;
+    while (bytes.size() >= header) {
+        std::uint64_t size = big_endian(bytes.substr(0, 4));
+        if (size == 1 && bytes.size() >= 2 * header) size = big_endian(bytes.substr(header, 8));
+        if (size < header || size > bytes.size()) return false;
+        has_index = has_index || bytes.substr(4, 4) == "moov";
+        bytes.remove_prefix(size);
+    }
+    return has_index && bytes.empty();
+}
+
+Tensor tensor_of(const cv::Mat& bgr, int most_side) {
+    cv::Mat image = bgr;
+    const double scale = static_cast<double>(most_side) / std::max(bgr.rows, bgr.cols);
+    if (scale < 1.0) cv::resize(bgr, image, {}, scale, scale, cv::INTER_AREA);
+    Tensor tensor({image.rows, image.cols, 3});
+    cv::cvtColor(image, image, cv::COLOR_BGR2RGB);
+    image.convertTo(
+        cv::Mat(image.rows, image.cols, CV_32FC3, tensor.mutable_values<float>().data()), CV_32F,
+        1.0 / 255.0);
+    return tensor;
+}
+
+}  // namespace
+
+struct FilmReader::State {
+    fs::path path;
+    int most_side;
+    cv::VideoCapture film;
+    std::int64_t read = 0;
+
+    bool grab() {
+        if (film.grab()) {
+            ++read;
+            return true;
+        }
+        // Stated numbers are often off by a few frames.
+        const double stated = film.get(cv::CAP_PROP_FRAME_COUNT);
+        if (static_cast<double>(read) < 0.9 * stated - 2.0)
+            fail<FileError>(path.string(), ": ends after ", read, " of ", std::llround(stated),
+                            " frames, so it was cut off; copy it again, or write what is left of "
+                            "it to a new file");
+        return false;
+    }
+};
+
+FilmReader::FilmReader(const fs::path& path, int most_side)
+    : state_(std::make_unique<State>(State{path, most_side, {}})) {
+    if (!fs::is_regular_file(path)) fail<FileError>(path.string(), ": no such file");
+    if (!state_->film.open(path.string(), cv::CAP_FFMPEG))
+        fail<FileError>(path.string(), ": no film that can be read, or one that was cut off");
+}
+FilmReader::~FilmReader() = default;
+FilmReader::FilmReader(FilmReader&&) noexcept = default;
+
+double FilmReader::frames_per_second() const {
+    const double rate = state_->film.get(cv::CAP_PROP_FPS);
+    constexpr double usual = 25.0;
+    return std::isfinite(rate) && rate > 0.0 ? rate : usual;
+}
+
+std::int64_t FilmReader::stated_frames() const {
+    return std::max<std::int64_t>(0, std::llround(state_->film.get(cv::CAP_PROP_FRAME_COUNT)));
+}
+
+std::optional<Tensor> FilmReader::next() {
+    cv::Mat frame;
+    if (!state_->grab() || !state_->film.retrieve(frame) || frame.type() != CV_8UC3)
+        return std::nullopt;
+    return tensor_of(frame, state_->most_side);
+}
+
+bool FilmReader::skip() {
+    return state_->grab();
+}
+
+struct FilmWriter::State {
+    fs::path path, file;
+    int height, width;
+    cv::Size size;  // H.264 halves the resolution of colour, so images must have even sides.
+    cv::VideoWriter writer;
+};
+
+FilmWriter::FilmWriter(const fs::path& path, const fs::path& file, std::int64_t height,
+                       std::int64_t width, double frames_per_second)
+    : state_(std::make_unique<State>(
+          State{path, file, static_cast<int>(height), static_cast<int>(width), {}, {}})) {
+    state_->size = {state_->width + state_->width % 2, state_->height + state_->height % 2};
+    state_->writer.open(file.string(), cv::CAP_FFMPEG, cv::VideoWriter::fourcc('a', 'v', 'c', '1'),
+                        frames_per_second, state_->size);
+    if (!state_->writer.isOpened())
+        fail<FileError>(path.string(),
+                        ": cannot be written (no H.264 encoder for this size and rate)");
+}
+FilmWriter::~FilmWriter() = default;
+
+void FilmWriter::add(const Tensor& frame) {
+    std::vector<std::uint8_t> bytes = image_bytes(frame);
+    cv::Mat image;
+    cv::cvtColor(cv::Mat(state_->height, state_->width, CV_8UC3, bytes.data()), image,
+                 cv::COLOR_RGB2BGR);
+    cv::copyMakeBorder(image, image, 0, state_->size.height - state_->height, 0,
+                       state_->size.width - state_->width, cv::BORDER_REPLICATE);
+    state_->writer.write(image);
+}
+
+void FilmWriter::finish() {
+    state_->writer.release();
+    if (!is_whole_mp4(read_file(state_->file)))
+        fail<FileError>(state_->path.string(),
+                        ": cannot be written (the film is not whole; is the disk full?)");
+}
+
+}  // namespace stymo

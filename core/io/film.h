@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "core/tensor.h"
+
+namespace stymo {
+
+/// Reads the frames of a film one after the other; memory does not grow with its length.
+class FilmReader {
+public:
+    /// Frames whose longer side exceeds `most_side` pixels are reduced to it. Throws FileError for
+    /// a file that is missing or no film.
+    explicit FilmReader(const std::filesystem::path& path, int most_side = 1280);
+    ~FilmReader();
+    FilmReader(FilmReader&&) noexcept;
+
+    [[nodiscard]] double frames_per_second() const;
+    /// As the file says, which may be wrong; 0 if it does not.
+    [[nodiscard]] std::int64_t stated_frames() const;
+    /// The next frame (height, width, 3) in [0, 1], upright; nothing at the end. Throws FileError
+    /// if the film ends long before its stated end, because it was cut off.
+    [[nodiscard]] std::optional<Tensor> next();
+    /// Passes over the next frame without converting it; false at the end. Throws like `next`.
+    [[nodiscard]] bool skip();
+
+private:
+    struct State;
+    std::unique_ptr<State> state_;
+};
+
+/// Writes an MP4 file (H.264) frame by frame.
+class FilmWriter {
+public:
+    /// Writes to `file`; messages name `path`. Throws FileError if there is no encoder.
+    FilmWriter(const std::filesystem::path& path, const std::filesystem::path& file,
+               std::int64_t height, std::int64_t width, double frames_per_second);
+    ~FilmWriter();
+    FilmWriter(const FilmWriter&) = delete;
+    FilmWriter& operator=(const FilmWriter&) = delete;
+
+    /// A frame (height, width, 3) in [0, 1].
+    void add(const Tensor& frame);
+    /// Ends the file. Throws FileError if it is not whole.
+    void finish();
+
+private:
+    struct State;
+    std::unique_ptr<State> state_;
+};
+
+}  // namespace stymo

@@ -1,0 +1,143 @@
+// stymo-fit --video and stymo-drive on a film of a rendered head.
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "apps/drive/film_measures.h"
+#include "apps/tiny_run.h"
+#include "apps/tool_run.h"
+#include "core/io/file.h"
+#include "core/io/film.h"
+#include "core/io/image.h"
+#include "fit/photo/face_detector.h"
+
+namespace drive_tests {
+
+namespace {
+
+namespace fs = std::filesystem;
+using namespace stymo;
+using nlohmann::json;
+
+constexpr int frame_count = 14;
+const std::string settings = " --model run/model.safetensors --key-steps 2 --frame-steps 1 ";
+
+/// A head that moves to the right, is gone in three frames, and comes back after a cut.
+bool has_film() {
+    if (!FaceDetector::available()) {
+        std::cout << "skipped: built without dlib\n";
+        return false;
+    }
+    if (fs::exists(tiny_run() / "film.mp4")) return true;
+    REQUIRE(run_tool(tiny_run(), "stymo-synth --out actor --count 1 --size 256").exit_code == 0);
+    const Tensor head = read_image(tiny_run() / "actor/images/00000.png");
+    FilmWriter writer(tiny_run() / "film.mp4", tiny_run() / "film.mp4", 256, 320, 25.0);
+    FilmWriter empty(tiny_run() / "empty.mp4", tiny_run() / "empty.mp4", 256, 320, 25.0);
+    for (int i = 0; i < frame_count; ++i) {
+        Tensor frame = Tensor::full({256, 320, 3}, i < 10 ? 0.2 : 0.8);
+        empty.add(frame);
+        const std::size_t left = i < 10 ? static_cast<std::size_t>(2 * i) : 60;
+        for (std::size_t row = 0; row < 256 && (i < 5 || i > 7); ++row)
+            std::copy_n(head.values<float>().begin() + static_cast<std::ptrdiff_t>(row * 256 * 3),
+                        256 * 3,
+                        frame.mutable_values<float>().begin() +
+                            static_cast<std::ptrdiff_t>((row * 320 + left) * 3));
+        writer.add(frame);
+    }
+    writer.finish();
+    empty.finish();
+    return true;
+}
+
+}  // namespace
+
+TEST_CASE("A film is fitted frame by frame as one person, and frames without a face hold") {
+    if (!has_film()) return;
+    const ToolOutcome outcome =
+        run_tool(tiny_run(), "stymo-fit --video film.mp4 --out film --json" + settings);
+    INFO(outcome.err);
+    REQUIRE(outcome.exit_code == 0);
+    const json report = json::parse(outcome.out);
+    CHECK(report["frames"] == frame_count);
+    CHECK(report["held"] == 3);
+    CHECK(report["cuts"] == 1);
+    CHECK(report["shots"] == 3);
+    std::istringstream text(read_file(tiny_run() / "film/codes.jsonl"));
+    std::vector<json> lines;
+    for (std::string line; std::getline(text, line);) lines.push_back(json::parse(line));
+    REQUIRE(lines.size() == frame_count);
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+        CHECK(lines[i]["frame"] == i);
+        CHECK(lines[i]["face"] == (i < 5 || i > 7));
+        CHECK(lines[i]["starts"] == (i == 0 || i == 8 || i == 10));
+        for (const char* group : {"id", "tex", "light"})
+            CHECK(lines[i]["code"][group] == lines[0]["code"][group]);
+    }
+    CHECK(lines[6]["code"] == lines[4]["code"]);
+    CHECK(lines[6]["pose"] == lines[4]["pose"]);
+    CHECK(lines[9]["code"]["expr"] != lines[4]["code"]["expr"]);
+}
+
+TEST_CASE("A face is driven by a film, and the new film is as long") {
+    if (!has_film()) return;
+    const ToolOutcome outcome = run_tool(
+        tiny_run(),
+        "stymo-drive --codes fit/codes.json --video film.mp4 --out out.mp4 --measure" + settings);
+    INFO(outcome.err);
+    REQUIRE(outcome.exit_code == 0);
+    CHECK_THAT(outcome.out, Catch::Contains("3 frames without the face hold the last one") &&
+                                Catch::Contains("acceleration of landmarks"));
+    FilmReader reader(tiny_run() / "out.mp4");
+    CHECK(reader.frames_per_second() == Approx(25.0));
+    int count = 0;
+    while (const std::optional<Tensor> frame = reader.next()) {
+        CHECK(frame->shape() == Shape{64, 64, 3});
+        ++count;
+    }
+    CHECK(count == frame_count);
+}
+
+TEST_CASE("Films that cannot be used are refused with one line, and nothing is written") {
+    if (!has_film()) return;
+    const std::string film = read_file(tiny_run() / "film.mp4");
+    write_file(tiny_run() / "cut.mp4", film.substr(0, film.size() / 2));
+    const auto refused = [](const std::string& command, const std::string& words) {
+        const ToolOutcome outcome = run_tool(tiny_run(), command + settings);
+        CHECK(outcome.exit_code != 0);
+        CHECK(line_count(outcome.err) == 1);
+        CHECK_THAT(outcome.err, Catch::Contains(words));
+        CHECK_FALSE(fs::exists(tiny_run() / "none.mp4"));
+        CHECK_FALSE(fs::exists(tiny_run() / "none"));
+    };
+    const std::string drive = "stymo-drive --out none.mp4 --codes ";
+    refused("stymo-fit --out none --video empty.mp4", "empty.mp4: no face was found");
+    refused(drive + "fit/codes.json --video empty.mp4", "empty.mp4: no face was found");
+    refused(drive + "fit/codes.json --video cut.mp4", "cut.mp4: no film that can be read");
+    refused(drive + "fit/codes.json --video text.png", "text.png: no film");
+    refused(drive + "fit/codes.json --video missing.mp4", "missing.mp4: no such file");
+    refused(drive + "tiny.json --video film.mp4", "tiny.json: not a code file");
+    refused("stymo-drive --codes fit/codes.json --video film.mp4 --out none.avi", "must end in");
+    json codes = json::parse(read_file(tiny_run() / "fit/codes.json"));
+    codes["model"] = "0";
+    write_file(tiny_run() / "other.json", codes.dump());
+    refused(drive + "other.json --video film.mp4", "other.json: holds codes of another model");
+}
+
+TEST_CASE("Even motion has no acceleration, and noise has that of its second difference") {
+    LandmarkJitter even, noisy;
+    for (int t = 0; t < 5; ++t) {
+        Landmarks face;
+        for (std::size_t i = 0; i < face.size(); ++i) face[i] = {3.0 * t, 0.0};
+        // The centres of the eyes are 50 pixels apart.
+        for (std::size_t i = 42; i < 48; ++i) face[i].x() += 50.0;
+        even.add(face);
+        for (Eigen::Vector2d& point : face) point.y() += t % 2 == 0 ? 1.0 : 0.0;
+        noisy.add(face);
+    }
+    CHECK(even.mean() == Approx(0.0).margin(1e-12));
+    CHECK(noisy.mean() == Approx(100.0 * 2.0 / 50.0));
+}
+
+}  // namespace drive_tests
