@@ -6,7 +6,7 @@ set(stymo_cmake_folder ${CMAKE_INSTALL_LIBDIR}/cmake/stymo)
 set_target_properties(stymo PROPERTIES VERSION ${PROJECT_VERSION}
   SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
 
-install(TARGETS stymo EXPORT stymoTargets COMPONENT development
+install(TARGETS stymo stymo_c EXPORT stymoTargets COMPONENT development
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
 install(EXPORT stymoTargets NAMESPACE stymo:: DESTINATION ${stymo_cmake_folder}
   COMPONENT development)
@@ -23,7 +23,7 @@ foreach(folder core nn render train fit)
   endif()
 endforeach()
 if(IS_DIRECTORY ${PROJECT_SOURCE_DIR}/configs)
-  install(DIRECTORY configs DESTINATION ${CMAKE_INSTALL_DATADIR}/stymo
+  install(DIRECTORY configs DESTINATION ${CMAKE_INSTALL_DATADIR}/stymo COMPONENT models
     FILES_MATCHING PATTERN "*.json" PATTERN "*.safetensors")
 endif()
 

@@ -66,6 +66,14 @@ Tensor Tensor::from(const Shape& shape, std::span<const double> values) {
     return from_values(shape, values);
 }
 
+Tensor Tensor::over(const Shape& shape, DType dtype, std::shared_ptr<std::byte[]> elements) {
+    Tensor result;
+    result.buffer_ = std::move(elements);
+    result.shape_ = shape;
+    result.dtype_ = dtype;
+    return result;
+}
+
 void Tensor::require(DType dtype) const {
     if (!defined()) fail<ValueError>("[tensor] an undefined tensor has no values");
     if (dtype != dtype_)

@@ -34,6 +34,10 @@ public:
     /// Throws ShapeError if the number of values is not the shape's size.
     [[nodiscard]] static Tensor from(const Shape& shape, std::span<const float> values);
     [[nodiscard]] static Tensor from(const Shape& shape, std::span<const double> values);
+    /// A tensor over elements in row-major order that `elements` keeps alive, such as those of
+    /// another library's array. Whoever owns them leaves them as they are while tensors use them.
+    [[nodiscard]] static Tensor over(const Shape& shape, DType dtype,
+                                     std::shared_ptr<std::byte[]> elements);
 
     [[nodiscard]] bool defined() const { return buffer_ != nullptr; }
     [[nodiscard]] const Shape& shape() const { return shape_; }

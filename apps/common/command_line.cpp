@@ -16,6 +16,7 @@
 #include "core/kernels/targets.h"
 #include "core/matmul_precision.h"
 #include "core/parallel.h"
+#include "core/subnormals.h"
 #include "fit/photo/face_detector.h"
 
 namespace stymo {

@@ -3,7 +3,6 @@
 #include <unistd.h>
 
 #include <array>
-#include <cstdint>
 #include <cstdlib>
 #include <exception>
 #include <filesystem>
@@ -15,9 +14,6 @@
 // Any standard header defines __GLIBC__ if this is the GNU library.
 #ifdef __GLIBC__
 #include <malloc.h>
-#endif
-#if defined(__SSE__)
-#include <xmmintrin.h>
 #endif
 
 namespace stymo {
@@ -71,18 +67,6 @@ void tune_allocator() {
     mallopt(M_MMAP_MAX, 0);
     mallopt(M_TRIM_THRESHOLD, -1);  // never hand the top of the heap back
     mallopt(M_TOP_PAD, 64 << 20);
-#endif
-}
-
-// Only results are flushed, not operands: the conversion of 16-bit numbers uses subnormal operands.
-void flush_subnormals() {
-#if defined(__SSE__)
-    _MM_SET_FLUSH_ZERO_MODE(_MM_FLUSH_ZERO_ON);
-#elif defined(__aarch64__)
-    constexpr std::uint64_t flush_to_zero = std::uint64_t{1} << 24;
-    std::uint64_t control = 0;
-    __asm__ volatile("mrs %0, fpcr" : "=r"(control));
-    __asm__ volatile("msr fpcr, %0" : : "r"(control | flush_to_zero));
 #endif
 }
 

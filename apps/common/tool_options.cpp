@@ -1,9 +1,7 @@
 #include "apps/common/tool_options.h"
 
 #include <algorithm>
-#include <array>
 #include <iostream>
-#include <sstream>
 #include <string>
 #include <system_error>
 
@@ -16,9 +14,6 @@
 namespace stymo {
 
 namespace {
-
-/// Places of `configs/` relative to the folder of the program.
-constexpr std::array config_folders{"../../configs", "../share/stymo/configs"};
 
 std::string network_called(const std::string& metric) {
     if (metric == "squeeze") return "squeezenet1_1";
@@ -34,24 +29,6 @@ LpipsConfig with_files(LpipsConfig config, const LpipsOptions& options) {
 
 }  // namespace
 
-std::filesystem::path shipped_file(const std::filesystem::path& name) {
-    const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe");
-    for (const char* folder : config_folders) {
-        const std::filesystem::path file =
-            (program.parent_path() / folder / name).lexically_normal();
-        if (std::filesystem::exists(file)) return file;
-    }
-    return {};
-}
-
-std::filesystem::path shipped_landmark_network() {
-    return shipped_file("models/landmarks/landmarks.safetensors");
-}
-
-std::filesystem::path shipped_mask_network() {
-    return shipped_file("models/head-mask/network.safetensors");
-}
-
 void declare_model(Command& command, ModelOptions& options) {
     command.option("--model", options.file,
                    "model.safetensors of a training run (default: the model that comes with "
@@ -66,7 +43,7 @@ void declare_tuned(Command& command, ModelOptions& options) {
 
 std::filesystem::path model_file(const ModelOptions& options) {
     if (!options.file.empty()) return options.file;
-    const std::filesystem::path file = shipped_file("models/faces-256/model.safetensors");
+    const std::filesystem::path file = shipped_model();
     if (!file.empty()) return file;
     fail<UsageError>("--model is required: no model lies beside this program");
 }
@@ -199,16 +176,11 @@ RenderMode render_mode(const std::string& name) {
 }
 
 CodeGroups parse_code_groups(const std::string& list) {
-    CodeGroups taken{};
-    std::istringstream stream(list);
-    for (std::string name; std::getline(stream, name, ',');) {
-        const auto* const found = std::ranges::find(code_names, name);
-        if (found == code_names.end())
-            fail<UsageError>("--take ", list, ": \"", name,
-                             "\" is no group of codes; there are id, expr, tex and light");
-        taken[static_cast<std::size_t>(found - code_names.begin())] = true;
+    try {
+        return code_groups_of(list);
+    } catch (const ValueError& error) {
+        fail<UsageError>("--take ", list, ": ", error.what());
     }
-    return taken;
 }
 
 void require_extension(const std::filesystem::path& path,

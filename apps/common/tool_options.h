@@ -10,20 +10,12 @@
 #include "apps/common/command_line.h"
 #include "fit/edit/style_mix.h"
 #include "fit/photo/photo_preparation.h"
+#include "fit/shipped_files.h"
 #include "nn/models/model.h"
 #include "nn/realtime/render_mode.h"
 
 /// Options that several tools have, and what their values mean.
 namespace stymo {
-
-/// A file that is shipped with stymo, by its name below `configs/`: in the source tree of the
-/// running program, or installed with it. Empty if there is none.
-[[nodiscard]] std::filesystem::path shipped_file(const std::filesystem::path& name);
-/// The landmark network that is shipped with stymo. Empty if there is none; FaceDetector then uses
-/// the model of libdlib-data.
-[[nodiscard]] std::filesystem::path shipped_landmark_network();
-/// The head-mask network that is shipped with stymo. Empty if there is none.
-[[nodiscard]] std::filesystem::path shipped_mask_network();
 
 /// The model of a tool, with the changes of its weights for a tuned face.
 struct ModelOptions {

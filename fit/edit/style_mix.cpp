@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <sstream>
 
 #include "core/error.h"
 #include "core/io/image.h"
@@ -29,6 +30,19 @@ double root_mean_square(const Variable& from, const Variable& to) {
 }
 
 }  // namespace
+
+CodeGroups code_groups_of(const std::string& list) {
+    CodeGroups taken{};
+    std::istringstream stream(list);
+    for (std::string name; std::getline(stream, name, ',');) {
+        const auto* const found = std::ranges::find(code_names, name);
+        if (found == code_names.end())
+            fail<ValueError>("\"", name,
+                             "\" is no group of codes; there are id, expr, tex and light");
+        taken[static_cast<std::size_t>(found - code_names.begin())] = true;
+    }
+    return taken;
+}
 
 Codes mix_codes(const Codes& target, const Codes& source, const CodeGroups& taken) {
     if (target.batch() != source.batch())

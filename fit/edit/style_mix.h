@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <string>
 
 #include "nn/models/code_file.h"
 #include "nn/models/codes.h"
@@ -12,6 +13,9 @@ namespace stymo {
 
 /// A set of code groups, in the order of `code_names`.
 using CodeGroups = std::array<bool, code_names.size()>;
+
+/// The groups of a list such as "expr,tex". Throws ValueError for an unknown name.
+[[nodiscard]] CodeGroups code_groups_of(const std::string& list);
 
 /// The target's codes in Z, with the groups `taken` replaced by the source's. (The paper swaps the
 /// two names.) Throws ShapeError unless both have the same number of rows.

@@ -16,17 +16,14 @@ constexpr std::int64_t least_aligned_side = 512;
 /// What the overlay shows in place of unknown pixels.
 constexpr double unknown_grey = 0.5;
 
-FaceCrop face_of(const PhotoPreparation& preparation, const std::string& image, const Tensor& known,
-                 std::string& doubt) {
-    const Tensor photo = read_image(image, preparation.settings().most_pixels, &doubt);
+/// `hint`: what helps if the photo has no face.
+FaceCrop face_of(const PhotoPreparation& preparation, const Tensor& photo, const std::string& name,
+                 const Tensor& known, const char* hint) {
     try {
         return preparation.crops(photo, {.known = known}).front();
     } catch (const ValueError& error) {
         const bool is_named = preparation.settings().face > 0;
-        fail<FileError>(image, ": ", error.what(),
-                        is_named ? ""
-                                 : "; if it is an aligned crop already, give --mask and --pose, or "
-                                   "--as-is");
+        fail<FileError>(name, ": ", error.what(), is_named ? "" : hint);
     }
 }
 
@@ -100,7 +97,10 @@ std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
     std::vector<FaceCrop> crops;
     std::vector<std::string> doubts(images.size());
     for (std::size_t i = 0; i < images.size(); ++i)
-        crops.push_back(face_of(preparation, images[i], known, doubts[i]));
+        crops.push_back(face_of(
+            preparation, read_image(images[i], preparation.settings().most_pixels, &doubts[i]),
+            images[i], known,
+            "; if it is an aligned crop already, give --mask and --pose, or --as-is"));
     std::vector<PreparedFace> faces = preparation.finish(std::move(crops));
     std::vector<PreparedPhoto> photos;
     for (std::size_t i = 0; i < faces.size(); ++i) {
@@ -108,6 +108,14 @@ std::vector<PreparedPhoto> prepare_photos(std::span<const std::string> images,
         photos.push_back(photo_of(images[i], std::move(faces[i]), preparation, model));
     }
     return photos;
+}
+
+PreparedPhoto prepare_photo(const Tensor& photo, const std::string& name, const ModelConfig& model,
+                            const PhotoPreparation& preparation) {
+    std::vector<FaceCrop> crops;
+    crops.push_back(face_of(preparation, photo, name, {}, ""));
+    return photo_of(name, std::move(preparation.finish(std::move(crops)).front()), preparation,
+                    model);
 }
 
 }  // namespace stymo

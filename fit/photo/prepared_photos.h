@@ -39,4 +39,9 @@ struct PreparedPhoto {
                                                         const PhotoPreparation& preparation,
                                                         const Tensor& known = {});
 
+/// The same for one photo in memory, (height, width, 3) in [0, 1], which messages call `name`.
+[[nodiscard]] PreparedPhoto prepare_photo(const Tensor& photo, const std::string& name,
+                                          const ModelConfig& model,
+                                          const PhotoPreparation& preparation);
+
 }  // namespace stymo

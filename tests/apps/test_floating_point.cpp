@@ -4,8 +4,8 @@
 #include <thread>
 #include <vector>
 
-#include "apps/common/process_setup.h"
 #include "core/parallel.h"
+#include "core/subnormals.h"
 
 using namespace stymo;
 

@@ -73,6 +73,23 @@ TEST_CASE("A tensor is written in place once a reader in another thread has let 
     CHECK(tensor.mutable_values<float>().data() == own);
 }
 
+TEST_CASE("A tensor over the elements of others shares them and lets them go at the end",
+          "[tensor]") {
+    std::vector<double> elements{1.0, 2.0, 3.0};
+    int released = 0;
+    {
+        const Tensor tensor = Tensor::over(
+            {3}, DType::float64,
+            {reinterpret_cast<std::byte*>(elements.data()), [&](std::byte*) { ++released; }});
+        CHECK(tensor.values<double>().data() == elements.data());
+        Tensor changed = tensor;
+        changed.mutable_values<double>()[0] = 7.0;
+        CHECK(elements[0] == 1.0);
+        CHECK(released == 0);
+    }
+    CHECK(released == 1);
+}
+
 TEST_CASE("A value in the graph does not change when the tensor it came from is written",
           "[tensor]") {
     Tensor source = Tensor::scalar(2.0, DType::float64);

@@ -1,0 +1,61 @@
+#include "fit/shipped_files.h"
+
+#include <dlfcn.h>
+
+#include <system_error>
+#include <vector>
+
+namespace stymo {
+
+namespace {
+
+using std::filesystem::path;
+
+/// The shared library or the program that holds this function, and the program.
+std::vector<path> binaries() {
+    std::vector<path> result;
+    std::error_code error;
+    Dl_info found{};
+    // The name of a program is what it was called by, which need not be a path.
+    if (dladdr(reinterpret_cast<const void*>(&binaries), &found) != 0 &&
+        path(found.dli_fname).has_parent_path())
+        result.push_back(std::filesystem::canonical(found.dli_fname, error));
+    result.push_back(std::filesystem::read_symlink("/proc/self/exe", error));
+    return result;
+}
+
+}  // namespace
+
+path shipped_file(const path& name, const path& folder) {
+    std::vector<path> places;
+    if (!folder.empty()) {
+        places = {folder};
+    } else {
+        constexpr int levels = 4;
+        for (path above : binaries())
+            for (int level = 0; level < levels && above.has_relative_path(); ++level) {
+                above = above.parent_path();
+                places.push_back(above / "configs");
+                places.push_back(above / "share/stymo/configs");
+            }
+        places.emplace_back(STYMO_INSTALLED_CONFIGS);
+    }
+    std::error_code error;
+    for (const path& place : places)
+        if (std::filesystem::exists(place / name, error)) return place / name;
+    return {};
+}
+
+path shipped_model(const path& folder) {
+    return shipped_file("models/faces-256/model.safetensors", folder);
+}
+
+path shipped_landmark_network(const path& folder) {
+    return shipped_file("models/landmarks/landmarks.safetensors", folder);
+}
+
+path shipped_mask_network(const path& folder) {
+    return shipped_file("models/head-mask/network.safetensors", folder);
+}
+
+}  // namespace stymo

@@ -1,0 +1,191 @@
+#include "fit/studio.h"
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+#include <utility>
+
+#include "core/angle.h"
+#include "core/error.h"
+#include "core/subnormals.h"
+#include "fit/shipped_files.h"
+#include "nn/models/weight_changes.h"
+#include "nn/realtime/view.h"
+
+namespace stymo {
+
+namespace {
+
+Model load(std::filesystem::path file, const std::filesystem::path& configs) {
+    if (file.empty()) file = shipped_model(configs);
+    if (file.empty())
+        fail<FileError>("the model that comes with stymo was not found",
+                        configs.empty() ? "" : " in " + configs.string(), "; name a model's file");
+    return Model::load(file);
+}
+
+bool same(const RendererOptions& a, const RendererOptions& b) {
+    return a.mode == b.mode && a.samples_per_ray == b.samples_per_ray &&
+           a.resolution == b.resolution && a.tolerance == b.tolerance && a.mask == b.mask &&
+           a.depth == b.depth && a.remove_floaters == b.remove_floaters;
+}
+
+}  // namespace
+
+struct Studio::State {
+    Model model;
+    std::filesystem::path configs;
+
+    std::mutex rendering{};
+    std::shared_ptr<const Model> tuned{};  ///< what `renderer` renders; null: `model`
+    RendererOptions options{};
+    std::optional<FaceRenderer> renderer{};
+
+    /// The renderer of the last view, which is kept for the next one.
+    FaceRenderer& renderer_for(const std::shared_ptr<const Model>& decoder,
+                               const RendererOptions& wanted) {
+        if (!renderer || tuned != decoder || !same(options, wanted)) {
+            renderer.reset();
+            renderer.emplace(decoder ? *decoder : model, wanted);
+            tuned = decoder;
+            options = wanted;
+        }
+        return *renderer;
+    }
+
+    [[nodiscard]] StudioFace run(const Face& photo, FitJobOptions fit_options,
+                                 const FitObserver& observer) const {
+        const ReconstructionConfig& config = model.config().reconstruction;
+        const ReconstructionLoss loss(config, "stymo-fit --perceptual-weight 0",
+                                      model.has_encoder() ? &model.encoder() : nullptr);
+        const FitJob job(model, loss, std::move(fit_options));
+        FittedFaces done = job.fit(job.batch_of({&photo, 1}), observer);
+        const FitReport report = job.report(done, 0, done.faces.mask, nullptr);
+        StudioFace result{.face = {.codes = detached(done.fit.fitted),
+                                   .pose = pose_from_camera(done.fit.cameras.front())},
+                          .photo = photo,
+                          .psnr = report.fitted_metrics.psnr,
+                          .warnings = std::move(done.warnings)};
+        result.photo->pose = result.face.pose;
+        if (done.tuned) {
+            result.tuned = std::make_shared<const Model>(std::move(*done.tuned));
+            result.changes = std::make_shared<const WeightChanges>(std::move(*done.changes));
+            result.psnr = report.tuned_metrics.psnr;
+        }
+        if (!done.incomplete.empty()) result.warnings.push_back(done.incomplete);
+        return result;
+    }
+};
+
+Studio::Studio(std::filesystem::path model, std::filesystem::path configs)
+    : state_(new State{.model = load(std::move(model), configs), .configs = configs}) {}
+Studio::~Studio() = default;
+Studio::Studio(Studio&&) noexcept = default;
+Studio& Studio::operator=(Studio&&) noexcept = default;
+
+const Model& Studio::model() const {
+    return state_->model;
+}
+
+FitJobOptions Studio::fit_options() const {
+    FitJobOptions options;
+    options.preparation.landmark_model = shipped_landmark_network(state_->configs);
+    options.preparation.mask_network = shipped_mask_network(state_->configs);
+    options.head.emplace();
+    return options;
+}
+
+StudioFace Studio::fit(const Tensor& photo, const FitJobOptions& options,
+                       const FitObserver& observer) const {
+    if (photo.rank() != 3 || photo.shape(2) != 3)
+        fail<ShapeError>("the photo must have the shape (height, width, 3), not ", photo.shape());
+    const SubnormalsFlushed flushed;
+    const ModelConfig& config = state_->model.config();
+    PreparedPhoto prepared = prepare_photo(
+        photo, "the photo", config, PhotoPreparation(settings_for(config, options.preparation)));
+    StudioFace result = state_->run(prepared.face, options, observer);
+    result.warnings.insert(result.warnings.end(), prepared.warnings.begin(),
+                           prepared.warnings.end());
+    return result;
+}
+
+StudioFace Studio::tune(const StudioFace& face, double seconds, std::int64_t steps,
+                        const FitObserver& observer) const {
+    if (!face.photo)
+        fail<ValueError>("only a face that was fitted to a photo here can be tuned to it");
+    if (!(seconds > 0.0) && steps <= 0)
+        fail<ValueError>("tuning needs a limit, in seconds or steps, above 0");
+    const SubnormalsFlushed flushed;
+    FitJobOptions options = fit_options();
+    options.fit.initial = face.face.codes;
+    options.fit.steps = 0;
+    options.tuning.seconds = seconds;
+    options.tuning.steps = steps;
+    return state_->run(*face.photo, std::move(options), observer);
+}
+
+View Studio::render(const StudioFace& face, const StudioView& view) const {
+    for (const std::optional<double>& angle : {view.yaw, view.pitch, view.roll})
+        if (angle && !std::isfinite(*angle)) fail<ValueError>("an angle is ", *angle, " degrees");
+    const Model& model = state_->model;
+    const Camera camera = view.yaw || view.pitch || view.roll
+                              ? model_camera(model, radians_from_degrees(view.yaw.value_or(0.0)),
+                                             radians_from_degrees(view.pitch.value_or(0.0)),
+                                             radians_from_degrees(view.roll.value_or(0.0)))
+                              : camera_from_pose(face.face.pose, model.config().camera.intrinsics);
+    const SubnormalsFlushed flushed;
+    const std::scoped_lock lock(state_->rendering);
+    FaceRenderer& renderer = state_->renderer_for(face.tuned, view.options);
+    renderer.show(face.face.codes);
+    return renderer.render(camera);
+}
+
+StudioFace Studio::sample(std::uint64_t seed, std::uint64_t index, double truncation) const {
+    const std::optional<CodeStatistics>& statistics = state_->model.code_statistics();
+    if (!statistics) fail<ValueError>("the model has no statistics of codes to draw faces from");
+    Rng rng = Rng(seed).split("new faces").split(index);
+    return {.face = {.codes = statistics->sample(rng, truncation),
+                     .pose = frontal_pose(state_->model.config().camera)}};
+}
+
+StudioFace Studio::read(const std::filesystem::path& codes,
+                        const std::filesystem::path& tuned) const {
+    StudioFace result{.face = read_code_file(codes)};
+    if (tuned.empty()) return result;
+    WeightChanges changes = WeightChanges::load(tuned);
+    try {
+        result.tuned = std::make_shared<const Model>(changes.applied_to(state_->model));
+    } catch (const ValueError& error) {
+        fail<FileError>(tuned.string(), ": ", error.what());
+    }
+    result.changes = std::make_shared<const WeightChanges>(std::move(changes));
+    return result;
+}
+
+Tensor tensor_from_bytes(std::span<const std::uint8_t> pixels, const Shape& shape) {
+    constexpr float step = 1.0F / 255.0F;  // a division would round differently
+    std::vector<float> values(pixels.size());
+    std::ranges::transform(pixels, values.begin(),
+                           [](std::uint8_t pixel) { return static_cast<float>(pixel) * step; });
+    return Tensor::from(shape, values);
+}
+
+StudioFace mix(const StudioFace& target, const StudioFace& source, const std::string& take) {
+    StudioFace result = target;
+    result.face.codes = mix_codes(target.face.codes, source.face.codes, code_groups_of(take));
+    result.photo.reset();
+    result.psnr.reset();
+    result.warnings.clear();
+    return result;
+}
+
+void write(const StudioFace& face, const std::filesystem::path& codes,
+           const std::filesystem::path& tuned) {
+    if (!tuned.empty()) {
+        if (!face.changes) fail<ValueError>("the face is not tuned; leave out ", tuned.string());
+        face.changes->save(tuned);
+    }
+    write_code_file(codes, face.face.codes, 0, face.face.pose);
+}
+
+}  // namespace stymo
