@@ -71,6 +71,9 @@ if built BUILD_SHARED_LIBS ON stymo-render test_core; then
         --out "$folder/sample"
     says 'All tests passed' "$build/tests/test_core" '[ops]'
 fi
+if python3 -m nanobind --cmake_dir >/dev/null 2>&1 && built STYMO_PYTHON ON _stymo; then
+    says '^0[.]' env PYTHONPATH="$build/python" python3 -c 'import stymo; print(stymo.__version__)'
+fi
 if built CMAKE_DISABLE_PRECOMPILE_HEADERS ON stymo-render test_core; then
     says 'stymo-render [0-9]' "$build/bin/stymo-render" --version
     says 'All tests passed' "$build/tests/test_core" '[ops]'
