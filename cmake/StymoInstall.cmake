@@ -1,5 +1,6 @@
 # `cmake --install` installs the library, its headers, and the files of find_package(stymo) and
-# pkg-config as the component "development". apps/CMakeLists.txt installs the tools.
+# pkg-config as the component "development", and the models as "models". apps/CMakeLists.txt
+# installs the tools as "tools". `cpack` makes a Debian package of tools and models.
 include(CMakePackageConfigHelpers)
 
 set(stymo_cmake_folder ${CMAKE_INSTALL_LIBDIR}/cmake/stymo)
@@ -49,3 +50,16 @@ file(RELATIVE_PATH stymo_prefix_from_pkgconfig /${CMAKE_INSTALL_LIBDIR}/pkgconfi
 configure_file(cmake/stymo.pc.in ${PROJECT_BINARY_DIR}/stymo.pc @ONLY)
 install(FILES ${PROJECT_BINARY_DIR}/stymo.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig
   COMPONENT development)
+
+install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright COMPONENT tools)
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_CONTACT "stymo authors <stymo@localhost>")
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "${PROJECT_DESCRIPTION}")
+set(CPACK_COMPONENTS_ALL tools models)
+set(CPACK_COMPONENTS_GROUPING ALL_COMPONENTS_IN_ONE)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+include(CPack)

@@ -268,6 +268,8 @@ CommandLine::~CommandLine() = default;
 
 Command CommandLine::command(const std::string& name, const std::string& description,
                              AppBody body) {
+    implementation_->app.set_help_all_flag("--help-all",
+                                           "print this help and that of all commands");
     CLI::App* command = implementation_->app.add_subcommand(name, description);
     implementation_->bodies[command] = std::move(body);
     return Command(command);
