@@ -7,7 +7,6 @@
 
 #include "apps/common/child_process.h"
 #include "apps/common/command_line.h"
-#include "apps/common/output_file.h"
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
 #include "apps/common/video_options.h"

@@ -116,15 +116,12 @@ Tensor normals_picture(const View& view, const Camera& camera, const RaySampling
 
 Tensor picture_of(const View& view, const FrameRequest& request, std::int64_t side) {
     switch (request.layer) {
-        case Layer::depth:
-            return depth_picture(view, side);
-        case Layer::mask:
-            return view.mask;
+        case Layer::depth: return depth_picture(view, side);
+        case Layer::mask: return view.mask;
         case Layer::normals:
             return normals_picture(view, request.camera, request.model->config().decoder.rays,
                                    side);
-        case Layer::image:
-            break;
+        case Layer::image: break;
     }
     return with_soft_edge(view.image, view.mask);
 }

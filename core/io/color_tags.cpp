@@ -27,19 +27,13 @@ std::optional<Primaries> primaries_of_code(std::uint32_t code) {
     constexpr double x = 0.3127, y = 0.3290;  // D65
     switch (code) {
         case 1:
-        case 2:
-            return Primaries{0.64, 0.33, 0.30, 0.60, 0.15, 0.06, x, y};
-        case 5:
-            return Primaries{0.64, 0.33, 0.29, 0.60, 0.15, 0.06, x, y};
+        case 2: return Primaries{0.64, 0.33, 0.30, 0.60, 0.15, 0.06, x, y};
+        case 5: return Primaries{0.64, 0.33, 0.29, 0.60, 0.15, 0.06, x, y};
         case 6:
-        case 7:
-            return Primaries{0.630, 0.340, 0.310, 0.595, 0.155, 0.070, x, y};
-        case 9:
-            return Primaries{0.708, 0.292, 0.170, 0.797, 0.131, 0.046, x, y};
-        case 12:
-            return Primaries{0.680, 0.320, 0.265, 0.690, 0.150, 0.060, x, y};
-        default:
-            return std::nullopt;
+        case 7: return Primaries{0.630, 0.340, 0.310, 0.595, 0.155, 0.070, x, y};
+        case 9: return Primaries{0.708, 0.292, 0.170, 0.797, 0.131, 0.046, x, y};
+        case 12: return Primaries{0.680, 0.320, 0.265, 0.690, 0.150, 0.060, x, y};
+        default: return std::nullopt;
     }
 }
 
@@ -54,25 +48,13 @@ ColorTags tags_of_codes(std::uint32_t primaries, std::uint32_t transfer) {
         case 6:
         case 13:
         case 14:
-        case 15:
-            break;
-        case 4:
-            tags.gamma = 2.2;
-            break;
-        case 5:
-            tags.gamma = 2.8;
-            break;
-        case 8:
-            tags.gamma = 1.0;
-            break;
-        case 16:
-            tags.hdr = ColorTags::Hdr::pq;
-            break;
-        case 18:
-            tags.hdr = ColorTags::Hdr::hlg;
-            break;
-        default:
-            tags.unusable = "the transfer function " + std::to_string(transfer);
+        case 15: break;
+        case 4: tags.gamma = 2.2; break;
+        case 5: tags.gamma = 2.8; break;
+        case 8: tags.gamma = 1.0; break;
+        case 16: tags.hdr = ColorTags::Hdr::pq; break;
+        case 18: tags.hdr = ColorTags::Hdr::hlg; break;
+        default: tags.unusable = "the transfer function " + std::to_string(transfer);
     }
     if (!tags.primaries) tags.unusable = "the colour primaries " + std::to_string(primaries);
     return tags;
