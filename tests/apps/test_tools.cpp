@@ -362,8 +362,8 @@ TEST_CASE("stymo-eval goes on only with the same value of every option that can 
         CHECK(outcome.exit_code == 1);
         CHECK_THAT(outcome.err, Catch::Contains("begun with other settings (" + reason));
     };
-    const std::set<std::string> keep_results{"--help", "--version", "--threads",   "--json",
-                                             "--out",  "--explain", "--one-by-one"};
+    const std::set<std::string> keep_results{"--help", "--help-all", "--version", "--threads",
+                                             "--json", "--out",      "--explain", "--one-by-one"};
     std::set<std::string> declared;
     std::istringstream help(done("stymo-eval --help").out);
     const std::regex option_line("^  (?:-\\w,)?(--[a-z-]+)");
