@@ -18,9 +18,11 @@ double signed_volume(std::span<const float> vertices, const std::array<std::int3
     return corner(0).dot(corner(1).cross(corner(2)));
 }
 
-/// For each vertex a representative of its piece, the same for the whole piece.
-std::vector<std::int32_t> pieces_of(const TriangleMesh& mesh) {
-    std::vector<std::int32_t> parent(static_cast<std::size_t>(mesh.vertices.shape(0)));
+}  // namespace
+
+std::vector<std::int32_t> pieces_of(std::int64_t vertex_count,
+                                    std::span<const std::array<std::int32_t, 3>> triangles) {
+    std::vector<std::int32_t> parent(static_cast<std::size_t>(vertex_count));
     std::iota(parent.begin(), parent.end(), 0);
     const auto root = [&](std::int32_t vertex) {
         while (parent[static_cast<std::size_t>(vertex)] != vertex) {
@@ -30,7 +32,7 @@ std::vector<std::int32_t> pieces_of(const TriangleMesh& mesh) {
         }
         return vertex;
     };
-    for (const std::array<std::int32_t, 3>& triangle : mesh.triangles) {
+    for (const std::array<std::int32_t, 3>& triangle : triangles) {
         for (const std::int32_t other : {triangle[1], triangle[2]})
             parent[static_cast<std::size_t>(root(other))] = root(triangle[0]);
     }
@@ -38,8 +40,6 @@ std::vector<std::int32_t> pieces_of(const TriangleMesh& mesh) {
         parent[vertex] = root(static_cast<std::int32_t>(vertex));
     return parent;
 }
-
-}  // namespace
 
 double enclosed_volume(const TriangleMesh& mesh) {
     double sum = 0.0;
@@ -51,7 +51,7 @@ double enclosed_volume(const TriangleMesh& mesh) {
 TriangleMesh largest_piece(const TriangleMesh& mesh) {
     if (mesh.triangles.empty()) return mesh;
     const std::span<const float> vertices = mesh.vertices.values<float>();
-    const std::vector<std::int32_t> piece = pieces_of(mesh);
+    const std::vector<std::int32_t> piece = pieces_of(mesh.vertices.shape(0), mesh.triangles);
     std::vector<double> volumes(piece.size());
     for (const std::array<std::int32_t, 3>& triangle : mesh.triangles)
         volumes[static_cast<std::size_t>(piece[static_cast<std::size_t>(triangle[0])])] +=

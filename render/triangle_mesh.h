@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "core/tensor.h"
@@ -24,6 +25,10 @@ struct TriangleMesh {
 /// than two values along an axis, ValueError for values that are not finite.
 [[nodiscard]] TriangleMesh isosurface(const Tensor& values, const Eigen::Vector3d& origin,
                                       double spacing, double level);
+
+/// For each of the vertices a representative of its connected piece, the same for the whole piece.
+[[nodiscard]] std::vector<std::int32_t> pieces_of(
+    std::int64_t vertex_count, std::span<const std::array<std::int32_t, 3>> triangles);
 
 /// The connected piece of a mesh that encloses the largest volume, without the vertices of other
 /// pieces.

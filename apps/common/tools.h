@@ -6,6 +6,7 @@ int stymo_bench(int argc, char** argv);
 int stymo_drive(int argc, char** argv);
 int stymo_edit(int argc, char** argv);
 int stymo_eval(int argc, char** argv);
+int stymo_export(int argc, char** argv);
 int stymo_fit(int argc, char** argv);
 int stymo_prep(int argc, char** argv);
 int stymo_render(int argc, char** argv);

@@ -6,8 +6,8 @@
 
 #include "core/error.h"
 #include "core/tensor_eigen.h"
+#include "fit/face_surface.h"
 #include "nn/realtime/face_renderer.h"
-#include "render/morphable/head_source.h"
 
 namespace stymo {
 
@@ -33,19 +33,6 @@ GroupDirections directions_of(const Eigen::MatrixXd& covariance, std::int64_t co
         result.shares.push_back(variances[i] / all);
     }
     return result;
-}
-
-/// Where a mean face is in a frontal picture.
-FaceSquare mean_square(const Camera& camera, double side) {
-    const MorphableHead head = morphable_head_from({});
-    const auto vertices = head.mean.values<float>();
-    FacePoints points;
-    for (std::size_t k = 0; k < points.size(); ++k) {
-        const auto at = 3 * static_cast<std::size_t>(head.landmarks[k]);
-        points[k] =
-            side * project(camera, {vertices[at], vertices[at + 1], vertices[at + 2]}).head<2>();
-    }
-    return square_around(points);
 }
 
 }  // namespace
@@ -108,8 +95,8 @@ std::array<std::vector<EndNames>, code_names.size()> direction_names(
         return renderer.render(camera);
     };
     // All in one square: what differs is then the face alone.
-    const FaceSquare square = square_around(find_points(
-        landmarks, picture(mean).image, mean_square(camera, static_cast<double>(side))));
+    const FaceSquare square =
+        square_around(find_points(landmarks, picture(mean).image, mean_face_square(camera, side)));
     const auto measured = [&](std::size_t group, std::size_t direction, double amount) {
         std::array<std::vector<double>, code_names.size()> amounts;
         amounts[group].resize(direction + 1);

@@ -18,6 +18,11 @@ namespace {
     head.expression = morphable::rows_tensor(morphable::expression_basis(mesh, head.one_sided));
     head.albedo =
         morphable::rows_tensor(morphable::texture_basis(mesh.vertices, mesh.parts, mesh.albedo));
+    head.expression_names = morphable::expression_names();
+    std::vector<float> places;
+    for (const Eigen::Vector2d& place : mesh.grid_uv)
+        places.insert(places.end(), {static_cast<float>(place[0]), static_cast<float>(place[1])});
+    head.grid_uv = Tensor::from({vertices[0], 2}, std::span<const float>(places));
     head.landmarks = morphable::landmark_vertices(mesh, parameters);
     head.triangles = std::move(mesh.triangles);
     head.parts = std::move(mesh.parts);

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "render/morphable/head_generator.h"
@@ -53,6 +54,8 @@ using BasisRow = std::vector<Eigen::Vector3d>;
 [[nodiscard]] std::vector<BasisRow> identity_basis(const HeadMesh& mesh);
 [[nodiscard]] std::vector<BasisRow> expression_basis(const HeadMesh& mesh,
                                                      std::span<bool> one_sided);
+/// The names of the expressions that have a meaning.
+[[nodiscard]] std::vector<std::string> expression_names();
 [[nodiscard]] std::vector<BasisRow> texture_basis(std::span<const Eigen::Vector3d> vertices,
                                                   std::span<const HeadPart> parts,
                                                   std::span<const Eigen::Vector3d> albedo);

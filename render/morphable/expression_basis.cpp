@@ -79,6 +79,14 @@ constexpr std::array<Movement, 5> movements{{{&HeadParameters::jaw_open, 0.08, t
 
 }  // namespace
 
+std::vector<std::string> expression_names() {
+    return {"jawOpen",      "eyeBlink_R",     "eyeBlink_L",   "gazeLeft",    "gazeUp",
+            "mouthSmile",   "mouthSmile_L",   "mouthSmile_R", "browRaise",   "browRaise_L",
+            "browRaise_R",  "browInnerUp",    "browOuterUp",  "browKnit",    "mouthPucker",
+            "mouthUpperUp", "mouthLowerDown", "lipsFull",     "mouthLeft",   "jawLeft",
+            "jawForward",   "cheekPuff",      "noseSneer",    "cheekSquint", "mouthShrugLower"};
+}
+
 std::vector<BasisRow> expression_basis(const HeadMesh& mesh, std::span<bool> one_sided) {
     std::fill(one_sided.begin(), one_sided.end(), false);
     std::vector<BasisRow> basis;

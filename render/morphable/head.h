@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "core/tensor.h"
@@ -31,6 +32,12 @@ struct MorphableHead {
     /// Expressions that are meaningful only for coefficients >= 0 (a jaw opens, it does not close
     /// further).
     std::array<bool, expression_size> one_sided{};
+    /// Names of the first expressions, for example "jawOpen" or "eyeBlink_L" (the person's left);
+    /// empty if they are not known.
+    std::vector<std::string> expression_names;
+    /// (V, 2): place in the grid to which a vertex of the built-in head belongs, from 0 to 1, u
+    /// around the head and v downwards; undefined for scans.
+    Tensor grid_uv;
 
     [[nodiscard]] std::int64_t vertex_count() const { return mean.shape(0); }
 };

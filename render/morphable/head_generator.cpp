@@ -153,6 +153,10 @@ void HeadMesh::add(const Eigen::Vector3d& vertex, const Eigen::Vector3d& color, 
 void HeadMesh::add_grid(std::int64_t rows, std::int64_t columns, bool closed,
                         bool outward_is_left) {
     const auto first = static_cast<std::int64_t>(vertices.size()) - rows * columns;
+    for (std::int64_t i = 0; i < rows * columns; ++i)
+        grid_uv.emplace_back(
+            static_cast<double>(i % columns) / double(closed ? columns : columns - 1),
+            static_cast<double>(i / columns) / double(rows - 1));
     for (std::int64_t row = 0; row + 1 < rows; ++row) {
         for (std::int64_t column = 0; column < (closed ? columns : columns - 1); ++column) {
             const std::int64_t next = (column + 1) % columns;

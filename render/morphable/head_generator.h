@@ -52,6 +52,7 @@ struct HeadMesh {
     /// For each vertex, -1 below the line between the lips, +1 above, 0 on it, fading to 0 away
     /// from the mouth. Displacements use it to move the lips apart.
     std::vector<double> mouth_side;
+    std::vector<Eigen::Vector2d> grid_uv;  ///< see MorphableHead::grid_uv
     std::vector<std::array<std::int32_t, 3>> triangles;
 
     void add(const Eigen::Vector3d& vertex, const Eigen::Vector3d& color, HeadPart part,

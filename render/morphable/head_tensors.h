@@ -19,6 +19,9 @@ public:
     HeadTensors(const std::filesystem::path& path, std::string kind);
 
     [[nodiscard]] bool has(const std::string& name) const { return file_.tensors.contains(name); }
+    [[nodiscard]] bool has_metadata(const std::string& key) const {
+        return file_.metadata.contains(key);
+    }
     [[nodiscard]] std::string metadata(const std::string& key) const;
     [[nodiscard]] std::string path() const { return path_.string(); }
     /// float32, with finite elements.

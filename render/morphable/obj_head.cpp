@@ -178,7 +178,7 @@ MorphableHead read_obj_head(const std::filesystem::path& folder) {
          Tensor::from({static_cast<std::int64_t>(neutral.vertices.size() / 3), 3},
                       std::span<const float>(neutral.vertices)),
          differences(identity_files(folder), neutral), differences(expression_files, neutral),
-         neutral.triangles, indices.landmarks});
+         neutral.triangles, indices.landmarks, indices.expressions});
 }
 
 }  // namespace stymo

@@ -203,6 +203,7 @@ MorphableHead head_from_scans(const ScannedHead& scanned) {
                                  static_cast<float>(frame.scale));
     head.expression = scaled_basis(scanned.expression, MorphableHead::expression_size,
                                    static_cast<float>(frame.scale) * expression_deviation);
+    head.expression_names = scanned.expression_names;
     std::fill_n(head.one_sided.begin(), scanned.expression.shape(0), true);
     head.mean_albedo = rows_tensor({paint.colors}).reshaped({count, 3});
     head.albedo = rows_tensor(texture_basis(points, paint.parts, paint.colors));

@@ -21,6 +21,7 @@ struct ScannedHead {
     Tensor expression;  ///< (1 to 79, V, 3), one-sided shapes at full strength
     std::vector<std::array<std::int32_t, 3>> triangles;
     std::array<std::int32_t, 68> landmarks{};
+    std::vector<std::string> expression_names;  ///< empty: not known
 };
 
 /// Moves a scan into the frame of the built-in head: scale * point + offset.

@@ -10,6 +10,7 @@
 #include "render/morphable/head_tensors.h"
 #include "render/morphable/scanned_head.h"
 #include "render/spherical_harmonics.h"
+#include "render/texture.h"
 
 namespace stymo {
 
@@ -115,27 +116,6 @@ struct SurfaceBuilder {
     for (Eigen::Index vertex = 0; vertex < to.cols(); ++vertex)
         to.col(vertex) = points(of_first, heads.welded[static_cast<std::size_t>(vertex)], 1);
     return normals;
-}
-
-/// The texel at (u, v), interpolated, 0 to 1. A texture without alpha is opaque.
-[[nodiscard]] Eigen::Array4f texel(const Tensor& texture, float u, float v) {
-    const std::int64_t height = texture.shape(0), width = texture.shape(1);
-    const std::int64_t channels = texture.shape(2);
-    const float* const texels = texture.values<float>().data();
-    const float x = std::clamp(u, 0.0F, 1.0F) * static_cast<float>(width) - 0.5F;
-    const float y = std::clamp(v, 0.0F, 1.0F) * static_cast<float>(height) - 0.5F;
-    const float left = std::floor(x), top = std::floor(y);
-    Eigen::Array4f result(0.0F, 0.0F, 0.0F, channels == 4 ? 0.0F : 1.0F);
-    for (int corner = 0; corner < 4; ++corner) {
-        const auto right = static_cast<float>(corner % 2), below = static_cast<float>(corner / 2);
-        const float weight =
-            std::abs(1.0F - right - (x - left)) * std::abs(1.0F - below - (y - top)) / 255.0F;
-        const auto column = std::clamp<std::int64_t>(std::llround(left + right), 0, width - 1);
-        const auto row = std::clamp<std::int64_t>(std::llround(top + below), 0, height - 1);
-        const float* const from = texels + (row * width + column) * channels;
-        for (std::int64_t c = 0; c < channels; ++c) result[c] += weight * from[c];
-    }
-    return result;
 }
 
 /// Whether a triangle is skin that is seen from within, through the mouth. Below the shoulders it
@@ -255,7 +235,7 @@ RasterImage render_textured(const TexturedSurface& surface, std::span<const floa
             on_head += weight * head[vertex];
             irradiated += weight * received.col(static_cast<Eigen::Index>(vertex)).array();
         }
-        const Eigen::Array4f color = texel(layer->texture, u, v);
+        const Eigen::Array4f color = texel(layer->texture, u, v, 255.0F);
         if (color[3] < 0.5F) return false;
         // The throat is dark, and belongs to the head.
         constexpr float throat_light = 0.2F;

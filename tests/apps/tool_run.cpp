@@ -97,11 +97,12 @@ using MainFunction = int (*)(int, char**);
 /// which starts itself.
 MainFunction main_function(const std::string& tool) {
     static const std::map<std::string, MainFunction> functions{
-        {"stymo-drive", stymo_drive}, {"stymo-edit", stymo_edit},
-        {"stymo-eval", stymo_eval},   {"stymo-fit", stymo_fit},
-        {"stymo-prep", stymo_prep},   {"stymo-render", stymo_render},
-        {"stymo-synth", stymo_synth}, {"stymo-train", stymo_train},
-        {"stymo-view", stymo_view},   {"stymo-weights", stymo_weights}};
+        {"stymo-drive", stymo_drive},    {"stymo-edit", stymo_edit},
+        {"stymo-eval", stymo_eval},      {"stymo-export", stymo_export},
+        {"stymo-fit", stymo_fit},        {"stymo-prep", stymo_prep},
+        {"stymo-render", stymo_render},  {"stymo-synth", stymo_synth},
+        {"stymo-train", stymo_train},    {"stymo-view", stymo_view},
+        {"stymo-weights", stymo_weights}};
     const auto found = functions.find(tool);
     return found == functions.end() ? nullptr : found->second;
 }

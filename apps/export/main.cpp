@@ -1,0 +1,11 @@
+#include "apps/common/tools.h"
+#include "apps/export/commands.h"
+
+int stymo_export(int argc, char** argv) {
+    stymo::CommandLine line("stymo-export",
+                            "Writes fitted faces in the formats of other programs: textured meshes "
+                            "with ARKit's blend shapes, and their coefficients.");
+    stymo::declare_mesh(line);
+    stymo::declare_arkit(line);
+    return line.run(argc, argv);
+}

@@ -1,0 +1,133 @@
+#include <bit>
+#include <filesystem>
+#include <iomanip>
+#include <memory>
+#include <sstream>
+
+#include "apps/common/output_file.h"
+#include "apps/common/tool_options.h"
+#include "apps/export/commands.h"
+#include "apps/export/mesh_files.h"
+#include "core/io/image.h"
+#include "nn/models/code_file.h"
+#include "render/morphable/head_source.h"
+
+namespace stymo {
+
+namespace {
+
+struct MeshOptions {
+    ModelOptions model;
+    std::filesystem::path codes, out, morphable, check;
+    std::filesystem::path landmarks = shipped_landmark_network();
+    std::int64_t texture_side = 1024;
+};
+
+std::vector<std::filesystem::path> write_mesh(const std::filesystem::path& out,
+                                              const FaceMesh& face) {
+    if (out.extension() == ".obj") return write_obj(out, face.surface);
+    if (out.extension() == ".glb") {
+        write_glb(out, face);
+    } else {
+        write_colored_ply(out, face.surface);
+    }
+    return {out};
+}
+
+/// The frames of the model above those of the mesh, and a table.
+void check(const MeshOptions& options, const Model& model, const Codes& codes, const FaceMesh& face,
+           std::ostream& text, JsonValue& json) {
+    const std::vector<MeshComparison> all =
+        compared_with_frames(model, codes, face.surface, {-60, -45, -30, -15, 0, 15, 30, 45, 60});
+    std::vector<Tensor> pictures;
+    for (const MeshComparison& view : all) pictures.push_back(view.frame);
+    for (const MeshComparison& view : all) pictures.push_back(view.rendered);
+    write_image(options.check, tile_images(pictures, static_cast<int>(all.size())));
+    text << "against the model's frames   PSNR dB   inside both   overlap\n"
+         << std::fixed << std::setprecision(2);
+    std::vector<double> yaws, psnr, inside, overlap;
+    for (const MeshComparison& view : all) {
+        text << std::setw(16) << view.yaw << " degrees" << std::setw(12) << view.psnr
+             << std::setw(14) << view.psnr_inside << std::setw(10) << view.overlap << '\n';
+        yaws.push_back(view.yaw);
+        psnr.push_back(view.psnr);
+        inside.push_back(view.psnr_inside);
+        overlap.push_back(view.overlap);
+    }
+    json.add("check",
+             JsonValue::object(
+                 {{"yaw", yaws}, {"psnr", psnr}, {"psnr_inside", inside}, {"overlap", overlap}}));
+}
+
+AppResult export_mesh(const MeshOptions& options) {
+    require_extension(options.out, {".glb", ".obj", ".ply"});
+    if (!options.check.empty()) require_extension(options.check, {".png", ".jpg"});
+    if (!std::has_single_bit(static_cast<std::uint64_t>(options.texture_side)))
+        fail<UsageError>("--texture ", options.texture_side, ": give a power of two");
+    if (options.landmarks.empty())
+        fail<UsageError>("--landmarks is required: no landmark network lies beside this program");
+    const Codes codes = read_code_file(options.codes).codes;
+    const Model model = load_model(options.model, ModelParts::decoder);
+    const MorphableHead head = morphable_head_from(options.morphable);
+    const LandmarkModel landmarks = read_landmark_model(options.landmarks);
+    for (const std::filesystem::path& file : {options.out, options.check})
+        if (!file.empty()) require_folder_of(file);
+    FaceMesh face;
+    try {
+        face = face_mesh(model, codes, head, landmarks, options.texture_side);
+    } catch (const ValueError& error) {
+        fail<ValueError>(options.codes.string(), ": ", error.what());
+    }
+    std::vector<std::string> written;
+    std::ostringstream text;
+    for (const std::filesystem::path& file : write_mesh(options.out, face)) {
+        written.push_back(file.string());
+        text << file.string() << '\n';
+    }
+    JsonValue json = JsonValue::object({{"written", written},
+                                        {"vertices", face.surface.vertices.shape(0)},
+                                        {"triangles", face.surface.triangles.size()}});
+    std::array<int, 3> counts{};
+    for (const ArkitSource source : face.shapes.source) ++counts[static_cast<std::size_t>(source)];
+    for (std::size_t k = 0; k < counts.size(); ++k)
+        json.add(name_of(static_cast<ArkitSource>(k)), counts[k]);
+    if (options.out.extension() == ".glb")
+        text << "ARKit's shapes: " << counts[0] << " exact, " << counts[1] << " composed, "
+             << counts[2] << " missing"
+             << (counts[2] == 52 ? ": this head does not name its expressions" : "") << '\n';
+    if (!options.check.empty()) {
+        check(options, model, codes, face, text, json);
+        text << options.check.string() << '\n';
+    }
+    return {text.str(), json};
+}
+
+}  // namespace
+
+void declare_mesh(CommandLine& line) {
+    const auto options = std::make_shared<MeshOptions>();
+    Command command = line.command(
+        "mesh",
+        "Writes a fitted face as a textured mesh in metres, y up; a .glb file also has "
+        "ARKit's blend shapes.",
+        [options](const CommonOptions&) { return export_mesh(*options); });
+    declare_model(command, options->model);
+    declare_tuned(command, options->model);
+    command.option("--codes", options->codes, "codes.json of a fit").required();
+    command
+        .option("--out", options->out,
+                ".glb; .obj, with a .mtl and a .png file beside it; or .ply, with colours "
+                "instead of a texture")
+        .required();
+    command.option("--morphable", options->morphable,
+                   "head model whose topology the mesh has: a .safetensors file or a folder of "
+                   "ICT-FaceKit (default: the built-in head)");
+    command.option("--landmarks", options->landmarks,
+                   "landmark network (default: the one that comes with stymo)");
+    command.option("--texture", options->texture_side, "side of the texture, a power of two")
+        .range(64, 8192);
+    command.option("--check", options->check,
+                   "also measure the mesh against the model's frames, and write both as a picture");
+}
+
+}  // namespace stymo

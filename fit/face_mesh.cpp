@@ -1,0 +1,125 @@
+#include "fit/face_mesh.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "core/angle.h"
+#include "core/metrics.h"
+#include "core/tensor_eigen.h"
+#include "nn/realtime/face_renderer.h"
+#include "render/morphable/head_atlas.h"
+
+namespace stymo {
+
+namespace {
+
+/// The head without the brows of the built-in head, which stand on its skin. Here the texture has
+/// them.
+MorphableHead without_brows(MorphableHead head) {
+    if (head.grid_uv.defined())
+        std::erase_if(head.triangles, [&](const auto& triangle) {
+            return head.parts[static_cast<std::size_t>(triangle[0])] == HeadPart::brows;
+        });
+    return head;
+}
+
+/// Colours (V, 4) of eyes and of the inside of the mouth where no view shows them: those of the
+/// head in the shade, as bright as this face's nose is against the head's.
+Tensor guessed_colors(const MorphableHead& head, const LaidHead& laid, const SeenFace& frontal) {
+    Eigen::Array3f seen = Eigen::Array3f::Constant(1e-6F), expected = seen;
+    for (std::size_t k = 27; k < 36; ++k) {
+        const Eigen::Vector2f place = laid.landmarks[k].cast<float>();
+        seen += texel(frontal.image, place[0], place[1]).head<3>();
+        expected += matrix_map<float>(head.mean_albedo).row(head.landmarks[k]).transpose().array();
+    }
+    const float brightness = std::clamp(seen.sum() / expected.sum(), 0.3F, 1.5F);
+    constexpr float weight = 0.01F, shade = 0.7F;
+    Tensor guess = Tensor::zeros({head.vertex_count(), 4});
+    auto rows = mutable_matrix_map<float>(guess);
+    for (Eigen::Index i = 0; i < rows.rows(); ++i) {
+        const HeadPart part = head.parts[static_cast<std::size_t>(i)];
+        if (part != HeadPart::eyes && part != HeadPart::mouth) continue;
+        rows.row(i) << shade * brightness * matrix_map<float>(head.mean_albedo).row(i), weight;
+    }
+    return guess;
+}
+
+/// Displacements (52, M, 3) by the shapes, turned and scaled as the head was.
+Tensor laid_targets(const ArkitShapes& shapes, const HeadAtlas& atlas, const LaidHead& laid) {
+    const std::int64_t count = shapes.displacement.shape(1);
+    const auto corners = static_cast<std::int64_t>(atlas.vertex.size());
+    Tensor targets({shapes.displacement.shape(0), corners, 3});
+    auto to = mutable_matrix_map<float>(targets);
+    const Eigen::Matrix3f turn = laid.world_from_head.transpose().cast<float>();
+    RowMajorMatrix<float> at_corners(corners, 3);
+    for (std::int64_t shape = 0; shape < targets.shape(0); ++shape) {
+        const auto from = matrix_map<float>(shapes.displacement).middleRows(shape * count, count);
+        for (std::size_t i = 0; i < atlas.vertex.size(); ++i)
+            at_corners.row(static_cast<Eigen::Index>(i)) = from.row(atlas.vertex[i]);
+        to.middleRows(shape * corners, corners).noalias() = at_corners * turn;
+    }
+    return targets;
+}
+
+}  // namespace
+
+FaceMesh face_mesh(const Model& model, const Codes& codes, const MorphableHead& head,
+                   const LandmarkModel& landmarks, std::int64_t texture_side) {
+    const std::vector<SeenFace> views = surface_views(model, codes);
+    FaceMesh face;
+    face.head = fitted_head(head, landmarks, views.front());
+    lay_on_surface(head, views, face.head);
+    const HeadAtlas atlas = head_atlas(without_brows(head));
+    const Tensor& vertices = face.head.vertices;
+    face.surface = {at_atlas_vertices(atlas, vertices),
+                    at_atlas_vertices(atlas, vertex_normals(vertices, head.triangles)), atlas.uv,
+                    atlas.triangles};
+    std::vector<TextureView> pictures;
+    for (const SeenFace& view : views) pictures.push_back({view.camera, view.image, view.mask});
+    face.surface.texture = baked_texture(
+        face.surface, pictures,
+        at_atlas_vertices(atlas, guessed_colors(head, face.head, views.front())), texture_side);
+    face.shapes = arkit_shapes(head);
+    face.targets = laid_targets(face.shapes, atlas, face.head);
+    return face;
+}
+
+std::vector<MeshComparison> compared_with_frames(const Model& model, const Codes& codes,
+                                                 const TexturedMesh& mesh,
+                                                 const std::vector<double>& yaws) {
+    FaceRenderer renderer(model,
+                          {.mode = RenderMode::exact, .mask = true, .remove_floaters = true});
+    renderer.show(codes);
+    std::vector<MeshComparison> result;
+    for (const double yaw : yaws) {
+        const Camera camera = model_camera(model, radians_from_degrees(yaw), 0.0, 0.0);
+        const View view = renderer.render(camera);
+        const std::int64_t side = view.image.shape(0);
+        RasterImage drawn = rendered_mesh(mesh, camera, {side, side, 3});
+        MeshComparison& compared = result.emplace_back();
+        compared.yaw = yaw;
+        compared.frame = view.image;
+        compared.rendered = std::move(drawn.color);
+        double squares = 0.0, both = 0.0, any = 0.0;
+        const auto frame = compared.frame.mutable_values<float>();
+        for (std::size_t i = 0; i < frame.size(); ++i) {
+            const float mask = view.mask.values<float>()[i / 3];
+            frame[i] *= mask;
+            const bool in_frame = mask >= 0.5F;
+            const bool in_mesh = drawn.coverage.values<float>()[i / 3] >= 0.5F;
+            any += in_frame || in_mesh ? 1.0 : 0.0;
+            if (!in_frame || !in_mesh) continue;
+            both += 1.0;
+            const double difference =
+                double{frame[i]} - double{compared.rendered.values<float>()[i]};
+            squares += difference * difference;
+        }
+        compared.psnr = peak_signal_to_noise_ratio(compared.frame, compared.rendered);
+        compared.psnr_inside = 10.0 * std::log10(both / std::max(squares, 1e-12));
+        compared.overlap = both / std::max(any, 1.0);
+    }
+    return result;
+}
+
+}  // namespace stymo

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "fit/laid_head.h"
+#include "render/morphable/arkit_shapes.h"
+#include "render/texture.h"
+
+namespace stymo {
+
+/// A face as other programs use it: the topology of a linear head on the surface of a model's face,
+/// with a texture and ARKit's blend shapes.
+struct FaceMesh {
+    TexturedMesh surface;  ///< M vertices, world coordinates
+    ArkitShapes shapes;    ///< of the head
+    Tensor targets;        ///< (52, M, 3): displacements by the shapes on this surface
+    LaidHead head;         ///< before seams were cut
+};
+
+/// `texture_side` is a power of two, so that holes of the texture are filled. Throws what
+/// `surface_views` and `fitted_head` throw.
+[[nodiscard]] FaceMesh face_mesh(const Model& model, const Codes& codes, const MorphableHead& head,
+                                 const LandmarkModel& landmarks, std::int64_t texture_side);
+
+/// The mesh beside the model's own frame from one side, the heads on black.
+struct MeshComparison {
+    double yaw = 0.0;          ///< in degrees
+    Tensor frame, rendered;    ///< (S, S, 3)
+    double psnr = 0.0;         ///< of the whole images, in decibels
+    double psnr_inside = 0.0;  ///< where both have the head
+    double overlap = 0.0;      ///< area that both have, as a share of what at least one has
+};
+[[nodiscard]] std::vector<MeshComparison> compared_with_frames(const Model& model,
+                                                               const Codes& codes,
+                                                               const TexturedMesh& mesh,
+                                                               const std::vector<double>& yaws);
+
+}  // namespace stymo

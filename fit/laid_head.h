@@ -1,0 +1,40 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "fit/photo/landmarks.h"
+#include "fit/turned_photo.h"
+#include "nn/models/model.h"
+#include "nn/pretrained/landmark_network.h"
+#include "render/morphable/head.h"
+
+namespace stymo {
+
+/// Renders a face (row 0 of `codes`) from the views in which models know its surface: up to 26
+/// degrees to either side, 12 up and down. The first view is the frontal one. Throws ValueError if
+/// the density has no surface where the face should be.
+[[nodiscard]] std::vector<SeenFace> surface_views(const Model& model, const Codes& codes);
+
+/// A linear head in the place of a model's face.
+struct LaidHead {
+    Tensor vertices;                ///< (V, 3), world coordinates of the model
+    std::vector<float> identity;    ///< 100 coefficients of the fitted head
+    std::vector<float> expression;  ///< 79
+    /// Turns and scales displacements of the head's vertices (expressions) as the head was.
+    Eigen::Matrix3d world_from_head = Eigen::Matrix3d::Identity();
+    Landmarks landmarks;  ///< found in the first view, in units of the image's side
+};
+
+/// Finds the landmarks of the first view, fits the head's pose, shape and expression to it
+/// (`fit_morphable`) and moves it to the depth of the face. Throws ValueError if the landmarks do
+/// not look like a face.
+[[nodiscard]] LaidHead fitted_head(const MorphableHead& head, const LandmarkModel& landmarks,
+                                   const SeenFace& frontal);
+
+/// Lays the vertices onto the surface: those that a view sees go to its depth, those of an outline
+/// to the outline of the view, landmarks to where they were found; the others follow their
+/// neighbours. Pieces such as brows follow the skin, and eyeballs do so without changing shape.
+void lay_on_surface(const MorphableHead& head, std::span<const SeenFace> views, LaidHead& laid);
+
+}  // namespace stymo

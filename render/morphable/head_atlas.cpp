@@ -1,0 +1,152 @@
+#include "render/morphable/head_atlas.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+
+#include "core/tensor_eigen.h"
+#include "render/triangle_mesh.h"
+
+namespace stymo {
+
+namespace {
+
+using Triangle = std::array<std::int32_t, 3>;
+
+/// A piece of the surface that becomes one rectangle of the atlas.
+struct Chart {
+    std::vector<std::size_t> triangles;
+    double size = 0.0;  ///< square root of its area; more for eyes, less for what is in the mouth
+    Eigen::AlignedBox3f box;
+    float width_used = 1.0F;  ///< largest u, beyond 1 for the triangles that cross the seam
+    Eigen::Array2f origin = Eigen::Array2f::Zero(), extent = Eigen::Array2f::Ones();
+};
+
+Eigen::Vector3f point_of(const MorphableHead& head, std::int32_t vertex) {
+    return matrix_map<float>(head.mean).row(vertex).transpose();
+}
+
+std::vector<Chart> charts_of(const MorphableHead& head) {
+    // The inside of a scanned mouth is another piece than the face: both stand at the same place.
+    const auto count = static_cast<std::int32_t>(head.vertex_count());
+    std::vector<Triangle> nodes = head.triangles;
+    const auto in_mouth = [&](std::int32_t vertex) {
+        return head.parts[static_cast<std::size_t>(vertex)] == HeadPart::mouth;
+    };
+    for (Triangle& triangle : nodes)
+        if (!head.grid_uv.defined() && std::ranges::any_of(triangle, in_mouth))
+            for (std::int32_t& vertex : triangle) vertex += count;
+    const std::vector<std::int32_t> piece = pieces_of(2 * head.vertex_count(), nodes);
+    std::map<std::int32_t, Chart> charts;
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+        Chart& chart = charts[piece[static_cast<std::size_t>(nodes[i][0])]];
+        chart.triangles.push_back(i);
+        const auto [a, b, c] = head.triangles[i];
+        for (const std::int32_t vertex : {a, b, c}) chart.box.extend(point_of(head, vertex));
+        const Eigen::Vector3f u = point_of(head, b) - point_of(head, a);
+        chart.size += 0.5 * double(u.cross(point_of(head, c) - point_of(head, a)).norm());
+    }
+    std::vector<Chart> sorted;
+    for (auto& [key, chart] : charts) {
+        const HeadPart part =
+            head.parts[static_cast<std::size_t>(head.triangles[chart.triangles[0]][0])];
+        chart.size = std::sqrt(chart.size) * (part == HeadPart::eyes    ? 2.0
+                                              : part == HeadPart::mouth ? 0.4
+                                                                        : 1.0);
+        sorted.push_back(std::move(chart));
+    }
+    std::ranges::stable_sort(sorted, std::ranges::greater(), &Chart::size);
+    return sorted;
+}
+
+/// The largest charts have a row of the texture each, the others share one.
+void arrange(std::vector<Chart>& charts) {
+    constexpr double large = 0.3, shared_height = 0.4;
+    const auto is_small = [&](const Chart& chart) { return chart.size < large * charts[0].size; };
+    const auto first_small = std::ranges::find_if(charts, is_small);
+    double height = 0.0, width = 0.0;
+    for (auto chart = charts.begin(); chart != first_small; ++chart) height += chart->size;
+    for (auto chart = first_small; chart != charts.end(); ++chart) width += chart->size;
+    if (width > 0.0) height += shared_height * charts[0].size;
+    Eigen::Array2f corner = Eigen::Array2f::Zero();
+    for (auto chart = charts.begin(); chart != charts.end(); ++chart) {
+        const bool is_alone = chart < first_small;
+        const double tall = is_alone ? chart->size : shared_height * charts[0].size;
+        const Eigen::Array2f extent(is_alone ? 1.0F : float(chart->size / width),
+                                    float(tall / height));
+        // A margin on all sides, so that charts do not mix.
+        const float margin = std::min(0.003F, 0.1F * extent.minCoeff());
+        chart->origin = corner + margin;
+        chart->extent = extent - 2.0F * margin;
+        corner[is_alone ? 1 : 0] += extent[is_alone ? 1 : 0];
+    }
+}
+
+/// Place of a vertex on its chart: u in [0, 1] around the vertical axis, v in [0, 1] downwards.
+Eigen::Array2f place_of(const MorphableHead& head, const Chart& chart, std::int32_t vertex) {
+    if (head.grid_uv.defined()) return matrix_map<float>(head.grid_uv).row(vertex).transpose();
+    const Eigen::Vector3f from = point_of(head, vertex) - chart.box.center();
+    return {std::atan2(from[0], from[2]) / (2.0F * std::numbers::pi_v<float>)+0.5F,
+            0.5F - from[1] / std::max(chart.box.sizes()[1], 1e-6F)};
+}
+
+/// The corners' places, in which u does not jump from 1 to 0.
+std::array<Eigen::Array2f, 3> places_of(const MorphableHead& head, const Chart& chart,
+                                        const Triangle& triangle) {
+    std::array<Eigen::Array2f, 3> places;
+    std::ranges::transform(triangle, places.begin(),
+                           [&](std::int32_t vertex) { return place_of(head, chart, vertex); });
+    const auto [low, high] = std::minmax({places[0][0], places[1][0], places[2][0]});
+    if (high - low > 0.5F)
+        for (Eigen::Array2f& place : places)
+            if (place[0] < 0.5F) place[0] += 1.0F;
+    return places;
+}
+
+}  // namespace
+
+HeadAtlas head_atlas(const MorphableHead& head) {
+    std::vector<Chart> charts = charts_of(head);
+    if (charts.empty()) return {{}, Tensor({0, 2}), {}};
+    for (Chart& chart : charts)
+        for (const std::size_t triangle : chart.triangles)
+            for (const auto& place : places_of(head, chart, head.triangles[triangle]))
+                chart.width_used = std::max(chart.width_used, place[0]);
+    arrange(charts);
+    HeadAtlas atlas{{}, {}, std::vector<Triangle>(head.triangles.size())};
+    std::vector<float> uv;
+    for (const Chart& chart : charts) {
+        std::map<std::pair<std::int32_t, bool>, std::int32_t> number;
+        for (const std::size_t t : chart.triangles) {
+            const std::array<Eigen::Array2f, 3> places = places_of(head, chart, head.triangles[t]);
+            for (std::size_t k = 0; k < 3; ++k) {
+                const std::int32_t vertex = head.triangles[t][k];
+                const bool beyond = places[k][0] > place_of(head, chart, vertex)[0];
+                const auto [entry, is_new] = number.try_emplace(
+                    {vertex, beyond}, static_cast<std::int32_t>(atlas.vertex.size()));
+                atlas.triangles[t][k] = entry->second;
+                if (!is_new) continue;
+                atlas.vertex.push_back(vertex);
+                const Eigen::Array2f at =
+                    chart.origin +
+                    chart.extent * Eigen::Array2f(places[k][0] / chart.width_used, places[k][1]);
+                uv.insert(uv.end(), at.begin(), at.end());
+            }
+        }
+    }
+    atlas.uv = Tensor::from({static_cast<std::int64_t>(atlas.vertex.size()), 2},
+                            std::span<const float>(uv));
+    return atlas;
+}
+
+Tensor at_atlas_vertices(const HeadAtlas& atlas, const Tensor& values) {
+    Tensor result({static_cast<std::int64_t>(atlas.vertex.size()), values.shape(1)});
+    auto rows = mutable_matrix_map<float>(result);
+    for (std::size_t i = 0; i < atlas.vertex.size(); ++i)
+        rows.row(static_cast<Eigen::Index>(i)) = matrix_map<float>(values).row(atlas.vertex[i]);
+    return result;
+}
+
+}  // namespace stymo

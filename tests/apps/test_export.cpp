@@ -1,0 +1,137 @@
+// stymo-export: files that other programs read, and what it refuses.
+#include <catch2/catch.hpp>
+#include <cstring>
+#include <nlohmann/json.hpp>
+
+#include "apps/tiny_run.h"
+#include "apps/tool_run.h"
+#include "core/io/file.h"
+#include "core/io/scratch_folder.h"
+#include "nn/models/code_file.h"
+
+namespace export_tests {
+
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using stymo::tiny_run;
+using stymo::ToolOutcome;
+
+ToolOutcome done(const std::string& command) {
+    ToolOutcome outcome = stymo::run_tool(tiny_run(), "stymo-export " + command);
+    INFO(command << "\n" << outcome.err);
+    CHECK(outcome.exit_code == 0);
+    return outcome;
+}
+
+void refused(const std::string& command, int exit_code, const std::string& culprit,
+             const std::string& unwritten) {
+    const ToolOutcome outcome = stymo::run_tool(tiny_run(), "stymo-export " + command);
+    INFO(command << "\n" << outcome.err);
+    CHECK(outcome.exit_code == exit_code);
+    CHECK(stymo::line_count(outcome.err) == 1);
+    CHECK_THAT(outcome.err, Catch::StartsWith("stymo-export: ") && Catch::Contains(culprit));
+    CHECK(outcome.out.empty());
+    CHECK_FALSE(fs::exists(tiny_run() / unwritten));
+}
+
+std::vector<double> expression_of(const fs::path& codes) {
+    return stymo::read_code_file(codes).codes.expression().value().to_vector();
+}
+
+}  // namespace
+
+TEST_CASE("Coefficients are written for programs that use ARKit, and come back as codes",
+          "[export]") {
+    const json result = json::parse(done("arkit --codes fit/codes.json --out face.csv --json").out);
+    CHECK(result["coefficients"].size() == 52);
+    CHECK(result["errors"]["coefficients_miss_mm"] <= result["errors"]["expression_mm"]);
+    const std::string csv = stymo::read_file(tiny_run() / "face.csv");
+    CHECK_THAT(csv, Catch::StartsWith("Timecode,BlendShapeCount,EyeBlinkLeft,EyeLookDownLeft,") &&
+                        Catch::Contains("\n00:00:00:00.000,61,"));
+    CHECK(stymo::line_count(csv) == 2);
+    done("arkit --codes fit/codes.json --out face.json");
+    for (const std::string file : {"face.csv", "face.json"}) {
+        done("arkit --codes fit/codes.json --coefficients " + file + " --out back.json");
+        done("arkit --codes back.json --out again.json");
+        const json again = json::parse(stymo::read_file(tiny_run() / "again.json"));
+        for (const auto& [name, value] : result["coefficients"].items())
+            CHECK(again["coefficients"][name].get<double>() ==
+                  Approx(value.get<double>()).margin(0.02));
+    }
+    // Two rows are two faces that differ from the given one in their expressions.
+    stymo::write_file(tiny_run() / "two.csv", csv + csv.substr(csv.find('\n') + 1));
+    done("arkit --codes fit/codes.json --coefficients two.csv --out two.jsonl");
+    CHECK(stymo::line_count(stymo::read_file(tiny_run() / "two.jsonl")) == 2);
+    CHECK(expression_of(tiny_run() / "back.json") != expression_of(tiny_run() / "fit/codes.json"));
+}
+
+TEST_CASE("What cannot be exported is refused in one line, and nothing is written", "[export]") {
+    const std::string mesh = "mesh --codes fit/codes.json --model run/model.safetensors ";
+    refused(mesh + "--out no.stl", 2, "must end in .glb or .obj or .ply", "no.stl");
+    refused(mesh + "--out no.glb --texture 1000", 2, "power of two", "no.glb");
+    refused(mesh + "--out file/no.glb", 1, "file", "no.glb");
+    refused(mesh + "--out no.glb --morphable zero.png", 1, "zero.png", "no.glb");
+    // Four steps of training make no face.
+    refused(mesh + "--out no.glb", 1, "fit/codes.json: ", "no.glb");
+    const std::string arkit = "arkit --codes fit/codes.json ";
+    stymo::write_file(tiny_run() / "no_codes.json", R"({"pose": {}})");
+    refused("arkit --codes no_codes.json --out no.json", 1, "\"code\" is missing", "no.json");
+    refused(arkit + "--out no.txt", 2, "must end in .json or .csv", "no.txt");
+    const auto with = [&](const std::string& text) {
+        stymo::write_file(tiny_run() / "bad.csv", text);
+        return arkit + "--coefficients bad.csv --out no.json";
+    };
+    refused(with("Timecode,BlendShapeCount,jawOpen\n"), 1, "has no column EyeBlinkLeft", "no.json");
+    refused(with(""), 1, "has no column EyeBlinkLeft", "no.json");
+    done(arkit + "--out good.csv");
+    const std::string good = stymo::read_file(tiny_run() / "good.csv");
+    refused(with(good + "1,2\n"), 1, "line 3 has 2 cells, the first 63", "no.json");
+    refused(with(good.substr(0, good.find('\n') + 1)), 1, "holds no coefficients", "no.json");
+    std::string odd = good;
+    refused(with(odd.replace(odd.find(",61,") + 4, 1, "x")), 1, "EyeBlinkLeft is \"x", "no.json");
+    refused(with(good + good.substr(good.find('\n') + 1)), 2, ".jsonl", "no.json");
+    stymo::write_file(tiny_run() / "bad.json", R"({"coefficients": {"jawopen": 1}})");
+    refused(arkit + "--coefficients bad.json --out no.json", 1, "is none of ARKit's", "no.json");
+}
+
+TEST_CASE("The shipped model's faces become glTF files", "[export][slow]") {
+    const stymo::ScratchFolder folder;
+    const auto run = [&](const std::string& command) {
+        const ToolOutcome outcome = stymo::run_tool(folder.path(), command);
+        INFO(command << "\n" << outcome.err);
+        REQUIRE(outcome.exit_code == 0);
+        return outcome.out;
+    };
+    run("stymo-render --sample 1 --out drawn");
+    const json result =
+        json::parse(run("stymo-export mesh --codes drawn/0000.json --out a.glb --texture 256 "
+                        "--check a.png --json"));
+    // Straight on the mesh is the frame, apart from the rim.
+    CHECK(result["check"]["psnr_inside"][4] > 26.0);
+    CHECK(result["check"]["overlap"][4] > 0.9);
+    const std::string bytes = stymo::read_file(folder / "a.glb");
+    const auto word = [&](std::size_t at) {
+        std::uint32_t value = 0;
+        std::memcpy(&value, bytes.data() + at, 4);
+        return std::size_t{value};
+    };
+    REQUIRE(bytes.substr(0, 4) == "glTF");
+    CHECK(word(8) == bytes.size());
+    const json gltf = json::parse(bytes.substr(20, word(12)));
+    const json& primitive = gltf["meshes"][0]["primitives"][0];
+    CHECK(primitive["targets"].size() ==
+          result["exact"].get<int>() + result["composed"].get<int>());
+    CHECK(gltf["meshes"][0]["extras"]["targetNames"].size() == primitive["targets"].size());
+    const json& positions = gltf["accessors"][primitive["attributes"]["POSITION"].get<int>()];
+    CHECK(positions["count"] == result["vertices"]);
+    // A head in metres, y up.
+    const double height = positions["max"][1].get<double>() - positions["min"][1].get<double>();
+    CHECK(height > 0.15);
+    CHECK(height < 0.3);
+    run("stymo-export mesh --codes drawn/0000.json --out b.obj --texture 256");
+    for (const char* file : {"b.obj", "b.mtl", "b.png"}) CHECK(fs::exists(folder / file));
+}
+
+}  // namespace export_tests
