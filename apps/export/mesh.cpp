@@ -75,7 +75,7 @@ AppResult export_mesh(const MeshOptions& options) {
     FaceMesh face;
     try {
         face = face_mesh(model, codes, head, landmarks, options.texture_side);
-    } catch (const ValueError& error) {
+    } catch (const Error& error) {
         fail<ValueError>(options.codes.string(), ": ", error.what());
     }
     std::vector<std::string> written;
