@@ -3,7 +3,7 @@
 #include <memory>
 #include <sstream>
 
-#include "apps/common/output_file.h"
+#include "apps/common/tool_options.h"
 #include "apps/export/coefficient_files.h"
 #include "apps/export/commands.h"
 #include "core/io/file.h"

@@ -4,7 +4,6 @@
 #include <memory>
 #include <sstream>
 
-#include "apps/common/output_file.h"
 #include "apps/common/tool_options.h"
 #include "apps/export/commands.h"
 #include "apps/export/mesh_files.h"
@@ -66,7 +65,7 @@ AppResult export_mesh(const MeshOptions& options) {
         fail<UsageError>("--texture ", options.texture_side, ": give a power of two");
     if (options.landmarks.empty())
         fail<UsageError>("--landmarks is required: no landmark network lies beside this program");
-    const Codes codes = read_code_file(options.codes).codes;
+    const Codes codes = read_own_codes(options.codes, options.model).codes;
     const Model model = load_model(options.model, ModelParts::decoder);
     const MorphableHead head = morphable_head_from(options.morphable);
     const LandmarkModel landmarks = read_landmark_model(options.landmarks);

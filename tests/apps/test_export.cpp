@@ -122,7 +122,7 @@ TEST_CASE("The shipped model's faces become glTF files", "[export][slow]") {
     const json gltf = json::parse(bytes.substr(20, word(12)));
     const json& primitive = gltf["meshes"][0]["primitives"][0];
     CHECK(primitive["targets"].size() ==
-          result["exact"].get<int>() + result["composed"].get<int>());
+          result["exact"].get<std::size_t>() + result["composed"].get<std::size_t>());
     CHECK(gltf["meshes"][0]["extras"]["targetNames"].size() == primitive["targets"].size());
     const json& positions = gltf["accessors"][primitive["attributes"]["POSITION"].get<int>()];
     CHECK(positions["count"] == result["vertices"]);
