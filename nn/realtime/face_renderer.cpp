@@ -241,9 +241,7 @@ std::optional<View> FaceRenderer::render(const Camera& camera, const std::stop_t
     State& state = *state_;
     if (state.shown.front().empty()) fail<ValueError>("there is no face to render; show one first");
     if (!state.field) return state.render_unfolded(camera);
-    state.feature_map.depths_alone = parts == FrameParts::field;
     state.render_field(camera, stop);
-    if (parts == FrameParts::field) state.camera.reset();  // its features may be missing
     if (stop.stop_requested()) return std::nullopt;
     if (parts == FrameParts::all) state.draw(stop);
     if (stop.stop_requested()) return std::nullopt;

@@ -36,7 +36,6 @@ struct CameraRays {
 
 /// The field as seen by a camera: the input of the render blocks, and further values for each ray.
 struct FeatureMap {
-    bool depths_alone = false;    ///< set by the caller: `features` are not wanted, and stay
     std::vector<float> features;  ///< (rays, feature_channels), after the field's last layer; zeros
                                   ///< for an empty ray
     std::vector<std::uint8_t> occupied;  ///< (rays): 0 for an empty ray, else 1

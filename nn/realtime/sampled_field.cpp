@@ -327,7 +327,6 @@ void SampledField::trace_tile(std::int64_t first, std::int64_t end, const Camera
     scratch.row_rays.clear();
     scratch.row_weights.clear();
     for (std::int64_t ray = first; ray < end; ++ray) finish_ray(ray, samples, scratch, map);
-    if (map.depths_alone) return;
     field_.features(scratch.rows, tile.field);
 
     const std::int64_t width = field_.width();
@@ -375,7 +374,6 @@ void SampledField::finish_ray(std::int64_t ray, const CameraSamples& samples, Sc
 }
 
 void SampledField::finish(FeatureMap& map) {
-    if (map.depths_alone) return;
     const auto count = static_cast<std::int64_t>(map.occupied.size()), width = field_.width(),
                channels = field_.feature_channels();
     const auto finish_rays = [&](std::int64_t first, std::int64_t end) {
