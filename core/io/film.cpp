@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
@@ -37,6 +38,11 @@ bool is_whole_mp4(std::string_view bytes) {
         bytes.remove_prefix(size);
     }
     return has_index && bytes.empty();
+}
+
+/// FFmpeg writes to stderr what it finds wrong with a file; the tools say it in one line.
+void silence_ffmpeg() {
+    [[maybe_unused]] static const int set = ::setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
 }
 
 Tensor tensor_of(const cv::Mat& bgr, int most_side) {
@@ -77,6 +83,7 @@ struct FilmReader::State {
 FilmReader::FilmReader(const fs::path& path, int most_side)
     : state_(std::make_unique<State>(State{path, most_side, {}})) {
     if (!fs::is_regular_file(path)) fail<FileError>(path.string(), ": no such file");
+    silence_ffmpeg();
     if (!state_->film.open(path.string(), cv::CAP_FFMPEG))
         fail<FileError>(path.string(), ": no film that can be read, or one that was cut off");
 }
@@ -115,6 +122,7 @@ FilmWriter::FilmWriter(const fs::path& path, const fs::path& file, std::int64_t 
                        std::int64_t width, double frames_per_second)
     : state_(std::make_unique<State>(
           State{path, file, static_cast<int>(height), static_cast<int>(width), {}, {}})) {
+    silence_ffmpeg();
     state_->size = {state_->width + state_->width % 2, state_->height + state_->height % 2};
     state_->writer.open(file.string(), cv::CAP_FFMPEG, cv::VideoWriter::fourcc('a', 'v', 'c', '1'),
                         frames_per_second, state_->size);

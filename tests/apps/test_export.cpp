@@ -7,6 +7,7 @@
 #include "apps/tool_run.h"
 #include "core/io/file.h"
 #include "core/io/scratch_folder.h"
+#include "core/io/tensor_file.h"
 #include "nn/models/code_file.h"
 
 namespace export_tests {
@@ -73,8 +74,16 @@ TEST_CASE("What cannot be exported is refused in one line, and nothing is writte
     refused(mesh + "--out no.glb --texture 1000", 2, "power of two", "no.glb");
     refused(mesh + "--out file/no.glb", 1, "file", "no.glb");
     refused(mesh + "--out no.glb --morphable zero.png", 1, "zero.png", "no.glb");
-    // Four steps of training make no face.
-    refused(mesh + "--out no.glb", 1, "fit/codes.json: ", "no.glb");
+    stymo::TensorFile fog = stymo::read_tensor_file(tiny_run() / "run/model.safetensors");
+    fog.tensors.at("decoder.field.density.bias") = stymo::Tensor::full({1}, -50.0);
+    stymo::write_tensor_file(tiny_run() / "fog.safetensors", fog);
+    const std::string foggy = " --model fog.safetensors --out no.glb";
+    refused("mesh --codes fit/codes.json" + foggy, 1, "codes of another model", "no.glb");
+    json unmarked = json::parse(stymo::read_file(tiny_run() / "fit/codes.json"));
+    unmarked.erase("model");
+    stymo::write_file(tiny_run() / "unmarked.json", unmarked.dump());
+    refused("mesh --codes unmarked.json" + foggy, 1, "unmarked.json: this face has no surface",
+            "no.glb");
     const std::string arkit = "arkit --codes fit/codes.json ";
     stymo::write_file(tiny_run() / "no_codes.json", R"({"pose": {}})");
     refused("arkit --codes no_codes.json --out no.json", 1, "\"code\" is missing", "no.json");
