@@ -98,27 +98,6 @@ public:
         failed_.insert_or_assign(position, FailedFace{id_of(position), reason});
     }
 
-    /// Adds what the other ranks have found.
-    void join(Ranks& ranks) {
-        std::string own;
-        for (const auto& [position, score] : scores_)
-            own += std::to_string(position) + " " + to_json(score).text() + "\n";
-        for (const auto& [position, face] : failed_)
-            own += std::to_string(position) + " " + face.reason + "\n";
-        for (const std::string& found : gather(ranks, own)) {
-            std::istringstream lines(found);
-            std::int64_t position = 0;
-            for (std::string line; lines >> position && std::getline(lines, line);) {
-                line.erase(0, 1);
-                if (line.starts_with("{")) {
-                    scores_.insert_or_assign(position, parse_face_score(line));
-                } else {
-                    failed_.insert_or_assign(position, FailedFace{id_of(position), line});
-                }
-            }
-        }
-    }
-
     [[nodiscard]] Evaluation evaluation() const {
         Evaluation evaluation;
         for (const auto& [position, score] : scores_) evaluation.scores.push_back(score);
@@ -250,16 +229,10 @@ Evaluation evaluate(const FitJob& job, const Dataset& faces, const EvaluationOpt
     Findings findings(faces, positions, options.folder);
     const auto asked = std::ssize(positions);
     std::erase_if(positions, [&](std::int64_t position) { return findings.contains(position); });
-    const auto elsewhere =
-        options.ranks == nullptr ? 0 : std::erase_if(positions, [&, i = 0](std::int64_t) mutable {
-            return i++ % options.ranks->size() != options.ranks->rank();
-        });
 
     const InterruptGuard guard;
-    Progress progress({.title = "evaluate",
-                       .total = asked - static_cast<std::int64_t>(elsewhere),
-                       .first = findings.count(),
-                       .unit = "faces"});
+    Progress progress(
+        {.title = "evaluate", .total = asked, .first = findings.count(), .unit = "faces"});
     std::atomic<bool> stopped = false;
     const auto do_face = [&](std::int64_t position) {
         std::optional<FittedFaces> done;
@@ -295,7 +268,6 @@ Evaluation evaluate(const FitJob& job, const Dataset& faces, const EvaluationOpt
         work(0, std::ssize(positions));
     else
         parallel_for(std::ssize(positions), 1, work);
-    if (options.ranks != nullptr) findings.join(*options.ranks);
     Evaluation evaluation = findings.evaluation();
     if (evaluation.scores.empty()) {
         if (evaluation.failed.empty()) fail<FileError>("interrupted; no face was scored");

@@ -10,7 +10,6 @@
 #include "apps/eval/score_folder.h"
 #include "fit/fit_job.h"
 #include "train/data/dataset.h"
-#include "train/gradient_sums.h"
 
 namespace stymo {
 
@@ -46,7 +45,6 @@ struct EvaluationOptions {
     /// Stores scores as they are computed; stored faces are not scored again. Null: nothing is
     /// stored.
     ScoreFolder* folder = nullptr;
-    Ranks* ranks = nullptr;  ///< share the faces; null: this process has all
 };
 
 /// A face of the data set, prepared for the comparison.
@@ -73,8 +71,8 @@ struct Evaluation {
 
 /// Scores faces against the job's model. A face's score does not depend
 /// on the other faces or on the number of threads. When interrupted, it returns the scores so far,
-/// without faces whose fit was not finished. Every rank returns the scores of all. Throws what
-/// require_comparable throws, and FileError if no face could be scored.
+/// without faces whose fit was not finished. Throws what require_comparable throws, and FileError
+/// if no face could be scored.
 [[nodiscard]] Evaluation evaluate(const FitJob& job, const Dataset& faces,
                                   const EvaluationOptions& options);
 

@@ -9,7 +9,6 @@
 #include "apps/common/explain.h"
 #include "apps/common/face_input.h"
 #include "apps/common/fit_options.h"
-#include "apps/common/ranked_run.h"
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
 #include "apps/eval/commands.h"
@@ -108,15 +107,10 @@ void write_doubts(const stymo::Evaluation& evaluation, const stymo::DatasetSumma
               << stymo::most_plausible_psnr << " dB" << stymo::implausible_psnr << std::endl;
 }
 
-stymo::JsonValue json_of(const stymo::Settings& settings) {
-    stymo::JsonValue json = stymo::JsonValue::object();
-    for (const auto& [name, value] : settings) json.add(name, value);
-    return json;
-}
-
-stymo::AppResult evaluate(Options options, const stymo::CommandLine& line, stymo::Ranks& ranks) {
+stymo::AppResult evaluate(Options options, const stymo::CommandLine& line) {
+    if (options.data.empty()) stymo::fail<stymo::UsageError>("--data is required");
     stymo::EvaluationOptions& evaluated = options.evaluation;
-    if (ranks.size() > 1) evaluated.ranks = &ranks;
+    evaluated.range = stymo::parse_range(options.ids);
     evaluated.regions = stymo::regions_called(options.region);
     stymo::FitJobOptions fitting = options.fit.job_options();
     if (!evaluated.fit && (fitting.tunes() || fitting.fit.refine_pose))
@@ -148,13 +142,11 @@ stymo::AppResult evaluate(Options options, const stymo::CommandLine& line, stymo
     stymo::require_comparable(faces, evaluated);
 
     const stymo::Settings settings = settings_of(line, options);
-    const stymo::JsonValue settings_json = json_of(settings);
+    stymo::JsonValue settings_json = stymo::JsonValue::object();
+    for (const auto& [name, value] : settings) settings_json.add(name, value);
     std::optional<stymo::ScoreFolder> folder;
-    if (!options.out.empty())
-        evaluated.folder = &folder.emplace(options.out, settings_json, ranks.rank());
+    if (!options.out.empty()) evaluated.folder = &folder.emplace(options.out, settings_json);
     const stymo::Evaluation evaluation = stymo::evaluate(job, faces, evaluated);
-    if (!ranks.leads()) return {};
-    if (folder) folder->join();
     for (const stymo::FailedFace& face : evaluation.failed)
         std::cerr << "skipped " << face.id << ": " << face.reason << std::endl;
 
@@ -177,31 +169,6 @@ stymo::AppResult evaluate(Options options, const stymo::CommandLine& line, stymo
     explainer.count("faces_scored", std::ssize(evaluation.scores));
     explainer.finish(result);
     return result;
-}
-
-/// With several ranks, the first one begins the folder before the others read it.
-stymo::AppResult evaluate_on_ranks(Options& options, const stymo::CommandLine& line) {
-    if (options.data.empty()) stymo::fail<stymo::UsageError>("--data is required");
-    options.evaluation.range = stymo::parse_range(options.ids);
-    return stymo::run_on_ranks("stymo-eval", [&](stymo::Ranks& ranks) {
-        const auto run = [&] { return evaluate(options, line, ranks); };
-        return stymo::RankedRun{
-            .claim =
-                [&] {
-                    if (!options.out.empty() && ranks.size() > 1)
-                        stymo::begin_or_continue(options.out, json_of(settings_of(line, options)),
-                                                 "scores.jsonl");
-                },
-            .prepare = [] {},
-            .state =
-                [&] {
-                    stymo::CommonState state = stymo::program_state();
-                    state.emplace_back("settings", json_of(settings_of(line, options)).text());
-                    return state;
-                },
-            .lead = run,
-            .follow = [run] { static_cast<void>(run()); }};
-    });
 }
 
 }  // namespace
@@ -292,5 +259,5 @@ int stymo_eval(int argc, char** argv) {
                    "positions in the order of ids, such as 700-799, or a file with one id in each "
                    "line");
     return line.run(argc, argv,
-                    [&](const stymo::CommonOptions&) { return evaluate_on_ranks(options, line); });
+                    [&](const stymo::CommonOptions&) { return evaluate(options, line); });
 }

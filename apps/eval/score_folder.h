@@ -16,8 +16,8 @@ public:
     /// Continues the folder, or begins one. `settings` is an object of strings, numbers and
     /// booleans with the names of command-line options. A partial last line, which a crash leaves,
     /// is dropped. Throws FileError if the folder was begun with other settings, holds scores but
-    /// no settings, is malformed or cannot be written. Each rank adds scores to a file of its own.
-    ScoreFolder(std::filesystem::path path, const JsonValue& settings, int rank = 0);
+    /// no settings, is malformed or cannot be written.
+    ScoreFolder(std::filesystem::path path, const JsonValue& settings);
 
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
     /// The scores that the folder had at construction.
@@ -30,8 +30,6 @@ public:
     /// Adds a score, and the codes of the fit if the face was fitted. Both are on the disk when
     /// this function returns. Not thread-safe.
     void add(const FaceScore& score, const FitResult& fit);
-    /// Moves the scores of other ranks, which have ended, to scores.jsonl.
-    void join() const;
 
 private:
     std::filesystem::path path_;

@@ -41,14 +41,6 @@ bool can_run() {
     return true;
 }
 
-const std::vector<std::string> environment{
-    "OMPI_ALLOW_RUN_AS_ROOT=1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1", "ASAN_OPTIONS=detect_leaks=0"};
-
-bool has_ranks() {
-    return stymo::has_mpi() &&
-           stymo::run_child({"mpirun", "-n", "1", "true"}, environment).exit_code == 0;
-}
-
 ToolOutcome fit(const std::string& more) {
     return run_tool(tiny_run(), "stymo-fit --images portraits" + model + more);
 }
@@ -56,6 +48,9 @@ ToolOutcome fit(const std::string& more) {
 std::string bytes(const std::string& file) {
     return stymo::read_file(tiny_run() / file);
 }
+
+const std::vector<std::string> environment{
+    "OMPI_ALLOW_RUN_AS_ROOT=1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1", "ASAN_OPTIONS=detect_leaks=0"};
 
 }  // namespace
 
@@ -109,27 +104,10 @@ TEST_CASE("Folders that cannot be fitted are refused, and nothing is written") {
             "none of its 1 photos can be used; the first: broken.png: not an image");
 }
 
-TEST_CASE("Two ranks score the faces that one process scores, with the same bits") {
-    if (!has_ranks()) return;
-    const std::string options = "--model run/model.safetensors --data faces --fit --steps 2 --out ";
-    REQUIRE(run_tool(tiny_run(), "stymo-eval " + options + "scored_alone").exit_code == 0);
-    const std::string folder = tiny_run();
-    REQUIRE(stymo::run_child({"sh", "-c",
-                              "cd " + folder +
-                                  " && mpirun --oversubscribe -n 2 " STYMO_BINARY_DIR
-                                  "/bin/stymo-eval --threads 1 " +
-                                  options + "scored_by_two"},
-                             environment)
-                .exit_code == 0);
-    json alone = json::parse(bytes("scored_alone/report.json"));
-    json by_two = json::parse(bytes("scored_by_two/report.json"));
-    CHECK(alone == by_two);
-    CHECK(stymo::line_count(bytes("scored_by_two/scores.jsonl")) == 12);
-    CHECK_FALSE(fs::exists(tiny_run() / "scored_by_two/scores.1.jsonl"));
-}
-
 TEST_CASE("Two ranks fit a folder to the same bits, and one that is killed loses no photo") {
-    if (!can_run() || !has_ranks()) return;
+    if (!can_run() || !stymo::has_mpi() ||
+        stymo::run_child({"mpirun", "-n", "1", "true"}, environment).exit_code != 0)
+        return;
     const auto line = [](const std::string& out) {
         const std::string folder = tiny_run().string() + "/";
         return stymo::words(
