@@ -233,11 +233,12 @@ private:
         }
     }
 
-    /// Gauss-Seidel on cost + length^2 * (differences between neighbours)^2: displacements
-    /// change over about this length.
+    /// Successive over-relaxation of cost + length^2 * (differences between neighbours)^2:
+    /// displacements change over about this length.
     void solve(const Pull& pull, double length) {
         const double smoothness = length * length;
         constexpr int sweeps = 200;
+        constexpr double relaxation = 1.9;
         std::vector<Eigen::Matrix3d> inverse(start_.size());
         for (std::size_t i = 0; i < start_.size(); ++i) {
             double sum = 1e-12;
@@ -249,7 +250,7 @@ private:
                 Vector right = pull.vector[i];
                 for (const Neighbour& other : neighbours_[i])
                     right += smoothness * other.weight * displacement_[other.vertex];
-                displacement_[i] = inverse[i] * right;
+                displacement_[i] += relaxation * (inverse[i] * right - displacement_[i]);
             }
         for (const std::vector<std::size_t>& piece : rigid_) {
             Vector mean = Vector::Zero();
@@ -338,7 +339,7 @@ LaidHead fitted_head(const MorphableHead& head, const LandmarkModel& landmarks,
 void lay_on_surface(const MorphableHead& head, std::span<const SeenFace> views, LaidHead& laid) {
     Laying laying(head, laid.vertices);
     // From stiff to soft, so that vertices find their places before details form.
-    for (const double length : {0.4, 0.28, 0.2, 0.14, 0.1, 0.07, 0.07, 0.07})
+    for (const double length : {0.4, 0.28, 0.2, 0.14, 0.1, 0.07, 0.06, 0.06})
         laying.step(views, laid.landmarks, length);
     Points points = laying.points();
     // The built-in head's lids close along straight lines, which cut through its eyeballs.

@@ -84,7 +84,9 @@ FilmReader::FilmReader(const fs::path& path, int most_side)
     : state_(std::make_unique<State>(State{path, most_side, {}})) {
     if (!fs::is_regular_file(path)) fail<FileError>(path.string(), ": no such file");
     silence_ffmpeg();
-    if (!state_->film.open(path.string(), cv::CAP_FFMPEG))
+    // A file with the name of a picture opens without a look at its contents.
+    if (!state_->film.open(path.string(), cv::CAP_FFMPEG) ||
+        state_->film.get(cv::CAP_PROP_FRAME_WIDTH) <= 0.0)
         fail<FileError>(path.string(), ": no film that can be read, or one that was cut off");
 }
 FilmReader::~FilmReader() = default;

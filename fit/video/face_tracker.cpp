@@ -118,10 +118,9 @@ Landmarks FaceTracker::smoothed(const Landmarks& found, bool starts) {
 }
 
 std::optional<TrackedFace> FaceTracker::next(const Tensor& frame) {
-    if (is_cut(frame)) {
-        ++cuts_;
-        last_.reset();
-    }
+    const bool cut = is_cut(frame);
+    const bool followed = last_ && gone_ == 0;
+    if (cut) last_.reset();
     const bool starts = !last_ || gone_ > 0;
     std::optional<Landmarks> found = find(frame);
     // A face that has moved far, or that the close look missed.
@@ -134,6 +133,8 @@ std::optional<TrackedFace> FaceTracker::next(const Tensor& frame) {
         ++gone_;
         return std::nullopt;
     }
+    // A face that leaves or comes back may change the whole picture too.
+    if (cut && followed) ++cuts_;
     last_ = found;
     gone_ = 0;
     return TrackedFace{*found, smoothed(*found, starts), starts};

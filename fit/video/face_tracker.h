@@ -28,7 +28,7 @@ public:
 
     /// The face in the next frame (height, width, 3) in [0, 1]; nothing if it is not there.
     [[nodiscard]] std::optional<TrackedFace> next(const Tensor& frame);
-    /// Number of cuts so far.
+    /// Number of cuts so far, from a frame with the face to another one with a face.
     [[nodiscard]] std::int64_t cuts() const { return cuts_; }
 
 private:
