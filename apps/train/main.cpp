@@ -73,8 +73,7 @@ struct PreparedRun {
         // A checkpoint or a model contains the backbone's trained weights, so their file need not
         // be given.
         const bool random_start = options.resume.empty() && options.initial_model.empty();
-        if (!random_start && stymo::lacks_backbone_weights(config.model.encoder))
-            config.model.encoder.backbone_weights = stymo::random_backbone;
+        if (!random_start) stymo::assume_weights(config.model.encoder);
         if (config.data.validation > 0)
             validation = stymo::faces_for_training(options.data, config, stymo::Split::validation);
         trainer.emplace(config, training, validation ? &*validation : nullptr, common.seed, ranks);

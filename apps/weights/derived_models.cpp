@@ -11,7 +11,7 @@ namespace stymo {
 
 void publish_model(const std::filesystem::path& in, const std::filesystem::path& out) {
     ModelConfig config = Model::load(in).config();
-    config.encoder.backbone_weights.clear();
+    config.encoder = without_weight_files(config.encoder);
     config.reconstruction.perceptual = {.network = encoder_network};
     // With this weight, fitted and tuned faces had the highest PSNR and SSIM.
     config.reconstruction.perceptual_weight = config.encoder.backbone == "small_conv" ? 1.0 : 0.0;
@@ -41,10 +41,14 @@ void require_wider(const ModelConfig& narrow, const ModelConfig& wide) {
     same.decoder.feature_channels = from.feature_channels;
     same.decoder.block_channels = from.block_channels;
     same.decoder.mask_channels = from.mask_channels;
+    if (narrow.encoder.identity_backbone == no_backbone) {
+        same.encoder.identity_backbone = no_backbone;
+        same.encoder.identity_weights.clear();
+    }
     if (to_json(same) != to_json(narrow))
         fail<ConfigError>(
-            "widening changes decoder.field_width, .feature_channels, "
-            ".block_channels and .mask_channels only");
+            "widening changes decoder.field_width, .feature_channels, .block_channels and "
+            ".mask_channels, and adds encoder.identity_backbone, only");
     const bool blocks =
         std::ranges::equal(from.block_channels, to.block_channels, std::ranges::less_equal{});
     if (to.field_width < from.field_width || to.feature_channels < from.feature_channels ||
@@ -84,15 +88,18 @@ Tensor embedded(const Tensor& narrow, const Tensor& wide) {
 void widen_model(const std::filesystem::path& in, const std::filesystem::path& out,
                  std::span<const std::string> settings) {
     const Model narrow = Model::load(in);
-    const ModelConfig config = widened_config(narrow.config(), settings);
+    ModelConfig config = widened_config(narrow.config(), settings);
     require_wider(narrow.config(), config);
+    if (uses_encoder(config)) require_backbone_weights(config.encoder);
     Rng rng(seed_of_new_channels);
     const Model wide(config, rng);
     TensorFile file = read_tensor_file(in);
     for (const Parameter& parameter : wide.parameters().all()) {
-        Tensor& tensor = file.tensors.at(parameter.name());
-        tensor = embedded(tensor, parameter.variable().value());
+        const Tensor& larger = parameter.variable().value();
+        const auto [narrower, added] = file.tensors.try_emplace(parameter.name(), larger);
+        if (!added) narrower->second = embedded(narrower->second, larger);
     }
+    config.encoder.identity_weights.clear();
     file.metadata["config"] = to_json(config);
     write_tensor_file(out, file);
 }

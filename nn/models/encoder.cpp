@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "core/ops/elementwise.h"
+#include "core/ops/reduce.h"
 #include "core/ops/shape_ops.h"
 #include "core/work_counts.h"
 #include "nn/layers/linear.h"
@@ -12,18 +13,39 @@
 namespace stymo {
 namespace {
 
-void load_backbone(Backbone& backbone, const std::string& path) {
-    constexpr const char* key = "encoder.backbone_weights: ";
+void load_backbone(Backbone& backbone, const std::string& path, const char* key) {
+    if (path.empty() || path == random_backbone) return;
     if (!std::filesystem::exists(path))
         fail<FileError>(
-            key, "no file ", path,
+            key, ": no file ", path,
             "; name an existing file, or set the key to random to train the backbone from scratch");
     try {
         backbone.load_pretrained(read_tensor_file(path), path);
     } catch (const FileError& error) {
-        fail<FileError>(key, error.what());
+        fail<FileError>(key, ": ", error.what());
     }
 }
+
+bool lacks_weights(const std::string& backbone, const std::string& file) {
+    return backbone != no_backbone && file.empty() && *published_weights(backbone) != '\0';
+}
+
+void require_weights(const std::string& backbone, const std::string& file, const char* key,
+                     const char* or_else) {
+    if (!lacks_weights(backbone, file)) return;
+    fail<ConfigError>(key, ": no weights for ", backbone, "; get ", published_weights(backbone),
+                      ", import it with `stymo-weights import FILE ", backbone,
+                      ".safetensors` and name the result", or_else);
+}
+
+std::unique_ptr<Backbone> identity_backbone(const EncoderConfig& config, ParameterStore& store,
+                                            const std::string& prefix, Rng& rng) {
+    if (config.identity_backbone == no_backbone) return nullptr;
+    return make_backbone(config.identity_backbone, store, prefix + ".identity.", rng);
+}
+
+constexpr const char* backbone_key = "encoder.backbone_weights";
+constexpr const char* identity_key = "encoder.identity_weights";
 
 }  // namespace
 
@@ -34,18 +56,34 @@ Variable arcface_frame(const Variable& images) {
     return slice(slice(images, 1, margin, side - margin), 2, margin, side - margin);
 }
 
-bool lacks_backbone_weights(const EncoderConfig& config) {
-    return config.backbone_weights.empty() && *published_weights(config.backbone) != '\0';
+EncoderConfig without_weight_files(EncoderConfig config) {
+    config.backbone_weights.clear();
+    config.identity_weights.clear();
+    return config;
+}
+
+void assume_weights(EncoderConfig& config) {
+    if (lacks_weights(config.backbone, config.backbone_weights))
+        config.backbone_weights = random_backbone;
+    if (lacks_weights(config.identity_backbone, config.identity_weights))
+        config.identity_weights = random_backbone;
 }
 
 void require_backbone_weights(const EncoderConfig& config) {
-    if (!lacks_backbone_weights(config)) return;
-    fail<ConfigError>("encoder.backbone_weights: no weights for ", config.backbone, "; get ",
-                      published_weights(config.backbone),
-                      ", import it with `stymo-weights import FILE ", config.backbone,
-                      ".safetensors` and name the result, or set it to ", random_backbone,
-                      " to train the backbone from scratch");
+    require_weights(config.backbone, config.backbone_weights, backbone_key,
+                    ", or set it to random to train the backbone from scratch");
+    require_weights(config.identity_backbone, config.identity_weights, identity_key, "");
 }
+
+namespace {
+
+/// Unit embeddings times the root of their size, so that the heads see values of about 1.
+Variable face_embedding(const Backbone& identity, const Variable& image) {
+    const Variable values = identity(arcface_frame(image));
+    return values / sqrt(mean(square(values), {1}) + 1e-12);
+}
+
+}  // namespace
 
 /// One semantic head for each group of the code: embedding -> width -> width / 2 -> size of the
 /// group.
@@ -86,6 +124,13 @@ void describe(ConfigSchema& schema, EncoderConfig& config) {
                    "% of the FFHQ crop");
     schema.number("encoder.embedding_scale", config.embedding_scale, 1e-3, 1e3,
                   "factor on the embedding before the semantic heads");
+    std::vector<std::string> second = backbone_names();
+    second.insert(second.begin(), no_backbone);
+    schema.choice("encoder.identity_backbone", config.identity_backbone, std::move(second),
+                  "a second backbone that knows faces and is never trained; the heads read its "
+                  "embedding beside that of the first");
+    schema.text("encoder.identity_weights", config.identity_weights,
+                ".safetensors file with published weights of the identity backbone");
     schema.integer("encoder.head_width", config.head_width, 2, 8192,
                    "width of the semantic heads: embedding, width, width / 2, code");
 }
@@ -94,18 +139,22 @@ Encoder::Encoder(const EncoderConfig& config, ParameterStore& store, const std::
                  Rng& rng)
     : arcface_crop_(config.arcface_crop),
       backbone_(make_backbone(config.backbone, store, prefix + ".backbone.", rng)),
-      heads_(std::make_shared<Heads>(backbone_->embedding_size(), config.head_width, store,
-                                     prefix + ".heads.", rng)),
+      identity_(identity_backbone(config, store, prefix, rng)),
+      heads_(std::make_shared<Heads>(
+          backbone_->embedding_size() + (identity_ ? identity_->embedding_size() : 0),
+          config.head_width, store, prefix + ".heads.", rng)),
       embedding_scale_(config.embedding_scale) {
-    if (is_pretrained(config)) load_backbone(*backbone_, config.backbone_weights);
+    load_backbone(*backbone_, config.backbone_weights, backbone_key);
+    if (identity_) load_backbone(*identity_, config.identity_weights, identity_key);
 }
 
 Codes Encoder::operator()(const Variable& image) const {
     if (image.rank() != 4 || image.shape(1) != image.shape(2) || image.shape(3) != 3)
         fail<ShapeError>("the encoder needs images (batch, side, side, 3), got ", image.shape());
     work::count_named("evaluations", "photos_encoded", image.shape(0));
-    const Variable embedding =
+    Variable embedding =
         (*backbone_)(arcface_crop_ ? arcface_frame(image) : image) * embedding_scale_;
+    if (identity_) embedding = concat({embedding, face_embedding(*identity_, image)}, 1);
     Codes codes;
     for (std::size_t i = 0; i < codes.groups.size(); ++i) {
         const Heads::Head& head = heads_->heads[i];

@@ -20,34 +20,44 @@ struct EncoderConfig {
     bool arcface_crop = false;
     double embedding_scale = 1.0;   ///< factor on the embedding before the heads
     std::int64_t head_width = 512;  ///< heads: embedding -> width -> width / 2 -> code
+    /// A second backbone, which knows faces and is never trained: one of backbone_names(), or
+    /// no_backbone. The heads read its embedding beside that of the first.
+    std::string identity_backbone = "none";
+    std::string identity_weights{};  ///< its published weights, like backbone_weights
 };
 
 /// Binds the fields under "encoder." .
 void describe(ConfigSchema& schema, EncoderConfig& config);
 
-/// The value of EncoderConfig::backbone_weights that asks for random weights by name.
 /// The middle 76.5 % of images (B, S, S, 3) in FFHQ's crop, which is about the frame of ArcFace's
 /// training: the same whole number of pixels is cut off every side.
 [[nodiscard]] Variable arcface_frame(const Variable& images);
 
+/// The value of EncoderConfig::backbone_weights that asks for random weights by name.
 inline constexpr const char* random_backbone = "random";
+/// The value of EncoderConfig::identity_backbone for an encoder without one.
+inline constexpr const char* no_backbone = "none";
 /// Whether the backbone begins with weights from a file.
 [[nodiscard]] inline bool is_pretrained(const EncoderConfig& config) {
     return !config.backbone_weights.empty() && config.backbone_weights != random_backbone;
 }
-/// Whether the backbone has published weights but the configuration neither names a file nor asks
-/// for random weights.
-[[nodiscard]] bool lacks_backbone_weights(const EncoderConfig& config);
-/// Throws ConfigError, which says which file to download, if `lacks_backbone_weights(config)`.
+/// The configuration without its files of published weights, for a model whose own file has all
+/// weights.
+[[nodiscard]] EncoderConfig without_weight_files(EncoderConfig config);
+/// Asks for random weights where a file is needed but not named, for a training that begins with a
+/// model or a checkpoint.
+void assume_weights(EncoderConfig& config);
+/// Throws ConfigError, which says which file to download, if a backbone has published weights but
+/// the configuration neither names a file nor asks for random weights.
 void require_backbone_weights(const EncoderConfig& config);
 
 /// The encoder E of the paper: a backbone and four semantic heads. Its parameters are named
-/// `prefix`.backbone.* and `prefix`.heads.*.
+/// `prefix`.backbone.*, `prefix`.identity.* (with an identity backbone) and `prefix`.heads.*.
 class Encoder {
 public:
-    /// Reads `config.backbone_weights` if it names a file. Throws FileError, which names that key,
-    /// if the file cannot be used. A caller that will load a trained model's values should clear
-    /// the field first.
+    /// Reads the files of weights that `config` names. Throws FileError, which names the key, if a
+    /// file cannot be used. A caller that will load a trained model's values passes
+    /// `without_weight_files(config)`.
     Encoder(const EncoderConfig& config, ParameterStore& store, const std::string& prefix,
             Rng& rng);
 
@@ -59,6 +69,7 @@ private:
     struct Heads;
     bool arcface_crop_;
     std::unique_ptr<Backbone> backbone_;
+    std::unique_ptr<Backbone> identity_;  ///< null without an identity backbone
     std::shared_ptr<Heads> heads_;
     double embedding_scale_;
 };

@@ -104,9 +104,7 @@ Model Model::load(const std::filesystem::path& path, ModelParts parts) {
     ConfigSchema schema;
     describe(schema, config);
     schema.read_text(text->second, path.string());
-    // The file holds every weight, so the backbone's own file, which may be gone by now, is not
-    // read again.
-    config.encoder.backbone_weights.clear();
+    config.encoder = without_weight_files(config.encoder);
     Rng unused(0);
     Model model(config, unused, parts, {file, path.string()});
     model.parameters_.load(file, path.string());
@@ -124,7 +122,7 @@ Model Model::copy(ModelParts parts) const {
     TensorFile values;
     parameters_.save(values);
     ModelConfig config = config_;
-    config.encoder.backbone_weights.clear();
+    config.encoder = without_weight_files(config.encoder);
     Rng unused(0);
     Model model(config, unused, parts, {values, "a copy of a model"});
     model.config_ = config_;

@@ -76,6 +76,25 @@ TEST_CASE("a widened model makes the same codes and images", "[model]") {
     CHECK(unchanged > 0);
 }
 
+TEST_CASE("a model with an identity backbone added gives the same codes", "[model]") {
+    const ScratchFolder folder;
+    const Model narrow = deep_model(3);
+    narrow.save(folder / "narrow.safetensors");
+    const std::vector<std::string> identity{"encoder.identity_backbone=mobilefacenet",
+                                            "encoder.identity_weights=random"};
+    widen_model(folder / "narrow.safetensors", folder / "wide.safetensors", identity);
+    const Model wide = Model::load(folder / "wide.safetensors");
+    CHECK(wide.config().encoder.identity_backbone == "mobilefacenet");
+    Rng rng(4);
+    const Variable image(rng.normal({1, 32, 32, 3}, 0.0, 0.5));
+    const Codes before = narrow.encoder()(image);
+    const Codes after = wide.encoder()(image);
+    for (std::size_t i = 0; i < before.groups.size(); ++i)
+        CHECK(check_close(after.groups[i].value(), before.groups[i].value(), 1e-5).passed);
+    CHECK_THAT(refusal({"encoder.identity_backbone=mobilefacenet"}),
+               Catch::Contains("encoder.identity_weights: no weights for mobilefacenet"));
+}
+
 TEST_CASE("every new channel of a widened model can be learnt", "[model]") {
     const ScratchFolder folder;
     const Model narrow = deep_model(3);

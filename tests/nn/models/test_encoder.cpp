@@ -324,6 +324,54 @@ TEST_CASE("what is wrong with the backbone or its weights is said in one line wi
     CHECK(missing.find('\n') == std::string::npos);
 }
 
+TEST_CASE("the heads read the embedding of the identity backbone beside that of the first",
+          "[encoder]") {
+    ParameterStore store;
+    Rng rng(16);
+    const Encoder encoder({.backbone = "small_conv",
+                           .head_width = 8,
+                           .identity_backbone = "mobilefacenet",
+                           .identity_weights = random_backbone},
+                          store, "encoder", rng);
+    const auto named = [&store](const std::string& name) {
+        return *std::ranges::find(store.all(), name, &Parameter::name);
+    };
+    ParameterStore alone;
+    const auto network = make_backbone("mobilefacenet", alone, "", rng);
+    for (const Parameter& parameter : alone.all())
+        parameter.set_value(named("encoder.identity." + parameter.name()).variable().value());
+    const Variable image(rng.normal({1, 64, 64, 3}, 0.0, 0.5));
+    const std::vector<double> embedding = (*network)(arcface_frame(image)).value().to_vector();
+    double square = 0.0;
+    for (const double value : embedding) square += value * value;
+
+    // A weight that picks one number gives the codes that the number as a bias gives.
+    const Parameter weight = named("encoder.heads.identity.wide.weight");
+    const Parameter bias = named("encoder.heads.identity.wide.bias");
+    REQUIRE(weight.variable().shape() == Shape{8, 256 + 128});
+    for (const std::size_t number : {0U, 77U}) {
+        std::vector<double> pick(8U * 384U, 0.0);
+        pick[256U + number] = std::sqrt(384.0);
+        weight.set_value(Tensor::from({8, 384}, pick).to(DType::float32));
+        bias.set_value(Tensor::zeros({8}));
+        const Tensor picked = encoder(image).groups[0].value();
+        std::vector<double> value(8, 0.0);
+        value[0] = embedding[number] / std::sqrt(square / 128.0);
+        weight.set_value(Tensor::zeros({8, 384}));
+        bias.set_value(Tensor::from({8}, value).to(DType::float32));
+        CHECK(largest((encoder(image).groups[0] - Variable(picked)).value()) < 1e-4);
+    }
+}
+
+TEST_CASE("an identity backbone without its weights is refused with the key", "[encoder]") {
+    CHECK_THAT(test::error_message<ConfigError>([] {
+                   require_backbone_weights(
+                       {.backbone = "small_conv", .identity_backbone = "mobilefacenet"});
+               }),
+               Catch::Contains("encoder.identity_weights: no weights for mobilefacenet"));
+    CHECK_NOTHROW(require_backbone_weights({.backbone = "small_conv"}));
+}
+
 TEST_CASE("published weights of the wrong network or shape are refused by name", "[encoder]") {
     ParameterStore store;
     Rng rng(15);
