@@ -91,13 +91,18 @@ void widen_model(const std::filesystem::path& in, const std::filesystem::path& o
     ModelConfig config = widened_config(narrow.config(), settings);
     require_wider(narrow.config(), config);
     if (uses_encoder(config)) require_backbone_weights(config.encoder);
+    const bool adds_identity =
+        config.encoder.identity_backbone != narrow.config().encoder.identity_backbone;
     Rng rng(seed_of_new_channels);
     const Model wide(config, rng);
     TensorFile file = read_tensor_file(in);
     for (const Parameter& parameter : wide.parameters().all()) {
         const Tensor& larger = parameter.variable().value();
         const auto [narrower, added] = file.tensors.try_emplace(parameter.name(), larger);
-        if (!added) narrower->second = embedded(narrower->second, larger);
+        if (adds_identity && parameter.name().starts_with("encoder.heads.id."))
+            narrower->second = larger;  // it reads another embedding now
+        else if (!added)
+            narrower->second = embedded(narrower->second, larger);
     }
     config.encoder.identity_weights.clear();
     file.metadata["config"] = to_json(config);

@@ -1,5 +1,6 @@
 #include "nn/models/encoder.h"
 
+#include <array>
 #include <cmath>
 #include <filesystem>
 
@@ -95,14 +96,16 @@ struct Encoder::Heads {
     };
     std::vector<Head> heads;
 
-    Heads(std::int64_t embedding, std::int64_t width, ParameterStore& store,
+    Heads(std::int64_t embedding, std::int64_t identity, std::int64_t width, ParameterStore& store,
           const std::string& prefix, Rng& rng) {
         const LinearOptions hidden{.activation = Activation::leaky_relu};
         // Small last weights: the first codes lie near 0, the mean face of the prior.
         const LinearOptions last{.initial_weight_scale = 0.1};
+        const std::int64_t who = identity > 0 ? identity : embedding;
+        const std::array<std::int64_t, 4> inputs{who, embedding, embedding + identity, embedding};
         for (std::size_t i = 0; i < code_names.size(); ++i) {
             const std::string name = prefix + code_names[i];
-            heads.push_back({Linear(store, name + ".wide", embedding, width, hidden, rng),
+            heads.push_back({Linear(store, name + ".wide", inputs[i], width, hidden, rng),
                              Linear(store, name + ".narrow", width, width / 2, hidden, rng),
                              Linear(store, name + ".code", width / 2, code_sizes[i], last, rng)});
         }
@@ -126,9 +129,10 @@ void describe(ConfigSchema& schema, EncoderConfig& config) {
                   "factor on the embedding before the semantic heads");
     std::vector<std::string> second = backbone_names();
     second.insert(second.begin(), no_backbone);
-    schema.choice("encoder.identity_backbone", config.identity_backbone, std::move(second),
-                  "a second backbone that knows faces and is never trained; the heads read its "
-                  "embedding beside that of the first");
+    schema.choice(
+        "encoder.identity_backbone", config.identity_backbone, std::move(second),
+        "a second backbone that knows faces and is never trained; identity is read from it "
+        "alone, texture from both, the rest from the first");
     schema.text("encoder.identity_weights", config.identity_weights,
                 ".safetensors file with published weights of the identity backbone");
     schema.integer("encoder.head_width", config.head_width, 2, 8192,
@@ -140,9 +144,9 @@ Encoder::Encoder(const EncoderConfig& config, ParameterStore& store, const std::
     : arcface_crop_(config.arcface_crop),
       backbone_(make_backbone(config.backbone, store, prefix + ".backbone.", rng)),
       identity_(identity_backbone(config, store, prefix, rng)),
-      heads_(std::make_shared<Heads>(
-          backbone_->embedding_size() + (identity_ ? identity_->embedding_size() : 0),
-          config.head_width, store, prefix + ".heads.", rng)),
+      heads_(std::make_shared<Heads>(backbone_->embedding_size(),
+                                     identity_ ? identity_->embedding_size() : 0, config.head_width,
+                                     store, prefix + ".heads.", rng)),
       embedding_scale_(config.embedding_scale) {
     load_backbone(*backbone_, config.backbone_weights, backbone_key);
     if (identity_) load_backbone(*identity_, config.identity_weights, identity_key);
@@ -152,13 +156,17 @@ Codes Encoder::operator()(const Variable& image) const {
     if (image.rank() != 4 || image.shape(1) != image.shape(2) || image.shape(3) != 3)
         fail<ShapeError>("the encoder needs images (batch, side, side, 3), got ", image.shape());
     work::count_named("evaluations", "photos_encoded", image.shape(0));
-    Variable embedding =
+    const Variable embedding =
         (*backbone_)(arcface_crop_ ? arcface_frame(image) : image) * embedding_scale_;
-    if (identity_) embedding = concat({embedding, face_embedding(*identity_, image)}, 1);
+    std::array<Variable, 4> inputs{embedding, embedding, embedding, embedding};
+    if (identity_) {
+        inputs[0] = face_embedding(*identity_, image);
+        inputs[2] = concat({embedding, inputs[0]}, 1);
+    }
     Codes codes;
     for (std::size_t i = 0; i < codes.groups.size(); ++i) {
         const Heads::Head& head = heads_->heads[i];
-        codes.groups[i] = head.code(head.narrow(head.wide(embedding)));
+        codes.groups[i] = head.code(head.narrow(head.wide(inputs[i])));
     }
     return codes;
 }

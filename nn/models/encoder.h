@@ -21,7 +21,7 @@ struct EncoderConfig {
     double embedding_scale = 1.0;   ///< factor on the embedding before the heads
     std::int64_t head_width = 512;  ///< heads: embedding -> width -> width / 2 -> code
     /// A second backbone, which knows faces and is never trained: one of backbone_names(), or
-    /// no_backbone. The heads read its embedding beside that of the first.
+    /// no_backbone. The head of identity reads its embedding alone, that of texture both.
     std::string identity_backbone = "none";
     std::string identity_weights{};  ///< its published weights, like backbone_weights
 };

@@ -76,7 +76,8 @@ TEST_CASE("a widened model makes the same codes and images", "[model]") {
     CHECK(unchanged > 0);
 }
 
-TEST_CASE("a model with an identity backbone added gives the same codes", "[model]") {
+TEST_CASE("a model with an identity backbone added gives the same codes but new identities",
+          "[model]") {
     const ScratchFolder folder;
     const Model narrow = deep_model(3);
     narrow.save(folder / "narrow.safetensors");
@@ -89,8 +90,10 @@ TEST_CASE("a model with an identity backbone added gives the same codes", "[mode
     const Variable image(rng.normal({1, 32, 32, 3}, 0.0, 0.5));
     const Codes before = narrow.encoder()(image);
     const Codes after = wide.encoder()(image);
-    for (std::size_t i = 0; i < before.groups.size(); ++i)
+    for (std::size_t i = 1; i < before.groups.size(); ++i)
         CHECK(check_close(after.groups[i].value(), before.groups[i].value(), 1e-5).passed);
+    const Shape& read = values_of(wide).at("encoder.heads.id.wide.weight").shape();
+    CHECK(read[1] == 128);
     CHECK_THAT(refusal({"encoder.identity_backbone=mobilefacenet"}),
                Catch::Contains("encoder.identity_weights: no weights for mobilefacenet"));
 }

@@ -324,8 +324,7 @@ TEST_CASE("what is wrong with the backbone or its weights is said in one line wi
     CHECK(missing.find('\n') == std::string::npos);
 }
 
-TEST_CASE("the heads read the embedding of the identity backbone beside that of the first",
-          "[encoder]") {
+TEST_CASE("identity is read from the identity backbone, texture from both", "[encoder]") {
     ParameterStore store;
     Rng rng(16);
     const Encoder encoder({.backbone = "small_conv",
@@ -346,21 +345,28 @@ TEST_CASE("the heads read the embedding of the identity backbone beside that of 
     for (const double value : embedding) square += value * value;
 
     // A weight that picks one number gives the codes that the number as a bias gives.
-    const Parameter weight = named("encoder.heads.identity.wide.weight");
-    const Parameter bias = named("encoder.heads.identity.wide.bias");
-    REQUIRE(weight.variable().shape() == Shape{8, 256 + 128});
-    for (const std::size_t number : {0U, 77U}) {
-        std::vector<double> pick(8U * 384U, 0.0);
-        pick[256U + number] = std::sqrt(384.0);
-        weight.set_value(Tensor::from({8, 384}, pick).to(DType::float32));
+    const auto [name, group, first] = GENERATE(std::tuple{"id", 0, 0}, std::tuple{"tex", 2, 256});
+    CAPTURE(name);
+    const Parameter weight = named(std::string("encoder.heads.") + name + ".wide.weight");
+    const Parameter bias = named(std::string("encoder.heads.") + name + ".wide.bias");
+    const std::int64_t columns = first + 128;
+    REQUIRE(weight.variable().shape() == Shape{8, columns});
+    const auto code = [&, at = static_cast<std::size_t>(group)] {
+        return encoder(image).groups[at];
+    };
+    for (const std::int64_t number : {0, 77}) {
+        std::vector<double> pick(static_cast<std::size_t>(8 * columns), 0.0);
+        pick[static_cast<std::size_t>(first + number)] = std::sqrt(static_cast<double>(columns));
+        weight.set_value(Tensor::from({8, columns}, pick).to(DType::float32));
         bias.set_value(Tensor::zeros({8}));
-        const Tensor picked = encoder(image).groups[0].value();
+        const Tensor picked = code().value();
         std::vector<double> value(8, 0.0);
-        value[0] = embedding[number] / std::sqrt(square / 128.0);
-        weight.set_value(Tensor::zeros({8, 384}));
+        value[0] = embedding[static_cast<std::size_t>(number)] / std::sqrt(square / 128.0);
+        weight.set_value(Tensor::zeros({8, columns}));
         bias.set_value(Tensor::from({8}, value).to(DType::float32));
-        CHECK(largest((encoder(image).groups[0] - Variable(picked)).value()) < 1e-4);
+        CHECK(largest((code() - Variable(picked)).value()) < 1e-4);
     }
+    CHECK(named("encoder.heads.expr.wide.weight").variable().shape() == Shape{8, 256});
 }
 
 TEST_CASE("an identity backbone without its weights is refused with the key", "[encoder]") {
