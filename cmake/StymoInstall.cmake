@@ -25,7 +25,8 @@ foreach(folder core nn render train fit)
 endforeach()
 if(IS_DIRECTORY ${PROJECT_SOURCE_DIR}/configs)
   install(DIRECTORY configs DESTINATION ${CMAKE_INSTALL_DATADIR}/stymo COMPONENT models
-    FILES_MATCHING PATTERN "*.json" PATTERN "*.safetensors")
+    FILES_MATCHING PATTERN "*.json" PATTERN "*.safetensors" PATTERN "README.md"
+    PATTERN "LICENSE.*")
 endif()
 
 configure_package_config_file(cmake/stymoConfig.cmake.in ${PROJECT_BINARY_DIR}/stymoConfig.cmake

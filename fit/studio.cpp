@@ -129,9 +129,10 @@ View Studio::render(const StudioFace& face, const StudioView& view) const {
         if (angle && !std::isfinite(*angle)) fail<ValueError>("an angle is ", *angle, " degrees");
     const Model& model = state_->model;
     const Camera camera = view.yaw || view.pitch || view.roll
-                              ? model_camera(model, radians_from_degrees(view.yaw.value_or(0.0)),
-                                             radians_from_degrees(view.pitch.value_or(0.0)),
-                                             radians_from_degrees(view.roll.value_or(0.0)))
+                              ? turned_camera(model.config().camera, head_middle,
+                                              radians_from_degrees(view.yaw.value_or(0.0)),
+                                              radians_from_degrees(view.pitch.value_or(0.0)),
+                                              radians_from_degrees(view.roll.value_or(0.0)))
                               : camera_from_pose(face.face.pose, model.config().camera.intrinsics);
     const SubnormalsFlushed flushed;
     const std::scoped_lock lock(state_->rendering);

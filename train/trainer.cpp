@@ -42,7 +42,7 @@ Dataset faces_for_training(const std::filesystem::path& folder, const TrainConfi
             config.model.decoder.resolution,
             config.data,
             split,
-            frontal_pose(config.model.camera),
+            config.model.camera,
             camera_check(config.model.decoder, config.data.mirror)};
 }
 

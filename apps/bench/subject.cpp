@@ -42,7 +42,7 @@ Face random_face(const ModelConfig& config, Rng& rng) {
 
 Dataset photos_of(const BenchOptions& options, const ModelConfig& config) {
     return Dataset(options.data, config.decoder.resolution, {.cache_megabytes = 0}, Split::all,
-                   frontal_pose(config.camera));
+                   config.camera);
 }
 
 }  // namespace

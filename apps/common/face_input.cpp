@@ -20,7 +20,7 @@ namespace {
 
 Face face_of_folder(const FaceSource& source, const ModelConfig& config) {
     const Dataset data(source.data, config.decoder.resolution, {.cache_megabytes = 0}, Split::all,
-                       frontal_pose(config.camera));
+                       config.camera);
     const auto found = std::ranges::find(data.ids(), source.id);
     if (found == data.ids().end())
         fail<FileError>(source.data.string(), ": no face with the id ", source.id,

@@ -68,7 +68,7 @@ Photos photos_of(const Model& model, const DrawnOptions& options, const Identity
     DataConfig data;
     data.cache_megabytes = 0;
     const Dataset faces(options.data, model.config().decoder.resolution, data, Split::all,
-                        frontal_pose(model.config().camera));
+                        model.config().camera);
     EvaluationOptions selection;
     selection.range = parse_range(options.ids);
     Photos photos;

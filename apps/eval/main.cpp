@@ -72,7 +72,7 @@ stymo::Dataset faces_of(const Options& options, const stymo::ModelConfig& model)
     stymo::DataConfig data;
     if (split != stymo::Split::all) data = stymo::split_of_run(stymo::model_file(options.model));
     data.cache_megabytes = 0;
-    return {options.data, model.decoder.resolution, data, split, stymo::frontal_pose(model.camera)};
+    return {options.data, model.decoder.resolution, data, split, model.camera};
 }
 
 stymo::JsonValue sheet_json(const std::vector<stymo::SheetRow>& rows) {

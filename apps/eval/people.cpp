@@ -98,7 +98,7 @@ AppResult evaluate_people(const PeopleOptions& options) {
     DataConfig data;
     data.cache_megabytes = 0;
     const Dataset faces(options.data, model.config().decoder.resolution, data, Split::all,
-                        frontal_pose(model.config().camera));
+                        model.config().camera);
     std::vector<std::string> ids, people;
     Rows codes;
     for (const std::int64_t i : positions_of(faces, parse_range(options.ids))) {

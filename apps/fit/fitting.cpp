@@ -23,8 +23,7 @@ const Lpips* metric_network(const LpipsOptions& options, const ReconstructionCon
 
 Fitting::Fitting(const ModelOptions& model_options, const LpipsOptions& lpips_options,
                  FitJobOptions options)
-    : shipped_model(model_options.file.empty()),
-      mark(model_mark(model_options)),
+    : mark(model_mark(model_options)),
       model(load_model(model_options)),
       config(fitting_config(lpips_options, model.config().reconstruction)),
       loss(config, "--perceptual-weight 0", model.has_encoder() ? &model.encoder() : nullptr),
@@ -32,9 +31,7 @@ Fitting::Fitting(const ModelOptions& model_options, const LpipsOptions& lpips_op
       job(model, loss, std::move(options)) {}
 
 std::string Fitting::doubt_of(const FitReport& report) const {
-    // The file of the model that ships (22.7 dB) was written before models had their PSNR. Its fits
-    // of portraits reach 22 to 29 dB.
-    const double usual = model.validation_psnr().value_or(shipped_model ? 22.7 : 0.0);
+    const double usual = model.validation_psnr().value_or(0.0);
     constexpr double far_below = 4.5;
     const double psnr =
         (report.tuned.defined() ? report.tuned_metrics : report.fitted_metrics).psnr;

@@ -18,7 +18,6 @@ struct Fitting {
     /// What is strange about the score of the final image; empty if nothing is.
     [[nodiscard]] std::string doubt_of(const FitReport& report) const;
 
-    bool shipped_model;
     std::string mark;  ///< model_mark
     Model model;
     ReconstructionConfig config;

@@ -100,9 +100,9 @@ void declare_view(stymo::Command& line, stymo::RenderOptions& options) {
     line.option("--pitch", options.pitch, "degrees").range(-180, 180);
     line.option("--roll", options.roll, "degrees").range(-180, 180);
     line.option("--around", options.around,
-                "what the head turns around: the face, which stays in the middle of the image, or "
-                "the middle of the head, of which more then stays in the image")
-        .one_of({"face", "head"});
+                "what the head turns around: the middle of the head, which then stays in the image "
+                "as a whole, or the face, which stays in the middle of the image")
+        .one_of({"head", "face"});
     line.option("--size", options.renderer.resolution,
                 "side of the image: 64, 128, 256 or 512; 0: the model's resolution")
         .range(0, 512);

@@ -24,7 +24,7 @@ CodeStatistics statistics_of(const RenderOptions& options, const Model& model) {
             ": has no statistics of codes to draw faces from; name a folder of faces with --data");
     }
     const Dataset faces(options.data, model.config().decoder.resolution, {.cache_megabytes = 0},
-                        Split::all, frontal_pose(model.config().camera));
+                        Split::all, model.config().camera);
     const std::optional<CodeStatistics> statistics =
         code_statistics_of(model, faces, most_statistics_faces);
     write_left_out(std::cerr, faces.summary().left_out);

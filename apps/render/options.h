@@ -45,7 +45,7 @@ struct RenderOptions {
     double psnr = 45.0;        ///< wanted of the worst view against exact ones, in decibels
     std::optional<double> tolerance;  ///< used as it is, instead of one that `psnr` chooses
     bool cutout = false;              ///< the mask as alpha
-    std::string around = "face";      ///< what stays in the middle as the head turns: face or head
+    std::string around = "head";      ///< what stays in the middle as the head turns: head or face
     bool keep_floaters = false;
     bool explain = false;
 

@@ -69,7 +69,8 @@ struct PreparedRun {
     PreparedRun(const Options& options, const stymo::CommonOptions& common, stymo::Ranks* ranks)
         : config(stymo::load_train_config(options.config, options.set)),
           training(stymo::faces_for_training(options.data, config, stymo::Split::training)) {
-        config.model.camera.intrinsics = training.load(0).intrinsics;
+        config.model.camera =
+            stymo::with_intrinsics(config.model.camera, training.load(0).intrinsics);
         // A checkpoint or a model contains the backbone's trained weights, so their file need not
         // be given.
         const bool random_start = options.resume.empty() && options.initial_model.empty();

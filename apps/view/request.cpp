@@ -136,11 +136,11 @@ Camera window_camera(const Json& object, const CameraConfig& model) {
     return off_axis_camera(window, window.center + position);
 }
 
-/// A camera that looks at the face: angles in degrees, distance relative to the frontal camera's.
+/// A camera that looks at the head: angles in degrees, distance relative to the frontal camera's.
 Camera orbit_camera(double yaw, double pitch, double roll, double distance,
                     const CameraConfig& model) {
-    return turned_camera(model, model.pivot_depth, radians_from_degrees(yaw),
-                         radians_from_degrees(pitch), radians_from_degrees(roll), distance);
+    return turned_camera(model, head_middle, radians_from_degrees(yaw), radians_from_degrees(pitch),
+                         radians_from_degrees(roll), distance);
 }
 
 Camera camera_of(const Json& object, const CameraConfig& model) {

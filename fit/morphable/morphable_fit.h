@@ -24,9 +24,10 @@ struct MorphableFitOptions {
     /// Whether colours are fitted after the landmarks. If not, texture is zero and light neutral.
     bool pixels = true;
     /// Standard deviations of a detector's points from the head's, in units of the image side:
-    /// inner points, and points of the jaw.
+    /// inner points, and points of the jaw. Detectors find the latter on the outline of hair and
+    /// cheeks, which draws the yaw of a turned head towards the front.
     double landmark_deviation = 0.006;
-    double jaw_deviation = 0.02;
+    double jaw_deviation = 0.08;
     /// Standard deviation of the photo's colours from the head's.
     double color_deviation = 0.1;
     /// Number of independent observations that the pixels of a face count as.

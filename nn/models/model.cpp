@@ -16,6 +16,14 @@ constexpr const char* psnr_key = "validation_psnr";
 
 }  // namespace
 
+CameraConfig with_intrinsics(CameraConfig camera, const Intrinsics& intrinsics) {
+    if (intrinsics.focal != camera.intrinsics.focal)
+        camera.distance = camera.pivot_depth + (camera.distance - camera.pivot_depth) *
+                                                   intrinsics.focal / camera.intrinsics.focal;
+    camera.intrinsics = intrinsics;
+    return camera;
+}
+
 void describe(ConfigSchema& schema, ModelConfig& config) {
     describe(schema, config.decoder);
     describe(schema, config.encoder);

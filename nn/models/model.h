@@ -20,6 +20,10 @@ struct CameraConfig {
     double pivot_depth = 0.9;
 };
 
+/// The camera with these intrinsics. A focal length that differs moves it to where the point at
+/// `pivot_depth` keeps its size in the image.
+[[nodiscard]] CameraConfig with_intrinsics(CameraConfig camera, const Intrinsics& intrinsics);
+
 /// The reconstruction loss of this model, for training and for fitting.
 struct ReconstructionConfig {
     /// gamma of the paper for the sides 64, 128, 256, 512.

@@ -56,9 +56,10 @@ TEST_CASE("a still frame is the exact view, a moving one is as near as promised"
     const Tensor image = picture(still);
     const Model& model = *client.shared().model();
     const Codes codes = client.shared().first_faces().front().second.codes;
-    const View view =
-        render_view(model, codes, 0, model_camera(model, radians_from_degrees(20.0), 0.0, 0.0),
-                    {.samples_per_ray = 4, .mask = true});
+    const View view = render_view(
+        model, codes, 0,
+        turned_camera(model.config().camera, head_middle, radians_from_degrees(20.0), 0.0, 0.0),
+        {.samples_per_ray = 4, .mask = true});
     const Tensor exact = view::with_soft_edge(view.image, view.mask);
     CHECK(peak_signal_to_noise_ratio(image, exact) > 33.0);  // what JPEG leaves
     CHECK(frame_info(still)["mode"] == "exact");

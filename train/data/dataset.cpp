@@ -16,6 +16,7 @@
 #include "core/io/mask_file.h"
 #include "core/parallel.h"
 #include "nn/known_pixels.h"
+#include "nn/realtime/view.h"
 #include "train/data/folder_scan.h"
 
 namespace stymo {
@@ -249,13 +250,13 @@ std::optional<Face> Dataset::Implementation::try_load(std::int64_t index) const 
 }
 
 Dataset::Dataset(const std::filesystem::path& folder, std::int64_t side, const DataConfig& config,
-                 Split split, const Pose& frontal, const CameraCheck& check)
+                 Split split, const CameraConfig& camera, const CameraCheck& check)
     : implementation_(std::make_unique<Implementation>()) {
     if (side < 1) fail<ValueError>("faces cannot be decoded to a side of ", side);
     FolderScan scan = scan_folder(folder);
     Implementation& data = *implementation_;
     data.side = side;
-    data.frontal = frontal;
+    data.frontal = frontal_pose(with_intrinsics(camera, scan.intrinsics));
     data.faces = faces_of_split(scan, config, split);
     data.records = std::move(scan.records);
     data.intrinsics = scan.intrinsics;

@@ -9,6 +9,7 @@
 
 #include "core/config.h"
 #include "nn/models/face_batch.h"
+#include "nn/models/model.h"
 #include "train/data/camera_check.h"
 #include "train/data/face_image.h"
 
@@ -60,12 +61,12 @@ struct DatasetSummary {
 /// one on demand. The faces depend neither on this nor on the number of threads.
 class Dataset {
 public:
-    /// `frontal` is the pose of faces without a pose, usually frontal_pose(camera) of the model.
-    /// Faces whose camera `check` rejects are left out. Throws FileError for a folder without
-    /// images, with a malformed side file, or whose images are all skipped; ConfigError if the
-    /// split has no face.
+    /// Faces without a pose have the frontal one of `camera`, the model's, for the focal length of
+    /// the folder (with_intrinsics). Faces whose camera `check` rejects are left out. Throws
+    /// FileError for a folder without images, with a malformed side file, or whose images are all
+    /// skipped; ConfigError if the split has no face.
     Dataset(const std::filesystem::path& folder, std::int64_t side, const DataConfig& config,
-            Split split, const Pose& frontal = {}, const CameraCheck& check = {});
+            Split split, const CameraConfig& camera = {}, const CameraCheck& check = {});
     ~Dataset();
     Dataset(Dataset&&) noexcept;
     Dataset& operator=(Dataset&&) noexcept;

@@ -28,6 +28,9 @@ using stymo::Tensor;
 
 constexpr std::int64_t side = 256;
 
+/// For landmarks of the jaw that err no more than the others.
+constexpr stymo::MorphableFitOptions precise_jaw{.jaw_deviation = 0.02};
+
 /// Made once: it takes longer than most of these tests.
 [[nodiscard]] const stymo::MorphableHead& own_head() {
     return stymo::builtin_head();
@@ -145,8 +148,10 @@ TEST_CASE("Noisy landmarks and colours of random heads bring back pose, shape an
         faces.push_back(random_face(head, rng.split(i), 30.0));
         targets.push_back(target_of(head, faces.back(), 0.005, rng.split(100 + i)));
     }
-    const auto with_colors = stymo::fit_morphable(head, targets, {});
-    const auto without = stymo::fit_morphable(head, targets, {}, {.pixels = false});
+    stymo::MorphableFitOptions options = precise_jaw;
+    const auto with_colors = stymo::fit_morphable(head, targets, {}, options);
+    options.pixels = false;
+    const auto without = stymo::fit_morphable(head, targets, {}, options);
     std::vector<double> angles, errors, gains;
     for (std::size_t i = 0; i < faces.size(); ++i) {
         angles.push_back(degrees_between(with_colors[i].pose, faces[i].pose));
@@ -159,6 +164,27 @@ TEST_CASE("Noisy landmarks and colours of random heads bring back pose, shape an
     CHECK(stymo::median(angles) < 2.0);
     CHECK(stymo::median(errors) < 0.006);
     CHECK(stymo::median(gains) > 2.0);
+}
+
+TEST_CASE("An outline that a detector puts too far to one side hardly turns the head") {
+    const stymo::MorphableHead& head = own_head();
+    const stymo::MorphableFit truth{stymo::orbit_pose(radians_from_degrees(35.0), 0.0, 0.0, 5.3),
+                                    std::vector<float>(100),
+                                    std::vector<float>(79),
+                                    std::vector<float>(100),
+                                    std::vector<float>(27),
+                                    0.0};
+    stymo::MorphableFitTarget target{
+        stymo::fitted_landmarks(head, truth, {}, side), Tensor::zeros({side, side, 3}), {}};
+    constexpr std::size_t jaw_points = 17;
+    for (std::size_t k = 0; k < jaw_points; ++k) target.landmarks[k][0] += 0.03 * side;
+    const auto degrees_off = [&](double jaw_deviation) {
+        const auto fits = stymo::fit_morphable(head, {&target, 1}, {},
+                                               {.pixels = false, .jaw_deviation = jaw_deviation});
+        return degrees_between(fits[0].pose, truth.pose);
+    };
+    CHECK(degrees_off(stymo::MorphableFitOptions{}.jaw_deviation) <
+          0.5 * degrees_off(precise_jaw.jaw_deviation));
 }
 
 TEST_CASE("A photo's fit does not depend on its company or the number of threads") {
@@ -210,7 +236,7 @@ TEST_CASE(
         targets.push_back(target_of(head, faces.back(), 0.005, rng.split(1000 + i)));
     }
     const auto report = [&](const char* landmarks, const std::vector<std::size_t>& which) {
-        const auto fits = stymo::fit_morphable(head, targets, {});
+        const auto fits = stymo::fit_morphable(head, targets, {}, precise_jaw);
         std::vector<double> angles, errors, given_errors;
         for (std::size_t i = 0; i < fits.size(); ++i) {
             angles.push_back(degrees_between(fits[i].pose, faces[which[i]].pose));

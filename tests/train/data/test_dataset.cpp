@@ -300,8 +300,8 @@ TEST_CASE("what a face lacks is filled in, counted and said once", "[dataset]") 
             code_json(0) + "}\n\n" + R"({"id":"2","code":)" + code_json(0) + "}\r\n");
     write_file(folder / "camera.json", R"({"focal":3.5,"cx":0.4,"cy":0.6})");
 
-    const Pose frontal{0.0, 0.0, 0.0, {0.0, 0.0, 7.5}};
-    const Dataset faces(folder.path(), 64, nothing_held_out(), Split::all, frontal);
+    const CameraConfig model{.distance = 7.5};
+    const Dataset faces(folder.path(), 64, nothing_held_out(), Split::all, model);
     const DatasetSummary summary = faces.summary();
     CHECK(summary.faces == 3);
     CHECK(summary.without_mask == 2);
@@ -326,8 +326,8 @@ TEST_CASE("what a face lacks is filled in, counted and said once", "[dataset]") 
     CHECK_FALSE(last.has_mask);
     CHECK_FALSE(last.has_pose);
     CHECK_FALSE(last.has_code);
-    CHECK(last.pose.translation == Eigen::Vector3d{0.0, 0.0, 7.5});
-    CHECK(faces.load(1).pose.translation == Eigen::Vector3d{0.0, 0.0, 7.5});
+    // The face is as large as from 7.5 with the model's focal length.
+    CHECK(last.pose.translation.isApprox(Eigen::Vector3d{0.0, 0.0, 0.9 + 6.6 * 3.5 / 2.03}));
     CHECK(same(last.mask, Tensor::full({64, 64, 1}, 1.0)));
 }
 
