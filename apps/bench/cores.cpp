@@ -77,7 +77,9 @@ Run preparation(const std::filesystem::path& photos) {
     const auto preparation = std::make_shared<PhotoPreparation>(settings);
     return [=] {
         const FolderInProgress out(std::filesystem::temp_directory_path() / "stymo-bench-faces");
-        static_cast<void>(prepare_folder({input->path(), out.path(), false}, *preparation));
+        OneRank alone;
+        static_cast<void>(
+            PreparationRun({input->path(), out.path(), false}, *preparation, {}, alone).lead());
     };
 }
 

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <iterator>
 
 #include "apps/common/mpi_ranks.h"
 #include "apps/common/process_setup.h"
@@ -34,7 +35,7 @@ std::string checksum(const std::string& bytes) {
 /// What `part` threw, or nothing.
 std::string problem_of(const std::function<void()>& part) {
     try {
-        part();
+        if (part) part();
         return "";
     } catch (const std::exception& error) {
         return error.what();
@@ -55,11 +56,6 @@ void require_none(Ranks& ranks, const std::string& problem) {
 
 }  // namespace
 
-CommonState program_state() {
-    return {{"a precision of matrix products", name_of(computed_precision(matmul_precision()))},
-            {"a program", checksum(read_file("/proc/self/exe"))}};
-}
-
 CommonState common_state(const TrainConfig& config, const Dataset& training,
                          const TrainingState& state, const std::filesystem::path& initial_model) {
     std::string photos;
@@ -68,23 +64,22 @@ CommonState common_state(const TrainConfig& config, const Dataset& training,
         photos += image.filename().string() + ' ' +
                   std::to_string(std::filesystem::file_size(image)) + '\n';
     }
-    CommonState common = program_state();
-    common.insert(
-        common.end(),
-        {{"a configuration", checksum(to_json(config))},
-         {"a seed", std::to_string(state.seed)},
-         {"a folder of photos", checksum(photos)},
-         {"a checkpoint", std::to_string(state.step)},
-         {"an initial model", initial_model.empty() ? "" : checksum(read_file(initial_model))}});
-    return common;
+    return {{"a configuration", checksum(to_json(config))},
+            {"a seed", std::to_string(state.seed)},
+            {"a folder of photos", checksum(photos)},
+            {"a checkpoint", std::to_string(state.step)},
+            {"an initial model", initial_model.empty() ? "" : checksum(read_file(initial_model))}};
 }
 
 AppResult run_as_rank(Ranks& ranks, const std::string& program, const RankedRun& run) {
     if (!ranks.leads()) be_silent();
     require_none(ranks, ranks.leads() ? problem_of(run.claim) : "");
     require_none(ranks, problem_of(run.prepare));
-    CommonState state;
-    require_none(ranks, problem_of([&] { state = run.state(); }));
+    CommonState state{
+        {"a precision of matrix products", name_of(computed_precision(matmul_precision()))},
+        {"a program", checksum(read_file("/proc/self/exe"))}};
+    require_none(ranks,
+                 problem_of([&] { std::ranges::copy(run.state(), std::back_inserter(state)); }));
     for (const auto& [what, value] : state) require_equal(ranks, what, value);
     try {
         if (ranks.leads()) return run.lead();
@@ -104,7 +99,7 @@ AppResult run_on_ranks(const std::string& program,
         return run_as_rank(*ranks, program, parts(*ranks));
     OneRank alone;
     const RankedRun run = parts(alone);
-    run.claim();
+    if (run.claim) run.claim();
     run.prepare();
     return run.lead();
 }

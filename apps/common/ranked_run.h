@@ -17,17 +17,16 @@ namespace stymo {
 /// Values that must be the same on all ranks: pairs of a name for messages and the compared text.
 using CommonState = std::vector<std::pair<std::string, std::string>>;
 
-/// Program and precision of products.
-[[nodiscard]] CommonState program_state();
-/// Those, configuration, photos (names and sizes of the files), position of the run, and the
-/// initial model, unless that path is empty.
+/// Configuration, photos (names and sizes of the files), position of the run, and the initial
+/// model, unless that path is empty.
 [[nodiscard]] CommonState common_state(const TrainConfig& config, const Dataset& training,
                                        const TrainingState& state,
                                        const std::filesystem::path& initial_model);
 
 /// The parts of a run with several ranks.
 struct RankedRun {
-    std::function<void()> claim;    ///< runs on rank 0, before the others begin; may write files
+    /// Runs on rank 0, before the others begin; may write files. Empty: there is nothing to do.
+    std::function<void()> claim{};
     std::function<void()> prepare;  ///< must not write files or communicate with other ranks
     std::function<CommonState()> state;
     std::function<AppResult()> lead;  ///< runs on rank 0
@@ -35,8 +34,9 @@ struct RankedRun {
 };
 
 /// Runs one rank. Only rank 0 prints results. If claim or preparation fails on any rank, or if the
-/// ranks differ in their CommonState, the first problem is thrown on every rank. A later error is
-/// printed by the rank on which it occurs, and ends all ranks at once.
+/// ranks differ in their CommonState, in the program or in the precision of products, the first
+/// problem is thrown on every rank. A later error is printed by the rank on which it occurs, and
+/// ends all ranks at once.
 AppResult run_as_rank(Ranks& ranks, const std::string& program, const RankedRun& run);
 /// Runs the parts as one of the ranks that mpirun has started, or alone.
 AppResult run_on_ranks(const std::string& program,

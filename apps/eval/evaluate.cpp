@@ -77,11 +77,9 @@ public:
     Findings(const Dataset& faces, const std::vector<std::int64_t>& positions, ScoreFolder* folder)
         : faces_(faces), folder_(folder), asked_(std::ssize(positions)) {
         if (folder == nullptr) return;
-        std::map<std::string, FaceScore> known;
-        for (const FaceScore& score : folder->known()) known.insert_or_assign(score.id, score);
         for (const std::int64_t position : positions)
-            if (const auto found = known.find(id_of(position)); found != known.end())
-                scores_.emplace(position, found->second);
+            if (folder->results().contains(id_of(position)))
+                scores_.emplace(position, folder->score(id_of(position)));
     }
 
     [[nodiscard]] bool contains(std::int64_t position) const { return scores_.contains(position); }
@@ -96,6 +94,29 @@ public:
     void add_failure(std::int64_t position, const std::string& reason) {
         const std::lock_guard lock(mutex_);
         failed_.insert_or_assign(position, FailedFace{id_of(position), reason});
+    }
+
+    /// Adds what the other ranks have found.
+    void join(Ranks& ranks) {
+        if (ranks.size() == 1) return;
+        std::string own;
+        const auto add_record = [&](char kind, std::int64_t position, const std::string& text) {
+            own += kind + std::to_string(position) + ' ' + text + '\0';
+        };
+        for (const auto& [position, score] : scores_)
+            add_record('s', position, to_json(score).text());
+        for (const auto& [position, face] : failed_) add_record('f', position, face.reason);
+        for (const std::string& found : gather(ranks, own)) {
+            std::istringstream records(found);
+            for (std::string record; std::getline(records, record, '\0');) {
+                const std::int64_t position = std::stoll(record.substr(1));
+                const std::string text = record.substr(record.find(' ') + 1);
+                if (record.front() == 's')
+                    scores_.insert_or_assign(position, parse_face_score(text));
+                else
+                    failed_.insert_or_assign(position, FailedFace{id_of(position), text});
+            }
+        }
     }
 
     [[nodiscard]] Evaluation evaluation() const {
@@ -225,14 +246,20 @@ ComparedFace compared_face(const Model& model, const Dataset& faces, std::int64_
 
 Evaluation evaluate(const FitJob& job, const Dataset& faces, const EvaluationOptions& options) {
     require_comparable(faces, options);
-    std::vector<std::int64_t> positions = positions_of(faces, options.range);
-    Findings findings(faces, positions, options.folder);
-    const auto asked = std::ssize(positions);
+    OneRank alone;
+    Ranks& ranks = options.ranks != nullptr ? *options.ranks : alone;
+    const std::vector<std::int64_t> asked = positions_of(faces, options.range);
+    Findings findings(faces, asked, options.folder);
+    std::vector<std::int64_t> positions = asked;
     std::erase_if(positions, [&](std::int64_t position) { return findings.contains(position); });
+    positions = share_of(ranks, positions);
 
     const InterruptGuard guard;
-    Progress progress(
-        {.title = "evaluate", .total = asked, .first = findings.count(), .unit = "faces"});
+    if (options.folder != nullptr) options.folder->results().begin();
+    Progress progress({.title = "evaluate",
+                       .total = findings.count() + std::ssize(positions),
+                       .first = findings.count(),
+                       .unit = "faces"});
     std::atomic<bool> stopped = false;
     const auto do_face = [&](std::int64_t position) {
         std::optional<FittedFaces> done;
@@ -268,6 +295,13 @@ Evaluation evaluate(const FitJob& job, const Dataset& faces, const EvaluationOpt
         work(0, std::ssize(positions));
     else
         parallel_for(std::ssize(positions), 1, work);
+    findings.join(ranks);
+    if (!ranks.leads()) return {};
+    if (options.folder != nullptr) {
+        std::vector<std::string> ids;
+        for (const std::int64_t i : asked) ids.push_back(faces.ids()[static_cast<std::size_t>(i)]);
+        options.folder->results().join(ids);
+    }
     Evaluation evaluation = findings.evaluation();
     if (evaluation.scores.empty()) {
         if (evaluation.failed.empty()) fail<FileError>("interrupted; no face was scored");

@@ -45,6 +45,7 @@ struct EvaluationOptions {
     /// Stores scores as they are computed; stored faces are not scored again. Null: nothing is
     /// stored.
     ScoreFolder* folder = nullptr;
+    Ranks* ranks = nullptr;  ///< they share the faces; null: this process has all
 };
 
 /// A face of the data set, prepared for the comparison.
@@ -69,10 +70,10 @@ struct Evaluation {
     std::string incomplete{};        ///< progress at an interruption; empty if it is complete
 };
 
-/// Scores faces against the job's model. A face's score does not depend
-/// on the other faces or on the number of threads. When interrupted, it returns the scores so far,
-/// without faces whose fit was not finished. Throws what require_comparable throws, and FileError
-/// if no face could be scored.
+/// Scores faces against the job's model. A face's score does not depend on the other faces or on
+/// the number of threads or ranks. When interrupted, it returns the scores so far, without faces
+/// whose fit was not finished. Only the first rank returns scores, those of all ranks. Throws what
+/// require_comparable throws, and FileError if no face could be scored.
 [[nodiscard]] Evaluation evaluate(const FitJob& job, const Dataset& faces,
                                   const EvaluationOptions& options);
 

@@ -4,11 +4,12 @@
 #include <optional>
 #include <sstream>
 
-#include "apps/common/begun_settings.h"
 #include "apps/common/command_line.h"
 #include "apps/common/explain.h"
 #include "apps/common/face_input.h"
 #include "apps/common/fit_options.h"
+#include "apps/common/ranked_run.h"
+#include "apps/common/result_folder.h"
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
 #include "apps/eval/commands.h"
@@ -67,12 +68,15 @@ stymo::Settings settings_of(const stymo::CommandLine& line, const Options& optio
     return settings;
 }
 
-stymo::Dataset faces_of(const Options& options, const stymo::ModelConfig& model) {
+stymo::Dataset faces_of(const Options& options, const stymo::Model& model) {
+    // Throws for a side that the model does not render.
+    static_cast<void>(model.decoder().ladder().count_up_to(options.evaluation.resolution));
     const stymo::Split split = stymo::split_called(options.split);
     stymo::DataConfig data;
     if (split != stymo::Split::all) data = stymo::split_of_run(stymo::model_file(options.model));
     data.cache_megabytes = 0;
-    return {options.data, model.decoder.resolution, data, split, model.camera};
+    const stymo::ModelConfig& config = model.config();
+    return {options.data, config.decoder.resolution, data, split, config.camera};
 }
 
 stymo::JsonValue sheet_json(const std::vector<stymo::SheetRow>& rows) {
@@ -107,66 +111,115 @@ void write_doubts(const stymo::Evaluation& evaluation, const stymo::DatasetSumma
               << stymo::most_plausible_psnr << " dB" << stymo::implausible_psnr << std::endl;
 }
 
-stymo::AppResult evaluate(Options options, const stymo::CommandLine& line) {
-    if (options.data.empty()) stymo::fail<stymo::UsageError>("--data is required");
-    stymo::EvaluationOptions& evaluated = options.evaluation;
-    evaluated.range = stymo::parse_range(options.ids);
-    evaluated.regions = stymo::regions_called(options.region);
-    stymo::FitJobOptions fitting = options.fit.job_options();
-    if (!evaluated.fit && (fitting.tunes() || fitting.fit.refine_pose))
-        stymo::fail<stymo::UsageError>("--tune, --tune-steps and --refine-pose require --fit");
-    stymo::Explainer explainer(options.explain);
-    const stymo::Model model = stymo::load_model(options.model);
-    // Throws for a side that the model does not render.
-    static_cast<void>(model.decoder().ladder().count_up_to(evaluated.resolution));
-    const stymo::Dataset faces = faces_of(options, model.config());
-    stymo::write_left_out(std::cerr, faces.summary().left_out);
-    stymo::FaceRegion face_region(options.parser);
-    evaluated.face_region = &face_region;
-    stymo::ReconstructionConfig config =
-        stymo::fitting_config(options.lpips, model.config().reconstruction);
-    // A folder does not say to which head its codes belong.
-    if (options.shape || !options.morphable.empty()) fitting.head = options.morphable;
-    if (!evaluated.fit) config.perceptual_weight = 0.0;
-    const stymo::ReconstructionLoss loss(config, "--perceptual-weight 0",
-                                         model.has_encoder() ? &model.encoder() : nullptr);
-    const stymo::FitJob job(model, loss, std::move(fitting));
-    std::optional<stymo::Lpips> own;
-    evaluated.lpips =
-        metric_network(options.lpips, model.config().reconstruction.perceptual, loss, own);
-    std::optional<stymo::IdentityMeasure> identity;
-    if (!options.identity.empty()) evaluated.identity = &identity.emplace(options.identity);
-    std::optional<stymo::ShapeMeasure> shape;
-    if (options.shape) evaluated.shape = &shape.emplace(options.landmarks, *job.head());
-    const std::string network = evaluated.lpips != nullptr ? evaluated.lpips->label() : "";
-    stymo::require_comparable(faces, evaluated);
+/// Everything that scoring needs.
+class EvaluationRun {
+public:
+    EvaluationRun(const Options& options, const stymo::CommandLine& line, stymo::Ranks& ranks)
+        : options_(options),
+          settings_(settings_of(line, options)),
+          model_(stymo::load_model(options.model)),
+          // Networks come before the faces, whose scan may take long.
+          loss_(loss_config(), "--perceptual-weight 0",
+                model_.has_encoder() ? &model_.encoder() : nullptr),
+          lpips_(metric_network(options.lpips, model_.config().reconstruction.perceptual, loss_,
+                                own_lpips_)),
+          region_(options.parser),
+          job_(model_, loss_, job_options()),
+          faces_(faces_of(options, model_)) {
+        stymo::write_left_out(std::cerr, faces_.summary().left_out);
+        stymo::EvaluationOptions& evaluated = options_.evaluation;
+        evaluated.face_region = &region_;
+        evaluated.lpips = lpips_;
+        evaluated.ranks = &ranks;
+        if (!options.identity.empty()) evaluated.identity = &identity_.emplace(options.identity);
+        if (options.shape) evaluated.shape = &shape_.emplace(options.landmarks, *job_.head());
+        if (!options.out.empty())
+            evaluated.folder = &folder_.emplace(options.out, settings_, ranks);
+        stymo::require_comparable(faces_, evaluated);
+    }
 
-    const stymo::Settings settings = settings_of(line, options);
-    stymo::JsonValue settings_json = stymo::JsonValue::object();
-    for (const auto& [name, value] : settings) settings_json.add(name, value);
-    std::optional<stymo::ScoreFolder> folder;
-    if (!options.out.empty()) evaluated.folder = &folder.emplace(options.out, settings_json);
-    const stymo::Evaluation evaluation = stymo::evaluate(job, faces, evaluated);
+    /// What must be the same on all ranks.
+    [[nodiscard]] stymo::CommonState state() const {
+        if (options_.evaluation.folder == nullptr) return {};
+        return options_.evaluation.folder->results().state(faces_.ids());
+    }
+    [[nodiscard]] stymo::Evaluation evaluate() const {
+        return stymo::evaluate(job_, faces_, options_.evaluation);
+    }
+    /// Scores the faces and reports them.
+    [[nodiscard]] stymo::AppResult lead(stymo::Explainer& explainer) const;
+
+private:
+    [[nodiscard]] stymo::ReconstructionConfig loss_config() const {
+        stymo::ReconstructionConfig config =
+            stymo::fitting_config(options_.lpips, model_.config().reconstruction);
+        if (!options_.evaluation.fit) config.perceptual_weight = 0.0;
+        return config;
+    }
+    [[nodiscard]] stymo::FitJobOptions job_options() const {
+        stymo::FitJobOptions job = options_.fit.job_options();
+        // A folder does not say to which head its codes belong.
+        if (options_.shape || !options_.morphable.empty()) job.head = options_.morphable;
+        return job;
+    }
+
+    Options options_;
+    stymo::Settings settings_;
+    stymo::Model model_;
+    stymo::ReconstructionLoss loss_;
+    std::optional<stymo::Lpips> own_lpips_;
+    const stymo::Lpips* lpips_;
+    stymo::FaceRegion region_;
+    stymo::FitJob job_;
+    stymo::Dataset faces_;
+    std::optional<stymo::IdentityMeasure> identity_;
+    std::optional<stymo::ShapeMeasure> shape_;
+    std::optional<stymo::ScoreFolder> folder_;
+};
+
+stymo::AppResult EvaluationRun::lead(stymo::Explainer& explainer) const {
+    const stymo::Evaluation evaluation = evaluate();
     for (const stymo::FailedFace& face : evaluation.failed)
         std::cerr << "skipped " << face.id << ": " << face.reason << std::endl;
 
-    write_doubts(evaluation, faces.summary());
+    write_doubts(evaluation, faces_.summary());
+    const std::string network = lpips_ != nullptr ? lpips_->label() : "";
     stymo::AppResult result = result_of(evaluation, network);
-    if (folder && evaluation.incomplete.empty()) {
+    if (options_.evaluation.folder != nullptr && evaluation.incomplete.empty()) {
         const std::vector<stymo::SheetRow> rows = stymo::sheet_rows(evaluation.scores);
-        stymo::write_image(options.out / "sheet.png",
-                           stymo::score_sheet(job, faces, evaluated, rows));
+        stymo::write_image(options_.out / "sheet.png",
+                           stymo::score_sheet(job_, faces_, options_.evaluation, rows));
         stymo::JsonValue json = result.json;
-        json.add("sheet", sheet_json(rows)).add("settings", settings_json);
-        stymo::write_file(options.out / "report.json", json.text() + "\n", stymo::Durability::none);
-        stymo::write_file(options.out / "report.md",
-                          stymo::report_page(evaluation, {settings, network, rows}),
+        json.add("sheet", sheet_json(rows))
+            .add("settings", options_.evaluation.folder->results().settings());
+        stymo::write_file(options_.out / "report.json", json.text() + "\n",
+                          stymo::Durability::none);
+        stymo::write_file(options_.out / "report.md",
+                          stymo::report_page(evaluation, {settings_, network, rows}),
                           stymo::Durability::none);
     }
     stymo::JsonValue scores = stymo::JsonValue::object();
     for (const stymo::FaceScore& score : evaluation.scores) scores.add(score.id, to_json(score));
     result.json.add("faces", scores);
     explainer.count("faces_scored", std::ssize(evaluation.scores));
+    return result;
+}
+
+stymo::AppResult evaluate(Options options, const stymo::CommandLine& line) {
+    if (options.data.empty()) stymo::fail<stymo::UsageError>("--data is required");
+    options.evaluation.range = stymo::parse_range(options.ids);
+    options.evaluation.regions = stymo::regions_called(options.region);
+    const stymo::FitJobOptions fitting = options.fit.job_options();
+    if (!options.evaluation.fit && (fitting.tunes() || fitting.fit.refine_pose))
+        stymo::fail<stymo::UsageError>("--tune, --tune-steps and --refine-pose require --fit");
+    stymo::Explainer explainer(options.explain);
+    std::optional<EvaluationRun> run;
+    stymo::AppResult result = stymo::run_on_ranks("stymo-eval", [&](stymo::Ranks& ranks) {
+        return stymo::RankedRun{.prepare = [&] { run.emplace(options, line, ranks); },
+                                .state = [&] { return run->state(); },
+                                .lead = [&] { return run->lead(explainer); },
+                                .follow = [&] { static_cast<void>(run->evaluate()); }};
+    });
     explainer.finish(result);
     return result;
 }

@@ -1,8 +1,8 @@
 #pragma once
 
 #include <filesystem>
-#include <vector>
 
+#include "apps/common/result_folder.h"
 #include "apps/eval/score.h"
 #include "fit/fitter.h"
 
@@ -13,17 +13,17 @@ namespace stymo {
 /// tuning in tuned/ID.safetensors.
 class ScoreFolder {
 public:
-    /// Continues the folder, or begins one. `settings` is an object of strings, numbers and
-    /// booleans with the names of command-line options. A partial last line, which a crash leaves,
-    /// is dropped. Throws FileError if the folder was begun with other settings, holds scores but
-    /// no settings, is malformed or cannot be written.
-    ScoreFolder(std::filesystem::path path, const JsonValue& settings);
+    /// Continues the folder, or will begin one. Throws what ResultFolder throws.
+    ScoreFolder(const std::filesystem::path& path, const Settings& settings, Ranks& ranks)
+        : results_(path, settings, "scores", "id", ranks) {}
 
-    [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-    /// The scores that the folder had at construction.
-    [[nodiscard]] const std::vector<FaceScore>& known() const { return known_; }
+    [[nodiscard]] ResultFolder& results() { return results_; }
+    /// The score of a face that has one. Throws FileError for a line that is none.
+    [[nodiscard]] FaceScore score(const std::string& id) const {
+        return results_.read(id, parse_face_score);
+    }
     [[nodiscard]] std::filesystem::path codes_of(const std::string& id) const {
-        return path_ / "codes" / (id + ".json");
+        return results_.path() / "codes" / (id + ".json");
     }
     /// The file of the weight changes of tuning. Creates its folder.
     [[nodiscard]] std::filesystem::path tuned_of(const std::string& id) const;
@@ -32,9 +32,7 @@ public:
     void add(const FaceScore& score, const FitResult& fit);
 
 private:
-    std::filesystem::path path_;
-    std::filesystem::path scores_;
-    std::vector<FaceScore> known_;
+    ResultFolder results_;
 };
 
 }  // namespace stymo

@@ -4,13 +4,11 @@
 #include <atomic>
 #include <iomanip>
 #include <iterator>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "apps/common/begun_settings.h"
-#include "apps/common/folder_lock.h"
 #include "core/clock.h"
 #include "core/interrupt.h"
-#include "core/io/checksum.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
 #include "core/parallel.h"
@@ -22,8 +20,6 @@ namespace stymo {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr const char* settings_file = "settings.json";
 
 /// A file of the output; its folder is made.
 fs::path file_in(const fs::path& folder, const std::string& id, const char* extension) {
@@ -44,38 +40,27 @@ JsonValue line_of(const FittedFaces& done, const FitReport& report,
     return line.add("warnings", warnings);
 }
 
-}  // namespace
-
-void claim_folder(const fs::path& photos, const fs::path& out) {
-    static_cast<void>(scan_folder(photos));
-    if (fs::exists(out) && !fs::exists(out / settings_file) &&
-        (!fs::is_directory(out) || !fs::is_empty(out)))
-        fail<FileError>(out.string(), ": exists already; choose another folder or remove it");
-    require_writable_folder(out);
+/// Why the photo of a line cannot be used; empty if it can.
+std::string failure_in(const std::string& line) {
+    const auto value = nlohmann::json::parse(line);
+    return value.contains("failure") && value["failure"].is_string()
+               ? value["failure"].get<std::string>()
+               : "";
 }
 
-FolderFit::FolderFit(const Fitting& fitting, fs::path photos, fs::path out,
+}  // namespace
+
+FolderFit::FolderFit(const Fitting& fitting, fs::path photos, const fs::path& out,
                      const Settings& settings, Ranks& ranks)
     : fitting_(fitting),
       photos_(std::move(photos)),
-      out_(std::move(out)),
       ranks_(ranks),
-      scan_(scan_folder(photos_)),
-      lines_(out_, ranks.rank()) {
-    for (const auto& [name, value] : settings) settings_.add(name, value);
-    // Nothing is written yet.
-    if (fs::exists(out_ / settings_file)) begin_or_continue(out_, settings_, "faces.jsonl");
-    for (const FaceFiles& files : scan_.faces)
-        if (!lines_.contains(name_of(files))) waiting_.push_back(&files);
-}
-
-CommonState FolderFit::state() const {
-    std::string photos;
-    for (const FaceFiles* files : waiting_) photos += name_of(*files) + '\n';
-    CommonState state = program_state();
-    state.emplace_back("settings", settings_.text());
-    state.emplace_back("a folder of photos", std::to_string(crc32c(photos)));
-    return state;
+      scan_((ResultFolder::require_own(out), scan_folder(photos_))),
+      results_(out, settings, "faces", "file", ranks) {
+    for (const FaceFiles& files : scan_.faces) {
+        names_.push_back(files.image.lexically_relative(photos_).string());
+        if (!results_.contains(names_.back())) waiting_.push_back(&files);
+    }
 }
 
 bool FolderFit::fit_photo(const FaceFiles& files) {
@@ -98,25 +83,24 @@ bool FolderFit::fit_photo(const FaceFiles& files) {
         line.add("failure", reason);
         report.reset();
     }
-    line.add("id", files.id).add("file", name_of(files));
+    line.add("id", files.id).add("file", files.image.lexically_relative(photos_).string());
     const std::lock_guard lock(mutex_);
     if (report) {
-        write_code_file(file_in(out_ / "codes", files.id, ".json"), done->fit.fitted, 0,
+        write_code_file(file_in(results_.path() / "codes", files.id, ".json"), done->fit.fitted, 0,
                         pose_from_camera(done->fit.cameras.front()), fitting_.mark);
-        write_image(file_in(out_ / "fits", files.id, ".jpg"), comparison_sheet(*report));
-        if (done->changes) done->changes->save(file_in(out_ / "tuned", files.id, ".safetensors"));
+        write_image(file_in(results_.path() / "fits", files.id, ".jpg"), comparison_sheet(*report));
+        if (done->changes)
+            done->changes->save(file_in(results_.path() / "tuned", files.id, ".safetensors"));
     }
     // Last, so that the files of every line exist.
-    lines_.append(line);
+    results_.append(line);
     ++done_now_;
     return true;
 }
 
-void FolderFit::fit_share() {
-    std::vector<const FaceFiles*> share;
-    for (std::size_t i = 0; i < waiting_.size(); ++i)
-        if (static_cast<int>(i % static_cast<std::size_t>(ranks_.size())) == ranks_.rank())
-            share.push_back(waiting_[i]);
+bool FolderFit::fit_share() {
+    results_.begin();
+    const std::vector<const FaceFiles*> share = share_of(ranks_, waiting_);
     Progress progress({.title = "photos", .total = std::ssize(share), .unit = "photos"});
     std::atomic<bool> stopped = false;
     const auto work = [&](std::int64_t i) {
@@ -136,47 +120,43 @@ void FolderFit::fit_share() {
     } else {
         parallel_tasks(std::ssize(share), work);
     }
-}
-
-AppResult FolderFit::lead() {
-    const FolderLock lock(out_);
-    begin_or_continue(out_, settings_, "faces.jsonl");
-    const InterruptGuard guard;
-    const double start = seconds_now();
-    fit_share();
-    const bool stopped = any(ranks_, interrupted());
-    return result(seconds_now() - start, stopped);
+    return any(ranks_, interrupted());
 }
 
 void FolderFit::follow() {
     const InterruptGuard guard;
-    fit_share();
-    static_cast<void>(any(ranks_, interrupted()));
+    static_cast<void>(fit_share());
+}
+
+AppResult FolderFit::lead() {
+    const InterruptGuard guard;
+    const double start = seconds_now();
+    const bool stopped = fit_share();
+    return result(seconds_now() - start, stopped);
 }
 
 AppResult FolderFit::result(double seconds, bool stopped) {
-    std::vector<std::string> files;
-    for (const FaceFiles& face : scan_.faces) files.push_back(name_of(face));
-    lines_.join(files);
+    results_.join(names_);
     std::vector<JsonValue> failed;
     std::ostringstream text;
+    std::string first;
     std::int64_t done = 0;
-    for (const std::string& file : files) {
-        if (!lines_.contains(file)) continue;
+    for (const std::string& file : names_) {
+        if (!results_.contains(file)) continue;
         ++done;
-        if (lines_.failure_of(file).empty()) continue;
-        failed.push_back(JsonValue::object({{"file", file}, {"reason", lines_.failure_of(file)}}));
-        text << "skipped " << file << ": " << lines_.failure_of(file) << '\n';
+        const std::string failure = results_.read(file, failure_in);
+        if (failure.empty()) continue;
+        if (failed.empty()) first = file + ": " + failure;
+        failed.push_back(JsonValue::object({{"file", file}, {"reason", failure}}));
+        text << "skipped " << file << ": " << failure << '\n';
     }
     if (!scan_.left_out.empty()) text << left_out_text(scan_.left_out) << '\n';
     const std::int64_t fitted = done - std::ssize(failed);
-    const std::int64_t found = std::ssize(files);
+    const std::int64_t found = std::ssize(names_);
     const std::int64_t before = found - std::ssize(waiting_);
     const double a_minute = 60.0 * static_cast<double>(done - before) / std::max(seconds, 1e-9);
     if (!stopped && fitted == 0) {
-        const std::string first = files.front() + ": " + lines_.failure_of(files.front());
-        for (const char* name : {"faces.jsonl", settings_file, ".lock"}) fs::remove(out_ / name);
-        if (fs::is_empty(out_)) fs::remove(out_);
+        results_.remove();
         fail<FileError>(photos_.string(), ": none of its ", found,
                         " photos can be used; the first: ", first);
     }
@@ -188,7 +168,7 @@ AppResult FolderFit::result(double seconds, bool stopped) {
                                                     {"failed", failed},
                                                     {"ranks", ranks_.size()},
                                                     {"photos_a_minute", a_minute}})};
-    write_file(out_ / "report.json", result.json.text() + "\n", Durability::none);
+    write_file(results_.path() / "report.json", result.json.text() + "\n", Durability::none);
     if (done < found)
         result.incomplete = "interrupted after " + std::to_string(done) + " of " +
                             std::to_string(found) + " photos; the same command continues";

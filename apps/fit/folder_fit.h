@@ -6,16 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "apps/common/ranked_run.h"
-#include "apps/fit/face_lines.h"
+#include "apps/common/result_folder.h"
 #include "apps/fit/fitting.h"
 #include "train/data/folder_scan.h"
 
 namespace stymo {
-
-/// Checks both folders and makes the second one. Throws FileError for photos that cannot be listed,
-/// and for a folder that holds something else.
-void claim_folder(const std::filesystem::path& photos, const std::filesystem::path& out);
 
 /// Fits each photo of a folder by itself: a line of faces.jsonl, codes/ID.json, fits/ID.jpg (the
 /// photo, the initial and the fitted face) and with tuning tuned/ID.safetensors. A photo that
@@ -23,13 +18,14 @@ void claim_folder(const std::filesystem::path& photos, const std::filesystem::pa
 /// in turn; the files have the same bits for any number of ranks.
 class FolderFit {
 public:
-    /// `fitting` must outlive the object. Throws FileError for a folder that was begun with other
-    /// settings.
-    FolderFit(const Fitting& fitting, std::filesystem::path photos, std::filesystem::path out,
-              const Settings& settings, Ranks& ranks);
+    /// Writes nothing. `fitting` and `ranks` must outlive the object. Throws FileError for photos
+    /// that cannot be listed, and for an output folder that was begun with other settings or holds
+    /// something else.
+    FolderFit(const Fitting& fitting, std::filesystem::path photos,
+              const std::filesystem::path& out, const Settings& settings, Ranks& ranks);
 
     /// What must be the same on all ranks.
-    [[nodiscard]] CommonState state() const;
+    [[nodiscard]] CommonState state() const { return results_.state(names_); }
     /// Fits the share of rank 0, waits for the others and joins the results.
     [[nodiscard]] AppResult lead();
     /// Fits the share of another rank.
@@ -38,21 +34,18 @@ public:
     [[nodiscard]] std::int64_t done_now() const { return done_now_; }
 
 private:
-    [[nodiscard]] std::string name_of(const FaceFiles& files) const {
-        return files.image.lexically_relative(photos_).string();
-    }
-    void fit_share();
+    /// Returns whether a signal stopped any rank.
+    bool fit_share();
     /// Returns false if a signal arrived before the photo was finished.
     bool fit_photo(const FaceFiles& files);
     [[nodiscard]] AppResult result(double seconds, bool stopped);
 
     const Fitting& fitting_;
     std::filesystem::path photos_;
-    std::filesystem::path out_;
-    JsonValue settings_ = JsonValue::object();
     Ranks& ranks_;
     FolderScan scan_;
-    FaceLines lines_;
+    ResultFolder results_;
+    std::vector<std::string> names_;  ///< of the photos, relative to their folder
     std::vector<const FaceFiles*> waiting_;
     std::mutex mutex_;  ///< held while results are written
     std::int64_t done_now_ = 0;

@@ -6,7 +6,6 @@
 #include <sstream>
 #include <vector>
 
-#include "apps/common/begun_settings.h"
 #include "apps/common/command_line.h"
 #include "apps/common/explain.h"
 #include "apps/common/face_input.h"
@@ -218,7 +217,6 @@ stymo::AppResult fit_folder(const Options& options, const stymo::CommandLine& li
     stymo::Explainer explainer(options.explain);
     stymo::AppResult result = stymo::run_on_ranks("stymo-fit", [&](stymo::Ranks& ranks) {
         return stymo::RankedRun{
-            .claim = [&] { stymo::claim_folder(options.images, options.out); },
             .prepare =
                 [&] {
                     stymo::warn_without_landmark_network(options.fit.job.preparation);

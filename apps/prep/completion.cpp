@@ -3,6 +3,7 @@
 #include <fstream>
 #include <functional>
 
+#include "apps/prep/photo_outcome.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/file.h"
@@ -31,12 +32,12 @@ struct Summary {
 };
 
 Summary summary_of(const FolderPreparation& folders, const PivotCamera& pivot,
-                   std::span<const std::string> files, const ProgressFile& notes) {
+                   std::span<const std::string> files, const ResultFolder& notes) {
     Summary summary;
     PrepareReport& report = summary.report;
     report.found = std::ssize(files);
     for (const std::string& file : files) {
-        const PhotoOutcome photo = notes.read(file);
+        const PhotoOutcome photo = notes.read(file, parse_photo_outcome);
         if (!photo.failure.empty())
             report.failed.push_back({(folders.photos / file).string(), photo.failure});
         if (!photo.faces.empty()) ++report.ok;
@@ -54,7 +55,7 @@ Summary summary_of(const FolderPreparation& folders, const PivotCamera& pivot,
     }
     if (report.ok == 0) return summary;
     if (!summary.rotations.empty() && summary.rotations.size() != summary.poses.size())
-        fail<FileError>(ProgressFile::path_in(folders.out).string(),
+        fail<FileError>(folders.out.string(),
                         ": the pose network's rotation is missing for some faces; remove the "
                         "folder and start again");
     report.landmark_error = median(summary.landmark_errors);
@@ -72,11 +73,11 @@ Summary summary_of(const FolderPreparation& folders, const PivotCamera& pivot,
 }
 
 /// Calls `visit` with each face and its final pose, in order.
-void for_each_face(std::span<const std::string> files, const ProgressFile& notes,
+void for_each_face(std::span<const std::string> files, const ResultFolder& notes,
                    const std::vector<Pose>& poses, const std::function<void(FaceOutcome)>& visit) {
     std::size_t index = 0;
     for (const std::string& file : files) {
-        for (FaceOutcome& face : notes.read(file).faces) {
+        for (FaceOutcome& face : notes.read(file, parse_photo_outcome).faces) {
             face.fit.pose = poses[index++];
             visit(std::move(face));
         }
@@ -102,7 +103,7 @@ void write_sheet(const fs::path& out, std::size_t number, const PhotoPreparation
 
 /// Returns false if a signal came.
 bool write_sheets(const fs::path& out, const PhotoPreparation& preparation,
-                  std::span<const std::string> files, const ProgressFile& notes,
+                  std::span<const std::string> files, const ResultFolder& notes,
                   const std::vector<Pose>& poses) {
     require_writable_folder(out / "overlays");
     std::vector<FaceOutcome> sheet;
@@ -126,14 +127,6 @@ std::vector<JsonValue> to_json(const std::vector<BrokenFile>& files) {
     return values;
 }
 
-void remove_all_of(const fs::path& out) {
-    fs::remove(ProgressFile::path_in(out));
-    fs::remove_all(out / "images");
-    fs::remove_all(out / "masks");
-    fs::remove_all(out / "unknown");
-    if (fs::is_empty(out)) fs::remove(out);
-}
-
 }  // namespace
 
 std::optional<PrepareReport> write_data_set(const FolderPreparation& folders,
@@ -141,14 +134,15 @@ std::optional<PrepareReport> write_data_set(const FolderPreparation& folders,
                                             std::span<const std::string> files,
                                             const std::vector<std::string>& photo_ids,
                                             const std::vector<BrokenFile>& left_out,
-                                            const ProgressFile& notes, bool complete) {
+                                            ResultFolder& notes, bool complete) {
     Summary summary = summary_of(folders, preparation.settings().pivot, files, notes);
     PrepareReport& report = summary.report;
     report.photos = photo_ids;
     report.left_out = left_out;
     if (report.ok == 0 && !complete) return std::nullopt;
     if (report.ok == 0) {
-        remove_all_of(folders.out);
+        for (const char* name : {"images", "masks", "unknown"}) fs::remove_all(folders.out / name);
+        notes.remove();
         fail<FileError>(folders.photos.string(), ": none of its ", report.found,
                         " photos can be used; the first: ", report.failed.front().file, ": ",
                         report.failed.front().reason);
@@ -168,7 +162,7 @@ std::optional<PrepareReport> write_data_set(const FolderPreparation& folders,
     if (!complete) return std::move(summary.report);
     if (folders.overlays && !write_sheets(folders.out, preparation, files, notes, summary.poses))
         return std::nullopt;
-    fs::remove(ProgressFile::path_in(folders.out));
+    notes.remove();
     return std::move(summary.report);
 }
 

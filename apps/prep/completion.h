@@ -5,7 +5,6 @@
 #include <string>
 
 #include "apps/prep/pipeline.h"
-#include "apps/prep/progress_file.h"
 
 namespace stymo {
 
@@ -21,6 +20,6 @@ namespace stymo {
                                                           std::span<const std::string> files,
                                                           const std::vector<std::string>& photo_ids,
                                                           const std::vector<BrokenFile>& left_out,
-                                                          const ProgressFile& notes, bool complete);
+                                                          ResultFolder& notes, bool complete);
 
 }  // namespace stymo

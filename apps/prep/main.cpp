@@ -3,14 +3,13 @@
 #include <sstream>
 
 #include "apps/common/command_line.h"
+#include "apps/common/ranked_run.h"
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
 #include "apps/prep/pipeline.h"
 #include "apps/prep/pose_command.h"
 #include "core/clock.h"
 #include "core/error.h"
-#include "core/interrupt.h"
-#include "core/progress.h"
 
 namespace {
 
@@ -51,24 +50,9 @@ std::string text_of(const stymo::PrepareReport& report, const Options& options) 
     return text.str();
 }
 
-stymo::AppResult prepare(Options options) {
-    if (options.folders.photos.empty()) stymo::fail<stymo::UsageError>("--photos is required");
-    if (options.folders.out.empty()) stymo::fail<stymo::UsageError>("--out is required");
-    if (options.settings.whole_head && !options.settings.pose_network.empty())
-        stymo::fail<stymo::UsageError>(
-            "--whole-head needs the poses of the fitted head; leave out --pose-net");
-    options.folders.overlays = !options.no_overlay;
-    stymo::warn_without_landmark_network(options.settings);
-    const stymo::PhotoPreparation preparation(options.settings);
-    const stymo::InterruptGuard guard;
-    std::optional<stymo::Progress> progress;
+stymo::AppResult prepared(stymo::PreparationRun& run, const Options& options) {
     const double start = stymo::seconds_now();
-    const stymo::PrepareOutcome outcome = stymo::prepare_folder(
-        options.folders, preparation, [&](std::int64_t done, std::int64_t total) {
-            if (!progress) progress.emplace(stymo::ProgressTask{"Photos", total, done, "photos"});
-            progress->update(done);
-        });
-    progress.reset();
+    const stymo::PrepareOutcome outcome = run.lead();
     if (!outcome.report)
         stymo::fail("interrupted after ", outcome.done, " of ", outcome.found,
                     " photos; the same command continues from there, and the photos so far can "
@@ -83,6 +67,29 @@ stymo::AppResult prepare(Options options) {
     return {text.str(), stymo::to_json(*outcome.report)};
 }
 
+stymo::AppResult prepare(Options options, const stymo::CommandLine& line) {
+    if (options.folders.photos.empty()) stymo::fail<stymo::UsageError>("--photos is required");
+    if (options.folders.out.empty()) stymo::fail<stymo::UsageError>("--out is required");
+    if (options.settings.whole_head && !options.settings.pose_network.empty())
+        stymo::fail<stymo::UsageError>(
+            "--whole-head needs the poses of the fitted head; leave out --pose-net");
+    options.folders.overlays = !options.no_overlay;
+    stymo::warn_without_landmark_network(options.settings);
+    std::optional<stymo::PhotoPreparation> preparation;
+    std::optional<stymo::PreparationRun> run;
+    return stymo::run_on_ranks("stymo-prep", [&](stymo::Ranks& ranks) {
+        return stymo::RankedRun{.prepare =
+                                    [&] {
+                                        preparation.emplace(options.settings);
+                                        run.emplace(options.folders, *preparation, line.settings(),
+                                                    ranks);
+                                    },
+                                .state = [&] { return run->state(); },
+                                .lead = [&] { return prepared(*run, options); },
+                                .follow = [&] { run->follow(); }};
+    });
+}
+
 }  // namespace
 
 int stymo_prep(int argc, char** argv) {
@@ -91,12 +98,14 @@ int stymo_prep(int argc, char** argv) {
     stymo::CommandLine line(
         "stymo-prep",
         "Makes a training set of photos: finds the faces, aligns them like FFHQ, masks the heads, "
-        "and fits a head model for pose and codes. The same command continues an interrupted run.");
+        "and fits a head model for pose and codes. The same command continues an interrupted run; "
+        "mpirun divides the folder.");
     line.option(
         "--photos", options.folders.photos,
         "folder of photos; masks/, parsing/ and the landmarks of faces.jsonl are used if present");
     line.option("--out", options.folders.out,
-                "output folder: images, masks, faces.jsonl, camera.json, report.json, overlays");
+                "output folder: images, masks, faces.jsonl, camera.json, report.json, overlays")
+        .keeps_results();
     line.option("--size", settings.side, "side of the images in pixels").range(8, 4096);
     stymo::declare_preparation_files(line, settings);
     line.flag("--all-faces", settings.all_faces,
@@ -120,11 +129,13 @@ int stymo_prep(int argc, char** argv) {
                 "of the photos")
         .range(-1, 0.99);
     line.flag("--no-overlay", options.no_overlay,
-              "do not write the contact sheets overlays/sheet_000.png, ...");
+              "do not write the contact sheets overlays/sheet_000.png, ...")
+        .keeps_results();
     stymo::PoseCommand pose;
     stymo::Command pose_command =
         line.command("pose", "Converts a pose between programs, and draws the head's axes.",
                      [&](const stymo::CommonOptions&) { return stymo::convert_pose(pose); });
     stymo::declare_pose_command(pose_command, pose);
-    return line.run(argc, argv, [&](const stymo::CommonOptions&) { return prepare(options); });
+    return line.run(argc, argv,
+                    [&](const stymo::CommonOptions&) { return prepare(options, line); });
 }

@@ -1,11 +1,10 @@
 #include "apps/prep/pipeline.h"
 
 #include <algorithm>
-#include <set>
-#include <span>
+#include <iterator>
 
 #include "apps/prep/completion.h"
-#include "apps/prep/progress_file.h"
+#include "apps/prep/photo_outcome.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/file.h"
@@ -13,7 +12,7 @@
 #include "core/io/mask_file.h"
 #include "core/ops/elementwise.h"
 #include "core/parallel.h"
-#include "train/data/folder_scan.h"
+#include "core/progress.h"
 
 namespace stymo {
 namespace {
@@ -24,31 +23,6 @@ namespace fs = std::filesystem;
 /// soon.
 std::size_t photos_in_a_batch() {
     return static_cast<std::size_t>(4 * thread_count());
-}
-
-void require_own_folder(const fs::path& folder) {
-    if (fs::exists(folder) && !fs::exists(ProgressFile::path_in(folder)) &&
-        (!fs::is_directory(folder) || !fs::is_empty(folder)))
-        fail<FileError>(folder.string(), ": exists already; choose another folder or remove it");
-}
-
-JsonValue settings_json(const fs::path& photos, const PhotoPreparationSettings& settings) {
-    const auto absolute = [](const fs::path& path) {
-        return path.empty() ? std::string() : fs::absolute(path).string();
-    };
-    return JsonValue::object({{"--photos", absolute(photos)},
-                              {"--size", settings.side},
-                              {"--max-pixels", settings.most_pixels},
-                              {"--all-faces", settings.all_faces},
-                              {"--new-masks", settings.new_masks},
-                              {"--whole-head", settings.whole_head},
-                              {"--focal", settings.intrinsics.focal},
-                              {"--landmarks", absolute(settings.landmark_model)},
-                              {"--morphable", absolute(settings.morphable)},
-                              {"--mask-net", absolute(settings.mask_network)},
-                              {"--pose-net", absolute(settings.pose_network)},
-                              {"--distance", settings.pivot.distance},
-                              {"--pivot-depth", settings.pivot.pivot_depth}});
 }
 
 bool has_landmarks(const FolderScan& scan, const std::string& id) {
@@ -131,111 +105,88 @@ PhotoOutcome written(const FolderPreparation& folders, PhotoInWork work,
     return outcome;
 }
 
-class FolderWork {
-public:
-    FolderWork(const FolderPreparation& folders, const PhotoPreparation& preparation,
-               const FolderScan& scan)
-        : folders_(folders),
-          preparation_(preparation),
-          scan_(scan),
-          notes_(folders.out, settings_json(folders.photos, preparation.settings())) {
-        for (const FaceFiles& files : scan.faces) {
-            photo_ids_.insert(files.id);
-            if (!notes_.contains(name_of(files))) waiting_.push_back(&files);
-        }
-    }
-
-    [[nodiscard]] std::int64_t waiting() const { return std::ssize(waiting_); }
-    [[nodiscard]] const ProgressFile& notes() const { return notes_; }
-
-    /// Prepares up to a batch of the remaining photos. Returns false, and records none of them, if
-    /// a signal arrived.
-    [[nodiscard]] bool next_batch() {
-        const std::size_t count = std::min(photos_in_a_batch(), waiting_.size());
-        std::vector<PhotoInWork> batch(count);
-        parallel_items(std::ssize(batch), [&](std::size_t i, int /*thread*/) {
-            if (!interrupted()) batch[i] = cropped(*waiting_[i], scan_, preparation_);
-        });
-        if (interrupted()) return false;
-        std::vector<FaceCrop> crops;
-        std::vector<std::size_t> first_face;
-        for (PhotoInWork& photo : batch) {
-            first_face.push_back(crops.size());
-            std::ranges::move(photo.crops, std::back_inserter(crops));
-        }
-        first_face.push_back(crops.size());
-        std::vector<PreparedFace> faces = preparation_.finish(std::move(crops));
-        std::vector<PhotoOutcome> outcomes(count);
-        parallel_items(std::ssize(outcomes), [&](std::size_t i, int /*thread*/) {
-            outcomes[i] =
-                written(folders_, std::move(batch[i]),
-                        std::span(faces).subspan(first_face[i], first_face[i + 1] - first_face[i]),
-                        photo_ids_, scan_.records.find(batch[i].files->id));
-        });
-        for (const PhotoOutcome& outcome : outcomes) notes_.append(outcome);
-        waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(count));
-        return true;
-    }
-
-    /// Files of the photos that are noted.
-    [[nodiscard]] std::vector<std::string> done() const {
-        std::vector<std::string> names;
-        for (const FaceFiles& files : scan_.faces)
-            if (notes_.contains(name_of(files))) names.push_back(name_of(files));
-        return names;
-    }
-    /// Ids of all photos, including those from which the folder of photos was itself prepared.
-    [[nodiscard]] std::vector<std::string> photo_ids() const {
-        if (!scan_.photo_ids.empty()) return scan_.photo_ids;
-        std::vector<std::string> ids;
-        for (const FaceFiles& files : scan_.faces) ids.push_back(files.id);
-        return ids;
-    }
-
-private:
-    [[nodiscard]] std::string name_of(const FaceFiles& files) const {
-        return files.image.lexically_relative(folders_.photos).string();
-    }
-
-    const FolderPreparation& folders_;
-    const PhotoPreparation& preparation_;
-    const FolderScan& scan_;
-    ProgressFile notes_;
-    std::set<std::string> photo_ids_;
-    std::vector<const FaceFiles*> waiting_;
-};
-
 }  // namespace
 
-PrepareOutcome prepare_folder(const FolderPreparation& folders, const PhotoPreparation& preparation,
-                              const std::function<void(std::int64_t, std::int64_t)>& progress) {
-    const FolderScan scan = scan_folder(folders.photos);
-    require_own_folder(folders.out);
-    // Before anything is written.
-    if (!std::ranges::all_of(scan.faces,
-                             [&](const FaceFiles& files) { return has_landmarks(scan, files.id); }))
-        preparation.detector();
-    require_writable_folder(folders.out);
+PreparationRun::PreparationRun(FolderPreparation folders, const PhotoPreparation& preparation,
+                               const Settings& settings, Ranks& ranks)
+    : folders_(std::move(folders)),
+      preparation_(preparation),
+      ranks_(ranks),
+      scan_((ResultFolder::require_own(folders_.out), scan_folder(folders_.photos))),
+      results_(folders_.out, settings, "progress", "file", ranks) {
+    for (const FaceFiles& files : scan_.faces) {
+        // Finds out whether there is a detector.
+        if (!has_landmarks(scan_, files.id)) preparation_.detector();
+        photo_ids_.insert(files.id);
+        names_.push_back(files.image.lexically_relative(folders_.photos).string());
+        if (!results_.contains(names_.back())) waiting_.push_back(&files);
+    }
+}
 
-    PrepareOutcome outcome;
-    outcome.found = std::ssize(scan.faces);
-    FolderWork work(folders, preparation, scan);
-    require_writable_folder(folders.out / "images");
-    require_writable_folder(folders.out / "masks");
-    remove_temporary_files(folders.out);
-    for (const auto& entry : fs::recursive_directory_iterator(folders.out))
-        if (entry.is_directory()) remove_temporary_files(entry.path());
-    const std::int64_t before = outcome.found - work.waiting();
-    bool going_on = true;
+bool PreparationRun::prepare_batch(std::span<const FaceFiles* const> photos) {
+    std::vector<PhotoInWork> batch(photos.size());
+    parallel_items(std::ssize(batch), [&](std::size_t i, int /*thread*/) {
+        if (!interrupted()) batch[i] = cropped(*photos[i], scan_, preparation_);
+    });
+    if (interrupted()) return false;
+    std::vector<FaceCrop> crops;
+    std::vector<std::size_t> first_face;
+    for (PhotoInWork& photo : batch) {
+        first_face.push_back(crops.size());
+        std::ranges::move(photo.crops, std::back_inserter(crops));
+    }
+    first_face.push_back(crops.size());
+    std::vector<PreparedFace> faces = preparation_.finish(std::move(crops));
+    std::vector<PhotoOutcome> outcomes(batch.size());
+    parallel_items(std::ssize(outcomes), [&](std::size_t i, int /*thread*/) {
+        outcomes[i] =
+            written(folders_, std::move(batch[i]),
+                    std::span(faces).subspan(first_face[i], first_face[i + 1] - first_face[i]),
+                    photo_ids_, scan_.records.find(photos[i]->id));
+    });
+    for (const PhotoOutcome& outcome : outcomes) results_.append(to_json(outcome));
+    return true;
+}
+
+void PreparationRun::prepare_share() {
+    results_.begin();
+    const std::vector<const FaceFiles*> share = share_of(ranks_, waiting_);
+    const std::int64_t before = std::ssize(names_) - std::ssize(waiting_);
+    Progress progress({"Photos", before + std::ssize(share), before, "photos"});
+    std::span<const FaceFiles* const> rest = share;
     do {
-        outcome.done = outcome.found - work.waiting();
-        if (progress) progress(outcome.done, outcome.found);
-        going_on = work.waiting() > 0 && work.next_batch();
-    } while (going_on);
-    outcome.done_now = outcome.done - before;
-    const bool complete = work.waiting() == 0;
-    std::optional<PrepareReport> report = write_data_set(
-        folders, preparation, work.done(), work.photo_ids(), scan.left_out, work.notes(), complete);
+        progress.update(before + std::ssize(share) - std::ssize(rest));
+        const std::size_t count = std::min(photos_in_a_batch(), rest.size());
+        if (count == 0 || !prepare_batch(rest.first(count))) break;
+        rest = rest.subspan(count);
+    } while (true);
+    // Waits for the other ranks.
+    static_cast<void>(any(ranks_, false));
+}
+
+void PreparationRun::follow() {
+    const InterruptGuard guard;
+    prepare_share();
+}
+
+PrepareOutcome PreparationRun::lead() {
+    const InterruptGuard guard;
+    prepare_share();
+    results_.join(names_);
+    std::vector<std::string> done;
+    std::ranges::copy_if(names_, std::back_inserter(done),
+                         [&](const std::string& name) { return results_.contains(name); });
+    // Those from which the folder of photos was itself prepared, if it was.
+    std::vector<std::string> photo_ids = scan_.photo_ids;
+    if (photo_ids.empty())
+        for (const FaceFiles& files : scan_.faces) photo_ids.push_back(files.id);
+    PrepareOutcome outcome;
+    outcome.done = std::ssize(done);
+    outcome.found = std::ssize(names_);
+    outcome.done_now = outcome.done - (outcome.found - std::ssize(waiting_));
+    const bool complete = outcome.done == outcome.found;
+    std::optional<PrepareReport> report =
+        write_data_set(folders_, preparation_, done, photo_ids, scan_.left_out, results_, complete);
     if (complete) outcome.report = std::move(report);
     return outcome;
 }

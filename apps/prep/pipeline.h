@@ -2,14 +2,16 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <functional>
 #include <optional>
+#include <set>
+#include <span>
 #include <string>
 #include <vector>
 
-#include "core/io/json_writer.h"
+#include "apps/common/result_folder.h"
 #include "fit/photo/photo_preparation.h"
 #include "train/data/face_image.h"
+#include "train/data/folder_scan.h"
 
 namespace stymo {
 
@@ -56,15 +58,40 @@ struct PrepareOutcome {
 
 /// Makes a training set from a folder of photos: images/ID.png, masks/ID.png, faces.jsonl (pose,
 /// code and landmarks of each face), camera.json, report.json, overlays/sheet_NNN.png with 64 faces
-/// each. Photos are read, prepared and written a few at a time, and recorded in progress.jsonl,
-/// which exists until the folder is complete. An interruption leaves a data set of the photos so
-/// far. Masks in the folder of photos and landmarks in its faces.jsonl are used unchanged.
-///
-/// Throws FileError if `out` exists and is not a folder in preparation with the same settings, if
-/// no photo can be used, or if a file cannot be written. `progress` is called with the numbers of
-/// finished photos and of all photos.
-[[nodiscard]] PrepareOutcome prepare_folder(
-    const FolderPreparation& folders, const PhotoPreparation& preparation,
-    const std::function<void(std::int64_t, std::int64_t)>& progress = {});
+/// each. The ranks take the photos in turn. They are read, prepared and written a few at a time,
+/// and recorded in progress.jsonl, which exists until the folder is complete, as settings.json
+/// does. An interruption leaves a data set of the photos so far. Masks in the folder of photos and
+/// landmarks in its faces.jsonl are used unchanged. The files have the same bits for any number of
+/// ranks.
+class PreparationRun {
+public:
+    /// Writes nothing. `preparation` and `ranks` must outlive the object. Throws FileError if the
+    /// photos cannot be listed, or if `out` exists and is not a folder in preparation with the same
+    /// settings.
+    PreparationRun(FolderPreparation folders, const PhotoPreparation& preparation,
+                   const Settings& settings, Ranks& ranks);
+
+    /// What must be the same on all ranks.
+    [[nodiscard]] CommonState state() const { return results_.state(names_); }
+    /// Prepares the share of rank 0, waits for the others and makes the data set. Throws FileError
+    /// if no photo can be used, or if a file cannot be written.
+    [[nodiscard]] PrepareOutcome lead();
+    /// Prepares the share of another rank.
+    void follow();
+
+private:
+    void prepare_share();
+    /// Prepares and records photos. Returns false, and records none of them, if a signal arrived.
+    [[nodiscard]] bool prepare_batch(std::span<const FaceFiles* const> photos);
+
+    FolderPreparation folders_;
+    const PhotoPreparation& preparation_;
+    Ranks& ranks_;
+    FolderScan scan_;
+    ResultFolder results_;
+    std::vector<std::string> names_;  ///< of the photos, relative to their folder
+    std::set<std::string> photo_ids_;
+    std::vector<const FaceFiles*> waiting_;
+};
 
 }  // namespace stymo

@@ -157,10 +157,12 @@ void put_heads() {
 
 void put_begun_jobs() {
     const std::string settings = "{}\n";
-    put("prep_text/progress.jsonl", "text\n");
-    put("prep_settings/progress.jsonl", settings);
+    put("prep_text/settings.json", "text\n");
+    for (const char* folder : {"prep_settings", "prep_line", "prep_nested", "prep_file"})
+        put(std::string(folder) + "/settings.json", settings);
+    put("prep_line/progress.jsonl", "text\n");
     put("prep_nested/progress.jsonl", nested + "\n");
-    put("prep_file/progress.jsonl", settings + "{\"file\": 7}\n");
+    put("prep_file/progress.jsonl", "{\"file\": 7}\n");
     put("eval_settings/settings.json", settings);
     put("eval_scores/scores.jsonl", "{}\n");
 }

@@ -346,7 +346,8 @@ TEST_CASE("A face's score is the same on one thread and on two, by itself and be
 TEST_CASE("A tuned face is scored as its files show it") {
     const ScratchFolder scratch;
     TinyEvaluation tiny;
-    ScoreFolder folder(scratch.path() / "out", JsonValue::object());
+    OneRank alone;
+    ScoreFolder folder(scratch.path() / "out", {}, alone);
     tiny.options.folder = &folder;
     tiny.options.range = {0, 0};
     tiny.fitting.tuning.steps = 3;
@@ -374,10 +375,11 @@ TEST_CASE("A tuned face is scored as its files show it") {
 
 TEST_CASE("An evaluation goes on where it was stopped, without the line that was cut off") {
     const ScratchFolder scratch;
-    const JsonValue settings = JsonValue::object({{"--steps", 2}, {"--fit", true}});
+    const Settings settings{{"--steps", 2}, {"--fit", true}};
+    OneRank alone;
     TinyEvaluation tiny;
     {
-        ScoreFolder folder(scratch.path() / "out", settings);
+        ScoreFolder folder(scratch.path() / "out", settings, alone);
         tiny.options.folder = &folder;
         tiny.options.range = {0, 1};
         static_cast<void>(tiny.run());
@@ -385,8 +387,9 @@ TEST_CASE("An evaluation goes on where it was stopped, without the line that was
     const fs::path file = scratch.path() / "out/scores.jsonl";
     const std::string two_lines = read_file(file);
     std::ofstream(file, std::ios::app) << R"({"id":"00002","head":{"ini)";
-    ScoreFolder folder(scratch.path() / "out", settings);
-    CHECK(folder.known().size() == 2);
+    ScoreFolder folder(scratch.path() / "out", settings, alone);
+    CHECK(folder.score("00001").id == "00001");
+    CHECK_FALSE(folder.results().contains("00002"));
     CHECK(read_file(file) == two_lines);
     tiny.options.folder = &folder;
     tiny.options.range = {0, 2};
@@ -399,9 +402,11 @@ TEST_CASE("An evaluation goes on where it was stopped, without the line that was
 
 TEST_CASE("A folder of scores that was begun otherwise is refused by the setting that differs") {
     const ScratchFolder scratch;
+    OneRank alone;
     const auto open = [&](std::int64_t steps) {
-        ScoreFolder(scratch.path() / "out",
-                    JsonValue::object({{"--fit", true}, {"--steps", steps}}));
+        ScoreFolder(scratch.path() / "out", {{"--fit", true}, {"--steps", steps}}, alone)
+            .results()
+            .begin();
     };
     open(100);
     CHECK_NOTHROW(open(100));
@@ -411,7 +416,7 @@ TEST_CASE("A folder of scores that was begun otherwise is refused by the setting
     CHECK_THAT(error_message([&] { open(100); }), Catch::Contains("scores.jsonl, line 1: "));
     fs::create_directory(scratch.path() / "other");
     write_file(scratch.path() / "other/scores.jsonl", "");
-    CHECK_THAT(error_message([&] { ScoreFolder(scratch.path() / "other", JsonValue::object()); }),
+    CHECK_THAT(error_message([&] { ScoreFolder(scratch.path() / "other", {}, alone); }),
                Catch::Contains("settings.json"));
 }
 

@@ -1,4 +1,4 @@
-// stymo-fit on a folder of photos, played by rendered heads, alone and under mpirun.
+// stymo-fit on a folder of photos, played by rendered heads; and folders that ranks divide.
 #include <unistd.h>
 
 #include <catch2/catch.hpp>
@@ -6,10 +6,9 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <map>
 #include <nlohmann/json.hpp>
 
-#include "apps/common/child_process.h"
-#include "apps/common/mpi_ranks.h"
 #include "apps/tiny_run.h"
 #include "apps/tool_run.h"
 #include "core/io/file.h"
@@ -49,8 +48,16 @@ std::string bytes(const std::string& file) {
     return stymo::read_file(tiny_run() / file);
 }
 
-const std::vector<std::string> environment{
-    "OMPI_ALLOW_RUN_AS_ROOT=1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1", "ASAN_OPTIONS=detect_leaks=0"};
+/// The files of a finished output by name, without those that hold times.
+std::map<std::string, std::string> results_in(const fs::path& folder, bool fitted) {
+    std::map<std::string, std::string> results;
+    for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+        const std::string name = entry.path().lexically_relative(folder);
+        if (entry.is_regular_file() && name != ".lock" && !(fitted && name == "report.json"))
+            results[name] = stymo::read_file(entry.path());
+    }
+    return results;
+}
 
 }  // namespace
 
@@ -104,33 +111,42 @@ TEST_CASE("Folders that cannot be fitted are refused, and nothing is written") {
             "none of its 1 photos can be used; the first: broken.png: not an image");
 }
 
-TEST_CASE("Two ranks fit a folder to the same bits, and one that is killed loses no photo") {
-    if (!can_run() || !stymo::has_mpi() ||
-        stymo::run_child({"mpirun", "-n", "1", "true"}, environment).exit_code != 0)
-        return;
-    const auto line = [](const std::string& out) {
-        const std::string folder = tiny_run().string() + "/";
-        return stymo::words(
-            "mpirun --oversubscribe -n 2 " STYMO_BINARY_DIR "/bin/stymo-fit --threads 1 --images " +
-            folder + "portraits --model " + folder +
-            "run/model.safetensors --steps 2 --depth-weight 0 --out " + folder + out);
-    };
-    REQUIRE(fit("--out alone").exit_code == 0);
-    REQUIRE(stymo::run_child(line("ranks"), environment).exit_code == 0);
-    CHECK(bytes("ranks/faces.jsonl") == bytes("alone/faces.jsonl"));
-    CHECK_FALSE(fs::exists(tiny_run() / "ranks/faces.1.jsonl"));
+TEST_CASE("Two ranks write the files of one process, and one that is killed loses no photo") {
+    if (!stymo::can_start_ranks()) return;
+    std::vector<std::string> commands{
+        "stymo-prep --photos faces --size 32 --out ",
+        "stymo-eval --data faces --fit --perceptual-weight 0 --steps 2 --model "
+        "run/model.safetensors --out "};
+    if (can_run()) commands.push_back("stymo-fit --images portraits" + model + "--out ");
+    for (const std::string& command : commands) {
+        INFO(command);
+        const bool fits = command.starts_with("stymo-fit");
+        const std::string name = "by_ranks" + command.substr(0, command.find(' '));
+        const fs::path out = tiny_run() / name;
+        REQUIRE(run_tool(tiny_run(), command + name + "_alone").exit_code == 0);
+        const auto alone = results_in(out.string() + "_alone", fits);
+        CHECK(alone.size() > 3);
+        const std::vector<std::string> words =
+            stymo::words("mpirun --oversubscribe -n 2 --wdir " + tiny_run().string() +
+                         " " STYMO_BINARY_DIR "/bin/" + command + name + " --threads 1");
+        const stymo::ChildOutcome both = stymo::run_ranks(words);
+        INFO(both.err);
+        REQUIRE(both.exit_code == 0);
+        CHECK(results_in(out, fits) == alone);
 
-    // The first rank that finishes a photo is killed, and with it the others.
-    std::vector<std::string> words = line("killed");
-    const std::string watched = tiny_run() / "killed";
-    words.insert(words.begin(), {"sh", "-c",
-                                 "\"$@\" & while ! ls " + watched +
-                                     "/faces*.jsonl >/dev/null 2>&1; do sleep 0.05; kill -0 $! || "
-                                     "break; done; pkill -KILL -P $! ; wait",
-                                 "sh"});
-    static_cast<void>(stymo::run_child(words, environment));
-    REQUIRE(stymo::run_child(line("killed"), environment).exit_code == 0);
-    CHECK(bytes("killed/faces.jsonl") == bytes("alone/faces.jsonl"));
+        // The ranks are killed when the first has finished a photo.
+        fs::remove_all(out);
+        std::vector<std::string> killed = words;
+        killed.insert(killed.begin(),
+                      {"sh", "-c",
+                       "\"$@\" & until ls " + out.string() +
+                           " 2>/dev/null | grep -q jsonl; do sleep 0.02; kill -0 $! || break; "
+                           "done; pkill -KILL -P $!; wait",
+                       "sh"});
+        static_cast<void>(stymo::run_ranks(killed));
+        if (fs::exists(out / "settings.json")) REQUIRE(stymo::run_ranks(words).exit_code == 0);
+        CHECK(results_in(out, fits) == alone);
+    }
 }
 
 }  // namespace fit_folder_tests

@@ -387,7 +387,9 @@ TEST_CASE("Malformed codes, poses and begun jobs are refused, in one line that s
         {prep + "none --whole-head --pose-net none.onnx", 2,
          "--whole-head needs the poses of the fitted head; leave out --pose-net"},
         {prep + "bad/prep_text", 1,
-         "bad/prep_text/progress.jsonl, line 1: not JSON; remove the folder and start again"},
+         "bad/prep_text: its settings are not JSON; remove the folder and start again"},
+        {prep + "bad/prep_line", 1,
+         "bad/prep_line/progress.jsonl, line 1: not JSON; remove the folder and start again"},
         {prep + "bad/prep_settings", 1,
          "bad/prep_settings: was begun with other settings (--all-faces was \"unknown\", now "
          "false); give the same ones or another --out"},
@@ -395,8 +397,8 @@ TEST_CASE("Malformed codes, poses and begun jobs are refused, in one line that s
          "bad/prep_nested/progress.jsonl, line 1: nested deeper than 32 levels; remove the folder "
          "and start again"},
         {prep + "bad/prep_file", 1,
-         "bad/prep_file/progress.jsonl, line 2: not what became of a photo; remove the folder and "
-         "start again"},
+         "bad/prep_file/progress.jsonl, line 1: has no text \"file\"; remove the folder and start "
+         "again"},
         {eval + "--out bad/eval_settings", 1,
          "bad/eval_settings: was begun with other settings (--coarse-steps was \"unknown\", now "
          "..."},

@@ -325,7 +325,7 @@ TEST_CASE("stymo-eval scores the faces that were asked for, and the fitted codes
         CHECK(scores["mean"]["head"][when]["l1"].get<double>() == Approx(mean));
     }
     const fs::path out = stymo::tiny_run() / "scored";
-    CHECK(names_in(out) == std::set<std::string>{"codes", "report.json", "report.md",
+    CHECK(names_in(out) == std::set<std::string>{".lock", "codes", "report.json", "report.md",
                                                  "scores.jsonl", "settings.json", "sheet.png"});
     CHECK(names_in(out / "codes") == std::set<std::string>{"00010.json", "00011.json"});
     CHECK(stymo::read_image(out / "sheet.png").shape() == stymo::Shape{2 * 64, 6 * 64, 3});

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "apps/common/child_process.h"
-#include "apps/common/mpi_ranks.h"
 #include "apps/tiny_run.h"
 #include "apps/tool_run.h"
 #include "core/io/file.h"
@@ -20,17 +19,6 @@ namespace fs = std::filesystem;
 using stymo::ChildOutcome;
 using stymo::tiny_run;
 
-// Open MPI loses memory in libraries that it unloads, so that the leak sanitizer cannot be told.
-const std::vector<std::string> environment{
-    "OMPI_ALLOW_RUN_AS_ROOT=1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1", "ASAN_OPTIONS=detect_leaks=0"};
-
-bool can_run() {
-    const bool can = stymo::has_mpi() &&
-                     stymo::run_child({"mpirun", "-n", "1", "true"}, environment).exit_code == 0;
-    if (!can) WARN("skipped: no Open MPI, or mpirun cannot start a process here");
-    return can;
-}
-
 /// stymo-train on one thread in so many processes; `more` is added to its command, and `of_last`
 /// to that of the last rank alone.
 ChildOutcome train(int ranks, const std::string& out, const std::string& more,
@@ -42,7 +30,7 @@ ChildOutcome train(int ranks, const std::string& out, const std::string& more,
     line << "mpirun --oversubscribe -n " << (of_last.empty() ? ranks : ranks - 1) << ' '
          << command.str();
     if (!of_last.empty()) line << " : -n 1 " << command.str() << ' ' << of_last;
-    return stymo::run_child(stymo::words(line.str()), environment);
+    return stymo::run_ranks(stymo::words(line.str()));
 }
 
 /// Lines of stderr that are the tool's own.
@@ -61,7 +49,7 @@ std::string bytes(const std::string& file) {
 }  // namespace
 
 TEST_CASE("1, 2 and 4 ranks write the same files, and any number resumes") {
-    if (!can_run()) return;
+    if (!stymo::can_start_ranks()) return;
     const std::string steps =
         "--set stage1.batch=4 --set stage1.micro_batch=1 --set output.checkpoint_steps=2 ";
     for (const int ranks : {1, 2, 4})
@@ -84,7 +72,7 @@ TEST_CASE("1, 2 and 4 ranks write the same files, and any number resumes") {
 }
 
 TEST_CASE("Ranks that do not fit together are refused by one line, and nothing is written") {
-    if (!can_run()) return;
+    if (!stymo::can_start_ranks()) return;
     const auto refused = [](const ChildOutcome& outcome, const std::string& words) {
         CHECK(outcome.exit_code != 0);
         REQUIRE(complaints(outcome).size() == 1);
@@ -105,7 +93,7 @@ TEST_CASE("Ranks that do not fit together are refused by one line, and nothing i
 }
 
 TEST_CASE("A rank that cannot write ends all of them, and the checkpoints stay") {
-    if (!can_run()) return;
+    if (!stymo::can_start_ranks()) return;
     const std::string steps = "--set stage1.micro_batch=1 --set output.checkpoint_steps=2 ";
     REQUIRE(train(2, "blocked", steps).exit_code == 0);
     const std::string state = bytes("blocked/checkpoints/000004/state.safetensors");

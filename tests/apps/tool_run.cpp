@@ -15,6 +15,7 @@
 #include <thread>
 #include <utility>
 
+#include "apps/common/mpi_ranks.h"
 #include "apps/common/process_setup.h"
 #include "apps/common/tools.h"
 #include "core/io/file.h"
@@ -227,6 +228,19 @@ ToolOutcome RunningCopy::wait() {
     ::waitpid(std::exchange(process_, -1), &status, 0);
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(out_.path()),
             read_file(err_.path())};
+}
+
+bool can_start_ranks() {
+    const bool can = has_mpi() && run_ranks({"mpirun", "-n", "1", "true"}).exit_code == 0;
+    if (!can) std::cout << "skipped: no Open MPI, or mpirun cannot start a process here\n";
+    return can;
+}
+
+ChildOutcome run_ranks(const std::vector<std::string>& words) {
+    // Open MPI loses memory in libraries that it unloads, so that the leak sanitizer cannot be
+    // told.
+    return run_child(words, {"OMPI_ALLOW_RUN_AS_ROOT=1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1",
+                             "ASAN_OPTIONS=detect_leaks=0"});
 }
 
 std::vector<std::string> words(const std::string& line) {

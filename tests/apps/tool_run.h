@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "apps/common/child_process.h"
+
 namespace stymo {
 
 /// How a tool ended and what it printed.
@@ -81,6 +83,10 @@ private:
     TemporaryFile out_;
     TemporaryFile err_;
 };
+/// Whether mpirun can start processes here. Says so, if not.
+[[nodiscard]] bool can_start_ranks();
+/// Runs a command such as "mpirun -n 2 ...".
+[[nodiscard]] ChildOutcome run_ranks(const std::vector<std::string>& words);
 /// The words of a line.
 [[nodiscard]] std::vector<std::string> words(const std::string& line);
 /// Number of lines of a text.

@@ -3,10 +3,10 @@
 #include <cstdlib>
 #include <cstring>
 
+#include "apps/common/result_folder.h"
 #include "apps/eval/score.h"
 #include "apps/prep/camera_file.h"
 #include "apps/prep/photo_outcome.h"
-#include "apps/prep/progress_file.h"
 #include "core/config.h"
 #include "core/error.h"
 #include "core/io/checksum.h"
@@ -105,11 +105,12 @@ void read_checksums(const std::string& bytes) {
 }
 
 void read_progress(const std::string& bytes) {
-    const JsonValue settings = JsonValue::object({{"size", 256}});
+    OneRank alone;
     each([&] { static_cast<void>(parse_photo_outcome(bytes)); },
          [&] {
+             static_cast<void>(scratch_file("progress/settings.json", "{}"));
              const auto file = scratch_file("progress/progress.jsonl", bytes);
-             static_cast<void>(ProgressFile(file.parent_path(), settings));
+             static_cast<void>(ResultFolder(file.parent_path(), {}, "progress", "file", alone));
          });
 }
 

@@ -166,8 +166,8 @@ bool has_images(const Judge& judge, const DiskState& state, const json& face) {
 /// Photos that are noted as done have their images; a list of faces is complete.
 bool can_go_on(const Judge& judge, const DiskState& state, std::size_t promises) {
     const std::vector<std::string> notes = whole_lines(state, "out/progress.jsonl");
-    for (std::size_t i = 1; i < notes.size(); ++i) {
-        const json photo = json::parse(notes[i], nullptr, false);
+    for (const std::string& note : notes) {
+        const json photo = json::parse(note, nullptr, false);
         if (!photo.is_object()) return false;
         for (const json& face : photo.value("faces", json::array()))
             if (!has_images(judge, state, face.value("face", json()))) return false;
@@ -244,7 +244,7 @@ TEST_CASE("after a power cut at any moment a preparation goes on, with the same 
     std::map<std::string, DiskState> survivors;
     CHECK(
         damaged("preparation", operations, cuts, [&](const DiskState& state, std::size_t promises) {
-            const bool going_on = state.contains("out/progress.jsonl");
+            const bool going_on = state.contains("out/settings.json");
             const std::size_t notes = whole_lines(state, "out/progress.jsonl").size();
             if (going_on)
                 survivors.emplace(
