@@ -8,6 +8,7 @@
 #include "apps/eval/commands.h"
 #include "apps/eval/evaluate.h"
 #include "core/error.h"
+#include "core/progress.h"
 #include "nn/realtime/view.h"
 
 namespace stymo {
@@ -101,7 +102,9 @@ AppResult evaluate_people(const PeopleOptions& options) {
                         model.config().camera);
     std::vector<std::string> ids, people;
     Rows codes;
-    for (const std::int64_t i : positions_of(faces, parse_range(options.ids))) {
+    const std::vector<std::int64_t> positions = positions_of(faces, parse_range(options.ids));
+    Progress progress({.title = "people", .total = std::ssize(positions), .unit = "photos"});
+    for (const std::int64_t i : positions) {
         const Face face = faces.load_exactly(i);
         const Codes first =
             face_codes(model, make_batch({&face, 1}, model.decoder().ladder().smallest()));
@@ -112,6 +115,7 @@ AppResult evaluate_people(const PeopleOptions& options) {
         ids.push_back(face.id);
         const FaceEntry* const entry = faces.entry(i);
         people.push_back(entry == nullptr ? "" : entry->origin.person);
+        progress.update(std::ssize(people));
     }
     const PeopleScore score = people_score(codes, people);
 

@@ -58,6 +58,16 @@ void claim(const Options& options, std::optional<stymo::FolderLock>& lock) {
     if (options.resume != "latest") stymo::repair_checkpoint_folder(options.resume);
 }
 
+/// Throws what the loss says of LPIPS' files, before the photos are read, which takes long.
+stymo::TrainConfig with_perceptual_files(stymo::TrainConfig config) {
+    const stymo::ReconstructionConfig& loss = config.model.reconstruction;
+    for (const std::string& file : {loss.perceptual.trunk, loss.perceptual.heads})
+        if (loss.perceptual_weight > 0.0 && file != "random" &&
+            !std::filesystem::is_regular_file(file))
+            static_cast<void>(stymo::ReconstructionLoss(loss));
+    return config;
+}
+
 /// A run before its first step.
 struct PreparedRun {
     stymo::TrainConfig config;
@@ -67,7 +77,7 @@ struct PreparedRun {
     std::string note{};  ///< what has changed since the checkpoint
 
     PreparedRun(const Options& options, const stymo::CommonOptions& common, stymo::Ranks* ranks)
-        : config(stymo::load_train_config(options.config, options.set)),
+        : config(with_perceptual_files(stymo::load_train_config(options.config, options.set))),
           training(stymo::faces_for_training(options.data, config, stymo::Split::training)) {
         config.model.camera =
             stymo::with_intrinsics(config.model.camera, training.load(0).intrinsics);

@@ -148,6 +148,13 @@ TEST_CASE("Inputs that are missing, empty or something else are named") {
          "text.png: "},
         {"stymo-eval --model run/model.safetensors --data faces --lpips vgg16",
          "vgg16-397923af.pth"},
+        // The networks come first: the scan of a large folder takes long.
+        {"stymo-eval --model run/model.safetensors --data none --lpips vgg16",
+         "vgg16-397923af.pth"},
+        {"stymo-train --config tiny.json --data none --out out --set "
+         "reconstruction.perceptual_weight=0.1 --set reconstruction.perceptual_heads=random --set "
+         "reconstruction.perceptual_trunk=no_trunk",
+         "no_trunk"},
         {"stymo-eval pair zero.png whole.jpg", "zero.png: not an image (zero bytes)"},
         {"stymo-eval pair whole.jpg text.png", "text.png: not an image"},
         {"stymo-eval pair whole.jpg whole.jpg --lpips squeeze", "squeezenet1_1-b8a52dc0.pth"},
