@@ -65,21 +65,25 @@ Tensor laid_targets(const ArkitShapes& shapes, const HeadAtlas& atlas, const Lai
 }  // namespace
 
 FaceMesh face_mesh(const Model& model, const Codes& codes, const MorphableHead& head,
-                   const LandmarkModel& landmarks, std::int64_t texture_side) {
+                   const LandmarkModel& landmarks, std::int64_t texture_side, bool neutral) {
     const std::vector<SeenFace> views = surface_views(model, codes);
     FaceMesh face;
     face.head = fitted_head(head, landmarks, views.front());
     lay_on_surface(head, views, face.head);
     const HeadAtlas atlas = head_atlas(without_brows(head));
-    const Tensor& vertices = face.head.vertices;
-    face.surface = {at_atlas_vertices(atlas, vertices),
-                    at_atlas_vertices(atlas, vertex_normals(vertices, head.triangles)), atlas.uv,
-                    atlas.triangles};
+    const auto take_vertices = [&](const Tensor& vertices) {
+        face.surface.vertices = at_atlas_vertices(atlas, vertices);
+        face.surface.normals = at_atlas_vertices(atlas, vertex_normals(vertices, head.triangles));
+    };
+    face.surface.uv = atlas.uv;
+    face.surface.triangles = atlas.triangles;
+    take_vertices(face.head.vertices);
     std::vector<TextureView> pictures;
     for (const SeenFace& view : views) pictures.push_back({view.camera, view.image, view.mask});
     face.surface.texture = baked_texture(
         face.surface, pictures,
         at_atlas_vertices(atlas, guessed_colors(head, face.head, views.front())), texture_side);
+    if (neutral) take_vertices(neutral_vertices(head, face.head));
     face.shapes = arkit_shapes(head);
     face.targets = laid_targets(face.shapes, atlas, face.head);
     return face;

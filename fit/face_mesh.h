@@ -18,10 +18,15 @@ struct FaceMesh {
     LaidHead head;         ///< before seams were cut
 };
 
-/// `texture_side` is a power of two, so that holes of the texture are filled. Throws what
-/// `surface_views` and `fitted_head` throw.
+/// Metres of a world unit.
+inline constexpr float metres = 0.1F;
+
+/// `texture_side` is a power of two, so that holes of the texture are filled. A neutral mesh lacks
+/// the expression that the head has in the photo. Throws what `surface_views` and `fitted_head`
+/// throw.
 [[nodiscard]] FaceMesh face_mesh(const Model& model, const Codes& codes, const MorphableHead& head,
-                                 const LandmarkModel& landmarks, std::int64_t texture_side);
+                                 const LandmarkModel& landmarks, std::int64_t texture_side,
+                                 bool neutral = false);
 
 /// The mesh beside the model's own frame from one side, the heads on black.
 struct MeshComparison {

@@ -349,4 +349,13 @@ void lay_on_surface(const MorphableHead& head, std::span<const SeenFace> views, 
     laid.vertices = tensor_of(points);
 }
 
+Tensor neutral_vertices(const MorphableHead& head, const LaidHead& laid) {
+    const Tensor shown = head_vertices(head, laid.identity, laid.expression);
+    const Tensor at_rest = head_vertices(head, laid.identity, std::vector<float>(79));
+    Tensor vertices = laid.vertices;
+    mutable_matrix_map<float>(vertices) -= (matrix_map<float>(shown) - matrix_map<float>(at_rest)) *
+                                           laid.world_from_head.transpose().cast<float>();
+    return vertices;
+}
+
 }  // namespace stymo

@@ -37,4 +37,7 @@ struct LaidHead {
 /// neighbours. Pieces such as brows follow the skin, and eyeballs do so without changing shape.
 void lay_on_surface(const MorphableHead& head, std::span<const SeenFace> views, LaidHead& laid);
 
+/// The vertices without the fitted expression.
+[[nodiscard]] Tensor neutral_vertices(const MorphableHead& head, const LaidHead& laid);
+
 }  // namespace stymo

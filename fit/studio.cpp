@@ -1,6 +1,7 @@
 #include "fit/studio.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <mutex>
 #include <utility>
@@ -11,6 +12,7 @@
 #include "fit/shipped_files.h"
 #include "nn/models/weight_changes.h"
 #include "nn/realtime/view.h"
+#include "render/morphable/builtin_head.h"
 
 namespace stymo {
 
@@ -139,6 +141,18 @@ View Studio::render(const StudioFace& face, const StudioView& view) const {
     FaceRenderer& renderer = state_->renderer_for(face.tuned, view.options);
     renderer.show(face.face.codes);
     return renderer.render(camera);
+}
+
+FaceMesh Studio::mesh(const StudioFace& face, std::int64_t texture_side, bool neutral) const {
+    if (texture_side < 64 || texture_side > 8192 ||
+        !std::has_single_bit(static_cast<std::uint64_t>(texture_side)))
+        fail<ValueError>("a texture has a side of 64, 128, 256 ... 8192 pixels, not ",
+                         texture_side);
+    const std::filesystem::path landmarks = shipped_landmark_network(state_->configs);
+    if (landmarks.empty()) fail<FileError>("the landmark network of stymo was not found");
+    const SubnormalsFlushed flushed;
+    return face_mesh(face.tuned ? *face.tuned : state_->model, face.face.codes, builtin_head(),
+                     read_landmark_model(landmarks), texture_side, neutral);
 }
 
 StudioFace Studio::sample(std::uint64_t seed, std::uint64_t index, double truncation) const {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "fit/edit/style_mix.h"
+#include "fit/face_mesh.h"
 #include "fit/fit_job.h"
 #include "nn/realtime/face_renderer.h"
 
@@ -65,6 +66,12 @@ public:
     /// Renders a face. Throws ValueError for angles that are not finite, and what FaceRenderer
     /// throws.
     [[nodiscard]] View render(const StudioFace& face, const StudioView& view = {}) const;
+
+    /// The face as a mesh with the topology of the built-in head. Throws ValueError for a texture
+    /// side that is no power of two from 64 to 8192, FileError without a landmark network, and what
+    /// `face_mesh` throws.
+    [[nodiscard]] FaceMesh mesh(const StudioFace& face, std::int64_t texture_side = 1024,
+                                bool neutral = false) const;
 
     /// A new face from the distribution of the training faces, seen from the front: number `index`
     /// of `stymo-render --sample --seed S`. Throws ValueError if the model has no statistics.

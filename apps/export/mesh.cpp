@@ -20,6 +20,7 @@ struct MeshOptions {
     std::filesystem::path codes, out, morphable, check;
     std::filesystem::path landmarks = shipped_landmark_network();
     std::int64_t texture_side = 1024;
+    bool neutral = false;
 };
 
 std::vector<std::filesystem::path> write_mesh(const std::filesystem::path& out,
@@ -73,7 +74,7 @@ AppResult export_mesh(const MeshOptions& options) {
         if (!file.empty()) require_folder_of(file);
     FaceMesh face;
     try {
-        face = face_mesh(model, codes, head, landmarks, options.texture_side);
+        face = face_mesh(model, codes, head, landmarks, options.texture_side, options.neutral);
     } catch (const Error& error) {
         fail<ValueError>(options.codes.string(), ": ", error.what());
     }
@@ -125,6 +126,9 @@ void declare_mesh(CommandLine& line) {
                    "landmark network (default: the one that comes with stymo)");
     command.option("--texture", options->texture_side, "side of the texture, a power of two")
         .range(64, 8192);
+    command.flag("--neutral", options->neutral,
+                 "without the expression of the photo, to which the blend shapes are otherwise "
+                 "added");
     command.option("--check", options->check,
                    "also measure the mesh against the model's frames, and write both as a picture");
 }

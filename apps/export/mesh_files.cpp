@@ -15,8 +15,6 @@ namespace stymo {
 
 namespace {
 
-constexpr float metres = 0.1F;  ///< of a world unit
-
 using Rows = RowMajorMatrix<float>;
 
 /// The buffer of a .glb file with its views and accessors.

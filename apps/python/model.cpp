@@ -1,3 +1,4 @@
+#include <nanobind/ndarray.h>
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -9,6 +10,7 @@
 #include "apps/python/module.h"
 #include "core/angle.h"
 #include "core/error.h"
+#include "core/ops/elementwise.h"
 #include "core/ops/shape_ops.h"
 
 namespace nb = nanobind;
@@ -112,6 +114,61 @@ nb::dict pose_of(const StudioFace& face) {
     return result;
 }
 
+FaceMesh mesh(const Studio& studio, nb::handle given, std::int64_t texture, bool neutral) {
+    const StudioFace face = face_of(studio, given);
+    const nb::gil_scoped_release unlocked;
+    return studio.mesh(face, texture, neutral);
+}
+
+nb::object in_metres(const Tensor& places) {
+    return numpy_of(affine(places, double{metres}, 0.0).value());
+}
+
+nb::dict shapes_of(const FaceMesh& mesh) {
+    const nb::object targets = in_metres(mesh.targets);
+    nb::dict shapes;
+    for (std::size_t k = 0; k < arkit_names.size(); ++k)
+        if (mesh.shapes.source[k] != ArkitSource::missing) shapes[arkit_names[k]] = targets[k];
+    return shapes;
+}
+
+void bind_mesh(nb::module_& module) {
+    nb::class_<FaceMesh>(module, "Mesh",
+                         "A face as a textured mesh of M vertices and T triangles, with the "
+                         "topology of the built-in head: in metres, y up, looking along +z. "
+                         "Arrays are read-only.")
+        .def_prop_ro(
+            "vertices", [](const FaceMesh& mesh) { return in_metres(mesh.surface.vertices); },
+            nb::sig("def vertices(self) -> numpy.typing.NDArray[numpy.float32]"),
+            "(M, 3), in metres.")
+        .def_prop_ro(
+            "normals", [](const FaceMesh& mesh) { return numpy_of(mesh.surface.normals); },
+            nb::sig("def normals(self) -> numpy.typing.NDArray[numpy.float32]"),
+            "(M, 3), of length 1.")
+        .def_prop_ro(
+            "faces",
+            [](const FaceMesh& mesh) {
+                const auto& triangles = mesh.surface.triangles;
+                return nb::ndarray<nb::numpy, const std::int32_t, nb::shape<-1, 3>>(
+                    triangles.front().data(), {triangles.size(), 3}, nb::find(mesh));
+            },
+            nb::sig("def faces(self) -> numpy.typing.NDArray[numpy.int32]"),
+            "(T, 3), indices of vertices, counter-clockwise seen from outside.")
+        .def_prop_ro(
+            "uv", [](const FaceMesh& mesh) { return numpy_of(mesh.surface.uv); },
+            nb::sig("def uv(self) -> numpy.typing.NDArray[numpy.float32]"),
+            "(M, 2), in [0, 1], v downwards.")
+        .def_prop_ro(
+            "texture", [](const FaceMesh& mesh) { return numpy_of(mesh.surface.texture); },
+            nb::sig("def texture(self) -> numpy.typing.NDArray[numpy.float32]"),
+            "(S, S, 3), in [0, 1].")
+        .def_prop_ro("shapes", &shapes_of,
+                     nb::sig("def shapes(self) -> dict[str, "
+                             "numpy.typing.NDArray[numpy.float32]]"),
+                     "ARKit's blend shapes by name, without those that the head cannot do: "
+                     "displacements (M, 3) in metres for a coefficient of 1.");
+}
+
 void bind_face(nb::module_& module) {
     nb::class_<StudioFace>(module, "Face",
                            "A face as a model knows it: codes, pose and, if it is tuned, a "
@@ -145,6 +202,7 @@ void bind_face(nb::module_& module) {
 }  // namespace
 
 void bind_model(nb::module_& module) {
+    bind_mesh(module);
     bind_face(module);
     nb::class_<Studio> model(module, "Model",
                              "A face model with all that leads from a photo to a rendered face. "
@@ -186,6 +244,13 @@ void bind_model(nb::module_& module) {
              "size: 64, 128, 256 ... pixels; 0: the model's.\n"
              "mode: \"exact\", or \"skip\", which is faster and keeps about 45 dB.\n"
              "cutout: a fourth channel is the head's soft mask.")
+        .def("mesh", &mesh, "face"_a, "texture"_a = 1024, "neutral"_a = false,
+             nb::sig("def mesh(self, face: Face | numpy.typing.ArrayLike, texture: int = 1024, "
+                     "neutral: bool = False) -> Mesh"),
+             "A face, or codes (306,), as a textured mesh with ARKit's blend shapes.\n\n"
+             "texture: its side in pixels, a power of two.\n"
+             "neutral: without the expression of the face; otherwise the blend shapes come on "
+             "top of it.")
         .def("sample", &sample, "count"_a = 1, "seed"_a = 0, "truncation"_a = 0.7,
              "New faces from the distribution of the training faces. truncation: 0 gives the "
              "mean face, 1 faces as varied as those.")

@@ -7,7 +7,7 @@
 /// The parts of the module `stymo._stymo`.
 namespace stymo::python {
 
-/// Face and Model. `bind_engine` must have been called.
+/// Mesh, Face and Model. `bind_engine` must have been called.
 void bind_model(nanobind::module_& module);
 /// Tensor and grad.
 void bind_engine(nanobind::module_& module);

@@ -1,4 +1,5 @@
 // A head laid onto the surface of another one, whose depth maps the rasteriser draws.
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -84,6 +85,35 @@ TEST_CASE("A head goes onto a surface that is wider and deeper, and its eyes sta
         const Eigen::RowVector3f after = moved.row(first + i) - moved.row(first);
         REQUIRE((before - after).norm() < 1e-5F);
     }
+}
+
+TEST_CASE("Without its expression a head that was turned and scaled is the neutral one, too",
+          "[laid_head]") {
+    const stymo::MorphableHead& head = stymo::builtin_head();
+    stymo::LaidHead laid{{}, std::vector<float>(100), std::vector<float>(79), {}, {}};
+    for (std::size_t k = 0; k < 10; ++k) {
+        laid.identity[k] = 0.3F * static_cast<float>(k) - 1.0F;
+        laid.expression[k] = 1.0F - 0.2F * static_cast<float>(k);
+    }
+    laid.world_from_head =
+        1.1 * Eigen::AngleAxisd(0.4, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+    const auto placed = [&](const Tensor& vertices) {
+        Tensor result = vertices;
+        stymo::mutable_matrix_map<float>(result) =
+            (stymo::matrix_map<float>(vertices) * laid.world_from_head.transpose().cast<float>())
+                .rowwise() +
+            Eigen::RowVector3f(0.5F, -0.25F, 2.0F);
+        return result;
+    };
+    laid.vertices = placed(head_vertices(head, laid.identity, laid.expression));
+    const Tensor expected = placed(head_vertices(head, laid.identity, std::vector<float>(79)));
+    const auto distance = [&](const Tensor& vertices) {
+        return (stymo::matrix_map<float>(vertices) - stymo::matrix_map<float>(expected))
+            .cwiseAbs()
+            .maxCoeff();
+    };
+    CHECK(distance(laid.vertices) > 0.02F);
+    CHECK(distance(neutral_vertices(head, laid)) < 1e-5F);
 }
 
 }  // namespace laid_head_tests

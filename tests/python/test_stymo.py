@@ -67,6 +67,30 @@ class Faces(unittest.TestCase):
         tuned = model.tune(face, seconds=0, steps=2)
         self.assertTrue(tuned.tuned and not face.tuned)
 
+    def test_a_mesh_has_arrays_in_metres(self):
+        face = model.sample(seed=3)[0]
+        mesh = model.mesh(face, texture=64)
+        count = len(mesh.vertices)
+        self.assertEqual((mesh.vertices.shape, mesh.normals.shape, mesh.uv.shape,
+                          mesh.texture.shape), ((count, 3), (count, 3), (count, 2), (64, 64, 3)))
+        self.assertEqual((mesh.faces.dtype, mesh.faces.shape[1]), (np.int32, 3))
+        self.assertTrue(0 <= mesh.faces.min() and mesh.faces.max() < count)
+        self.assertTrue(0.15 < np.ptp(mesh.vertices[:, 1]) < 0.3)
+        # Triangles turn their outside to where the normals point.
+        a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+        outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), mesh.normals[mesh.faces[:, 0]])
+        self.assertGreater((outward > 0).mean(), 0.95)
+        self.assertLess(mesh.shapes["jawOpen"][:, 1].min(), -0.005)
+        self.assertNotIn("tongueOut", mesh.shapes)
+        rest = model.mesh(face.codes, texture=64, neutral=True)
+        np.testing.assert_array_equal(rest.texture, mesh.texture)
+        moved = np.linalg.norm(rest.vertices - mesh.vertices, axis=1).max()
+        self.assertTrue(0.0005 < moved < 0.03, moved)
+        faces = mesh.faces
+        del mesh
+        gc.collect()
+        self.assertEqual(faces.max() + 1, count)  # the array keeps its mesh
+
     def test_an_exception_of_the_progress_ends_the_fit(self):
         def stop(*_):
             raise KeyError("enough")
@@ -123,6 +147,8 @@ class Misuse(unittest.TestCase):
             (ValueError, "an angle is nan degrees", lambda: model.render(face, yaw=np.nan)),
             (ValueError, "a side of 64, 128, 256, not 100", lambda: model.render(face, size=100)),
             (ValueError, '"nose" is no group of codes', lambda: model.mix(face, face, "nose")),
+            (ValueError, "a texture has a side of 64, 128, 256 ... 8192 pixels, not 100",
+             lambda: model.mesh(face, texture=100)),
             (ValueError, "only a face that was fitted", lambda: model.tune(face, 1)),
             (ValueError, "the face is not tuned", lambda: face.write("a.json", "t.safetensors")),
             (ValueError, "-1 threads; give 0", lambda: stymo.set_threads(-1)),

@@ -11,10 +11,10 @@ import os
 # Threads that wait sleep soon (docs/decisions.md); OpenMP reads this when it is loaded.
 os.environ.setdefault("GOMP_SPINCOUNT", "1000")
 
-from ._stymo import Face, Model, Tensor, __version__, grad, set_threads  # noqa: E402
+from ._stymo import Face, Mesh, Model, Tensor, __version__, grad, set_threads  # noqa: E402
 
 #: Where each group of codes stands in the 306 elements of `Face.codes`.
 GROUPS = {"id": slice(0, 100), "expr": slice(100, 179), "tex": slice(179, 279),
           "light": slice(279, 306)}
 
-__all__ = ["Face", "GROUPS", "Model", "Tensor", "__version__", "grad", "set_threads"]
+__all__ = ["Face", "GROUPS", "Mesh", "Model", "Tensor", "__version__", "grad", "set_threads"]
