@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs what tests/browser needs: Chromium, Node.js and npm as Debian's packages where the
-# commands are missing, and playwright-core and gltf-validator of npm in a folder.
+# commands are missing, and playwright-core, gltf-validator and three of npm in a folder.
 # Usage: install_browser.sh FOLDER
 set -euo pipefail
 folder=${1:?usage: install_browser.sh FOLDER}
@@ -10,5 +10,5 @@ for command in chromium node npm; do
 done
 "$(dirname "${BASH_SOURCE[0]}")/install_packages.sh" "${missing[@]}"
 mkdir -p "$folder"
-[[ -d $folder/node_modules/playwright-core && -d $folder/node_modules/gltf-validator ]] ||
-    timeout 120 npm install --no-audit --no-fund --prefix "$folder" playwright-core gltf-validator
+[[ -d $folder/node_modules/three ]] || timeout 120 npm install --no-audit --no-fund \
+    --prefix "$folder" playwright-core gltf-validator three
