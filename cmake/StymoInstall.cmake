@@ -42,7 +42,7 @@ if(NOT BUILD_SHARED_LIBS)
   list(JOIN stymo_pkgconfig_libraries " " stymo_pkgconfig_libraries)
   string(APPEND stymo_pkgconfig_libraries
     " -lOpenImageIO -lOpenImageIO_Util -lpng -ljpeg -lgif -lwebpmux -lwebp -llcms2 -lz -lzip"
-    " -lhwy -lgomp")
+    " -lavformat -lavcodec -lavutil -lhwy -lgomp")
   if(STYMO_WITH_DLIB)
     string(APPEND stymo_pkgconfig_libraries " -ldlib")
   endif()

@@ -7,6 +7,7 @@ packages=(
     build-essential cmake ninja-build pkg-config
     libeigen3-dev libhwy-dev nlohmann-json3-dev libcli11-dev catch2
     libopencv-dev libpng-dev libjpeg-dev libgif-dev libwebp-dev liblcms2-dev zlib1g-dev libzip-dev
+    libavformat-dev
     libcpp-httplib-dev libtinygltf-dev
     libopenimageio-dev openimageio-tools # the CMake files of libopenimageio-dev refer to the tools
     libdlib-dev libdlib-data             # optional: finds faces in photos

@@ -29,8 +29,7 @@ unpack_libraries() {
     apt_arm64 install --yes --download-only --no-install-recommends \
         libc6-dev libstdc++6 libgomp1 catch2 nlohmann-json3-dev libeigen3-dev libhwy-dev \
         libpng-dev libjpeg-dev libgif-dev libwebp-dev liblcms2-dev zlib1g-dev libzip-dev \
-        libopenimageio-dev \
-        openimageio-tools libopencv-dev
+        libopenimageio-dev openimageio-tools libopencv-dev libavformat-dev
     mkdir -p "$sysroot/usr"/{bin,sbin,lib}
     local folder package
     for folder in bin sbin lib; do ln -sfn "usr/$folder" "$sysroot/$folder"; done

@@ -5,7 +5,9 @@
 #include "core/error.h"
 #include "core/io/file.h"
 #include "core/io/film.h"
+#include "core/io/film_sound.h"
 #include "core/io/scratch_folder.h"
+#include "support/mp3_frame.h"
 
 namespace film_tests {
 
@@ -30,13 +32,17 @@ void write_avi(const std::filesystem::path& path, int frames) {
     }
 }
 
+void write_grey(const std::filesystem::path& path, int frames) {
+    FilmWriter writer(path, path, 36, 50, 20.0);
+    for (int i = 0; i < frames; ++i) writer.add(grey_frame(i));
+    writer.finish();
+}
+
 }  // namespace
 
 TEST_CASE("A film has the frames that were written, one after the other") {
     const ScratchFolder folder;
-    FilmWriter writer(folder / "a.mp4", folder / "a.mp4", 36, 50, 20.0);
-    for (int i = 0; i < 9; ++i) writer.add(grey_frame(i));
-    writer.finish();
+    write_grey(folder / "a.mp4", 9);
     FilmReader reader(folder / "a.mp4");
     CHECK(reader.frames_per_second() == Approx(20.0));
     CHECK(reader.stated_frames() == 9);
@@ -66,6 +72,50 @@ TEST_CASE("Films that are cut off and files that are no films are refused") {
         Contains("cut.avi: ends after ") && Contains(" of 40 frames, so it was cut off"));
     CHECK_THROWS_WITH(FilmReader(folder / "text.mp4"), Contains("text.mp4: no film"));
     CHECK_THROWS_WITH(FilmReader(folder / "none.mp4"), Contains("none.mp4: no such file"));
+}
+
+TEST_CASE("Sound is copied byte by byte under a film, whose pictures stay") {
+    const ScratchFolder folder;
+    constexpr int sounds = 36, frames = 18;
+    write_file(folder / "sound.mp3", mp3_frames(sounds));
+    write_grey(folder / "a.mp4", frames);
+    write_grey(folder / "b.mp4", frames);
+    CHECK(add_sound(folder / "sound.mp3", folder / "a.mp4") == FilmSound::kept);
+    CHECK(add_sound(folder / "a.mp4", folder / "b.mp4") == FilmSound::kept);
+    for (const char* name : {"a.mp4", "b.mp4"}) {
+        const std::string bytes = read_file(folder / name);
+        std::size_t at = 0;
+        for (int i = 0; i < sounds; ++i) {
+            at = bytes.find(mp3_frame(i), at);
+            REQUIRE(at != std::string::npos);
+        }
+        FilmReader reader(folder / name);
+        CHECK(reader.frames_per_second() == Approx(20.0));
+        for (int i = 0; i < frames; ++i) {
+            const std::optional<Tensor> frame = reader.next();
+            REQUIRE(frame);
+            CHECK(frame->values<float>()[300] == Approx(0.1 + 0.05 * i).margin(0.02));
+        }
+        CHECK_FALSE(reader.next());
+    }
+}
+
+TEST_CASE("Without sound that an MP4 file can have a film stays as it is") {
+    const ScratchFolder folder;
+    write_grey(folder / "a.mp4", 3);
+    const std::string bytes = read_file(folder / "a.mp4");
+    // One channel of 16 bits, 8,000 numbers a second.
+    write_file(folder / "a.wav",
+               std::string("RIFF\xa4\x3e\0\0WAVEfmt \x10\0\0\0\1\0\1\0\x40\x1f\0\0\x80\x3e\0\0"
+                           "\2\0\x10\0data\x80\x3e\0\0",
+                           44) +
+                   std::string(16000, '\0'));
+    write_file(folder / "text.mp4", "no film");
+    CHECK(add_sound(folder / "a.mp4", folder / "a.mp4") == FilmSound::none);
+    CHECK(add_sound(folder / "a.wav", folder / "a.mp4") == FilmSound::other);
+    CHECK_THROWS_WITH(add_sound(folder / "text.mp4", folder / "a.mp4"),
+                      Contains("text.mp4: its sound cannot be copied"));
+    CHECK(read_file(folder / "a.mp4") == bytes);
 }
 
 }  // namespace film_tests
