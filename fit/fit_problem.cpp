@@ -91,6 +91,13 @@ Codes FitProblem::code_offsets() const {
     return result;
 }
 
+Codes FitProblem::codes() const {
+    Codes moves = code_offsets();
+    if (options_.expression_directions.defined())
+        moves.groups[1] = matmul(moves.groups[1], options_.expression_directions);
+    return add(initial_, moves);
+}
+
 std::vector<Camera> FitProblem::cameras() const {
     if (orbits().empty()) return faces_.cameras;
     return cameras_at(orbits().front().variable().value(), faces_.cameras);

@@ -43,10 +43,11 @@ public:
     bool choose_images(std::int64_t step);
 
     [[nodiscard]] const Codes& initial() const { return initial_; }
-    [[nodiscard]] Codes codes() const { return add(initial_, code_offsets()); }
+    [[nodiscard]] Codes codes() const;
     [[nodiscard]] std::vector<Camera> cameras() const;
 
 private:
+    /// As they are optimised (FitOptions::expression_directions).
     [[nodiscard]] Codes code_offsets() const;
     [[nodiscard]] FitLoss loss_here();
     [[nodiscard]] double mean_over_faces(const Variable& total) const {

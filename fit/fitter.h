@@ -52,6 +52,9 @@ struct FitOptions {
     /// The groups of codes, in the order of `code_names`, that are optimised; others stay
     /// `initial`.
     std::array<bool, 4> fitted_groups{true, true, true, true};
+    /// (79, 79), C: the optimised and regularised numbers u of the expression move it by u C.
+    /// Undefined: they move it by u.
+    Tensor expression_directions{};
     /// Of the frame before the first row, (1, 79), for FitWeights::time; undefined: there is none.
     Tensor expression_before{};
     /// Also optimises the poses, as orbit parameters (render/tracked_rays.h), with

@@ -295,11 +295,11 @@ bool is_aligned(const Alignment& alignment, std::int64_t width, std::int64_t hei
            std::abs(alignment.angle()) <= largest_angle;
 }
 
-Tensor aligned_crop(const Tensor& photo, const Alignment& alignment, std::int64_t side) {
+Tensor aligned_crop(const Tensor& photo, const Alignment& alignment, std::int64_t side,
+                    std::int64_t samples_of_a_pixel) {
     if (photo.rank() != 3 || photo.size() == 0 || side <= 0)
         fail<ShapeError>("[alignment] cannot cut ", side, " x ", side, " pixels out of ",
                          photo.shape());
-    constexpr std::int64_t samples_of_a_pixel = 4;
     std::int64_t border = 0;
     const PhotoPart part = padded(cut_out(photo, alignment, side, border), border);
     Tensor crop = resize_image(sampled_square(part, samples_of_a_pixel * side),

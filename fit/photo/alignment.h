@@ -36,10 +36,10 @@ struct Alignment {
 [[nodiscard]] bool is_aligned(const Alignment& alignment, std::int64_t width, std::int64_t height);
 
 /// Resamples the square of the photo (height, width, channels) to (side, side, channels) with
-/// antialiasing. Outside the photo it is continued by reflection, which fades into a blurred copy
-/// and then into its median colour.
+/// antialiasing, from `samples_of_a_pixel` samples across each pixel. Outside the photo it is
+/// continued by reflection, which fades into a blurred copy and then into its median colour.
 [[nodiscard]] Tensor aligned_crop(const Tensor& photo, const Alignment& alignment,
-                                  std::int64_t side);
+                                  std::int64_t side, std::int64_t samples_of_a_pixel = 4);
 
 /// The known pixels of aligned_crop, (side, side, 1), see nn/known_pixels.h: those that
 /// lie, with half a pixel of the crop around them, within the photo and on known pixels of

@@ -46,6 +46,7 @@ constexpr double largest_new_share_outside = 0.05;
 /// Sides of a crop's image, and of the image from which its mask is made.
 struct CropSides {
     std::int64_t image, mask;
+    std::int64_t samples_of_a_pixel = 4;  ///< across
 };
 
 struct FoundFace {
@@ -231,7 +232,8 @@ FaceCrop PhotoPreparation::Implementation::crop_at(const Alignment& alignment, b
     crop.side_in_photo = crop.was_aligned ? static_cast<double>(width) : alignment.side();
     crop.share_outside = crop.was_aligned ? 0.0 : share_outside(alignment, width, height);
     const auto cut = [&](const Tensor& from, std::int64_t side) {
-        return crop.was_aligned ? resized(from, side) : aligned_crop(from, alignment, side);
+        return crop.was_aligned ? resized(from, side)
+                                : aligned_crop(from, alignment, side, sides.samples_of_a_pixel);
     };
     const auto landmarks_at = [&](std::int64_t side) {
         return crop.was_aligned ? scaled_landmarks(face.landmarks, static_cast<double>(side) /
@@ -242,7 +244,7 @@ FaceCrop PhotoPreparation::Implementation::crop_at(const Alignment& alignment, b
         return crop.was_aligned ? known_at(of_photo.known, side, side)
                                 : known_crop(alignment, side, height, width, of_photo.known);
     };
-    const auto [side, mask_side] = sides;
+    const std::int64_t side = sides.image, mask_side = sides.mask;
     const Tensor large = cut(photo, std::max(side, mask_side));
     crop.image = resized(large, side);
     crop.landmarks = landmarks_at(side);
@@ -329,7 +331,7 @@ const FaceDetector& PhotoPreparation::detector() const {
 FaceCrop PhotoPreparation::frame_crop(const Tensor& frame, const Landmarks& landmarks) const {
     const std::int64_t side = implementation_->wanted_side();
     return implementation_->crop_at(ffhq_alignment(landmarks), false, frame, {}, {landmarks},
-                                    {side, side});
+                                    {side, side, 2});
 }
 
 std::vector<FaceCrop> PhotoPreparation::crops(const Tensor& photo,

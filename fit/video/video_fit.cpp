@@ -12,6 +12,7 @@
 #include "core/ops/ops.h"
 #include "core/parallel.h"
 #include "core/tensor_eigen.h"
+#include "fit/expression_prior.h"
 #include "fit/photo/alignment.h"
 #include "nn/realtime/view.h"
 
@@ -24,8 +25,10 @@ constexpr std::size_t expression_group = 1;
 /// Cheaper than in the fit of a photo, and hardly different at the sides of films.
 constexpr std::int64_t samples_of_a_frame = 16;
 constexpr double tolerance_of_a_frame = 0.01;
-/// Of the first step in each window.
-constexpr double learning_rate_of_a_frame = 0.03;
+/// Of the first step in each window, in standard deviations (expression_directions).
+constexpr double learning_rate_of_a_frame = 0.3;
+/// Share of what fits have added to an expression that the next window starts with.
+constexpr double kept_correction = 0.9;
 
 /// A frame with its face, as the model sees it.
 struct FrameInWork {
@@ -110,7 +113,10 @@ std::vector<Face> of_one_person(const Model& model, const std::vector<Face>& fac
 class FrameFits {
 public:
     FrameFits(const FitJob& job, const VideoFitOptions& options, const Codes& person)
-        : job_(job), options_(options), person_(person) {}
+        : job_(job),
+          options_(options),
+          person_(person),
+          directions_(expression_directions(job.model())) {}
 
     /// `frames` show the face one after the other.
     void fit(std::span<FrameInWork> frames) {
@@ -131,8 +137,10 @@ public:
         if (fit.samples_per_ray == 0) fit.samples_per_ray = samples_of_a_frame;
         fit.tolerance = std::max(fit.tolerance, tolerance_of_a_frame);
         fit.steps = options_.steps;
-        if (fit.learning_rate == 0.0) fit.learning_rate = learning_rate_of_a_frame;
+        if (fit.learning_rate == 0.0 && directions_.defined())
+            fit.learning_rate = learning_rate_of_a_frame;
         fit.fitted_groups = {false, true, false, false};
+        fit.expression_directions = directions_;
         fit.weights.depth = 0.0;
         fit.weights.time = options_.time_weight;
         fit.expression_before = before_;
@@ -140,7 +148,7 @@ public:
         const Variable& fitted = result.fitted.expression();
         const Variable last = slice(fitted, 0, rows - 1, rows);
         before_ = last.value();
-        correction_ = mean(fitted - seen, {0}).value();
+        correction_ = (mean(fitted - seen, {0}) * kept_correction).value();
         for (std::int64_t i = 0; i < rows; ++i) {
             FittedFrame& frame = frames[static_cast<std::size_t>(i)].frame;
             frame.found = true;
@@ -155,6 +163,7 @@ private:
     const FitJob& job_;
     const VideoFitOptions& options_;
     const Codes& person_;
+    Tensor directions_;
     Tensor before_;      ///< expression of the frame before, (1, 79); undefined at a start
     Tensor correction_;  ///< what fits add to the expression that the encoder sees, (1, 79)
 };
@@ -208,6 +217,7 @@ void VideoFit::fit_person(std::vector<Face> keys) {
     FitOptions fit = job_.options().fit;
     fit.steps = options_.key_steps;
     fit.one_person = keys.size() > 1;
+    fit.expression_directions = expression_directions(job_.model());
     fit.end_losses = false;
     fit.weights.depth = 0.0;
     const FaceBatch batch =

@@ -1,0 +1,55 @@
+#include <catch2/catch.hpp>
+#include <iostream>
+
+#include "core/io/film.h"
+#include "core/io/scratch_folder.h"
+#include "fit/studio.h"
+#include "fit/video/acted_frame.h"
+#include "fit/video/video_fit.h"
+
+namespace video_tests {
+
+using namespace stymo;
+
+namespace {
+
+double correlation(const std::vector<double>& a, const std::vector<double>& b) {
+    const Eigen::Map<const Eigen::ArrayXd> x(a.data(), std::ssize(a)), y(b.data(), std::ssize(b));
+    const Eigen::ArrayXd u = x - x.mean(), v = y - y.mean();
+    return (u * v).sum() / std::sqrt(u.square().sum() * v.square().sum());
+}
+
+}  // namespace
+
+TEST_CASE("Poses and expressions of a film are those with which it was drawn", "[slow]") {
+    if (!FaceDetector::available()) return;
+    const ScratchFolder folder;
+    FilmWriter writer(folder / "a.mp4", folder / "a.mp4", frame_height, frame_width, 25.0);
+    for (int i = 0; i < 32; ++i) {
+        Tensor frame = empty_frame(0.35);
+        static_cast<void>(draw_scene(frame, i));
+        writer.add(frame);
+    }
+    writer.finish();
+    const Studio studio;
+    ReconstructionConfig config = studio.model().config().reconstruction;
+    config.perceptual_weight = 0.0;
+    const ReconstructionLoss loss(config);
+    const FitJob job(studio.model(), loss, studio.fit_options());
+    const VideoFit video(job, folder / "a.mp4", {.key_steps = 10});
+    std::vector<double> yaw, true_yaw, jaw, true_jaw;
+    const VideoSummary summary = video.run([&](const FittedFrame& frame) {
+        if (!frame.found || is_covered(static_cast<int>(frame.index))) return;
+        const double phase = 2.0 * std::numbers::pi * static_cast<double>(frame.index) / 32.0;
+        yaw.push_back(frame.pose.yaw);
+        true_yaw.push_back(0.4 * std::sin(phase));
+        jaw.push_back(frame.codes.expression().value().to_vector()[0]);
+        true_jaw.push_back(1.0 - std::cos(3.0 * phase));
+    });
+    CHECK(summary.frames == 32);
+    CHECK(yaw.size() == 28);
+    CHECK(correlation(yaw, true_yaw) > 0.97);
+    CHECK(correlation(jaw, true_jaw) > 0.6);
+}
+
+}  // namespace video_tests
