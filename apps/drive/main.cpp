@@ -5,7 +5,7 @@
 #include <optional>
 #include <sstream>
 
-#include "apps/common/child_process.h"
+#include "apps/common/coefficient_files.h"
 #include "apps/common/command_line.h"
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
@@ -15,12 +15,15 @@
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/film.h"
-#include "core/ops/elementwise.h"
+#include "core/io/film_sound.h"
+#include "core/ops/ops.h"
 #include "core/progress.h"
+#include "fit/expression_prior.h"
 #include "fit/video/video_fit.h"
 #include "nn/models/code_file.h"
 #include "nn/models/identity_network.h"
 #include "nn/realtime/face_renderer.h"
+#include "render/morphable/head_source.h"
 
 namespace {
 
@@ -28,7 +31,8 @@ namespace fs = std::filesystem;
 
 struct Options {
     stymo::ModelOptions model;
-    fs::path codes, video, out, identity;
+    fs::path codes, video, coefficients, out, identity;
+    double rate = 60.0;
     std::int64_t size = 0;
     bool absolute = false;
     bool measure = false;
@@ -46,13 +50,16 @@ struct Measures {
 /// Renders the face with the expression and the pose of each frame of a film.
 class Driven {
 public:
+    /// `rest`: the expression with which the face keeps its own. `plausible`: plausible_changes.
+    /// `detector` may be null without --measure.
     Driven(const Options& options, const stymo::Model& model, stymo::CodeFile face,
-           const stymo::VideoFit& video, const stymo::FaceDetector& detector)
+           stymo::Variable rest, stymo::Tensor plausible, const stymo::FaceDetector* detector)
         : options_(options),
           model_(model),
           detector_(detector),
           face_(std::move(face)),
-          neutral_(video.person().expression()),
+          rest_(std::move(rest)),
+          plausible_(std::move(plausible)),
           renderer_(model, {.mode = model.decoder().folds() ? stymo::RenderMode::skip
                                                             : stymo::RenderMode::exact,
                             .samples_per_ray = model.config().reconstruction.fit_samples_per_ray,
@@ -67,8 +74,9 @@ public:
         if (seen.found || !last_.defined()) {
             stymo::Codes codes = face_.codes;
             stymo::Variable& expression = codes.groups[1];
-            expression = options_.absolute ? seen.codes.expression()
-                                           : expression + (seen.codes.expression() - neutral_);
+            stymo::Variable change = seen.codes.expression() - rest_;
+            if (plausible_.defined()) change = matmul(change, plausible_);
+            expression = options_.absolute ? seen.codes.expression() : expression + change;
             last_ = rendered(codes, seen.pose.yaw, seen.pose.pitch, seen.roll);
             if (seen.found) measure(seen);
         } else {
@@ -96,7 +104,7 @@ private:
                 measures_.driven.add({});
             }
             measures_.film.add(seen.landmarks);
-            const auto faces = detector_.find(last_, stymo::FaceSearch::quick);
+            const auto faces = detector_->find(last_, stymo::FaceSearch::quick);
             measures_.driven.add(faces.empty() ? std::optional<stymo::Landmarks>()
                                                : faces.front().landmarks);
         }
@@ -111,9 +119,10 @@ private:
 
     const Options& options_;
     const stymo::Model& model_;
-    const stymo::FaceDetector& detector_;
+    const stymo::FaceDetector* detector_;
     stymo::CodeFile face_;
-    stymo::Variable neutral_;
+    stymo::Variable rest_;
+    stymo::Tensor plausible_;
     stymo::FaceRenderer renderer_;
     std::optional<stymo::IdentityNetwork> identity_;
     std::vector<double> embedding_;
@@ -121,74 +130,52 @@ private:
     Measures measures_;
 };
 
-/// Puts the sound of `film` under the silent film `file`. Returns what is to be said of it.
-std::string add_sound(const fs::path& film, const fs::path& file) {
-    const fs::path with_sound = file.parent_path() / ("sound-" + file.filename().string());
-    // Sound that fits into an MP4 file as it is is copied; other sound is encoded again.
-    for (const char* codec : {"copy", "aac"}) {
-        const stymo::ChildOutcome outcome =
-            stymo::run_child({"ffmpeg", "-nostdin", "-loglevel", "error", "-y", "-i", file.string(),
-                              "-i", film.string(), "-map", "0:v", "-map", "1:a?", "-c:v", "copy",
-                              "-c:a", codec, with_sound.string()});
-        if (outcome.exit_code == 0) {
-            fs::rename(with_sound, file);
-            return {};
-        }
-        std::error_code ignored;
-        fs::remove(with_sound, ignored);
-        constexpr int no_such_program = 127;
-        if (outcome.exit_code == no_such_program)
-            return "the film is silent: the program ffmpeg, which copies sound, was not found";
-    }
-    return "the film is silent: ffmpeg could not copy the sound";
-}
+using FrameSink = std::function<void(const stymo::FittedFrame&)>;
 
-stymo::AppResult drive(const Options& options) {
-    stymo::require_extension(options.out, {".mp4"});
-    stymo::require_folder_of(options.out);
-    stymo::CodeFile face = stymo::read_own_codes(options.codes, options.model);
-    const stymo::Model model = stymo::load_model({options.model.file, {}});
-    std::optional<stymo::Model> tuned;
-    if (!options.model.tuned.empty())
-        tuned.emplace(stymo::load_model(options.model, stymo::ModelParts::decoder));
-    stymo::ReconstructionConfig config = model.config().reconstruction;
-    config.perceptual_weight = 0.0;
-    const stymo::ReconstructionLoss loss(config);
-    const stymo::FitJob job(model, loss, options.job);
-    const stymo::InterruptGuard guard;
-    const stymo::VideoFit video(job, options.video, options.fit);
-    Driven driven(options, tuned ? *tuned : model, std::move(face), video,
-                  job.preparation().detector());
-    stymo::VideoSummary summary;
-    std::string sound;
+/// Writes the film of the frames that `run` hands over. Returns the seconds of rendering.
+double write_film(const Options& options, Driven& driven, std::int64_t frames, double rate,
+                  const std::function<void(const FrameSink&)>& run) {
     double rendering = 0.0;
     stymo::write_whole(
         options.out,
         [&](const fs::path& temporary) {
             std::optional<stymo::FilmWriter> writer;
-            stymo::Progress progress({.title = "drive", .total = video.frames(), .unit = "frames"});
-            summary = video.run([&](const stymo::FittedFrame& frame) {
+            stymo::Progress progress({.title = "drive", .total = frames, .unit = "frames"});
+            run([&](const stymo::FittedFrame& frame) {
                 const double start = stymo::seconds_now();
                 const stymo::Tensor image = driven.frame(frame);
                 if (!writer)
-                    writer.emplace(options.out, temporary, image.shape(0), image.shape(1),
-                                   video.frames_per_second());
+                    writer.emplace(options.out, temporary, image.shape(0), image.shape(1), rate);
                 writer->add(image);
                 rendering += stymo::seconds_now() - start;
                 progress.update(frame.index + 1);
             });
             if (stymo::interrupted()) stymo::fail("interrupted; nothing was written");
             writer->finish();
-            sound = add_sound(options.video, temporary);
         },
         stymo::Durability::none);
-    summary.seconds -= rendering;
-    stymo::AppResult result{text_of(summary) + " fitted", to_json(summary)};
+    return std::max(rendering, 1e-9);
+}
+
+/// Puts the sound of --video under the new film. Returns what is to be said of it.
+std::string keep_sound(const Options& options) {
+    try {
+        switch (stymo::add_sound(options.video, options.out)) {
+            case stymo::FilmSound::kept: return "kept";
+            case stymo::FilmSound::none: return "none";
+            case stymo::FilmSound::other:
+                return "left out, because MP4 files do not have sound of its encoding";
+        }
+    } catch (const stymo::FileError& error) {
+        return std::string("left out: ") + error.what();
+    }
+    return {};
+}
+
+/// Adds what was measured to the result.
+void add_measures(const Options& options, const Measures& measures, stymo::AppResult& result) {
     std::ostringstream text;
-    text << std::fixed << std::setprecision(2) << ", "
-         << static_cast<double>(summary.frames) / std::max(rendering, 1e-9) << " rendered; "
-         << summary.frames - summary.found << " frames without the face hold the last one";
-    const Measures& measures = driven.measures();
+    text << std::fixed << std::setprecision(2);
     if (options.measure) {
         text << "\nacceleration of landmarks: " << measures.driven.mean()
              << " percent of the distance of the eyes, in the given film " << measures.film.mean();
@@ -200,11 +187,85 @@ stymo::AppResult drive(const Options& options) {
              << measures.least_cosine;
         result.json.add("identity", mean).add("identity_least", measures.least_cosine);
     }
-    if (!sound.empty()) text << '\n' << sound;
-    result.json.add("rendering_seconds", rendering);
-    result.json.add("sound", sound.empty() ? stymo::JsonValue("kept") : stymo::JsonValue(sound));
     result.text += text.str();
+}
+
+stymo::AppResult drive_by_film(const Options& options, const stymo::Model& model,
+                               const stymo::Model& shown, stymo::CodeFile face) {
+    stymo::ReconstructionConfig config = model.config().reconstruction;
+    config.perceptual_weight = 0.0;
+    const stymo::ReconstructionLoss loss(config);
+    const stymo::FitJob job(model, loss, options.job);
+    const stymo::VideoFit video(job, options.video, options.fit);
+    Driven driven(options, shown, std::move(face), video.person().expression(),
+                  plausible_changes(model, job.preparation().head()),
+                  &job.preparation().detector());
+    stymo::VideoSummary summary;
+    const double rendering = write_film(options, driven, video.frames(), video.frames_per_second(),
+                                        [&](const FrameSink& sink) { summary = video.run(sink); });
+    const std::string sound = keep_sound(options);
+    summary.seconds -= rendering;
+    stymo::AppResult result{text_of(summary) + " fitted", to_json(summary)};
+    std::ostringstream text;
+    text << std::fixed << std::setprecision(2) << ", "
+         << static_cast<double>(summary.frames) / rendering << " rendered; "
+         << summary.frames - summary.found << " frames without the face hold the last one";
+    result.text += text.str();
+    add_measures(options, driven.measures(), result);
+    result.text += "\nsound: " + sound;
+    result.json.add("rendering_seconds", rendering).add("sound", sound);
     return result;
+}
+
+stymo::AppResult drive_by_coefficients(const Options& options, const stymo::Model& model,
+                                       const stymo::Model& shown, const stymo::CodeFile& face) {
+    const std::vector<stymo::ArkitMoment> rows = stymo::read_coefficients(options.coefficients);
+    const fs::path& morphable = options.job.preparation.morphable;
+    const stymo::ArkitConversion conversion = stymo::arkit_conversion(morphable);
+    stymo::FittedFrame frame{.found = true, .codes = face.codes, .pose = {}};
+    stymo::Variable& expression = frame.codes.groups[1];
+    Driven driven(options, shown, face,
+                  stymo::Variable(stymo::Tensor::zeros(expression.shape(), expression.dtype())),
+                  plausible_changes(model, stymo::morphable_head_from(morphable)), nullptr);
+    const double rendering =
+        write_film(options, driven, std::ssize(rows), options.rate, [&](const FrameSink& sink) {
+            for (const stymo::ArkitMoment& row : rows) {
+                if (stymo::interrupted()) return;
+                const std::vector<float> code = conversion.code(row.coefficients);
+                expression = stymo::Variable(
+                    stymo::Tensor::from({1, std::ssize(code)}, std::span<const float>(code)));
+                frame.pose.yaw = row.view[0];
+                frame.pose.pitch = row.view[1];
+                frame.roll = row.view[2];
+                sink(frame);
+                ++frame.index;
+            }
+        });
+    std::ostringstream text;
+    text << std::fixed << std::setprecision(2) << rows.size() << " frames, "
+         << static_cast<double>(rows.size()) / rendering << " rendered a second";
+    stymo::AppResult result{
+        text.str(),
+        stymo::JsonValue::object({{"frames", std::ssize(rows)}, {"rendering_seconds", rendering}})};
+    add_measures(options, driven.measures(), result);
+    return result;
+}
+
+stymo::AppResult drive(const Options& options) {
+    if (options.video.empty() == options.coefficients.empty())
+        stymo::fail<stymo::UsageError>("give --video or --coefficients");
+    stymo::require_extension(options.out, {".mp4"});
+    if (options.video.empty()) stymo::require_extension(options.coefficients, {".csv", ".json"});
+    stymo::require_folder_of(options.out);
+    stymo::CodeFile face = stymo::read_own_codes(options.codes, options.model);
+    const stymo::Model model = stymo::load_model({options.model.file, {}});
+    std::optional<stymo::Model> tuned;
+    if (!options.model.tuned.empty())
+        tuned.emplace(stymo::load_model(options.model, stymo::ModelParts::decoder));
+    const stymo::Model& shown = tuned ? *tuned : model;
+    const stymo::InterruptGuard guard;
+    return options.video.empty() ? drive_by_coefficients(options, model, shown, face)
+                                 : drive_by_film(options, model, shown, std::move(face));
 }
 
 }  // namespace
@@ -212,22 +273,28 @@ stymo::AppResult drive(const Options& options) {
 int stymo_drive(int argc, char** argv) {
     Options options;
     stymo::CommandLine line("stymo-drive",
-                            "Puts the expression and the pose of the face in a film onto another "
-                            "face.",
+                            "Puts the expression and the pose of the face in a film, or "
+                            "coefficients of ARKit's shapes, onto another face.",
                             stymo::MatmulPrecision::medium);
     stymo::declare_model(line, options.model);
     stymo::declare_tuned(line, options.model);
     line.option("--codes", options.codes, "codes.json of the face that is moved").required();
-    line.option("--video", options.video, "film of the face that moves it").required();
+    line.option("--video", options.video, "film of the face that moves it");
+    line.option("--coefficients", options.coefficients,
+                "in place of a film: CSV of Live Link Face, or .json of stymo-export arkit")
+        .excludes("--video");
+    line.option("--rate", options.rate, "with --coefficients: rows, and frames, a second")
+        .range(1, 240);
     line.option("--out", options.out, "the new film, X.mp4").required();
     line.option("--size", options.size,
                 "side of the frames: 64, 128, 256 or 512; 0: the model's resolution")
         .range(0, 512);
     line.flag("--absolute", options.absolute,
               "give the face the expressions of the film themselves; by default it gets what "
-              "differs from their mean");
+              "differs from their mean, or the coefficients' expressions in addition to its own");
     line.flag("--measure", options.measure,
-              "also measure how much the landmarks tremble in both films; slower");
+              "also measure how much the landmarks tremble in both films; slower")
+        .excludes("--coefficients");
     line.option("--identity", options.identity,
                 "weights of MobileFaceNet, written by stymo-weights import: also measure whether "
                 "the face stays the same person");

@@ -3,13 +3,11 @@
 #include <memory>
 #include <sstream>
 
+#include "apps/common/coefficient_files.h"
 #include "apps/common/tool_options.h"
-#include "apps/export/coefficient_files.h"
 #include "apps/export/commands.h"
 #include "core/io/file.h"
-#include "fit/morphable/arkit_coefficients.h"
 #include "nn/models/code_file.h"
-#include "render/morphable/head_source.h"
 
 namespace stymo {
 
@@ -25,14 +23,14 @@ std::span<const float> expression_of(const CodeFile& face) {
     return face.codes.expression().value().values<float>();
 }
 
-JsonValue object_of(const ArkitCoefficients& coefficients) {
+JsonValue object_of(const std::vector<double>& coefficients) {
     JsonValue json = JsonValue::object();
     for (std::size_t k = 0; k < arkit_names.size(); ++k) json.add(arkit_names[k], coefficients[k]);
     return json;
 }
 
 /// What the head can do, with the coefficients of one moment.
-std::string table(const ArkitShapes& shapes, const ArkitCoefficients& coefficients) {
+std::string table(const ArkitShapes& shapes, const std::vector<double>& coefficients) {
     std::ostringstream text;
     text << std::fixed << std::setprecision(3);
     for (std::size_t k = 0; k < arkit_names.size(); ++k)
@@ -65,7 +63,7 @@ JsonValue to_json(const Errors& errors) {
 AppResult to_coefficients(const ArkitOptions& options, const ArkitConversion& conversion,
                           const CodeFile& face) {
     const std::span<const float> code = expression_of(face);
-    const ArkitCoefficients coefficients = conversion.coefficients(code);
+    const std::vector<double> coefficients = conversion.coefficients(code);
     std::vector<float> back = conversion.code(coefficients);
     for (std::size_t i = 0; i < back.size(); ++i) back[i] -= code[i];
     const Errors errors{millimetres * conversion.size(code),
@@ -73,23 +71,25 @@ AppResult to_coefficients(const ArkitOptions& options, const ArkitConversion& co
                         millimetres * conversion.size(back)};
     const JsonValue json =
         JsonValue::object({{"coefficients", object_of(coefficients)}, {"errors", to_json(errors)}});
-    write_file(
-        options.out,
-        options.out.extension() == ".csv" ? live_link_csv({&coefficients, 1}) : json.text() + "\n",
-        Durability::none);
+    const Pose& pose = face.pose;
+    write_file(options.out,
+               options.out.extension() == ".csv"
+                   ? live_link_csv({coefficients, {pose.yaw, pose.pitch, pose.roll}})
+                   : json.text() + "\n",
+               Durability::none);
     return {table(conversion.shapes(), coefficients) + sentence(errors), json};
 }
 
 /// Coefficients -> codes: the face with the expression of each row.
 AppResult to_codes(const ArkitOptions& options, const ArkitConversion& conversion, CodeFile face) {
-    const std::vector<ArkitCoefficients> rows = read_coefficients(options.coefficients);
+    const std::vector<ArkitMoment> rows = read_coefficients(options.coefficients);
     const bool one = options.out.extension() == ".json";
     if (one && rows.size() > 1)
         fail<UsageError>(options.coefficients.string(), " has ", rows.size(),
                          " rows; give a .jsonl file as --out");
     std::string text;
     Errors worst{};
-    for (const ArkitCoefficients& row : rows) {
+    for (const auto& [row, view] : rows) {
         const std::vector<float> code = conversion.code(row);
         const double missed = millimetres * conversion.difference(code, row);
         if (missed >= worst.there) {
@@ -119,13 +119,8 @@ AppResult export_arkit(const ArkitOptions& options) {
         require_extension(options.out, {".json", ".csv"});
     }
     const CodeFile face = read_code_file(options.codes);
-    const MorphableHead head = morphable_head_from(options.morphable);
-    if (head.expression_names.empty())
-        fail<Error>(options.morphable.string(),
-                    ": does not name its expressions, so ARKit's shapes are not known; add the "
-                    "metadata \"expr_names\"");
+    const ArkitConversion conversion = arkit_conversion(options.morphable);
     require_folder_of(options.out);
-    const ArkitConversion conversion(head);
     return reads ? to_codes(options, conversion, face) : to_coefficients(options, conversion, face);
 }
 

@@ -137,8 +137,7 @@ public:
         if (fit.samples_per_ray == 0) fit.samples_per_ray = samples_of_a_frame;
         fit.tolerance = std::max(fit.tolerance, tolerance_of_a_frame);
         fit.steps = options_.steps;
-        if (fit.learning_rate == 0.0 && directions_.defined())
-            fit.learning_rate = learning_rate_of_a_frame;
+        if (directions_.defined()) fit.learning_rate = learning_rate_of_a_frame;
         fit.fitted_groups = {false, true, false, false};
         fit.expression_directions = directions_;
         fit.weights.depth = 0.0;

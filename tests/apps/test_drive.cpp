@@ -10,8 +10,12 @@
 #include "apps/tool_run.h"
 #include "core/io/file.h"
 #include "core/io/film.h"
+#include "core/io/film_sound.h"
 #include "core/io/image.h"
+#include "core/metrics.h"
 #include "fit/photo/face_detector.h"
+#include "render/morphable/arkit_shapes.h"
+#include "support/mp3_frame.h"
 
 namespace drive_tests {
 
@@ -48,6 +52,8 @@ bool has_film() {
     }
     writer.finish();
     empty.finish();
+    write_file(tiny_run() / "sound.mp3", mp3_frames(20));
+    add_sound(tiny_run() / "sound.mp3", tiny_run() / "film.mp4");
     return true;
 }
 
@@ -80,7 +86,7 @@ TEST_CASE("A film is fitted frame by frame as one person, and frames without a f
     CHECK(lines[9]["code"]["expr"] != lines[4]["code"]["expr"]);
 }
 
-TEST_CASE("A face is driven by a film, and the new film is as long") {
+TEST_CASE("A face is driven by a film, and the new film is as long and sounds alike") {
     if (!has_film()) return;
     const ToolOutcome outcome = run_tool(
         tiny_run(),
@@ -97,6 +103,52 @@ TEST_CASE("A face is driven by a film, and the new film is as long") {
         ++count;
     }
     CHECK(count == frame_count);
+    CHECK_THAT(outcome.out, Catch::Contains("sound: kept"));
+    const std::string bytes = read_file(tiny_run() / "out.mp4");
+    for (int i = 0; i < 20; ++i) CHECK(bytes.find(mp3_frame(i)) != std::string::npos);
+}
+
+TEST_CASE("A face is driven by coefficients of ARKit's shapes and rotations of the head") {
+    static_cast<void>(tiny_run());
+    std::string header = "Timecode,BlendShapeCount", rest;
+    for (std::string name : arkit_names) {
+        name[0] = static_cast<char>(std::toupper(name[0]));
+        header += ',' + name;
+        rest += name == "JawOpen" ? ",0.8" : ",0";
+    }
+    const std::string row = "00:00:00:00.000,61" + rest;
+    const auto drive = [&](const std::string& rows) {
+        write_file(tiny_run() / "take.csv", header + ",HeadYaw,HeadPitch,HeadRoll\n" + rows);
+        return run_tool(tiny_run(),
+                        "stymo-drive --codes fit/codes.json --model run/model.safetensors "
+                        "--coefficients take.csv --out coefficients.mp4 --rate 30");
+    };
+    const ToolOutcome outcome =
+        drive(row + ",0,0,0\n" + row + ",0.6,0,0\n00:00:00:02.000,0\n" + row + ",-0.6,0,0\n");
+    INFO(outcome.err);
+    REQUIRE(outcome.exit_code == 0);
+    CHECK_THAT(outcome.out, Catch::StartsWith("4 frames, "));
+    FilmReader reader(tiny_run() / "coefficients.mp4");
+    CHECK(reader.frames_per_second() == Approx(30.0));
+    std::vector<Tensor> frames;
+    while (std::optional<Tensor> frame = reader.next()) frames.push_back(std::move(*frame));
+    REQUIRE(frames.size() == 4);
+    const auto difference = [&](std::size_t a, std::size_t b) {
+        return mean_absolute_error(frames[a], frames[b]);
+    };
+    // A row without a face repeats the one before.
+    CHECK(difference(1, 2) < 0.5 * difference(0, 1));
+    fs::remove(tiny_run() / "coefficients.mp4");
+    for (const auto& [rows, words] :
+         {std::pair<std::string, std::string>{"", "take.csv: holds no coefficients"},
+          {row + ",45,0,0\n", "line 2: HeadYaw is \"45\", expected a number from -3.14"},
+          {row + ",0\n", "line 2 has 55 cells, the first 57"}}) {
+        const ToolOutcome refused = drive(rows);
+        CHECK(refused.exit_code == 1);
+        CHECK(line_count(refused.err) == 1);
+        CHECK_THAT(refused.err, Catch::Contains(words));
+        CHECK_FALSE(fs::exists(tiny_run() / "coefficients.mp4"));
+    }
 }
 
 TEST_CASE("Films that cannot be used are refused with one line, and nothing is written") {
@@ -119,6 +171,8 @@ TEST_CASE("Films that cannot be used are refused with one line, and nothing is w
     refused(drive + "fit/codes.json --video missing.mp4", "missing.mp4: no such file");
     refused(drive + "tiny.json --video film.mp4", "tiny.json: not a code file");
     refused("stymo-drive --codes fit/codes.json --video film.mp4 --out none.avi", "must end in");
+    refused(drive + "fit/codes.json", "give --video or --coefficients");
+    refused(drive + "fit/codes.json --coefficients text.png", "must end in .csv or .json");
     json codes = json::parse(read_file(tiny_run() / "fit/codes.json"));
     codes["model"] = "0";
     write_file(tiny_run() / "other.json", codes.dump());

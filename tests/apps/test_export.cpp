@@ -3,12 +3,14 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
+#include "apps/common/coefficient_files.h"
 #include "apps/tiny_run.h"
 #include "apps/tool_run.h"
 #include "core/io/file.h"
 #include "core/io/scratch_folder.h"
 #include "core/io/tensor_file.h"
 #include "nn/models/code_file.h"
+#include "render/camera.h"
 
 namespace export_tests {
 
@@ -66,6 +68,33 @@ TEST_CASE("Coefficients are written for programs that use ARKit, and come back a
     done("arkit --codes fit/codes.json --coefficients two.csv --out two.jsonl");
     CHECK(stymo::line_count(stymo::read_file(tiny_run() / "two.jsonl")) == 2);
     CHECK(expression_of(tiny_run() / "back.json") != expression_of(tiny_run() / "fit/codes.json"));
+}
+
+TEST_CASE("Rotations of the head go through Live Link Face's CSV, and turn it as they should",
+          "[export]") {
+    const stymo::ScratchFolder folder;
+    stymo::ArkitMoment moment{std::vector<double>(stymo::arkit_names.size())};
+    const std::string zeros = live_link_csv(moment);
+    CHECK(zeros.ends_with(",0,0,0,0,0,0\n"));
+    const std::string start = zeros.substr(0, zeros.size() - 18);
+    const auto view = [&](const std::string& rotations) {
+        stymo::write_file(folder / "a.csv", start + rotations + ",0,0,0,0,0,0\n");
+        return stymo::read_coefficients(folder / "a.csv").front().view;
+    };
+    const auto seen = [&](const std::string& rotations, const Eigen::Vector3d& point) {
+        const Eigen::Vector3d angles = view(rotations);
+        return Eigen::Vector2d(
+            project(camera_from_pose(stymo::orbit_pose(angles[0], angles[1], angles[2], 5.0), {}),
+                    point)
+                .head<2>());
+    };
+    const Eigen::Vector3d nose(0.0, 0.0, 1.0), crown(0.0, 1.0, 0.0);
+    CHECK(seen("0.3,0,0", nose).x() > 0.55);   // to its left, which is on the right in a picture
+    CHECK(seen("0,0.3,0", nose).y() < 0.45);   // up
+    CHECK(seen("0,0,0.3", crown).x() < 0.45);  // to its right shoulder
+    moment.view = view("0.3,-0.2,0.1");
+    stymo::write_file(folder / "b.csv", live_link_csv(moment));
+    CHECK((stymo::read_coefficients(folder / "b.csv").front().view - moment.view).norm() < 1e-4);
 }
 
 TEST_CASE("What cannot be exported is refused in one line, and nothing is written", "[export]") {
