@@ -4,10 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/angle.h"
-#include "core/metrics.h"
 #include "core/tensor_eigen.h"
-#include "nn/realtime/face_renderer.h"
 #include "render/morphable/head_atlas.h"
 
 namespace stymo {
@@ -87,43 +84,6 @@ FaceMesh face_mesh(const Model& model, const Codes& codes, const MorphableHead& 
     face.shapes = arkit_shapes(head);
     face.targets = laid_targets(face.shapes, atlas, face.head);
     return face;
-}
-
-std::vector<MeshComparison> compared_with_frames(const Model& model, const Codes& codes,
-                                                 const TexturedMesh& mesh,
-                                                 const std::vector<double>& yaws) {
-    FaceRenderer renderer(model,
-                          {.mode = RenderMode::exact, .mask = true, .remove_floaters = true});
-    renderer.show(codes);
-    std::vector<MeshComparison> result;
-    for (const double yaw : yaws) {
-        const Camera camera = model_camera(model, radians_from_degrees(yaw), 0.0, 0.0);
-        const View view = renderer.render(camera);
-        const std::int64_t side = view.image.shape(0);
-        RasterImage drawn = rendered_mesh(mesh, camera, {side, side, 3});
-        MeshComparison& compared = result.emplace_back();
-        compared.yaw = yaw;
-        compared.frame = view.image;
-        compared.rendered = std::move(drawn.color);
-        double squares = 0.0, both = 0.0, any = 0.0;
-        const auto frame = compared.frame.mutable_values<float>();
-        for (std::size_t i = 0; i < frame.size(); ++i) {
-            const float mask = view.mask.values<float>()[i / 3];
-            frame[i] *= mask;
-            const bool in_frame = mask >= 0.5F;
-            const bool in_mesh = drawn.coverage.values<float>()[i / 3] >= 0.5F;
-            any += in_frame || in_mesh ? 1.0 : 0.0;
-            if (!in_frame || !in_mesh) continue;
-            both += 1.0;
-            const double difference =
-                double{frame[i]} - double{compared.rendered.values<float>()[i]};
-            squares += difference * difference;
-        }
-        compared.psnr = peak_signal_to_noise_ratio(compared.frame, compared.rendered);
-        compared.psnr_inside = 10.0 * std::log10(both / std::max(squares, 1e-12));
-        compared.overlap = both / std::max(any, 1.0);
-    }
-    return result;
 }
 
 }  // namespace stymo

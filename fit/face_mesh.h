@@ -28,17 +28,4 @@ inline constexpr float metres = 0.1F;
                                  const LandmarkModel& landmarks, std::int64_t texture_side,
                                  bool neutral = false);
 
-/// The mesh beside the model's own frame from one side, the heads on black.
-struct MeshComparison {
-    double yaw = 0.0;          ///< in degrees
-    Tensor frame, rendered;    ///< (S, S, 3)
-    double psnr = 0.0;         ///< of the whole images, in decibels
-    double psnr_inside = 0.0;  ///< where both have the head
-    double overlap = 0.0;      ///< area that both have, as a share of what at least one has
-};
-[[nodiscard]] std::vector<MeshComparison> compared_with_frames(const Model& model,
-                                                               const Codes& codes,
-                                                               const TexturedMesh& mesh,
-                                                               const std::vector<double>& yaws);
-
 }  // namespace stymo

@@ -270,7 +270,8 @@ private:
 
 }  // namespace
 
-std::vector<SeenFace> surface_views(const Model& model, const Codes& codes) {
+std::vector<SeenFace> surface_views(const Model& model, const Codes& codes, double largest_yaw,
+                                    int yaws) {
     FaceRenderer images(model, {.mode = RenderMode::exact, .mask = true, .remove_floaters = true});
     FaceRenderer depths(model,
                         {.mode = model.decoder().folds() ? RenderMode::skip : RenderMode::exact,
@@ -281,8 +282,8 @@ std::vector<SeenFace> surface_views(const Model& model, const Codes& codes) {
     depths.show(codes);
     const std::int64_t rays = model.config().decoder.rays.rays_per_side;
     std::vector<Camera> cameras{model_camera(model, 0.0, 0.0, 0.0)};
-    const ViewRange range{.camera = model.config().camera, .yaw = 0.45, .pitch = 0.2};
-    for (const Camera& camera : cameras_over(range, 4, 3)) cameras.push_back(camera);
+    const ViewRange range{.camera = model.config().camera, .yaw = largest_yaw, .pitch = 0.2};
+    for (const Camera& camera : cameras_over(range, yaws, 3)) cameras.push_back(camera);
     std::vector<SeenFace> views;
     for (const Camera& camera : cameras) {
         View view = images.render(camera);

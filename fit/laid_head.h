@@ -11,10 +11,11 @@
 
 namespace stymo {
 
-/// Renders a face (row 0 of `codes`) from the views in which models know its surface: up to 26
-/// degrees to either side, 12 up and down. The first view is the frontal one. Throws ValueError if
-/// the density has no surface where the face should be.
-[[nodiscard]] std::vector<SeenFace> surface_views(const Model& model, const Codes& codes);
+/// Renders a face (row 0 of `codes`) from the front and from `yaws` sides, each up to 12 degrees up
+/// and down: by default from the views in which models know its surface well. Angles in radians.
+/// Throws ValueError if the density has no surface where the face should be.
+[[nodiscard]] std::vector<SeenFace> surface_views(const Model& model, const Codes& codes,
+                                                  double largest_yaw = 0.45, int yaws = 4);
 
 /// A linear head in the place of a model's face.
 struct LaidHead {

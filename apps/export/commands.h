@@ -6,6 +6,7 @@ namespace stymo {
 
 // The commands of stymo-export.
 void declare_mesh(CommandLine& line);
+void declare_splat(CommandLine& line);
 void declare_arkit(CommandLine& line);
 
 }  // namespace stymo

@@ -1,13 +1,12 @@
 #include <bit>
 #include <filesystem>
-#include <iomanip>
 #include <memory>
 #include <sstream>
 
 #include "apps/common/tool_options.h"
+#include "apps/export/check.h"
 #include "apps/export/commands.h"
 #include "apps/export/mesh_files.h"
-#include "core/io/image.h"
 #include "nn/models/code_file.h"
 #include "render/morphable/head_source.h"
 
@@ -32,31 +31,6 @@ std::vector<std::filesystem::path> write_mesh(const std::filesystem::path& out,
         write_colored_ply(out, face.surface);
     }
     return {out};
-}
-
-/// The frames of the model above those of the mesh, and a table.
-void check(const MeshOptions& options, const Model& model, const Codes& codes, const FaceMesh& face,
-           std::ostream& text, JsonValue& json) {
-    const std::vector<MeshComparison> all =
-        compared_with_frames(model, codes, face.surface, {-60, -45, -30, -15, 0, 15, 30, 45, 60});
-    std::vector<Tensor> pictures;
-    for (const MeshComparison& view : all) pictures.push_back(view.frame);
-    for (const MeshComparison& view : all) pictures.push_back(view.rendered);
-    write_image(options.check, tile_images(pictures, static_cast<int>(all.size())));
-    text << "against the model's frames   PSNR dB   inside both   overlap\n"
-         << std::fixed << std::setprecision(2);
-    std::vector<double> yaws, psnr, inside, overlap;
-    for (const MeshComparison& view : all) {
-        text << std::setw(16) << view.yaw << " degrees" << std::setw(12) << view.psnr
-             << std::setw(14) << view.psnr_inside << std::setw(10) << view.overlap << '\n';
-        yaws.push_back(view.yaw);
-        psnr.push_back(view.psnr);
-        inside.push_back(view.psnr_inside);
-        overlap.push_back(view.overlap);
-    }
-    json.add("check",
-             JsonValue::object(
-                 {{"yaw", yaws}, {"psnr", psnr}, {"psnr_inside", inside}, {"overlap", overlap}}));
 }
 
 AppResult export_mesh(const MeshOptions& options) {
@@ -95,10 +69,13 @@ AppResult export_mesh(const MeshOptions& options) {
         text << "ARKit's shapes: " << counts[0] << " exact, " << counts[1] << " composed, "
              << counts[2] << " missing"
              << (counts[2] == 52 ? ": this head does not name its expressions" : "") << '\n';
-    if (!options.check.empty()) {
-        check(options, model, codes, face, text, json);
-        text << options.check.string() << '\n';
-    }
+    if (!options.check.empty())
+        check_against_frames(
+            options.check, model, codes,
+            [&](const Camera& camera, std::int64_t side) {
+                return rendered_mesh(face.surface, camera, {side, side, 3});
+            },
+            text, json);
     return {text.str(), json};
 }
 

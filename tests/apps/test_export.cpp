@@ -1,5 +1,8 @@
 // stymo-export: files that other programs read, and what it refuses.
+#include <zlib.h>
+
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <cstring>
 #include <nlohmann/json.hpp>
 
@@ -113,6 +116,11 @@ TEST_CASE("What cannot be exported is refused in one line, and nothing is writte
     stymo::write_file(tiny_run() / "unmarked.json", unmarked.dump());
     refused("mesh --codes unmarked.json" + foggy, 1, "unmarked.json: this face has no surface",
             "no.glb");
+    const std::string splat = "splat --codes unmarked.json ";
+    refused(splat + "--out no.splat", 2, "must end in .ply or .spz", "no.splat");
+    refused(splat + "--out no.ply --count 10", 2, "--count", "no.ply");
+    refused(splat + "--out file/no.spz --model run/model.safetensors", 1, "file", "no.spz");
+    refused(splat + "--model fog.safetensors --out no.spz", 1, "has no surface", "no.spz");
     const std::string arkit = "arkit --codes fit/codes.json ";
     stymo::write_file(tiny_run() / "no_codes.json", R"({"pose": {}})");
     refused("arkit --codes no_codes.json --out no.json", 1, "\"code\" is missing", "no.json");
@@ -170,6 +178,64 @@ TEST_CASE("The shipped model's faces become glTF files", "[export][slow]") {
     CHECK(height < 0.3);
     run("stymo-export mesh --codes drawn/0000.json --out b.obj --texture 256");
     for (const char* file : {"b.obj", "b.mtl", "b.png"}) CHECK(fs::exists(folder / file));
+}
+
+TEST_CASE("The shipped model's faces become splats, the same in both formats", "[export][slow]") {
+    const stymo::ScratchFolder folder;
+    const auto run = [&](const std::string& command) {
+        const ToolOutcome outcome = stymo::run_tool(folder.path(), command);
+        INFO(command << "\n" << outcome.err);
+        REQUIRE(outcome.exit_code == 0);
+        return outcome.out;
+    };
+    run("stymo-render --sample 1 --out drawn");
+    const std::string splat = "stymo-export splat --codes drawn/0000.json --count 5000 ";
+    const json result = json::parse(run(splat + "--out a.ply --check a.png --json"));
+    const auto count = result["splats"].get<std::size_t>();
+    CHECK(count == Approx(5000).epsilon(0.1));
+    CHECK(result["check"]["psnr_inside"][4] > 30.0);
+    CHECK(result["check"]["overlap"][4] > 0.95);
+    run(splat + "--out a.spz");
+    const std::string ply = stymo::read_file(folder / "a.ply");
+    const std::size_t body = ply.find("end_header\n") + 11;
+    constexpr std::size_t columns = 26;
+    REQUIRE(ply.size() == body + 4 * columns * count);
+    const auto number = [&](std::size_t splat, std::size_t column) {
+        float value = 0.0F;
+        std::memcpy(&value, ply.data() + body + 4 * (columns * splat + column), 4);
+        return double{value};
+    };
+    // 16 bytes, then for all splats their places, opacities, colours, scales, turns, harmonics.
+    std::string spz(16 + 28 * count + 1, '\0');
+    const gzFile packed = gzopen((folder / "a.spz").c_str(), "rb");
+    REQUIRE(gzread(packed, spz.data(), unsigned(spz.size())) == int(spz.size()) - 1);
+    gzclose(packed);
+    CHECK(spz.substr(0, 8) == std::string("NGSP\2\0\0\0", 8));
+    CHECK(spz[12] == 1);
+    const auto byte = [&](std::size_t at) { return double(static_cast<unsigned char>(spz[at])); };
+    for (std::size_t i = 0; i < count; i += 97) {
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+            const std::size_t at = 16 + 3 * (3 * i + axis);
+            double place = byte(at) + 256.0 * byte(at + 1) + 65536.0 * byte(at + 2);
+            if (place >= 8388608.0) place -= 16777216.0;
+            CHECK(place / double(1 << spz[13]) * (axis == 0 ? 1.0 : -1.0) ==
+                  Approx(number(i, axis)).margin(1e-6));
+            const std::size_t color = 16 + 10 * count + 3 * i + axis;
+            CHECK((byte(color) / 255.0 - 0.5) / 0.15 == Approx(number(i, 6 + axis)).margin(0.014));
+            CHECK(byte(color + 3 * count) / 16.0 - 10.0 ==
+                  Approx(number(i, 19 + axis)).margin(0.032));
+        }
+        CHECK(byte(16 + 9 * count + i) / 255.0 ==
+              Approx(1.0 / (1.0 + std::exp(-number(i, 18)))).margin(0.002));
+        // The third axis of either turn is the normal.
+        const auto normal_z = [](double x, double y) { return 1.0 - 2.0 * (x * x + y * y); };
+        const std::size_t turn = 16 + 16 * count + 3 * i;
+        CHECK(normal_z(byte(turn) / 127.5 - 1.0, byte(turn + 1) / 127.5 - 1.0) ==
+              Approx(-number(i, 5)).margin(0.02));
+        CHECK(normal_z(number(i, 23), number(i, 24)) == Approx(number(i, 5)).margin(1e-5));
+        CHECK(byte(16 + 19 * count + 9 * i + 6) / 128.0 - 1.0 ==
+              Approx(number(i, 11)).margin(0.004));
+    }
 }
 
 }  // namespace export_tests

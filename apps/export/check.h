@@ -1,0 +1,17 @@
+#pragma once
+
+#include <filesystem>
+#include <ostream>
+
+#include "core/io/json_writer.h"
+#include "fit/frame_comparison.h"
+
+namespace stymo {
+
+/// Compares what was exported with the model's frames from nine sides: a picture with the frames
+/// above the drawings, a table, and "check" of the JSON.
+void check_against_frames(const std::filesystem::path& picture, const Model& model,
+                          const Codes& codes, const DrawnFrom& draw, std::ostream& text,
+                          JsonValue& json);
+
+}  // namespace stymo
