@@ -8,7 +8,8 @@
 namespace stymo {
 
 Tensor expression_directions(const Model& model) {
-    if (!model.code_statistics()) return {};
+    // Of few faces, identity seems to say everything about the expression.
+    if (!model.code_statistics() || model.code_statistics()->faces() < 2 * code_size) return {};
     // The factor is lower triangular, and its groups begin with identity and expression.
     constexpr std::int64_t begin = code_sizes[0], end = begin + code_sizes[1];
     const Variable rows = slice(model.code_statistics()->factor(), 0, begin, end);

@@ -8,7 +8,7 @@ namespace stymo {
 
 /// How the expression varies among faces with one identity code: C (79, 79) with C^T C the
 /// covariance, so that u C is a change of expression for standard normal u. Undefined if the model
-/// has no statistics of its codes.
+/// has no statistics of its codes, or those of fewer than 612 faces.
 [[nodiscard]] Tensor expression_directions(const Model& model);
 
 /// Draws changes of an expression code to what the model's faces do: P (79, 79). For a change d,

@@ -1,5 +1,6 @@
 // stymo-fit --video and stymo-drive on a film of a rendered head.
 #include <catch2/catch.hpp>
+#include <cctype>
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -137,12 +138,13 @@ TEST_CASE("A face is driven by coefficients of ARKit's shapes and rotations of t
         return mean_absolute_error(frames[a], frames[b]);
     };
     // A row without a face repeats the one before.
-    CHECK(difference(1, 2) < 0.5 * difference(0, 1));
+    CHECK(difference(1, 2) <= 0.5 * difference(0, 1) + 0.002);
     fs::remove(tiny_run() / "coefficients.mp4");
-    for (const auto& [rows, words] :
-         {std::pair<std::string, std::string>{"", "take.csv: holds no coefficients"},
-          {row + ",45,0,0\n", "line 2: HeadYaw is \"45\", expected a number from -3.14"},
-          {row + ",0\n", "line 2 has 55 cells, the first 57"}}) {
+    const std::vector<std::pair<std::string, std::string>> bad{
+        {"", "take.csv: holds no coefficients"},
+        {row + ",45,0,0\n", "line 2: HeadYaw is \"45\", expected a number from -3.14"},
+        {row + ",0\n", "line 2 has 55 cells, the first 57"}};
+    for (const auto& [rows, words] : bad) {
         const ToolOutcome refused = drive(rows);
         CHECK(refused.exit_code == 1);
         CHECK(line_count(refused.err) == 1);
