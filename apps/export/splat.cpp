@@ -16,7 +16,7 @@ namespace {
 struct SplatOptions {
     ModelOptions model;
     std::filesystem::path codes, out, check;
-    std::int64_t count = 30'000;
+    std::int64_t count = 100'000;
 };
 
 AppResult export_splats(const SplatOptions& options) {

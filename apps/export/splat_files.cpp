@@ -7,6 +7,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <new>
 #include <string>
 
 #include "core/error.h"
