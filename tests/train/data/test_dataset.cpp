@@ -300,7 +300,7 @@ TEST_CASE("what a face lacks is filled in, counted and said once", "[dataset]") 
             code_json(0) + "}\n\n" + R"({"id":"2","code":)" + code_json(0) + "}\r\n");
     write_file(folder / "camera.json", R"({"focal":3.5,"cx":0.4,"cy":0.6})");
 
-    const CameraConfig model{.distance = 7.5};
+    const CameraConfig model{.intrinsics = {}, .distance = 7.5};
     const Dataset faces(folder.path(), 64, nothing_held_out(), Split::all, model);
     const DatasetSummary summary = faces.summary();
     CHECK(summary.faces == 3);
