@@ -47,6 +47,14 @@ std::vector<double> expression_of(const fs::path& codes) {
     return stymo::read_code_file(codes).codes.expression().value().to_vector();
 }
 
+/// What a tool that succeeds in the folder prints.
+std::string done_in(const stymo::ScratchFolder& folder, const std::string& command) {
+    const ToolOutcome outcome = stymo::run_tool(folder.path(), command);
+    INFO(command << "\n" << outcome.err);
+    REQUIRE(outcome.exit_code == 0);
+    return outcome.out;
+}
+
 }  // namespace
 
 TEST_CASE("Coefficients are written for programs that use ARKit, and come back as codes",
@@ -145,12 +153,7 @@ TEST_CASE("What cannot be exported is refused in one line, and nothing is writte
 
 TEST_CASE("The shipped model's faces become glTF files", "[export][slow]") {
     const stymo::ScratchFolder folder;
-    const auto run = [&](const std::string& command) {
-        const ToolOutcome outcome = stymo::run_tool(folder.path(), command);
-        INFO(command << "\n" << outcome.err);
-        REQUIRE(outcome.exit_code == 0);
-        return outcome.out;
-    };
+    const auto run = [&](const std::string& command) { return done_in(folder, command); };
     run("stymo-render --sample 1 --out drawn");
     const json result =
         json::parse(run("stymo-export mesh --codes drawn/0000.json --out a.glb --texture 256 "
@@ -183,12 +186,7 @@ TEST_CASE("The shipped model's faces become glTF files", "[export][slow]") {
 
 TEST_CASE("The shipped model's faces become splats, the same in both formats", "[export][slow]") {
     const stymo::ScratchFolder folder;
-    const auto run = [&](const std::string& command) {
-        const ToolOutcome outcome = stymo::run_tool(folder.path(), command);
-        INFO(command << "\n" << outcome.err);
-        REQUIRE(outcome.exit_code == 0);
-        return outcome.out;
-    };
+    const auto run = [&](const std::string& command) { return done_in(folder, command); };
     run("stymo-render --sample 1 --out drawn");
     const std::string splat = "stymo-export splat --codes drawn/0000.json --count 10000 ";
     const json result = json::parse(run(splat + "--out a.ply --check a.png --json"));
