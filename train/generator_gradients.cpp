@@ -56,15 +56,9 @@ LossAndGradients generator_gradients(const GeneratorInputs& inputs,
     LossAndGradients result;
     result.losses[significant_share] =
         share_above(decoded.weights.weights.value(), inputs.config.optimizer.sample_tolerance);
-    const LossInputs terms{inputs.config,
-                           position,
-                           batch,
-                           inputs.reconstruction,
-                           codes,
-                           decoded,
-                           inputs.discriminator,
-                           inputs.augmentations,
-                           inputs.identity};
+    const LossInputs terms{inputs.model,          inputs.config,  position, batch,
+                           inputs.reconstruction, codes,          decoded,  inputs.discriminator,
+                           inputs.augmentations,  inputs.identity};
     Variable total = Tensor::zeros({}, decoded.images.back().dtype());
     for (const LossTerm& term : loss_terms()) {
         const double weight = term.weight(terms);

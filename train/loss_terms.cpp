@@ -57,6 +57,13 @@ Variable depth_variance_term(const LossInputs& in, LossValues&) {
     return depth_variance(in.decoded.weights.weights, in.decoded.samples.depths);
 }
 
+std::vector<ImageAugmentation> frames_of(std::span<const Camera> cameras, const LossInputs& in) {
+    std::vector<ImageAugmentation> frames;
+    for (const Camera& camera : cameras)
+        frames.push_back(ffhq_frame(camera, in.config.model.camera));
+    return frames;
+}
+
 /// The gradient is computed at once, as for the adversarial term.
 Variable identity_term(const LossInputs& in, LossValues&) {
     const Variable& images = in.decoded.images.back();
@@ -65,12 +72,32 @@ Variable identity_term(const LossInputs& in, LossValues&) {
     const Tensor& target = *std::ranges::find_if(in.batch.targets, has_side);
     const Tensor shown =
         where_known(known_at(in.batch.known, side, side), target, images.detach()).value();
-    std::vector<ImageAugmentation> frames;
-    for (const Camera& camera : in.batch.cameras)
-        frames.push_back(ffhq_frame(camera, in.config.model.camera));
+    const std::vector<ImageAugmentation> frames = frames_of(in.batch.cameras, in);
     return differentiate_at_once(
         [&](const Variable& rendered) { return in.identity->distance(rendered, shown, frames); },
         images);
+}
+
+/// The first half of the faces gets the expressions of the second. What the encoder sees of them
+/// differs from what was asked for by this part of what was asked to change.
+Variable expression_term(const LossInputs& in, LossValues&) {
+    const std::int64_t half = in.codes.batch() / 2;
+    if (half == 0) return Tensor::zeros({}, in.decoded.images.back().dtype());
+    const auto rows = [&](std::size_t group, std::int64_t begin) {
+        return slice(in.codes.groups[group], 0, begin, begin + half);
+    };
+    const Codes mixed{{rows(0, 0), rows(1, half), rows(2, 0), rows(3, 0)}};
+    const std::vector<Camera> cameras(in.batch.cameras.begin(), in.batch.cameras.begin() + half);
+    const Decoder& decoder = in.model.decoder();
+    const Decoded faces =
+        decoder(mixed, cameras,
+                {.samples_per_ray = in.position.phase.samples_per_ray,
+                 .resolution = expression_side(decoder.ladder(), in.position.phase),
+                 .gradient_tolerance = in.config.optimizer.sample_tolerance});
+    const Variable seen =
+        in.model.encoder().expression(augmented(faces.images.back(), frames_of(cameras, in)));
+    const Variable asked = mean(square(rows(1, half) - rows(1, 0)));
+    return mean(square(seen - rows(1, half))) / (asked + 1e-12);
 }
 
 Variable code_term(const LossInputs& in, LossValues&) {
@@ -98,6 +125,13 @@ bool codes_learn(const LossInputs& in) {
 
 Variable seen_by_discriminator(const Variable& images, const FaceBatch& batch) {
     return where_known(known_at(batch.known, images.shape(1), images.shape(2)), images, -1.0);
+}
+
+std::int64_t expression_side(const ResolutionLadder& ladder, const TrainingPhase& phase) {
+    std::int64_t side = ladder.smallest();
+    for (const std::int64_t larger : ladder.sides())
+        if (larger <= std::min<std::int64_t>(phase.resolution, 128)) side = larger;
+    return side;
 }
 
 std::span<const LossTerm> loss_terms() {
@@ -128,6 +162,12 @@ std::span<const LossTerm> loss_terms() {
         {.name = "identity",
          .weight = configured<&LossConfig::identity_weight>,
          .value = identity_term},
+        {.name = "expression",
+         .weight =
+             [](const LossInputs& in) {
+                 return codes_learn(in) ? in.config.loss.expression_weight : 0.0;
+             },
+         .value = expression_term},
         // The function itself applies the weights of the four groups.
         {.name = "code",
          .weight =

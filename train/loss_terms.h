@@ -10,6 +10,7 @@
 #include "nn/models/discriminator.h"
 #include "nn/models/face_batch.h"
 #include "nn/models/identity_network.h"
+#include "nn/models/model.h"
 #include "nn/models/reconstruction.h"
 #include "train/schedule.h"
 
@@ -37,6 +38,7 @@ private:
 
 /// Inputs of the terms of the generator's loss: one micro-batch and the model's outputs for it.
 struct LossInputs {
+    const Model& model;
     const TrainConfig& config;
     const TrainingPosition& position;
     const FaceBatch& batch;
@@ -63,6 +65,11 @@ struct LossTerm {
 
 /// Rendered images of the batch's faces without what is unknown in the photos, as in its targets.
 [[nodiscard]] Variable seen_by_discriminator(const Variable& images, const FaceBatch& batch);
+
+/// Side of the images of the term "expression": the largest of the ladder that the phase renders
+/// and that has at most 128 pixels, or the smallest.
+[[nodiscard]] std::int64_t expression_side(const ResolutionLadder& ladder,
+                                           const TrainingPhase& phase);
 
 /// Name, among the losses, of the share of samples that take part in the backward pass.
 inline constexpr std::string_view significant_share = "significant_samples";

@@ -6,6 +6,7 @@
 #include "core/error.h"
 #include "core/machine_limits.h"
 #include "train/gradient_sums.h"
+#include "train/loss_terms.h"
 
 namespace stymo {
 
@@ -78,6 +79,11 @@ std::int64_t generator_numbers(const Model& model, const ReconstructionLoss& los
     memory.add(loss.memory(phase.resolution));
     if (config.loss.identity_weight > 0.0)
         memory.add({0, phase.micro_batch * IdentityNetwork::saved_per_image});
+    if (phase.stage == 1 && config.loss.expression_weight > 0.0)
+        memory.add(
+            model.decoder().memory({.samples_per_ray = phase.samples_per_ray,
+                                    .resolution = expression_side(model.decoder().ladder(), phase)},
+                                   phase.micro_batch / 2));
     if (has_discriminator(config, phase)) {
         const LayerMemory discriminator = discriminator_memory(config, phase);
         // A frozen layer keeps no input, only what its activation needs.

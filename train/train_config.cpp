@@ -36,6 +36,9 @@ void describe_loss(ConfigSchema& schema, LossConfig& config) {
     schema.text("loss.identity_network", config.identity_network,
                 ".safetensors file with weights of MobileFaceNet (stymo-weights import) for "
                 "loss.identity_weight; random: only to try it");
+    schema.number("loss.expression_weight", config.expression_weight, 0.0, 1e6,
+                  "what half of the faces, drawn with the expressions of the others, fail to show "
+                  "of them to encoder.expression_backbone (paper: none)");
 }
 
 void describe_optimizer(ConfigSchema& schema, OptimizerConfig& config) {
@@ -230,6 +233,11 @@ void check(const TrainConfig& config, const std::string& source) {
     const ResolutionLadder ladder = checked_ladder(config, source);
     if (config.loss.identity_weight > 0.0 && config.loss.identity_network.empty())
         fail<ConfigError>(source, ": loss.identity_weight needs loss.identity_network");
+    if (config.loss.expression_weight > 0.0 &&
+        (!uses_encoder(config.model) || config.model.encoder.expression_backbone == no_backbone))
+        fail<ConfigError>(source, ": loss.expression_weight needs encoder.expression_backbone");
+    if (config.loss.expression_weight > 0.0 && config.stage1.micro_batch < 2)
+        fail<ConfigError>(source, ": loss.expression_weight needs stage1.micro_batch >= 2");
     check_stage1(config, ladder, source);
     if (!uses_encoder(config.model) && config.data.mirror)
         fail<ConfigError>(source, ": codes.source = ", config.model.code_source,

@@ -26,6 +26,8 @@ struct LossConfig {
     /// Weight of 1 - cosine between rendered face and photo in a face recognition network.
     double identity_weight = 0.0;
     std::string identity_network{};  ///< its weights (IdentityNetwork)
+    /// Weight of what faces with another face's expression fail to show of it (`expression_side`).
+    double expression_weight = 0.0;
 };
 
 struct OptimizerConfig {

@@ -45,10 +45,14 @@ void require_wider(const ModelConfig& narrow, const ModelConfig& wide) {
         same.encoder.identity_backbone = no_backbone;
         same.encoder.identity_weights.clear();
     }
+    if (narrow.encoder.expression_backbone == no_backbone) {
+        same.encoder.expression_backbone = no_backbone;
+        same.encoder.expression_weights.clear();
+    }
     if (to_json(same) != to_json(narrow))
         fail<ConfigError>(
             "widening changes decoder.field_width, .feature_channels, .block_channels and "
-            ".mask_channels, and adds encoder.identity_backbone, only");
+            ".mask_channels, and adds encoder.identity_backbone and .expression_backbone, only");
     const bool blocks =
         std::ranges::equal(from.block_channels, to.block_channels, std::ranges::less_equal{});
     if (to.field_width < from.field_width || to.feature_channels < from.feature_channels ||
@@ -83,6 +87,16 @@ Tensor embedded(const Tensor& narrow, const Tensor& wide) {
     return result;
 }
 
+/// The file has the weights of the backbones that were there before.
+void require_weights_of_added(const EncoderConfig& before, EncoderConfig after) {
+    after.backbone_weights = random_backbone;
+    if (after.identity_backbone == before.identity_backbone)
+        after.identity_weights = random_backbone;
+    if (after.expression_backbone == before.expression_backbone)
+        after.expression_weights = random_backbone;
+    require_backbone_weights(after);
+}
+
 }  // namespace
 
 void widen_model(const std::filesystem::path& in, const std::filesystem::path& out,
@@ -90,21 +104,24 @@ void widen_model(const std::filesystem::path& in, const std::filesystem::path& o
     const Model narrow = Model::load(in);
     ModelConfig config = widened_config(narrow.config(), settings);
     require_wider(narrow.config(), config);
-    if (uses_encoder(config)) require_backbone_weights(config.encoder);
-    const bool adds_identity =
-        config.encoder.identity_backbone != narrow.config().encoder.identity_backbone;
+    const EncoderConfig& before = narrow.config().encoder;
+    if (uses_encoder(config)) require_weights_of_added(before, config.encoder);
+    const bool adds_identity = config.encoder.identity_backbone != before.identity_backbone;
+    const bool adds_expression = config.encoder.expression_backbone != before.expression_backbone;
     Rng rng(seed_of_new_channels);
     const Model wide(config, rng);
     TensorFile file = read_tensor_file(in);
     for (const Parameter& parameter : wide.parameters().all()) {
         const Tensor& larger = parameter.variable().value();
         const auto [narrower, added] = file.tensors.try_emplace(parameter.name(), larger);
-        if (adds_identity && parameter.name().starts_with("encoder.heads.id."))
+        const std::string& name = parameter.name();
+        if ((adds_identity && name.starts_with("encoder.heads.id.")) ||
+            (adds_expression && name.starts_with("encoder.heads.expr.")))
             narrower->second = larger;  // it reads another embedding now
         else if (!added)
             narrower->second = embedded(narrower->second, larger);
     }
-    config.encoder.identity_weights.clear();
+    config.encoder = without_weight_files(config.encoder);
     file.metadata["config"] = to_json(config);
     write_tensor_file(out, file);
 }

@@ -16,10 +16,10 @@ void publish_model(const std::filesystem::path& in, const std::filesystem::path&
 /// with a larger decoder ("Net2Net", Chen et al. 2016). The weights of the new channels are random,
 /// but the weights with which old channels read new ones are zero. `settings` are assignments
 /// ("decoder.field_width=192") to decoder.field_width, .feature_channels, .block_channels and
-/// .mask_channels, and to encoder.identity_backbone and .identity_weights where there is none yet:
-/// then the head of identity is drawn anew, so that identities lie near 0. Throws ConfigError for
-/// other settings and for fewer channels, ValueError for a decoder that is not the paper's,
-/// FileError for a file that is not a model of stymo.
+/// .mask_channels, and to encoder.identity_backbone and .expression_backbone where there is none
+/// yet: then the head of identity or expression is drawn anew, so that its codes lie near 0. Throws
+/// ConfigError for other settings and for fewer channels, ValueError for a decoder that is not the
+/// paper's, FileError for a file that is not a model of stymo.
 void widen_model(const std::filesystem::path& in, const std::filesystem::path& out,
                  std::span<const std::string> settings);
 

@@ -34,19 +34,19 @@ bool lacks_weights(const std::string& backbone, const std::string& file) {
 void require_weights(const std::string& backbone, const std::string& file, const char* key,
                      const char* or_else) {
     if (!lacks_weights(backbone, file)) return;
-    fail<ConfigError>(key, ": no weights for ", backbone, "; get ", published_weights(backbone),
-                      ", import it with `stymo-weights import FILE ", backbone,
-                      ".safetensors` and name the result", or_else);
+    fail<ConfigError>(key, ": no weights for ", backbone, "; ", published_weights(backbone),
+                      ", and name the file", or_else);
 }
 
-std::unique_ptr<Backbone> identity_backbone(const EncoderConfig& config, ParameterStore& store,
-                                            const std::string& prefix, Rng& rng) {
-    if (config.identity_backbone == no_backbone) return nullptr;
-    return make_backbone(config.identity_backbone, store, prefix + ".identity.", rng);
+/// Null for no_backbone.
+std::unique_ptr<Backbone> second_backbone(const std::string& name, ParameterStore& store,
+                                          const std::string& prefix, Rng& rng) {
+    return name == no_backbone ? nullptr : make_backbone(name, store, prefix, rng);
 }
 
 constexpr const char* backbone_key = "encoder.backbone_weights";
 constexpr const char* identity_key = "encoder.identity_weights";
+constexpr const char* expression_key = "encoder.expression_weights";
 
 }  // namespace
 
@@ -60,6 +60,7 @@ Variable arcface_frame(const Variable& images) {
 EncoderConfig without_weight_files(EncoderConfig config) {
     config.backbone_weights.clear();
     config.identity_weights.clear();
+    config.expression_weights.clear();
     return config;
 }
 
@@ -68,20 +69,26 @@ void assume_weights(EncoderConfig& config) {
         config.backbone_weights = random_backbone;
     if (lacks_weights(config.identity_backbone, config.identity_weights))
         config.identity_weights = random_backbone;
+    if (lacks_weights(config.expression_backbone, config.expression_weights))
+        config.expression_weights = random_backbone;
 }
 
 void require_backbone_weights(const EncoderConfig& config) {
     require_weights(config.backbone, config.backbone_weights, backbone_key,
                     ", or set it to random to train the backbone from scratch");
     require_weights(config.identity_backbone, config.identity_weights, identity_key, "");
+    require_weights(config.expression_backbone, config.expression_weights, expression_key, "");
 }
 
 namespace {
 
-/// Unit embeddings times the root of their size, so that the heads see values of about 1.
-Variable face_embedding(const Backbone& identity, const Variable& image) {
-    const Variable values = identity(arcface_frame(image));
-    return values / sqrt(mean(square(values), {1}) + 1e-12);
+/// Embeddings of the length of a vector of ones, so that the heads see values of about 1.
+Variable scaled(const Variable& embedding) {
+    return embedding / sqrt(mean(square(embedding), {1}) + 1e-12);
+}
+
+std::int64_t size_of(const std::unique_ptr<Backbone>& backbone) {
+    return backbone ? backbone->embedding_size() : 0;
 }
 
 }  // namespace
@@ -93,16 +100,19 @@ struct Encoder::Heads {
         Linear wide;
         Linear narrow;
         Linear code;
+
+        [[nodiscard]] Variable operator()(const Variable& embedding) const {
+            return code(narrow(wide(embedding)));
+        }
     };
     std::vector<Head> heads;
 
-    Heads(std::int64_t embedding, std::int64_t identity, std::int64_t width, ParameterStore& store,
+    /// `inputs`: the sizes of what each head reads.
+    Heads(const std::array<std::int64_t, 4>& inputs, std::int64_t width, ParameterStore& store,
           const std::string& prefix, Rng& rng) {
         const LinearOptions hidden{.activation = Activation::leaky_relu};
         // Small last weights: the first codes lie near 0, the mean face of the prior.
         const LinearOptions last{.initial_weight_scale = 0.1};
-        const std::int64_t who = identity > 0 ? identity : embedding;
-        const std::array<std::int64_t, 4> inputs{who, embedding, embedding + identity, embedding};
         for (std::size_t i = 0; i < code_names.size(); ++i) {
             const std::string name = prefix + code_names[i];
             heads.push_back({Linear(store, name + ".wide", inputs[i], width, hidden, rng),
@@ -130,11 +140,15 @@ void describe(ConfigSchema& schema, EncoderConfig& config) {
     std::vector<std::string> second = backbone_names();
     second.insert(second.begin(), no_backbone);
     schema.choice(
-        "encoder.identity_backbone", config.identity_backbone, std::move(second),
+        "encoder.identity_backbone", config.identity_backbone, second,
         "a second backbone that knows faces and is never trained; identity is read from it "
-        "alone, texture from both, the rest from the first");
+        "alone, texture from both");
     schema.text("encoder.identity_weights", config.identity_weights,
                 ".safetensors file with published weights of the identity backbone");
+    schema.choice("encoder.expression_backbone", config.expression_backbone, second,
+                  "a backbone that is never trained, from which alone expression is read");
+    schema.text("encoder.expression_weights", config.expression_weights,
+                ".safetensors file with published weights of the expression backbone");
     schema.integer("encoder.head_width", config.head_width, 2, 8192,
                    "width of the semantic heads: embedding, width, width / 2, code");
 }
@@ -143,13 +157,17 @@ Encoder::Encoder(const EncoderConfig& config, ParameterStore& store, const std::
                  Rng& rng)
     : arcface_crop_(config.arcface_crop),
       backbone_(make_backbone(config.backbone, store, prefix + ".backbone.", rng)),
-      identity_(identity_backbone(config, store, prefix, rng)),
-      heads_(std::make_shared<Heads>(backbone_->embedding_size(),
-                                     identity_ ? identity_->embedding_size() : 0, config.head_width,
-                                     store, prefix + ".heads.", rng)),
+      identity_(second_backbone(config.identity_backbone, store, prefix + ".identity.", rng)),
+      expression_(second_backbone(config.expression_backbone, store, prefix + ".expression.", rng)),
+      heads_(std::make_shared<Heads>(
+          std::array<std::int64_t, 4>{size_of(identity_ ? identity_ : backbone_),
+                                      size_of(expression_ ? expression_ : backbone_),
+                                      size_of(backbone_) + size_of(identity_), size_of(backbone_)},
+          config.head_width, store, prefix + ".heads.", rng)),
       embedding_scale_(config.embedding_scale) {
     load_backbone(*backbone_, config.backbone_weights, backbone_key);
     if (identity_) load_backbone(*identity_, config.identity_weights, identity_key);
+    if (expression_) load_backbone(*expression_, config.expression_weights, expression_key);
 }
 
 Codes Encoder::operator()(const Variable& image) const {
@@ -160,15 +178,22 @@ Codes Encoder::operator()(const Variable& image) const {
         (*backbone_)(arcface_crop_ ? arcface_frame(image) : image) * embedding_scale_;
     std::array<Variable, 4> inputs{embedding, embedding, embedding, embedding};
     if (identity_) {
-        inputs[0] = face_embedding(*identity_, image);
+        inputs[0] = scaled((*identity_)(arcface_frame(image)));
         inputs[2] = concat({embedding, inputs[0]}, 1);
     }
     Codes codes;
-    for (std::size_t i = 0; i < codes.groups.size(); ++i) {
-        const Heads::Head& head = heads_->heads[i];
-        codes.groups[i] = head.code(head.narrow(head.wide(inputs[i])));
-    }
+    for (std::size_t i = 0; i < codes.groups.size(); ++i)
+        codes.groups[i] = i == 1 && expression_ ? expression(image) : heads_->heads[i](inputs[i]);
     return codes;
+}
+
+Variable Encoder::face_embedding(const Variable& image) const {
+    const Variable values = (*identity_)(arcface_frame(image));
+    return values / sqrt(sum(square(values), {1}) + 1e-12);
+}
+
+Variable Encoder::expression(const Variable& image) const {
+    return heads_->heads[1](scaled((*expression_)(image)));
 }
 
 }  // namespace stymo

@@ -24,6 +24,10 @@ struct EncoderConfig {
     /// no_backbone. The head of identity reads its embedding alone, that of texture both.
     std::string identity_backbone = "none";
     std::string identity_weights{};  ///< its published weights, like backbone_weights
+    /// A backbone that is never trained, like the one of identity. The head of expression reads it
+    /// alone.
+    std::string expression_backbone = "none";
+    std::string expression_weights{};
 };
 
 /// Binds the fields under "encoder." .
@@ -35,7 +39,7 @@ void describe(ConfigSchema& schema, EncoderConfig& config);
 
 /// The value of EncoderConfig::backbone_weights that asks for random weights by name.
 inline constexpr const char* random_backbone = "random";
-/// The value of EncoderConfig::identity_backbone for an encoder without one.
+/// The value of EncoderConfig's second backbones for an encoder without them.
 inline constexpr const char* no_backbone = "none";
 /// Whether the backbone begins with weights from a file.
 [[nodiscard]] inline bool is_pretrained(const EncoderConfig& config) {
@@ -52,7 +56,8 @@ void assume_weights(EncoderConfig& config);
 void require_backbone_weights(const EncoderConfig& config);
 
 /// The encoder E of the paper: a backbone and four semantic heads. Its parameters are named
-/// `prefix`.backbone.*, `prefix`.identity.* (with an identity backbone) and `prefix`.heads.*.
+/// `prefix`.backbone.*, `prefix`.identity.*, `prefix`.expression.* (with these backbones) and
+/// `prefix`.heads.*.
 class Encoder {
 public:
     /// Reads the files of weights that `config` names. Throws FileError, which names the key, if a
@@ -63,13 +68,19 @@ public:
 
     /// image (B, S, S, 3) in [-1, 1], the whole unmasked crop -> codes in Z, near 0 at the start.
     [[nodiscard]] Codes operator()(const Variable& image) const;
+    [[nodiscard]] bool knows_faces() const { return identity_ != nullptr; }
+    /// Embeddings by the identity backbone, of unit length. Needs `knows_faces()`.
+    [[nodiscard]] Variable face_embedding(const Variable& image) const;
+    /// The expression alone. Needs an expression backbone.
+    [[nodiscard]] Variable expression(const Variable& image) const;
     [[nodiscard]] const Backbone& backbone() const { return *backbone_; }
 
 private:
     struct Heads;
     bool arcface_crop_;
     std::unique_ptr<Backbone> backbone_;
-    std::unique_ptr<Backbone> identity_;  ///< null without an identity backbone
+    std::unique_ptr<Backbone> identity_;    ///< null without an identity backbone
+    std::unique_ptr<Backbone> expression_;  ///< null without an expression backbone
     std::shared_ptr<Heads> heads_;
     double embedding_scale_;
 };

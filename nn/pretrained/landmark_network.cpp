@@ -16,7 +16,6 @@ namespace {
 constexpr double landmark_slope = 0.1;
 constexpr std::array<std::int64_t, 4> level_widths{24, 48, 96, 128};
 constexpr std::int64_t final_side = LandmarkNetwork::input_side / 16;
-constexpr std::int64_t landmark_hidden = 192;
 constexpr std::int64_t coordinate_count = 136;
 constexpr const char* landmark_prefix = "landmarks.";
 constexpr const char* landmark_format_key = "format";
@@ -44,7 +43,7 @@ Tensor batch_of(const std::vector<Tensor>& images) {
 
 }  // namespace
 
-LandmarkNetwork::LandmarkNetwork(ParameterStore& store, const std::string& prefix, Rng& rng) {
+LandmarkFeatures::LandmarkFeatures(ParameterStore& store, const std::string& prefix, Rng& rng) {
     std::int64_t in = 3;
     for (const std::int64_t out : level_widths) {
         const std::string name = prefix + "level" + std::to_string(levels_.size());
@@ -57,21 +56,24 @@ LandmarkNetwork::LandmarkNetwork(ParameterStore& store, const std::string& prefi
         levels_.push_back(std::move(level));
         in = out;
     }
-    linear_.emplace_back(store, prefix + "hidden", final_side * final_side * in, landmark_hidden,
+    hidden_.emplace_back(store, prefix + "hidden", final_side * final_side * in, count,
                          LinearOptions{.activation = Activation::leaky_relu}, rng);
-    linear_.emplace_back(store, prefix + "points", landmark_hidden, coordinate_count,
-                         LinearOptions{.initial_weight_scale = 0.1}, rng);
 }
 
-Variable LandmarkNetwork::operator()(const Variable& images) const {
+Variable LandmarkFeatures::operator()(const Variable& images) const {
     Variable x = unit_contrast(images);
     for (const Level& level : levels_) {
         x = level.down(x, landmark_slope);
         if (!level.pair.empty())
             x = x + level.pair[1](level.pair[0](x, landmark_slope), landmark_slope);
     }
-    return linear_[1](linear_[0](reshape(x, {x.shape(0), -1})));
+    return hidden_.front()(reshape(x, {x.shape(0), -1}));
 }
+
+LandmarkNetwork::LandmarkNetwork(ParameterStore& store, const std::string& prefix, Rng& rng)
+    : features_(store, prefix, rng),
+      points_(store, prefix + "points", LandmarkFeatures::count, coordinate_count,
+              LinearOptions{.initial_weight_scale = 0.1}, rng) {}
 
 LandmarkModel make_landmark_model(Rng rng) {
     auto store = std::make_shared<ParameterStore>();

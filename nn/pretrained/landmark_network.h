@@ -13,18 +13,17 @@
 
 namespace stymo {
 
-/// A network that finds the 68 landmarks of a face: strided 3x3 convolutions with residual pairs,
-/// from 80 x 80 to 5 x 5 pixels, and two linear layers. 1.3 million parameters, 53 million
-/// multiply-adds.
-class LandmarkNetwork {
+/// What a landmark network sees of a face: strided 3x3 convolutions with residual pairs, from 80 x
+/// 80 to 5 x 5 pixels, and a linear layer.
+class LandmarkFeatures {
 public:
     static constexpr std::int64_t input_side = 80;
+    static constexpr std::int64_t count = 192;
 
     /// Creates the parameters under `prefix`, which ends with a dot.
-    LandmarkNetwork(ParameterStore& store, const std::string& prefix, Rng& rng);
+    LandmarkFeatures(ParameterStore& store, const std::string& prefix, Rng& rng);
 
-    /// Images (B, 80, 80, 3) in [0, 1] of squares (`square_around`) -> (B, 136): x and y of each
-    /// point in coordinates of the square, in which it spans [-1, 1], y downwards. The result does
+    /// Images (B, 80, 80, 3) in [0, 1] of squares (`square_around`) -> (B, count). The result does
     /// not depend on the contrast and brightness of an image.
     [[nodiscard]] Variable operator()(const Variable& images) const;
 
@@ -34,7 +33,27 @@ private:
         std::vector<ConvLayer> pair;
     };
     std::vector<Level> levels_;
-    std::vector<Linear> linear_;
+    std::vector<Linear> hidden_;
+};
+
+/// A network that finds the 68 landmarks of a face: LandmarkFeatures and a linear layer. 1.3
+/// million parameters, 53 million multiply-adds.
+class LandmarkNetwork {
+public:
+    static constexpr std::int64_t input_side = LandmarkFeatures::input_side;
+
+    /// Creates the parameters under `prefix`, which ends with a dot.
+    LandmarkNetwork(ParameterStore& store, const std::string& prefix, Rng& rng);
+
+    /// Images as for LandmarkFeatures -> (B, 136): x and y of each point in coordinates of the
+    /// square, in which it spans [-1, 1], y downwards.
+    [[nodiscard]] Variable operator()(const Variable& images) const {
+        return points_(features_(images));
+    }
+
+private:
+    LandmarkFeatures features_;
+    Linear points_;
 };
 
 /// A landmark network with its weights. Copies share them.

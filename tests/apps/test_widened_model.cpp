@@ -98,6 +98,26 @@ TEST_CASE("a model with an identity backbone added gives the same codes but new 
                Catch::Contains("encoder.identity_weights: no weights for mobilefacenet"));
 }
 
+TEST_CASE("an expression backbone is added to a model that has one of identity", "[model]") {
+    const ScratchFolder folder;
+    const std::vector<std::string> identity{"encoder.identity_backbone=mobilefacenet",
+                                            "encoder.identity_weights=random"};
+    const std::vector<std::string> expression{"encoder.expression_backbone=landmarks",
+                                              "encoder.expression_weights=random"};
+    deep_model(3).save(folder / "narrow.safetensors");
+    widen_model(folder / "narrow.safetensors", folder / "wide.safetensors", identity);
+    widen_model(folder / "wide.safetensors", folder / "both.safetensors", expression);
+    const Model wide = Model::load(folder / "wide.safetensors");
+    const Model both = Model::load(folder / "both.safetensors");
+    const Variable image(Rng(4).normal({1, 32, 32, 3}, 0.0, 0.5));
+    const Codes before = wide.encoder()(image);
+    const Codes after = both.encoder()(image);
+    for (const std::size_t i : {0, 2, 3})
+        CHECK(check_close(after.groups[i].value(), before.groups[i].value(), 1e-5).passed);
+    CHECK_FALSE(check_close(after.expression().value(), before.expression().value(), 1e-5).passed);
+    CHECK(values_of(both).at("encoder.heads.expr.wide.weight").shape()[1] == 192);
+}
+
 TEST_CASE("every new channel of a widened model can be learnt", "[model]") {
     const ScratchFolder folder;
     const Model narrow = deep_model(3);

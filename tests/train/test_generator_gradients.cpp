@@ -38,6 +38,9 @@ TrainConfig config_with_all_terms() {
     TrainConfig config = tiny_train_config();
     config.loss.code_weights = {0.1, 0.1, 0.1, 0.1};
     config.loss.mask_weight = 0.5;
+    config.model.encoder.expression_backbone = "landmarks";
+    config.model.encoder.expression_weights = random_backbone;
+    config.loss.expression_weight = 0.5;
     return config;
 }
 
@@ -62,7 +65,7 @@ std::vector<double> all_gradients(const Model& model, const TrainConfig& config,
 TEST_CASE("the gradient of the whole loss is that of central differences for encoder and decoder",
           "[reconstruction]") {
     const TrainConfig config = config_with_all_terms();
-    const FaceBatch batch = batch_in_float64(1);
+    const FaceBatch batch = batch_in_float64(2);
     REQUIRE(batch.has_codes());
     Rng weights(1);
     Model model(config.model, weights);
@@ -77,7 +80,7 @@ TEST_CASE("the gradient of the whole loss is that of central differences for enc
     const LossAndGradients result = evaluate(parameters);
     for (const double term :
          {result.losses["reconstruction"], result.losses["code"], result.losses["mask"],
-          result.losses["opacity"], result.losses["depth_variance"]})
+          result.losses["opacity"], result.losses["depth_variance"], result.losses["expression"]})
         CHECK(term > 0.0);
 
     std::size_t checked = 0;
@@ -119,6 +122,10 @@ TEST_CASE("the gradient of the whole loss is that of central differences for enc
 TEST_CASE("gradients of a step of medium precision are near those of float64", "[reconstruction]") {
     TrainConfig config = config_with_all_terms();
     config.optimizer.sample_tolerance = 0.001;  // as the configurations that ship have it
+    // That backbone is not trained, and random codes differ by next to nothing, by which the term
+    // divides.
+    config.model.encoder.expression_backbone = no_backbone;
+    config.loss.expression_weight = 0.0;
     const std::vector<double> exact = [&] {
         Rng weights(1);
         Model model(config.model, weights);
@@ -210,6 +217,34 @@ TEST_CASE("samples below the shipped tolerance bias the gradient of a step by le
     CHECK(of_shipped > 0.0);
     CHECK(of_shipped < 0.01);
     CHECK(of_tenth < of_shipped);
+}
+
+TEST_CASE("the expression term is the part of an asked change that the encoder does not see",
+          "[reconstruction]") {
+    TrainConfig config = config_with_all_terms();
+    const Dataset faces = synthetic_dataset();
+    const FaceBatch batch = make_batch(std::vector{faces.load(0), faces.load(1), faces.load(2)});
+    Rng weights(1);
+    const Model model(config.model, weights);
+    const TrainingPosition position = first_position(config);
+    Rng jitter(2);
+    const ReconstructionLoss reconstruction(config.model.reconstruction);
+    const double term =
+        generator_gradients({model, reconstruction, config}, position, batch, {}, jitter)
+            .losses["expression"];
+
+    // One face of three gets the expression of the second; the third takes no part.
+    Codes codes = face_codes(model, batch, nullptr);
+    const auto row = [&](std::size_t group, std::int64_t at) {
+        return slice(codes.groups[group], 0, at, at + 1);
+    };
+    const Decoded face = model.decoder()({{row(0, 0), row(1, 1), row(2, 0), row(3, 0)}},
+                                         {batch.cameras.front()}, {.samples_per_ray = 4});
+    const std::vector<ImageAugmentation> frames{
+        ffhq_frame(batch.cameras.front(), config.model.camera)};
+    const Variable seen = model.encoder().expression(augmented(face.images.back(), frames));
+    const auto length = [](const Variable& x) { return sum(square(x)).value().item(); };
+    CHECK(term == Approx(length(seen - row(1, 1)) / length(row(1, 1) - row(1, 0))).epsilon(1e-4));
 }
 
 TEST_CASE("the identity term pulls a rendered face towards its photo", "[reconstruction]") {

@@ -174,6 +174,11 @@ TEST_CASE("the table of keys has a line for every key of a written configuration
 TEST_CASE("codes of the data do not go with mirrored photos", "[train_config]") {
     CHECK_THAT(refusal({"codes.source=morphable", "data.mirror=true"}),
                Catch::Contains("codes.source = morphable needs data.mirror = false"));
+    CHECK_THAT(refusal({"loss.expression_weight=0.1"}),
+               Catch::Contains("loss.expression_weight needs encoder.expression_backbone"));
+    CHECK_THAT(refusal({"loss.expression_weight=0.1", "encoder.expression_backbone=landmarks",
+                        "stage1.micro_batch=1"}),
+               Catch::Contains("loss.expression_weight needs stage1.micro_batch >= 2"));
     CHECK_THAT(refusal({"loss.identity_weight=0.1"}),
                Catch::Contains("loss.identity_weight needs loss.identity_network"));
     CHECK_THAT(refusal({"codes.source=morphable", "data.other_photo=0.5"}),

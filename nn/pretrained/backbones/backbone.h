@@ -34,7 +34,7 @@ public:
 };
 
 [[nodiscard]] std::vector<std::string> backbone_names();
-/// Where the backbone's published weights come from; empty if it has none. Throws ConfigError for
+/// How to get the backbone's published weights; empty if it has none. Throws ConfigError for
 /// an unknown name.
 [[nodiscard]] const char* published_weights(const std::string& backbone);
 /// Creates the backbone's parameters under `prefix`, which ends with a dot. Throws ConfigError for

@@ -3,6 +3,7 @@
 #include "core/error.h"
 #include "nn/pretrained/backbones/backbone.h"
 #include "nn/pretrained/backbones/iresnet.h"
+#include "nn/pretrained/backbones/landmark_backbone.h"
 #include "nn/pretrained/backbones/mobilefacenet.h"
 #include "nn/pretrained/backbones/small_conv.h"
 
@@ -12,18 +13,22 @@ namespace {
 struct Entry {
     const char* name;
     std::unique_ptr<Backbone> (*make)(ParameterStore& store, const std::string& prefix, Rng& rng);
-    const char* published;  ///< where its trained weights come from; empty: there are none
+    const char* published;  ///< how to get its trained weights; empty: there are none
 };
 
-constexpr const char* insightface = "backbone.pth of github.com/deepinsight/insightface";
+constexpr const char* insightface =
+    "import backbone.pth of github.com/deepinsight/insightface with `stymo-weights import`";
 
 /// The list of all backbones. To add one: a file in this folder, a row here, and a row in the
 /// test's table.
-constexpr std::array<Entry, 4> registry{{
+constexpr std::array<Entry, 5> registry{{
     {"iresnet100", make_iresnet100, insightface},
     {"iresnet50", make_iresnet50, insightface},
+    {"landmarks", make_landmark_backbone,
+     "stymo has them, configs/models/landmarks/landmarks.safetensors"},
     {"mobilefacenet", make_mobilefacenet,
-     "weights/mobilefacenet.pt of github.com/foamliu/MobileFaceNet"},
+     "import weights/mobilefacenet.pt of github.com/foamliu/MobileFaceNet with "
+     "`stymo-weights import`"},
     {"small_conv", make_small_conv, ""},
 }};
 

@@ -15,7 +15,9 @@
 #include "nn/layers/batch_norm.h"
 #include "nn/layers/conv_layer.h"
 #include "nn/models/encoder.h"
+#include "nn/pretrained/landmark_network.h"
 #include "shared_data.h"
+#include "support/check_close.h"
 #include "support/error_message.h"
 
 using namespace stymo;
@@ -35,6 +37,7 @@ struct BackboneRow {
 const std::vector<BackboneRow> rows{
     {"iresnet100", 112, 512, 65'156'160 + 69'632, true},
     {"iresnet50", 112, 512, 43'590'848 + 38'144, true},
+    {"landmarks", 80, 192, 1'280'784},
     {"mobilefacenet", 112, 128, 1'019'648},
     {"small_conv", 64, 256, 1'240'896},
 };
@@ -367,6 +370,48 @@ TEST_CASE("identity is read from the identity backbone, texture from both", "[en
         CHECK(largest((code() - Variable(picked)).value()) < 1e-4);
     }
     CHECK(named("encoder.heads.expr.wide.weight").variable().shape() == Shape{8, 256});
+}
+
+TEST_CASE("expression is read from the expression backbone alone", "[encoder]") {
+    ParameterStore store;
+    Rng rng(17);
+    const Encoder encoder({.backbone = "small_conv",
+                           .head_width = 8,
+                           .expression_backbone = "landmarks",
+                           .expression_weights = random_backbone},
+                          store, "encoder", rng);
+    const Variable image = image_of(1, 64, 18);
+    const Codes before = encoder(image);
+    CHECK(test::identical(encoder.expression(image).value(), before.expression().value()));
+    for (const Parameter& parameter : store.all())
+        if (parameter.name().starts_with("encoder.backbone."))
+            parameter.set_value(Tensor::zeros(parameter.variable().shape()));
+    const Codes after = encoder(image);
+    CHECK(test::identical(after.expression().value(), before.expression().value()));
+    CHECK_FALSE(test::identical(after.texture().value(), before.texture().value()));
+    // It does not see what lies outside the square of the face.
+    Tensor hair = image.value();
+    std::ranges::fill(hair.mutable_values<float>().first(3UL * 64 * 20), 0.5F);
+    CHECK(test::identical(encoder.expression(Variable(hair)).value(), before.expression().value()));
+}
+
+TEST_CASE("the landmark backbone is the shipped landmark network before its points", "[encoder]") {
+    const std::filesystem::path file =
+        STYMO_SOURCE_DIR "/configs/models/landmarks/landmarks.safetensors";
+    ParameterStore store;
+    Rng rng(18);
+    const auto backbone = make_backbone("landmarks", store, "b.", rng);
+    backbone->load_pretrained(read_tensor_file(file), file.string());
+    ParameterStore network;
+    const LandmarkFeatures features(network, "landmarks.", rng);
+    network.load(read_tensor_file(file), file.string());
+    // The square of a crop of 80 / 0.63 pixels has 80, so nothing is resampled.
+    const Variable image = image_of(2, 127, 19);
+    const Variable square = slice(slice(image, 1, 42, 122), 2, 24, 104) * 0.5 + 0.5;
+    CHECK(test::check_close((*backbone)(image).value(), features(square).value(), 1e-4).passed);
+    CHECK_THAT(
+        test::error_message<FileError>([&] { backbone->load_pretrained({}, "x.safetensors"); }),
+        Catch::Contains("x.safetensors: not a landmark network of stymo"));
 }
 
 TEST_CASE("an identity backbone without its weights is refused with the key", "[encoder]") {
