@@ -51,6 +51,11 @@ Variable mask_term(const FitComparison& seen, TermValues&) {
                                : Variable();
 }
 
+Variable identity_term(const FitComparison& seen, TermValues&) {
+    if (!seen.embeddings.defined()) return {};
+    return -sum(seen.embeddings * seen.photo_embeddings) + face_count(seen);
+}
+
 Variable time_term(const FitComparison& seen, TermValues&) {
     Variable all = seen.expressions;
     if (!all.defined()) return {};
@@ -96,6 +101,7 @@ std::span<const FitTerm> fit_terms() {
         {.name = "locality", .weight = weight_of<&FitWeights::locality>, .value = locality_term},
         {.name = "depth", .weight = weight_of<&FitWeights::depth>, .value = depth_term},
         {.name = "mask", .weight = weight_of<&FitWeights::mask>, .value = mask_term},
+        {.name = "identity", .weight = weight_of<&FitWeights::identity>, .value = identity_term},
         {.name = "time", .weight = weight_of<&FitWeights::time>, .value = time_term},
     };
     return terms;

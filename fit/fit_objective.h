@@ -21,6 +21,9 @@ struct FitWeights {
     double locality = 0.0;
     double depth = 0.0;  ///< of the mean difference of depths, per distance of the eyes
     double mask = 0.0;   ///< of the mask branch's cross-entropy
+    /// Of 1 - cosine between face and photo in the encoder's identity backbone, if it has one and
+    /// identity or texture is fitted.
+    double identity = 0.0;
     /// Of the squared change of the expression from row to row, for frames of a film.
     double time = 0.0;
 };
@@ -39,6 +42,8 @@ struct FitComparison {
     Tensor mask{};                           ///< (B, S, S, 1), the head in the photos
     Tensor known{};                          ///< of `mask`, see nn/known_pixels.h
     Variable depths{};                       ///< expected_depth(decoded)
+    Variable embeddings{};                   ///< Encoder::face_embedding of the images
+    Tensor photo_embeddings{};               ///< and of the photos
     /// By face: what its depth is drawn to; those without a value are left out.
     std::span<const std::optional<FaceSurface>> surfaces{};
     const HeadDepth* heads = nullptr;  ///< to which the surfaces belong

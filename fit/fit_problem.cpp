@@ -9,6 +9,9 @@
 #include "core/autograd/grad.h"
 #include "core/error.h"
 #include "core/ops/ops.h"
+#include "nn/image_augmentation.h"
+#include "nn/known_pixels.h"
+#include "nn/models/identity_network.h"
 #include "nn/models/significant_rows.h"
 #include "nn/realtime/view.h"
 #include "render/tracked_rays.h"
@@ -77,6 +80,17 @@ FitProblem::FitProblem(const Model& model, const ReconstructionLoss& loss, const
     const std::int64_t own = model.config().reconstruction.fit_samples_per_ray;
     decode_.samples_per_ray = options.samples_per_ray > 0 ? options.samples_per_ray : own;
     decode_.keep_field = options.keep_field;
+    const bool person = options.fitted_groups[0] || options.fitted_groups[2];
+    if (person && weights_.identity > 0.0 && model.has_encoder() && model.encoder().knows_faces())
+        photo_embeddings_ = face_embeddings(faces.targets.back()).value();
+}
+
+Variable FitProblem::face_embeddings(const Variable& images) const {
+    std::vector<ImageAugmentation> frames;
+    for (const Camera& camera : faces_.cameras)
+        frames.push_back(ffhq_frame(camera, model_.config().camera));
+    const Tensor known = known_at(faces_.known, images.shape(1), images.shape(2));
+    return model_.encoder().face_embedding(augmented(where_known(known, images, -1.0), frames));
 }
 
 Codes FitProblem::code_offsets() const {
@@ -159,6 +173,10 @@ FitLoss FitProblem::loss_here() {
         seen.depths = expected_depth(decoded);
         surfaces = aligned_surfaces(seen.depths);
         seen.surfaces = surfaces;
+    }
+    if (photo_embeddings_.defined()) {
+        seen.embeddings = face_embeddings(decoded.images.back());
+        seen.photo_embeddings = photo_embeddings_;
     }
     return fit_loss(seen, weights_);
 }

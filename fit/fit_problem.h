@@ -56,6 +56,9 @@ private:
     /// By face, the surface of its head, which is first moved to the rendered face.
     [[nodiscard]] std::vector<std::optional<FaceSurface>> aligned_surfaces(const Variable& depths);
 
+    /// Of images of the faces, with what is unknown in the photos left out.
+    [[nodiscard]] Variable face_embeddings(const Variable& images) const;
+
     const Model& model_;
     const ReconstructionLoss& loss_;
     const FaceBatch& faces_;
@@ -68,6 +71,7 @@ private:
     DecodeOptions decode_;
     std::size_t image_count_ = 0;
     ReconstructionLoss::Target photos_;
+    Tensor photo_embeddings_;  ///< undefined without the identity term
 };
 
 }  // namespace stymo

@@ -32,7 +32,7 @@ public:
 
 private:
     struct Head {
-        Tensor fitted;  ///< vertices (V, 3), where the fit to the photo left them
+        Tensor fitted;   ///< vertices (V, 3), where the fit to the photo left them
         Tensor aligned;  ///< the same after `align`
         double eye_distance = 0.0;
     };

@@ -50,6 +50,11 @@ void declare_codes(Command& command, FitToolOptions& options) {
                 "weight of the term that draws the depth of the face to that of the linear head "
                 "that was fitted to the photo; with --data it needs --morphable")
         .range(0, 1e6);
+    command
+        .option("--identity-weight", fit.weights.identity,
+                "weight of the term that keeps the person, 1 - cosine between face and photo in "
+                "the model's encoder.identity_backbone")
+        .range(0, 1e6);
 }
 
 void declare_tuning(Command& command, TuningOptions& tuning) {

@@ -7,6 +7,7 @@
 #include "core/ops/ops.h"
 #include "fit/fit_problem.h"
 #include "fit/tuning.h"
+#include "nn/models/identity_network.h"
 #include "nn/models/significant_rows.h"
 #include "nn/realtime/view.h"
 #include "render/morphable/builtin_head.h"
@@ -25,7 +26,10 @@ constexpr double tolerance = 0.001;  // the default of fits and of tuning
 
 /// A model whose rays end within the field, so that their last samples are insignificant.
 Model dense_model(std::uint64_t seed, DType dtype) {
-    Model model = tiny_model(seed);
+    ModelConfig config = tiny_model_config();
+    config.encoder.identity_backbone = "small_conv";
+    Rng rng(seed);
+    Model model(config, rng);
     for (const Parameter& parameter : model.parameters().all())
         if (parameter.name() == "decoder.field.density.bias")
             parameter.set_value(Tensor::full({1}, 4.0));
@@ -85,9 +89,15 @@ struct Photo {
                          .offsets = offsets,
                          .mask = decoded.mask_logit.defined() ? faces.mask : Tensor(),
                          .depths = expected_depth(decoded),
+                         .embeddings = embedding(decoded.images.back()),
+                         .photo_embeddings = embedding(faces.targets.back()).value(),
                          .surfaces = {&surface, 1},
                          .heads = &heads},
                         weights);
+    }
+    [[nodiscard]] Variable embedding(const Variable& image) const {
+        return model.encoder().face_embedding(
+            augmented(image, std::vector{ffhq_frame(camera, model.config().camera)}));
     }
 };
 
@@ -109,7 +119,7 @@ TEST_CASE("The gradient of a fit is that of its whole objective, samples left ou
           "[fitter]") {
     Photo photo(DType::float64);
     const FitOptions options{.initial = photo.codes,
-                             .weights = {.regularizer = 0.01, .depth = 0.25},
+                             .weights = {.regularizer = 0.01, .depth = 0.25, .identity = 0.3},
                              .samples_per_ray = samples,
                              .head = &Photo::builtin_head_once()};
     REQUIRE(options.tolerance == tolerance);
@@ -121,7 +131,7 @@ TEST_CASE("The gradient of a fit is that of its whole objective, samples left ou
                              .normal(offset.variable().shape(), 0.0, 0.2, DType::float64));
     REQUIRE(problem.select_samples());
     const FitProblem::Evaluation evaluation = problem.evaluate();
-    REQUIRE(evaluation.terms.size() == 3);
+    REQUIRE(evaluation.terms.size() == 4);
 
     const Tensor significant = significant_samples(
         photo.model.decoder().compositing_weights(problem.codes(), photo.faces.cameras, samples),

@@ -43,6 +43,9 @@ struct Case {
         } else if (name == "time") {
             seen.expressions = frames;
             seen.expression_before = codes.expression().value();
+        } else if (name == "identity") {
+            seen.embeddings = Variable(Tensor::from({1, 2}, std::vector{0.6, 0.8}));
+            seen.photo_embeddings = Tensor::from({1, 2}, std::vector{0.0, 1.0});
         } else if (name == "mask") {
             seen.mask = mask;
         }
@@ -61,13 +64,15 @@ struct Case {
                 .value()
                 .item();
         }
+        if (name == "identity") return 0.2;
         return mask_loss(decoded.mask_logit, mask).value().item();
     }
 };
 
 /// Terms with a row in this file or, for those that need a fitted head or a network's weights, in
 /// the named test.
-const std::set<std::string> rows{"photometric", "regularizer", "locality", "mask", "time"};
+const std::set<std::string> rows{"photometric", "regularizer", "locality",
+                                 "mask",        "identity",    "time"};
 const std::set<std::string> tested_elsewhere{
     "depth",       // test_head_depth.cpp
     "perceptual",  // test_fitter.cpp
@@ -88,8 +93,12 @@ TEST_CASE("Every term of the objective has a test", "[fit_objective]") {
 
 TEST_CASE("A term has its closed form, its name and its weight", "[fit_objective]") {
     const Case given;
-    const FitWeights weights{
-        .regularizer = 0.5, .locality = 3.0, .depth = 1.0, .mask = 0.25, .time = 1.0};
+    const FitWeights weights{.regularizer = 0.5,
+                             .locality = 3.0,
+                             .depth = 1.0,
+                             .mask = 0.25,
+                             .identity = 1.0,
+                             .time = 1.0};
     for (const std::string& name : rows) {
         INFO(name);
         const WorkMeter meter;
