@@ -30,7 +30,7 @@ struct FitOptions {
     std::int64_t steps = 200;    ///< evaluations of loss and gradient
     double learning_rate = 0.0;  ///< 0: ReconstructionConfig::fit_learning_rate
     double decay = 0.99;         ///< Adam's factor on the learning rate after each step
-    FitWeights weights{.depth = 0.25, .identity = 0.3};
+    FitWeights weights{.depth = 0.25, .identity = 0.2};
     std::int64_t samples_per_ray = 0;  ///< 0: ReconstructionConfig::fit_samples_per_ray
     /// Every `selection_interval` steps (iterations of L-BFGS), from the first on, all samples are
     /// evaluated. Until the
