@@ -56,9 +56,15 @@ std::string section(const std::string& text, const std::string& heading) {
 
 TEST_CASE("The published table of speeds has the rows that stymo-bench measures, and no others") {
     const std::string page = stymo::read_file(fs::path(STYMO_SOURCE_DIR) / "docs/results.md");
-    std::set<std::string> names;
-    for (const json& row : rows_listed()) names.insert(row["name"].get<std::string>());
-    CHECK(names_in_table(section(page, "## Speed")) == names);
+    const std::string speed = section(page, "## Speed");
+    std::set<std::string> unknown = names_in_table(speed);
+    for (const json& row : rows_listed()) {
+        const auto name = row["name"].get<std::string>();
+        unknown.erase(name);
+        // Rows that are not measured yet stand below the table.
+        CHECK_THAT(speed, Catch::Contains("`" + name + "`"));
+    }
+    CHECK(unknown.empty());
 }
 
 TEST_CASE(
