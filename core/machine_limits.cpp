@@ -115,4 +115,11 @@ std::int64_t usable_memory_bytes() {
     return bytes;
 }
 
+double process_memory(std::string_view name) {
+    std::ifstream status("/proc/self/status");
+    for (std::string word; status >> word;)
+        if (double kibibytes = 0.0; word == name && status >> kibibytes) return 1024.0 * kibibytes;
+    return 0.0;
+}
+
 }  // namespace stymo

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <limits>
+#include <string_view>
 
 namespace stymo {
 
@@ -23,5 +24,9 @@ struct MachineLimits {
 /// Memory that this process may use: that of the machine, or the limit of its control groups. Found
 /// at the first call.
 [[nodiscard]] std::int64_t usable_memory_bytes();
+
+/// Bytes of this process by a name of /proc/self/status: "VmRSS:" for its resident memory, "VmHWM:"
+/// for the largest so far. 0 if the system does not tell.
+[[nodiscard]] double process_memory(std::string_view name);
 
 }  // namespace stymo

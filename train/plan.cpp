@@ -5,28 +5,19 @@
 #endif
 
 #include <cmath>
-#include <cstdlib>
 #include <fstream>
 #include <iomanip>
 #include <sstream>
 
 #include "core/clock.h"
+#include "core/machine_limits.h"
 #include "core/progress.h"
 
 namespace stymo {
 
 namespace {
 
-/// A value of this process in MiB, such as its resident memory ("VmRSS:"); 0 if the system does not
-/// tell.
-double memory_status(std::string_view key) {
-    std::ifstream status("/proc/self/status");
-    for (std::string line; std::getline(status, line);) {
-        if (line.starts_with(key))
-            return std::strtod(line.c_str() + key.size(), nullptr) / 1024.0;  // from kB
-    }
-    return 0.0;
-}
+constexpr double mebibyte = 1048576.0;
 
 /// Makes the present resident memory the largest one so far. Returns whether the system did so.
 bool reset_peak_memory() {
@@ -34,9 +25,9 @@ bool reset_peak_memory() {
     malloc_trim(0);  // what earlier phases have left is not part of the next one
 #endif
     std::ofstream("/proc/self/clear_refs") << "5";
-    constexpr double meanwhile = 8.0;
-    const double resident = memory_status("VmRSS:");
-    return resident > 0.0 && memory_status("VmHWM:") <= resident + meanwhile;
+    constexpr double meanwhile = 8.0 * mebibyte;
+    const double resident = process_memory("VmRSS:");
+    return resident > 0.0 && process_memory("VmHWM:") <= resident + meanwhile;
 }
 
 /// Does one more step and returns its time.
@@ -61,7 +52,7 @@ void measure(PhasePlan& plan, Trainer& trainer, const TrainConfig& config) {
         const double part = 1.0 / static_cast<double>(interval);
         plan.step_seconds = part * plan.step_seconds + (1.0 - part) * measured_step(trainer, plain);
     }
-    if (knows_peak) plan.peak_megabytes = memory_status("VmHWM:");
+    if (knows_peak) plan.peak_megabytes = process_memory("VmHWM:") / mebibyte;
     plan.measured = true;
 }
 

@@ -6,7 +6,6 @@
 #include <span>
 
 #include "apps/bench/study.h"
-#include "apps/bench/training.h"
 #include "apps/common/tool_options.h"
 #include "apps/prep/pipeline.h"
 #include "core/clock.h"
@@ -34,7 +33,7 @@ struct ScaledJob {
 Run frame_run(const BenchSubject& subject, RenderMode mode, std::int64_t samples) {
     const auto renderer = std::make_shared<FaceRenderer>(
         subject.model, RendererOptions{.mode = mode, .samples_per_ray = samples});
-    renderer->show(first_row(subject.codes));
+    renderer->show(codes_of_face(subject.codes, 0));
     const auto next = std::make_shared<std::size_t>(0);
     return [=, &subject] {
         static_cast<void>(renderer->render(subject.views[(*next)++ % subject.views.size()]));
@@ -56,8 +55,9 @@ Run tuning_steps(const BenchSubject& subject, const ReconstructionLoss& loss) {
     return [&] {
         Model tuned = subject.model.copy();
         const FaceBatch face = make_batch(std::span(subject.photos).first(1));
-        static_cast<void>(tune_decoder(subject.model, tuned, loss, face, first_row(subject.codes),
-                                       face.cameras, {.steps = recorded_steps}));
+        static_cast<void>(tune_decoder(subject.model, tuned, loss, face,
+                                       codes_of_face(subject.codes, 0), face.cameras,
+                                       {.steps = recorded_steps}));
     };
 }
 
@@ -68,9 +68,8 @@ Run preparation(const std::filesystem::path& photos) {
                                                           "stymo-bench-photos");
     std::size_t count = 0;
     for (const auto& file : std::filesystem::directory_iterator(photos / "images"))
-        if (count < most)
-            std::filesystem::copy_file(file.path(), input->path() / file.path().filename()),
-                ++count;
+        if (++count <= most)
+            std::filesystem::copy_file(file.path(), input->path() / file.path().filename());
     PhotoPreparationSettings settings;
     settings.landmark_model = shipped_landmark_network();
     settings.mask_network = shipped_mask_network();
@@ -156,49 +155,36 @@ Row scaling_of(const ScaledJob& job, int repeats) {
         predicted[i] = profile.seconds_on(thread_counts[i], loop);
         if (thread_counts[i] == 16) largest = profile;
     }
-    Row row{largest.work_seconds(), largest.span_seconds(), alone / predicted[0]};
-    row.emplace_back(predicted[0] / predicted[1]);
-    row.emplace_back(processors >= 2 ? Value(alone / clocked(job, 2, repeats)) : Value());
-    for (std::size_t i = 2; i < thread_counts.size(); ++i)
-        row.emplace_back(predicted[0] / predicted[i]);
-    row.emplace_back(cap_of(largest, 16));
+    const auto gain = [&](std::size_t i) { return predicted[0] / predicted[i]; };
+    Row row{largest.work_seconds(), largest.span_seconds(), alone / predicted[0], gain(1),
+            processors >= 2 ? Value(alone / clocked(job, 2, repeats)) : Value()};
+    row.insert(row.end(), {gain(2), gain(3), gain(4), cap_of(largest, 16)});
     return row;
 }
 
-struct CoresSetup {
-    explicit CoresSetup(const BenchOptions& bench)
-        : subject(make_subject(bench)), loss(loss_of(subject.model)) {}
-    /// The loss of the model's fits; weights of LPIPS are random ones, which does not change the
-    /// time.
-    static ReconstructionLoss loss_of(const Model& model) {
-        ReconstructionConfig config = model.config().reconstruction;
-        config.perceptual.trunk = config.perceptual.heads = "random";
-        return ReconstructionLoss(config, "", &model.encoder());
-    }
-
-    BenchSubject subject;
-    ReconstructionLoss loss;
-};
-
 StudyPlan cores_plan(const StudyInputs& inputs) {
     const BenchOptions& bench = inputs.bench;
-    const auto setup = std::make_shared<CoresSetup>(bench);
+    const auto subject = std::make_shared<const BenchSubject>(make_subject(bench));
+    // The loss of the model's fits; random weights of LPIPS do not change the time.
+    ReconstructionConfig config = subject->model.config().reconstruction;
+    config.perceptual.trunk = config.perceptual.heads = "random";
+    const auto loss =
+        std::make_shared<const ReconstructionLoss>(config, "", &subject->model.encoder());
     const auto frame = [=, samples = bench.samples](RenderMode mode) {
-        return [=] { return frame_run(setup->subject, mode, samples); };
+        return [=] { return frame_run(*subject, mode, samples); };
     };
     const auto training = [seed = bench.seed](const std::string& configuration) {
         return [=]() -> Run {
             const auto steps = std::make_shared<TrainingSteps>(configuration, seed);
-            return [=] { steps->step(); };
+            return [=] { static_cast<void>(steps->trainer.step()); };
         };
     };
-    std::vector<ScaledJob> jobs{
-        {"frame, exact", frame(RenderMode::exact)},
-        {"frame, skip", frame(RenderMode::skip)},
-        {"fit, 8 steps", [=] { return fit_steps(setup->subject, setup->loss); }},
-        {"tuning, 8 steps", [=] { return tuning_steps(setup->subject, setup->loss); }},
-        {"training step, celeba-128", training("celeba-128")},
-        {"training step, celeba-256", training("celeba-256")}};
+    std::vector<ScaledJob> jobs{{"frame, exact", frame(RenderMode::exact)},
+                                {"frame, skip", frame(RenderMode::skip)},
+                                {"fit, 8 steps", [=] { return fit_steps(*subject, *loss); }},
+                                {"tuning, 8 steps", [=] { return tuning_steps(*subject, *loss); }},
+                                {"training step, celeba-128", training("celeba-128")},
+                                {"training step, celeba-256", training("celeba-256")}};
     if (!bench.data.empty())
         jobs.push_back({"preparation of a folder", [=] { return preparation(bench.data); }});
     StudyPlan plan;
@@ -218,9 +204,7 @@ Study cores_study() {
             .name = "cores",
             .title = "More processors",
             .varied = "job, and the number of threads that it plans for",
-            .measured =
-                "work and span, from the times of all chunks of parallel loops on one thread; the "
-                "gain in time over one thread",
+            .measured = "work and span of all chunks of parallel loops; the gain over one thread",
             .reference = "the clock, with one thread and with two",
             .columns = {"job", "work_seconds", "span_seconds", "one_measured_by_predicted",
                         "two_predicted", "two_measured", "four_predicted", "sixteen_predicted",

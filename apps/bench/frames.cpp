@@ -2,7 +2,6 @@
 #include <cmath>
 #include <memory>
 
-#include "apps/bench/speed.h"
 #include "apps/bench/study.h"
 #include "core/matmul_precision.h"
 #include "core/ops/elementwise.h"
@@ -88,7 +87,7 @@ Measurement first_frame(const BenchOptions& options) {
 Timing time_edits(Frames& frames, std::uint64_t seed) {
     constexpr double step = 0.1;
     Rng rng = Rng(seed).split("edits");
-    Codes codes = first_row(frames.subject.codes);
+    Codes codes = codes_of_face(frames.subject.codes, 0);
     frames.show_first(codes);
     return time_repeated(frames.repeats, 0.1 * frames.repeats, [&] {
         for (const std::size_t group : {2, 3})
@@ -250,12 +249,8 @@ Study rendering_study() {
     return {.part = "rendering",
             .name = "curve",
             .title = "Rendering",
-            .varied =
-                "samples per ray, tolerance with render blocks in bfloat16 and in float32, "
-                "precision of products",
-            .measured =
-                "median time of a frame, each of another view than the one before; error "
-                "of the images",
+            .varied = "samples per ray, tolerance (also in float32), precision of products",
+            .measured = "median time of a frame of another view than the last; error of images",
             .reference = "the exact frames of the same codes",
             .columns = {"varied", "value", "median_seconds", "times_exact", "psnr_mean_db",
                         "psnr_worst_db", "root_mean_square_error", "worst_pixel"},

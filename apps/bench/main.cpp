@@ -1,12 +1,12 @@
 #include <algorithm>
 #include <iostream>
 #include <optional>
+#include <set>
 #include <sstream>
 #include <utility>
 
 #include "apps/bench/peak.h"
-#include "apps/bench/speed.h"
-#include "apps/bench/training.h"
+#include "apps/bench/study.h"
 #include "apps/common/tools.h"
 #include "core/clock.h"
 #include "core/error.h"
@@ -21,13 +21,10 @@ namespace stymo {
 namespace {
 
 struct ReportOptions {
-    BenchOptions bench;
+    /// The model and the photos of fits are those of `inputs.bench` if they are empty.
+    StudyInputs inputs;
     std::filesystem::path out{};  ///< empty: nothing is written
     PeerProgram peer{};           ///< of the commands with rows
-    // Of the report:
-    std::filesystem::path fit_model{};  ///< model of the study of fitting; empty: that of `bench`
-    std::filesystem::path fit_data{};
-    LpipsOptions lpips{};
     std::string parts{};  ///< separated by commas; empty: all parts whose inputs are available
 };
 
@@ -42,27 +39,22 @@ std::string report_parts() {
 /// In the order of the report, whatever the order of `options.parts`. Throws UsageError for an
 /// unknown part, and for one that needs a model if only one of --model and --data was given.
 std::vector<Study> chosen_studies(const ReportOptions& options) {
-    const auto lacks_inputs = [&](const Study& study) {
-        return study.needs_model && options.bench.model.empty() != options.bench.data.empty();
-    };
+    const BenchOptions& bench = options.inputs.bench;
     std::vector<Study> studies = report_studies();
-    if (options.parts.empty()) {
-        std::erase_if(studies, lacks_inputs);
-        return studies;
-    }
-    std::vector<std::string> parts;
+    std::set<std::string> parts;
     std::istringstream list(options.parts);
     for (std::string part; std::getline(list, part, ',');) {
-        const auto found = std::ranges::find(studies, part, &Study::part);
-        if (found == studies.end())
+        if (std::ranges::find(studies, part, &Study::part) == studies.end())
             fail<UsageError>("--parts: the report has no part \"", part, "\"; it has ",
                              report_parts());
-        if (lacks_inputs(*found))
-            fail<UsageError>("--parts: ", part, " needs --data with --model, or neither");
-        parts.push_back(part);
+        parts.insert(part);
     }
     std::erase_if(studies, [&](const Study& study) {
-        return std::ranges::find(parts, study.part) == parts.end();
+        if (!options.parts.empty() && !parts.contains(study.part)) return true;
+        const bool lacks_inputs = study.needs_model && bench.model.empty() != bench.data.empty();
+        if (lacks_inputs && !options.parts.empty())
+            fail<UsageError>("--parts: ", study.part, " needs --data with --model, or neither");
+        return lacks_inputs;
     });
     return studies;
 }
@@ -71,7 +63,8 @@ std::vector<Study> chosen_studies(const ReportOptions& options) {
 /// in `out` are named after the command.
 AppResult bench_session(const std::string& command, const ReportOptions& options) {
     // A model or a peer that is not there is reported before anything is measured.
-    const DecoderConfig decoder = make_subject(options.bench).model.config().decoder;
+    const BenchOptions& bench = options.inputs.bench;
+    const DecoderConfig decoder = make_subject(bench).model.config().decoder;
     PeerProgram peer = options.peer;
     const std::string missing = missing_peer(peer);
     if (!missing.empty()) peer.script.clear();
@@ -89,14 +82,12 @@ AppResult bench_session(const std::string& command, const ReportOptions& options
     Page page(command, options.out);
     const kernels::MachinePeak machine = kernels::measure_machine_peak();
     const JsonValue peak = JsonValue::object({{"float32_flops", machine.multiply_adds},
-                                              {"bfloat16_flops", machine.bfloat16_multiply_adds},
-                                              {"triad_bytes_per_second", machine.triad_bytes}});
+                                              {"bfloat16_flops", machine.bfloat16_multiply_adds}});
     page.fact("threads", thread_count());
     page.fact("precision of matrix products", name_of(matmul_precision()));
     page.fact("peak", peak);
-    page.fact("model", options.bench.model.empty() ? "random weights, paper-512"
-                                                   : options.bench.model.string());
-    for (const Study& study : studies) run_study(page, study, {.bench = options.bench});
+    page.fact("model", bench.model.empty() ? "random weights, paper-512" : bench.model.string());
+    for (const Study& study : studies) run_study(page, study, {.bench = bench});
     page.text("Threads: " + std::to_string(thread_count()) + "; peak: " + peak.text());
     return page.finish();
 }
@@ -104,27 +95,27 @@ AppResult bench_session(const std::string& command, const ReportOptions& options
 /// Writes report.md with its tables. The folder is created when all studies are done.
 AppResult write_report(const ReportOptions& options) {
     const std::vector<Study> studies = chosen_studies(options);
-    for (const std::filesystem::path& model : {options.bench.model, options.fit_model})
+    StudyInputs inputs = options.inputs;
+    for (const std::filesystem::path& model : {inputs.bench.model, inputs.fitting.model})
         if (!model.empty() && !std::filesystem::exists(model))
             fail<FileError>(model.string(), ": no such file");
     FolderInProgress folder(options.out);
     const InterruptGuard guard;
-    StudyInputs inputs{.bench = options.bench, .lpips = options.lpips};
     std::optional<FolderInProgress> small;
-    if (options.bench.model.empty() && std::ranges::any_of(studies, &Study::needs_model)) {
+    if (inputs.bench.model.empty() && std::ranges::any_of(studies, &Study::needs_model)) {
         small.emplace(std::filesystem::temp_directory_path() / "stymo-report-model");
         train_small_subject(small->path(), inputs.bench);
     }
     inputs.fitting = inputs.bench;
-    if (!options.fit_model.empty()) inputs.fitting.model = options.fit_model;
-    if (!options.fit_data.empty()) inputs.fitting.data = options.fit_data;
+    if (!options.inputs.fitting.model.empty()) inputs.fitting.model = options.inputs.fitting.model;
+    if (!options.inputs.fitting.data.empty()) inputs.fitting.data = options.inputs.fitting.data;
 
     Page page("report", folder.path());
     page.text("# Error against run time, and numerical stability");
     page.text("Threads: " + std::to_string(thread_count()) +
-              "; seed: " + std::to_string(options.bench.seed) + "; model: " +
-              (options.bench.model.empty() ? "a small one, trained for this report"
-                                           : options.bench.model.filename().string()) +
+              "; seed: " + std::to_string(inputs.bench.seed) + "; model: " +
+              (options.inputs.bench.model.empty() ? "a small one, trained for this report"
+                                                  : inputs.bench.model.filename().string()) +
               ". `scripts/plot_reports.py` draws the curves from the CSV files.");
     Table times{"parts", {"name", "seconds", "seconds_allowed"}};
     for (const Study& study : studies) {
@@ -169,14 +160,15 @@ void declare(Command& command, BenchOptions& options) {
 }  // namespace stymo
 
 int stymo_bench(int argc, char** argv) {
-    stymo::ReportOptions options;
+    using namespace stymo;
+    ReportOptions options;
     std::string row;
-    stymo::CommandLine line("stymo-bench",
-                            "Measures speed, with its ratio to the machine's peak and to PyTorch, "
-                            "and what it costs in error.");
+    CommandLine line("stymo-bench",
+                     "Measures speed, with its ratio to the machine's peak and to PyTorch, "
+                     "and what it costs in error.");
     const auto seeded = [&](auto body) {
-        return [&options, body](const stymo::CommonOptions& common) {
-            options.bench.seed = common.seed;
+        return [&options, body](const CommonOptions& common) {
+            options.inputs.bench.seed = common.seed;
             return body();
         };
     };
@@ -194,9 +186,9 @@ int stymo_bench(int argc, char** argv) {
         {"cores",
          "What frames, fits, tuning, training and preparation would gain from more processors."}};
     for (const auto& [name, description] : sessions) {
-        const auto body = [&options, name = name] { return stymo::bench_session(name, options); };
-        stymo::Command command = line.command(name, description, seeded(body));
-        stymo::declare(command, options.bench);
+        const auto body = [&options, name = name] { return bench_session(name, options); };
+        Command command = line.command(name, description, seeded(body));
+        declare(command, options.inputs.bench);
         command.option(
             "--peer", options.peer.script,
             "scripts/torch_peer.py, the same in PyTorch, or scripts/onnx_peer.py, frames in "
@@ -207,24 +199,22 @@ int stymo_bench(int argc, char** argv) {
                        "folder for the tables as JSON, CSV and Markdown; scripts/plot_reports.py "
                        "draws them");
     }
-    stymo::Command one = line.command("row", "One row in this process, without the peer.",
-                                      seeded([&] { return stymo::bench_row(row, options.bench); }));
+    Command one = line.command("row", "One row in this process, without the peer.",
+                               seeded([&] { return bench_row(row, options.inputs.bench); }));
     one.option("NAME", row, "the row").required();
-    stymo::declare(one, options.bench);
-    stymo::Command report =
+    declare(one, options.inputs.bench);
+    Command report =
         line.command("report", "Error against run time and numerical stability, as tables.",
-                     seeded([&] { return stymo::write_report(options); }));
+                     seeded([&] { return write_report(options); }));
     report.option("--out", options.out, "folder for report.md with its tables").required();
+    report.option("--parts", options.parts,
+                  "some of " + report_parts() + "; without it all that the inputs are there for");
     report.option(
-        "--parts", options.parts,
-        "some of " + stymo::report_parts() + "; without it all that the inputs are there for");
-    report.option(
-        "--fit-model", options.fit_model,
+        "--fit-model", options.inputs.fitting.model,
         "model of the part on fitting, which takes hundreds of steps; --model unless given");
-    report.option("--fit-data", options.fit_data, "its photos; --data unless given");
-    stymo::declare_lpips_files(report, options.lpips);
-    stymo::declare(report, options.bench);
-    line.command("rows", "Lists all rows.",
-                 [](const stymo::CommonOptions&) { return stymo::bench_row_names(); });
+    report.option("--fit-data", options.inputs.fitting.data, "its photos; --data unless given");
+    declare_lpips_files(report, options.inputs.lpips);
+    declare(report, options.inputs.bench);
+    line.command("rows", "Lists all rows.", [](const CommonOptions&) { return bench_row_names(); });
     return line.run(argc, argv);
 }

@@ -1,10 +1,10 @@
 #include "apps/bench/peak.h"
 
 #include <algorithm>
-#include <chrono>
 #include <numeric>
 #include <vector>
 
+#include "core/clock.h"
 #include "core/kernels/targets.h"
 #include "core/parallel.h"
 
@@ -83,58 +83,35 @@ HWY_EXPORT(run_chains_of);
 
 namespace {
 
-/// `body` returns an amount of work: amount per second.
-template <class Function>
-double rate(Function body) {
-    const auto start = std::chrono::steady_clock::now();
-    const double amount = body();
-    return amount / std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-template <class Function>
-double best_rate(Function body) {
-    constexpr int runs = 7;
-    double best = 0.0;
-    for (int run = 0; run < runs; ++run) best = std::max(best, rate(body));
-    return best;
-}
-
-/// Runs chains on every thread; returns the number of operations done.
-double run_on_all_threads(NumberFormat number) {
+/// Operations per second of chains on every thread.
+double rate_of(NumberFormat number) {
     constexpr std::int64_t length = 4'000'000;
     const std::int64_t threads = thread_count();
     std::vector<double> work(static_cast<std::size_t>(threads));
     std::vector<float> results(work.size());
+    const double begin = seconds_now();
     parallel_for(threads, 1, [&](std::int64_t index, std::int64_t) {
         const auto i = static_cast<std::size_t>(index);
         work[i] = HWY_DYNAMIC_DISPATCH(run_chains_of)(number, length, &results[i]);
     });
-    return std::accumulate(work.begin(), work.end(), 0.0);
+    return std::accumulate(work.begin(), work.end(), 0.0) / (seconds_now() - begin);
 }
 
-double triad_rate() {
-    constexpr std::int64_t size = 1 << 24;
-    constexpr std::int64_t grain = 1 << 16;
-    std::vector<float> a(size), b(size, 1.0F), c(size, 2.0F);
-    return best_rate([&] {
-        parallel_for(size, grain, [&](std::int64_t begin, std::int64_t end) {
-            for (std::int64_t i = begin; i < end; ++i) a[i] = b[i] + 0.5F * c[i];
-        });
-        return 3.0 * static_cast<double>(size * static_cast<std::int64_t>(sizeof(float)));
-    });
+double best_rate_of(NumberFormat number) {
+    constexpr int runs = 7;
+    double best = 0.0;
+    for (int run = 0; run < runs; ++run) best = std::max(best, rate_of(number));
+    return best;
 }
 
 }  // namespace
 
 MachinePeak measure_machine_peak() {
-    const auto best = [](NumberFormat number) {
-        return best_rate([=] { return run_on_all_threads(number); });
-    };
-    return {best(NumberFormat::float32), best(NumberFormat::bfloat16), triad_rate()};
+    return {best_rate_of(NumberFormat::float32), best_rate_of(NumberFormat::bfloat16)};
 }
 
 double measure_multiply_adds() {
-    return rate([] { return run_on_all_threads(NumberFormat::float32); });
+    return rate_of(NumberFormat::float32);
 }
 
 }  // namespace stymo::kernels

@@ -10,8 +10,6 @@ struct MachinePeak {
     double multiply_adds = 0.0;
     /// The same for dot products of bfloat16; 0 without such an instruction.
     double bfloat16_multiply_adds = 0.0;
-    /// Bytes per second of a = b + factor * c over arrays much larger than the caches.
-    double triad_bytes = 0.0;
 };
 
 /// Takes the best of several runs of each measurement, in about a second.

@@ -1,5 +1,3 @@
-#include "apps/bench/speed.h"
-
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -7,6 +5,7 @@
 #include <regex>
 
 #include "apps/bench/peak.h"
+#include "apps/bench/study.h"
 #include "apps/common/child_process.h"
 #include "core/error.h"
 #include "core/matmul_precision.h"
@@ -16,14 +15,12 @@ namespace stymo {
 
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
-
 std::vector<Column> columns() {
-    std::vector<Column> all{"name", "what", "threads", "median_seconds", hidden("minimum_seconds")};
-    all.insert(all.end(), {"per_second", "share_of_peak", "psnr_mean_db", "psnr_worst_db",
-                           hidden("equal_images"), "peak_memory_mebibytes", "remark"});
-    all.insert(all.end(),
-               {"peer_median_seconds", "times_peer", hidden("peer_peak_memory_mebibytes")});
+    std::vector<Column> all{"name", "what", "threads", "median_seconds", "~minimum_seconds"};
+    for (const char* more : {"per_second", "share_of_peak", "psnr_mean_db", "psnr_worst_db",
+                             "~equal_images", "peak_memory_mebibytes", "remark",
+                             "peer_median_seconds", "times_peer", "~peer_peak_memory_mebibytes"})
+        all.emplace_back(more);
     return all;
 }
 
@@ -37,18 +34,19 @@ Value share_of_peak(const Measurement& one) {
     return flops > 0.0 ? Value(2.0 * one.work / one.timing.median() / flops) : Value();
 }
 
-/// A row measured in this process, without name and description; the peer's cells are empty.
+/// A row measured in this process; the peer's cells are empty.
 Row measured_here(const SpeedRow& row, const BenchOptions& options) {
     const Measurement one = row.measure(options);
     const double seconds = one.timing.median();
     const auto error = [&](double ImageError::*part) {
         return one.error ? Value((*one.error).*part) : Value();
     };
-    Row cells{static_cast<std::int64_t>(thread_count()), seconds,
-              std::ranges::min(one.timing.seconds), 1.0 / seconds, share_of_peak(one)};
-    cells.insert(cells.end(), {error(&ImageError::psnr_mean), error(&ImageError::psnr_worst),
-                               one.error && std::isinf(one.error->psnr_worst), one.peak_memory,
-                               one.remark, Value(), Value(), Value()});
+    Row cells{row.name, row.what, static_cast<std::int64_t>(thread_count()), seconds,
+              std::ranges::min(one.timing.seconds)};
+    cells.insert(cells.end(), {1.0 / seconds, share_of_peak(one), error(&ImageError::psnr_mean)});
+    cells.insert(cells.end(),
+                 {error(&ImageError::psnr_worst), one.error && std::isinf(one.error->psnr_worst),
+                  one.peak_memory, one.remark, Value(), Value(), Value()});
     return cells;
 }
 
@@ -105,7 +103,8 @@ Row measured_apart(const SpeedRow& row, const PeerProgram& program, const Decode
     Row cells = row_from_json(columns(), own.out);
     const auto at = [&](const char* key) -> Value& { return cell(columns(), cells, key); };
     // JSON has no infinity.
-    if (at("equal_images") == Value(true)) at("psnr_mean_db") = at("psnr_worst_db") = infinity;
+    if (at("equal_images") == Value(true))
+        at("psnr_mean_db") = at("psnr_worst_db") = std::numeric_limits<double>::infinity();
     if (!program.script.empty() && !row.peer.empty()) {
         const ChildOutcome peer = run_peer(program, row.peer, decoder, threads, options);
         std::smatch found;  // "render: 1100.0 ms (...)"
@@ -162,9 +161,7 @@ Study speed_study(const std::string& command, const PeerProgram& program,
             .name = "rows",
             .title = "Speed",
             .varied = "what is computed",
-            .measured =
-                "time, memory of a process that does nothing else, and error of frames "
-                "that leave out work",
+            .measured = "time, memory of a process of its own, error of frames that leave out work",
             .reference = "the machine's peak, the exact frames, and the same work in PyTorch",
             .columns = columns(),
             .plan = plan};
@@ -175,8 +172,7 @@ AppResult bench_row(const std::string& name, const BenchOptions& options) {
     const auto found = std::ranges::find(all, name, &SpeedRow::name);
     if (found == all.end())
         fail<UsageError>("there is no row ", name, "; stymo-bench rows lists them");
-    Row cells = measured_here(*found, options);
-    cells.insert(cells.begin(), {found->name, found->what});
+    const Row cells = measured_here(*found, options);
     return {markdown({"rows", columns(), {cells}}), to_json(columns(), cells)};
 }
 

@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "apps/bench/speed.h"
+#include "apps/bench/study.h"
 #include "core/autograd/grad.h"
 #include "core/clock.h"
 #include "core/kernels/gemm.h"

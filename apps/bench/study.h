@@ -1,68 +1,26 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
-#include <variant>
 #include <vector>
 
 #include "apps/bench/subject.h"
+#include "apps/common/table.h"
 #include "apps/common/tool_options.h"
-#include "core/io/json_writer.h"
+#include "core/machine_limits.h"
+#include "core/matmul_precision.h"
+#include "train/data/dataset.h"
+#include "train/train_config.h"
+#include "train/trainer.h"
 
 /// A study is data: what it varies, what it measures, and with what the results are compared. One
 /// harness measures the rows of every study and writes them.
 namespace stymo {
-
-/// A cell of a table: nothing, a flag, a number or text.
-using Value = std::variant<std::monostate, bool, std::int64_t, double, std::string>;
-using Row = std::vector<Value>;
-
-/// A column. Its key names its unit: "median_seconds", "psnr_db", "peak_bytes", "share_of_peak".
-struct Column {
-    // NOLINTNEXTLINE(google-explicit-constructor): lists of columns are lists of keys
-    Column(const char* name) : key(name) {}
-
-    std::string key;
-    bool hidden = false;  ///< only in CSV and JSON
-};
-[[nodiscard]] Column hidden(const char* key);
-
-struct Table {
-    std::string name;
-    std::vector<Column> columns;
-    std::vector<Row> rows{};
-    bool hidden = false;  ///< only in CSV and JSON
-};
-
-/// The cell in the column `key`. Throws ValueError for a column that does not exist.
-[[nodiscard]] Value& cell(const std::vector<Column>& columns, Row& row, const std::string& key);
-/// Its number; NaN if it has none.
-[[nodiscard]] double number(const Table& table, const Row& row, const std::string& key);
-/// The cell for people: times in s or ms, shares in percent, "equal" for an infinite PSNR, other
-/// numbers with four significant digits, flags as "yes" and "no", nothing as "".
-[[nodiscard]] std::string words(const Table& table, const Row& row, const std::string& key);
-
-/// An aligned Markdown table with escaped vertical bars; empty if the table is hidden. This and the
-/// next two throw ValueError for a row of another length than the columns.
-[[nodiscard]] std::string markdown(const Table& table);
-/// All columns as CSV (RFC 4180): cells with commas, quotes or line ends are quoted.
-[[nodiscard]] std::string csv(const Table& table);
-/// A list of objects, one for each row.
-[[nodiscard]] JsonValue to_json(const Table& table);
-[[nodiscard]] JsonValue to_json(const std::vector<Column>& columns, const Row& row);
-/// Reads a row that `to_json` wrote; missing columns stay empty. Throws Error for anything but an
-/// object.
-[[nodiscard]] Row row_from_json(const std::vector<Column>& columns, const std::string& text);
-
-/// "12.3", with this number of digits after the decimal point.
-[[nodiscard]] std::string decimal(double value, int digits);
-/// "0.02", with at most this number of significant digits.
-[[nodiscard]] std::string significant(double value, int digits);
-/// "45 %"
-[[nodiscard]] std::string percent(double share);
 
 /// The inputs of a study.
 struct StudyInputs {
@@ -120,6 +78,24 @@ struct Study {
 /// The studies of the report, in its order; those of one part follow each other.
 [[nodiscard]] std::vector<Study> report_studies();
 
+/// Steps of the first stage of an embedded configuration ("celeba-128"): its batch, encoder with
+/// backbone, LPIPS, optimiser, EMA. The weights of backbone and LPIPS are random ones, which does
+/// not change the time.
+struct TrainingSteps {
+    TrainingSteps(const std::string& configuration, std::uint64_t seed);
+
+    TrainConfig config;
+    Dataset faces;
+    Trainer trainer;
+};
+
+/// The configuration demo-64, which the program contains, with these numbers of steps and samples
+/// and without EMA.
+[[nodiscard]] TrainConfig small_training(std::int64_t steps, std::int64_t samples_per_ray);
+/// Writes synthetic heads and a model that is trained on them for less than a minute into an empty
+/// folder, and makes them the data and the model of `bench`.
+void train_small_subject(const std::filesystem::path& folder, BenchOptions& bench);
+
 /// A page in Markdown with its tables. Files: NAME.md, NAME.json (one object with all facts and
 /// tables) and NAME_TABLE.csv for each table, from which scripts/plot_reports.py draws.
 class Page {
@@ -146,5 +122,66 @@ private:
 /// Measures the rows of a study in turn, with progress on stderr, and adds its tables to the page.
 /// Throws Error if the process is interrupted.
 void run_study(Page& page, const Study& study, const StudyInputs& inputs);
+
+// The table of speeds is a study, whose rows other programs can ask for one by one.
+
+/// The peak performance with which a row is compared.
+enum class Limit { none, float32, bfloat16 };
+/// That of products of this precision.
+[[nodiscard]] Limit limit_of(MatmulPrecision precision);
+
+struct Measurement {
+    Timing timing;      ///< of one frame, step, ...
+    double work = 0.0;  ///< multiply-adds done in that time; 0: not counted
+    Limit limit = Limit::float32;
+    std::string remark{};
+    /// MiB, of a process that does nothing else. Taken before errors are measured.
+    double peak_memory = process_memory("VmHWM:") / 1048576.0;
+    std::optional<ImageError> error{};  ///< against the exact frames
+};
+
+/// One row of the table of speeds.
+struct SpeedRow {
+    std::string name;
+    std::string command;  ///< command of stymo-bench that measures it
+    std::string what;
+    std::function<Measurement(const BenchOptions&)> measure;
+    std::string peer{};  ///< name of the peer's measurement; empty: the peer has none
+    int threads = 0;     ///< 0: the number of the command line
+};
+
+/// `measure` with these arguments after the options.
+[[nodiscard]] auto with(auto measure, auto... arguments) {
+    return [=](const BenchOptions& options) { return measure(options, arguments...); };
+}
+
+/// The rows of a command ("all": of all commands), in the order of the table.
+[[nodiscard]] std::vector<SpeedRow> speed_rows(const std::string& command = "all");
+// Its parts.
+[[nodiscard]] std::vector<SpeedRow> frame_rows();
+[[nodiscard]] std::vector<SpeedRow> step_rows();
+[[nodiscard]] std::vector<SpeedRow> training_rows();
+[[nodiscard]] std::vector<SpeedRow> kernel_rows();
+
+/// The program that does the same work in PyTorch.
+struct PeerProgram {
+    std::filesystem::path script;  ///< scripts/torch_peer.py; empty: none
+    /// Python for which Debian's PyTorch is built.
+    std::filesystem::path python = "/usr/bin/python3";
+};
+/// Why there is no peer: no script, or no PyTorch in that Python. Empty if there is one. Throws
+/// FileError for a script that does not exist.
+[[nodiscard]] std::string missing_peer(const PeerProgram& program);
+
+/// The study of a command's rows ("all": of all commands). Each row is measured in a separate
+/// process, so that its peak memory is known, and the peer directly after it, unless `program` has
+/// no script. `decoder` is the configuration that the peer reproduces.
+[[nodiscard]] Study speed_study(const std::string& command, const PeerProgram& program,
+                                const DecoderConfig& decoder);
+/// Measures the row with this name in this process, without the peer. Throws UsageError for an
+/// unknown name.
+[[nodiscard]] AppResult bench_row(const std::string& name, const BenchOptions& options);
+/// Names of all rows with the command of each.
+[[nodiscard]] AppResult bench_row_names();
 
 }  // namespace stymo

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
-#include <fstream>
 #include <numbers>
 #include <utility>
 
@@ -40,9 +38,16 @@ Face random_face(const ModelConfig& config, Rng& rng) {
             .code = {}};
 }
 
-Dataset photos_of(const BenchOptions& options, const ModelConfig& config) {
-    return Dataset(options.data, config.decoder.resolution, {.cache_megabytes = 0}, Split::all,
-                   config.camera);
+/// The first photos of the folder, or its last ones; fewer if it has fewer.
+std::vector<Face> photos_of(const BenchOptions& options, const ModelConfig& config,
+                            std::int64_t faces, bool last) {
+    const Dataset data(options.data, config.decoder.resolution, {.cache_megabytes = 0}, Split::all,
+                       config.camera);
+    const std::int64_t count = std::min(faces, data.size());
+    std::vector<Face> photos;
+    for (std::int64_t i = 0; i < count; ++i)
+        photos.push_back(data.load(last ? data.size() - count + i : i));
+    return photos;
 }
 
 }  // namespace
@@ -71,14 +76,6 @@ Timing time_repeated(int repeats, double at_least_seconds, const std::function<v
     return timing;
 }
 
-double peak_memory_mebibytes() {
-    std::ifstream status("/proc/self/status");
-    const std::string key = "VmHWM:";
-    for (std::string line; std::getline(status, line);)
-        if (line.starts_with(key)) return std::strtod(line.c_str() + key.size(), nullptr) / 1024.0;
-    return 0.0;
-}
-
 BenchSubject make_subject(const BenchOptions& options) {
     Rng rng = Rng(options.seed).split("model");
     Model model = options.model.empty() ? Model({}, rng) : Model::load(options.model);
@@ -95,9 +92,7 @@ BenchSubject make_subject(const BenchOptions& options) {
             subject.codes.groups[group] =
                 draws.normal({options.faces, code_sizes[group]}, 0.0, deviation);
     } else {
-        const Dataset data = photos_of(options, config);
-        const std::int64_t faces = std::min<std::int64_t>(options.faces, data.size());
-        for (std::int64_t i = 0; i < faces; ++i) subject.photos.push_back(data.load(i));
+        subject.photos = photos_of(options, config, options.faces, false);
         subject.codes = detached(face_codes(subject.model, make_batch(subject.photos)));
     }
     subject.views = orbit(subject.model, options.views);
@@ -106,18 +101,7 @@ BenchSubject make_subject(const BenchOptions& options) {
 
 std::vector<Face> last_photos(const BenchOptions& options, const ModelConfig& config,
                               std::int64_t faces) {
-    const Dataset data = photos_of(options, config);
-    std::vector<Face> photos;
-    for (std::int64_t i = std::max<std::int64_t>(0, data.size() - faces); i < data.size(); ++i)
-        photos.push_back(data.load(i));
-    return photos;
-}
-
-Codes first_row(const Codes& codes) {
-    Codes row;
-    for (std::size_t group = 0; group < code_sizes.size(); ++group)
-        row.groups[group] = slice(codes.groups[group], 0, 0, 1).detach();
-    return row;
+    return photos_of(options, config, faces, true);
 }
 
 Timing time_frames(const BenchSubject& subject, FaceRenderer& renderer, int repeats) {

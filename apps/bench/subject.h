@@ -30,9 +30,6 @@ struct Timing {
 [[nodiscard]] Timing time_repeated(int repeats, double at_least_seconds,
                                    const std::function<void()>& body);
 
-/// Peak resident memory of this process in MiB; 0 if the system does not report it.
-[[nodiscard]] double peak_memory_mebibytes();
-
 /// What is measured, and how often.
 struct BenchOptions {
     std::filesystem::path model{};  ///< empty: paper-512 with random weights
@@ -59,9 +56,6 @@ struct BenchSubject {
 /// The last `faces` photos of the folder, which trainings hold out; fewer if it has fewer.
 [[nodiscard]] std::vector<Face> last_photos(const BenchOptions& options, const ModelConfig& config,
                                             std::int64_t faces);
-
-/// Row 0 of codes, without gradients.
-[[nodiscard]] Codes first_row(const Codes& codes);
 
 /// Times frames of each face in turn. Consecutive frames have different views.
 [[nodiscard]] Timing time_frames(const BenchSubject& subject, FaceRenderer& renderer, int repeats);

@@ -1,10 +1,8 @@
-#include "apps/bench/training.h"
-
 #include <algorithm>
 #include <array>
 
 #include "apps/bench/embedded_configurations.h"
-#include "apps/bench/speed.h"
+#include "apps/bench/study.h"
 #include "core/clock.h"
 #include "core/error.h"
 #include "core/interrupt.h"
@@ -51,13 +49,13 @@ Dataset dataset(const std::filesystem::path& folder, const TrainConfig& config, 
 /// the trunk.
 Measurement training_step(const BenchOptions& options, const std::string& configuration) {
     TrainingSteps steps(configuration, options.seed);
-    Measurement result{.timing = time_repeated(options.repeats, 0.0, [&] { steps.step(); })};
-    const TrainConfig& config = steps.config();
-    const std::int64_t trunk = trunk_multiply_adds(config.model.reconstruction.perceptual.network,
-                                                   config.model.decoder.resolution);
-    result.work =
-        3.0 * static_cast<double>(config.stage1.batch) *
-        (frame_work(steps.model(), config.stage1.samples_per_ray) + static_cast<double>(trunk));
+    Measurement result{.timing = time_repeated(options.repeats, 0.0,
+                                               [&] { static_cast<void>(steps.trainer.step()); })};
+    const TrainConfig& config = steps.config;
+    const auto trunk = static_cast<double>(trunk_multiply_adds(
+        config.model.reconstruction.perceptual.network, config.model.decoder.resolution));
+    result.work = 3.0 * static_cast<double>(config.stage1.batch) *
+                  (frame_work(steps.trainer.model(), config.stage1.samples_per_ray) + trunk);
     return result;
 }
 
@@ -202,12 +200,12 @@ Dataset heads_of(const TrainConfig& config, std::uint64_t seed) {
 }  // namespace
 
 TrainingSteps::TrainingSteps(const std::string& configuration, std::uint64_t seed)
-    : config_(embedded_configuration(
+    : config(embedded_configuration(
           configuration,
           {"stage2.resolutions=[]", "data.split.test=0", "encoder.backbone_weights=random",
            "reconstruction.perceptual_trunk=random", "reconstruction.perceptual_heads=random"})),
-      faces_(heads_of(config_, seed)),
-      trainer_(config_, faces_, nullptr, seed) {}
+      faces(heads_of(config, seed)),
+      trainer(config, faces, nullptr, seed) {}
 
 TrainConfig small_training(std::int64_t steps, std::int64_t samples_per_ray) {
     return embedded_configuration("demo-64",

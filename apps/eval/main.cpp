@@ -88,7 +88,7 @@ stymo::JsonValue sheet_json(const std::vector<stymo::SheetRow>& rows) {
 }
 
 stymo::AppResult result_of(const stymo::Evaluation& evaluation, const std::string& network) {
-    stymo::AppResult result{stymo::table(evaluation.scores),
+    stymo::AppResult result{stymo::summary_text(evaluation.scores),
                             stymo::summary_json(evaluation.scores, evaluation.failed),
                             evaluation.incomplete};
     if (network.empty()) return result;

@@ -211,25 +211,26 @@ double mean_counting_samples(const std::vector<FaceScore>& scores) {
     return scores.empty() ? 0.0 : sum / static_cast<double>(scores.size());
 }
 
-std::string table(const std::vector<FaceScore>& scores) {
+Table summary_table(const std::vector<FaceScore>& scores) {
     const std::vector<SummaryRow> rows = summary(scores);
     const bool lpips = std::ranges::any_of(
         rows, [](const SummaryRow& row) { return row.metrics.lpips.has_value(); });
+    Table table{"scores",
+                {"region", "codes", "of all", "L1 (sum over RGB)", "L1 (mean)",
+                 lpips ? "LPIPS" : "~LPIPS", "SSIM", "PSNR dB"}};
+    for (const auto& [region, stage, is_median, metrics] : rows)
+        table.rows.push_back({name_of(region), name_of(stage), is_median ? "median" : "mean",
+                              decimal(metrics.l1, 4), decimal(metrics.l1_mean, 4),
+                              decimal(metrics.lpips.value_or(0.0), 4), decimal(metrics.ssim, 4),
+                              decimal(metrics.psnr, 2)});
+    return table;
+}
+
+std::string summary_text(const std::vector<FaceScore>& scores) {
     std::ostringstream text;
-    text << std::left << std::setw(22)
-         << std::to_string(scores.size()) + (scores.size() == 1 ? " face" : " faces")
-         << "       L1  L1 (mean)" << (lpips ? "    LPIPS" : "") << "     SSIM  PSNR dB\n"
-         << std::fixed;
-    for (const SummaryRow& row : rows) {
-        text << std::left << std::setw(6) << name_of(row.region) << std::setw(9)
-             << name_of(row.stage) << std::setw(7) << (row.median ? "median" : "mean") << std::right
-             << std::setprecision(4) << std::setw(9) << row.metrics.l1 << std::setw(11)
-             << row.metrics.l1_mean;
-        if (lpips) text << std::setw(9) << row.metrics.lpips.value_or(0.0);
-        text << std::setw(9) << row.metrics.ssim << std::setprecision(2) << std::setw(9)
-             << row.metrics.psnr << '\n';
-    }
-    text << std::setprecision(1) << 100.0 * mean_counting_samples(scores)
+    text << scores.size() << (scores.size() == 1 ? " face\n" : " faces\n")
+         << markdown(summary_table(scores)) << std::fixed << std::setprecision(1)
+         << 100.0 * mean_counting_samples(scores)
          << " % of the samples are significant (weight above " << std::defaultfloat
          << significant_weight << ")\n";
     for (const auto& [name, member] : Measured<IdentityScore>::members) {

@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "apps/common/table.h"
 #include "core/io/json_writer.h"
 #include "fit/fit_report.h"
 
@@ -99,8 +100,10 @@ struct SummaryRow {
 [[nodiscard]] std::vector<SummaryRow> summary(const std::vector<FaceScore>& scores);
 [[nodiscard]] double mean_counting_samples(const std::vector<FaceScore>& scores);
 
-/// The rows as text.
-[[nodiscard]] std::string table(const std::vector<FaceScore>& scores);
+/// The rows; the column of LPIPS is hidden if no face has it.
+[[nodiscard]] Table summary_table(const std::vector<FaceScore>& scores);
+/// That table, and the other means, for people.
+[[nodiscard]] std::string summary_text(const std::vector<FaceScore>& scores);
 /// {"count", "mean": {"head": {"initial": {...}, "fitted": {...}}, ...}, "median": the same,
 /// "counting_samples", "identity", "tuned_identity", "shape" and "tuned_shape" if they were
 /// measured, as means over the faces where they were, "failed": [{"id", "reason"}]}

@@ -142,15 +142,15 @@ TEST_CASE("The scores of a folder are the means and the medians over its faces")
     CHECK(value["counting_samples"].get<double>() == Approx(0.25));
     CHECK(value["failed"] == json{{{"id", "d"}, {"reason", "d.png: not an image"}}});
     CHECK_FALSE(value["mean"].contains("face"));
-    CHECK_THAT(table(three_scores), Catch::Contains("3 faces") && Catch::Contains("14.00") &&
-                                        Catch::Contains("17.00") && Catch::Contains("median") &&
-                                        !Catch::Contains("LPIPS"));
+    CHECK_THAT(summary_text(three_scores),
+               Catch::Contains("3 faces") && Catch::Contains("14.00") && Catch::Contains("17.00") &&
+                   Catch::Contains("median") && !Catch::Contains("LPIPS"));
 
     std::vector<FaceScore> initial_alone = three_scores;
     for (FaceScore& score : initial_alone) score.regions.front().fitted.reset();
     CHECK_FALSE(
         json::parse(summary_json(initial_alone, {}).text())["mean"]["head"].contains("fitted"));
-    CHECK_THAT(table(initial_alone), !Catch::Contains("fitted"));
+    CHECK_THAT(summary_text(initial_alone), !Catch::Contains("fitted"));
 }
 
 TEST_CASE("A face's score is read back from its line as it was, infinite PSNR included") {
@@ -184,7 +184,7 @@ TEST_CASE("A face's score is read back from its line as it was, infinite PSNR in
 TEST_CASE("The mean of identities is over the faces that have one") {
     std::vector<FaceScore> scores = three_scores;
     CHECK_FALSE(json::parse(summary_json(scores, {}).text()).contains("identity"));
-    CHECK_THAT(table(scores), !Catch::Contains("cosine"));
+    CHECK_THAT(summary_text(scores), !Catch::Contains("cosine"));
     scores[0].identity = {0.5, 0.25, 0.75, 0.0};
     scores[2].identity = {1.0, 0.75, 0.25, 0.5};
     scores[1].tuned_identity = {0.875, 0.5, 0.5, 0.0};
@@ -192,8 +192,9 @@ TEST_CASE("The mean of identities is over the faces that have one") {
     CHECK(mean["identity"] ==
           json{{"photo", 0.75}, {"turned_15", 0.5}, {"turned_30", 0.5}, {"other", 0.25}});
     CHECK(mean["tuned_identity"]["photo"] == 0.875);
-    CHECK_THAT(table(scores), Catch::Contains("cosine of embeddings: photo and face 0.750") &&
-                                  Catch::Contains("embeddings, tuned: photo and face 0.875"));
+    CHECK_THAT(summary_text(scores),
+               Catch::Contains("cosine of embeddings: photo and face 0.750") &&
+                   Catch::Contains("embeddings, tuned: photo and face 0.875"));
 }
 
 TEST_CASE("Depth is compared up to a shift, in distances of the eyes") {
@@ -259,7 +260,7 @@ TEST_CASE("A face that no detector finds has a depth but no landmarks") {
     CHECK(mean["shape"]["landmarks_30"] == 0.5);
     CHECK(mean["shape"]["found_30"] == 0.5);
     CHECK(mean["tuned_shape"]["depth"] == 0.06);
-    CHECK_THAT(table({whole, second}),
+    CHECK_THAT(summary_text({whole, second}),
                Catch::Contains("in distances of the eyes: landmarks at 30 degrees off by 0.500 "
                                "(found in 50 % of the views)"));
 }
@@ -478,9 +479,10 @@ TEST_CASE(
         report_page({three_scores, {{"d", "d.png: not an image"}}},
                     {{{"--steps", 100}}, "vgg16, random weights", sheet_rows(three_scores)});
     CHECK_THAT(page, Catch::Contains("3 faces, 1 failed") &&
-                         Catch::Contains("| head | fitted | mean | 0.1000 | 0.0300 |") &&
+                         Catch::Contains(
+                             "| head   | fitted  | mean   | 0.1000            | 0.0300    |") &&
                          Catch::Contains("- d: d.png: not an image") &&
                          Catch::Contains("LPIPS: vgg16, random weights") &&
-                         Catch::Contains("| 1 | a | best | 24.00 |") &&
-                         Catch::Contains("| `--steps` | 100 |"));
+                         Catch::Contains("| 1   | a    | best   | 24.00   |") &&
+                         Catch::Contains("| `--steps` | 100   |"));
 }

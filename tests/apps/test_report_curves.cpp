@@ -6,7 +6,6 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/bench/study.h"
-#include "apps/bench/training.h"
 #include "apps/tiny_run.h"
 #include "core/io/file.h"
 #include "core/matmul_precision.h"

@@ -27,10 +27,9 @@ public:
         : arguments_(arguments), peak_(kernels::measure_machine_peak()) {
         std::printf(
             "{\"threads\": %d, \"repeats\": %d, \"peak_gflops\": %.1f, \"peak_bfloat16_gflops\": "
-            "%.1f, \"triad_gbytes\": %.1f,\n"
-            " \"products\": [",
+            "%.1f,\n \"products\": [",
             thread_count(), arguments.repeats, 1e-9 * peak_.multiply_adds,
-            1e-9 * peak_.bfloat16_multiply_adds, 1e-9 * peak_.triad_bytes);
+            1e-9 * peak_.bfloat16_multiply_adds);
     }
 
     /// The same product by another library; `times` is how much longer it takes.

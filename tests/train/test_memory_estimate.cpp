@@ -10,6 +10,7 @@
 
 #include "core/autograd/grad.h"
 #include "core/error.h"
+#include "core/machine_limits.h"
 #include "core/ops/ops.h"
 #include "support/check_close.h"
 #include "support/thread_count.h"
@@ -69,16 +70,6 @@ struct Estimated {
     }
 };
 
-/// Of the process, in bytes; 0 where the system does not say.
-double memory_status(const std::string& key) {
-    std::ifstream status("/proc/self/status");
-    for (std::string word; status >> word;) {
-        double kibibytes = 0.0;
-        if (word == key && status >> kibibytes) return 1024.0 * kibibytes;
-    }
-    return 0.0;
-}
-
 #ifdef STYMO_TEST_SANITIZED
 constexpr bool keeps_what_is_freed = true;
 #else
@@ -97,10 +88,11 @@ std::optional<double> measured_peak(const Work& work) {
         malloc_trim(0);  // else it would take what other tests have left
 #endif
         std::ofstream("/proc/self/clear_refs") << "5";
-        const double before = memory_status("VmRSS:");
-        if (before == 0.0 || memory_status("VmHWM:") > before + 8.0 * mebibyte) return std::nullopt;
+        const double before = process_memory("VmRSS:");
+        if (before == 0.0 || process_memory("VmHWM:") > before + 8.0 * mebibyte)
+            return std::nullopt;
         work();
-        largest = std::max(largest, memory_status("VmHWM:") - before);
+        largest = std::max(largest, process_memory("VmHWM:") - before);
     }
     return largest;
 }
