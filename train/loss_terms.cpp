@@ -7,7 +7,6 @@
 
 #include "core/autograd/recompute.h"
 #include "core/ops/ops.h"
-#include "nn/adversarial.h"
 #include "nn/known_pixels.h"
 #include "nn/losses.h"
 

@@ -10,7 +10,7 @@
 #include "core/io/tensor_file.h"
 #include "nn/optim/muon.h"
 #include "train/data/training_images.h"
-#include "train/generator_gradients.h"
+#include "train/step_gradients.h"
 #include "train/gradient_sums.h"
 
 namespace stymo {

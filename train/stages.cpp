@@ -5,7 +5,7 @@
 #include <iterator>
 #include <numbers>
 
-#include "train/discriminator_gradients.h"
+#include "train/step_gradients.h"
 
 namespace stymo {
 

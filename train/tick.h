@@ -10,9 +10,9 @@
 #include "nn/models/model.h"
 #include "nn/models/reconstruction.h"
 #include "train/data/dataset.h"
-#include "train/discriminator_gradients.h"
 #include "train/photo_offsets.h"
 #include "train/stage.h"
+#include "train/step_gradients.h"
 
 namespace stymo {
 

@@ -7,11 +7,11 @@
 #include "core/matmul_precision.h"
 #include "core/parallel.h"
 #include "fit/fitter.h"
-#include "nn/adversarial.h"
+#include "nn/losses.h"
 #include "nn/models/discriminator.h"
 #include "nn/optim/adam.h"
 #include "nn/pretrained/perceptual/trunk.h"
-#include "train/generator_gradients.h"
+#include "train/step_gradients.h"
 
 /// The rows on steps of fitting and training, and on a layer of the field by itself.
 namespace stymo {

@@ -2,11 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "core/error.h"
+#include "core/ops/elementwise.h"
+#include "core/ops/reduce.h"
 #include "core/parallel.h"
 
 namespace stymo {
+
 namespace {
 
 /// Half of the square's side, in units of the longer half side of the box around the points.
@@ -129,6 +133,12 @@ FacePoints mirrored_points(const FacePoints& points, double width) {
         result[k] = {width - point.x(), point.y()};
     }
     return result;
+}
+
+Variable unit_contrast(const Variable& images) {
+    const std::vector<int> axes{1, 2, 3};
+    const Variable centered = images - mean(images, axes);
+    return centered / sqrt(mean(square(centered), axes) + 1e-3);
 }
 
 }  // namespace stymo

@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 
+#include "core/autograd/variable.h"
 #include "core/tensor.h"
 
 namespace stymo {
@@ -59,5 +60,9 @@ struct Midline {
 [[nodiscard]] std::size_t mirrored_point(std::size_t k);
 /// The points of the mirror image of a photo that is `width` pixels wide.
 [[nodiscard]] FacePoints mirrored_points(const FacePoints& points, double width);
+
+/// Images (B, H, W, C) with zero mean and almost unit deviation over each image, so that a network
+/// does not depend on brightness and contrast.
+[[nodiscard]] Variable unit_contrast(const Variable& images);
 
 }  // namespace stymo

@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "core/io/image.h"
 #include "core/ops/ops.h"
-#include "nn/pretrained/unit_contrast.h"
+#include "nn/pretrained/face_square.h"
 
 namespace stymo {
 namespace {

@@ -1,5 +1,3 @@
-#include "render/morphable/obj_head.h"
-
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -13,6 +11,7 @@
 #include "core/io/file.h"
 #include "core/io/json_check.h"
 #include "core/parallel.h"
+#include "render/morphable/head_source.h"
 #include "render/morphable/scanned_head.h"
 
 namespace stymo {

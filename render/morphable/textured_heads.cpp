@@ -7,7 +7,6 @@
 
 #include "core/error.h"
 #include "render/morphable/head.h"
-#include "render/morphable/head_tensors.h"
 #include "render/morphable/scanned_head.h"
 #include "render/spherical_harmonics.h"
 #include "render/texture.h"

@@ -8,7 +8,7 @@
 #include "apps/eval/evaluate.h"
 #include "apps/eval/person_measures.h"
 #include "apps/eval/report_page.h"
-#include "apps/eval/score_folder.h"
+#include "apps/eval/score.h"
 #include "apps/tiny_run.h"
 #include "core/error.h"
 #include "core/io/file.h"

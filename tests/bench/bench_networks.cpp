@@ -13,7 +13,7 @@
 #include "core/ops/ops.h"
 #include "core/parallel.h"
 #include "core/rng.h"
-#include "nn/adversarial.h"
+#include "nn/losses.h"
 #include "nn/models/discriminator.h"
 #include "nn/optim/adam.h"
 #include "nn/pretrained/perceptual/lpips.h"

@@ -3,7 +3,7 @@
 
 #include "core/autograd/grad.h"
 #include "core/ops/ops.h"
-#include "nn/adversarial.h"
+#include "nn/losses.h"
 #include "nn/models/discriminator.h"
 #include "support/check_close.h"
 #include "support/check_grad.h"

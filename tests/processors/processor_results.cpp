@@ -23,7 +23,7 @@
 #include "nn/realtime/face_renderer.h"
 #include "nn/realtime/view.h"
 #include "train/data/dataset.h"
-#include "train/generator_gradients.h"
+#include "train/step_gradients.h"
 #include "train/schedule.h"
 
 using namespace stymo;

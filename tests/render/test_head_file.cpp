@@ -6,7 +6,7 @@
 #include "core/error.h"
 #include "core/io/scratch_folder.h"
 #include "core/io/tensor_file.h"
-#include "render/morphable/head_file.h"
+#include "render/morphable/head_source.h"
 #include "shared_data.h"
 
 namespace {

@@ -6,7 +6,6 @@
 #include "core/io/file.h"
 #include "core/io/scratch_folder.h"
 #include "core/io/tensor_file.h"
-#include "render/morphable/head_file.h"
 #include "render/morphable/head_source.h"
 #include "support/error_message.h"
 

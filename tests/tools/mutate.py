@@ -24,7 +24,6 @@ places = [("core/ops/*.cpp", ["core", "nn"]),
           ("core/kernels/*.cpp", ["core", "nn"]),
           ("core/kernels/*-inl.h", ["core", "nn"]),
           ("nn/losses.cpp", ["nn"]),
-          ("nn/adversarial.cpp", ["nn"]),
           ("render/composit*.cpp", ["render", "nn"])]
 # Tests that are run before the others of a program, because they find most.
 likely = {"core": ["Every op has the value*", "Every op's gradients agree*"]}

@@ -5,7 +5,7 @@
 
 #include "nn/models/face_batch.h"
 #include "support/golden.h"
-#include "train/generator_gradients.h"
+#include "train/step_gradients.h"
 #include "train/train_config.h"
 
 /// What the comparisons of whole networks and training steps with PyTorch share. Sizes, weights of

@@ -3,7 +3,7 @@
 
 #include "nn/optim/adam.h"
 #include "train/agreement_case.h"
-#include "train/discriminator_gradients.h"
+#include "train/step_gradients.h"
 
 using namespace stymo;
 using namespace stymo::test;

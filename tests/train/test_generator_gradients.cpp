@@ -3,7 +3,7 @@
 
 #include "core/matmul_precision.h"
 #include "core/ops/ops.h"
-#include "train/generator_gradients.h"
+#include "train/step_gradients.h"
 #include "train/tiny_training.h"
 
 using namespace stymo;

@@ -14,7 +14,7 @@
 #include "core/ops/ops.h"
 #include "support/check_close.h"
 #include "support/thread_count.h"
-#include "train/generator_gradients.h"
+#include "train/step_gradients.h"
 #include "train/memory_estimate.h"
 #include "train/tiny_training.h"
 #include "train/trainer.h"

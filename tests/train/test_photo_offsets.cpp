@@ -6,7 +6,7 @@
 #include "nn/optim/adam.h"
 #include "render/tracked_rays.h"
 #include "support/check_close.h"
-#include "train/generator_gradients.h"
+#include "train/step_gradients.h"
 #include "train/photo_offsets.h"
 #include "train/tiny_training.h"
 #include "train/trainer.h"

@@ -2,13 +2,13 @@
 #include <catch2/catch.hpp>
 
 #include "core/ops/ops.h"
-#include "nn/adversarial.h"
 #include "nn/known_pixels.h"
+#include "nn/losses.h"
 #include "support/check_close.h"
 #include "support/error_message.h"
 #include "support/live_nodes.h"
-#include "train/discriminator_gradients.h"
 #include "train/loss_terms.h"
+#include "train/step_gradients.h"
 #include "train/tiny_training.h"
 
 using namespace stymo;

@@ -7,7 +7,6 @@
 #include "core/metrics.h"
 #include "core/ops/ops.h"
 #include "core/rng.h"
-#include "nn/adversarial.h"
 #include "nn/models/discriminator.h"
 #include "nn/pretrained/perceptual/feature_distance.h"
 #include "nn/pretrained/perceptual/lpips.h"

@@ -13,7 +13,7 @@
 #include "fit/morphable/morphable_fit.h"
 #include "fit/photo/face_detector.h"
 #include "render/morphable/builtin_head.h"
-#include "render/morphable/head_file.h"
+#include "render/morphable/head_source.h"
 #include "shared_data.h"
 #include "support/error_message.h"
 #include "support/thread_count.h"

@@ -2,7 +2,7 @@
 #include <limits>
 
 #include "core/ops/ops.h"
-#include "nn/adversarial.h"
+#include "nn/losses.h"
 #include "nn/models/discriminator.h"
 #include "support/check_close.h"
 #include "support/error_message.h"

@@ -4,7 +4,7 @@
 
 #include "core/autograd/grad.h"
 #include "core/ops/ops.h"
-#include "nn/adversarial.h"
+#include "nn/losses.h"
 #include "nn/models/discriminator.h"
 #include "support/golden.h"
 

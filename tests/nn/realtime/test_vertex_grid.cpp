@@ -1,6 +1,6 @@
 #include <catch2/catch.hpp>
 
-#include "nn/realtime/vertex_grid.h"
+#include "nn/realtime/head_mesh.h"
 
 using namespace stymo;
 
