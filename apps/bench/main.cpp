@@ -111,7 +111,7 @@ AppResult write_report(const ReportOptions& options) {
     if (!options.inputs.fitting.data.empty()) inputs.fitting.data = options.inputs.fitting.data;
 
     Page page("report", folder.path());
-    page.text("# Error against run time, and numerical stability");
+    page.text("# Error against run time");
     page.text("Threads: " + std::to_string(thread_count()) +
               "; seed: " + std::to_string(inputs.bench.seed) + "; model: " +
               (options.inputs.bench.model.empty() ? "a small one, trained for this report"
@@ -203,9 +203,8 @@ int stymo_bench(int argc, char** argv) {
                                seeded([&] { return bench_row(row, options.inputs.bench); }));
     one.option("NAME", row, "the row").required();
     declare(one, options.inputs.bench);
-    Command report =
-        line.command("report", "Error against run time and numerical stability, as tables.",
-                     seeded([&] { return write_report(options); }));
+    Command report = line.command("report", "Error against run time, as tables.",
+                                  seeded([&] { return write_report(options); }));
     report.option("--out", options.out, "folder for report.md with its tables").required();
     report.option("--parts", options.parts,
                   "some of " + report_parts() + "; without it all that the inputs are there for");

@@ -29,8 +29,7 @@ Table measured(const Study& study, const StudyPlan& plan) {
 }  // namespace
 
 std::vector<Study> report_studies() {
-    return {rendering_study(), fitting_study(), tuning_study(),
-            training_study(),  step_study(),    stability_study()};
+    return {rendering_study(), fitting_study(), tuning_study(), training_study(), step_study()};
 }
 
 void run_study(Page& page, const Study& study, const StudyInputs& inputs) {

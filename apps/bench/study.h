@@ -72,7 +72,6 @@ struct Study {
 [[nodiscard]] Study tuning_study();     ///< error against time of tuning
 [[nodiscard]] Study training_study();   ///< loss against time of training
 [[nodiscard]] Study step_study();       ///< what training in 16 bits and without samples does
-[[nodiscard]] Study stability_study();  ///< float32 against float64 on extreme inputs
 [[nodiscard]] Study cores_study();      ///< what more processors would give
 
 /// The studies of the report, in its order; those of one part follow each other.

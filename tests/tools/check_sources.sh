@@ -26,8 +26,6 @@ allowed_includes() {
         nn/*) echo 'core|nn/[a-z_]+\.h|nn/layers|nn/optim|nn/models/codes\.h' ;;
         train/*) echo 'core|nn|render|train' ;;
         fit/*) echo 'core|nn|render|fit' ;;
-        # A library that the tests use too.
-        apps/cases/*) echo 'core|nn|render|train|fit|apps/cases' ;;
         apps/*) echo 'core|nn|render|train|fit|apps' ;;
     esac
 }

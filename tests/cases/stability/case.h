@@ -20,7 +20,7 @@ struct StabilityResult {
 };
 
 /// One stiff or extreme case, run by the same code in float32 and in float64 on inputs that float32
-/// holds exactly. The tests check every case; `stymo-bench report` prints them as a table.
+/// holds exactly. The tests check every case and print it with Catch's option -s.
 struct StabilityCase {
     std::string name;
     std::string behaviour;  ///< what the code does about it
@@ -36,14 +36,6 @@ struct StabilityCase {
     std::string named{};
     bool infinite = false;  ///< the value is infinite by definition
 };
-
-/// The cases of one topic.
-struct StabilityFamily {
-    std::string name;
-    std::vector<StabilityCase> (*cases)();
-};
-/// In the order of the report.
-[[nodiscard]] std::vector<StabilityFamily> stability_families();
 
 /// What became of a case.
 struct StabilityOutcome {

@@ -1,6 +1,6 @@
 #include <limits>
 
-#include "apps/cases/stability/case.h"
+#include "cases/stability/case.h"
 #include "core/ops/ops.h"
 #include "core/rng.h"
 #include "core/tensor_eigen.h"

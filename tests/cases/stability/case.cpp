@@ -1,4 +1,4 @@
-#include "apps/cases/stability/case.h"
+#include "cases/stability/case.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,15 +10,6 @@
 #include "core/rng.h"
 
 namespace stymo {
-
-std::vector<StabilityFamily> stability_families() {
-    using namespace stability;
-    return {{"rays", ray_cases},          {"cameras", camera_cases},
-            {"renderer", renderer_cases}, {"activations", activation_cases},
-            {"products", product_cases},  {"layers", layer_cases},
-            {"losses", loss_cases},       {"training", training_cases},
-            {"fitting", fitting_cases}};
-}
 
 namespace {
 

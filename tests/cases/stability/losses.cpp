@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "apps/cases/stability/case.h"
+#include "cases/stability/case.h"
 #include "core/autograd/grad.h"
 #include "core/metrics.h"
 #include "core/ops/ops.h"

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "apps/cases/stability/case.h"
+#include "cases/stability/case.h"
 #include "core/ops/ops.h"
 #include "core/rng.h"
 #include "core/tensor_eigen.h"

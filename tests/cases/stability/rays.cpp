@@ -1,7 +1,7 @@
 #include <cmath>
 #include <limits>
 
-#include "apps/cases/stability/case.h"
+#include "cases/stability/case.h"
 #include "core/ops/ops.h"
 #include "core/rng.h"
 #include "nn/losses.h"

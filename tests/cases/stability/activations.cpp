@@ -1,4 +1,4 @@
-#include "apps/cases/stability/case.h"
+#include "cases/stability/case.h"
 #include "core/kernels/gemm.h"
 #include "core/ops/ops.h"
 #include "core/rng.h"
