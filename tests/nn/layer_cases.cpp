@@ -267,6 +267,46 @@ std::vector<LayerCase> make_losses() {
          [](ParameterStore&, Rng&) -> LayerFunction {
              return [](const Inputs& x) { return masked_mean(x[0], uniform({2, 3, 4, 1})); };
          }},
+        {"generator loss",
+         "generator_loss",
+         {{3, 1}},
+         {},
+         [](ParameterStore&, Rng&) -> LayerFunction {
+             return [](const Inputs& x) { return generator_loss(x[0]); };
+         }},
+        {"loss of real logits",
+         "real_loss",
+         {{3, 1}},
+         {},
+         [](ParameterStore&, Rng&) -> LayerFunction {
+             return [](const Inputs& x) { return real_loss(x[0]); };
+         }},
+        {"loss of fake logits",
+         "fake_loss",
+         {{3, 1}},
+         {},
+         [](ParameterStore&, Rng&) -> LayerFunction {
+             return [](const Inputs& x) { return fake_loss(x[0]); };
+         }},
+        {"R1 penalty",
+         "r1_penalty",
+         {{1, 4, 4, 3}},
+         {},
+         [](ParameterStore&, Rng&) -> LayerFunction {
+             return [](const Inputs& x) {
+                 const auto discriminator = [&x](const Variable& images) {
+                     return reshape(sum(tanh(images * x[0]), {1, 2, 3}), {2, 1});
+                 };
+                 return r1_penalty(discriminator, uniform({2, 4, 4, 3}));
+             };
+         }},
+        {"faded image",
+         "faded_image",
+         {{2, 4, 4, 3}},
+         {2, 4, 4, 3},
+         [](ParameterStore&, Rng&) -> LayerFunction {
+             return [](const Inputs& x) { return faded_image(x[0], 0.25); };
+         }},
     };
 }
 
