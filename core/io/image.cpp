@@ -124,6 +124,18 @@ std::vector<float> turned_upright(const std::vector<float>& values, const OIIO::
     return result;
 }
 
+/// Cameras write the number 2, or "uncalibrated" with DCF's name of Adobe RGB, R03
+/// (DCF 2.0, 3.3.5), as an EXIF entry of four characters, whose length stands before it.
+bool is_adobe_rgb(int exif_color_space, std::string_view bytes) {
+    using namespace std::string_view_literals;
+    constexpr int adobe = 2, uncalibrated = 0xffff;
+    const std::string_view beginning = bytes.substr(0, 1 << 16);
+    return exif_color_space == adobe ||
+           (exif_color_space == uncalibrated &&
+            (beginning.find("\x04\0\0\0R03\0"sv) != std::string_view::npos ||
+             beginning.find("\0\0\0\x04R03\0"sv) != std::string_view::npos));
+}
+
 /// The colours' meaning. Files of floats hold light, if they hold colours.
 ColorTags tags_of(const OIIO::ImageInput& input, std::string_view bytes) {
     const OIIO::ImageSpec& spec = input.spec();
@@ -144,8 +156,7 @@ ColorTags tags_of(const OIIO::ImageInput& input, std::string_view bytes) {
         }
         return tags;
     }
-    constexpr int exif_code_of_adobe = 2;
-    if (profile.empty() && spec.get_int_attribute("Exif:ColorSpace") == exif_code_of_adobe)
+    if (profile.empty() && is_adobe_rgb(spec.get_int_attribute("Exif:ColorSpace"), bytes))
         return adobe_rgb();
     return color_tags(bytes, std::move(profile));
 }

@@ -91,6 +91,7 @@ void on_message(j_common_ptr info, int level) {
     auto* verdict = reinterpret_cast<Verdict*>(info->err);
     constexpr int first_restart = 0xd0, last_restart = 0xd7;
     switch (info->err->msg_code) {
+        case JWRN_JFIF_MAJOR:
         case JWRN_NOT_SEQUENTIAL:
         case JWRN_ADOBE_XFORM: return;
         case JWRN_JPEG_EOF: verdict->without_end = true; return;

@@ -19,7 +19,8 @@ namespace stymo {
 
 /// Decodes a JPEG file to its last row and judges the warnings of libjpeg, of which OpenImageIO
 /// reports the first alone: whether a part of the pixels is missing or invented. Wrong parameters
-/// of a sequential scan, stray bytes between markers and a missing end mark lose nothing.
+/// of a sequential scan, another version of JFIF, stray bytes between markers and a missing end
+/// mark lose nothing.
 [[nodiscard]] bool jpeg_lost_pixels(std::string_view bytes);
 
 /// Cyan, magenta, yellow and black of each pixel, row by row, 255 for a full ink, of a JPEG file in

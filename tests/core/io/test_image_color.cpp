@@ -1,5 +1,6 @@
 #include <lcms2.h>
 
+#include <algorithm>
 #include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -10,6 +11,7 @@
 #include "core/io/color_tags.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
+#include "core/io/jpeg.h"
 #include "core/io/scratch_folder.h"
 #include "shared_data.h"
 
@@ -269,6 +271,40 @@ TEST_CASE("a JPEG in Display P3 or in CMYK is read as sRGB, and what cannot be u
     // Its first pixel has 63 of 255 parts of black, by Pillow.
     const double grey = to_srgb(std::pow((100.0 - 100.0 * 63.0 / 255.0 + 16.0) / 116.0, 3.0));
     check_color(black.values<float>(), {grey, grey, grey}, rounding);
+}
+
+TEST_CASE("a JPEG whose EXIF has DCF's name of Adobe RGB is read as such", "[image]") {
+    const std::array<double, 3> values{0.7, 0.5, 0.4};
+    Color light{};
+    std::ranges::transform(values, light.begin(),
+                           [](double value) { return std::pow(value, 563.0 / 256); });
+    Tensor image({16, 16, 3});
+    for (std::size_t i = 0; i < 16 * 16 * 3; ++i)
+        image.mutable_values<float>()[i] = static_cast<float>(values[i % 3]);
+    const auto entry = [&](std::uint32_t tag, std::uint32_t type, std::uint32_t count,
+                           const std::string& value) {
+        return big_endian(tag, 2) + big_endian(type, 2) + big_endian(count, 4) + value;
+    };
+    const auto directory = [&](std::uint32_t entries, const std::string& bytes) {
+        return big_endian(entries, 2) + bytes + big_endian(0, 4);
+    };
+    using namespace std::string_literals;
+    for (const std::string& name : {"R03\0"s, "R98\0"s}) {
+        const std::string tiff = "MM\0*"s + big_endian(8, 4) +
+                                 directory(1, entry(0x8769, 4, 1, big_endian(26, 4))) +
+                                 directory(2, entry(0xa001, 3, 1, big_endian(0xffff0000, 4)) +
+                                                  entry(0xa005, 4, 1, big_endian(56, 4))) +
+                                 directory(1, entry(1, 2, 4, name));
+        const std::string exif = "Exif\0\0"s + tiff;
+        const ScratchFolder folder;
+        const auto size = static_cast<char>(exif.size() + 2);
+        write_file(folder / "photo.jpg",
+                   jpeg_bytes(image, 100).insert(2, "\xff\xe1\0"s + size + exif));
+        const Tensor read = read_image(folder / "photo.jpg");
+        const Color expected = name[1] == '0' ? converted(light, srgb_from_adobe) : values;
+        for (std::size_t c = 0; c < 3; ++c)
+            CHECK(read.values<float>()[c] == Approx(expected[c]).margin(0.006));
+    }
 }
 
 TEST_CASE("light in an EXR file is read by sRGB's curve, and masks as they are") {

@@ -77,6 +77,7 @@ TEST_CASE("a JPEG that libjpeg warns of is read if all of its pixels are there")
     const std::string end = "\xff\xd9";
     for (const auto& [name, bytes] : std::vector<std::pair<std::string, std::string>>{
              {"wrong parameters of the scan", with_wrong_scan(whole)},
+             {"another version of JFIF", std::string(whole).replace(11, 1, 1, 2)},
              {"stray bytes before the tables", with_inserted(whole, "\xff\xc4", "ab")},
              {"stray bytes before the end", with_inserted(whole, end, "ab")},
              {"no end mark", whole.substr(0, whole.size() - 2)},
