@@ -1,6 +1,8 @@
 #include "core/io/mask_file.h"
 
 #include <algorithm>
+#include <cmath>
+#include <string>
 
 #include "core/error.h"
 
@@ -20,10 +22,16 @@ MaskFile read_mask_file(const std::filesystem::path& path, std::int64_t most_pix
 }
 
 void require_covering(const Tensor& mask, const std::string& prefix) {
-    if (std::ranges::none_of(mask.values<float>(), [](float value) { return value > 0.0F; }))
-        fail<FileError>(prefix,
-                        "covers nothing (every pixel is 0); give a mask that is white on "
-                        "the head, or none");
+    // Maps of class indices, and 0 and 1 as a JPEG file, would black the photo out, too.
+    constexpr float nearly_black = 0.1F;
+    const float brightest = std::ranges::max(mask.values<float>());
+    if (brightest < nearly_black)
+        fail<FileError>(prefix, "covers nothing (",
+                        brightest > 0.0F
+                            ? "its brightest pixel has " +
+                                  std::to_string(std::lround(255.0F * brightest)) + " of 255"
+                            : std::string("every pixel is 0"),
+                        "); give a mask that is white on the head, or none");
 }
 
 }  // namespace stymo

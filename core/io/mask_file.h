@@ -24,7 +24,8 @@ struct MaskFile {
 /// What to say of masks that were scaled.
 inline constexpr const char* scaled_mask_note = "values of 0 and 1, which are taken for 0 and 255";
 
-/// Throws FileError, with `prefix` before the reason, for a mask that is 0 everywhere.
+/// Throws FileError, with `prefix` before the reason, for a mask that is 0 everywhere or nearly
+/// black.
 void require_covering(const Tensor& mask, const std::string& prefix = "");
 
 }  // namespace stymo

@@ -47,7 +47,11 @@ TEST_CASE("a mask of 0 and 1 is scaled, others are what they are", "[image]") {
 TEST_CASE("a mask that covers nothing is refused", "[image]") {
     require_covering(written<std::uint8_t>({0, 1}).mask);
     CHECK_THROWS_WITH(require_covering(written<std::uint8_t>({0, 0}).mask, "m.png: "),
-                      Catch::StartsWith("m.png: covers nothing"));
+                      Catch::StartsWith("m.png: covers nothing (every pixel is 0)"));
+    // Class indices.
+    CHECK_THROWS_WITH(require_covering(written<std::uint8_t>({0, 1, 13, 18}).mask),
+                      Catch::Contains("its brightest pixel has 18 of 255"));
+    require_covering(written<std::uint8_t>({0, 60}).mask);
 }
 
 }  // namespace mask_file_tests
