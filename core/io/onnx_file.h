@@ -32,8 +32,10 @@ struct OnnxGraph {
 /// not an ONNX model, and if a file with its weights is missing.
 [[nodiscard]] OnnxGraph read_onnx_file(const std::filesystem::path& path);
 
-/// A model as readers of opset 13 take it: with its weights inside, float32 instead of float16,
-/// bfloat16 and float64, and the axes of reductions as attributes.
+/// A model as OpenCV 4.6 computes it: with its weights inside, float32 instead of float16, bfloat16
+/// and float64, axes of reductions and bounds of Clip as attributes, one axis in each Unsqueeze, a
+/// reciprocal instead of a divisor that varies, and sums whose broadcast operands have become
+/// equal.
 struct PlainOnnx {
     std::string bytes;
     std::vector<std::int64_t> input;  ///< extents of the only input; 0 where any number will do

@@ -27,6 +27,16 @@ struct NetworkKind {
     Eigen::Matrix3d (*rotation)(std::span<const float>);
 };
 
+// With the last layer's 6 numbers, or with the matrix that is computed from them.
+constexpr NetworkKind of_6drepnet(std::int64_t outputs) {
+    return {outputs,
+            224,
+            0.70,
+            0.56,
+            {{0.485F, 0.456F, 0.406F}, {0.229F, 0.224F, 0.225F}},
+            rotation_from_6drepnet};
+}
+
 // Sides 0.65 to 0.75 and centres 0.53 to 0.59 give 3DDFA_V2 about the same agreement between the
 // poses of 400 photos and of their mirror images. 6DRepNet expects the box of a face detector,
 // about half of a photo, enlarged by a fifth on each side.
@@ -37,25 +47,27 @@ constexpr std::array kinds = {
                 0.56,
                 {{0.5F, 0.5F, 0.5F}, {128.0F / 255, 128.0F / 255, 128.0F / 255}, true},
                 rotation_from_3ddfa},
-    NetworkKind{9,
-                224,
-                0.70,
-                0.56,
-                {{0.485F, 0.456F, 0.406F}, {0.229F, 0.224F, 0.225F}},
-                rotation_from_6drepnet},
+    of_6drepnet(9),
+    of_6drepnet(6),
 };
 
-/// The kind whose input size and number of outputs the network has; null if there is none.
-const NetworkKind* kind_of(OnnxNetwork& network) {
+/// The kind whose input size and number of outputs the network has.
+const NetworkKind* kind_of(OnnxNetwork& network, const std::string& name) {
+    std::string found;
     for (const NetworkKind& kind : kinds) {
         try {
             const Tensor grey = Tensor::full({kind.input_side, kind.input_side, 3}, 0.5);
-            if (std::ssize(network.run(grey, kind.scale).values) == kind.outputs) return &kind;
-        } catch (const ShapeError&) {
-            // The network does not accept this input size.
+            const std::ptrdiff_t outputs = std::ssize(network.run(grey, kind.scale).values);
+            if (outputs == kind.outputs) return &kind;
+            found = "it gives " + std::to_string(outputs) + " numbers";
+        } catch (const ShapeError& error) {
+            const std::string reason = error.what();
+            if (found.empty() || reason.find("OpenCV") != std::string::npos) found = reason;
         }
     }
-    return nullptr;
+    fail<FileError>(name, ": not a known pose network (", found,
+                    "); 3DDFA_V2 (3x120x120 to 62 numbers) and 6DRepNet (3x224x224 to 9, or to 6 "
+                    "before their rotation) are");
 }
 
 /// The rotation of the head in the mirror image.
@@ -88,7 +100,15 @@ Eigen::Matrix3d rotation_from_3ddfa(std::span<const float> outputs) {
 }
 
 Eigen::Matrix3d rotation_from_6drepnet(std::span<const float> outputs) {
-    if (outputs.size() != 9) fail<ShapeError>("6DRepNet gives 9 numbers; got ", outputs.size());
+    if (outputs.size() == 6) {
+        const Eigen::Vector3d x = Eigen::Vector3f(outputs.data()).cast<double>().normalized();
+        const Eigen::Vector3d z = x.cross(Eigen::Vector3f(&outputs[3]).cast<double>()).normalized();
+        Eigen::Matrix3d matrix;
+        matrix << x, z.cross(x), z;
+        return nearest_rotation(matrix);
+    }
+    if (outputs.size() != 9)
+        fail<ShapeError>("6DRepNet gives 6 or 9 numbers; got ", outputs.size());
     const Eigen::Matrix3f transposed(outputs.data());
     return nearest_rotation(transposed.transpose().cast<double>());
 }
@@ -101,11 +121,7 @@ struct PoseNetwork::Implementation {
 PoseNetwork::PoseNetwork(const std::filesystem::path& onnx)
     : implementation_(
           std::make_unique<Implementation>(Implementation{OnnxNetwork(onnx), nullptr})) {
-    implementation_->kind = kind_of(implementation_->network);
-    if (implementation_->kind == nullptr)
-        fail<FileError>(onnx.string(),
-                        ": not a known pose network; 3DDFA_V2 (3x120x120 to 62 numbers) and "
-                        "6DRepNet (3x224x224 to 9) are");
+    implementation_->kind = kind_of(implementation_->network, onnx.string());
 }
 
 PoseNetwork::~PoseNetwork() = default;

@@ -20,13 +20,14 @@ namespace stymo {
 /// first two rows without scale are the transpose of R's first two columns. Throws NumericError for
 /// numbers that do not define a rotation.
 [[nodiscard]] Eigen::Matrix3d rotation_from_3ddfa(std::span<const float> outputs);
-/// The rotation R of a Pose from the 9 outputs of 6DRepNet, which are R, row-major. Throws
-/// NumericError for numbers that do not define a rotation.
+/// The rotation R of a Pose from the 9 outputs of 6DRepNet, which are R, row-major, or from the 6
+/// of its last layer: R's first column, scaled, and a vector in the plane of the first two. Throws
+/// ShapeError for another number of outputs and NumericError for those of no rotation.
 [[nodiscard]] Eigen::Matrix3d rotation_from_6drepnet(std::span<const float> outputs);
 
 /// A published network that estimates the pose of a head in a photo, read from an ONNX file. The
 /// number of its outputs identifies it: 62, 3DDFA_V2 (input 3x120x120, BGR, (byte - 127.5) / 128);
-/// 9, 6DRepNet (3x224x224, RGB, ImageNet mean and deviation). Not thread-safe.
+/// 9 or 6, 6DRepNet (3x224x224, RGB, ImageNet mean and deviation). Not thread-safe.
 class PoseNetwork {
 public:
     /// Throws FileError for a file that is missing, not an ONNX network, or has other outputs.

@@ -96,6 +96,39 @@ def noop(model):
     return model
 
 
+def broadcast(model):
+    """Then operations that keep the order of the classes and that OpenCV 4.6 does not know, or
+    computes wrongly: the mean of the classes minus the logits, subtracted from the largest of
+    each column; its logarithm by a narrow dividend; bounds that are inputs."""
+    graph = model.graph
+    graph.node[-1].output[0] = "logits of blocks"
+    for name, value in [
+        ("classes", numpy.array([1])),
+        ("classes and rows", numpy.array([1, 2])),
+        ("low", numpy.float32(0)),
+        ("high", numpy.float32(1e9)),
+    ]:
+        graph.initializer.append(numpy_helper.from_array(numpy.asarray(value), name))
+    graph.node.extend(
+        [
+            helper.make_node("ReduceMean", ["logits of blocks", "classes"], ["mean of classes"]),
+            helper.make_node("Sub", ["mean of classes", "logits of blocks"], ["negative"]),
+            helper.make_node(
+                "ReduceMax", ["negative", "classes and rows"], ["largest"], keepdims=0
+            ),
+            helper.make_node("Unsqueeze", ["largest", "classes and rows"], ["of columns"]),
+            helper.make_node("Sub", ["negative", "of columns"], ["lower"]),
+            helper.make_node("Exp", ["lower"], ["powers"]),
+            helper.make_node("Exp", ["of columns"], ["dividend"]),
+            helper.make_node("Div", ["dividend", "powers"], ["quotient"]),
+            helper.make_node("Clip", ["quotient", "low", "high"], ["clipped"]),
+            helper.make_node("Min", ["clipped", "high"], ["out"]),
+        ]
+    )
+    model.opset_import[0].version = 18
+    return model
+
+
 def float16(model):
     """With float16 weights, input and output."""
     for tensor in model.graph.initializer:
@@ -109,6 +142,7 @@ def float16(model):
 
 onnx.save(opset18(parser(CELEBAMASK, 256, half, half, 1)), folder / "face_parser_opset18.onnx")
 onnx.save(noop(parser(CELEBAMASK, 256, half, half, 1)), folder / "face_parser_noop.onnx")
+onnx.save(broadcast(parser(CELEBAMASK, 256, half, half, 1)), folder / "face_parser_broadcast.onnx")
 onnx.save(float16(parser(CELEBAMASK, 256, half, half, 1)), folder / "face_parser_float16.onnx")
 onnx.save(
     parser(CELEBAMASK, 256, half, half, 1),

@@ -14,6 +14,7 @@ namespace onnx_file_tests {
 
 using namespace stymo;
 using Catch::Matchers::Contains;
+using Catch::Matchers::EndsWith;
 using Values = std::vector<double>;
 using Names = std::vector<std::string>;
 
@@ -138,6 +139,13 @@ TEST_CASE("a plain ONNX model has the same weights as float32, and the axes of r
     write_file(folder / "log.onnx", squares);
     CHECK_THROWS_WITH(read_plain_onnx(folder / "log.onnx"),
                       Contains("ReduceLog reduces nothing without axes"));
+    const OnnxGraph sums = plain(golden("../onnx/face_parser_broadcast.onnx"));
+    std::string operations;
+    for (const OnnxNode& node : sums.nodes) operations += node.operation + ' ';
+    CHECK_THAT(operations,
+               EndsWith("ReduceMean Sub Exp Mul Sub Exp Mul Sub ReduceMax Unsqueeze Unsqueeze Sub "
+                        "Exp Mul Sub Exp Mul Sub Exp Exp Reciprocal Mul Clip Clip "));
+    CHECK(sums.nodes.back().numbers == std::map<std::string, double>{{"max", 1e9}});
     const OnnxGraph inside = plain(golden("../onnx/face_parser_external.onnx"));
     CHECK(inside.tensors.at("extents").to_vector() == Values{1, 19, 16, 16});
 }

@@ -64,8 +64,9 @@ TEST_CASE("a parser of face-parsing.PyTorch is recognised and its classes are re
 }
 
 TEST_CASE(
-    "a parser runs with its weights in a second file, in float16 and with opset 18's reductions") {
-    for (const char* name : {"external", "float16", "opset18", "noop"}) {
+    "a parser runs with its weights in a second file, in float16, with opset 18's reductions and "
+    "with what has to be broadcast") {
+    for (const char* name : {"external", "float16", "opset18", "noop", "broadcast"}) {
         INFO(name);
         check_parts(FaceParser(golden("face_parser_" + std::string(name) + ".onnx")));
     }

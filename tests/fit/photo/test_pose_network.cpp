@@ -79,6 +79,13 @@ TEST_CASE("6DRepNet's matrix is the pose's rotation as it is", "[photo]") {
     const Eigen::Matrix3f columns = expected.transpose().cast<float>();
     check_angles(rotation_from_6drepnet({columns.data(), 9}),
                  {0.5 / degree, -0.2 / degree, 0.1 / degree});
+    // Its last layer gives one axis, scaled, and another vector in the plane of it and the next.
+    Eigen::Matrix<float, 6, 1> numbers;
+    numbers << 2.0F * expected.col(0).cast<float>(),
+        (0.7 * expected.col(1) - 0.3 * expected.col(0)).cast<float>();
+    check_angles(rotation_from_6drepnet({numbers.data(), 6}),
+                 {0.5 / degree, -0.2 / degree, 0.1 / degree});
+    CHECK_THROWS_AS(rotation_from_6drepnet({numbers.data(), 5}), ShapeError);
 }
 
 TEST_CASE("the nearest rotation is orthonormal, right-handed, and leaves rotations alone",
@@ -131,7 +138,7 @@ TEST_CASE("a file that is not a pose network is refused in one line", "[photo]")
     if (!shared) return;
     CHECK_THAT(
         test::error_message<Error>([&] { PoseNetwork(*shared / "weights/face_parser_unet.onnx"); }),
-        Catch::Contains("not a known pose network"));
+        Catch::Contains("not a known pose network (the network does not take images of 120 x 120"));
 }
 
 TEST_CASE("the network finds the yaw of real photos, and mirrored poses in mirrored photos",
