@@ -23,7 +23,6 @@
 #include <utility>
 
 #include "core/io/image.h"
-#include "nn/pretrained/landmark_network.h"
 
 namespace stymo {
 namespace {
@@ -134,14 +133,20 @@ struct FaceDetector::Implementation {
                              static_cast<double>(box.width()) / scale,
                              static_cast<double>(box.height()) / scale,
                              confidence_of_box,
+                             {},
                              {}});
         return faces;
     }
 
-    [[nodiscard]] Landmarks landmarks(const Tensor& photo, const DetectedFace& face) const {
-        if (network)
-            return find_points(*network, photo,
-                               square_of_box(face.left, face.top, face.width, face.height));
+    void find_landmarks(const Tensor& photo, DetectedFace& face) const {
+        face.landmarks =
+            network ? find_points(*network, photo,
+                                  square_of_box(face.left, face.top, face.width, face.height),
+                                  &face.covers)
+                    : predicted(photo, face);
+    }
+
+    [[nodiscard]] Landmarks predicted(const Tensor& photo, const DetectedFace& face) const {
         const auto [image, left, top, scale] = surroundings_of(photo, face);
         const auto pixel = [by = scale](double length) { return std::lround(length * by); };
         const dlib::rectangle box(pixel(face.left - left), pixel(face.top - top),
@@ -200,7 +205,7 @@ std::vector<DetectedFace> FaceDetector::find(const Tensor& photo, FaceSearch sea
         faces = implementation_->boxes(photo, scale, confidence);
         if (!faces.empty()) break;
     }
-    for (DetectedFace& face : faces) face.landmarks = implementation_->landmarks(photo, face);
+    for (DetectedFace& face : faces) implementation_->find_landmarks(photo, face);
     std::stable_sort(faces.begin(), faces.end(), [](const DetectedFace& a, const DetectedFace& b) {
         return a.width * a.height > b.width * b.height;
     });

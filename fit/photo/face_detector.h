@@ -6,6 +6,7 @@
 
 #include "core/tensor.h"
 #include "fit/photo/landmarks.h"
+#include "nn/pretrained/landmark_network.h"
 
 namespace stymo {
 
@@ -17,6 +18,7 @@ struct DetectedFace {
     double height = 0.0;
     double confidence = 0.0;  ///< about 2 for an upright face, less than 1 for a doubtful one
     Landmarks landmarks;
+    FaceCovers covers{};  ///< known to a landmark network of stymo with covers
 };
 
 /// Effort of the search for faces.

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <vector>
 
 namespace stymo {
@@ -48,38 +47,6 @@ std::vector<std::int64_t> disc(const Pixels& pixels, const Point& center, double
     return result;
 }
 
-double median(const Tensor& image, const std::vector<std::int64_t>& pixels, std::int64_t channel) {
-    std::vector<double> values;
-    for (const std::int64_t i : pixels)
-        values.push_back(
-            image.values<float>()[static_cast<std::size_t>(i * image.shape(2) + channel)]);
-    return quantile(std::move(values), 0.5);
-}
-
-/// Logarithms of colour and brightness; nothing without pixels.
-std::optional<Color> tone_of(const Tensor& image, const std::vector<std::int64_t>& pixels) {
-    constexpr double brightness_weight = 0.3, offset = 0.1;
-    if (pixels.empty()) return std::nullopt;
-    Color color;
-    for (Eigen::Index c = 0; c < 3; ++c) color[c] = offset + median(image, pixels, c);
-    return Color(std::log(color[0] / color[1]), std::log(color[2] / color[1]),
-                 brightness_weight * std::log(color.mean()));
-}
-
-using Tones = std::vector<std::optional<Color>>;
-
-/// The smallest difference of any place from any reference; 0 if a place is unknown.
-double difference(const Tones& places, const Tones& references) {
-    constexpr double none = 1e9;
-    double least = none;
-    for (const auto& place : places)
-        for (const auto& reference : references) {
-            if (!place) return 0.0;
-            if (reference) least = std::min(least, (*place - *reference).norm());
-        }
-    return least < none ? least : 0.0;
-}
-
 double brightness_of(const Pixels& pixels) {
     std::vector<double> values;
     for (std::int64_t i = 0; i < pixels.image.size() / 3; ++i)
@@ -117,7 +84,7 @@ void measure_light(const Pixels& pixels, const Point& center, double radius, Pho
 }  // namespace
 
 PhotoLook look_of(const Tensor& image, const Tensor& mask, const Landmarks& landmarks,
-                  const Tensor& known) {
+                  const Tensor& known, const FaceCovers& covers) {
     const Pixels pixels{image, known};
     const Point left = mean_landmark(landmarks, 36, 41), right = mean_landmark(landmarks, 42, 47);
     const double eye_distance = (right - left).norm();
@@ -125,25 +92,16 @@ PhotoLook look_of(const Tensor& image, const Tensor& mask, const Landmarks& land
         constexpr double radius_in_eye_distances = 0.12;
         return disc(pixels, point, radius_in_eye_distances * eye_distance);
     };
-    const auto tone = [&](const Point& point) { return tone_of(image, around(point)); };
-    const auto between = [](const Point& from, const Point& to, double part) {
-        return Point(from + part * (to - from));
-    };
     const auto in_mask = [&](const Point& point) {
-        const std::vector<std::int64_t> place = around(point);
-        return place.empty() ? 1.0 : median(mask, place, 0);
+        std::vector<double> values;
+        for (const std::int64_t i : around(point))
+            values.push_back(mask.values<float>()[static_cast<std::size_t>(i)]);
+        return values.empty() ? 1.0 : quantile(std::move(values), 0.5);
     };
-    const Point mouth = mean_landmark(landmarks, 48, 67), up(0.0, -0.15 * eye_distance);
-    const auto brows = tone(between(landmarks[21], landmarks[22], 0.5));
+    const Point mouth = mean_landmark(landmarks, 48, 67);
     PhotoLook look;
-    look.lower_face = difference({tone(mouth), tone(between(landmarks[57], landmarks[8], 0.35))},
-                                 {brows, tone(landmarks[19] + up), tone(landmarks[24] + up),
-                                  tone(between(landmarks[41], landmarks[31], 0.18)),
-                                  tone(between(landmarks[46], landmarks[35], 0.18))});
-    look.eyes = difference({tone(left), tone(right), tone(between(left, landmarks[31], 0.15)),
-                            tone(between(right, landmarks[35], 0.15))},
-                           {brows, tone(landmarks[30]), tone(between(left, landmarks[48], 0.5)),
-                            tone(between(right, landmarks[54], 0.5))});
+    if (!around(mouth).empty()) look.covers.mouth = covers.mouth;
+    if (!around(left).empty() && !around(right).empty()) look.covers.eyes = covers.eyes;
     look.mouth_in_mask = in_mask(mouth);
     // The farther eye of a profile lies at or behind the outline.
     const double to_left = (left - landmarks[27]).norm(), to_right = (right - landmarks[27]).norm();

@@ -52,6 +52,7 @@ struct CropSides {
 struct FoundFace {
     Landmarks landmarks;
     std::int64_t faces = 1;
+    FaceCovers covers{};
 };
 
 /// The faces of a photo that is turned.
@@ -171,11 +172,12 @@ struct PhotoPreparation::Implementation {
         FoundFaces result{quarter_turns, {}};
         if (found.empty()) fail<ValueError>("no face was found");
         if (settings.face > 0) {
-            result.faces.push_back({face_with_number(std::move(found), settings.face).landmarks});
+            const DetectedFace face = face_with_number(std::move(found), settings.face);
+            result.faces.push_back({face.landmarks, 1, face.covers});
             return result;
         }
         for (const DetectedFace& face : found)
-            result.faces.push_back({face.landmarks, std::ssize(found)});
+            result.faces.push_back({face.landmarks, std::ssize(found), face.covers});
         if (!settings.all_faces) result.faces.resize(1);
         return result;
     }
@@ -260,7 +262,7 @@ FaceCrop PhotoPreparation::Implementation::crop_at(const Alignment& alignment, b
     crop.fit_target = {landmarks_at(fit_side), resized(image, fit_side),
                        where_known(fit_known, resized(mask, fit_side), 0.0).value(), fit_known};
     const MorphableFitTarget& small = crop.fit_target;
-    crop.look = look_of(small.image, small.mask, small.landmarks, small.known);
+    crop.look = look_of(small.image, small.mask, small.landmarks, small.known, face.covers);
     if (network) crop.face_box = network->face_box(image);
     return crop;
 }

@@ -16,7 +16,7 @@ constexpr double doubtful_landmark_error = 0.04;
 /// A crop with fewer pixels per wanted pixel is blurred.
 constexpr double coarse_resolution = 0.5;
 /// See PhotoLook.
-constexpr double covered_difference = 0.25;
+constexpr double surely_covered = 2.0;
 constexpr double in_head = 0.5;
 constexpr double dark = 0.36;
 constexpr double noisy = 0.03;
@@ -67,9 +67,9 @@ std::vector<std::string> photo_warnings(const PhotoFindings& findings) {
                  " percent of the image's side; the pose may be wrong, look at the overlay"));
     const PhotoLook& look = findings.look;
     constexpr const char* ignore = "; if something covers them, leave it out with --ignore";
-    if (look.lower_face > covered_difference || look.mouth_in_mask < in_head)
+    if (look.covers.mouth > surely_covered || look.mouth_in_mask < in_head)
         warnings.push_back(line("mouth and chin do not look like the rest of the face", ignore));
-    if (look.eyes > covered_difference || look.eyes_in_mask < in_head)
+    if (look.covers.eyes > surely_covered || look.eyes_in_mask < in_head)
         warnings.push_back(line("the eyes do not look like the rest of the face", ignore));
     if (look.brightness < dark)
         warnings.push_back(line("the photo is dark (its brightest parts reach ",

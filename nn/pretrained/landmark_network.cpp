@@ -60,14 +60,14 @@ LandmarkFeatures::LandmarkFeatures(ParameterStore& store, const std::string& pre
                          LinearOptions{.activation = Activation::leaky_relu}, rng);
 }
 
-Variable LandmarkFeatures::operator()(const Variable& images) const {
+Variable LandmarkFeatures::last_layer(const Variable& images) const {
     Variable x = unit_contrast(images);
     for (const Level& level : levels_) {
         x = level.down(x, landmark_slope);
         if (!level.pair.empty())
             x = x + level.pair[1](level.pair[0](x, landmark_slope), landmark_slope);
     }
-    return hidden_.front()(reshape(x, {x.shape(0), -1}));
+    return reshape(x, {x.shape(0), -1});
 }
 
 LandmarkNetwork::LandmarkNetwork(ParameterStore& store, const std::string& prefix, Rng& rng)
@@ -78,8 +78,33 @@ LandmarkNetwork::LandmarkNetwork(ParameterStore& store, const std::string& prefi
 LandmarkModel make_landmark_model(Rng rng) {
     auto store = std::make_shared<ParameterStore>();
     LandmarkNetwork network(*store, landmark_prefix, rng);
-    return {std::move(store), std::move(network)};
+    return {.store = std::move(store), .network = std::move(network)};
 }
+
+namespace {
+
+void read_covers(const std::filesystem::path& path, LandmarkModel& model) {
+    const TensorFile file = read_tensor_file(path);
+    const auto tensor = [&](const char* name, const Shape& shape) {
+        const auto found = file.tensors.find(name);
+        if (found == file.tensors.end() || found->second.shape() != shape)
+            fail<FileError>(path.string(), ": not the covers of a landmark network");
+        return found->second.to(DType::float32);
+    };
+    model.cover_weight = tensor("covers.weight", {2, LandmarkNetwork::feature_count});
+    model.cover_bias = tensor("covers.bias", {2});
+}
+
+/// The mean over images.
+FaceCovers covers_in(const LandmarkModel& model, const Tensor& features) {
+    if (!model.cover_weight.defined()) return {};
+    const Variable each =
+        matmul(features, model.cover_weight, {.transpose_b = true}) + Variable(model.cover_bias);
+    const std::vector<double> logits = mean(each, {0}).value().to_vector();
+    return {logits[0], logits[1]};
+}
+
+}  // namespace
 
 LandmarkModel read_landmark_model(const std::filesystem::path& path) {
     const TensorFile file = read_tensor_file(path);
@@ -89,6 +114,8 @@ LandmarkModel read_landmark_model(const std::filesystem::path& path) {
     LandmarkModel model = make_landmark_model(Rng(0));
     model.store->load(file, path.string());
     model.store->set_trainable("", false);
+    const std::filesystem::path covers = path.parent_path() / "covers.safetensors";
+    if (std::filesystem::exists(covers)) read_covers(covers, model);
     return model;
 }
 
@@ -103,13 +130,15 @@ namespace {
 
 FacePoints points_seen(const LandmarkModel& model, const Tensor& photo,
                        const std::vector<FaceSquare>& squares,
-                       const std::optional<Midline>& midline) {
+                       const std::optional<Midline>& midline, FaceCovers* covers = nullptr) {
     std::vector<Tensor> images;
     for (const FaceSquare& square : squares) {
         images.push_back(image_in_square(photo, square, LandmarkNetwork::input_side, midline));
         images.push_back(mirror_image(images.back()));
     }
-    const Variable answer = model.network(batch_of(images));
+    const Variable features = model.network.features(batch_of(images));
+    if (covers != nullptr) *covers = covers_in(model, features.value());
+    const Variable answer = model.network.points(features);
     const auto values = answer.value().values<float>();
     FacePoints points;
     points.fill(Eigen::Vector2d::Zero());
@@ -141,7 +170,8 @@ FacePoints points_in_squares(const LandmarkModel& model, const Tensor& photo,
     return points_seen(model, photo, squares, std::nullopt);
 }
 
-FacePoints find_points(const LandmarkModel& model, const Tensor& photo, const FaceSquare& start) {
+FacePoints find_points(const LandmarkModel& model, const Tensor& photo, const FaceSquare& start,
+                       FaceCovers* covers) {
     FacePoints points = points_in_squares(model, photo, {start});
     for (int turn = 2; turn < squares_in_turn; ++turn)
         points = points_in_squares(model, photo, {square_around(points)});
@@ -157,7 +187,7 @@ FacePoints find_points(const LandmarkModel& model, const Tensor& photo, const Fa
         last.push_back(square_around(points));
         last.back().axis *= scale;
     }
-    return points_seen(model, photo, last, midline);
+    return points_seen(model, photo, last, midline, covers);
 }
 
 }  // namespace stymo

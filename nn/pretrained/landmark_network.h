@@ -25,7 +25,16 @@ public:
 
     /// Images (B, 80, 80, 3) in [0, 1] of squares (`square_around`) -> (B, count). The result does
     /// not depend on the contrast and brightness of an image.
-    [[nodiscard]] Variable operator()(const Variable& images) const;
+    [[nodiscard]] Variable operator()(const Variable& images) const {
+        return hidden(last_layer(images));
+    }
+    static constexpr std::int64_t last_layer_count = 3200;
+    /// The last convolutions' results, (B, last_layer_count).
+    [[nodiscard]] Variable last_layer(const Variable& images) const;
+    /// The features from these.
+    [[nodiscard]] Variable hidden(const Variable& last_layer) const {
+        return hidden_.front()(last_layer);
+    }
 
 private:
     struct Level {
@@ -48,7 +57,16 @@ public:
     /// Images as for LandmarkFeatures -> (B, 136): x and y of each point in coordinates of the
     /// square, in which it spans [-1, 1], y downwards.
     [[nodiscard]] Variable operator()(const Variable& images) const {
-        return points_(features_(images));
+        return points(features(images));
+    }
+    static constexpr std::int64_t feature_count = LandmarkFeatures::last_layer_count;
+    /// What covers and points are computed from, LandmarkFeatures::last_layer.
+    [[nodiscard]] Variable features(const Variable& images) const {
+        return features_.last_layer(images);
+    }
+    /// The coordinates from the features.
+    [[nodiscard]] Variable points(const Variable& features) const {
+        return points_(features_.hidden(features));
     }
 
 private:
@@ -56,15 +74,24 @@ private:
     Linear points_;
 };
 
+/// Log odds that something (a hand, a mask, sunglasses) covers a face; 0 if that is not known.
+struct FaceCovers {
+    double mouth = 0.0;
+    double eyes = 0.0;  ///< one of them or both
+};
+
 /// A landmark network with its weights. Copies share them.
 struct LandmarkModel {
     std::shared_ptr<ParameterStore> store;
     LandmarkNetwork network;
+    /// (2, 3200) and (2): FaceCovers as linear functions of the features; undefined without them.
+    Tensor cover_weight{}, cover_bias{};
 };
 
 /// A model with random weights.
 [[nodiscard]] LandmarkModel make_landmark_model(Rng rng);
-/// Throws FileError for a file that was not written by `write_landmark_model`.
+/// Throws FileError for a file that was not written by `write_landmark_model`. The file
+/// covers.safetensors beside it, written by scripts/train_covers.py, is read if it is there.
 [[nodiscard]] LandmarkModel read_landmark_model(const std::filesystem::path& path);
 /// Writes a .safetensors file, whole or not at all.
 void write_landmark_model(const std::filesystem::path& path, const LandmarkModel& model);
@@ -75,7 +102,8 @@ void write_landmark_model(const std::filesystem::path& path, const LandmarkModel
                                            const std::vector<FaceSquare>& squares);
 /// Landmarks of the face near `start`, in pixels of the photo. Each result of the network gives the
 /// square for the next evaluation. Throws NumericError if a result has both eyes at the same point.
+/// `covers`, if given, is set to the mean over the last squares.
 [[nodiscard]] FacePoints find_points(const LandmarkModel& model, const Tensor& photo,
-                                     const FaceSquare& start);
+                                     const FaceSquare& start, FaceCovers* covers = nullptr);
 
 }  // namespace stymo

@@ -10,6 +10,7 @@
 #include "core/io/image.h"
 #include "core/io/scratch_folder.h"
 #include "fit/photo/face_detector.h"
+#include "fit/shipped_files.h"
 #include "nn/pretrained/landmark_network.h"
 #include "render/parsing_classes.h"
 #include "shared_data.h"
@@ -144,4 +145,16 @@ TEST_CASE("a landmark network's file takes the place of dlib's model") {
     write_landmark_model(file, make_landmark_model(Rng(1)));
     const FaceDetector detector(file);
     CHECK(detector.find(Tensor::full({100, 80, 3}, 0.5)).empty());
+}
+
+TEST_CASE("a surgical mask covers a mouth, and a bare face nothing", "[landmarks]") {
+    const auto shared = shared_data("cases/covered");
+    if (!shared || !FaceDetector::available()) return;
+    const FaceDetector detector(shipped_landmark_network());
+    const FaceCovers bare = detector.find(read_image(*shared / "face.png")).at(0).covers;
+    const FaceCovers masked = detector.find(read_image(*shared / "surgical_mask.jpg")).at(0).covers;
+    CHECK(bare.mouth < -1.0);
+    CHECK(bare.eyes < -1.0);
+    CHECK(masked.mouth > 2.0);
+    CHECK(masked.eyes < 0.0);
 }

@@ -51,10 +51,10 @@ TEST_CASE("each thing that looks wrong has a warning of its own", "[photo]") {
     astray.landmark_error = 0.06;
     check_only(astray, "look at the overlay");
     PhotoFindings masked = good();
-    masked.look.lower_face = 0.5;
+    masked.look.covers.mouth = 2.5;
     check_only(masked, "mouth and chin do not look like the rest of the face");
     PhotoFindings shaded = good();
-    shaded.look.eyes = 0.5;
+    shaded.look.covers.eyes = 2.5;
     check_only(shaded, "the eyes do not look like the rest of the face");
     PhotoFindings cloth = good();
     cloth.look.mouth_in_mask = 0.2;

@@ -1,4 +1,5 @@
 #include <catch2/catch.hpp>
+#include <vector>
 
 #include "core/error.h"
 #include "core/io/image.h"
@@ -54,6 +55,38 @@ TEST_CASE("A landmark network is the same after writing and reading") {
     part.tensors.erase(part.tensors.begin());
     write_tensor_file(folder / "c.safetensors", part);
     CHECK_THROWS_AS(read_landmark_model(folder / "c.safetensors"), FileError);
+}
+
+TEST_CASE("Covers are linear in the features, the same in the mirror image, and read from a file") {
+    const ScratchFolder folder;
+    write_landmark_model(folder / "a.safetensors", make_landmark_model(Rng(1)));
+    Rng rng(2);
+    const Tensor photo = rng.uniform({60, 60, 3}, 0.0, 1.0);
+    const auto covers_of = [&](const Tensor& image, double center) {
+        FaceCovers covers{7.0, 7.0};
+        static_cast<void>(find_points(read_landmark_model(folder / "a.safetensors"), image,
+                                      {{center, 29.0}, {20.0, 0.0}}, &covers));
+        return covers;
+    };
+    CHECK(covers_of(photo, 31.0).mouth == 0.0);
+    TensorFile file;
+    file.tensors["covers.weight"] = rng.normal({2, LandmarkNetwork::feature_count}, 0.0, 0.1);
+    file.tensors["covers.bias"] =
+        Tensor::from({2}, std::vector<double>{0.5, -1.5}).to(DType::float32);
+    write_tensor_file(folder / "covers.safetensors", file);
+    const FaceCovers found = covers_of(photo, 31.0);
+    const FaceCovers mirrored = covers_of(mirror_image(photo), 29.0);
+    CHECK(found.mouth != found.eyes);
+    CHECK(found.mouth == Approx(mirrored.mouth).margin(1e-3));
+    CHECK(found.eyes == Approx(mirrored.eyes).margin(1e-3));
+    file.tensors["covers.weight"] = Tensor::zeros({2, LandmarkNetwork::feature_count});
+    write_tensor_file(folder / "covers.safetensors", file);
+    CHECK(covers_of(photo, 31.0).mouth == Approx(0.5));
+    CHECK(covers_of(photo, 31.0).eyes == Approx(-1.5));
+    file.tensors.erase("covers.bias");
+    write_tensor_file(folder / "covers.safetensors", file);
+    CHECK_THROWS_WITH(read_landmark_model(folder / "a.safetensors"),
+                      Contains("not the covers of a landmark network"));
 }
 
 TEST_CASE("The mirror image of a photo has the mirror image of its landmarks") {
