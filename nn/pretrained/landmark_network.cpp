@@ -172,13 +172,18 @@ FacePoints points_in_squares(const LandmarkModel& model, const Tensor& photo,
 
 FacePoints find_points(const LandmarkModel& model, const Tensor& photo, const FaceSquare& start,
                        FaceCovers* covers) {
-    FacePoints points = points_in_squares(model, photo, {start});
-    for (int turn = 2; turn < squares_in_turn; ++turn)
-        points = points_in_squares(model, photo, {square_around(points)});
-    // The network has not learnt what a cut face looks like, so it sees the mirror image there.
-    constexpr int turns_of_a_cut_face = 4;
+    // The network has not learnt what a cut face looks like, so it sees the mirror image there:
+    // from the start where a side is missing, because the rest looks like a narrow face.
+    constexpr double part_of_face = 0.77;
+    const double reach = part_of_face * start.axis.norm();
     std::optional<Midline> midline;
-    for (int turn = 0; turn < turns_of_a_cut_face && is_cut(points, photo); ++turn) {
+    if (start.center.x() < reach || start.center.x() + reach > static_cast<double>(photo.shape(1)))
+        midline = Midline{start.center, start.axis.normalized()};
+    FacePoints points = points_seen(model, photo, {start}, midline);
+    for (int turn = 2; turn < squares_in_turn; ++turn)
+        points = points_seen(model, photo, {square_around(points)}, midline);
+    constexpr int turns_of_a_cut_face = 4;
+    for (int turn = 0; turn < turns_of_a_cut_face && (midline || is_cut(points, photo)); ++turn) {
         midline = midline_of(points);
         points = points_seen(model, photo, {square_around(points)}, midline);
     }

@@ -57,6 +57,14 @@ Tensor on_grey(const Tensor& photo, std::int64_t height, std::int64_t width, std
     return canvas;
 }
 
+/// Mean distance of the 68 points in parts of the distance of the eyes.
+double difference(const Landmarks& found, const Landmarks& expected, double left) {
+    double sum = 0.0;
+    for (std::size_t k = 0; k < found.size(); ++k)
+        sum += distance(found[k] + Eigen::Vector2d(left, 0.0), expected[k]);
+    return sum / 68.0 / distance(mean_landmark(expected, 36, 41), mean_landmark(expected, 42, 47));
+}
+
 }  // namespace
 
 TEST_CASE("landmarks lie where hand-made parsings have eyes and nose") {
@@ -145,6 +153,27 @@ TEST_CASE("a landmark network's file takes the place of dlib's model") {
     write_landmark_model(file, make_landmark_model(Rng(1)));
     const FaceDetector detector(file);
     CHECK(detector.find(Tensor::full({100, 80, 3}, 0.5)).empty());
+}
+
+TEST_CASE("a face of which a photo cuts a third off has the landmarks of the whole one",
+          "[landmarks]") {
+    const auto shared = shared_data();
+    if (!shared || !FaceDetector::available()) return;
+    const FaceDetector detector(shipped_landmark_network());
+    struct Cut {
+        const char* photo;
+        std::int64_t left, width;
+    };
+    for (const auto& [name, left, width] :
+         {Cut{"cases/icc/base.png", 0, 315}, Cut{"cases/icc/base.png", 176, 315},
+          Cut{"data/portraits/congress/S001156.jpg", 85, 140}}) {
+        INFO(name);
+        const Tensor photo = read_image(*shared / name);
+        const Landmarks whole = detector.find(photo).at(0).landmarks;
+        const Tensor part = image_part(photo, 0, left, photo.shape(0), width);
+        const Landmarks found = detector.find(part).at(0).landmarks;
+        CHECK(difference(found, whole, static_cast<double>(left)) < 0.05);
+    }
 }
 
 TEST_CASE("a surgical mask covers a mouth, and a bare face nothing", "[landmarks]") {
