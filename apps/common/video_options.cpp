@@ -2,7 +2,11 @@
 
 #include <algorithm>
 #include <iomanip>
+#include <memory>
+#include <optional>
 #include <sstream>
+
+#include "core/progress.h"
 
 namespace stymo {
 
@@ -32,6 +36,36 @@ void declare_video(Command& command, VideoFitOptions& options) {
         .option("--video-side", options.side,
                 "with --video: side of the images that are compared, one that the model renders")
         .range(64, 512);
+    command
+        .option("--first-frame", options.first_frame,
+                "with --video: number of the first frame that counts, from 0")
+        .range(0, 1e9);
+    command
+        .option("--every", options.every,
+                "with --video: takes each frame of this distance, so that a long film takes less "
+                "time")
+        .range(1, 10000);
+    command
+        .option("--most-frames", options.most_frames,
+                "with --video: number of frames after which it ends; 0: at the film's end")
+        .range(0, 1e9);
+}
+
+std::function<void(const char*, std::int64_t, std::int64_t)> video_progress() {
+    struct Shown {
+        std::string phase;
+        std::optional<Progress> progress;
+    };
+    return [shown = std::make_shared<Shown>()](const char* phase, std::int64_t done,
+                                               std::int64_t total) {
+        if (shown->phase != phase) {
+            shown->phase = phase;
+            const bool steps = shown->phase == "person";
+            shown->progress.emplace(
+                ProgressTask{.title = phase, .total = total, .unit = steps ? "steps" : "frames"});
+        }
+        shown->progress->update(done);
+    };
 }
 
 std::string text_of(const VideoSummary& summary) {

@@ -2,9 +2,10 @@
 
 #include <cstdint>
 #include <deque>
+#include <filesystem>
 #include <optional>
 
-#include "fit/photo/landmarks.h"
+#include "fit/photo/face_detector.h"
 
 namespace stymo {
 
@@ -22,5 +23,15 @@ private:
     double sum_ = 0.0;
     std::int64_t count_ = 0;
 };
+
+/// Mean distances of landmarks in percent of the distance of the eyes.
+struct LandmarkError {
+    double mouth = 0.0, face = 0.0;  ///< of the points 48 to 67, and of all
+    std::int64_t frames = 0;         ///< that show a face in both films
+};
+/// Compares the frames of two films one by one, up to the end of the shorter one.
+[[nodiscard]] LandmarkError landmark_error(const std::filesystem::path& film,
+                                           const std::filesystem::path& truth,
+                                           const FaceDetector& detector);
 
 }  // namespace stymo

@@ -10,12 +10,14 @@
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
 #include "apps/common/video_options.h"
+#include "apps/drive/contact_sheet.h"
 #include "apps/drive/film_measures.h"
 #include "core/clock.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/film.h"
 #include "core/io/film_sound.h"
+#include "core/io/image.h"
 #include "core/ops/ops.h"
 #include "core/progress.h"
 #include "fit/expression_prior.h"
@@ -31,7 +33,7 @@ namespace fs = std::filesystem;
 
 struct Options {
     stymo::ModelOptions model;
-    fs::path codes, video, coefficients, out, identity;
+    fs::path codes, video, coefficients, out, identity, sheet, truth;
     double rate = 60.0;
     std::int64_t size = 0;
     bool absolute = false;
@@ -133,14 +135,13 @@ private:
 using FrameSink = std::function<void(const stymo::FittedFrame&)>;
 
 /// Writes the film of the frames that `run` hands over. Returns the seconds of rendering.
-double write_film(const Options& options, Driven& driven, std::int64_t frames, double rate,
+double write_film(const Options& options, Driven& driven, double rate,
                   const std::function<void(const FrameSink&)>& run) {
     double rendering = 0.0;
     stymo::write_whole(
         options.out,
         [&](const fs::path& temporary) {
             std::optional<stymo::FilmWriter> writer;
-            stymo::Progress progress({.title = "drive", .total = frames, .unit = "frames"});
             run([&](const stymo::FittedFrame& frame) {
                 const double start = stymo::seconds_now();
                 const stymo::Tensor image = driven.frame(frame);
@@ -148,7 +149,6 @@ double write_film(const Options& options, Driven& driven, std::int64_t frames, d
                     writer.emplace(options.out, temporary, image.shape(0), image.shape(1), rate);
                 writer->add(image);
                 rendering += stymo::seconds_now() - start;
-                progress.update(frame.index + 1);
             });
             if (stymo::interrupted()) stymo::fail("interrupted; nothing was written");
             writer->finish();
@@ -159,6 +159,8 @@ double write_film(const Options& options, Driven& driven, std::int64_t frames, d
 
 /// Puts the sound of --video under the new film. Returns what is to be said of it.
 std::string keep_sound(const Options& options) {
+    if (options.fit.first_frame > 0 || options.fit.most_frames > 0)
+        return "left out, because this is a part of the film";
     try {
         switch (stymo::add_sound(options.video, options.out)) {
             case stymo::FilmSound::kept: return "kept";
@@ -172,10 +174,19 @@ std::string keep_sound(const Options& options) {
     return {};
 }
 
-/// Adds what was measured to the result.
-void add_measures(const Options& options, const Measures& measures, stymo::AppResult& result) {
+/// Adds what was measured to the result. `detector` is used with --truth alone.
+void add_measures(const Options& options, const Measures& measures,
+                  const stymo::FaceDetector* detector, stymo::AppResult& result) {
     std::ostringstream text;
     text << std::fixed << std::setprecision(2);
+    if (!options.truth.empty()) {
+        const stymo::LandmarkError error =
+            stymo::landmark_error(options.out, options.truth, *detector);
+        text << "\nlandmarks: mouth " << error.mouth << " and face " << error.face
+             << " percent of the distance of the eyes from " << options.truth.string() << " in "
+             << error.frames << " frames";
+        result.json.add("mouth_error", error.mouth).add("face_error", error.face);
+    }
     if (options.measure) {
         text << "\nacceleration of landmarks: " << measures.driven.mean()
              << " percent of the distance of the eyes, in the given film " << measures.film.mean();
@@ -196,12 +207,14 @@ stymo::AppResult drive_by_film(const Options& options, const stymo::Model& model
     config.perceptual_weight = 0.0;
     const stymo::ReconstructionLoss loss(config);
     const stymo::FitJob job(model, loss, options.job);
-    const stymo::VideoFit video(job, options.video, options.fit);
+    stymo::VideoFitOptions fit = options.fit;
+    fit.on_progress = stymo::video_progress();
+    const stymo::VideoFit video(job, options.video, fit);
     Driven driven(options, shown, std::move(face), video.person().expression(),
                   plausible_changes(model, job.preparation().head()),
                   &job.preparation().detector());
     stymo::VideoSummary summary;
-    const double rendering = write_film(options, driven, video.frames(), video.frames_per_second(),
+    const double rendering = write_film(options, driven, video.frames_per_second(),
                                         [&](const FrameSink& sink) { summary = video.run(sink); });
     const std::string sound = keep_sound(options);
     summary.seconds -= rendering;
@@ -211,7 +224,10 @@ stymo::AppResult drive_by_film(const Options& options, const stymo::Model& model
          << static_cast<double>(summary.frames) / rendering << " rendered; "
          << summary.frames - summary.found << " frames without the face hold the last one";
     result.text += text.str();
-    add_measures(options, driven.measures(), result);
+    add_measures(options, driven.measures(), &job.preparation().detector(), result);
+    if (!options.sheet.empty())
+        stymo::write_image(options.sheet, stymo::contact_sheet(options.video, options.out,
+                                                               summary.frames, options.fit));
     result.text += "\nsound: " + sound;
     result.json.add("rendering_seconds", rendering).add("sound", sound);
     return result;
@@ -227,27 +243,29 @@ stymo::AppResult drive_by_coefficients(const Options& options, const stymo::Mode
     Driven driven(options, shown, face,
                   stymo::Variable(stymo::Tensor::zeros(expression.shape(), expression.dtype())),
                   plausible_changes(model, stymo::morphable_head_from(morphable)), nullptr);
-    const double rendering =
-        write_film(options, driven, std::ssize(rows), options.rate, [&](const FrameSink& sink) {
-            for (const stymo::ArkitMoment& row : rows) {
-                if (stymo::interrupted()) return;
-                const std::vector<float> code = conversion.code(row.coefficients);
-                expression = stymo::Variable(
-                    stymo::Tensor::from({1, std::ssize(code)}, std::span<const float>(code)));
-                frame.pose.yaw = row.view[0];
-                frame.pose.pitch = row.view[1];
-                frame.roll = row.view[2];
-                sink(frame);
-                ++frame.index;
-            }
-        });
+    const double rendering = write_film(options, driven, options.rate, [&](const FrameSink& sink) {
+        stymo::Progress progress({.title = "frames", .total = std::ssize(rows), .unit = "frames"});
+        for (const stymo::ArkitMoment& row : rows) {
+            if (stymo::interrupted()) return;
+            const std::vector<float> code = conversion.code(row.coefficients);
+            expression = stymo::Variable(
+                stymo::Tensor::from({1, std::ssize(code)}, std::span<const float>(code)));
+            frame.pose.yaw = row.view[0];
+            frame.pose.pitch = row.view[1];
+            frame.roll = row.view[2];
+            sink(frame);
+            progress.update(++frame.index);
+        }
+    });
     std::ostringstream text;
     text << std::fixed << std::setprecision(2) << rows.size() << " frames, "
          << static_cast<double>(rows.size()) / rendering << " rendered a second";
     stymo::AppResult result{
         text.str(),
         stymo::JsonValue::object({{"frames", std::ssize(rows)}, {"rendering_seconds", rendering}})};
-    add_measures(options, driven.measures(), result);
+    std::optional<stymo::FaceDetector> detector;
+    if (!options.truth.empty()) detector.emplace(options.job.preparation.landmark_model);
+    add_measures(options, driven.measures(), detector ? &*detector : nullptr, result);
     return result;
 }
 
@@ -257,6 +275,11 @@ stymo::AppResult drive(const Options& options) {
     stymo::require_extension(options.out, {".mp4"});
     if (options.video.empty()) stymo::require_extension(options.coefficients, {".csv", ".json"});
     stymo::require_folder_of(options.out);
+    if (!options.sheet.empty()) {
+        stymo::require_extension(options.sheet, {".png", ".jpg"});
+        stymo::require_folder_of(options.sheet);
+    }
+    if (!options.truth.empty()) static_cast<void>(stymo::FilmReader(options.truth));
     stymo::CodeFile face = stymo::read_own_codes(options.codes, options.model);
     const stymo::Model model = stymo::load_model({options.model.file, {}});
     std::optional<stymo::Model> tuned;
@@ -295,6 +318,12 @@ int stymo_drive(int argc, char** argv) {
     line.flag("--measure", options.measure,
               "also measure how much the landmarks tremble in both films; slower")
         .excludes("--coefficients");
+    line.option("--sheet", options.sheet,
+                "also write a picture of both films: frames of --video above those of --out")
+        .excludes("--coefficients");
+    line.option("--truth", options.truth,
+                "what the new film should show: also measure how far its landmarks are from this "
+                "film's");
     line.option("--identity", options.identity,
                 "weights of MobileFaceNet, written by stymo-weights import: also measure whether "
                 "the face stays the same person");

@@ -7,26 +7,24 @@
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/file.h"
-#include "core/progress.h"
 #include "nn/models/code_file.h"
 
 namespace stymo {
 
 AppResult fit_video(const Fitting& fitting, const std::filesystem::path& film,
-                    const std::filesystem::path& out, const VideoFitOptions& options) {
+                    const std::filesystem::path& out, VideoFitOptions options) {
     const InterruptGuard guard;
+    options.on_progress = video_progress();
     const VideoFit video(fitting.job, film, options);
     require_writable_folder(out);
     VideoSummary summary;
     const std::filesystem::path file = out / "codes.jsonl";
     write_whole(file, [&](const std::filesystem::path& temporary) {
         std::ofstream stream(temporary, std::ios::binary);
-        Progress progress({.title = "video", .total = video.frames(), .unit = "frames"});
         summary = video.run([&](const FittedFrame& frame) {
             JsonValue line = code_file_json(frame.codes, 0, frame.pose, fitting.mark);
             line.add("frame", frame.index).add("face", frame.found).add("starts", frame.starts);
             stream << line.add("roll_deg", degrees_from_radians(frame.roll)).text() << '\n';
-            progress.update(frame.index + 1);
         });
         if (interrupted()) fail("interrupted; nothing was written");
         stream.flush();

@@ -47,6 +47,7 @@ constexpr double largest_new_share_outside = 0.05;
 struct CropSides {
     std::int64_t image, mask;
     std::int64_t samples_of_a_pixel = 4;  ///< across
+    bool has_mask = true;                 ///< if not, the mask is 1 everywhere
 };
 
 struct FoundFace {
@@ -252,8 +253,10 @@ FaceCrop PhotoPreparation::Implementation::crop_at(const Alignment& alignment, b
     crop.landmarks = landmarks_at(side);
     const Tensor image = resized(large, mask_side);
     const Tensor known = of_photo.mask.defined() ? cut(of_photo.mask, mask_side) : Tensor();
-    crop.made_mask = settings.new_masks || !known.defined();
-    const Tensor mask = crop.made_mask ? made_mask(image) : known;
+    crop.made_mask = sides.has_mask && (settings.new_masks || !known.defined());
+    const Tensor mask = crop.made_mask   ? made_mask(image)
+                        : sides.has_mask ? known
+                                         : Tensor::full({mask_side, mask_side, 1}, 1.0);
     crop.mask = resized(mask, side);
     crop.known = known_pixels(side);
     if (crop.made_mask && known.defined())
@@ -330,10 +333,11 @@ const FaceDetector& PhotoPreparation::detector() const {
     return implementation_->read_detector();
 }
 
-FaceCrop PhotoPreparation::frame_crop(const Tensor& frame, const Landmarks& landmarks) const {
+FaceCrop PhotoPreparation::frame_crop(const Tensor& frame, const Landmarks& landmarks,
+                                      bool has_mask) const {
     const std::int64_t side = implementation_->wanted_side();
     return implementation_->crop_at(ffhq_alignment(landmarks), false, frame, {}, {landmarks},
-                                    {side, side, 2});
+                                    {side, side, 2, has_mask});
 }
 
 std::vector<FaceCrop> PhotoPreparation::crops(const Tensor& photo,

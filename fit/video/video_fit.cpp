@@ -10,10 +10,8 @@
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/ops/ops.h"
-#include "core/parallel.h"
 #include "core/tensor_eigen.h"
 #include "fit/expression_prior.h"
-#include "fit/photo/alignment.h"
 #include "nn/realtime/view.h"
 
 namespace stymo {
@@ -30,51 +28,73 @@ constexpr double learning_rate_of_a_frame = 0.3;
 /// Share of what fits have added to an expression that the next window starts with.
 constexpr double kept_correction = 0.9;
 
-/// A frame with its face, as the model sees it.
-struct FrameInWork {
-    FittedFrame frame;
-    Tensor image;  ///< of the film; empty after the crop is made
-    std::optional<TrackedFace> tracked;
-    Face face;
-};
-
-/// Cuts the faces out and finds their masks and poses. A face for which that fails is not found.
-void prepare(const FitJob& job, std::span<FrameInWork> frames) {
-    const PhotoPreparation& preparation = job.preparation();
-    std::vector<std::optional<FaceCrop>> crops(frames.size());
-    parallel_for(std::ssize(frames), 1, [&](std::int64_t begin, std::int64_t end) {
-        for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
-            FrameInWork& frame = frames[i];
-            if (!frame.tracked) continue;
-            crops[i] = preparation.frame_crop(frame.image, frame.tracked->smooth);
-            frame.image = {};
-        }
-    });
-    std::vector<FaceCrop> found;
-    for (std::optional<FaceCrop>& crop : crops)
-        if (crop) found.push_back(std::move(*crop));
-    std::vector<PreparedFace> prepared = preparation.finish(std::move(found), {.pixels = false});
-    auto next = prepared.begin();
-    for (FrameInWork& frame : frames) {
-        if (!frame.tracked) continue;
-        PreparedFace& face = *next++;
-        if (!face.failure.empty()) {
-            frame.tracked.reset();
-            continue;
-        }
-        const Alignment square = ffhq_alignment(frame.tracked->smooth);
-        frame.face = face_of_crop(face, preparation.settings(), job.model().config());
-        frame.frame.pose = frame.face.pose;
-        // Angles in the image are clockwise, and a head that leans clockwise has a positive roll.
-        frame.frame.roll = frame.face.pose.roll + square.angle();
-        frame.frame.landmarks = frame.tracked->found;
-    }
-}
-
 FaceBatch batch_of(const FitJob& job, std::span<const FrameInWork> frames, std::int64_t side) {
     std::vector<Face> faces;
     for (const FrameInWork& frame : frames) faces.push_back(frame.face);
     return make_batch(faces, job.model().decoder().ladder().smallest(), side);
+}
+
+/// The frames of a film that VideoFitOptions chooses, one after the other.
+class FilmPart {
+public:
+    FilmPart(const std::filesystem::path& film, const VideoFitOptions& options)
+        : reader_(film), options_(options) {}
+
+    [[nodiscard]] double frames_per_second() const {
+        return reader_.frames_per_second() / static_cast<double>(options_.every);
+    }
+    /// As FilmReader::stated_frames.
+    [[nodiscard]] std::int64_t stated_frames() const {
+        const std::int64_t rest = reader_.stated_frames() - options_.first_frame;
+        const std::int64_t frames =
+            std::max<std::int64_t>(0, rest + options_.every - 1) / options_.every;
+        return options_.most_frames > 0 ? std::min(frames, options_.most_frames) : frames;
+    }
+    [[nodiscard]] std::optional<Tensor> next() {
+        return advance() ? reader_.next() : std::optional<Tensor>();
+    }
+    [[nodiscard]] bool skip() { return advance() && reader_.skip(); }
+    /// Number of the last frame in the film.
+    [[nodiscard]] std::int64_t index() const { return index_; }
+
+private:
+    [[nodiscard]] bool advance() {
+        if (options_.most_frames > 0 && count_ == options_.most_frames) return false;
+        const std::int64_t passed = count_ == 0 ? options_.first_frame : options_.every - 1;
+        for (std::int64_t i = 0; i < passed; ++i)
+            if (!reader_.skip()) return false;
+        index_ += passed + 1;
+        ++count_;
+        return true;
+    }
+
+    FilmReader reader_;
+    const VideoFitOptions& options_;
+    std::int64_t count_ = 0, index_ = -1;
+};
+
+/// The faces of up to `wanted` frames, each `stride` frames after the other. Counts all frames if
+/// `frames` is not null.
+std::vector<Face> key_faces(const FitJob& job, FilmPart film, const VideoFitOptions& options,
+                            std::int64_t stride, std::int64_t wanted, std::int64_t* frames) {
+    std::vector<Face> keys;
+    for (std::int64_t i = 0;; ++i) {
+        if (interrupted()) fail("interrupted; nothing was written");
+        if (frames != nullptr) *frames = i;
+        options.tell("reading", i, film.stated_frames());
+        if (std::ssize(keys) == wanted || i % stride != stride / 2) {
+            if (!film.skip()) return keys;
+            continue;
+        }
+        FrameInWork key;
+        std::optional<Tensor> frame = film.next();
+        if (!frame) return keys;
+        key.tracked =
+            FaceTracker(job.preparation().detector(), film.frames_per_second()).next(*frame);
+        key.image = std::move(*frame);
+        prepare_frames(job.preparation(), job.model().config(), {&key, 1});
+        if (key.tracked) keys.push_back(std::move(key.face));
+    }
 }
 
 /// Each group is the mean over the rows.
@@ -170,45 +190,24 @@ private:
 }  // namespace
 
 VideoFit::VideoFit(const FitJob& job, std::filesystem::path film, VideoFitOptions options)
-    : job_(job), film_(std::move(film)), options_(options) {
+    : job_(job), film_(std::move(film)), options_(std::move(options)) {
     const double start = seconds_now();
     options_.side = std::min(options_.side, job_.model().config().decoder.resolution);
     // Throws for a side that the model does not render.
     static_cast<void>(job_.model().decoder().ladder().count_up_to(options_.side));
-    const FaceDetector& detector = job_.preparation().detector();
-    FilmReader reader(film_);
-    rate_ = reader.frames_per_second();
+    FilmPart part(film_, options_);
+    rate_ = part.frames_per_second();
     const std::int64_t wanted = 2 * options_.key_frames;
-    const std::int64_t stride = std::max<std::int64_t>(1, reader.stated_frames() / wanted);
-    std::vector<Face> keys = key_faces(reader, detector, stride, wanted);
-    if (frames_ == 0) fail<FileError>(film_.string(), ": holds no frames");
+    const std::int64_t stride = std::max<std::int64_t>(1, part.stated_frames() / wanted);
+    std::vector<Face> keys = key_faces(job_, std::move(part), options_, stride, wanted, &frames_);
+    if (frames_ == 0)
+        fail<FileError>(film_.string(), ": holds no frames",
+                        options_.first_frame > 0 ? " from the first wanted one on" : "");
     // The face may be seen in a few frames alone.
-    if (keys.empty()) {
-        FilmReader again(film_);
-        keys = key_faces(again, detector, 1, 1);
-    }
+    if (keys.empty()) keys = key_faces(job_, FilmPart(film_, options_), options_, 1, 1, nullptr);
     if (keys.empty()) fail<FileError>(film_.string(), ": no face was found");
     fit_person(std::move(keys));
     person_seconds_ = seconds_now() - start;
-}
-
-std::vector<Face> VideoFit::key_faces(FilmReader& reader, const FaceDetector& detector,
-                                      std::int64_t stride, std::int64_t wanted) {
-    std::vector<Face> keys;
-    for (frames_ = 0;; ++frames_) {
-        if (interrupted()) fail("interrupted; nothing was written");
-        if (std::ssize(keys) == wanted || frames_ % stride != stride / 2) {
-            if (!reader.skip()) return keys;
-            continue;
-        }
-        FrameInWork key;
-        std::optional<Tensor> frame = reader.next();
-        if (!frame) return keys;
-        key.tracked = FaceTracker(detector, rate_).next(*frame);
-        key.image = std::move(*frame);
-        prepare(job_, {&key, 1});
-        if (key.tracked) keys.push_back(std::move(key.face));
-    }
 }
 
 void VideoFit::fit_person(std::vector<Face> keys) {
@@ -219,6 +218,9 @@ void VideoFit::fit_person(std::vector<Face> keys) {
     fit.expression_directions = expression_directions(job_.model());
     fit.end_losses = false;
     fit.weights.depth = 0.0;
+    fit.on_step = [this](const FitStep& step) {
+        options_.tell("person", step.steps, options_.key_steps);
+    };
     const FaceBatch batch =
         make_batch(keys, job_.model().decoder().ladder().smallest(), options_.side);
     person_ = mean_of(job_.fit_frames(batch, fit).fitted);
@@ -227,7 +229,7 @@ void VideoFit::fit_person(std::vector<Face> keys) {
 VideoSummary VideoFit::run(const std::function<void(const FittedFrame&)>& sink) const {
     const double start = seconds_now();
     VideoSummary summary{.person_seconds = person_seconds_};
-    FilmReader reader(film_);
+    FilmPart film(film_, options_);
     FaceTracker tracker(job_.preparation().detector(), rate_);
     FrameFits fits(job_, options_, person_);
     FittedFrame last{.codes = person_, .pose = frontal_pose(job_.model().config().camera)};
@@ -242,7 +244,7 @@ VideoSummary VideoFit::run(const std::function<void(const FittedFrame&)>& sink) 
         return end - begin;
     };
     const auto finish_window = [&] {
-        prepare(job_, window);
+        prepare_frames(job_.preparation(), job_.model().config(), window);
         // Where a face could not be prepared, the next one starts anew.
         for (std::size_t i = 1; i < window.size(); ++i)
             if (!window[i - 1].tracked) window[i].frame.starts = true;
@@ -261,14 +263,15 @@ VideoSummary VideoFit::run(const std::function<void(const FittedFrame&)>& sink) 
                 frame.found = frame.starts = false;
             }
             sink(frame);
+            options_.tell("frames", ++summary.frames, frames_);
         }
         window.clear();
     };
-    for (; !interrupted(); ++summary.frames) {
-        std::optional<Tensor> image = reader.next();
+    while (!interrupted()) {
+        std::optional<Tensor> image = film.next();
         if (!image) break;
         FrameInWork work;
-        work.frame.index = summary.frames;
+        work.frame.index = film.index();
         work.tracked = tracker.next(*image);
         work.frame.starts = work.tracked && work.tracked->starts;
         if (work.tracked) work.image = std::move(*image);

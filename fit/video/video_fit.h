@@ -3,12 +3,11 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <optional>
 #include <vector>
 
 #include "core/io/film.h"
 #include "fit/fit_job.h"
-#include "fit/video/face_tracker.h"
+#include "fit/video/film_frame.h"
 
 namespace stymo {
 
@@ -20,18 +19,15 @@ struct VideoFitOptions {
     double time_weight = 0.01;    ///< FitWeights::time
     std::int64_t key_frames = 6;  ///< from which identity, texture and light are fitted
     std::int64_t key_steps = 40;  ///< optimiser steps for them
-};
+    /// The part of the film that is fitted: from `first_frame` on each `every`-th frame, and at
+    /// most `most_frames` of them (0: all).
+    std::int64_t first_frame = 0, every = 1, most_frames = 0;
+    /// Called with the name of a phase, and what of it is done, of how much (0: not known).
+    std::function<void(const char*, std::int64_t, std::int64_t)> on_progress{};
 
-/// The fit of a frame.
-struct FittedFrame {
-    std::int64_t index = 0;
-    bool found = false;   ///< whether the frame shows the face; if not, all else is that of before
-    bool starts = false;  ///< as in TrackedFace
-    Codes codes;          ///< one row; identity, texture and light are the same in all frames
-    Pose pose;            ///< in the face's crop, like that of a photo
-    double roll = 0.0;    ///< of the head in the frame, in radians: that of `pose` and of the crop
-    Landmarks landmarks{};  ///< as the detector found them, in pixels of the frame
-    double loss = 0.0;      ///< photometric part of the loss at the last step
+    void tell(const char* phase, std::int64_t done, std::int64_t total) const {
+        if (on_progress) on_progress(phase, done, total);
+    }
 };
 
 struct VideoSummary {
@@ -53,18 +49,15 @@ public:
 
     /// The codes of the person, with the mean expression of the key frames.
     [[nodiscard]] const Codes& person() const { return person_; }
+    /// Of the frames that are fitted.
     [[nodiscard]] double frames_per_second() const { return rate_; }
-    /// Number of frames.
+    /// Their number.
     [[nodiscard]] std::int64_t frames() const { return frames_; }
     /// Fits all frames and calls `sink` with each of them, in order. After an interrupt
     /// (core/interrupt.h) it returns early.
     VideoSummary run(const std::function<void(const FittedFrame&)>& sink) const;
 
 private:
-    /// Counts the frames, and prepares the faces of up to `wanted` of them, each `stride` frames
-    /// after the other.
-    std::vector<Face> key_faces(FilmReader& reader, const FaceDetector& detector,
-                                std::int64_t stride, std::int64_t wanted);
     void fit_person(std::vector<Face> keys);
 
     const FitJob& job_;

@@ -1,4 +1,5 @@
 // stymo-fit --video and stymo-drive on a film of a rendered head.
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cctype>
 #include <filesystem>
@@ -15,6 +16,7 @@
 #include "core/io/image.h"
 #include "core/metrics.h"
 #include "fit/photo/face_detector.h"
+#include "fit/video/acted_frame.h"
 #include "render/morphable/arkit_shapes.h"
 #include "support/mp3_frame.h"
 
@@ -109,6 +111,72 @@ TEST_CASE("A face is driven by a film, and the new film is as long and sounds al
     for (int i = 0; i < 20; ++i) CHECK(bytes.find(mp3_frame(i)) != std::string::npos);
 }
 
+TEST_CASE("Of a long film a part is enough, whose frames keep their numbers") {
+    if (!has_film()) return;
+    const std::string part = " --first-frame 2 --every 3 --most-frames 3 ";
+    const ToolOutcome fit =
+        run_tool(tiny_run(), "stymo-fit --video film.mp4 --out part" + part + settings);
+    INFO(fit.err);
+    REQUIRE(fit.exit_code == 0);
+    CHECK_THAT(fit.err, Catch::Contains("reading") && Catch::Contains(" left"));
+    std::istringstream text(read_file(tiny_run() / "part/codes.jsonl"));
+    std::vector<int> numbers;
+    std::vector<bool> faces;
+    for (std::string line; std::getline(text, line);) {
+        numbers.push_back(json::parse(line)["frame"]);
+        faces.push_back(json::parse(line)["face"]);
+    }
+    CHECK(numbers == std::vector{2, 5, 8});
+    CHECK(faces == std::vector{true, false, true});
+
+    const ToolOutcome drive =
+        run_tool(tiny_run(),
+                 "stymo-drive --codes fit/codes.json --video film.mp4 --out part.mp4 "
+                 "--sheet part.png" +
+                     part + settings);
+    INFO(drive.err);
+    REQUIRE(drive.exit_code == 0);
+    CHECK_THAT(drive.out, Catch::Contains("sound: left out, because this is a part"));
+    CHECK(FilmReader(tiny_run() / "part.mp4").frames_per_second() == Approx(25.0 / 3.0));
+    const Tensor sheet = read_image(tiny_run() / "part.png");
+    REQUIRE(sheet.shape() == Shape{512, 3 * 320, 3});
+    // The frame without the head, which is dark, and the one after the gap.
+    const auto above = [&](std::int64_t column) {
+        return std::ranges::max(image_part(sheet, 0, 320 * column, 256, 320).values<float>());
+    };
+    CHECK(above(1) < 0.4F);
+    CHECK(above(2) > 0.4F);
+    const ToolOutcome beyond =
+        run_tool(tiny_run(), "stymo-fit --video film.mp4 --out beyond --first-frame 99" + settings);
+    CHECK(beyond.exit_code == 1);
+    CHECK_THAT(beyond.err, Catch::Contains("holds no frames from the first wanted one on"));
+}
+
+TEST_CASE("Landmarks of a head that is moved are off by as much") {
+    if (!has_film()) return;
+    constexpr std::int64_t moved = 9;
+    double eyes = 0.0;
+    for (const char* name : {"still.mp4", "moved.mp4"}) {
+        FilmWriter writer(tiny_run() / name, tiny_run() / name, video_tests::frame_height,
+                          video_tests::frame_width, 25.0);
+        for (int i = 0; i < 3; ++i) {
+            Tensor frame = video_tests::empty_frame(0.35);
+            const std::int64_t left = 100 + 20 * i + (name[0] == 'm' ? moved : 0);
+            eyes = inter_ocular_distance(video_tests::draw(frame, 1, {.left = left}));
+            writer.add(frame);
+        }
+        writer.finish();
+    }
+    const FaceDetector detector;
+    const fs::path still = tiny_run() / "still.mp4";
+    const LandmarkError none = landmark_error(still, still, detector);
+    CHECK(none.frames == 3);
+    CHECK(none.mouth == 0.0);
+    const LandmarkError error = landmark_error(tiny_run() / "moved.mp4", still, detector);
+    CHECK(error.face == Approx(100.0 * moved / eyes).epsilon(0.25));
+    CHECK(error.mouth == Approx(100.0 * moved / eyes).epsilon(0.25));
+}
+
 TEST_CASE("A face is driven by coefficients of ARKit's shapes and rotations of the head") {
     static_cast<void>(tiny_run());
     std::string header = "Timecode,BlendShapeCount", rest;
@@ -173,6 +241,8 @@ TEST_CASE("Films that cannot be used are refused with one line, and nothing is w
     refused(drive + "fit/codes.json --video missing.mp4", "missing.mp4: no such file");
     refused(drive + "tiny.json --video film.mp4", "tiny.json: not a code file");
     refused("stymo-drive --codes fit/codes.json --video film.mp4 --out none.avi", "must end in");
+    refused(drive + "fit/codes.json --video film.mp4 --truth missing.mp4", "no such file");
+    refused(drive + "fit/codes.json --video film.mp4 --sheet a.gif", "must end in");
     refused(drive + "fit/codes.json", "give --video or --coefficients");
     refused(drive + "fit/codes.json --coefficients text.png", "must end in .csv or .json");
     json codes = json::parse(read_file(tiny_run() / "fit/codes.json"));
