@@ -3,9 +3,11 @@
 #include <array>
 
 #include "apps/view/jobs.h"
+#include "core/angle.h"
 #include "core/clock.h"
 #include "core/io/jpeg.h"
 #include "core/io/json_writer.h"
+#include "core/ops/elementwise.h"
 #include "fit/edit/style_mix.h"
 
 namespace stymo::view {
@@ -130,6 +132,7 @@ Answer Api::answer(const Request& request) {
     if (path == "/api/tuned") return tuned_file(*session, request);
     if (path == "/api/weights") return tuned_face(*session, request);
     if (path == "/api/eyes") return eyes(*session, request);
+    if (path == "/api/expression") return own_expression(*session, request);
     if (path == "/api/close") {
         sessions_.close(request.session);
         return {};
@@ -163,10 +166,17 @@ Answer Api::open_session() {
 Answer Api::frame(Session& session, const Request& request) {
     const FrameQuery query = frame_query(request.body, shared_.model()->config().camera);
     const ListedFace face = session.faces().find(query.face);
+    Codes codes = moved(shared_, face.face.codes, query.sliders);
+    if (!query.expression.empty()) {
+        Variable& expression = codes.groups[1];
+        expression =
+            (expression +
+             Variable(Tensor::from(expression.shape(), query.expression).to(expression.dtype())))
+                .detach();
+    }
     const double start = seconds_now();
     const std::optional<Frame> frame = shared_.scheduler().render(
-        session.id(), {face.model, moved(shared_, face.face.codes, query.sliders), query.camera,
-                       query.layer, query.quality});
+        session.id(), {face.model, codes, query.camera, query.layer, query.quality});
     if (!frame) return {.status = 204, .body = {}};  // a newer one was asked for
     JsonValue frame_info = JsonValue::object({{"milliseconds", frame->milliseconds},
                                               {"waited", 1e3 * (seconds_now() - start)},
@@ -303,6 +313,22 @@ Answer Api::eyes(Session& session, const Request& request) {
         value.add("eye", list(sight->filtered));
         value.add("lag", 1e3 * sight->lag);
     }
+    return json(value);
+}
+
+Answer Api::own_expression(Session& session, const Request& request) {
+    if (!shared_.model()->has_encoder())
+        throw RequestError(400, "this model has no encoder, so no face can move another");
+    const double start = seconds_now();
+    const std::optional<LiveFace::Sight> sight = session.see_face(
+        image_from_jpeg(request.body, most_camera_pixels), request.query.contains("anew"));
+    JsonValue value = JsonValue::object(
+        {{"found", sight.has_value()}, {"milliseconds", 1e3 * (seconds_now() - start)}});
+    if (sight)
+        value.add("expression", sight->change.to_vector())
+            .add("yaw", degrees_from_radians(sight->yaw))
+            .add("pitch", degrees_from_radians(sight->pitch))
+            .add("roll", degrees_from_radians(sight->roll));
     return json(value);
 }
 

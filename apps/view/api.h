@@ -45,6 +45,8 @@ private:
     /// The inverse of tuned_file; the body of the request is the file.
     [[nodiscard]] Answer tuned_face(Session& session, const Request& request);
     [[nodiscard]] Answer eyes(Session& session, const Request& request);
+    /// What moves the shown face as the viewer's own; the body is an image of the camera.
+    [[nodiscard]] Answer own_expression(Session& session, const Request& request);
 
     SharedState& shared_;
     Sessions sessions_;

@@ -38,12 +38,9 @@ std::unique_lock<std::timed_mutex> wait_for_heavy_work(SharedState& shared, Job&
 
 FitJobOptions fit_options(const SharedState& shared, double tune_seconds, std::int64_t number) {
     FitJobOptions options;
-    PhotoPreparationSettings& preparation = options.preparation;
-    preparation.landmark_model = shipped_landmark_network();
-    preparation.mask_network = shipped_mask_network();
-    preparation.most_pixels = shared.options().most_photo_pixels;
-    preparation.face = number;
-    options.head = preparation.morphable;
+    options.preparation = shared.preparation_settings();
+    options.preparation.face = number;
+    options.head = options.preparation.morphable;
     options.fit.optimizer = FitOptimizer::lbfgs;
     options.fit.steps = shared.options().fit_steps;
     options.tuning.seconds = tune_seconds;

@@ -210,6 +210,11 @@ double Request::number(const std::string& name, double usual, double low, double
 FrameQuery frame_query(const std::string& json, const CameraConfig& camera) {
     const Json object = parsed(json);
     auto query = query_for_view<FrameQuery>(object, camera);
+    if (object.contains("expression"))
+        query.expression =
+            numbers(object.at("expression"), "expression", std::size_t{code_size}, -100.0, 100.0);
+    if (!query.expression.empty() && std::ssize(query.expression) != code_sizes[1])
+        refuse("\"expression\" must be ", code_sizes[1], " numbers");
     query.layer = static_cast<Layer>(
         choice(object, "layer", std::array{"image", "depth", "mask", "normals"}));
     query.quality = static_cast<Quality>(

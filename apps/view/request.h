@@ -46,6 +46,7 @@ using Sliders = std::array<std::vector<double>, code_names.size()>;
 struct FrameQuery {
     std::string face;
     Sliders sliders;
+    std::vector<double> expression;  ///< what the viewer's own face adds; 79 numbers, or none
     Camera camera;
     Layer layer = Layer::image;
     Quality quality = Quality::moving;

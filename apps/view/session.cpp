@@ -72,9 +72,18 @@ std::optional<Artifact> Session::artifact() const {
 std::optional<EyeTracker::Sight> Session::see(const Tensor& image, const EyeCamera& camera) {
     const double seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-    const std::lock_guard lock(eye_mutex_);
-    if (!eyes_) eyes_.emplace(shared_.face_detector());
+    const std::lock_guard lock(camera_mutex_);
+    if (!eyes_) {
+        const std::shared_ptr<const PhotoPreparation> tools = shared_.preparation();
+        eyes_.emplace(std::shared_ptr<const FaceDetector>(tools, &tools->detector()));
+    }
     return eyes_->see(image, camera, seconds);
+}
+
+std::optional<LiveFace::Sight> Session::see_face(const Tensor& image, bool anew) {
+    const std::lock_guard lock(camera_mutex_);
+    if (!face_ || anew) face_.emplace(*shared_.preparation(), *shared_.model());
+    return face_->see(image);
 }
 
 bool Session::in_use(double idle_seconds) const {

@@ -11,6 +11,7 @@
 #include "apps/view/face_list.h"
 #include "apps/view/job.h"
 #include "apps/view/shared_state.h"
+#include "fit/video/live_face.h"
 
 namespace stymo::view {
 
@@ -34,7 +35,7 @@ private:
     double allowance_;
 };
 
-/// One page in one browser: its faces, its job, and the eye tracker of its viewer.
+/// One page in one browser: its faces, its job, and what follows its viewer.
 class Session {
 public:
     Session(std::string id, SharedState& shared);
@@ -57,6 +58,9 @@ public:
     /// one after the other.
     [[nodiscard]] std::optional<EyeTracker::Sight> see(const Tensor& image,
                                                        const EyeCamera& camera);
+    /// The viewer's face (LiveFace::see), which is at rest at first; `anew`: from this image on.
+    /// Thread-safe like `see`.
+    [[nodiscard]] std::optional<LiveFace::Sight> see_face(const Tensor& image, bool anew);
 
     /// Counts a request, and returns whether it is within the rate limit of a session.
     [[nodiscard]] bool allows_request() { return requests_.allows(); }
@@ -71,8 +75,9 @@ private:
     FaceList faces_;
     mutable std::mutex mutex_;
     std::unique_ptr<Job> job_;
-    std::mutex eye_mutex_;
+    std::mutex camera_mutex_;
     std::optional<EyeTracker> eyes_;
+    std::optional<LiveFace> face_;
     RateLimit requests_;
 };
 

@@ -67,10 +67,21 @@ const ReconstructionLoss& SharedState::loss() {
     return *loss_;
 }
 
-std::shared_ptr<const FaceDetector> SharedState::face_detector() {
+PhotoPreparationSettings SharedState::preparation_settings() const {
+    PhotoPreparationSettings settings;
+    settings.landmark_model = shipped_landmark_network();
+    settings.mask_network = shipped_mask_network();
+    settings.most_pixels = options_.most_photo_pixels;
+    return settings;
+}
+
+std::shared_ptr<const PhotoPreparation> SharedState::preparation() {
     const std::lock_guard lock(made_when_needed_);
-    if (!detector_) detector_ = std::make_shared<const FaceDetector>(shipped_landmark_network());
-    return detector_;
+    if (!preparation_)
+        preparation_ = std::make_shared<const PhotoPreparation>(
+            settings_for(model_->config(), preparation_settings()));
+    preparation_->detector();
+    return preparation_;
 }
 
 }  // namespace stymo::view

@@ -15,7 +15,7 @@
 #include "apps/view/frame.h"
 #include "apps/view/job.h"
 #include "apps/view/scheduler.h"
-#include "fit/photo/face_detector.h"
+#include "fit/photo/prepared_photos.h"
 #include "nn/models/code_file.h"
 #include "nn/models/reconstruction.h"
 
@@ -59,8 +59,11 @@ public:
     /// The loss of fits, which is made when first needed. Throws FileError if weights for it are
     /// missing.
     [[nodiscard]] const ReconstructionLoss& loss();
-    /// The face detector, which is made when first needed. Throws Error in a build without dlib.
-    [[nodiscard]] std::shared_ptr<const FaceDetector> face_detector();
+    /// What prepares photos and images of cameras, made when first needed. Throws Error in a build
+    /// without dlib.
+    [[nodiscard]] std::shared_ptr<const PhotoPreparation> preparation();
+    /// The settings of `preparation`, but for those of the model.
+    [[nodiscard]] PhotoPreparationSettings preparation_settings() const;
     [[nodiscard]] Scheduler& scheduler() { return *scheduler_; }
     [[nodiscard]] TunedModels& tuned_models() { return tuned_models_; }
     /// Locked by the job that uses all threads, so that other jobs wait.
@@ -73,7 +76,7 @@ private:
     std::array<GroupDirections, code_names.size()> directions_;
     std::mutex made_when_needed_;
     std::unique_ptr<ReconstructionLoss> loss_;
-    std::shared_ptr<const FaceDetector> detector_;
+    std::shared_ptr<const PhotoPreparation> preparation_;
     TunedModels tuned_models_;
     std::timed_mutex heavy_work_;
     std::unique_ptr<Scheduler> scheduler_;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <chrono>
+#include <cmath>
 #include <future>
 #include <mutex>
 #include <thread>
@@ -316,6 +317,44 @@ TEST_CASE("of a photo with several faces another one is fitted", "[view]") {
     CHECK(client.send("photo", bytes, {{"face", "-1"}}).status == 400);
 }
 
+TEST_CASE("the viewer's own face moves the shown one, from its rest on", "[view]") {
+    if (!FaceDetector::available()) return;
+    ViewClient client;
+    SyntheticFace actor = sample_synthetic_face(builtin_head(), Rng(5));
+    const auto seen = [&](double yaw, const std::map<std::string, std::string>& query) {
+        actor.pose = orbit_pose(yaw, 0.0, 0.0, 5.3);
+        const Tensor image = render_synthetic_face(builtin_head(), actor, {}, 320).color;
+        const view::Answer answer = client.send("expression", jpeg_bytes(image, 95), query);
+        INFO(answer.body);
+        REQUIRE(answer.status == 200);
+        return json::parse(answer.body);
+    };
+    const auto norm = [](const json& sight) {
+        REQUIRE(sight["expression"].size() == 79);
+        double sum = 0.0;
+        for (const json& number : sight["expression"]) sum += std::abs(number.get<double>());
+        return sum;
+    };
+    const json rest = seen(0.0, {});
+    REQUIRE(rest["found"] == true);
+    CHECK(norm(rest) == 0.0);
+    const json turned = seen(0.3, {});
+    CHECK(turned["yaw"].get<double>() - rest["yaw"].get<double>() ==
+          Approx(degrees_from_radians(0.3)).margin(8.0));
+    CHECK(norm(turned) > 0.0);
+    CHECK(norm(seen(0.3, {{"anew", "1"}})) == 0.0);
+    const view::Answer none =
+        client.send("expression", jpeg_bytes(Tensor::full({240, 320, 3}, 0.5), 90));
+    CHECK(json::parse(none.body)["found"] == false);
+
+    json query{{"face", client.first_face()}, {"quality", "thumbnail"}};
+    const std::string at_rest = client.ask("frame", query).body;
+    query["expression"] = json(std::vector<double>(79, 1.0));
+    CHECK(client.ask("frame", query).body != at_rest);
+    query["expression"] = json::array();
+    CHECK(client.ask("frame", query).body == at_rest);
+}
+
 TEST_CASE("the sliders get their names in the background", "[view]") {
     ViewClient client;
     json names = client.json("names");
@@ -388,6 +427,10 @@ TEST_CASE("requests that are wrong are refused with a reason", "[view]") {
          "a film of 3600 frames is too long; at most 900 are made"},
         {"color", R"({"face": "f1", "color": [0, 2, 0]})", "\"color\" must be numbers from 0 to 1"},
         {"eyes", "xx", "not a JPEG image"},
+        {"expression", "xx", "not a JPEG image"},
+        {"frame", R"({"face": "f1", "expression": [1]})", "\"expression\" must be 79 numbers"},
+        {"frame", R"({"face": "f1", "expression": [1e9]})",
+         "\"expression\" must be numbers from -100 to 100"},
         {"nothing", "", "there is no /api/nothing"},
         {"result", "", "there is no result yet"},
     };

@@ -6,7 +6,7 @@ import fs from "node:fs";
 import { createRequire } from "node:module";
 import path from "node:path";
 
-import { headFilm } from "./head_film.mjs";
+import { acts, headFilm, places, shift, width } from "./head_film.mjs";
 
 const [address, modules, chromium, work, ...wanted] = process.argv.slice(2);
 const require = createRequire(path.resolve(modules, "package.json"));
@@ -430,21 +430,55 @@ test("the window follows a head before the camera", async (page) => {
     await page.waitForTimeout(100);
   }
   assert.ok(seen.length > 20, "a face was seen");
-  const facts = JSON.parse(fs.readFileSync(path.join(work, "head.json")));
   // The film shows the head on the left, then on the right of the image, at one size.
   const [least, most] = [0.05, 0.95].map((part) => {
     const sorted = seen.map((eye) => eye[0]).sort((a, b) => a - b);
     return sorted[Math.floor(part * (sorted.length - 1))];
   });
   const depth = seen.map((eye) => eye[2]).sort((a, b) => a - b)[seen.length >> 1];
-  const focal = 0.5 * facts.width / Math.tan(Math.PI / 6);
-  const known = facts.shift * depth / focal;
+  const focal = 0.5 * width / Math.tan(Math.PI / 6);
+  const known = shift * depth / focal;
   assert.ok(Math.abs(most - least - known) < 0.12 * known,
     `moved by ${most - least} m, known ${known} m`);
   assert.ok(await page.evaluate(() => window.stymo.state.eye !== null));
   await page.keyboard.press("Escape");
   assert.equal(await page.evaluate(() => window.stymo.state.eye), null);
-}, { camera: true });
+}, { camera: places });
+
+test("the face does as the one before the camera, like a mirror", async (page) => {
+  await page.locator(".face").nth(1).getByRole("button", { name: "Show" }).click();
+  await settled(page);
+  const before = await pixels(page);
+  await page.click("#own");
+  await page.waitForFunction(() => window.stymo.head.seen > 0, null, { timeout: slow });
+  const seen = [];
+  const begun = { time: Date.now(), frames: (await shown(page)).frames };
+  const count = () => page.evaluate(() => window.stymo.head.seen);
+  const first = await count();
+  while (Date.now() - begun.time < 12000) {
+    seen.push(await page.evaluate(() => {
+      const { camera, expression } = window.stymo.state;
+      return { yaw: camera.yaw, change: Math.hypot(...expression) };
+    }));
+    await page.waitForTimeout(50);
+  }
+  const seconds = (Date.now() - begun.time) / 1000;
+  const picture = await shown(page);
+  const rate = (picture.frames - begun.frames) / seconds;
+  console.log(`  ${(((await count()) - first) / seconds).toFixed(1)} images/s seen, ` +
+    `${rate.toFixed(1)} pictures/s of ${picture.side} pixels shown`);
+  const yaws = seen.map(({ yaw }) => yaw);
+  const range = Math.max(...yaws) - Math.min(...yaws);
+  assert.ok(range > 25 && range < 55, `turned by ${range} degrees, known 40`);
+  assert.ok(yaws.find((yaw) => Math.abs(yaw) > 8) < 0, "a mirror turns the other way");
+  const changes = seen.filter(({ yaw }) => Math.abs(yaw) < 6).map(({ change }) => change);
+  const [least, most] = [Math.min(...changes), Math.max(...changes)];
+  assert.ok(most > 3 * least, `changes from ${least} to ${most}`);
+  assert.ok(rate > 2);
+  await page.keyboard.press("Escape");
+  await settled(page);
+  assert.ok(difference(before, await pixels(page)) < 1, "and lets go");
+}, { camera: acts });
 
 test("two pages have faces of their own; one that is closed does not matter", async (page) => {
   const other = await page.context().newPage();
@@ -497,9 +531,9 @@ test("a moving picture comes often and soon", async (page) => {
 const plain = ["--no-sandbox", "--disable-dev-shm-usage"];
 const browser = await playwright.chromium.launch({ executablePath: chromium, args: plain });
 
-async function cameraBrowser() {
+async function cameraBrowser(scenes) {
   const film = path.join(work, "head.mjpeg");
-  await headFilm(browser, address, film, path.join(work, "head.json"));
+  await headFilm(browser, address, film, scenes);
   return playwright.chromium.launch({ executablePath: chromium, args: [...plain,
     "--use-fake-ui-for-media-stream", "--use-fake-device-for-media-stream",
     `--use-file-for-fake-video-capture=${film}`] });
@@ -508,7 +542,7 @@ async function cameraBrowser() {
 let failed = 0;
 for (const { name, body, options } of tests) {
   if (wanted.length && !wanted.some((part) => name.includes(part))) continue;
-  const own = options.camera ? await cameraBrowser() : browser;
+  const own = options.camera ? await cameraBrowser(options.camera) : browser;
   const context = await own.newContext({
     viewport: { width: 1280, height: 900 }, acceptDownloads: true });
   const page = await context.newPage();

@@ -12,7 +12,7 @@ import { enableOrbit } from "./orbit.js";
 import { addKey, play, stopPlaying } from "./path.js";
 import { makeSliders, nameSliders } from "./sliders.js";
 import { change, clamp, remembered, resetView, state, stateVersion } from "./state.js";
-import { followHead, head, stopFollowing, windowIsOn } from "./window.js";
+import { followFace, followHead, head, stopFollowing, windowIsOn } from "./window.js";
 
 const element = (id) => document.getElementById(id);
 
@@ -70,7 +70,7 @@ function connectButtons() {
 function connectKeys() {
   const actions = {
     n: drawNew, s: guarded(snapshot), c: () => setPicking(!isPicking()), k: addKey, p: play,
-    w: followHead,
+    w: followHead, f: followFace,
     Escape: () => { cancelJob(); stopFollowing(); stopPlaying(); setPicking(false); },
   };
   addEventListener("keydown", (event) => {

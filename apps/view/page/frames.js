@@ -24,7 +24,8 @@ export const shown = { version: -1, quality: "", yaw: 0, frames: 0, latencies: [
 export function request(quality) {
   const camera = state.eye ?? state.camera;
   return JSON.stringify({
-    face: state.face, sliders: state.sliders, camera, layer: state.layer, quality });
+    face: state.face, sliders: state.sliders, expression: state.expression, camera,
+    layer: state.layer, quality });
 }
 
 export function refreshSoon() {

@@ -8,6 +8,7 @@ export const state = {
   camera: { yaw: 0, pitch: 0, roll: 0, distance: 1 },
   layer: "image",
   eye: null,          // {eye: [x, y, z], screen} in metres while the window follows someone
+  expression: [],     // what is added to that of the face while someone's own face moves it
 };
 
 const listeners = [];

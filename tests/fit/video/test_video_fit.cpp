@@ -5,6 +5,7 @@
 #include "core/io/scratch_folder.h"
 #include "fit/studio.h"
 #include "fit/video/acted_frame.h"
+#include "fit/video/live_face.h"
 #include "fit/video/video_fit.h"
 
 namespace video_tests {
@@ -51,6 +52,23 @@ TEST_CASE("Poses and expressions of a film are those with which it was drawn", "
     CHECK(correlation(yaw, true_yaw) > 0.97);
     // 0.58 with the model that ships, whose expressions are weak.
     CHECK(correlation(jaw, true_jaw) > 0.5);
+
+    LiveFace live(job.preparation(), studio.model());
+    std::vector<double> live_yaw, live_jaw, shown_yaw, shown_jaw;
+    for (int i = 0; i < 32; ++i) {
+        Tensor frame = empty_frame(0.35);
+        static_cast<void>(draw_scene(frame, i));
+        const std::optional<LiveFace::Sight> sight = live.see(frame);
+        if (!sight || is_covered(i)) continue;
+        const double phase = 2.0 * std::numbers::pi * i / 32.0;
+        live_yaw.push_back(sight->yaw);
+        shown_yaw.push_back(0.4 * std::sin(phase));
+        live_jaw.push_back(sight->change.to_vector()[0]);
+        shown_jaw.push_back(1.0 - std::cos(3.0 * phase));
+    }
+    CHECK(live_yaw.size() == 28);
+    CHECK(correlation(live_yaw, shown_yaw) > 0.97);
+    CHECK(correlation(live_jaw, shown_jaw) > 0.4);
 }
 
 }  // namespace video_tests

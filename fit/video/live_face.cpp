@@ -1,0 +1,48 @@
+#include "fit/video/live_face.h"
+
+#include "core/ops/ops.h"
+#include "fit/expression_prior.h"
+
+namespace stymo {
+
+namespace {
+
+/// Of the images, for the filter of landmarks; browsers and processors differ.
+constexpr double usual_rate = 15.0;
+
+Tensor between(const Tensor& from, const Tensor& to, double part) {
+    return (Variable(from) + (Variable(to) - Variable(from)) * part).value();
+}
+
+}  // namespace
+
+LiveFace::LiveFace(const PhotoPreparation& preparation, const Model& model)
+    : preparation_(preparation),
+      model_(model),
+      plausible_(plausible_changes(model, preparation.head())),
+      tracker_(preparation.detector(), usual_rate) {}
+
+std::optional<LiveFace::Sight> LiveFace::see(const Tensor& image) {
+    FrameInWork work{.image = image, .tracked = tracker_.next(image)};
+    if (!work.tracked) return std::nullopt;
+    const bool starts = work.tracked->starts;
+    // The encoder sees the unmasked image.
+    prepare_frames(preparation_, model_.config(), {&work, 1}, false);
+    if (!work.tracked) return std::nullopt;
+    const FaceBatch batch = make_batch({&work.face, 1}, model_.decoder().ladder().smallest(),
+                                       model_.decoder().ladder().smallest());
+    const Tensor expression = face_codes(model_, batch).expression().value();
+    constexpr double newest = 0.6;
+    smooth_ = starts || !smooth_.defined() ? expression : between(smooth_, expression, newest);
+    constexpr std::int64_t frames_at_rest = 10;
+    ++seen_;
+    if (seen_ == 1)
+        rest_ = expression;
+    else if (seen_ <= frames_at_rest)
+        rest_ = between(rest_, expression, 1.0 / static_cast<double>(seen_));
+    Variable change = Variable(smooth_) - Variable(rest_);
+    if (plausible_.defined()) change = matmul(change, plausible_);
+    return Sight{change.value(), work.frame.pose.yaw, work.frame.pose.pitch, work.frame.roll};
+}
+
+}  // namespace stymo

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "fit/video/film_frame.h"
+
+namespace stymo {
+
+/// Somebody's face before a camera, for moving another face at once. The expression is the one that
+/// the encoder sees, without a fit. It counts from a face at rest, the mean of the first frames.
+class LiveFace {
+public:
+    struct Sight {
+        /// What is to be added to another face's expression, (1, 79); like what stymo-drive adds,
+        /// it is drawn to what the model's faces do (plausible_changes).
+        Tensor change;
+        double yaw = 0.0, pitch = 0.0, roll = 0.0;  ///< of the head in the image, as in Pose
+    };
+
+    /// `preparation` has the `settings_for` the model, which has an encoder. Both must outlive the
+    /// object.
+    LiveFace(const PhotoPreparation& preparation, const Model& model);
+
+    /// The face in the next image (height, width, 3) in [0, 1]; nothing if none is found.
+    [[nodiscard]] std::optional<Sight> see(const Tensor& image);
+
+private:
+    const PhotoPreparation& preparation_;
+    const Model& model_;
+    Tensor plausible_;
+    FaceTracker tracker_;
+    Tensor rest_, smooth_;  ///< (1, 79)
+    std::int64_t seen_ = 0;
+};
+
+}  // namespace stymo
