@@ -218,6 +218,7 @@ void VideoFit::fit_person(std::vector<Face> keys) {
     fit.expression_directions = expression_directions(job_.model());
     fit.end_losses = false;
     fit.weights.depth = 0.0;
+    options_.tell("person", 0, options_.key_steps);
     fit.on_step = [this](const FitStep& step) {
         options_.tell("person", step.steps, options_.key_steps);
     };
@@ -229,6 +230,7 @@ void VideoFit::fit_person(std::vector<Face> keys) {
 VideoSummary VideoFit::run(const std::function<void(const FittedFrame&)>& sink) const {
     const double start = seconds_now();
     VideoSummary summary{.person_seconds = person_seconds_};
+    options_.tell("frames", 0, frames_);
     FilmPart film(film_, options_);
     FaceTracker tracker(job_.preparation().detector(), rate_);
     FrameFits fits(job_, options_, person_);
