@@ -26,7 +26,12 @@ Face face_of_folder(const FaceSource& source, const ModelConfig& config) {
         fail<FileError>(source.data.string(), ": no face with the id ", source.id,
                         "; give one of its ", data.size(), " ids with --id");
     Face face = data.load_exactly(found - data.ids().begin());
-    if (data.summary().scaled_masks > 0)
+    const DatasetSummary summary = data.summary();
+    for (const BrokenFile& file : summary.left_out)
+        if (std::filesystem::path(file.file).filename() == "dataset.json" && !face.has_pose)
+            std::cerr << "warning: " << file.file << ": " << file.reason
+                      << "; the face counts as frontal" << std::endl;
+    if (summary.scaled_masks > 0)
         std::cerr << "warning: the mask of " << source.id << " has " << scaled_mask_note
                   << std::endl;
     return face;

@@ -228,6 +228,19 @@ TEST_CASE("What is ignored in a photo does not change its fit, tuning or scores"
     }
 }
 
+TEST_CASE("A fit from a folder whose dataset.json cannot be used says so") {
+    const fs::path& folder = stymo::tiny_run();
+    fs::create_directories(folder / "labelled/images");
+    fs::copy_file(folder / "faces/images/00004.png", folder / "labelled/images/a.png",
+                  fs::copy_options::overwrite_existing);
+    stymo::write_file(folder / "labelled/dataset.json", R"({"labels": {"a.png": [1, 0, 0]}})");
+    const ToolOutcome outcome =
+        done(fit + std::string("--data labelled --id a --steps 0 --out unlabelled"));
+    CHECK_THAT(outcome.err,
+               Catch::Contains("dataset.json: its labels are no cameras of EG3D; the face counts "
+                               "as frontal"));
+}
+
 TEST_CASE("Fitting from a folder of faces is fitting the same files one by one") {
     const fs::path& folder = stymo::tiny_run();
     done(std::string(fit) + "--data faces --id 00004 --out by_id --steps 1");
