@@ -86,11 +86,9 @@ FitProblem::FitProblem(const Model& model, const ReconstructionLoss& loss, const
 }
 
 Variable FitProblem::face_embeddings(const Variable& images) const {
-    std::vector<ImageAugmentation> frames;
-    for (const Camera& camera : faces_.cameras)
-        frames.push_back(ffhq_frame(camera, model_.config().camera));
     const Tensor known = known_at(faces_.known, images.shape(1), images.shape(2));
-    return model_.encoder().face_embedding(augmented(where_known(known, images, -1.0), frames));
+    return model_.encoder().face_embedding(augmented(
+        where_known(known, images, -1.0), ffhq_frames(faces_.cameras, model_.config().camera)));
 }
 
 Codes FitProblem::code_offsets() const {

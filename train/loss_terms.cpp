@@ -56,13 +56,6 @@ Variable depth_variance_term(const LossInputs& in, LossValues&) {
     return depth_variance(in.decoded.weights.weights, in.decoded.samples.depths);
 }
 
-std::vector<ImageAugmentation> frames_of(std::span<const Camera> cameras, const LossInputs& in) {
-    std::vector<ImageAugmentation> frames;
-    for (const Camera& camera : cameras)
-        frames.push_back(ffhq_frame(camera, in.config.model.camera));
-    return frames;
-}
-
 /// The gradient is computed at once, as for the adversarial term.
 Variable identity_term(const LossInputs& in, LossValues&) {
     const Variable& images = in.decoded.images.back();
@@ -71,7 +64,8 @@ Variable identity_term(const LossInputs& in, LossValues&) {
     const Tensor& target = *std::ranges::find_if(in.batch.targets, has_side);
     const Tensor shown =
         where_known(known_at(in.batch.known, side, side), target, images.detach()).value();
-    const std::vector<ImageAugmentation> frames = frames_of(in.batch.cameras, in);
+    const std::vector<ImageAugmentation> frames =
+        ffhq_frames(in.batch.cameras, in.config.model.camera);
     return differentiate_at_once(
         [&](const Variable& rendered) { return in.identity->distance(rendered, shown, frames); },
         images);
@@ -93,8 +87,8 @@ Variable expression_term(const LossInputs& in, LossValues&) {
                 {.samples_per_ray = in.position.phase.samples_per_ray,
                  .resolution = expression_side(decoder.ladder(), in.position.phase),
                  .gradient_tolerance = in.config.optimizer.sample_tolerance});
-    const Variable seen =
-        in.model.encoder().expression(augmented(faces.images.back(), frames_of(cameras, in)));
+    const Variable seen = in.model.encoder().expression(
+        augmented(faces.images.back(), ffhq_frames(cameras, in.config.model.camera)));
     const Variable asked = mean(square(rows(1, half) - rows(1, 0)));
     return mean(square(seen - rows(1, half))) / (asked + 1e-12);
 }

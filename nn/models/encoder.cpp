@@ -57,6 +57,11 @@ Variable arcface_frame(const Variable& images) {
     return slice(slice(images, 1, margin, side - margin), 2, margin, side - margin);
 }
 
+Variable face_embedding(const Backbone& identity, const Variable& images) {
+    const Variable values = identity(arcface_frame(images));
+    return values / sqrt(sum(square(values), {1}) + 1e-12);
+}
+
 EncoderConfig without_weight_files(EncoderConfig config) {
     config.backbone_weights.clear();
     config.identity_weights.clear();
@@ -188,8 +193,7 @@ Codes Encoder::operator()(const Variable& image) const {
 }
 
 Variable Encoder::face_embedding(const Variable& image) const {
-    const Variable values = (*identity_)(arcface_frame(image));
-    return values / sqrt(sum(square(values), {1}) + 1e-12);
+    return stymo::face_embedding(*identity_, image);
 }
 
 Variable Encoder::expression(const Variable& image) const {

@@ -36,6 +36,8 @@ void describe(ConfigSchema& schema, EncoderConfig& config);
 /// The middle 76.5 % of images (B, S, S, 3) in FFHQ's crop, which is about the frame of ArcFace's
 /// training: the same whole number of pixels is cut off every side.
 [[nodiscard]] Variable arcface_frame(const Variable& images);
+/// Embeddings of unit length, (B, embedding size), of the arcface_frame of images in FFHQ's crop.
+[[nodiscard]] Variable face_embedding(const Backbone& identity, const Variable& images);
 
 /// The value of EncoderConfig::backbone_weights that asks for random weights by name.
 inline constexpr const char* random_backbone = "random";

@@ -14,8 +14,7 @@ IdentityNetwork::IdentityNetwork(const std::filesystem::path& weights) {
 }
 
 Variable IdentityNetwork::embeddings(const Variable& images) const {
-    const Variable values = (*backbone_)(arcface_frame(images));
-    return values / sqrt(sum(square(values), {1}) + 1e-12);
+    return face_embedding(*backbone_, images);
 }
 
 Variable IdentityNetwork::distance(const Variable& images, const Tensor& targets,
@@ -33,6 +32,13 @@ ImageAugmentation ffhq_frame(const Camera& camera, const CameraConfig& model) {
     frame.source_from_target = {scale, 0.0,   2.0 * pivot.x() - 1.0,  //
                                 0.0,   scale, 2.0 * pivot.y() - 1.0};
     return frame;
+}
+
+std::vector<ImageAugmentation> ffhq_frames(std::span<const Camera> cameras,
+                                           const CameraConfig& model) {
+    std::vector<ImageAugmentation> frames;
+    for (const Camera& camera : cameras) frames.push_back(ffhq_frame(camera, model));
+    return frames;
 }
 
 }  // namespace stymo

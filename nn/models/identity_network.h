@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <memory>
 #include <span>
+#include <vector>
 
 #include "nn/image_augmentation.h"
 #include "nn/models/model.h"
@@ -36,5 +37,7 @@ private:
 /// The transformation that brings an image of `camera` into the crop of the model's frontal camera:
 /// the model's pivot comes into the middle, at the same size.
 [[nodiscard]] ImageAugmentation ffhq_frame(const Camera& camera, const CameraConfig& model);
+[[nodiscard]] std::vector<ImageAugmentation> ffhq_frames(std::span<const Camera> cameras,
+                                                         const CameraConfig& model);
 
 }  // namespace stymo

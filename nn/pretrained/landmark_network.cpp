@@ -15,7 +15,9 @@ namespace {
 
 constexpr double landmark_slope = 0.1;
 constexpr std::array<std::int64_t, 4> level_widths{24, 48, 96, 128};
-constexpr std::int64_t final_side = LandmarkNetwork::input_side / 16;
+static_assert(LandmarkFeatures::last_layer_count == (LandmarkFeatures::input_side / 16) *
+                                                        (LandmarkFeatures::input_side / 16) *
+                                                        level_widths.back());
 constexpr std::int64_t coordinate_count = 136;
 constexpr const char* landmark_prefix = "landmarks.";
 constexpr const char* landmark_format_key = "format";
@@ -43,21 +45,28 @@ Tensor batch_of(const std::vector<Tensor>& images) {
 
 }  // namespace
 
-LandmarkFeatures::LandmarkFeatures(ParameterStore& store, const std::string& prefix, Rng& rng) {
+LandmarkFeatures::LandmarkFeatures(ParameterStore& store, const std::string& prefix, Rng& rng)
+    : levels_(make_levels(store, prefix, rng)),
+      hidden_(store, prefix + "hidden", last_layer_count, count,
+              LinearOptions{.activation = Activation::leaky_relu}, rng) {}
+
+std::vector<LandmarkFeatures::Level> LandmarkFeatures::make_levels(ParameterStore& store,
+                                                                   const std::string& prefix,
+                                                                   Rng& rng) {
+    std::vector<Level> levels;
     std::int64_t in = 3;
     for (const std::int64_t out : level_widths) {
-        const std::string name = prefix + "level" + std::to_string(levels_.size());
+        const std::string name = prefix + "level" + std::to_string(levels.size());
         Level level{landmark_layer(store, name + ".down", in, out, 2, 1.0, rng), {}};
         if (in != 3) {
             level.pair.push_back(landmark_layer(store, name + ".first", out, out, 1, 1.0, rng));
             // A pair begins close to the identity.
             level.pair.push_back(landmark_layer(store, name + ".second", out, out, 1, 0.2, rng));
         }
-        levels_.push_back(std::move(level));
+        levels.push_back(std::move(level));
         in = out;
     }
-    hidden_.emplace_back(store, prefix + "hidden", final_side * final_side * in, count,
-                         LinearOptions{.activation = Activation::leaky_relu}, rng);
+    return levels;
 }
 
 Variable LandmarkFeatures::last_layer(const Variable& images) const {

@@ -32,17 +32,18 @@ public:
     /// The last convolutions' results, (B, last_layer_count).
     [[nodiscard]] Variable last_layer(const Variable& images) const;
     /// The features from these.
-    [[nodiscard]] Variable hidden(const Variable& last_layer) const {
-        return hidden_.front()(last_layer);
-    }
+    [[nodiscard]] Variable hidden(const Variable& last_layer) const { return hidden_(last_layer); }
 
 private:
     struct Level {
         ConvLayer down;
         std::vector<ConvLayer> pair;
     };
+    static std::vector<Level> make_levels(ParameterStore& store, const std::string& prefix,
+                                          Rng& rng);
+
     std::vector<Level> levels_;
-    std::vector<Linear> hidden_;
+    Linear hidden_;
 };
 
 /// A network that finds the 68 landmarks of a face: LandmarkFeatures and a linear layer. 1.3

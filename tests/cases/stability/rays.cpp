@@ -8,6 +8,7 @@
 #include "nn/models/radiance_field.h"
 #include "nn/realtime/face_renderer.h"
 #include "render/composite.h"
+#include "support/tiny_model.h"
 
 namespace stymo::stability {
 
@@ -153,20 +154,11 @@ namespace {
 
 /// A head-sized field with fixed weights, on 256 rays.
 ModelConfig small_config() {
-    ModelConfig config;
+    ModelConfig config = test::tiny_model_config();
     config.decoder.resolution = 32;
     config.decoder.rays.rays_per_side = 16;
     config.decoder.field_width = 16;
-    config.decoder.field_layers = 2;
-    config.decoder.feature_channels = 8;
-    config.decoder.frequencies = 2;
     config.decoder.block_channels = {8};
-    config.decoder.mask_channels = 2;
-    config.decoder.mapping_layers = 1;
-    config.encoder.backbone = "small_conv";
-    config.encoder.head_width = 8;
-    config.reconstruction.resolution_weights = {1.0};
-    config.reconstruction.perceptual_weight = 0.0;
     return config;
 }
 
