@@ -234,11 +234,13 @@ TEST_CASE("A folder none of whose photos can be used leaves nothing behind") {
 TEST_CASE("A copy of stymo-prep without the landmark network says that it uses dlib's") {
     const fs::path& folder = tiny_run();
     photos_with_landmarks("copied_photos", 1);
-    fs::create_directory(folder / "copied");
-    fs::copy_file(STYMO_BINARY_DIR "/bin/stymo-prep", folder / "copied/stymo-prep");
+    // Deep enough that the program's search for configs/ above it ends within this folder.
+    const fs::path copy = folder / "copied/to/a/deep/folder/stymo-prep";
+    fs::create_directories(copy.parent_path());
+    fs::copy_file(STYMO_BINARY_DIR "/bin/stymo-prep", copy);
     const stymo::ChildOutcome outcome = stymo::run_child(
-        {(folder / "copied/stymo-prep").string(), "--photos", (folder / "copied_photos").string(),
-         "--out", (folder / "copied/out").string(), "--size", "32", "--threads", "1", "--mask-net",
+        {copy.string(), "--photos", (folder / "copied_photos").string(), "--out",
+         (folder / "copied/out").string(), "--size", "32", "--threads", "1", "--mask-net",
          STYMO_SOURCE_DIR "/configs/models/head-mask/network.safetensors"});
     CHECK(outcome.exit_code == 0);
     CHECK_THAT(outcome.err, Catch::Contains("warning: the landmark network that comes with stymo"));
