@@ -3,8 +3,8 @@
 #include <optional>
 #include <vector>
 
-#include "fit/face_surface.h"
 #include "nn/models/face_batch.h"
+#include "render/morphable/face_surface.h"
 
 namespace stymo {
 

@@ -15,12 +15,13 @@
 #include "core/median.h"
 #include "core/parallel.h"
 #include "core/tensor_eigen.h"
-#include "fit/face_surface.h"
 #include "fit/morphable/morphable_fit.h"
+#include "fit/photo/landmarks.h"
 #include "nn/realtime/face_renderer.h"
 #include "nn/realtime/pixel_depth.h"
 #include "nn/realtime/view_range.h"
 #include "render/depth_map.h"
+#include "render/morphable/face_surface.h"
 #include "render/rasterizer.h"
 #include "render/triangle_mesh.h"
 
@@ -290,7 +291,7 @@ std::vector<SeenFace> surface_views(const Model& model, const Codes& codes, doub
         views.push_back({camera, std::move(view.image), std::move(view.mask),
                          pixel_depth(depths, camera, rays, 4 * rays)});
         if (views.size() > 1) continue;
-        const FaceSquare face = mean_face_square(camera, 1);
+        const FaceSquare face = square_around(mean_face_landmarks(camera, 1));
         double seen = 0.0;
         for (const double u : {-0.4, 0.0, 0.4})
             for (const double v : {-0.4, 0.0, 0.4})
@@ -305,8 +306,8 @@ std::vector<SeenFace> surface_views(const Model& model, const Codes& codes, doub
 LaidHead fitted_head(const MorphableHead& head, const LandmarkModel& landmarks,
                      const SeenFace& frontal) {
     const std::int64_t side = frontal.image.shape(0);
-    const Landmarks points =
-        find_points(landmarks, frontal.image, mean_face_square(frontal.camera, side));
+    const Landmarks points = find_points(landmarks, frontal.image,
+                                         square_around(mean_face_landmarks(frontal.camera, side)));
     const Intrinsics& intrinsics = frontal.camera.intrinsics;
     const MorphableFitTarget target{points, frontal.image, frontal.mask};
     const MorphableFit fit = fit_morphable(head, {&target, 1}, intrinsics).front();

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "fit/photo/landmarks.h"
-#include "fit/turned_photo.h"
+#include "render/turned_photo.h"
 #include "nn/models/model.h"
 #include "nn/pretrained/landmark_network.h"
 #include "render/morphable/head.h"

@@ -17,7 +17,7 @@
 #include "core/parallel.h"
 #include "core/rng.h"
 #include "fit/head_depth.h"
-#include "fit/turned_photo.h"
+#include "render/turned_photo.h"
 #include "nn/models/significant_rows.h"
 #include "nn/optim/muon.h"
 #include "nn/realtime/view.h"

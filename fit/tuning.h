@@ -32,8 +32,8 @@ struct TuningOptions {
     /// target at one of `anchors` anchors, in turn. One anchor of three is a neighbouring code from
     /// a random camera; its target is the original decoder's image. The others are the face itself
     /// from other sides; their target has the photo's colours where the photo shows the same points
-    /// (fit/turned_photo.h), elsewhere those of the original decoder. A locality weight of 0: there
-    /// are no anchors.
+    /// (render/turned_photo.h), elsewhere those of the original decoder. A locality weight of 0:
+    /// there are no anchors.
     FitWeights weights{.regularizer = 0.0, .locality = 2.0, .depth = 1.0, .mask = 0.05};
     /// The linear head to which the faces' codes belong; null: the tuned shape follows from colours
     /// alone. Where a face has a code, the depth of the tuned face is drawn to this head's: in

@@ -64,7 +64,8 @@ std::int64_t generator_numbers(const Model& model, const ReconstructionLoss& los
                                const TrainConfig& config, const TrainingPhase& phase,
                                const Recomputation& recomputation) {
     const std::int64_t side = model.decoder().ladder().largest();
-    const std::int64_t encoded = config.data.other_photo > 0.0 ? 2 : 1;
+    const bool reads_others = config.data.other_photo > 0.0 || config.data.turned_photos > 0.0;
+    const std::int64_t encoded = reads_others ? 2 : 1;
     // The photos at full size for the encoder and for the losses, with their masks.
     LayerMemory memory{phase.micro_batch * (7 + 3 * encoded) * side * side, 0};
     memory.add(

@@ -8,12 +8,12 @@
 #include "core/angle.h"
 #include "core/median.h"
 #include "core/ops/ops.h"
-#include "fit/face_surface.h"
 #include "fit/fit_report.h"
 #include "nn/known_pixels.h"
 #include "nn/models/display_image.h"
 #include "nn/realtime/view.h"
 #include "render/depth_map.h"
+#include "render/morphable/face_surface.h"
 
 namespace stymo {
 

@@ -61,7 +61,7 @@ FaceOutcome parse_face(const Json& value) {
     face.was_aligned = value.at("was_aligned").get<bool>();
     face.made_mask = value.at("made_mask").get<bool>();
     face.origin = {record.value("person", ""), record.value("series", ""),
-                   record.value("source", "")};
+                   record.value("source", ""), record.value("take", "")};
     face.warnings = value.at("warnings").get<std::vector<std::string>>();
     if (value.contains("mask_agreement"))
         face.mask_agreement = value["mask_agreement"].get<double>();
@@ -92,6 +92,7 @@ JsonValue face_record(const FaceOutcome& face, const Pose& pose) {
     if (!origin.person.empty()) record.add("person", origin.person);
     if (!origin.series.empty()) record.add("series", origin.series);
     if (!origin.source.empty()) record.add("source", origin.source);
+    if (!origin.take.empty()) record.add("take", origin.take);
     return record;
 }
 

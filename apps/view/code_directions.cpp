@@ -6,7 +6,7 @@
 
 #include "core/error.h"
 #include "core/tensor_eigen.h"
-#include "fit/face_surface.h"
+#include "fit/photo/landmarks.h"
 #include "nn/realtime/face_renderer.h"
 
 namespace stymo {
@@ -95,8 +95,8 @@ std::array<std::vector<EndNames>, code_names.size()> direction_names(
         return renderer.render(camera);
     };
     // All in one square: what differs is then the face alone.
-    const FaceSquare square =
-        square_around(find_points(landmarks, picture(mean).image, mean_face_square(camera, side)));
+    const FaceSquare square = square_around(find_points(
+        landmarks, picture(mean).image, square_around(mean_face_landmarks(camera, side))));
     const auto measured = [&](std::size_t group, std::size_t direction, double amount) {
         std::array<std::vector<double>, code_names.size()> amounts;
         amounts[group].resize(direction + 1);

@@ -1,5 +1,9 @@
 #include "fit/photo/landmarks.h"
 
+#include <span>
+
+#include "render/morphable/builtin_head.h"
+
 namespace stymo {
 
 Eigen::Vector2d mean_landmark(const Landmarks& landmarks, std::size_t first, std::size_t last) {
@@ -14,6 +18,18 @@ double inter_ocular_distance(const Landmarks& landmarks) {
 
 Landmarks scaled_landmarks(Landmarks landmarks, double factor) {
     for (Eigen::Vector2d& point : landmarks) point *= factor;
+    return landmarks;
+}
+
+Landmarks mean_face_landmarks(const Camera& camera, std::int64_t side) {
+    const MorphableHead& head = builtin_head();
+    const std::span<const float> mean = head.mean.values<float>();
+    Landmarks landmarks;
+    for (std::size_t k = 0; k < landmarks.size(); ++k) {
+        const auto first = static_cast<std::size_t>(3 * head.landmarks[k]);
+        const Eigen::Vector3d vertex(mean[first], mean[first + 1], mean[first + 2]);
+        landmarks[k] = static_cast<double>(side) * project(camera, vertex).head<2>();
+    }
     return landmarks;
 }
 

@@ -3,6 +3,9 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <cstdint>
+
+#include "render/camera.h"
 
 namespace stymo {
 
@@ -18,5 +21,7 @@ using Landmarks = std::array<Eigen::Vector2d, 68>;
 [[nodiscard]] double inter_ocular_distance(const Landmarks& landmarks);
 /// The landmarks in the same image scaled by `factor`.
 [[nodiscard]] Landmarks scaled_landmarks(Landmarks landmarks, double factor);
+/// Where a camera sees the mean of the built-in head, in an image of this side.
+[[nodiscard]] Landmarks mean_face_landmarks(const Camera& camera, std::int64_t side);
 
 }  // namespace stymo

@@ -117,14 +117,13 @@ FaceBatch make_batch(std::span<const Face> faces, std::int64_t smallest_target,
     return batch;
 }
 
-void read_people_from(FaceBatch& batch, std::span<const Face> others,
-                      std::vector<bool> same_light) {
-    if (others.size() != batch.cameras.size() || same_light.size() != others.size())
+void read_people_from(FaceBatch& batch, std::span<const Face> others, std::vector<Shared> shared) {
+    if (others.size() != batch.cameras.size() || shared.size() != others.size())
         fail<ShapeError>(others.size(), " photos for the people of ", batch.cameras.size(),
                          " faces");
     batch.other_input = with_guesses(
         known_of_all(others), affine(Variable(stacked(others, &Face::image)), 2.0, -1.0).value());
-    batch.same_light = std::move(same_light);
+    batch.shared = std::move(shared);
 }
 
 Tensor FaceBatch::known_of(std::int64_t row) const {
@@ -144,12 +143,16 @@ Codes encoded(const Model& model, const FaceBatch& batch) {
     const Codes codes = model.encoder()(Variable(batch.input));
     if (!batch.other_input.defined()) return codes;
     const Codes others = model.encoder()(Variable(batch.other_input));
-    std::vector<Variable> light;
-    for (std::size_t i = 0; i < batch.same_light.size(); ++i) {
-        const auto row = static_cast<std::int64_t>(i);
-        light.push_back(slice((batch.same_light[i] ? others : codes).light(), 0, row, row + 1));
+    std::vector<Variable> expression, light;
+    for (std::size_t i = 0; i < batch.shared.size(); ++i) {
+        const auto row_of = [row = static_cast<std::int64_t>(i)](const Variable& group) {
+            return slice(group, 0, row, row + 1);
+        };
+        const Shared shared = batch.shared[i];
+        expression.push_back(row_of((shared == Shared::all ? others : codes).expression()));
+        light.push_back(row_of((shared == Shared::person ? codes : others).light()));
     }
-    return {{others.identity(), codes.expression(), others.texture(), concat(light, 0)}};
+    return {{others.identity(), concat(expression, 0), others.texture(), concat(light, 0)}};
 }
 
 }  // namespace

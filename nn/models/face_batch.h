@@ -30,6 +30,13 @@ struct Face {
 /// The mirror image of a face. It has no code, because the code of a mirrored face is unknown.
 [[nodiscard]] Face mirrored(const Face& face);
 
+/// What two photos of a person have in common. Each has what those before it have.
+enum class Shared {
+    person,  ///< identity and texture
+    light,   ///< and the light
+    all,     ///< and the expression: only the camera differs
+};
+
 /// Photos of B faces, prepared for the networks and the losses of training and fitting. Fitting
 /// reads only the first three members, and `codes` if the model has no encoder.
 struct FaceBatch {
@@ -48,9 +55,9 @@ struct FaceBatch {
                                     ///< where a face has no code
     Tensor code_present{};          ///< (B), 1 where a face has a code; undefined: no face has one
     /// (B, S, S, 3) like `input`: photos that show the same people, from which the encoder reads
-    /// identity and texture, and light where `same_light`; undefined: the faces' own photos.
+    /// what they share with the faces; undefined: the faces' own photos.
     Tensor other_input{};
-    std::vector<bool> same_light{};
+    std::vector<Shared> shared{};
 
     /// (B, S, S, 1), see nn/known_pixels.h; undefined: all pixels are known. Unknown pixels are
     /// guessed in `input` (with_guesses) and -1 in `targets`, whatever the photos have there.
@@ -70,9 +77,9 @@ struct FaceBatch {
 [[nodiscard]] FaceBatch make_batch(std::span<const Face> faces, std::int64_t smallest_target = 64,
                                    std::int64_t largest_target = 0);
 
-/// Lets the encoder read who the faces are from `others`, photos of the same people: the code of
-/// one photo then has to render another. Throws ShapeError for another number of faces.
-void read_people_from(FaceBatch& batch, std::span<const Face> others, std::vector<bool> same_light);
+/// Lets the encoder read what is shared from `others`, photos of the same people: the code of one
+/// photo then has to render another. Throws ShapeError for another number of faces.
+void read_people_from(FaceBatch& batch, std::span<const Face> others, std::vector<Shared> shared);
 
 /// Initial codes of the batch's faces in Z: from the encoder, or from `batch.codes` if the model
 /// has no encoder. Throws ValueError, which names the first face whose code is missing.

@@ -65,7 +65,8 @@ fs::path photos_with_landmarks(const std::string& name, int count) {
                       {"landmarks", record["landmarks"]},
                       {"person", "of " + record["id"].get<std::string>()},
                       {"series", "studio"},
-                      {"source", "albums"}}
+                      {"source", "albums"},
+                      {"take", "noon"}}
                      .dump() +
                  "\n";
     }
@@ -120,6 +121,7 @@ TEST_CASE(
         CHECK(found[i]["person"] == "of " + found[i]["id"].get<std::string>());
         CHECK(found[i]["series"] == "studio");
         CHECK(found[i]["source"] == "albums");
+        CHECK(found[i]["take"] == "noon");
     }
     done(
         "stymo-train --config tiny.json --data prepared --out prepared_run --set stage1.steps=1 "

@@ -7,13 +7,13 @@
 #include "core/error.h"
 #include "core/median.h"
 #include "core/ops/ops.h"
-#include "fit/face_surface.h"
 #include "fit/fitter.h"
 #include "fit/head_depth.h"
 #include "fit/tuning.h"
 #include "nn/realtime/view.h"
 #include "render/depth_map.h"
 #include "render/morphable/builtin_head.h"
+#include "render/morphable/face_surface.h"
 #include "support/tiny_model.h"
 
 namespace head_depth_tests {

@@ -24,11 +24,14 @@ struct DataConfig {
     /// Share of the images of people with several photos whose identity and texture the encoder
     /// reads from another photo of the person.
     double other_photo = 0.0;
+    /// Share of the images with a pose and a code of the built-in head that are seen from another
+    /// side (turned_face.h), with the code of the photo itself.
+    double turned_photos = 0.0;
     std::int64_t cache_megabytes = 2048;
 };
 
 /// Binds "data.split.test", "data.split.val", "data.split.held_out", "data.mirror",
-/// "data.other_photo", "data.cache_megabytes".
+/// "data.other_photo", "data.turned_photos", "data.cache_megabytes".
 void describe(ConfigSchema& schema, DataConfig& config);
 
 /// With `held_out` "first" the sorted ids are divided into test, validation, training; with "last"

@@ -110,7 +110,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view title = "stymo-face-index-2";
+constexpr std::string_view title = "stymo-face-index-3";
 constexpr std::string_view code_mark = "c", landmarks_mark = "l", both_mark = "cl", no_mark = "-";
 
 /// Words of a line between single blanks; the last one, the id, is the rest of it.
@@ -168,7 +168,7 @@ void append_entry(std::string& text, const std::string& id, const FaceEntry& ent
         for (const double number : numbers_of(*entry.pose)) append(text, number);
     text += id;
     for (const std::string* name :
-         {&entry.origin.person, &entry.origin.series, &entry.origin.source}) {
+         {&entry.origin.person, &entry.origin.series, &entry.origin.source, &entry.origin.take}) {
         text += '\t';
         text += *name;
     }
@@ -199,6 +199,7 @@ std::pair<std::string, FaceEntry> entry_of(std::string_view line) {
     entry.origin.person = next_name();
     entry.origin.series = next_name();
     entry.origin.source = next_name();
+    entry.origin.take = next_name();
     return {std::move(id), std::move(entry)};
 }
 

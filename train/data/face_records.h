@@ -70,7 +70,7 @@ struct FileVersion {
 
 /// The path of the index, `faces.jsonl.index`. It has a line with the version of the file and a
 /// checksum, and for each face a line with offset, size, flags for code and landmarks, pose,
-/// id, person, series and source.
+/// id, person, series, source and take.
 [[nodiscard]] std::filesystem::path index_path(const std::filesystem::path& file);
 /// Reads the index; nothing if it is missing, damaged or belongs to another version of the file.
 [[nodiscard]] std::optional<FaceEntries> read_face_index(const std::filesystem::path& file,

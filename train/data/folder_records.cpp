@@ -100,14 +100,14 @@ std::pair<std::string, FaceRecord> parse_face_record(std::string_view line) {
         require_sound_json(line);
         const Json object = Json::parse(line);
         require_keys(object, "the line",
-                     {"id", "pose", "code", "landmarks", "person", "series", "source"});
+                     {"id", "pose", "code", "landmarks", "person", "series", "source", "take"});
         if (!object.contains("id") || !object["id"].is_string()) fail<FileError>("no \"id\" text");
         FaceRecord record;
         if (object.contains("pose")) record.pose = parse_pose(object["pose"].dump());
         if (object.contains("code")) record.code = code_of(object["code"]);
         if (object.contains("landmarks")) record.landmarks = landmarks_of(object["landmarks"]);
         record.origin = {name_at(object, "person"), name_at(object, "series"),
-                         name_at(object, "source")};
+                         name_at(object, "source"), name_at(object, "take")};
         return {object["id"].get<std::string>(), std::move(record)};
     } catch (const Json::exception& error) {
         fail<FileError>("not JSON: ", plain_message(error));

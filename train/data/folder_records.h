@@ -18,6 +18,7 @@ struct PhotoOrigin {
     std::string person;  ///< who it is
     std::string series;  ///< photos of the person taken together, in the same light
     std::string source;  ///< photos of one look, such as those of one studio
+    std::string take{};  ///< photos of the person at one moment: only the camera differs
 
     bool operator==(const PhotoOrigin&) const = default;
 };
@@ -32,8 +33,8 @@ struct FaceRecord {
 
 /// Parses a line into id and record: {"id", "pose": {"yaw_deg", "pitch_deg", "roll_deg", "t":
 /// [x,y,z]}, "code": {"id", "expr", "tex", "light"}, "landmarks": [[x,y] x68], "person",
-/// "series", "source"}. All keys except the id are optional. Throws FileError for malformed JSON,
-/// an unknown key, and a wrong type or length.
+/// "series", "source", "take"}. All keys except the id are optional. Throws FileError for malformed
+/// JSON, an unknown key, and a wrong type or length.
 [[nodiscard]] std::pair<std::string, FaceRecord> parse_face_record(std::string_view line);
 
 /// Reads "photos" of the `report.json` that stymo-prep writes: the ids of all input photos. Empty

@@ -5,6 +5,9 @@
 #include <numeric>
 #include <utility>
 
+#include "render/morphable/builtin_head.h"
+#include "train/data/turned_face.h"
+
 namespace stymo {
 
 namespace {
@@ -19,10 +22,16 @@ std::vector<std::int64_t> shuffled(std::int64_t count, Rng rng) {
     return order;
 }
 
-bool same_series(const Dataset& faces, std::int64_t a, std::int64_t b) {
-    const FaceEntry *const one = faces.entry(a), *const other = faces.entry(b);
-    return !one->origin.series.empty() && one->origin.series == other->origin.series;
+Shared shared_by(const Dataset& faces, std::int64_t a, std::int64_t b) {
+    if (a == b) return Shared::all;
+    const PhotoOrigin &one = faces.entry(a)->origin, &other = faces.entry(b)->origin;
+    if (!one.take.empty() && one.take == other.take) return Shared::all;
+    return !one.series.empty() && one.series == other.series ? Shared::light : Shared::person;
 }
+
+/// Most radians by which a photo's face is turned. Farther around, its linear head shows mostly
+/// what the photo does not.
+constexpr double most_yaw = 0.7, most_pitch = 0.2;
 
 }  // namespace
 
@@ -31,6 +40,7 @@ TrainingImages::TrainingImages(const Dataset& faces, const DataConfig& config, c
     : faces_(faces),
       mirror_(config.mirror),
       other_photo_(config.other_photo),
+      turned_photos_(config.turned_photos),
       person_of_(static_cast<std::size_t>(faces.size()), -1),
       rng_(rng),
       smallest_target_(smallest_target),
@@ -82,37 +92,49 @@ std::int64_t TrainingImages::face_of(std::int64_t image) const {
     return (*order(image / faces_.size()))[static_cast<std::size_t>(image % faces_.size())];
 }
 
+std::optional<Face> TrainingImages::turned(std::int64_t image, const Face& face) const {
+    if (turned_photos_ == 0.0) return std::nullopt;
+    Rng rng = rng_.split("turned").split(static_cast<std::uint64_t>(image));
+    if (rng.uniform() >= turned_photos_) return std::nullopt;
+    const double yaw = most_yaw * (2.0 * rng.uniform() - 1.0);
+    const double pitch = most_pitch * (2.0 * rng.uniform() - 1.0);
+    return turned_face(face, builtin_head(), yaw, pitch);
+}
+
+TrainingImages::Pair TrainingImages::pair(std::int64_t image) const {
+    const std::int64_t index = face_of(image);
+    const std::int64_t other = other_photo_of(image, index);
+    const bool mirror =
+        mirror_ && rng_.split("mirror").split(static_cast<std::uint64_t>(image)).below(2) == 1;
+    const auto as_shown = [mirror](const Face& face) { return mirror ? mirrored(face) : face; };
+    // In place of a broken file the data set returns a photo of somebody else.
+    const auto is_of = [this](const Face& face, std::int64_t photo) {
+        return face.id == faces_.ids()[static_cast<std::size_t>(photo)];
+    };
+    const Face face = faces_.load(index);
+    if (const std::optional<Face> view = turned(image, face))
+        return {as_shown(*view), as_shown(face), Shared::all, true};
+    if (other != index && is_of(face, index))
+        if (const Face photo = faces_.load(other); is_of(photo, other))
+            return {as_shown(face), as_shown(photo), shared_by(faces_, index, other), true};
+    return {as_shown(face), as_shown(face), Shared::all, false};
+}
+
 FaceBatch TrainingImages::batch(std::int64_t first_image, std::int64_t count,
                                 std::int64_t largest_target) const {
     std::vector<Face> faces, others;
-    std::vector<bool> same_light;
+    std::vector<Shared> shared;
     bool has_others = false;
-    for (std::int64_t number = first_image; number < first_image + count; ++number) {
-        const std::int64_t index = face_of(number);
-        std::int64_t other = other_photo_of(number, index);
-        if (ahead_ > 0) faces_.announce(face_of(number + ahead_));
-        const bool mirror =
-            mirror_ && rng_.split("mirror").split(static_cast<std::uint64_t>(number)).below(2) == 1;
-        const auto loaded = [&](std::int64_t photo) {
-            Face face = faces_.load(photo);
-            return mirror ? mirrored(face) : face;
-        };
-        faces.push_back(loaded(index));
-        if (other_photo_ == 0.0) continue;
-        others.push_back(other == index ? faces.back() : loaded(other));
-        // In place of a broken file the data set returns a photo of somebody else.
-        const auto is_of = [&](const Face& face, std::int64_t photo) {
-            return face.id == faces_.ids()[static_cast<std::size_t>(photo)];
-        };
-        if (!is_of(faces.back(), index) || !is_of(others.back(), other)) {
-            others.back() = faces.back();
-            other = index;
-        }
-        same_light.push_back(other == index || same_series(faces_, index, other));
-        has_others = has_others || other != index;
+    for (std::int64_t image = first_image; image < first_image + count; ++image) {
+        if (ahead_ > 0) faces_.announce(face_of(image + ahead_));
+        Pair pair = this->pair(image);
+        faces.push_back(std::move(pair.face));
+        others.push_back(std::move(pair.read));
+        shared.push_back(pair.shared);
+        has_others = has_others || pair.differ;
     }
     FaceBatch batch = make_batch(faces, smallest_target_, largest_target);
-    if (has_others) read_people_from(batch, others, std::move(same_light));
+    if (has_others) read_people_from(batch, others, std::move(shared));
     return batch;
 }
 

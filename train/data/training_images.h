@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <vector>
 
 #include "core/rng.h"
@@ -16,9 +17,9 @@ namespace stymo {
 /// shuffled differently. The n-th image is a pure function of data set and generator.
 class TrainingImages {
 public:
-    /// Of `config`, `mirror` and `other_photo` are read. `smallest_target` as in make_batch. When
-    /// an image is loaded, the operating system is told to read the image that is used `ahead`
-    /// images later; 0: it is not. The data set must outlive this object.
+    /// Of `config`, `mirror`, `other_photo` and `turned_photos` are read. `smallest_target` as in
+    /// make_batch. When an image is loaded, the operating system is told to read the image that is
+    /// used `ahead` images later; 0: it is not. The data set must outlive this object.
     TrainingImages(const Dataset& faces, const DataConfig& config, const Rng& rng,
                    std::int64_t smallest_target = 64, std::int64_t ahead = 0);
 
@@ -36,15 +37,25 @@ public:
     [[nodiscard]] double waiting_seconds() const { return faces_.waiting_seconds(); }
 
 private:
+    /// The face that an image shows, and the one whose codes the encoder reads for it.
+    struct Pair {
+        Face face, read;
+        Shared shared = Shared::all;
+        bool differ = false;
+    };
     using Order = std::vector<std::int64_t>;  ///< face of each image in one pass
     [[nodiscard]] std::shared_ptr<const Order> order(std::int64_t pass) const;
     [[nodiscard]] std::int64_t face_of(std::int64_t image) const;
     /// The photo of the same person that the encoder sees for image `image`, or the face itself.
     [[nodiscard]] std::int64_t other_photo_of(std::int64_t image, std::int64_t face) const;
+    [[nodiscard]] Pair pair(std::int64_t image) const;
+    /// The face turned by a random angle, for some of the images.
+    [[nodiscard]] std::optional<Face> turned(std::int64_t image, const Face& face) const;
 
     const Dataset& faces_;
     bool mirror_;
     double other_photo_;
+    double turned_photos_;
     std::vector<std::vector<std::int64_t>> people_;  ///< of each person with several photos
     std::vector<std::int64_t> person_of_;            ///< of each face the index into people_, or -1
     Rng rng_;

@@ -24,7 +24,8 @@ std::string line_of(const std::string& id, double yaw) {
 fs::path three_faces(const ScratchFolder& folder) {
     const fs::path file = folder.path() / "faces.jsonl";
     write_file(file, line_of("b c", 10.0) + "\n\n" + line_of("a", 20.0) + "\n" +
-                         R"({"id":"d","person":"two words","series":"1","source":"here"})");
+                         R"({"id":"d","person":"two words","series":"1",)"
+                         R"("source":"here","take":"2"})");
     return file;
 }
 
@@ -49,7 +50,7 @@ TEST_CASE("faces.jsonl is listed, and lines are read when they are asked for", "
     CHECK(records.size() == 3);
     CHECK(records.find("x") == nullptr);
     CHECK_FALSE(records.find("d")->pose);
-    CHECK(records.find("d")->origin == PhotoOrigin{"two words", "1", "here"});
+    CHECK(records.find("d")->origin == PhotoOrigin{"two words", "1", "here", "2"});
     CHECK(records.find("a")->origin == PhotoOrigin{});
     CHECK_FALSE(records.find("a")->has_code);
     CHECK(records.read("a").pose->yaw == yaw_of(records, "a"));

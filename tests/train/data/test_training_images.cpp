@@ -59,9 +59,9 @@ TEST_CASE("a batch has the targets up to the side that is asked for, with the sa
     CHECK_THROWS_AS(images.batch(0, 2, 24), ValueError);
 }
 
-TEST_CASE("identity and texture are read from another photo of the person, light in a series",
-          "[dataset]") {
-    // Faces 0, 1 and 2 are one person, 0 and 1 of one series; 3 is somebody with one photo.
+TEST_CASE("what two photos share is read from the other one", "[dataset]") {
+    // Faces 0, 1 and 2 are one person, 0 and 1 of one series; 0 and 2 are one take; 3 is somebody
+    // with one photo.
     const ScratchFolder folder;
     std::filesystem::copy(synthetic_folder(), folder / "faces",
                           std::filesystem::copy_options::recursive);
@@ -72,6 +72,7 @@ TEST_CASE("identity and texture are read from another photo of the person, light
         nlohmann::json record = nlohmann::json::parse(line);
         record["person"] = number < 3 ? "A" : "B";
         if (number < 2) record["series"] = "day";
+        if (number == 0 || number == 2) record["take"] = "noon";
         named += record.dump() + "\n";
     }
     write_file(folder / "faces/faces.jsonl", named);
@@ -98,12 +99,16 @@ TEST_CASE("identity and texture are read from another photo of the person, light
             ++other;
         CHECK(other != face);
         pairs.emplace(face, other);
-        const bool same_light = face < 2 && other < 2;
-        CHECK(batch.same_light == std::vector<bool>{same_light});
+        const bool same_take = face != 1 && other != 1;
+        const bool same_light = same_take || (face < 2 && other < 2);
+        CHECK(batch.shared == std::vector{same_take    ? Shared::all
+                                          : same_light ? Shared::light
+                                                       : Shared::person});
         const Codes codes = face_codes(model, batch), own = codes_of(face),
                     theirs = codes_of(other);
         CHECK(identical(codes.identity().value(), theirs.identity().value()));
-        CHECK(identical(codes.expression().value(), own.expression().value()));
+        CHECK(
+            identical(codes.expression().value(), (same_take ? theirs : own).expression().value()));
         CHECK(identical(codes.texture().value(), theirs.texture().value()));
         CHECK(identical(codes.light().value(), (same_light ? theirs : own).light().value()));
     }
@@ -123,6 +128,37 @@ TEST_CASE("identity and texture are read from another photo of the person, light
         if (half.batch(image, 1).other_input.defined()) ++with_other;
     // Three quarters of the images can have one; five standard deviations are 48.
     CHECK(std::abs(with_other - 150) < 48);
+}
+
+TEST_CASE("a turned face is rendered from the code of its photo", "[dataset]") {
+    const TrainConfig config = tiny_train_config();
+    const Dataset faces(synthetic_folder(), 64, config.data, Split::all);
+    Rng rng(1);
+    const Model model(config.model, rng);
+    const TrainingImages images(faces, {.turned_photos = 1.0}, Rng(3));
+    std::set<double> yaws;
+    for (std::int64_t image = 0; image < faces.size(); ++image) {
+        const FaceBatch batch = images.batch(image, 1);
+        const Face photo =
+            faces.load(std::ranges::find(faces.ids(), batch.ids[0]) - faces.ids().begin());
+        const FaceBatch own = make_batch(std::vector{photo});
+        CHECK(identical(batch.other_input, own.input));
+        CHECK(batch.shared == std::vector{Shared::all});
+        CHECK(identical(joined(face_codes(model, batch)).value(),
+                        joined(face_codes(model, own)).value()));
+        REQUIRE(batch.known.defined());
+        const double turn = pose_from_camera(batch.cameras[0]).yaw - photo.pose.yaw;
+        CHECK(std::abs(turn) < 0.8);
+        yaws.insert(turn);
+    }
+    CHECK(yaws.size() == static_cast<std::size_t>(faces.size()));
+
+    int turned = 0;
+    const TrainingImages some(faces, {.turned_photos = 0.25}, Rng(3));
+    for (std::int64_t image = 0; image < 400; ++image)
+        if (some.batch(image, 1).other_input.defined()) ++turned;
+    // Five standard deviations are 43.
+    CHECK(std::abs(turned - 100) < 43);
 }
 
 TEST_CASE("in place of a broken photo no other person's identity is read", "[dataset]") {

@@ -3,7 +3,6 @@
 #include <vector>
 
 #include "core/tensor.h"
-#include "nn/pretrained/face_square.h"
 #include "render/camera.h"
 #include "render/morphable/head.h"
 
@@ -33,8 +32,5 @@ struct FaceSurface {
 
 /// The distance between the middles of the two eyes.
 [[nodiscard]] double eye_distance(const MorphableHead& head, const Tensor& vertices);
-
-/// Where a camera sees the face of the built-in head's mean, in pixels of an image of this side.
-[[nodiscard]] FaceSquare mean_face_square(const Camera& camera, std::int64_t side);
 
 }  // namespace stymo

@@ -1,4 +1,4 @@
-#include "fit/face_surface.h"
+#include "render/morphable/face_surface.h"
 
 #include <cmath>
 #include <opencv2/imgproc.hpp>
@@ -6,7 +6,6 @@
 #include "core/error.h"
 #include "core/median.h"
 #include "render/depth_map.h"
-#include "render/morphable/builtin_head.h"
 #include "render/rasterizer.h"
 
 namespace stymo {
@@ -89,15 +88,6 @@ Tensor moved_to_depth(const MorphableHead& head, const Tensor& vertices, const C
     for (std::size_t i = 0; i < values.size(); ++i)
         values[i] += static_cast<float>(shift[static_cast<Eigen::Index>(i % 3)]);
     return moved;
-}
-
-FaceSquare mean_face_square(const Camera& camera, std::int64_t side) {
-    const MorphableHead& head = builtin_head();
-    FacePoints points;
-    for (std::size_t k = 0; k < points.size(); ++k)
-        points[k] = static_cast<double>(side) *
-                    project(camera, vertex_at(head.mean, head.landmarks[k])).head<2>();
-    return square_around(points);
 }
 
 double eye_distance(const MorphableHead& head, const Tensor& vertices) {

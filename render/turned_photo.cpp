@@ -1,4 +1,4 @@
-#include "fit/turned_photo.h"
+#include "render/turned_photo.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,9 +11,6 @@ namespace stymo {
 
 namespace {
 
-/// The photo shows a point if its depth map agrees with the point's depth up to this share. The map
-/// has far fewer pixels than the photo.
-constexpr double depth_tolerance = 0.012;
 /// Width of the rim, as a share of the image's side.
 constexpr double rim = 0.03;
 constexpr float on_head = 0.9F;
@@ -27,15 +24,14 @@ cv::Mat as_mat(const Tensor& image) {
 /// The image point of the photo that shows what the view has at `image_point`; outside the image if
 /// the photo does not show it.
 Eigen::Vector2d point_in_photo(const SeenFace& photo, const SeenFace& view,
-                               const Eigen::Vector2d& image_point) {
+                               const Eigen::Vector2d& image_point, double tolerance) {
     const Eigen::Vector3d point = point_at(view.camera, view.depth, image_point);
     const Eigen::Vector3d projected = project(photo.camera, point);
     const Eigen::Vector2d photo_point = projected.head<2>();
     const double distance = (point - photo.camera.center).norm();
     const bool inside =
         projected[2] > 0.0 && photo_point.minCoeff() > 0.0 && photo_point.maxCoeff() < 1.0;
-    if (inside &&
-        std::abs(depth_at(photo.depth, photo_point) - distance) < depth_tolerance * distance)
+    if (inside && std::abs(depth_at(photo.depth, photo_point) - distance) < tolerance * distance)
         return photo_point;
     return {-1.0, -1.0};
 }
@@ -49,7 +45,7 @@ void soften(cv::Mat& seen) {
 
 }  // namespace
 
-TurnedPhoto turned_photo(const SeenFace& photo, const SeenFace& view) {
+TurnedPhoto turned_photo(const SeenFace& photo, const SeenFace& view, double tolerance) {
     const std::int64_t side = view.image.shape(0);
     TurnedPhoto turned{view.image, Tensor({side, side, 1})};
     cv::Mat image_points(static_cast<int>(side), static_cast<int>(side), CV_32FC2), colors, masks;
@@ -61,7 +57,7 @@ TurnedPhoto turned_photo(const SeenFace& photo, const SeenFace& view) {
                     (static_cast<double>(column) + 0.5) / double(side),
                     (static_cast<double>(row) + 0.5) / double(side));
                 const Eigen::Vector2d pixel =
-                    point_in_photo(photo, view, image_point) * photo_side -
+                    point_in_photo(photo, view, image_point, tolerance) * photo_side -
                     Eigen::Vector2d(0.5, 0.5);
                 image_points.at<cv::Vec2f>(static_cast<int>(row), static_cast<int>(column)) = {
                     static_cast<float>(pixel[0]), static_cast<float>(pixel[1])};

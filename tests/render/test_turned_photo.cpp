@@ -1,8 +1,8 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "fit/turned_photo.h"
 #include "render/depth_map.h"
+#include "render/turned_photo.h"
 
 namespace turned_photo_tests {
 
