@@ -51,9 +51,10 @@ Variable mask_term(const FitComparison& seen, TermValues&) {
                                : Variable();
 }
 
+template <Variable FitComparison::*embeddings>
 Variable identity_term(const FitComparison& seen, TermValues&) {
-    if (!seen.embeddings.defined()) return {};
-    return -sum(seen.embeddings * seen.photo_embeddings) + face_count(seen);
+    if (!(seen.*embeddings).defined()) return {};
+    return -sum(seen.*embeddings * seen.photo_embeddings) + face_count(seen);
 }
 
 Variable time_term(const FitComparison& seen, TermValues&) {
@@ -101,7 +102,13 @@ std::span<const FitTerm> fit_terms() {
         {.name = "locality", .weight = weight_of<&FitWeights::locality>, .value = locality_term},
         {.name = "depth", .weight = weight_of<&FitWeights::depth>, .value = depth_term},
         {.name = "mask", .weight = weight_of<&FitWeights::mask>, .value = mask_term},
-        {.name = "identity", .weight = weight_of<&FitWeights::identity>, .value = identity_term},
+        {.name = "identity",
+         .weight = weight_of<&FitWeights::identity>,
+         .value = identity_term<&FitComparison::embeddings>},
+        {.name = "side_identity",
+         .weight =
+             [](const FitWeights& weights) { return FitWeights::side_share * weights.identity; },
+         .value = identity_term<&FitComparison::side_embeddings>},
         {.name = "time", .weight = weight_of<&FitWeights::time>, .value = time_term},
     };
     return terms;

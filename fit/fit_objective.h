@@ -22,8 +22,9 @@ struct FitWeights {
     double depth = 0.0;  ///< of the mean difference of depths, per distance of the eyes
     double mask = 0.0;   ///< of the mask branch's cross-entropy
     /// Of 1 - cosine between face and photo in the encoder's identity backbone, if it has one and
-    /// identity or texture is fitted.
+    /// identity or texture is fitted. The face seen from a side counts `side_share` times as much.
     double identity = 0.0;
+    static constexpr double side_share = 2.0;
     /// Of the squared change of the expression from row to row, for frames of a film.
     double time = 0.0;
 };
@@ -43,6 +44,7 @@ struct FitComparison {
     Tensor known{};                          ///< of `mask`, see nn/known_pixels.h
     Variable depths{};                       ///< expected_depth(decoded)
     Variable embeddings{};                   ///< Encoder::face_embedding of the images
+    Variable side_embeddings{};              ///< and of the faces seen from a side
     Tensor photo_embeddings{};               ///< and of the photos
     /// By face: what its depth is drawn to; those without a value are left out.
     std::span<const std::optional<FaceSurface>> surfaces{};

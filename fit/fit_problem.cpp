@@ -34,6 +34,11 @@ Codes of_one_person(Codes codes) {
     return codes;
 }
 
+/// The yaw (radians) of the sides, and the most pixels of their images, of which the identity
+/// network sees 112.
+constexpr double side_yaw = 0.5;
+constexpr std::int64_t side_pixels = 128;
+
 /// Largest share of significant samples for which keeping the field's arguments takes little
 /// memory.
 constexpr double few_samples = 0.25;
@@ -82,13 +87,29 @@ FitProblem::FitProblem(const Model& model, const ReconstructionLoss& loss, const
     decode_.keep_field = options.keep_field;
     const bool person = options.fitted_groups[0] || options.fitted_groups[2];
     if (person && weights_.identity > 0.0 && model.has_encoder() && model.encoder().knows_faces())
-        photo_embeddings_ = face_embeddings(faces.targets.back()).value();
+        photo_embeddings_ =
+            face_embeddings(faces.targets.back(), faces.cameras, faces.known).value();
+    for (std::size_t i = 0; i < sides_.size() && photo_embeddings_.defined(); ++i) {
+        for (const Camera& camera : faces.cameras)
+            sides_[i].cameras.push_back(
+                turned_about_head(camera, i == 0 ? -side_yaw : side_yaw, 0.0));
+        sides_[i].decode.samples_per_ray = decode_.samples_per_ray;
+        sides_[i].decode.resolution = faces.targets.front().shape(1);
+        for (const Tensor& images : faces.targets)
+            if (images.shape(1) <= side_pixels) sides_[i].decode.resolution = images.shape(1);
+    }
 }
 
-Variable FitProblem::face_embeddings(const Variable& images) const {
-    const Tensor known = known_at(faces_.known, images.shape(1), images.shape(2));
-    return model_.encoder().face_embedding(augmented(
-        where_known(known, images, -1.0), ffhq_frames(faces_.cameras, model_.config().camera)));
+Variable FitProblem::face_embeddings(const Variable& images, std::span<const Camera> cameras,
+                                     const Tensor& known) const {
+    const Tensor here = known_at(known, images.shape(1), images.shape(2));
+    return model_.encoder().face_embedding(
+        augmented(where_known(here, images, -1.0), ffhq_frames(cameras, model_.config().camera)));
+}
+
+Variable FitProblem::side_embeddings(const Codes& codes) const {
+    const Decoded decoded = model_.decoder()(codes, side_->cameras, side_->decode);
+    return face_embeddings(decoded.images.back(), side_->cameras, {});
 }
 
 Codes FitProblem::code_offsets() const {
@@ -122,7 +143,20 @@ bool FitProblem::select_samples() {
                                 codes(), cameras(), decode_.samples_per_ray, decode_.resolution),
                             options_.tolerance);
     decode_.keep_field = options_.keep_field || mean_of(decode_.significant_samples) <= few_samples;
+    for (Side& side : sides_) side.decode.significant_samples = {};
     return true;
+}
+
+void FitProblem::choose_side(std::int64_t step) {
+    side_ = nullptr;
+    if (!photo_embeddings_.defined() || step % 2 == 0) return;
+    Side& side = sides_[static_cast<std::size_t>(step / 2 % 2)];
+    side_ = &side;
+    if (options_.tolerance > 0.0 && !side.decode.significant_samples.defined())
+        side.decode.significant_samples = significant_samples(
+            model_.decoder().compositing_weights(codes(), side.cameras, side.decode.samples_per_ray,
+                                                 side.decode.resolution),
+            options_.tolerance);
 }
 
 bool FitProblem::choose_images(std::int64_t step) {
@@ -173,7 +207,8 @@ FitLoss FitProblem::loss_here() {
         seen.surfaces = surfaces;
     }
     if (photo_embeddings_.defined()) {
-        seen.embeddings = face_embeddings(decoded.images.back());
+        seen.embeddings = face_embeddings(decoded.images.back(), faces_.cameras, faces_.known);
+        if (side_ != nullptr) seen.side_embeddings = side_embeddings(codes_now);
         seen.photo_embeddings = photo_embeddings_;
     }
     return fit_loss(seen, weights_);
@@ -181,6 +216,7 @@ FitLoss FitProblem::loss_here() {
 
 double FitProblem::complete_loss() {
     static_cast<void>(choose_images(options_.coarse_steps));
+    side_ = nullptr;
     const Tensor significant = std::exchange(decode_.significant_samples, {});
     const double loss = mean_over_faces(loss_here().total);
     decode_.significant_samples = significant;
@@ -190,6 +226,10 @@ double FitProblem::complete_loss() {
 FitProblem::Evaluation FitProblem::evaluate() {
     FitLoss loss = loss_here();
     Evaluation result{mean_over_faces(loss.total), std::move(loss.terms), {}};
+    // Steps with and without a side are compared with each other.
+    for (const auto& [name, value] : result.terms)
+        if (name == "side_identity")
+            result.loss -= FitWeights::side_share * weights_.identity * value;
     std::vector<Variable> learnt = variables_of(offsets());
     if (!orbits().empty()) learnt.push_back(orbits().front().variable());
     result.gradients = grad(loss.total, learnt);

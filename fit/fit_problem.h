@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <span>
 #include <vector>
 
 #include "fit/fitter.h"
@@ -17,7 +19,7 @@ public:
                const FitOptions& options);
 
     struct Evaluation {
-        double loss = 0.0;  ///< mean over the faces
+        double loss = 0.0;  ///< mean over the faces, without a side
         TermValues terms;
         /// Gradients of the sum over the faces: one for each of `offsets`, then of `orbits`.
         std::vector<Variable> gradients;
@@ -41,6 +43,9 @@ public:
     /// Chooses the images that this step compares: only coarser ones at first
     /// (FitOptions::coarse_steps). Returns whether the choice has changed.
     bool choose_images(std::int64_t step);
+    /// Every second step also compares who the faces are when they are seen from one side, in turn.
+    /// Colours alone leave the sides of a face open.
+    void choose_side(std::int64_t step);
 
     [[nodiscard]] const Codes& initial() const { return initial_; }
     [[nodiscard]] Codes codes() const;
@@ -56,8 +61,11 @@ private:
     /// By face, the surface of its head, which is first moved to the rendered face.
     [[nodiscard]] std::vector<std::optional<FaceSurface>> aligned_surfaces(const Variable& depths);
 
-    /// Of images of the faces, with what is unknown in the photos left out.
-    [[nodiscard]] Variable face_embeddings(const Variable& images) const;
+    /// Of images of the faces, with what is not `known` left out.
+    [[nodiscard]] Variable face_embeddings(const Variable& images, std::span<const Camera> cameras,
+                                           const Tensor& known) const;
+    /// Of the faces seen from the chosen side.
+    [[nodiscard]] Variable side_embeddings(const Codes& codes) const;
 
     const Model& model_;
     const ReconstructionLoss& loss_;
@@ -72,6 +80,13 @@ private:
     std::size_t image_count_ = 0;
     ReconstructionLoss::Target photos_;
     Tensor photo_embeddings_;  ///< undefined without the identity term
+    /// How the faces are seen from the left and from the right.
+    struct Side {
+        std::vector<Camera> cameras;
+        DecodeOptions decode;
+    };
+    std::array<Side, 2> sides_;
+    const Side* side_ = nullptr;  ///< of this step; null: it compares none
 };
 
 }  // namespace stymo

@@ -28,6 +28,7 @@ void fit_by_adam(FitProblem& problem, const FitOptions& options, double learning
     for (std::int64_t step = 0; step < options.steps && !interrupted(); ++step) {
         static_cast<void>(problem.choose_images(step));
         if (step % options.selection_interval == 0) static_cast<void>(problem.select_samples());
+        problem.choose_side(step);
         FitProblem::Evaluation evaluation = problem.evaluate();
         if (!std::isfinite(evaluation.loss))
             fail<NumericError>("fitting step ", step,

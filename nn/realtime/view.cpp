@@ -81,6 +81,14 @@ Camera model_camera(const Model& model, double yaw, double pitch, double roll) {
     return turned_camera(camera, camera.pivot_depth, yaw, pitch, roll);
 }
 
+Camera turned_about_head(Camera camera, double yaw, double pitch) {
+    const Eigen::Matrix3d turn = rotation_from_angles(yaw, pitch, 0.0);
+    const Eigen::Vector3d middle(0.0, 0.0, head_middle);
+    camera.world_from_camera = turn * camera.world_from_camera;
+    camera.center = turn * (camera.center - middle) + middle;
+    return camera;
+}
+
 Camera turned_camera(const CameraConfig& camera, double turning_z, double yaw, double pitch,
                      double roll, double zoom) {
     const double distance = turning_z + zoom * (camera.distance - turning_z);

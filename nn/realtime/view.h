@@ -55,6 +55,8 @@ inline constexpr double significant_weight = 1e-3;
 /// World z of the middle of the head. Around it a head turns without leaving the image from a yaw
 /// of -45 to 45 degrees; around the face, as in model_camera, it leaves it.
 inline constexpr double head_middle = 0.1;
+/// The camera turned about the middle of the head by these angles (radians).
+[[nodiscard]] Camera turned_about_head(Camera camera, double yaw, double pitch);
 /// The frontal camera turned around the point (0, 0, turning_z) by these angles (radians), at
 /// `zoom` times its distance from that point.
 [[nodiscard]] Camera turned_camera(const CameraConfig& camera, double turning_z, double yaw,

@@ -96,8 +96,11 @@ struct Photo {
                         weights);
     }
     [[nodiscard]] Variable embedding(const Variable& image) const {
+        return embedding(image, camera);
+    }
+    [[nodiscard]] Variable embedding(const Variable& image, const Camera& seen_by) const {
         return model.encoder().face_embedding(
-            augmented(image, std::vector{ffhq_frame(camera, model.config().camera)}));
+            augmented(image, std::vector{ffhq_frame(seen_by, model.config().camera)}));
     }
 };
 
@@ -130,12 +133,19 @@ TEST_CASE("The gradient of a fit is that of its whole objective, samples left ou
                              .split(offset.name())
                              .normal(offset.variable().shape(), 0.0, 0.2, DType::float64));
     REQUIRE(problem.select_samples());
+    const bool from_side = GENERATE(false, true);
+    problem.choose_side(from_side ? 1 : 0);
     const FitProblem::Evaluation evaluation = problem.evaluate();
-    REQUIRE(evaluation.terms.size() == 4);
+    REQUIRE(evaluation.terms.size() == (from_side ? 5U : 4U));
 
-    const Tensor significant = significant_samples(
-        photo.model.decoder().compositing_weights(problem.codes(), photo.faces.cameras, samples),
-        tolerance);
+    const Camera left = turned_about_head(photo.camera, -0.5, 0.0);
+    const auto significant_from = [&](const Camera& camera) {
+        return significant_samples(
+            photo.model.decoder().compositing_weights(problem.codes(), {camera}, samples),
+            tolerance);
+    };
+    const Tensor significant = significant_from(photo.camera),
+                 significant_on_side = significant_from(left);
     const double share = mean(Variable(significant)).value().item();
     CHECK(share > 0.2);
     CHECK(share < 0.95);
@@ -155,6 +165,14 @@ TEST_CASE("The gradient of a fit is that of its whole objective, samples left ou
             .item();
     };
     CHECK(value() == Approx(evaluation.loss).epsilon(1e-12));
+    const Variable wanted(photo.embedding(photo.faces.targets.back()).value());
+    const auto side_value = [&] {
+        const Decoded side = photo.model.decoder()(
+            problem.codes(), {left},
+            {.samples_per_ray = samples, .significant_samples = significant_on_side});
+        const Variable seen = photo.embedding(side.images.back(), left);
+        return 2.0 * 0.3 * (1.0 - sum(seen * wanted).value().item());
+    };
     for (std::size_t group = 0; group < code_names.size(); ++group) {
         INFO(code_names[group]);
         const Parameter& offset = problem.offsets()[group];
@@ -163,7 +181,7 @@ TEST_CASE("The gradient of a fit is that of its whole objective, samples left ou
             Rng(6).split(group).normal(before.shape(), 0.0, 1.0, DType::float64);
         const double measured = derivative([&](double along) {
             offset.set_value((Variable(before) + Variable(direction) * along).value());
-            return value();
+            return value() + (from_side ? side_value() : 0.0);
         });
         offset.set_value(before);
         CHECK(contracted(evaluation.gradients[group], direction) ==

@@ -46,6 +46,9 @@ struct Case {
         } else if (name == "identity") {
             seen.embeddings = Variable(Tensor::from({1, 2}, std::vector{0.6, 0.8}));
             seen.photo_embeddings = Tensor::from({1, 2}, std::vector{0.0, 1.0});
+        } else if (name == "side_identity") {
+            seen.side_embeddings = Variable(Tensor::from({1, 2}, std::vector{0.8, 0.6}));
+            seen.photo_embeddings = Tensor::from({1, 2}, std::vector{0.0, 1.0});
         } else if (name == "mask") {
             seen.mask = mask;
         }
@@ -65,14 +68,15 @@ struct Case {
                 .item();
         }
         if (name == "identity") return 0.2;
+        if (name == "side_identity") return 0.4;
         return mask_loss(decoded.mask_logit, mask).value().item();
     }
 };
 
 /// Terms with a row in this file or, for those that need a fitted head or a network's weights, in
 /// the named test.
-const std::set<std::string> rows{"photometric", "regularizer", "locality",
-                                 "mask",        "identity",    "time"};
+const std::set<std::string> rows{"photometric", "regularizer",   "locality", "mask",
+                                 "identity",    "side_identity", "time"};
 const std::set<std::string> tested_elsewhere{
     "depth",       // test_head_depth.cpp
     "perceptual",  // test_fitter.cpp
@@ -107,10 +111,11 @@ TEST_CASE("A term has its closed form, its name and its weight", "[fit_objective
         CHECK(loss.terms.front().first == name);
         CHECK(loss.terms.front().second == Approx(given.value(name)).epsilon(1e-5));
         CHECK(meter.counts().named.at("loss_terms").at(name) == 1);
-        const double weight = name == "regularizer" ? 0.5
-                              : name == "locality"  ? 3.0
-                              : name == "mask"      ? 0.25
-                                                    : 1.0;
+        const double weight = name == "regularizer"     ? 0.5
+                              : name == "locality"      ? 3.0
+                              : name == "mask"          ? 0.25
+                              : name == "side_identity" ? 2.0
+                                                        : 1.0;
         CHECK(loss.total.value().item() == Approx(weight * given.value(name)).epsilon(1e-5));
     }
 }

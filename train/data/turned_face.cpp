@@ -110,15 +110,6 @@ void add_background(const EmptySpace& space, const Camera& camera, Tensor& known
     });
 }
 
-Pose turned_about_head(const Pose& pose, double yaw, double pitch) {
-    const Eigen::Matrix3d turn = rotation_from_angles(yaw, pitch, 0.0);
-    Camera camera = camera_from_pose(pose, {});
-    camera.world_from_camera = turn * camera.world_from_camera;
-    const Eigen::Vector3d middle(0.0, 0.0, head_middle);
-    camera.center = turn * (camera.center - middle) + middle;
-    return pose_from_camera(camera);
-}
-
 }  // namespace
 
 std::optional<Face> turned_face(const Face& face, const MorphableHead& head, double yaw,
@@ -129,9 +120,8 @@ std::optional<Face> turned_face(const Face& face, const MorphableHead& head, dou
     const Tensor vertices =
         head_vertices(head, code.first(MorphableHead::identity_size),
                       code.subspan(MorphableHead::identity_size, MorphableHead::expression_size));
-    const Pose pose = turned_about_head(face.pose, yaw, pitch);
     const Camera own_camera = camera_from_pose(face.pose, face.intrinsics);
-    const Camera camera = camera_from_pose(pose, face.intrinsics);
+    const Camera camera = turned_about_head(own_camera, yaw, pitch);
     const FaceSurface from_photo = face_surface(head, vertices, own_camera, side);
     const FaceSurface from_camera = face_surface(head, vertices, camera, side);
     const TurnedPhoto turned =
@@ -146,7 +136,7 @@ std::optional<Face> turned_face(const Face& face, const MorphableHead& head, dou
                      depth_tolerance);
 
     Face result = face;
-    result.pose = pose;
+    result.pose = pose_from_camera(camera);
     result.image = turned.image;
     // Where the weight is below 1 the colour is mixed with that of an empty view.
     result.mask = Tensor::zeros(face.mask.shape());
