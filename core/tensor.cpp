@@ -7,12 +7,17 @@
 #include <cstring>
 #include <limits>
 #include <new>
+#include <ostream>
 
 #include "core/error.h"
 #include "core/sole_owner.h"
 #include "core/work_counts.h"
 
 namespace stymo {
+
+std::ostream& operator<<(std::ostream& stream, DType dtype) {
+    return stream << (dtype == DType::float32 ? "float32" : "float64");
+}
 
 namespace {
 

@@ -16,7 +16,6 @@
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/film.h"
-#include "core/io/film_sound.h"
 #include "core/io/image.h"
 #include "core/ops/ops.h"
 #include "core/progress.h"

@@ -4,7 +4,7 @@
 #include <unordered_set>
 
 #include "core/autograd/grad.h"
-#include "core/autograd/record.h"
+#include "core/autograd/node.h"
 #include "core/error.h"
 #include "core/ops/elementwise.h"
 

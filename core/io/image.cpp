@@ -14,10 +14,9 @@
 #include <string_view>
 
 #include "core/error.h"
-#include "core/io/color_conversion.h"
-#include "core/io/color_tags.h"
 #include "core/io/file.h"
 #include "core/io/image_bytes.h"
+#include "core/io/image_color.h"
 #include "core/io/jpeg.h"
 
 namespace stymo {

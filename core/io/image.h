@@ -15,7 +15,7 @@ inline constexpr std::int64_t usual_most_pixels = std::int64_t{1} << 28;
 
 /// Reads any image as float32 (height, width, 3), sRGB in [0, 1], turned upright by its EXIF
 /// orientation. Colours are converted to sRGB by the file's ICC profile or colour tags
-/// (color_tags.h), and light in an EXR file by sRGB's curve. Grey images are repeated in all
+/// (image_color.h), and light in an EXR file by sRGB's curve. Grey images are repeated in all
 /// channels, alpha is composited over black, integers are scaled and floats clipped. `doubt`
 /// becomes why the profile or the tags cannot be used, or empty. Throws FileError with a short
 /// reason ("not an image (zero bytes)") if the file is not a readable image or has lost pixels,

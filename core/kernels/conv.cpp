@@ -1,9 +1,7 @@
 #include "core/kernels/conv.h"
 
-#include "core/kernels/depthwise_conv.h"
-#include "core/kernels/direct_conv.h"
+#include "core/kernels/conv_algorithms.h"
 #include "core/kernels/elementwise.h"
-#include "core/kernels/winograd.h"
 
 namespace stymo::kernels {
 

@@ -1,8 +1,7 @@
-#include "core/kernels/depthwise_conv.h"
-
 #include <algorithm>
 #include <vector>
 
+#include "core/kernels/conv_algorithms.h"
 #include "core/parallel.h"
 
 namespace stymo::kernels {

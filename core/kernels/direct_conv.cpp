@@ -1,9 +1,8 @@
-#include "core/kernels/direct_conv.h"
-
 #include <algorithm>
 #include <memory>
 #include <vector>
 
+#include "core/kernels/conv_algorithms.h"
 #include "core/kernels/gemm.h"
 #include "core/parallel.h"
 

@@ -1,5 +1,4 @@
-#include "core/kernels/dots.h"
-
+#include "core/kernels/matmul.h"
 #include "core/kernels/targets.h"
 
 #undef HWY_TARGET_INCLUDE

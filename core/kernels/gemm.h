@@ -64,7 +64,7 @@ public:
     /// 64-byte aligned, and zero beyond column n.
     [[nodiscard]] const T* panel(std::int64_t index) const { return panels_ + index * panel_size_; }
     /// Number of BFloat16 parts of each number if panels are split for products on tiles
-    /// (core/kernels/tile_split.h), else 0. If it is not 0, `split_panel()` replaces `panel()`.
+    /// (core/kernels/tile_product.h), else 0. If it is not 0, `split_panel()` replaces `panel()`.
     /// Only float32 below MatmulPrecision::highest is split.
     [[nodiscard]] int parts() const { return parts_; }
     [[nodiscard]] const BFloat16* split_panel(std::int64_t index) const {

@@ -1,10 +1,9 @@
-#include "core/kernels/linear_gradients.h"
-
 #include <algorithm>
 #include <vector>
 
 #include "core/kernels/gemm.h"
 #include "core/kernels/map.h"
+#include "core/kernels/matmul.h"
 
 namespace stymo::kernels {
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <vector>
 
-#include "core/kernels/dots.h"
 #include "core/kernels/gemm.h"
 #include "core/kernels/map.h"
 

@@ -11,4 +11,12 @@ namespace stymo::kernels {
 [[nodiscard]] Tensor maximum_along(const Tensor& x, int axis);
 [[nodiscard]] Tensor cumsum(const Tensor& x, int axis, bool exclusive);
 
+/// x / (|x| + epsilon), with the norm over the last axis. A norm of 0 is replaced by 1.
+[[nodiscard]] Tensor unit_channels(const Tensor& x, double epsilon);
+/// The gradient of x from the gradient of unit_channels. A norm of 0 is treated as a constant.
+[[nodiscard]] Tensor unit_channels_gradient(const Tensor& dL_dy, const Tensor& x, double epsilon);
+/// The mean of (a - b)^2 over the pixels: a and b (batch, height, width, channels) -> (batch, 1, 1,
+/// channels).
+[[nodiscard]] Tensor mean_squared_difference(const Tensor& a, const Tensor& b);
+
 }  // namespace stymo::kernels

@@ -6,11 +6,10 @@
 // of the tiles, in which a row of the right one is a vector of 16 columns' pairs, and a pair of the
 // left one is a 32-bit word that the processor broadcasts.
 
-#include "core/kernels/tile_dots.h"
-
 #include <algorithm>
 
 #include "core/kernels/targets.h"
+#include "core/kernels/tile_product.h"
 #include "core/parallel.h"
 
 #ifdef __x86_64__

@@ -34,7 +34,6 @@
 #include "core/kernels/tile_product.h"
 
 #include "core/kernels/targets.h"
-#include "core/kernels/tile_dots.h"
 #include "core/matmul_precision.h"
 
 #if defined(__x86_64__) && defined(__linux__)

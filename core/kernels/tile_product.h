@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "core/kernels/tile_split.h"
+#include "core/kernels/gemm.h"
 
 /// Products of float32 on the matrix tiles of AMX, or by the dot products of AVX512-BF16, summed in
 /// float32. Each number is rounded to BFloat16, with an error of at most 2^-7 |a| |b| for a
@@ -55,5 +55,33 @@ struct TileBlock {
 
 /// Multiplies a block of one or two tiles of 16 rows, and one or two of 16 columns.
 void multiply_tiles(int row_tiles, int column_tiles, const TileBlock& block);
+
+/// Whether blocks of tiles are multiplied by the dot products of AVX512-BF16, which every processor
+/// with AVX512-BF16 and without AMX does.
+[[nodiscard]] bool multiplies_dots();
+
+/// `multiply_tiles` by those instructions, for one part. Leaves the other rows of the block's
+/// tiles undefined.
+void multiply_tile_dots(int column_tiles, const TileBlock& block);
+
+// Operands: float32 numbers as BFloat16 parts, in the memory layout of the tiles. With one part,
+// each number is rounded to nearest even. With two parts, the second is the rounded remainder of
+// the first, and the number is about their sum.
+
+/// Rows and columns of a block of sums, which is two tiles high and two tiles wide.
+inline constexpr std::int64_t tile_block = 32;
+/// Inner elements of a step: those of one tile.
+inline constexpr std::int64_t tile_step = 32;
+/// Elements of one part of a step's operand.
+inline constexpr std::int64_t tile_step_size = tile_block * tile_step;
+
+/// Splits `rows` rows (at most `tile_block`) of k elements into chunk_count(k, tile_step) steps of
+/// one or two parts.
+void split_left(int parts, BFloat16* to, const LeftMatrix<float>& left, std::int64_t rows,
+                std::int64_t k);
+/// Splits k rows of `columns` columns (at most `tile_block`; the others become zeros). One of the
+/// strides is 1.
+void split_right(int parts, BFloat16* to, const float* from, std::int64_t k, std::int64_t columns,
+                 std::int64_t inner_stride, std::int64_t column_stride);
 
 }  // namespace stymo::kernels

@@ -19,7 +19,7 @@
 // would otherwise make. Inner elements and right columns beyond the extents become zeros, so that
 // the product works with whole steps.
 
-#include "core/kernels/tile_split.h"
+#include "core/kernels/tile_product.h"
 
 #if defined(__x86_64__) && defined(__linux__)
 #include <immintrin.h>

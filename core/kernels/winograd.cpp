@@ -34,12 +34,11 @@
 // from call to call: those of VGG-16 would take 450 MiB. Small images do not repay transforming
 // them and use the direct form (`winograd_pays`).
 
-#include "core/kernels/winograd.h"
-
 #include <algorithm>
 #include <memory>
 #include <vector>
 
+#include "core/kernels/conv_algorithms.h"
 #include "core/kernels/gemm.h"
 #include "core/kernels/winograd_transforms.h"
 #include "core/parallel.h"

@@ -1,6 +1,6 @@
 #include "core/ops/activation.h"
 
-#include "core/autograd/record.h"
+#include "core/autograd/node.h"
 #include "core/error.h"
 #include "core/kernels/elementwise.h"
 #include "core/kernels/reduce.h"

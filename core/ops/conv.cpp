@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "core/autograd/record.h"
+#include "core/autograd/node.h"
 #include "core/error.h"
 #include "core/kernels/conv.h"
 #include "core/kernels/pool.h"

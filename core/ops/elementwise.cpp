@@ -1,6 +1,6 @@
 #include "core/ops/elementwise.h"
 
-#include "core/autograd/record.h"
+#include "core/autograd/node.h"
 #include "core/error.h"
 #include "core/kernels/elementwise.h"
 #include "core/ops/reduce.h"

@@ -2,9 +2,8 @@
 
 #include <numbers>
 
-#include "core/autograd/record.h"
+#include "core/autograd/node.h"
 #include "core/error.h"
-#include "core/kernels/linear_gradients.h"
 #include "core/kernels/matmul.h"
 #include "core/ops/activation.h"
 #include "core/ops/elementwise.h"

@@ -1,8 +1,6 @@
 #pragma once
 
 #include "core/ops/activation.h"
-#include "core/ops/blur_upsampled.h"
-#include "core/ops/channels.h"
 #include "core/ops/conv.h"
 #include "core/ops/elementwise.h"
 #include "core/ops/linalg.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "core/autograd/record.h"
+#include "core/autograd/node.h"
 #include "core/error.h"
 #include "core/kernels/elementwise.h"
 #include "core/kernels/shape.h"

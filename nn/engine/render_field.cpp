@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "core/autograd/grad.h"
-#include "core/autograd/record.h"
+#include "core/autograd/node.h"
 #include "core/error.h"
 #include "core/ops/elementwise.h"
 #include "core/work_counts.h"

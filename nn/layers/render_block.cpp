@@ -4,7 +4,6 @@
 
 #include "core/autograd/recompute.h"
 #include "core/error.h"
-#include "core/ops/blur_upsampled.h"
 #include "core/ops/elementwise.h"
 #include "core/ops/resample.h"
 #include "core/ops/shape_ops.h"

@@ -12,7 +12,6 @@
 #include "apps/tool_run.h"
 #include "core/io/file.h"
 #include "core/io/film.h"
-#include "core/io/film_sound.h"
 #include "core/io/image.h"
 #include "core/metrics.h"
 #include "fit/photo/face_detector.h"

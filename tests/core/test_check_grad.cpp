@@ -2,7 +2,7 @@
 #include <cmath>
 
 #include "core/autograd/grad.h"
-#include "core/autograd/record.h"
+#include "core/autograd/node.h"
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "core/rng.h"

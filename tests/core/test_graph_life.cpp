@@ -1,7 +1,7 @@
 #include <catch2/catch.hpp>
 
 #include "core/autograd/grad.h"
-#include "core/autograd/record.h"
+#include "core/autograd/node.h"
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "support/live_nodes.h"

@@ -2,8 +2,8 @@
 #include <catch2/catch.hpp>
 
 #include "core/autograd/grad.h"
+#include "core/autograd/node.h"
 #include "core/autograd/recompute.h"
-#include "core/autograd/record.h"
 #include "core/error.h"
 #include "core/ops/ops.h"
 #include "core/rng.h"

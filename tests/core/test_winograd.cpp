@@ -3,8 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "core/kernels/direct_conv.h"
-#include "core/kernels/winograd.h"
+#include "core/kernels/conv_algorithms.h"
 #include "core/rng.h"
 #include "core/tensor.h"
 #include "support/thread_count.h"

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "core/dtype.h"
 #include "core/rng.h"
+#include "core/tensor.h"
 
 /// Rules of integration along a ray, and rays whose integrals are known in closed form.
 namespace stymo {

@@ -1,9 +1,8 @@
 #include "nn/pretrained/perceptual/feature_distance.h"
 
 #include "core/autograd/grad.h"
-#include "core/autograd/record.h"
+#include "core/autograd/node.h"
 #include "core/error.h"
-#include "core/ops/channels.h"
 #include "core/ops/elementwise.h"
 #include "core/ops/reduce.h"
 #include "core/ops/shape_ops.h"

@@ -5,7 +5,6 @@
 #include "core/error.h"
 #include "core/io/file.h"
 #include "core/io/film.h"
-#include "core/io/film_sound.h"
 #include "core/io/scratch_folder.h"
 #include "support/mp3_frame.h"
 

@@ -7,10 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "core/io/color_conversion.h"
-#include "core/io/color_tags.h"
 #include "core/io/file.h"
 #include "core/io/image.h"
+#include "core/io/image_color.h"
 #include "core/io/jpeg.h"
 #include "core/io/scratch_folder.h"
 #include "shared_data.h"

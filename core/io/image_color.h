@@ -2,6 +2,7 @@
 
 #include <array>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -27,5 +28,13 @@ struct ColorTags {
 /// AVIF (ISO/IEC 23008-12, code points of ITU-T H.273) and JPEG 2000. `profile` is the ICC profile
 /// that a decoder has found, or empty.
 [[nodiscard]] ColorTags color_tags(std::string_view bytes, std::string profile);
+
+/// Converts the colours of pixels (red, green, blue; three times the same for a grey image) to sRGB
+/// in place, colorimetrically and with black point compensation. Values may leave [0, 1]. Colours
+/// whose tags mean sRGB to half a step of 8 bits stay as they are. `inks`: cyan, magenta, yellow
+/// and black in [0, 1] of each pixel, or empty; with a profile of inks, the colours come from them.
+/// Returns why the tags cannot be used, or an empty string; the colours then stay.
+[[nodiscard]] std::string convert_to_srgb(std::span<float> pixels, std::span<const float> inks,
+                                          const ColorTags& tags);
 
 }  // namespace stymo

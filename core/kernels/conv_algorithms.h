@@ -74,4 +74,47 @@ struct ConvGate {
     T slope = 1;
 };
 
+// The three convolutions of core/ops/conv.h on contiguous arrays, in three ways. Results do not
+// depend on the number of threads. T: float, double.
+
+// Of any geometry: as matrix products of unfolded pixels (im2col) and packed filters.
+
+template <class T>
+void direct_conv2d(const T* x, const T* weight, const ConvFinish<T>& finish, T* y,
+                   const ConvGeometry& g);
+template <class T>
+void direct_conv2d_transpose(const T* dL_dy, const T* weight, T* dL_dx, const ConvGeometry& g);
+template <class T>
+void direct_conv2d_weight_grad(const T* dL_dy, const T* x, T* dL_dweight, const ConvGeometry& g);
+
+// Depthwise: each group has one input and one output channel. The loop over channels is innermost
+// and contiguous.
+
+template <class T>
+void depthwise_conv2d(const T* x, const T* weight, const ConvFinish<T>& finish, T* y,
+                      const ConvGeometry& g);
+template <class T>
+void depthwise_conv2d_transpose(const T* dL_dy, const T* weight, T* dL_dx, const ConvGeometry& g);
+template <class T>
+void depthwise_conv2d_weight_grad(const T* dL_dy, const T* x, T* dL_dweight, const ConvGeometry& g);
+
+// 3x3, of stride 1, in float32: by Winograd's minimal filtering F(4x4, 3x3) (Lavin and Gray, "Fast
+// Algorithms for Convolutional Neural Networks", 2016), a quarter of the multiplications of the
+// direct form, as 36 independent matrix products for each block of tiles. The interpolation points
+// are 0, +-a, +-b and infinity.
+
+/// Whether these functions support the convolution: 3x3, stride 1, one group, channels in multiples
+/// of 16.
+[[nodiscard]] bool winograd_serves(const ConvGeometry& g);
+/// Whether they are also faster than the direct form: there are enough output pixels to compensate
+/// for the transformation of the filters.
+[[nodiscard]] bool winograd_pays(const ConvGeometry& g);
+
+void winograd_conv2d(const float* x, const float* weight, const ConvFinish<float>& finish, float* y,
+                     const ConvGeometry& g);
+void winograd_conv2d_transpose(const float* dL_dy, const ConvGate<float>& gate, const float* weight,
+                               float* dL_dx, const ConvGeometry& g);
+void winograd_conv2d_weight_grad(const float* dL_dy, const float* x, float* dL_dweight,
+                                 const ConvGeometry& g);
+
 }  // namespace stymo::kernels
