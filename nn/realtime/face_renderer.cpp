@@ -8,7 +8,6 @@
 #include "nn/engine/block_renderer.h"
 #include "nn/models/display_image.h"
 #include "nn/realtime/field_source.h"
-#include "nn/realtime/sampled_field.h"
 
 namespace stymo {
 namespace {

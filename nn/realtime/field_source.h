@@ -11,6 +11,8 @@
 
 namespace stymo {
 
+struct RendererOptions;
+
 /// The samples [first, end) of a ray.
 struct SampleRange {
     std::int32_t first = 0;
@@ -89,5 +91,11 @@ private:
     std::vector<std::int32_t> queue_;   ///< rays whose neighbours are still to be visited
     std::vector<double> opacities_;     ///< sum for each piece
 };
+
+/// A source that evaluates the field for every view: at all samples in mode `exact`, and in mode
+/// `skip` at those that a density grid of the head finds significant. The estimated optical depth
+/// of samples that are left out is added to the next sample behind them.
+[[nodiscard]] std::unique_ptr<FieldSource> make_sampled_field(const ModelConfig& model,
+                                                              const RendererOptions& options);
 
 }  // namespace stymo

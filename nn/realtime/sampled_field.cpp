@@ -26,8 +26,6 @@
 // mode `skip` lacks is thus what was left out, not another arithmetic. docs/numerics.md has error
 // and time of the modes.
 
-#include "nn/realtime/sampled_field.h"
-
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -38,6 +36,8 @@
 #include "nn/engine/packed_field.h"
 #include "nn/engine/ray_tile.h"
 #include "nn/realtime/density_grid.h"
+#include "nn/realtime/face_renderer.h"
+#include "nn/realtime/field_source.h"
 
 namespace stymo {
 namespace {
