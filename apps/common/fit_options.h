@@ -1,11 +1,13 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 
 #include "apps/common/command_line.h"
 #include "fit/fit_job.h"
+#include "fit/video/video_fit.h"
 
 namespace stymo {
 
@@ -21,5 +23,13 @@ struct FitToolOptions {
 
 /// Declares --steps, --optimizer and all other options of fits and tuning.
 void declare_fit(Command& command, FitToolOptions& options);
+
+/// Declares the options of fits to films.
+void declare_video(Command& command, VideoFitOptions& options);
+/// Shows the phases of a fit, for VideoFitOptions::on_progress.
+[[nodiscard]] std::function<void(const char*, std::int64_t, std::int64_t)> video_progress();
+/// A few lines for people.
+[[nodiscard]] std::string text_of(const VideoSummary& summary);
+[[nodiscard]] JsonValue to_json(const VideoSummary& summary);
 
 }  // namespace stymo

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,6 +14,14 @@
 #include "train/train_config.h"
 
 namespace stymo {
+
+/// The ranks that mpirun or srun has started, or null if this process was started alone. Throws
+/// ValueError if this process was started as a rank but built without Open MPI. All ranks end
+/// together: the destructor waits for the others.
+[[nodiscard]] std::unique_ptr<Ranks> started_ranks();
+
+/// Whether this build supports Open MPI.
+[[nodiscard]] bool has_mpi();
 
 /// Values that must be the same on all ranks: pairs of a name for messages and the compared text.
 using CommonState = std::vector<std::pair<std::string, std::string>>;

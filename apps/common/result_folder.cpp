@@ -1,6 +1,12 @@
 #include "apps/common/result_folder.h"
 
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
+#include <cstring>
 #include <fstream>
 #include <functional>
 #include <nlohmann/json.hpp>
@@ -8,6 +14,7 @@
 #include <system_error>
 #include <utility>
 
+#include "core/error.h"
 #include "core/io/checksum.h"
 #include "core/io/file.h"
 #include "core/io/json_check.h"
@@ -176,6 +183,22 @@ std::string with_checksum(const fs::path& file) {
     std::ostringstream text;
     text << fs::absolute(file).string() << ", CRC-32C " << std::hex << crc32c(read_file(file));
     return text.str();
+}
+
+FolderLock::FolderLock(const std::filesystem::path& folder) {
+    const std::filesystem::path path = folder / ".lock";
+    file_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+    if (file_ < 0)
+        fail<FileError>(path.string(), ": cannot be written (", std::strerror(errno), ")");
+    if (::flock(file_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
+    ::close(file_);
+    fail<FileError>(folder.string(),
+                    ": another process is working in this folder; wait for it to end or choose "
+                    "another one");
+}
+
+FolderLock::~FolderLock() {
+    ::close(file_);
 }
 
 }  // namespace stymo

@@ -8,12 +8,26 @@
 #include <string>
 #include <vector>
 
-#include "apps/common/folder_lock.h"
 #include "apps/common/ranked_run.h"
 #include "core/error.h"
 #include "core/io/json_writer.h"
 
 namespace stymo {
+
+/// Reserves a folder for this process. The lock ends with the process, however that ends.
+class FolderLock {
+public:
+    /// Locks the file `folder`/.lock, which is never removed. Throws FileError if another process
+    /// has locked the folder or the file cannot be made. Does nothing on a file system without
+    /// locks.
+    explicit FolderLock(const std::filesystem::path& folder);
+    ~FolderLock();
+    FolderLock(const FolderLock&) = delete;
+    FolderLock& operator=(const FolderLock&) = delete;
+
+private:
+    int file_;
+};
 
 /// The output folder of a run over many photos, which can be interrupted and divided among ranks:
 /// settings.json, and the results in NAME.jsonl, one JSON object a line whose member KEY names the

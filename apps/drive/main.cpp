@@ -7,11 +7,10 @@
 
 #include "apps/common/coefficient_files.h"
 #include "apps/common/command_line.h"
+#include "apps/common/fit_options.h"
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
-#include "apps/common/video_options.h"
-#include "apps/drive/contact_sheet.h"
-#include "apps/drive/film_measures.h"
+#include "apps/drive/film_report.h"
 #include "core/clock.h"
 #include "core/error.h"
 #include "core/interrupt.h"

@@ -1,9 +1,24 @@
 #include "apps/fit/fitting.h"
 
+#include <algorithm>
+#include <atomic>
+#include <fstream>
 #include <iomanip>
+#include <iterator>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "apps/common/fit_options.h"
+#include "core/angle.h"
+#include "core/clock.h"
+#include "core/error.h"
+#include "core/interrupt.h"
+#include "core/io/file.h"
+#include "core/io/image.h"
 #include "core/metrics.h"
+#include "core/parallel.h"
+#include "core/progress.h"
+#include "nn/models/code_file.h"
 
 namespace stymo {
 
@@ -43,6 +58,189 @@ std::string Fitting::doubt_of(const FitReport& report) const {
             "photos: "
          << usual << " dB); look at fit.png and overlay.png";
     return text.str();
+}
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A file of the output; its folder is made.
+fs::path file_in(const fs::path& folder, const std::string& id, const char* extension) {
+    fs::path file = folder / (id + extension);
+    require_writable_folder(file.parent_path());
+    return file;
+}
+
+/// The line of a fitted photo. It holds no times, so that it is the same in every run.
+JsonValue line_of(const FittedFaces& done, const FitReport& report,
+                  const std::vector<std::string>& warnings, const std::string& mark) {
+    JsonValue line =
+        code_file_json(done.fit.fitted, 0, pose_from_camera(done.fit.cameras.front()), mark);
+    line.add("steps", done.fit.losses.size());
+    line.add("initial", to_json(report.initial_metrics));
+    line.add("fitted", to_json(report.fitted_metrics));
+    if (report.tuned.defined()) line.add("tuned", to_json(report.tuned_metrics));
+    return line.add("warnings", warnings);
+}
+
+/// Why the photo of a line cannot be used; empty if it can.
+std::string failure_in(const std::string& line) {
+    const auto value = nlohmann::json::parse(line);
+    return value.contains("failure") && value["failure"].is_string()
+               ? value["failure"].get<std::string>()
+               : "";
+}
+
+}  // namespace
+
+FolderFit::FolderFit(const Fitting& fitting, fs::path photos, const fs::path& out,
+                     const Settings& settings, Ranks& ranks)
+    : fitting_(fitting),
+      photos_(std::move(photos)),
+      ranks_(ranks),
+      scan_((ResultFolder::require_own(out), scan_folder(photos_))),
+      results_(out, settings, "faces", "file", ranks) {
+    for (const FaceFiles& files : scan_.faces) {
+        names_.push_back(files.image.lexically_relative(photos_).string());
+        if (!results_.contains(names_.back())) waiting_.push_back(&files);
+    }
+}
+
+bool FolderFit::fit_photo(const FaceFiles& files) {
+    const std::string name = files.image.string();
+    JsonValue line;
+    std::optional<FittedFaces> done;
+    std::optional<FitReport> report;
+    try {
+        PreparedPhoto photo = fitting_.job.prepare({&name, 1}).front();
+        done.emplace(fitting_.job.fit(fitting_.job.batch_of({&photo.face, 1})));
+        if (!done->incomplete.empty()) return false;
+        report.emplace(fitting_.job.report(*done, 0, done->faces.mask, fitting_.lpips));
+        std::ranges::copy(done->warnings, std::back_inserter(photo.warnings));
+        if (const std::string doubt = fitting_.doubt_of(*report); !doubt.empty())
+            photo.warnings.push_back(doubt);
+        line = line_of(*done, *report, photo.warnings, fitting_.mark);
+    } catch (const Error& error) {
+        std::string reason = error.what();
+        if (reason.starts_with(name + ": ")) reason.erase(0, name.size() + 2);
+        line.add("failure", reason);
+        report.reset();
+    }
+    line.add("id", files.id).add("file", files.image.lexically_relative(photos_).string());
+    const std::lock_guard lock(mutex_);
+    if (report) {
+        write_code_file(file_in(results_.path() / "codes", files.id, ".json"), done->fit.fitted, 0,
+                        pose_from_camera(done->fit.cameras.front()), fitting_.mark);
+        write_image(file_in(results_.path() / "fits", files.id, ".jpg"), comparison_sheet(*report));
+        if (done->changes)
+            done->changes->save(file_in(results_.path() / "tuned", files.id, ".safetensors"));
+    }
+    // Last, so that the files of every line exist.
+    results_.append(line);
+    ++done_now_;
+    return true;
+}
+
+bool FolderFit::fit_share() {
+    results_.begin();
+    const std::vector<const FaceFiles*> share = share_of(ranks_, waiting_);
+    Progress progress({.title = "photos", .total = std::ssize(share), .unit = "photos"});
+    std::atomic<bool> stopped = false;
+    const auto work = [&](std::int64_t i) {
+        if (stopped.load() || interrupted()) return;
+        try {
+            if (!fit_photo(*share[static_cast<std::size_t>(i)])) return;
+        } catch (...) {
+            // Otherwise the other threads would go on as long as there are photos.
+            stopped = true;
+            throw;
+        }
+        const std::lock_guard lock(mutex_);
+        progress.update(done_now_);
+    };
+    if (fitting_.job.options().tunes()) {
+        for (std::int64_t i = 0; i < std::ssize(share); ++i) work(i);
+    } else {
+        parallel_tasks(std::ssize(share), work);
+    }
+    return any(ranks_, interrupted());
+}
+
+void FolderFit::follow() {
+    const InterruptGuard guard;
+    static_cast<void>(fit_share());
+}
+
+AppResult FolderFit::lead() {
+    const InterruptGuard guard;
+    const double start = seconds_now();
+    const bool stopped = fit_share();
+    return result(seconds_now() - start, stopped);
+}
+
+AppResult FolderFit::result(double seconds, bool stopped) {
+    results_.join(names_);
+    std::vector<JsonValue> failed;
+    std::ostringstream text;
+    std::string first;
+    std::int64_t done = 0;
+    for (const std::string& file : names_) {
+        if (!results_.contains(file)) continue;
+        ++done;
+        const std::string failure = results_.read(file, failure_in);
+        if (failure.empty()) continue;
+        if (failed.empty()) first = file + ": " + failure;
+        failed.push_back(JsonValue::object({{"file", file}, {"reason", failure}}));
+        text << "skipped " << file << ": " << failure << '\n';
+    }
+    if (!scan_.left_out.empty()) text << left_out_text(scan_.left_out) << '\n';
+    const std::int64_t fitted = done - std::ssize(failed);
+    const std::int64_t found = std::ssize(names_);
+    const std::int64_t before = found - std::ssize(waiting_);
+    const double a_minute = 60.0 * static_cast<double>(done - before) / std::max(seconds, 1e-9);
+    if (!stopped && fitted == 0) {
+        results_.remove();
+        fail<FileError>(photos_.string(), ": none of its ", found,
+                        " photos can be used; the first: ", first);
+    }
+    text << fitted << " of " << found << " photos fitted";
+    if (done > before)
+        text << ", " << std::fixed << std::setprecision(2) << a_minute << " photos a minute";
+    AppResult result{text.str(), JsonValue::object({{"found", found},
+                                                    {"fitted", fitted},
+                                                    {"failed", failed},
+                                                    {"ranks", ranks_.size()},
+                                                    {"photos_a_minute", a_minute}})};
+    write_file(results_.path() / "report.json", result.json.text() + "\n", Durability::none);
+    if (done < found)
+        result.incomplete = "interrupted after " + std::to_string(done) + " of " +
+                            std::to_string(found) + " photos; the same command continues";
+    return result;
+}
+
+AppResult fit_video(const Fitting& fitting, const std::filesystem::path& film,
+                    const std::filesystem::path& out, VideoFitOptions options) {
+    const InterruptGuard guard;
+    options.on_progress = video_progress();
+    const VideoFit video(fitting.job, film, options);
+    require_writable_folder(out);
+    VideoSummary summary;
+    const std::filesystem::path file = out / "codes.jsonl";
+    write_whole(file, [&](const std::filesystem::path& temporary) {
+        std::ofstream stream(temporary, std::ios::binary);
+        summary = video.run([&](const FittedFrame& frame) {
+            JsonValue line = code_file_json(frame.codes, 0, frame.pose, fitting.mark);
+            line.add("frame", frame.index).add("face", frame.found).add("starts", frame.starts);
+            stream << line.add("roll_deg", degrees_from_radians(frame.roll)).text() << '\n';
+        });
+        if (interrupted()) fail("interrupted; nothing was written");
+        stream.flush();
+        if (!stream) fail<FileError>(file.string(), ": cannot be written; is the disk full?");
+    });
+    AppResult result{text_of(summary), to_json(summary)};
+    result.json.add("frames_per_second", video.frames_per_second());
+    write_file(out / "report.json", result.json.text() + "\n", Durability::none);
+    return result;
 }
 
 }  // namespace stymo

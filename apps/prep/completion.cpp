@@ -1,9 +1,8 @@
-#include "apps/prep/completion.h"
-
 #include <fstream>
 #include <functional>
 
 #include "apps/prep/photo_outcome.h"
+#include "apps/prep/pipeline.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/io/file.h"

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <iterator>
 
-#include "apps/prep/completion.h"
 #include "apps/prep/photo_outcome.h"
 #include "core/error.h"
 #include "core/interrupt.h"

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <memory>
 
-#include "apps/python/arrays.h"
 #include "apps/python/module.h"
 #include "core/angle.h"
 #include "core/autograd/grad.h"

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 
-#include "apps/python/arrays.h"
 #include "apps/python/module.h"
 #include "core/angle.h"
 #include "core/error.h"

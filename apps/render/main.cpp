@@ -6,7 +6,6 @@
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
 #include "apps/render/images.h"
-#include "apps/render/new_faces.h"
 #include "core/io/ply_file.h"
 #include "nn/realtime/mesh_colors.h"
 #include "render/morphable/head.h"

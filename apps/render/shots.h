@@ -1,12 +1,60 @@
 #pragma once
 
+#include <cstdint>
+#include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "apps/render/options.h"
+#include "apps/common/tool_options.h"
 #include "nn/models/code_file.h"
+#include "nn/realtime/face_renderer.h"
+#include "nn/realtime/head_mesh.h"
 
 namespace stymo {
+
+/// The options of stymo-render. `orbit`, `to`, the grids and `sample` exclude each other. Without
+/// any of them one view is rendered.
+struct RenderOptions {
+    ModelOptions model;
+    std::filesystem::path codes;
+    std::filesystem::path out;
+    std::optional<double> yaw;
+    std::optional<double> pitch;
+    std::optional<double> roll;
+
+    int orbit = 0;
+    double orbit_yaw = 30.0;
+    double orbit_pitch = 8.0;
+
+    std::filesystem::path to;
+    int frames = 24;
+    std::string take;
+    double frames_per_second = 24.0;
+
+    std::string grid_yaw;
+    std::string grid_pitch;
+
+    int sample = 0;
+    double truncation = 0.7;
+    std::filesystem::path data;
+
+    std::filesystem::path mesh;
+    HeadMeshOptions meshing;
+
+    std::string mode = "skip";
+    RendererOptions renderer;  ///< its mode is set from `mode`, its tolerance from `tolerance`
+    double psnr = 45.0;        ///< wanted of the worst view against exact ones, in decibels
+    std::optional<double> tolerance;  ///< used as it is, instead of one that `psnr` chooses
+    bool cutout = false;              ///< the mask as alpha
+    std::string around = "head";      ///< what stays in the middle as the head turns: head or face
+    bool keep_floaters = false;
+    bool explain = false;
+
+    /// --out is the depth; no image is wanted.
+    [[nodiscard]] bool depth_alone() const { return sample == 0 && out.extension() == ".exr"; }
+    [[nodiscard]] bool grid() const { return !grid_yaw.empty() || !grid_pitch.empty(); }
+};
 
 /// One face seen by one camera.
 struct Shot {

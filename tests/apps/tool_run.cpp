@@ -15,8 +15,8 @@
 #include <thread>
 #include <utility>
 
-#include "apps/common/mpi_ranks.h"
 #include "apps/common/process_setup.h"
+#include "apps/common/ranked_run.h"
 #include "apps/common/tools.h"
 #include "core/io/file.h"
 #include "core/parallel.h"

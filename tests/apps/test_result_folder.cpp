@@ -1,7 +1,7 @@
 #include <catch2/catch.hpp>
 #include <optional>
 
-#include "apps/common/folder_lock.h"
+#include "apps/common/result_folder.h"
 #include "core/error.h"
 #include "core/io/scratch_folder.h"
 

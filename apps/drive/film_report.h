@@ -5,7 +5,9 @@
 #include <filesystem>
 #include <optional>
 
+#include "core/tensor.h"
 #include "fit/photo/face_detector.h"
+#include "fit/video/video_fit.h"
 
 namespace stymo {
 
@@ -33,5 +35,12 @@ struct LandmarkError {
 [[nodiscard]] LandmarkError landmark_error(const std::filesystem::path& film,
                                            const std::filesystem::path& truth,
                                            const FaceDetector& detector);
+
+/// Frames of a film that was driven by another: eight of them, evenly chosen, each below the frame
+/// of `film` that it follows. `frames`: the number of frames of `driven`, which are those of `film`
+/// that `options` name.
+[[nodiscard]] Tensor contact_sheet(const std::filesystem::path& film,
+                                   const std::filesystem::path& driven, std::int64_t frames,
+                                   const VideoFitOptions& options);
 
 }  // namespace stymo

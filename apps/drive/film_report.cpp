@@ -1,9 +1,13 @@
-#include "apps/drive/film_measures.h"
+#include "apps/drive/film_report.h"
 
 #include <algorithm>
+#include <iterator>
+#include <optional>
 #include <vector>
 
 #include "core/io/film.h"
+#include "core/io/image.h"
+#include "core/ops/shape_ops.h"
 
 namespace stymo {
 
@@ -49,6 +53,48 @@ LandmarkError landmark_error(const std::filesystem::path& film, const std::files
     error.mouth /= count;
     error.face /= count;
     return error;
+}
+
+namespace {
+
+constexpr std::int64_t height = 256, columns = 8;
+
+/// The frames with these numbers, which ascend.
+std::vector<Tensor> frames_of(const std::filesystem::path& film,
+                              const std::vector<std::int64_t>& numbers) {
+    FilmReader reader(film);
+    std::vector<Tensor> frames;
+    std::int64_t next = 0;
+    for (const std::int64_t number : numbers) {
+        while (next < number && reader.skip()) ++next;
+        const std::optional<Tensor> frame = reader.next();
+        if (!frame) break;
+        ++next;
+        const std::int64_t width =
+            std::max<std::int64_t>(1, height * frame->shape(1) / frame->shape(0));
+        frames.push_back(resize_image(*frame, height, static_cast<int>(width)));
+    }
+    return frames;
+}
+
+}  // namespace
+
+Tensor contact_sheet(const std::filesystem::path& film, const std::filesystem::path& driven,
+                     std::int64_t frames, const VideoFitOptions& options) {
+    std::vector<std::int64_t> below, above;
+    for (std::int64_t i = 0; i < std::min(columns, frames); ++i) {
+        below.push_back((2 * i + 1) * frames / (2 * std::min(columns, frames)));
+        above.push_back(options.first_frame + options.every * below.back());
+    }
+    std::vector<Tensor> tiles = frames_of(film, above);
+    std::ranges::move(frames_of(driven, below), std::back_inserter(tiles));
+    std::int64_t width = 0;
+    for (const Tensor& tile : tiles) width = std::max(width, tile.shape(1));
+    for (Tensor& tile : tiles) {
+        const std::int64_t missing = width - tile.shape(1);
+        tile = pad(tile, 1, missing / 2, missing - missing / 2).value();
+    }
+    return tile_images(tiles, static_cast<int>(std::ssize(below)));
 }
 
 }  // namespace stymo
