@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <functional>
 
 #include "core/error.h"
 #include "core/machine_limits.h"

@@ -1,7 +1,6 @@
 #include "core/parallel_recording.h"
 
 #include <algorithm>
-#include <functional>
 
 #include "core/clock.h"
 #include "core/error.h"

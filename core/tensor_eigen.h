@@ -2,21 +2,17 @@
 
 #include <Eigen/Core>
 #include <array>
-#include <unsupported/Eigen/CXX11/Tensor>
 
 #include "core/error.h"
 #include "core/tensor.h"
 
-/// Views of tensors as Eigen matrices and tensors, without a copy, and conversion back. A map is
-/// valid as long as the tensor from which it was made; it does not keep the elements alive. The
-/// element type T is float or double. Every function throws TypeError if the tensor has another
-/// type.
+/// Views of tensors as Eigen matrices, without a copy, and conversion back. A map is valid as long
+/// as the tensor from which it was made; it does not keep the elements alive. The element type T is
+/// float or double. Every function throws TypeError if the tensor has another type.
 namespace stymo {
 
 template <class T>
 using RowMajorMatrix = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-template <class T, int rank>
-using EigenTensor = Eigen::Tensor<T, rank, Eigen::RowMajor, Eigen::Index>;
 
 namespace tensor_eigen {
 
@@ -27,17 +23,6 @@ inline std::array<Eigen::Index, 2> matrix_extents(const Tensor& tensor) {
     Eigen::Index rows = 1;
     for (int axis = 0; axis + 1 < tensor.rank(); ++axis) rows *= tensor.shape(axis);
     return {rows, columns};
-}
-
-/// All extents. Throws ShapeError for a tensor of another rank.
-template <int rank>
-std::array<Eigen::Index, rank> extents(const Tensor& tensor) {
-    if (tensor.rank() != rank)
-        fail<ShapeError>("[tensor_map] needs ", rank, " axes, got ", tensor.shape());
-    std::array<Eigen::Index, rank> result{};
-    for (int axis = 0; axis < rank; ++axis)
-        result[static_cast<std::size_t>(axis)] = tensor.shape(axis);
-    return result;
 }
 
 }  // namespace tensor_eigen
@@ -56,19 +41,6 @@ template <class T>
     const auto values = tensor.mutable_values<T>();
     const auto [rows, columns] = tensor_eigen::matrix_extents(tensor);
     return {values.data(), rows, columns};
-}
-
-/// All `rank` axes. Throws ShapeError for a tensor of another rank.
-template <class T, int rank>
-[[nodiscard]] Eigen::TensorMap<const EigenTensor<const T, rank>> tensor_map(const Tensor& tensor) {
-    const auto values = tensor.values<T>();
-    return {values.data(), tensor_eigen::extents<rank>(tensor)};
-}
-/// The same to write to. The tensor copies its elements first if another one shares them.
-template <class T, int rank>
-[[nodiscard]] Eigen::TensorMap<EigenTensor<T, rank>> mutable_tensor_map(Tensor& tensor) {
-    const auto values = tensor.mutable_values<T>();
-    return {values.data(), tensor_eigen::extents<rank>(tensor)};
 }
 
 /// A tensor (rows, columns) with the elements of a matrix or expression; (size) if its type is a

@@ -1,7 +1,6 @@
 #include "nn/losses.h"
 
 #include <algorithm>
-#include <array>
 
 #include "core/autograd/grad.h"
 #include "core/error.h"

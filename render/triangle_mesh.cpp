@@ -3,9 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <bit>
-#include <cmath>
 #include <numeric>
-#include <span>
 #include <utility>
 
 #include "core/error.h"

@@ -12,9 +12,7 @@
 #include <type_traits>
 
 #include "apps/common/process_setup.h"
-#include "core/error.h"
 #include "core/kernels/targets.h"
-#include "core/matmul_precision.h"
 #include "core/parallel.h"
 #include "core/subnormals.h"
 #include "fit/photo/face_detector.h"

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <iomanip>
 #include <memory>
-#include <optional>
 #include <sstream>
 
 #include "core/progress.h"

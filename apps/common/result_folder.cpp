@@ -14,7 +14,6 @@
 #include <system_error>
 #include <utility>
 
-#include "core/error.h"
 #include "core/io/checksum.h"
 #include "core/io/file.h"
 #include "core/io/json_check.h"

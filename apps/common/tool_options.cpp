@@ -2,10 +2,8 @@
 
 #include <algorithm>
 #include <iostream>
-#include <string>
 #include <system_error>
 
-#include "apps/common/command_line.h"
 #include "core/error.h"
 #include "core/io/checksum.h"
 #include "core/io/file.h"

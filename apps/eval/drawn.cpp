@@ -13,7 +13,6 @@
 #include "core/io/image.h"
 #include "core/progress.h"
 #include "fit/fit_report.h"
-#include "nn/models/display_image.h"
 #include "nn/realtime/view.h"
 
 namespace stymo {

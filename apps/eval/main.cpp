@@ -2,7 +2,6 @@
 #include <filesystem>
 #include <iostream>
 #include <optional>
-#include <sstream>
 
 #include "apps/common/command_line.h"
 #include "apps/common/explain.h"
@@ -20,7 +19,6 @@
 #include "core/io/image.h"
 #include "core/io/mask_file.h"
 #include "core/metrics.h"
-#include "nn/realtime/view.h"
 
 namespace {
 

@@ -9,7 +9,6 @@
 #include "apps/eval/evaluate.h"
 #include "core/error.h"
 #include "core/progress.h"
-#include "nn/realtime/view.h"
 
 namespace stymo {
 

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <iomanip>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -12,7 +11,6 @@
 #include "core/io/file.h"
 #include "core/io/json_check.h"
 #include "nn/models/code_file.h"
-#include "nn/models/weight_changes.h"
 #include "nn/realtime/view.h"
 
 namespace stymo {

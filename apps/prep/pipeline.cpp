@@ -12,6 +12,7 @@
 #include "core/ops/elementwise.h"
 #include "core/parallel.h"
 #include "core/progress.h"
+#include "train/data/face_image.h"
 
 namespace stymo {
 namespace {

@@ -10,7 +10,6 @@
 
 #include "apps/common/result_folder.h"
 #include "fit/photo/photo_preparation.h"
-#include "train/data/face_image.h"
 #include "train/data/folder_scan.h"
 
 namespace stymo {

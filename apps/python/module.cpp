@@ -5,12 +5,10 @@
 #include <algorithm>
 #include <exception>
 #include <memory>
-#include <sstream>
 #include <vector>
 
 #include "core/error.h"
 #include "core/parallel.h"
-#include "fit/studio.h"
 
 namespace nb = nanobind;
 

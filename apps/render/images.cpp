@@ -13,7 +13,6 @@
 #include "core/io/image.h"
 #include "core/ops/shape_ops.h"
 #include "core/progress.h"
-#include "nn/realtime/chosen_tolerance.h"
 #include "nn/realtime/pixel_depth.h"
 #include "nn/realtime/view.h"
 #include "train/training_codes.h"

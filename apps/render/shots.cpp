@@ -5,7 +5,6 @@
 #include <sstream>
 
 #include "apps/common/command_line.h"
-#include "apps/common/tool_options.h"
 #include "core/angle.h"
 #include "core/ops/elementwise.h"
 #include "nn/realtime/view.h"

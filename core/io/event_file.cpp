@@ -2,7 +2,6 @@
 
 #include <bit>
 #include <chrono>
-#include <cstdint>
 #include <fstream>
 #include <string>
 #include <utility>

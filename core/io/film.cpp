@@ -9,11 +9,9 @@ extern "C" {
 #include <array>
 #include <cmath>
 #include <cstdlib>
-#include <memory>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
-#include <string>
 #include <string_view>
 #include <vector>
 

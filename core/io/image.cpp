@@ -10,11 +10,9 @@
 #include <array>
 #include <cstring>
 #include <optional>
-#include <string>
 #include <string_view>
 
 #include "core/error.h"
-#include "core/io/file.h"
 #include "core/io/image_bytes.h"
 #include "core/io/image_color.h"
 #include "core/io/jpeg.h"

@@ -8,7 +8,6 @@
 #include <cstddef>
 #include <cstdio>
 #include <memory>
-#include <vector>
 
 // The two headers of libjpeg, which do not include what they need.
 #include <jerror.h>

@@ -1,7 +1,6 @@
 #include "core/kernels/blur_upsampled.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "core/kernels/targets.h"
 

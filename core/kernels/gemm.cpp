@@ -2,11 +2,9 @@
 
 #include <algorithm>
 #include <array>
-#include <vector>
 
 #include "core/kernels/targets.h"
 #include "core/kernels/tile_product.h"
-#include "core/matmul_precision.h"
 #include "core/parallel.h"
 
 #undef HWY_TARGET_INCLUDE

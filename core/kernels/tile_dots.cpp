@@ -27,10 +27,6 @@ namespace stymo::kernels {
 
 namespace {
 
-constexpr std::int64_t tile_rows = 16;
-/// Elements of a tile: 16 rows of 64 bytes.
-constexpr std::int64_t tile_size = 512;
-
 bool processor_has_tiles() {
     unsigned a = 0, b = 0, c = 0, d = 0;
     constexpr unsigned amx_bfloat16 = 1U << 22;
@@ -49,9 +45,10 @@ STYMO_DOTS void multiply_rows(const TileBlock& block, std::int64_t first) {
 #pragma GCC unroll 16
     for (int row = 0; row < rows; ++row) {
         for (int v = 0; v < vectors; ++v)
-            sums[row][v] = block.start == nullptr
-                               ? _mm512_setzero_ps()
-                               : _mm512_loadu_ps(start + row * block.start_stride + v * tile_rows);
+            sums[row][v] =
+                block.start == nullptr
+                    ? _mm512_setzero_ps()
+                    : _mm512_loadu_ps(start + row * block.start_stride + v * tile_height);
     }
     const BFloat16* left = block.left + first * tile_step;
     const BFloat16* right = block.right;
@@ -82,7 +79,7 @@ STYMO_DOTS void multiply_rows(const TileBlock& block, std::int64_t first) {
 #pragma GCC unroll 16
     for (int row = 0; row < rows; ++row) {
         for (int v = 0; v < vectors; ++v)
-            _mm512_storeu_ps(to + row * block.sums_stride + v * tile_rows, sums[row][v]);
+            _mm512_storeu_ps(to + row * block.sums_stride + v * tile_height, sums[row][v]);
     }
 }
 
@@ -96,7 +93,7 @@ bool multiplies_dots() {
 
 void multiply_tile_dots(int column_tiles, const TileBlock& block) {
     if (column_tiles == 1) {
-        for (std::int64_t row = 0; row < block.rows; row += tile_rows)
+        for (std::int64_t row = 0; row < block.rows; row += tile_height)
             multiply_rows<16, 1>(block, row);
         return;
     }

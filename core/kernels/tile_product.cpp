@@ -53,10 +53,6 @@ namespace stymo::kernels {
 
 namespace {
 
-constexpr std::int64_t tile_rows = 16;
-/// Elements of a tile: 16 rows of 64 bytes.
-constexpr std::int64_t tile_size = 512;
-
 /// Asks the system to save the tiles' state, without which their instructions are illegal.
 bool system_grants_tiles() {
     constexpr long request_permission = 0x1023, tile_data = 18;
@@ -92,7 +88,7 @@ STYMO_TILES void load_sums(const float* from, std::int64_t stride) {
         return;
     }
     const std::int64_t bytes = stride * 4;
-    const float* const below = from + tile_rows * stride;
+    const float* const below = from + tile_height * stride;
     _tile_loadd(0, from, bytes);
     if constexpr (column_tiles == 2) _tile_loadd(1, from + tile_columns, bytes);
     if constexpr (row_tiles == 2) _tile_loadd(2, below, bytes);
@@ -102,7 +98,7 @@ STYMO_TILES void load_sums(const float* from, std::int64_t stride) {
 template <int row_tiles, int column_tiles>
 STYMO_TILES void store_sums(float* to, std::int64_t stride) {
     const std::int64_t bytes = stride * 4;
-    float* const below = to + tile_rows * stride;
+    float* const below = to + tile_height * stride;
     _tile_stored(0, to, bytes);
     if constexpr (column_tiles == 2) _tile_stored(1, to + tile_columns, bytes);
     if constexpr (row_tiles == 2) _tile_stored(2, below, bytes);
@@ -199,7 +195,7 @@ constexpr TileConfiguration whole_tiles = [] {
     TileConfiguration configuration;
     for (std::size_t tile = 0; tile < 8; ++tile) {
         configuration.row_bytes[tile] = row_bytes;
-        configuration.rows[tile] = tile_rows;
+        configuration.rows[tile] = tile_height;
     }
     return configuration;
 }();

@@ -68,6 +68,9 @@ void multiply_tile_dots(int column_tiles, const TileBlock& block);
 // each number is rounded to nearest even. With two parts, the second is the rounded remainder of
 // the first, and the number is about their sum.
 
+inline constexpr std::int64_t tile_height = 16;
+/// Elements of a tile: 16 rows of 64 bytes.
+inline constexpr std::int64_t tile_size = 512;
 /// Rows and columns of a block of sums, which is two tiles high and two tiles wide.
 inline constexpr std::int64_t tile_block = 32;
 /// Inner elements of a step: those of one tile.

@@ -41,10 +41,6 @@ namespace stymo::kernels {
 
 namespace {
 
-constexpr std::int64_t tile_rows = 16;
-/// Elements of a tile: 16 rows of 64 bytes.
-constexpr std::int64_t tile_size = 512;
-
 /// Thirty-two numbers of BFloat16 in each part.
 template <int parts>
 struct Split {
@@ -193,7 +189,7 @@ template <int parts>
 STYMO_SPLITS void split_columns(BFloat16* to, const float* from, std::int64_t inner_stride,
                                 std::int64_t rows, std::int64_t k) {
     for (std::int64_t i = 0; i < k; i += tile_step, to += parts * tile_step_size) {
-        for (std::int64_t first = 0; first < rows; first += tile_rows) {
+        for (std::int64_t first = 0; first < rows; first += tile_height) {
             const __mmask16 lanes = first_lanes(rows - first);
             const float* const source = from + i * inner_stride + first;
             PairRows<parts> pairs;
@@ -205,7 +201,7 @@ STYMO_SPLITS void split_columns(BFloat16* to, const float* from, std::int64_t in
                 pairs.set(pair, by_turns<parts>(_mm512_maskz_loadu_ps(upper, at),
                                                 _mm512_maskz_loadu_ps(lower, at + inner_stride)));
             }
-            pairs.store_transposed(to + first / tile_rows * tile_size);
+            pairs.store_transposed(to + first / tile_height * tile_size);
         }
     }
 }

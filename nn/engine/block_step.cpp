@@ -1,7 +1,6 @@
 #include "nn/engine/block_step.h"
 
 #include <algorithm>
-#include <span>
 
 #include "core/kernels/blur_upsampled.h"
 #include "nn/engine/colors.h"

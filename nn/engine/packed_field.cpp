@@ -1,9 +1,6 @@
 #include "nn/engine/packed_field.h"
 
-#include <algorithm>
-
 #include "core/kernels/sine.h"
-#include "core/parallel.h"
 #include "core/work_counts.h"
 #include "render/encoding.h"
 

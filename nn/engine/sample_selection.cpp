@@ -29,7 +29,6 @@
 
 #include "nn/engine/sample_selection.h"
 
-#include <algorithm>
 #include <cmath>
 #include <numeric>
 

@@ -1,6 +1,5 @@
 #include "nn/engine/sine_network.h"
 
-#include <cstdint>
 #include <utility>
 
 namespace stymo {

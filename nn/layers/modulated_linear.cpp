@@ -7,7 +7,6 @@
 #include "core/error.h"
 #include "core/ops/activation.h"
 #include "core/ops/elementwise.h"
-#include "core/ops/reduce.h"
 #include "core/ops/shape_ops.h"
 
 namespace stymo {

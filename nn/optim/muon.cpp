@@ -10,7 +10,6 @@
 #include "core/ops/linalg.h"
 #include "core/ops/reduce.h"
 #include "core/ops/shape_ops.h"
-#include "nn/optim/adam.h"
 
 namespace stymo {
 

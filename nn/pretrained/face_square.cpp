@@ -126,15 +126,6 @@ std::size_t mirrored_point(std::size_t k) {
     return partner.at(k);
 }
 
-FacePoints mirrored_points(const FacePoints& points, double width) {
-    FacePoints result;
-    for (std::size_t k = 0; k < points.size(); ++k) {
-        const Eigen::Vector2d& point = points[mirrored_point(k)];
-        result[k] = {width - point.x(), point.y()};
-    }
-    return result;
-}
-
 Variable unit_contrast(const Variable& images) {
     const std::vector<int> axes{1, 2, 3};
     const Variable centered = images - mean(images, axes);

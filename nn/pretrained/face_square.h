@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
-#include <span>
 
 #include "core/autograd/variable.h"
 #include "core/tensor.h"
@@ -58,8 +57,6 @@ struct Midline {
                                      const std::optional<Midline>& midline = std::nullopt);
 /// The index of the point that point k becomes in the mirror image.
 [[nodiscard]] std::size_t mirrored_point(std::size_t k);
-/// The points of the mirror image of a photo that is `width` pixels wide.
-[[nodiscard]] FacePoints mirrored_points(const FacePoints& points, double width);
 
 /// Images (B, H, W, C) with zero mean and almost unit deviation over each image, so that a network
 /// does not depend on brightness and contrast.

@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "core/io/tensor_file.h"
 #include "core/rng.h"
 #include "nn/layers/conv_layer.h"
 #include "nn/parameter_store.h"

@@ -8,7 +8,6 @@
 #include "core/error.h"
 #include "core/io/image.h"
 #include "core/ops/ops.h"
-#include "nn/pretrained/face_square.h"
 
 namespace stymo {
 namespace {

@@ -2,10 +2,8 @@
 
 #include <array>
 #include <cstdint>
-#include <vector>
 
 #include "nn/models/model.h"
-#include "render/camera.h"
 #include "render/triangle_mesh.h"
 
 namespace stymo {

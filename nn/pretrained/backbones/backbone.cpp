@@ -5,7 +5,6 @@
 #include <cmath>
 #include <iterator>
 #include <numbers>
-#include <vector>
 
 #include "core/error.h"
 #include "core/ops/ops.h"

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <vector>
 
 #include "core/autograd/grad.h"
 #include "core/autograd/node.h"

@@ -2,12 +2,10 @@
 
 #include <algorithm>
 #include <array>
-#include <filesystem>
 
 #include "core/error.h"
 #include "core/io/tensor_file.h"
 #include "core/ops/ops.h"
-#include "nn/pretrained/perceptual/feature_distance.h"
 #include "nn/pretrained/perceptual/trunk.h"
 
 namespace stymo {
