@@ -1,10 +1,9 @@
 #include "apps/common/fit_options.h"
 
 #include <algorithm>
-#include <iomanip>
 #include <memory>
-#include <sstream>
 
+#include "apps/common/table.h"
 #include "core/progress.h"
 
 namespace stymo {
@@ -154,14 +153,11 @@ std::function<void(const char*, std::int64_t, std::int64_t)> video_progress() {
 }
 
 std::string text_of(const VideoSummary& summary) {
-    std::ostringstream text;
-    text << std::fixed << std::setprecision(4) << summary.frames << " frames, " << summary.found
-         << " with the face, in " << summary.starts
-         << (summary.starts == 1 ? " shot, " : " shots, ") << summary.cuts
-         << (summary.cuts == 1 ? " cut" : " cuts") << "; photometric loss " << summary.loss
-         << "; person " << std::setprecision(1) << summary.person_seconds << " s, "
-         << std::setprecision(2) << rate_of(summary) << " frames a second";
-    return text.str();
+    return text_from(summary.frames, " frames, ", summary.found, " with the face, in ",
+                     summary.starts, summary.starts == 1 ? " shot, " : " shots, ", summary.cuts,
+                     summary.cuts == 1 ? " cut" : " cuts", "; photometric loss ",
+                     decimal(summary.loss, 4), "; person ", decimal(summary.person_seconds, 1),
+                     " s, ", decimal(rate_of(summary), 2), " frames a second");
 }
 
 JsonValue to_json(const VideoSummary& summary) {

@@ -143,14 +143,6 @@ std::unique_ptr<Ranks> started_ranks() {
 #endif
 }
 
-bool has_mpi() {
-#ifdef STYMO_WITH_MPI
-    return true;
-#else
-    return false;
-#endif
-}
-
 namespace {
 
 /// From here on this process prints nothing.

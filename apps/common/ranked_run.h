@@ -20,9 +20,6 @@ namespace stymo {
 /// together: the destructor waits for the others.
 [[nodiscard]] std::unique_ptr<Ranks> started_ranks();
 
-/// Whether this build supports Open MPI.
-[[nodiscard]] bool has_mpi();
-
 /// Values that must be the same on all ranks: pairs of a name for messages and the compared text.
 using CommonState = std::vector<std::pair<std::string, std::string>>;
 

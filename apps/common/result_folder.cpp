@@ -5,18 +5,20 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
-#include <functional>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <system_error>
 #include <utility>
 
+#include "core/interrupt.h"
 #include "core/io/checksum.h"
 #include "core/io/file.h"
 #include "core/io/json_check.h"
+#include "core/parallel.h"
 
 namespace stymo {
 
@@ -176,6 +178,23 @@ void ResultFolder::remove() {
     for (const fs::path& part : parts()) fs::remove(part);
     fs::remove(path_ / ".lock");
     if (fs::is_empty(path_)) fs::remove(path_);
+}
+
+void work_until_stopped(std::int64_t count, bool one_by_one,
+                        const std::function<void(std::int64_t)>& work) {
+    std::atomic<bool> failed = false;
+    const auto guarded = [&](std::int64_t i) {
+        if (failed.load() || interrupted()) return;
+        try {
+            work(i);
+        } catch (...) {
+            // Otherwise the other threads would go on as long as there is work.
+            failed = true;
+            throw;
+        }
+    };
+    if (!one_by_one) return parallel_tasks(count, guarded);
+    for (std::int64_t i = 0; i < count; ++i) guarded(i);
 }
 
 std::string with_checksum(const fs::path& file) {

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <optional>
 #include <span>
@@ -100,6 +101,11 @@ template <class Item>
         share.push_back(items[i]);
     return share;
 }
+
+/// Calls work(i) for each i of [0, count), on a thread each or `one_by_one`. An interruption or an
+/// exception, which is rethrown, leaves out the calls that have not begun.
+void work_until_stopped(std::int64_t count, bool one_by_one,
+                        const std::function<void(std::int64_t)>& work);
 
 /// A file's absolute name and checksum, for the settings of a run that reads it.
 [[nodiscard]] std::string with_checksum(const std::filesystem::path& file);

@@ -5,7 +5,6 @@
 #include <iomanip>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "core/error.h"
 

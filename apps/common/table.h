@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <sstream>
 #include <string>
 #include <variant>
 #include <vector>
@@ -51,6 +52,13 @@ struct Table {
 /// object.
 [[nodiscard]] Row row_from_json(const std::vector<Column>& columns, const std::string& text);
 
+/// The concatenation of `parts`, each written with operator<<.
+template <class... Parts>
+[[nodiscard]] std::string text_from(const Parts&... parts) {
+    std::ostringstream text;
+    (text << ... << parts);
+    return text.str();
+}
 /// "12.3", with this number of digits after the decimal point.
 [[nodiscard]] std::string decimal(double value, int digits);
 /// "0.02", with at most this number of significant digits.

@@ -72,15 +72,20 @@ CodeFile read_own_codes(const std::filesystem::path& file, const ModelOptions& o
     return codes;
 }
 
+void declare_head(Command& command, std::filesystem::path& file, const std::string& purpose,
+                  const std::string& otherwise) {
+    command.option("--morphable", file,
+                   "head model" + (purpose.empty() ? "" : " " + purpose) +
+                       ": a .safetensors file or a folder of ICT-FaceKit (" + otherwise + ")");
+}
+
 void declare_preparation_files(Command& command, PhotoPreparationSettings& settings) {
     settings.landmark_model = shipped_landmark_network();
     settings.mask_network = shipped_mask_network();
     command.option("--mask-net", settings.mask_network,
                    "network that finds head masks, written by stymo-train --head-mask (default: "
                    "the network that comes with stymo)");
-    command.option("--morphable", settings.morphable,
-                   "head model that is fitted for pose and codes: a .safetensors file or a folder "
-                   "of ICT-FaceKit (default: the built-in head)");
+    declare_head(command, settings.morphable, "that is fitted for pose and codes");
     command.option(
         "--landmarks", settings.landmark_model,
         "predictor of 68 landmarks: a landmark network (.safetensors), or dlib's "

@@ -41,6 +41,10 @@ void declare_tuned(Command& command, ModelOptions& options);
 [[nodiscard]] CodeFile read_own_codes(const std::filesystem::path& file,
                                       const ModelOptions& options);
 
+/// Declares --morphable, a head model `purpose` ("whose topology the mesh has"; may be empty).
+void declare_head(Command& command, std::filesystem::path& file, const std::string& purpose,
+                  const std::string& otherwise = "default: the built-in head");
+
 /// Declares --mask-net, --morphable, --landmarks and --pose-net, the files for the preparation of
 /// photos, and --max-pixels.
 void declare_preparation_files(Command& command, PhotoPreparationSettings& settings);

@@ -8,6 +8,7 @@
 #include "apps/common/coefficient_files.h"
 #include "apps/common/command_line.h"
 #include "apps/common/fit_options.h"
+#include "apps/common/table.h"
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
 #include "apps/drive/film_report.h"
@@ -216,12 +217,11 @@ stymo::AppResult drive_by_film(const Options& options, const stymo::Model& model
                                         [&](const FrameSink& sink) { summary = video.run(sink); });
     const std::string sound = keep_sound(options);
     summary.seconds -= rendering;
-    stymo::AppResult result{text_of(summary) + " fitted", to_json(summary)};
-    std::ostringstream text;
-    text << std::fixed << std::setprecision(2) << ", "
-         << static_cast<double>(summary.frames) / rendering << " rendered; "
-         << summary.frames - summary.found << " frames without the face hold the last one";
-    result.text += text.str();
+    const double rate = static_cast<double>(summary.frames) / rendering;
+    stymo::AppResult result{stymo::text_from(text_of(summary), " fitted, ", stymo::decimal(rate, 2),
+                                             " rendered; ", summary.frames - summary.found,
+                                             " frames without the face hold the last one"),
+                            to_json(summary)};
     add_measures(options, driven.measures(), &job.preparation().detector(), result);
     if (!options.sheet.empty())
         stymo::write_image(options.sheet, stymo::contact_sheet(options.video, options.out,
@@ -255,11 +255,9 @@ stymo::AppResult drive_by_coefficients(const Options& options, const stymo::Mode
             progress.update(++frame.index);
         }
     });
-    std::ostringstream text;
-    text << std::fixed << std::setprecision(2) << rows.size() << " frames, "
-         << static_cast<double>(rows.size()) / rendering << " rendered a second";
+    const double rate = static_cast<double>(rows.size()) / rendering;
     stymo::AppResult result{
-        text.str(),
+        stymo::text_from(rows.size(), " frames, ", stymo::decimal(rate, 2), " rendered a second"),
         stymo::JsonValue::object({{"frames", std::ssize(rows)}, {"rendering_seconds", rendering}})};
     std::optional<stymo::FaceDetector> detector;
     if (!options.truth.empty()) detector.emplace(options.job.preparation.landmark_model);

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "apps/common/explain.h"
+#include "apps/common/table.h"
 #include "apps/common/tool_options.h"
 #include "apps/edit/commands.h"
 #include "core/clock.h"
@@ -123,13 +124,8 @@ std::int64_t pixels_of(const Tensor& mask) {
     return std::ranges::count(mask.values<float>(), 1.0F);
 }
 
-struct ColorReport {
-    JsonValue json;
-    std::string text;
-};
-
-ColorReport report_of(const ColorOptions& options, const ColorEdit& edit, const Regions& regions,
-                      double seconds) {
+AppResult report_of(const ColorOptions& options, const ColorEdit& edit, const Regions& regions,
+                    double seconds) {
     const Eigen::Vector3d target = color_of(options.color);
     const Eigen::Vector3d before = mean_color(edit.before, regions.part);
     const Eigen::Vector3d after = mean_color(edit.after, regions.part);
@@ -147,14 +143,12 @@ ColorReport report_of(const ColorOptions& options, const ColorEdit& edit, const 
                                               {"steps", edit.losses.size()},
                                               {"seconds", seconds},
                                               {"loss", edit.losses}});
-    std::ostringstream text;
-    text << options.part << ": " << text_of(before) << " -> " << text_of(after) << ", target "
-         << text_of(target) << '\n'
-         << std::fixed << std::setprecision(1) << 100.0 * share << " % of the way\n"
-         << std::setprecision(4) << "mean absolute change outside the part " << rest
-         << ", of these in the head " << head_rest << '\n'
-         << std::setprecision(1) << seconds << " s\n";
-    return {json, text.str()};
+    return {text_from(options.part, ": ", text_of(before), " -> ", text_of(after), ", target ",
+                      text_of(target), '\n', decimal(100.0 * share, 1),
+                      " % of the way\nmean absolute change outside the part ", decimal(rest, 4),
+                      ", of these in the head ", decimal(head_rest, 4), '\n', decimal(seconds, 1),
+                      " s\n"),
+            json};
 }
 
 AppResult color(ColorOptions options) {
@@ -187,7 +181,7 @@ AppResult color(ColorOptions options) {
     const double seconds = seconds_now() - start;
     progress.finish();
 
-    const ColorReport report = report_of(options, edit, regions, seconds);
+    AppResult result = report_of(options, edit, regions, seconds);
     write_image(options.out / "color.png",
                 tile_images({with_patch(edit.before, mean_color(edit.before, regions.part)),
                              with_patch(masked_image(edit.before, regions.part), target),
@@ -195,8 +189,7 @@ AppResult color(ColorOptions options) {
                             3));
     write_image(options.out / "render.png", edit.after);
     write_code_file(options.out / "codes.json", edit.codes, 0, face.pose);
-    write_file(options.out / "report.json", report.json.text() + "\n", Durability::none);
-    AppResult result{report.text, report.json};
+    write_file(options.out / "report.json", result.json.text() + "\n", Durability::none);
     const std::int64_t steps = std::ssize(edit.losses);
     if (steps < options.edit.steps)
         result.incomplete = "interrupted after " + std::to_string(steps) + " of " +

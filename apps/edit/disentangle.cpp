@@ -181,9 +181,7 @@ void declare_disentangle(CommandLine& line) {
         [options](const CommonOptions& common) { return disentangle(*options, common.seed); });
     declare_model(command, options->model);
     command.option("--pairs", options->pairs, "pairs of random heads").range(1, 1e6);
-    command.option(
-        "--morphable", options->morphable,
-        "head model: a .safetensors file or a folder of ICT-FaceKit (default: the built-in head)");
+    declare_head(command, options->morphable, "");
 }
 
 }  // namespace stymo

@@ -1,9 +1,7 @@
 #include "apps/eval/evaluate.h"
 
 #include <algorithm>
-#include <atomic>
 #include <charconv>
-#include <iomanip>
 #include <map>
 #include <set>
 #include <sstream>
@@ -16,7 +14,6 @@
 #include "core/io/image.h"
 #include "core/ops/elementwise.h"
 #include "core/ops/resample.h"
-#include "core/parallel.h"
 #include "core/progress.h"
 #include "fit/photo/prepared_photos.h"
 #include "nn/models/display_image.h"
@@ -165,10 +162,7 @@ private:
             initial += score.regions.front().initial.psnr / static_cast<double>(scores_.size());
             last += score.regions.front().last().psnr / static_cast<double>(scores_.size());
         }
-        std::ostringstream text;
-        text << std::fixed << std::setprecision(2) << "PSNR " << initial << " initial, " << last
-             << " fitted";
-        return text.str();
+        return text_from("PSNR ", decimal(initial, 2), " initial, ", decimal(last, 2), " fitted");
     }
 
     const Dataset& faces_;
@@ -281,7 +275,6 @@ Evaluation evaluate(const FitJob& job, const Dataset& faces, const EvaluationOpt
                        .total = findings.count() + std::ssize(positions),
                        .first = findings.count(),
                        .unit = "faces"});
-    std::atomic<bool> stopped = false;
     const auto do_face = [&](std::int64_t position) {
         std::optional<FittedFaces> done;
         FaceScore score;
@@ -301,21 +294,9 @@ Evaluation evaluate(const FitJob& job, const Dataset& faces, const EvaluationOpt
         }
         findings.add(position, std::move(score), done->fit, progress);
     };
-    const auto work = [&](std::int64_t begin, std::int64_t end) {
-        for (std::int64_t k = begin; k < end && !interrupted() && !stopped.load(); ++k) {
-            try {
-                do_face(positions[static_cast<std::size_t>(k)]);
-            } catch (...) {
-                // Otherwise the other threads would continue as long as there are faces.
-                stopped = true;
-                throw;
-            }
-        }
-    };
-    if (options.one_by_one || (options.fit && job.options().tunes()))
-        work(0, std::ssize(positions));
-    else
-        parallel_for(std::ssize(positions), 1, work);
+    work_until_stopped(std::ssize(positions),
+                       options.one_by_one || (options.fit && job.options().tunes()),
+                       [&](std::int64_t k) { do_face(positions[static_cast<std::size_t>(k)]); });
     findings.join(ranks);
     if (!ranks.leads()) return {};
     if (options.folder != nullptr) {

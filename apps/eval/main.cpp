@@ -258,9 +258,8 @@ int stymo_eval(int argc, char** argv) {
                 "dlib's shape_predictor of 68 landmarks (default: the one of Debian's "
                 "libdlib-data)")
         .needs("--shape");
-    line.option("--morphable", options.morphable,
-                "head model that the folder's codes belong to: a .safetensors file or a folder of "
-                "ICT-FaceKit (default with --shape: the built-in head)");
+    stymo::declare_head(line, options.morphable, "that the folder's codes belong to",
+                        "default with --shape: the built-in head");
     line.flag("--fit", options.evaluation.fit, "also fit each face and measure the fitted codes");
     stymo::declare_fit(line, options.fit);
     line.option("--resolution", options.evaluation.resolution,

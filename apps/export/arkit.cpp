@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "apps/common/coefficient_files.h"
+#include "apps/common/table.h"
 #include "apps/common/tool_options.h"
 #include "apps/export/commands.h"
 #include "core/io/file.h"
@@ -46,11 +47,10 @@ struct Errors {
 };
 
 std::string sentence(const Errors& errors) {
-    std::ostringstream text;
-    text << std::fixed << std::setprecision(3) << "the expression moves the head's vertices by "
-         << errors.size << " mm (root mean square); the coefficients miss it by " << errors.there
-         << " mm, the code of these coefficients by " << errors.back << " mm\n";
-    return text.str();
+    return text_from("the expression moves the head's vertices by ", decimal(errors.size, 3),
+                     " mm (root mean square); the coefficients miss it by ",
+                     decimal(errors.there, 3), " mm, the code of these coefficients by ",
+                     decimal(errors.back, 3), " mm\n");
 }
 
 JsonValue to_json(const Errors& errors) {
@@ -101,13 +101,13 @@ AppResult to_codes(const ArkitOptions& options, const ArkitConversion& conversio
         text += code_file_text(face.codes, 0, face.pose);
     }
     write_file(options.out, text, Durability::none);
-    std::ostringstream said;
-    said << options.out.string() << ": " << rows.size() << (rows.size() == 1 ? " face" : " faces")
-         << "; at worst the code misses the shapes by " << std::fixed << std::setprecision(3)
-         << worst.there << " mm of " << worst.size << " mm\n";
-    return {said.str(), JsonValue::object({{"written", options.out.string()},
-                                           {"faces", rows.size()},
-                                           {"worst_miss_mm", worst.there}})};
+    return {
+        text_from(options.out.string(), ": ", rows.size(), rows.size() == 1 ? " face" : " faces",
+                  "; at worst the code misses the shapes by ", decimal(worst.there, 3), " mm of ",
+                  decimal(worst.size, 3), " mm\n"),
+        JsonValue::object({{"written", options.out.string()},
+                           {"faces", rows.size()},
+                           {"worst_miss_mm", worst.there}})};
 }
 
 AppResult export_arkit(const ArkitOptions& options) {
@@ -141,9 +141,7 @@ void declare_arkit(CommandLine& line) {
                 "coefficients: .json, or .csv as Live Link Face writes it; with --coefficients "
                 "codes: .json, or .jsonl with a line for each row")
         .required();
-    command.option("--morphable", options->morphable,
-                   "head model whose expressions the codes are: a .safetensors file or a folder of "
-                   "ICT-FaceKit (default: the built-in head)");
+    declare_head(command, options->morphable, "whose expressions the codes are");
 }
 
 }  // namespace stymo

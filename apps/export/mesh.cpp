@@ -306,9 +306,7 @@ void declare_mesh(CommandLine& line) {
                 ".glb; .obj, with a .mtl and a .png file beside it; or .ply, with colours "
                 "instead of a texture")
         .required();
-    command.option("--morphable", options->morphable,
-                   "head model whose topology the mesh has: a .safetensors file or a folder of "
-                   "ICT-FaceKit (default: the built-in head)");
+    declare_head(command, options->morphable, "whose topology the mesh has");
     command.option("--landmarks", options->landmarks,
                    "landmark network (default: the one that comes with stymo)");
     command.option("--texture", options->texture_side, "side of the texture, a power of two")

@@ -1,7 +1,6 @@
 #include "apps/fit/fitting.h"
 
 #include <algorithm>
-#include <atomic>
 #include <fstream>
 #include <iomanip>
 #include <iterator>
@@ -16,7 +15,6 @@
 #include "core/io/file.h"
 #include "core/io/image.h"
 #include "core/metrics.h"
-#include "core/parallel.h"
 #include "core/progress.h"
 #include "nn/models/code_file.h"
 
@@ -145,24 +143,11 @@ bool FolderFit::fit_share() {
     results_.begin();
     const std::vector<const FaceFiles*> share = share_of(ranks_, waiting_);
     Progress progress({.title = "photos", .total = std::ssize(share), .unit = "photos"});
-    std::atomic<bool> stopped = false;
-    const auto work = [&](std::int64_t i) {
-        if (stopped.load() || interrupted()) return;
-        try {
-            if (!fit_photo(*share[static_cast<std::size_t>(i)])) return;
-        } catch (...) {
-            // Otherwise the other threads would go on as long as there are photos.
-            stopped = true;
-            throw;
-        }
+    work_until_stopped(std::ssize(share), fitting_.job.options().tunes(), [&](std::int64_t i) {
+        if (!fit_photo(*share[static_cast<std::size_t>(i)])) return;
         const std::lock_guard lock(mutex_);
         progress.update(done_now_);
-    };
-    if (fitting_.job.options().tunes()) {
-        for (std::int64_t i = 0; i < std::ssize(share); ++i) work(i);
-    } else {
-        parallel_tasks(std::ssize(share), work);
-    }
+    });
     return any(ranks_, interrupted());
 }
 

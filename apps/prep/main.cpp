@@ -4,6 +4,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/ranked_run.h"
+#include "apps/common/table.h"
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
 #include "apps/prep/pipeline.h"
@@ -57,14 +58,13 @@ stymo::AppResult prepared(stymo::PreparationRun& run, const Options& options) {
         stymo::fail("interrupted after ", outcome.done, " of ", outcome.found,
                     " photos; the same command continues from there, and the photos so far can "
                     "already be used as a data set");
-    std::ostringstream text;
-    text << text_of(*outcome.report, options);
-    if (outcome.done_now > 0)
-        text << '\n'
-             << std::fixed << std::setprecision(2)
-             << (stymo::seconds_now() - start) / static_cast<double>(outcome.done_now)
-             << " s a photo";
-    return {text.str(), stymo::to_json(*outcome.report)};
+    std::string text = text_of(*outcome.report, options);
+    if (outcome.done_now > 0) {
+        const double taken = stymo::seconds_now() - start;
+        text +=
+            '\n' + stymo::decimal(taken / static_cast<double>(outcome.done_now), 2) + " s a photo";
+    }
+    return {text, stymo::to_json(*outcome.report)};
 }
 
 stymo::AppResult prepare(Options options, const stymo::CommandLine& line) {

@@ -134,9 +134,9 @@ std::vector<Tensor> returning(std::vector<Tensor> frames) {
     return frames;
 }
 
-std::string numbered(std::size_t frame) {
+std::string numbered(std::size_t number) {
     std::ostringstream text;
-    text << '_' << std::setw(4) << std::setfill('0') << frame;
+    text << std::setw(4) << std::setfill('0') << number;
     return text.str();
 }
 
@@ -184,7 +184,7 @@ WrittenImages write_images(const std::filesystem::path& out, const RenderOptions
     }
     if (options.renderer.depth && animation) {
         for (std::size_t i = 0; i < seen.size(); ++i)
-            write_exr(beside(numbered(i) + "_depth.exr"), seen[i].depth);
+            write_exr(beside("_" + numbered(i) + "_depth.exr"), seen[i].depth);
     } else if (options.renderer.depth) {
         write_exr(beside("_depth.exr"), tile_images(images_of(seen, &View::depth), list.columns));
     }
@@ -213,12 +213,6 @@ CodeStatistics statistics_of(const RenderOptions& options, const Model& model) {
     return *statistics;
 }
 
-std::string code_file_name(std::size_t index) {
-    std::ostringstream text;
-    text << std::setw(4) << std::setfill('0') << index << ".json";
-    return text.str();
-}
-
 }  // namespace
 
 WrittenImages write_new_faces(const RenderOptions& options, const Model& model, std::uint64_t seed,
@@ -242,7 +236,7 @@ WrittenImages write_new_faces(const RenderOptions& options, const Model& model, 
         write_images(folder.path() / "faces.png", options, model, list, explainer);
     std::vector<std::filesystem::path>& written = result.files;
     for (std::size_t i = 0; i < list.shots.size(); ++i) {
-        written.push_back(folder.path() / code_file_name(i));
+        written.push_back(folder.path() / (numbered(i) + ".json"));
         write_code_file(written.back(), list.shots[i].codes, 0, pose);
     }
     folder.finish();

@@ -1,7 +1,8 @@
 #include <filesystem>
-#include <sstream>
 
 #include "apps/common/command_line.h"
+#include "apps/common/table.h"
+#include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
 #include "core/clock.h"
 #include "core/interrupt.h"
@@ -25,9 +26,7 @@ int stymo_synth(int argc, char** argv) {
     line.option("--focal", settings.intrinsics.focal,
                 "focal length of the cameras in units of the image's side; heads keep their size")
         .range(0.1, 100);
-    line.option(
-        "--morphable", morphable,
-        "head model: a .safetensors file or a folder of ICT-FaceKit (default: the built-in head)");
+    stymo::declare_head(line, morphable, "");
     line.option("--heads", textured,
                 "textured heads: a .safetensors file of scripts/textured_heads.py. Their mixes are "
                 "rendered instead of --count heads, without codes")
@@ -61,13 +60,12 @@ int stymo_synth(int argc, char** argv) {
         }
         progress.finish();
         const double seconds = stymo::seconds_now() - start;
-        std::ostringstream text;
-        text << settings.count << " heads of " << settings.side << " x " << settings.side
-             << " pixels in " << folder.string();
-        return stymo::AppResult{text.str(), stymo::JsonValue::object({{"folder", folder.string()},
-                                                                      {"count", settings.count},
-                                                                      {"size", settings.side},
-                                                                      {"vertices", vertices},
-                                                                      {"seconds", seconds}})};
+        return stymo::AppResult{stymo::text_from(settings.count, " heads of ", settings.side, " x ",
+                                                 settings.side, " pixels in ", folder.string()),
+                                stymo::JsonValue::object({{"folder", folder.string()},
+                                                          {"count", settings.count},
+                                                          {"size", settings.side},
+                                                          {"vertices", vertices},
+                                                          {"seconds", seconds}})};
     });
 }

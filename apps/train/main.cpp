@@ -2,13 +2,13 @@
 #include <iostream>
 #include <memory>
 #include <optional>
-#include <sstream>
 
 #include "apps/common/command_line.h"
 #include "apps/common/explain.h"
 #include "apps/common/face_input.h"
 #include "apps/common/ranked_run.h"
 #include "apps/common/result_folder.h"
+#include "apps/common/table.h"
 #include "apps/common/tools.h"
 #include "core/error.h"
 #include "core/io/file.h"
@@ -145,15 +145,14 @@ stymo::AppResult train_masks(const Options& options, const stymo::CommonOptions&
                                 .minutes = options.max_minutes,
                                 .seed = common.seed});
     const std::string file = (options.out / stymo::head_mask_file).string();
-    std::ostringstream text;
-    text << outcome.steps << " of " << config.steps << " steps, loss " << outcome.loss << ": "
-         << file << '\n';
-    return {text.str(), stymo::JsonValue::object({{"steps", outcome.steps},
-                                                  {"photos", examples.size()},
-                                                  {"loss", outcome.loss},
-                                                  {"seconds", outcome.seconds},
-                                                  {"finished", outcome.finished},
-                                                  {"network", file}})};
+    return {stymo::text_from(outcome.steps, " of ", config.steps, " steps, loss ", outcome.loss,
+                             ": ", file, '\n'),
+            stymo::JsonValue::object({{"steps", outcome.steps},
+                                      {"photos", examples.size()},
+                                      {"loss", outcome.loss},
+                                      {"seconds", outcome.seconds},
+                                      {"finished", outcome.finished},
+                                      {"network", file}})};
 }
 
 stymo::AppResult train(const Options& options, const stymo::CommonOptions& common) {

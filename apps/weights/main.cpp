@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "apps/common/command_line.h"
+#include "apps/common/table.h"
 #include "apps/common/tool_options.h"
 #include "apps/common/tools.h"
 #include "apps/weights/derived_models.h"
@@ -26,15 +27,15 @@ stymo::AppResult import(const fs::path& in, const fs::path& out) {
     stymo::require_folder_of(out);
     stymo::write_tensor_file(out, weights.file);
     const std::int64_t values = value_count(weights.file);
-    std::ostringstream text;
-    text << out.string() << ": "
-         << (weights.recognised.empty() ? "no network known here, names as they were"
-                                        : weights.recognised)
-         << ", " << weights.file.tensors.size() << " tensors, " << values << " values\n";
-    return {text.str(), stymo::JsonValue::object({{"written", out.string()},
-                                                  {"recognised", weights.recognised},
-                                                  {"tensors", weights.file.tensors.size()},
-                                                  {"values", values}})};
+    return {
+        stymo::text_from(out.string(), ": ",
+                         weights.recognised.empty() ? "no network known here, names as they were"
+                                                    : weights.recognised,
+                         ", ", weights.file.tensors.size(), " tensors, ", values, " values\n"),
+        stymo::JsonValue::object({{"written", out.string()},
+                                  {"recognised", weights.recognised},
+                                  {"tensors", weights.file.tensors.size()},
+                                  {"values", values}})};
 }
 
 stymo::AppResult written(const fs::path& out) {
@@ -78,15 +79,12 @@ stymo::AppResult show(const fs::path& path) {
     std::ostringstream text;
     std::vector<stymo::JsonValue> rows;
     for (const auto& [name, tensor] : file.tensors) {
-        std::ostringstream shape;
-        shape << tensor.shape();
         text << std::left << std::setw(static_cast<int>(width)) << name << "  " << tensor.dtype()
-             << "  " << std::setw(20) << shape.str() << "  norm " << norm(tensor) << "\n";
-        std::ostringstream type;
-        type << tensor.dtype();
+             << "  " << std::setw(20) << stymo::text_from(tensor.shape()) << "  norm "
+             << norm(tensor) << "\n";
         rows.push_back(stymo::JsonValue::object({{"name", name},
                                                  {"shape", tensor.shape().extents()},
-                                                 {"type", type.str()},
+                                                 {"type", stymo::text_from(tensor.dtype())},
                                                  {"norm", norm(tensor)}}));
     }
     const std::int64_t values = value_count(file);
