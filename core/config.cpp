@@ -383,10 +383,9 @@ std::string ConfigSchema::to_json() const {
 
 std::string ConfigSchema::to_markdown() const {
     std::string table = "| key | default | allowed | meaning |\n|---|---|---|---|\n";
-    for (const Entry& entry : implementation_->entries) {
+    for (const Entry& entry : implementation_->entries)
         table += "| `" + entry.key + "` | `" + entry.default_value.dump() + "` | " +
                  allowed_text(entry) + " | " + entry.help + " |\n";
-    }
     return table;
 }
 

@@ -17,15 +17,13 @@ namespace {
 constexpr int window_size = 11;
 
 void require_match(const char* function, const Tensor& a, const Tensor& b) {
-    if (a.rank() != 3 || !(a.shape() == b.shape()) || a.size() == 0) {
+    if (a.rank() != 3 || !(a.shape() == b.shape()) || a.size() == 0)
         fail<ShapeError>("[", function,
                          "] expected two images (height, width, channels) of one shape, got ",
                          a.shape(), " and ", b.shape());
-    }
-    if (a.dtype() != b.dtype()) {
+    if (a.dtype() != b.dtype())
         fail<TypeError>("[", function, "] the images have different types, ", a.dtype(), " and ",
                         b.dtype());
-    }
 }
 
 /// Mean of `distance(a_i - b_i)` over all elements.
@@ -35,9 +33,8 @@ double mean_distance(const Tensor& a, const Tensor& b, Distance distance) {
         const auto a_values = a.values<T>();
         const auto b_values = b.values<T>();
         double total = 0.0;
-        for (std::size_t i = 0; i < a_values.size(); ++i) {
+        for (std::size_t i = 0; i < a_values.size(); ++i)
             total += distance(static_cast<double>(a_values[i]) - static_cast<double>(b_values[i]));
-        }
         return total / static_cast<double>(a_values.size());
     });
 }
@@ -51,9 +48,7 @@ std::array<double, window_size> gaussian_window() {
         window[static_cast<std::size_t>(i)] = std::exp(-0.5 * offset * offset);
     }
     const double total = std::accumulate(window.begin(), window.end(), 0.0);
-    for (double& weight : window) {
-        weight /= total;
-    }
+    for (double& weight : window) weight /= total;
     return window;
 }
 
@@ -164,10 +159,9 @@ double structural_similarity(const Tensor& a, const Tensor& b, const Tensor& cou
     require_match("structural_similarity", a, b);
     const std::int64_t rows = a.shape(0) - window_size + 1, columns = a.shape(1) - window_size + 1,
                        channels = a.shape(2);
-    if (rows < 1 || columns < 1) {
+    if (rows < 1 || columns < 1)
         fail<ShapeError>("[structural_similarity] needs at least ", window_size, " x ", window_size,
                          " pixels, got ", a.shape());
-    }
     if (counted.defined() && !(counted.shape() == a.shape().with(2, 1)))
         fail<ShapeError>("[structural_similarity] counted pixels ", counted.shape(),
                          " of an image ", a.shape());
@@ -182,11 +176,10 @@ double structural_similarity(const Tensor& a, const Tensor& b, const Tensor& cou
         const auto row_length = static_cast<std::size_t>(a.shape(1) * channels);
         parallel_for(rows, 8, [&](std::int64_t begin, std::int64_t end) {
             for (auto row = static_cast<std::size_t>(begin); row < static_cast<std::size_t>(end);
-                 ++row) {
+                 ++row)
                 row_totals[row] =
                     row_similarity<T>(a_values, b_values, row, row_length,
                                       static_cast<std::size_t>(channels), window, windows);
-            }
         });
     });
     return std::accumulate(row_totals.begin(), row_totals.end(), 0.0) /

@@ -42,9 +42,7 @@ Tensor filled(const Shape& shape, DType dtype, Draw&& draw) {
     Tensor result(shape, dtype);
     dispatch(dtype, [&](auto zero) {
         using Value = decltype(zero);
-        for (Value& value : result.mutable_values<Value>()) {
-            value = draw(zero);
-        }
+        for (Value& value : result.mutable_values<Value>()) value = draw(zero);
     });
     return result;
 }
@@ -72,9 +70,8 @@ Rng Rng::split(std::string_view name) const {
     std::size_t begin = 0;
     do {
         std::uint64_t piece = 0;
-        for (std::size_t i = begin; i < std::min(begin + 8, name.size()); ++i) {
+        for (std::size_t i = begin; i < std::min(begin + 8, name.size()); ++i)
             piece = (piece << 8) | static_cast<unsigned char>(name[i]);
-        }
         const Words words = block(key, piece, length, name_domain);
         key = joined(words[0], words[1]);
         begin += 8;
@@ -117,9 +114,7 @@ std::int64_t Rng::below(std::int64_t bound) {
     const auto divisor = static_cast<std::uint64_t>(bound);
     const std::uint64_t limit = std::numeric_limits<std::uint64_t>::max() / divisor * divisor;
     std::uint64_t value = bits();
-    while (value >= limit) {
-        value = bits();
-    }
+    while (value >= limit) value = bits();
     return static_cast<std::int64_t>(value % divisor);
 }
 

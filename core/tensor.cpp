@@ -40,9 +40,8 @@ std::shared_ptr<std::byte[]> allocate(std::size_t bytes) {
 
 template <class T>
 Tensor from_values(const Shape& shape, std::span<const T> values) {
-    if (shape.size() != static_cast<std::int64_t>(values.size())) {
+    if (shape.size() != static_cast<std::int64_t>(values.size()))
         fail<ShapeError>("[tensor] ", values.size(), " values for shape ", shape);
-    }
     Tensor result(shape, dtype_of<T>());
     std::ranges::copy(values, result.mutable_values<T>().begin());
     return result;

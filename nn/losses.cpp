@@ -21,10 +21,9 @@ void require_same_shape(const char* loss, const Shape& prediction, const Shape& 
 
 Variable photometric_loss(std::span<const Variable> images, std::span<const Tensor> targets,
                           std::span<const double> weights) {
-    if (images.empty() || images.size() != targets.size() || images.size() > weights.size()) {
+    if (images.empty() || images.size() != targets.size() || images.size() > weights.size())
         fail<ShapeError>("photometric_loss: ", images.size(), " images, ", targets.size(),
                          " targets and ", weights.size(), " weights");
-    }
     Variable total;
     for (std::size_t i = 0; i < images.size(); ++i) {
         require_same_shape("photometric_loss", images[i].shape(), targets[i].shape());

@@ -14,11 +14,10 @@ namespace {
 constexpr double least_opacity = 1e-3;
 
 void require_same(const char* function, const Shape& left, const Shape& right) {
-    if (left.rank() != 3 || !(left == right)) {
+    if (left.rank() != 3 || !(left == right))
         fail<ShapeError>("[", function,
                          "] expected two tensors of one shape (cameras, rays, samples), got ", left,
                          " and ", right);
-    }
 }
 
 }  // namespace
@@ -53,12 +52,11 @@ CompositeWeights composite_weights(const Variable& density, const Tensor& deltas
 
 Variable composite(const Variable& weights, const Variable& features) {
     if (weights.rank() != 3 || features.rank() != 3 || weights.shape(0) != features.shape(0) ||
-        weights.shape(1) * weights.shape(2) != features.shape(1)) {
+        weights.shape(1) * weights.shape(2) != features.shape(1))
         fail<ShapeError>(
             "[composite] expected weights (cameras, rays, samples) and features (cameras, rays * "
             "samples, channels), got ",
             weights.shape(), " and ", features.shape());
-    }
     const std::int64_t cameras = weights.shape(0), rays = weights.shape(1),
                        samples = weights.shape(2), channels = features.shape(2);
     const Variable row_per_ray = reshape(weights, {cameras * rays, 1, samples});

@@ -8,14 +8,12 @@
 namespace stymo {
 
 Variable positional_encoding(const Variable& points, std::int64_t frequencies) {
-    if (points.rank() == 0 || points.shape(-1) != 3) {
+    if (points.rank() == 0 || points.shape(-1) != 3)
         fail<ShapeError>("[positional_encoding] points must be (..., 3), got ", points.shape());
-    }
-    if (frequencies < 0) {
+    if (frequencies < 0)
         fail<ValueError>(
             "[positional_encoding] the number of frequencies must not be negative, got ",
             frequencies);
-    }
     std::vector<Variable> parts{points};
     double frequency = 1.0;
     for (std::int64_t k = 0; k < frequencies; ++k) {

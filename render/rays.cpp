@@ -41,21 +41,16 @@ void sample_ray(const Ray& ray, std::span<const double> uniforms, std::span<T> p
 }
 
 void require_valid(const std::vector<Camera>& cameras, const RaySampling& sampling) {
-    if (cameras.empty()) {
-        fail<ValueError>("[sample_rays] no camera given");
-    }
-    if (sampling.rays_per_side < 1) {
+    if (cameras.empty()) fail<ValueError>("[sample_rays] no camera given");
+    if (sampling.rays_per_side < 1)
         fail<ValueError>("[sample_rays] rays_per_side must be at least 1, got ",
                          sampling.rays_per_side);
-    }
-    if (sampling.samples_per_ray < 2) {
+    if (sampling.samples_per_ray < 2)
         fail<ValueError>("[sample_rays] samples_per_ray must be at least 2, got ",
                          sampling.samples_per_ray);
-    }
-    if (!(sampling.near_z > sampling.far_z)) {
+    if (!(sampling.near_z > sampling.far_z))
         fail<ValueError>("[sample_rays] near_z must be larger than far_z, got ", sampling.near_z,
                          " and ", sampling.far_z);
-    }
 }
 
 }  // namespace
@@ -90,10 +85,9 @@ Ray camera_ray(const Camera& camera, const RaySampling& sampling, std::int64_t r
             along_world_z ? "planes along the optical axis for a camera this far to the side"
                           : "a longer focal length");
     }
-    if (height <= sampling.far_z) {
+    if (height <= sampling.far_z)
         fail<ValueError>("[sample_rays] the camera stands behind the far plane z = ",
                          sampling.far_z);
-    }
     // A near plane behind the camera would put samples where the camera cannot see.
     const double near_depth = std::max(height - sampling.near_z, 0.0);
     return {camera.center, direction, near_depth / descent, (height - sampling.far_z) / descent};

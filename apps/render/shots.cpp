@@ -24,11 +24,10 @@ std::vector<double> parse_angles(const std::string& option, const std::string& t
     stream >> from >> first >> to >> second >> count;
     const bool read = !stream.fail() && first == ':' && second == ':' && !(stream >> rest);
     if (!read || count < 1 || count > most_tiles_along || std::abs(from) > 180.0 ||
-        std::abs(to) > 180.0) {
+        std::abs(to) > 180.0)
         fail<UsageError>(option, " ", text,
                          ": give FROM:TO:COUNT in degrees, such as -30:30:5, of 1 to ",
                          most_tiles_along, " angles");
-    }
     std::vector<double> angles;
     for (int i = 0; i < count; ++i)
         angles.push_back(count == 1 ? from : from + (to - from) * i / (count - 1));

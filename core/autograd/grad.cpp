@@ -142,10 +142,9 @@ private:
 
     void accumulate(const Node& node, std::size_t i, Variable contribution) {
         const Node::Input& input = node.inputs()[i];
-        if (contribution.shape() != input.shape) {
+        if (contribution.shape() != input.shape)
             fail<ShapeError>("[", node.name(), "] the rule of input ", i, " returned ",
                              contribution.shape(), " for an input of ", input.shape);
-        }
         const auto entry = gradients_.try_emplace(input.node.get()).first;
         Variable& sum = entry->second;
         sum = sum.defined() ? add(sum, contribution) : std::move(contribution);

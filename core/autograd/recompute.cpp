@@ -112,9 +112,8 @@ Variable recompute(const Segment& segment, std::vector<Variable> inputs) {
     Tensor value;
     {
         std::vector<Variable> arguments;
-        for (const Variable& input : inputs) {
+        for (const Variable& input : inputs)
             arguments.push_back(input.tracked() ? entrance(Variable::leaf(input.value())) : input);
-        }
         const Variable result = segment(arguments);
         if (!result.tracked()) return result;
         graph = explore(result, arguments);

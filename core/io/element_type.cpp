@@ -55,9 +55,7 @@ template <class Value>
 Tensor copy(const Shape& shape, const char* data) {
     Tensor result(shape, dtype_of<Value>());
     const auto values = result.mutable_values<Value>();
-    if (!values.empty()) {
-        std::memcpy(values.data(), data, values.size_bytes());
-    }
+    if (!values.empty()) std::memcpy(values.data(), data, values.size_bytes());
     return result;
 }
 

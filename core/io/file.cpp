@@ -73,9 +73,8 @@ private:
 
 Descriptor open_for_reading(const fs::path& path) {
     std::error_code error;
-    if (fs::is_directory(path, error)) {
+    if (fs::is_directory(path, error))
         fail<FileError>(path.string(), ": cannot be read (is a folder)");
-    }
     Descriptor file(path, O_RDONLY);
     if (!file.is_open())
         fail<FileError>(path.string(), ": cannot be read (", reason_of(errno), ")");
@@ -185,22 +184,18 @@ void prefetch(const fs::path& path) {
 void write_whole(const fs::path& path, const std::function<void(const fs::path&)>& write,
                  Durability durability) {
     std::error_code error;
-    if (fs::is_directory(path, error)) {
+    if (fs::is_directory(path, error))
         fail<FileError>(path.string(), ": cannot be written (is a folder)");
-    }
     // Several encoders report a missing or read-only folder unclearly or not at all.
     const fs::path folder = folder_of(path);
-    if (::access(folder.c_str(), W_OK | X_OK) != 0) {
+    if (::access(folder.c_str(), W_OK | X_OK) != 0)
         fail<FileError>(path.string(), ": cannot be written (", reason_of(errno), ")");
-    }
     const TemporaryFile temporary(temporary_beside(path));
     write(temporary.path());
     // A name must not reach the disk before the bytes that it stands for.
     if (durability == Durability::crash_safe) flush_one(temporary.path());
     fs::rename(temporary.path(), path, error);
-    if (error) {
-        fail<FileError>(path.string(), ": cannot be written (", error.message(), ")");
-    }
+    if (error) fail<FileError>(path.string(), ": cannot be written (", error.message(), ")");
     if (durability == Durability::crash_safe) flush_names(folder);
 }
 
@@ -250,14 +245,12 @@ void require_writable_folder(const fs::path& path) {
          at = at.parent_path())
         missing.push_back(at);
     fs::create_directories(path, error);
-    if (!fs::is_directory(path)) {
+    if (!fs::is_directory(path))
         fail<FileError>(path.string(), ": the folder cannot be made (",
                         error ? error.message() : "a file has this name", ")");
-    }
-    if (::access(path.c_str(), W_OK | X_OK) != 0) {
+    if (::access(path.c_str(), W_OK | X_OK) != 0)
         fail<FileError>(path.string(), ": the folder cannot be written to (", reason_of(errno),
                         ")");
-    }
     for (const fs::path& made : missing) flush_names(folder_of(made));
 }
 

@@ -50,10 +50,9 @@ void require_plausible_size(const fs::path& path, std::int64_t width, std::int64
                         " pixels; at most ", most_pixels, " are allowed, see --max-pixels)");
     }
     if (pixels > trusted_pixels &&
-        pixels / most_pixels_of_a_byte > static_cast<std::int64_t>(bytes)) {
+        pixels / most_pixels_of_a_byte > static_cast<std::int64_t>(bytes))
         fail<FileError>(path.string(), ": cannot be read (its ", bytes, " bytes claim ", width,
                         " x ", height, " pixels)");
-    }
 }
 
 /// What is wrong with the chunks of a PNG file. OpenImageIO lets libpng print to stderr when it
@@ -88,9 +87,7 @@ std::optional<std::string> png_damage(std::string_view bytes) {
 /// Bytes of a file whose header is that of an image.
 std::string read_image_bytes(const fs::path& path) {
     std::string bytes = read_file(path);
-    if (bytes.empty()) {
-        fail<FileError>(path.string(), ": not an image (zero bytes)");
-    }
+    if (bytes.empty()) fail<FileError>(path.string(), ": not an image (zero bytes)");
     if (bytes.starts_with(png_signature)) {
         if (const auto damage = png_damage(bytes)) {
             refuse(path, *damage);
@@ -196,9 +193,8 @@ Pixels read_pixels(const fs::path& path, std::int64_t most_pixels) {
         fail<FileError>(path.string(), ": not an image");
     }
     const OIIO::ImageSpec& spec = input->spec();
-    if (spec.deep || spec.depth > 1 || spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0) {
+    if (spec.deep || spec.depth > 1 || spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0)
         refuse(path, "not a flat image");
-    }
     // The TIFF reader's first image of a raw photo that LibRaw does not know.
     if ((spec.get_int_attribute("tiff:subfiletype") & 1) != 0)
         fail<FileError>(path.string(), ": only its preview of ", spec.width, " x ", spec.height,
@@ -217,9 +213,8 @@ Pixels read_pixels(const fs::path& path, std::int64_t most_pixels) {
     // OpenImageIO reads a truncated JPEG successfully and only leaves a warning.
     const std::string message = input->geterror();
     const bool is_jpeg = input->format_name() == std::string_view("jpeg");
-    if (!complete || (!message.empty() && !(is_jpeg && !jpeg_lost_pixels(bytes)))) {
+    if (!complete || (!message.empty() && !(is_jpeg && !jpeg_lost_pixels(bytes))))
         refuse(path, message.empty() ? "damaged image" : message);
-    }
     pixels.tags = tags_of(*input, bytes);
     if (is_for_inks(pixels.tags.profile)) pixels.inks = inks_of(path, bytes, *input);
     if (orientation > 1 && orientation <= 8) {
@@ -303,9 +298,8 @@ Tensor read_class_map(const fs::path& path) {
     png_image image;
     std::memset(&image, 0, sizeof image);
     image.version = PNG_IMAGE_VERSION;
-    if (png_image_begin_read_from_memory(&image, bytes.data(), bytes.size()) == 0) {
+    if (png_image_begin_read_from_memory(&image, bytes.data(), bytes.size()) == 0)
         fail<FileError>(path.string(), ": not a PNG image");
-    }
     const bool palette = (image.format & PNG_FORMAT_FLAG_COLORMAP) != 0;
     const png_uint_32 more_than_indices =
         PNG_FORMAT_FLAG_COLOR | PNG_FORMAT_FLAG_LINEAR | PNG_FORMAT_FLAG_ALPHA;
@@ -324,9 +318,8 @@ Tensor read_class_map(const fs::path& path) {
     std::vector<png_byte> indices(PNG_IMAGE_SIZE(image));
     std::vector<png_byte> colours(PNG_IMAGE_COLORMAP_SIZE(image));
     // Frees the image, also on failure.
-    if (png_image_finish_read(&image, nullptr, indices.data(), 0, colours.data()) == 0) {
+    if (png_image_finish_read(&image, nullptr, indices.data(), 0, colours.data()) == 0)
         refuse(path, image.message);
-    }
     Tensor result({image.height, image.width, 1});
     std::copy(indices.begin(), indices.end(), result.mutable_values<float>().begin());
     return result;
@@ -335,9 +328,8 @@ Tensor read_class_map(const fs::path& path) {
 void write_image(const fs::path& path, const Tensor& image, Durability durability) {
     require_image(image, "write_image", true);
     const std::string extension = path.extension().string();
-    if (extension != ".png" && extension != ".jpg" && extension != ".jpeg") {
+    if (extension != ".png" && extension != ".jpg" && extension != ".jpeg")
         fail<FileError>(path.string(), ": cannot be written (images end in .png or .jpg)");
-    }
     if (image.shape(2) == 4 && extension != ".png")
         fail<FileError>(path.string(), ": has no transparency; name a .png file");
     write_file(path, encoded(path.filename(), image), durability);
@@ -350,9 +342,8 @@ std::string png_bytes(const Tensor& image) {
 
 void write_exr(const fs::path& path, const Tensor& image) {
     require_image(image, "write_exr");
-    if (path.extension() != ".exr") {
+    if (path.extension() != ".exr")
         fail<FileError>(path.string(), ": cannot be written (float images end in .exr)");
-    }
     const Tensor values = image.to(DType::float32);
     const ImageEncoding encoding{.name = path.filename(),
                                  .height = image.shape(0),

@@ -29,13 +29,10 @@ std::vector<std::uint8_t> image_bytes(const Tensor& image) {
 }
 
 Tensor resize_image(const Tensor& image, int height, int width) {
-    if (image.rank() != 3 || image.size() == 0 || height <= 0 || width <= 0) {
+    if (image.rank() != 3 || image.size() == 0 || height <= 0 || width <= 0)
         fail<ShapeError>("[resize_image] cannot make ", height, " x ", width, " of ",
                          image.shape());
-    }
-    if (image.shape(0) == height && image.shape(1) == width) {
-        return image;
-    }
+    if (image.shape(0) == height && image.shape(1) == width) return image;
     const Variable batch = image.reshaped({1, image.shape(0), image.shape(1), image.shape(2)});
     return resize_bicubic(batch, height, width).value().reshaped({height, width, image.shape(2)});
 }
@@ -43,10 +40,9 @@ Tensor resize_image(const Tensor& image, int height, int width) {
 Tensor image_part(const Tensor& image, std::int64_t top, std::int64_t left, std::int64_t height,
                   std::int64_t width) {
     if (image.rank() != 3 || top < 0 || left < 0 || height <= 0 || width <= 0 ||
-        top + height > image.shape(0) || left + width > image.shape(1)) {
+        top + height > image.shape(0) || left + width > image.shape(1))
         fail<ShapeError>("[image_part] no ", height, " x ", width, " pixels from (", top, ", ",
                          left, ") in ", image.shape());
-    }
     if (height == image.shape(0) && width == image.shape(1)) return image;
     const std::int64_t channels = image.shape(2);
     Tensor part({height, width, channels});

@@ -31,16 +31,10 @@ template <class... Parts>
 }
 
 json parse_header(const fs::path& path, std::string_view text) {
-    if (const auto fault = json_fault(text)) {
-        refuse(path, "its header: ", *fault);
-    }
+    if (const auto fault = json_fault(text)) refuse(path, "its header: ", *fault);
     json header = json::parse(text, nullptr, false);
-    if (header.is_discarded()) {
-        refuse(path, "the header is not JSON");
-    }
-    if (!header.is_object()) {
-        refuse(path, "the header is not a JSON object");
-    }
+    if (header.is_discarded()) refuse(path, "the header is not JSON");
+    if (!header.is_object()) refuse(path, "the header is not a JSON object");
     return header;
 }
 
@@ -53,17 +47,15 @@ struct Entry {
 };
 
 std::uint64_t natural_number(const fs::path& path, const std::string& name, const json& value) {
-    if (!value.is_number_unsigned()) {
+    if (!value.is_number_unsigned())
         refuse(path, "tensor \"", name, "\" has an extent or offset that is not a natural number");
-    }
     return value.get<std::uint64_t>();
 }
 
 /// Extents of `entry` and the bytes they need; throws if these overflow.
 Shape checked_shape(const fs::path& path, const Entry& entry, const json& extents) {
-    if (extents.size() > Shape::max_rank) {
+    if (extents.size() > Shape::max_rank)
         refuse(path, "tensor \"", entry.name, "\" has more than ", Shape::max_rank, " axes");
-    }
     std::vector<std::int64_t> result;
     std::uint64_t bytes = entry.type->bytes;
     for (const json& extent : extents) {
@@ -76,10 +68,9 @@ Shape checked_shape(const fs::path& path, const Entry& entry, const json& extent
         bytes = product;
         result.push_back(static_cast<std::int64_t>(length));
     }
-    if (bytes != entry.end - entry.begin) {
+    if (bytes != entry.end - entry.begin)
         refuse(path, "tensor \"", entry.name, "\" needs ", bytes, " bytes by its extents but has ",
                entry.end - entry.begin);
-    }
     return Shape(result);
 }
 
@@ -89,14 +80,12 @@ Entry parse_entry(const fs::path& path, const std::string& name, const json& fie
     if (!fields.is_object() || fields.size() != 3 || !fields.contains("dtype") ||
         !fields["dtype"].is_string() || !fields.contains("shape") || !fields["shape"].is_array() ||
         !fields.contains("data_offsets") || !fields["data_offsets"].is_array() ||
-        fields["data_offsets"].size() != 2) {
+        fields["data_offsets"].size() != 2)
         refuse(path, "tensor \"", name, "\" needs exactly dtype, shape and data_offsets");
-    }
     const auto& type_name = fields["dtype"].get_ref<const std::string&>();
     entry.type = find_element_type(type_name);
-    if (entry.type == nullptr) {
+    if (entry.type == nullptr)
         refuse(path, "tensor \"", name, "\" has the unknown element type \"", type_name, "\"");
-    }
     entry.begin = natural_number(path, name, fields["data_offsets"][0]);
     entry.end = natural_number(path, name, fields["data_offsets"][1]);
     if (entry.begin > entry.end || entry.end > data_length) {
@@ -128,9 +117,8 @@ void require_tiling(const fs::path& path, std::vector<Entry>& entries, std::uint
         }
         covered = entry.end;
     }
-    if (covered != data_length) {
+    if (covered != data_length)
         refuse(path, data_length - covered, " bytes at the end belong to no tensor");
-    }
 }
 
 /// How the elements of this type are stored.
@@ -163,9 +151,7 @@ std::string encoded_header(const TensorFile& contents,
                            const std::vector<const std::pair<const std::string, Tensor>*>& order,
                            StoredElements stored) {
     json header = json::object();
-    if (!contents.metadata.empty()) {
-        header["__metadata__"] = contents.metadata;
-    }
+    if (!contents.metadata.empty()) header["__metadata__"] = contents.metadata;
     std::uint64_t begin = 0;
     for (const auto* item : order) {
         const auto& [name, tensor] = *item;
@@ -200,17 +186,12 @@ bool has_prefix(const TensorFile& file, std::string_view prefix) {
 
 TensorFile read_tensor_file(const fs::path& path) {
     const std::string bytes = read_file(path);
-    if (bytes.size() < length_bytes) {
-        refuse(path, "truncated before the header");
-    }
+    if (bytes.size() < length_bytes) refuse(path, "truncated before the header");
     std::uint64_t header_length = 0;
     std::memcpy(&header_length, bytes.data(), length_bytes);
-    if (header_length > maximum_header_length) {
+    if (header_length > maximum_header_length)
         refuse(path, "it does not begin with the length of a header");
-    }
-    if (header_length > bytes.size() - length_bytes) {
-        refuse(path, "truncated within the header");
-    }
+    if (header_length > bytes.size() - length_bytes) refuse(path, "truncated within the header");
     const json header =
         parse_header(path, std::string_view(bytes).substr(length_bytes, header_length));
     const char* data = bytes.data() + length_bytes + header_length;
@@ -226,9 +207,8 @@ TensorFile read_tensor_file(const fs::path& path) {
         }
     }
     require_tiling(path, entries, data_length);
-    for (const Entry& entry : entries) {
+    for (const Entry& entry : entries)
         contents.tensors.emplace(entry.name, entry.type->read(entry.shape, data + entry.begin));
-    }
     return contents;
 }
 
@@ -273,9 +253,8 @@ void write_tensor_file(const fs::path& path, const TensorFile& contents, StoredE
             });
         }
         stream.close();
-        if (!stream) {
+        if (!stream)
             fail<FileError>(path.string(), ": cannot be written (", std::strerror(errno), ")");
-        }
     });
 }
 

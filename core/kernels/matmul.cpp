@@ -210,11 +210,10 @@ Tensor matmul(const Tensor& a, const Tensor& b, MatmulOptions options) {
         const std::int64_t stride_a = a.shape(0) == 1 ? 0 : e.m * e.k;
         const std::int64_t stride_b = b.shape(0) == 1 ? 0 : e.n * e.k;
         if (options.transpose_a && !options.transpose_b && e.k >= 2 * inner_piece) {
-            for (std::int64_t batch = 0; batch < e.batch; ++batch) {
+            for (std::int64_t batch = 0; batch < e.batch; ++batch)
                 multiply_long_inner(left_matrix(in_a + batch * stride_a, e.m, e.k, options),
                                     right_matrix(in_b + batch * stride_b, e.n, e.k, options),
                                     out + batch * e.m * e.n, e);
-            }
         } else if (options.transpose_b && !options.transpose_a && std::min(e.m, e.n) <= few) {
             for (std::int64_t batch = 0; batch < e.batch; ++batch)
                 multiply_few(in_a + batch * stride_a, in_b + batch * stride_b,

@@ -52,10 +52,9 @@ void sine_cosine_blocks(const float* x, float* sines, float* cosines, std::int64
     const auto lanes = static_cast<std::int64_t>(simd::Lanes(FloatTag()));
     const std::int64_t whole = count / lanes * lanes, rest = count - whole;
     const auto at = [](float* to, std::int64_t i) { return to == nullptr ? nullptr : to + i; };
-    for (std::int64_t i = 0; i < whole; i += block) {
+    for (std::int64_t i = 0; i < whole; i += block)
         sine_cosine_block<with_sines, with_cosines>(x + i, at(sines, i), at(cosines, i),
                                                     std::min(block, whole - i));
-    }
     if (rest == 0) return;
     std::array<float, most_lanes> in{}, sine{}, cosine{};
     std::copy_n(x + whole, rest, in.data());

@@ -329,10 +329,9 @@ void winograd_conv2d_weight_grad(const float* dL_dy, const float* x, float* dL_d
         });
     }
     parallel_for(out.channels, 16, [&](std::int64_t begin, std::int64_t end) {
-        for (std::int64_t o = begin; o < end; ++o) {
+        for (std::int64_t o = begin; o < end; ++o)
             winograd_transform_to_filter(sums.get() + o * in.channels, stride_sum,
                                          dL_dweight + o * 9 * in.channels, in.channels);
-        }
     });
 }
 

@@ -19,14 +19,12 @@ Shape output_shape(const Shape& x, const Shape& weight, const Conv2dOptions& opt
         fail<ShapeError>("[", name,
                          "] needs an image (b, h, w, c) and a weight (out, kh, kw, in), got ", x,
                          " and ", weight);
-    if (options.stride < 1 || options.padding < 0 || options.groups < 1) {
+    if (options.stride < 1 || options.padding < 0 || options.groups < 1)
         fail<ValueError>("[", name, "] stride ", options.stride, ", padding ", options.padding,
                          ", groups ", options.groups);
-    }
-    if (weight[3] * options.groups != x[3] || weight[0] % options.groups != 0) {
+    if (weight[3] * options.groups != x[3] || weight[0] % options.groups != 0)
         fail<ShapeError>("[", name, "] ", x[3], " channels and weight ", weight, " do not fit ",
                          options.groups, " groups");
-    }
     const std::int64_t height = x[1] + 2 * options.padding - weight[1];
     const std::int64_t width = x[2] + 2 * options.padding - weight[2];
     if (height < 0 || width < 0)

@@ -17,11 +17,10 @@ namespace {
 void check_matmul(const Variable& a, const Variable& b, MatmulOptions options) {
     if (a.dtype() != b.dtype())
         fail<TypeError>("[matmul] operands are ", a.dtype(), " and ", b.dtype());
-    if (a.shape(options.transpose_a ? -2 : -1) != b.shape(options.transpose_b ? -1 : -2)) {
+    if (a.shape(options.transpose_a ? -2 : -1) != b.shape(options.transpose_b ? -1 : -2))
         fail<ShapeError>("[matmul] inner extents differ: ", a.shape(),
                          options.transpose_a ? " transposed" : "", " x ", b.shape(),
                          options.transpose_b ? " transposed" : "");
-    }
     if (a.shape(0) != b.shape(0) && a.shape(0) != 1 && b.shape(0) != 1)
         fail<ShapeError>("[matmul] leading extents differ: ", a.shape(), " x ", b.shape());
 }
@@ -71,10 +70,9 @@ namespace {
 
 void check_linear(const Variable& x, const Variable& weight, const Variable& bias) {
     if (x.rank() != 3 || weight.rank() != 3 || x.shape(2) != weight.shape(2) ||
-        (weight.shape(0) != 1 && weight.shape(0) != x.shape(0))) {
+        (weight.shape(0) != 1 && weight.shape(0) != x.shape(0)))
         fail<ShapeError>("[linear] x ", x.shape(), " and weight ", weight.shape(),
                          " are not (batch, rows, in) and (batch or 1, out, in)");
-    }
     if (bias.defined() && bias.shape() != Shape{weight.shape(1)})
         fail<ShapeError>("[linear] bias ", bias.shape(), " for ", weight.shape(1), " outputs");
     if (x.dtype() != weight.dtype())

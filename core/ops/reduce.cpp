@@ -57,9 +57,8 @@ Variable mean(const Variable& x, const std::vector<int>& axes) {
 
 Variable sum_to(const Variable& x, const Shape& shape) {
     if (x.shape() == shape) return x;
-    if (shape.rank() > x.rank() || broadcast_shape(shape, x.shape(), "sum_to") != x.shape()) {
+    if (shape.rank() > x.rank() || broadcast_shape(shape, x.shape(), "sum_to") != x.shape())
         fail<ShapeError>("[sum_to] ", shape, " does not broadcast to ", x.shape());
-    }
     std::uint32_t reduced = 0;
     const int added = x.rank() - shape.rank();
     for (int axis = 0; axis < x.rank(); ++axis) {

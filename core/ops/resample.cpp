@@ -18,11 +18,10 @@ namespace stymo {
 Variable resample(const Variable& x, const ResampleMatrix& vertical,
                   const ResampleMatrix& horizontal) {
     if (x.rank() != 4 || x.shape(1) != vertical.input_length() ||
-        x.shape(2) != horizontal.input_length()) {
+        x.shape(2) != horizontal.input_length())
         fail<ShapeError>("[resample] image ", x.shape(), " for matrices that take ",
                          vertical.input_length(), " rows and ", horizontal.input_length(),
                          " columns");
-    }
     return record("resample", kernels::resample(x.value(), vertical, horizontal), {x}, Save::none(),
                   {[vertical, horizontal](const Vjp& v) {
                       return resample(v.grad(), vertical.transposed(), horizontal.transposed());
@@ -188,10 +187,9 @@ constexpr std::int64_t subpixels = 4;
 constexpr std::int64_t grain = 32768;
 
 void check(const Variable& x, const Variable& detail) {
-    if (x.rank() != 4 || detail.shape() != x.shape().with(3, subpixels * x.shape(3))) {
+    if (x.rank() != 4 || detail.shape() != x.shape().with(3, subpixels * x.shape(3)))
         fail<ShapeError>("[blur_upsampled] needs (B, h, w, C) and (B, h, w, 4 C), got ", x.shape(),
                          " and ", detail.shape());
-    }
 }
 
 /// Calls body(image, row) for all rows of all images.

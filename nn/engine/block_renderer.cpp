@@ -89,11 +89,10 @@ void BlockRenderer::State::set_feature_map(std::span<const float> feature_map,
                                            std::span<const std::uint8_t> occupied) {
     BlockImage& image = images_[0];
     const std::int64_t side = image.side, channels = blocks_[0].in();
-    if (std::ssize(feature_map) != side * side * channels || std::ssize(occupied) != side * side) {
+    if (std::ssize(feature_map) != side * side * channels || std::ssize(occupied) != side * side)
         fail<ShapeError>("render blocks: expected ", side * side, " rays of ", channels,
                          " features, got ", occupied.size(), " rays and ", feature_map.size(),
                          " features");
-    }
     image.occupied.set_nonzero(occupied);
     find_pixels();
     cut_strips();
@@ -202,15 +201,13 @@ void BlockRenderer::State::keep_first_upsample() {
         std::unique_ptr<StripBuffers> buffers = buffers_.take();
         const std::int64_t channels = blocks_[0].in();
         for (std::int64_t row = std::max<std::int64_t>(begin - 1, 0);
-             row < std::min(end + 1, images_[0].side); ++row) {
+             row < std::min(end + 1, images_[0].side); ++row)
             buffers->detail_rows[static_cast<std::size_t>(row)] =
                 first_detail_.data() + images_[0].read[row].offset * 4 * channels;
-        }
-        for (std::int64_t row = begin; row < end; ++row) {
+        for (std::int64_t row = begin; row < end; ++row)
             step(0).blur_rows(
                 row, buffers->detail_rows,
                 first_blurred_.data() + images_[1].occupied[2 * row].offset * channels);
-        }
         buffers_.give_back(std::move(buffers));
     });
     first_upsample_kept_ = true;
@@ -223,10 +220,9 @@ void BlockRenderer::State::render(std::span<float> image, std::span<float> mask,
     if (!mask.empty() && canvas_.logit_weight.empty())
         fail<ValueError>("render blocks: made without the mask branch, cannot give a mask");
     const std::int64_t pixels = images_.back().side * images_.back().side;
-    if (std::ssize(image) != colors * pixels || (!mask.empty() && std::ssize(mask) != pixels)) {
+    if (std::ssize(image) != colors * pixels || (!mask.empty() && std::ssize(mask) != pixels))
         fail<ShapeError>("render blocks: image of ", pixels, " pixels into ", image.size(),
                          " numbers, mask into ", mask.size());
-    }
     canvas_.image = image;
     canvas_.mask = mask;
     allocate();
@@ -256,10 +252,9 @@ BlockRenderer::BlockRenderer(std::span<const FoldedRenderBlock> blocks,
                              MatmulPrecision precision) {
     std::size_t count = 0;
     while (count < blocks.size() && rays_per_side << count < resolution) ++count;
-    if (count == 0 || rays_per_side << count != resolution) {
+    if (count == 0 || rays_per_side << count != resolution)
         fail<ValueError>("render blocks: ", blocks.size(), " upsampling of ", rays_per_side,
                          " rays do not give ", resolution, " pixels");
-    }
     state_ = std::make_unique<State>(blocks.first(count), mask, rays_per_side, precision);
 }
 BlockRenderer::~BlockRenderer() = default;

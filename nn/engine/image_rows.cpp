@@ -176,10 +176,9 @@ void upsample_row(float* out, float* scratch, const float* image, std::int64_t r
     }
     if (begin == 0) combine(out, scratch, mixed, mixed + channels, filter.first, channels);
     const float* last = mixed + length - channels;
-    if (end == side) {
+    if (end == side)
         combine(out + 2 * length - channels, last - channels, last, last + channels,
                 mirrored(filter.first), channels);
-    }
 }
 
 void add_difference(float* to, const float* x, const float* background, std::int64_t pixels,

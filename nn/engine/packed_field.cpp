@@ -144,10 +144,9 @@ void PackedField<T>::reserve(std::int64_t points, FieldTile<T>& tile) const {
 template <class T>
 void PackedField<T>::take_logits(std::int64_t points, FieldTile<T>& tile) const {
     const Rows<const T> last = last_output(tile);
-    for (std::int64_t i = 0; i < points; ++i) {
+    for (std::int64_t i = 0; i < points; ++i)
         tile.logits[static_cast<std::size_t>(i)] =
             dot(last.data + i * last.stride, density_weight_.data(), width_) + density_bias_;
-    }
 }
 
 template <class T>

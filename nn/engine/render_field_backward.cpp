@@ -148,11 +148,10 @@ struct BackwardFace {
                    ? forward.arguments.values<T>().data() + face * extents.face_arguments()
                    : nullptr),
           dL_dy(dL_dvalues.values<T>().data() + face * extents.rays * extents.columns()) {
-        if (rays.gradient_tolerance > 0.0) {
+        if (rays.gradient_tolerance > 0.0)
             samples.keep_heavy(
                 forward.value.values<T>().data() + face * extents.rays * extents.columns(),
                 extents.columns(), static_cast<T>(rays.gradient_tolerance));
-        }
         for (std::size_t i = 0; i < network.layers.size(); ++i) {
             // The layer of the features reads no encoding.
             layers.emplace_back(network.layers[i], face,

@@ -17,10 +17,9 @@ MaskBranch::MaskBranch(ParameterStore& store, const std::string& prefix,
                          names.size(), " names");
     const LinearOptions options{.activation = Activation::leaky_relu,
                                 .gain = 1.0 / std::numbers::sqrt2};
-    for (std::size_t i = 0; i < channels.size(); ++i) {
+    for (std::size_t i = 0; i < channels.size(); ++i)
         laterals_.emplace_back(store, prefix + ".lateral" + names[i], channels[i], mask_channels,
                                options, rng);
-    }
 }
 
 Variable MaskBranch::operator()(std::span<const Variable> features) const {

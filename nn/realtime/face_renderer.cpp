@@ -112,10 +112,9 @@ struct FaceRenderer::State {
 bool FaceRenderer::State::take(const Codes& codes, std::int64_t index, std::size_t group) {
     const std::int64_t size = code_sizes[group];
     const Tensor& values = codes.groups[group].value();
-    if (values.rank() != 2 || values.shape(1) != size || index < 0 || index >= values.shape(0)) {
+    if (values.rank() != 2 || values.shape(1) != size || index < 0 || index >= values.shape(0))
         fail<ShapeError>("code ", code_names[group], " of face ", index,
                          " must be a row of (faces, ", size, "), got ", values.shape());
-    }
     const auto row = values.values<float>().subspan(static_cast<std::size_t>(index * size),
                                                     static_cast<std::size_t>(size));
     if (std::ranges::equal(row, shown[group])) return false;

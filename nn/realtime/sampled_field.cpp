@@ -331,10 +331,9 @@ void SampledField::trace_tile(std::int64_t first, std::int64_t end, const Camera
 
     const std::int64_t width = field_.width();
     std::fill(composited_.begin() + first * width, composited_.begin() + end * width, 0.0F);
-    for (std::size_t i = 0; i < scratch.rows.size(); ++i) {
+    for (std::size_t i = 0; i < scratch.rows.size(); ++i)
         add_weighted(composited_.data() + scratch.row_rays[i] * width, scratch.row_weights[i],
                      tile.field.features.data() + static_cast<std::int64_t>(i) * width, width);
-    }
 }
 
 /// Opacity and depth of one ray from its weights, and the rows of the tile whose features are
