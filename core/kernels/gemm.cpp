@@ -320,6 +320,8 @@ void pack_panel(T* to, const T* from, std::int64_t k, std::int64_t columns, std:
                 std::copy_n(from + i * inner_stride, columns, to + i * width);
         } else {
             for (std::int64_t j = 0; j < columns; ++j) {
+                // The columns are pages apart, so the processor does not foresee this by itself.
+                if (last < k) __builtin_prefetch(from + last * inner_stride + j * column_stride);
                 for (std::int64_t i = first; i < last; ++i)
                     to[i * width + j] = from[i * inner_stride + j * column_stride];
             }
