@@ -30,13 +30,10 @@ LandmarkTerm::LandmarkTerm(const Contour& contour, Landmarks landmarks,
 }
 
 Landmarks LandmarkTerm::fitted(std::span<const double> state) const {
-    const std::vector<double> points = table_points(contour_->table(), state);
     const Camera camera = camera_from_pose(pose_of(state), intrinsics_);
     Landmarks result;
-    for (std::size_t k = 0; k < result.size(); ++k) {
-        result[k] =
-            project(camera, Eigen::Map<const Eigen::Vector3d>(&points[3 * rows_[k]])).head<2>();
-    }
+    for (std::size_t k = 0; k < result.size(); ++k)
+        result[k] = project(camera, table_point(contour_->table(), rows_[k], state)).head<2>();
     return result;
 }
 
@@ -62,12 +59,12 @@ double LandmarkTerm::cost(std::span<const double> state) const {
 
 void LandmarkTerm::add_to(NormalEquations& equations, std::span<const double> state) const {
     const VertexTable& table = contour_->table();
-    const std::vector<double> points = table_points(table, state);
     std::vector<double> pose_rows;
     std::vector<double> point_rows;
     for (const std::size_t row : rows_) {
         pose_rows.insert(pose_rows.end(), state.begin(), state.begin() + pose_size);
-        point_rows.insert(point_rows.end(), &points[3 * row], &points[3 * row] + 3);
+        const Eigen::Vector3d point = table_point(table, row, state);
+        point_rows.insert(point_rows.end(), point.begin(), point.end());
     }
     const std::array<Variable, 2> leaves{
         Variable::leaf(Tensor::from({68, 6}, std::span<const double>(pose_rows))),

@@ -15,31 +15,36 @@ constexpr std::size_t color_size = 100;
 void gather(std::span<const float> basis, std::size_t basis_rows, std::size_t basis_columns,
             std::span<const std::int32_t> vertices, std::size_t row_length, std::size_t first,
             std::span<float> target) {
-    parallel_for(
-        static_cast<std::int64_t>(vertices.size()), 256, [&](std::int64_t begin, std::int64_t end) {
-            for (std::size_t k = 0; k < basis_rows; ++k) {
-                for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end);
-                     ++i) {
-                    const std::size_t source =
-                        k * basis_columns + 3 * static_cast<std::size_t>(vertices[i]);
-                    for (std::size_t axis = 0; axis < 3; ++axis)
-                        target[(3 * i + axis) * row_length + first + k] = basis[source + axis];
-                }
+    // A few rows of the basis at a time, so that all memory is used in whole cache lines.
+    constexpr std::size_t at_once = 16;
+    const auto gather_some = [&](std::int64_t begin, std::int64_t end) {
+        for (std::size_t row = 0; row < basis_rows; row += at_once) {
+            const std::size_t end_row = std::min(row + at_once, basis_rows);
+            for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
+                const std::size_t source = 3 * static_cast<std::size_t>(vertices[i]);
+                for (std::size_t axis = 0; axis < 3; ++axis)
+                    for (std::size_t k = row; k < end_row; ++k)
+                        target[(3 * i + axis) * row_length + first + k] =
+                            basis[k * basis_columns + source + axis];
             }
-        });
+        }
+    };
+    parallel_for(std::ssize(vertices), 256, gather_some);
+}
+
+[[nodiscard]] double linear_value(float mean, const float* row, std::span<const double> code) {
+    double sum = 0.0;
+#pragma omp simd reduction(+ : sum)
+    for (std::size_t k = 0; k < code.size(); ++k) sum += static_cast<double>(row[k]) * code[k];
+    return static_cast<double>(mean) + sum;
 }
 
 [[nodiscard]] std::vector<double> linear_model(std::span<const float> mean,
                                                std::span<const float> rows,
                                                std::span<const double> code) {
-    std::vector<double> result(mean.begin(), mean.end());
-    for (std::size_t i = 0; i < result.size(); ++i) {
-        const float* const row = &rows[i * code.size()];
-        double sum = 0.0;
-#pragma omp simd reduction(+ : sum)
-        for (std::size_t k = 0; k < code.size(); ++k) sum += static_cast<double>(row[k]) * code[k];
-        result[i] += sum;
-    }
+    std::vector<double> result(mean.size());
+    for (std::size_t i = 0; i < result.size(); ++i)
+        result[i] = linear_value(mean[i], &rows[i * code.size()], code);
     return result;
 }
 
@@ -69,6 +74,16 @@ Eigen::Map<const VertexTable::Rows> VertexTable::color_rows(std::size_t vertex) 
 
 std::vector<double> table_points(const VertexTable& table, std::span<const double> state) {
     return linear_model(table.mean, table.shape, state.subspan(identity_begin, shape_size));
+}
+
+Eigen::Vector3d table_point(const VertexTable& table, std::size_t row,
+                            std::span<const double> state) {
+    Eigen::Vector3d point;
+    for (std::size_t axis = 0; axis < 3; ++axis)
+        point[static_cast<Eigen::Index>(axis)] =
+            linear_value(table.mean[3 * row + axis], &table.shape[(3 * row + axis) * shape_size],
+                         state.subspan(identity_begin, shape_size));
+    return point;
 }
 
 std::vector<double> table_albedo(const VertexTable& table, std::span<const double> state) {

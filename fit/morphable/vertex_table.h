@@ -35,6 +35,9 @@ struct VertexTable {
 /// World points (N, 3) of a state (state.h).
 [[nodiscard]] std::vector<double> table_points(const VertexTable& table,
                                                std::span<const double> state);
+/// One of these points.
+[[nodiscard]] Eigen::Vector3d table_point(const VertexTable& table, std::size_t row,
+                                          std::span<const double> state);
 /// Albedo (N, 3) of a state, not clipped.
 [[nodiscard]] std::vector<double> table_albedo(const VertexTable& table,
                                                std::span<const double> state);
