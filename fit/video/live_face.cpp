@@ -31,7 +31,7 @@ std::optional<LiveFace::Sight> LiveFace::see(const Tensor& image) {
     if (!work.tracked) return std::nullopt;
     const FaceBatch batch = make_batch({&work.face, 1}, model_.decoder().ladder().smallest(),
                                        model_.decoder().ladder().smallest());
-    const Tensor expression = face_codes(model_, batch).expression().value();
+    const Tensor expression = model_.encoder().expression(Variable(batch.input)).value();
     constexpr double newest = 0.6;
     smooth_ = starts || !smooth_.defined() ? expression : between(smooth_, expression, newest);
     constexpr std::int64_t frames_at_rest = 10;

@@ -92,6 +92,10 @@ Variable scaled(const Variable& embedding) {
     return embedding / sqrt(mean(square(embedding), {1}) + 1e-12);
 }
 
+Variable framed(const Variable& image, bool arcface_crop) {
+    return arcface_crop ? arcface_frame(image) : image;
+}
+
 std::int64_t size_of(const std::unique_ptr<Backbone>& backbone) {
     return backbone ? backbone->embedding_size() : 0;
 }
@@ -179,8 +183,7 @@ Codes Encoder::operator()(const Variable& image) const {
     if (image.rank() != 4 || image.shape(1) != image.shape(2) || image.shape(3) != 3)
         fail<ShapeError>("the encoder needs images (batch, side, side, 3), got ", image.shape());
     work::count_named("evaluations", "photos_encoded", image.shape(0));
-    const Variable embedding =
-        (*backbone_)(arcface_crop_ ? arcface_frame(image) : image) * embedding_scale_;
+    const Variable embedding = (*backbone_)(framed(image, arcface_crop_)) * embedding_scale_;
     std::array<Variable, 4> inputs{embedding, embedding, embedding, embedding};
     if (identity_) {
         inputs[0] = scaled((*identity_)(arcface_frame(image)));
@@ -197,7 +200,9 @@ Variable Encoder::face_embedding(const Variable& image) const {
 }
 
 Variable Encoder::expression(const Variable& image) const {
-    return heads_->heads[1](scaled((*expression_)(image)));
+    return heads_->heads[1](expression_
+                                ? scaled((*expression_)(image))
+                                : (*backbone_)(framed(image, arcface_crop_)) * embedding_scale_);
 }
 
 }  // namespace stymo

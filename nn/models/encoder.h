@@ -73,7 +73,7 @@ public:
     [[nodiscard]] bool knows_faces() const { return identity_ != nullptr; }
     /// Embeddings by the identity backbone, of unit length. Needs `knows_faces()`.
     [[nodiscard]] Variable face_embedding(const Variable& image) const;
-    /// The expression alone. Needs an expression backbone.
+    /// The expression alone, without running a backbone that it is not read from.
     [[nodiscard]] Variable expression(const Variable& image) const;
     [[nodiscard]] const Backbone& backbone() const { return *backbone_; }
 

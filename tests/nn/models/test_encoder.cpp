@@ -372,6 +372,19 @@ TEST_CASE("identity is read from the identity backbone, texture from both", "[en
     CHECK(named("encoder.heads.expr.wide.weight").variable().shape() == Shape{8, 256});
 }
 
+TEST_CASE("without a backbone of its own, expression is read from the trained one", "[encoder]") {
+    ParameterStore store;
+    Rng rng(19);
+    const Encoder encoder({.backbone = "small_conv",
+                           .embedding_scale = 3.0,
+                           .head_width = 8,
+                           .identity_backbone = "mobilefacenet",
+                           .identity_weights = random_backbone},
+                          store, "encoder", rng);
+    const Variable image = image_of(2, 64, 20);
+    CHECK(test::identical(encoder.expression(image).value(), encoder(image).expression().value()));
+}
+
 TEST_CASE("expression is read from the expression backbone alone", "[encoder]") {
     ParameterStore store;
     Rng rng(17);
