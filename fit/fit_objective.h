@@ -22,7 +22,8 @@ struct FitWeights {
     double depth = 0.0;  ///< of the mean difference of depths, per distance of the eyes
     double mask = 0.0;   ///< of the mask branch's cross-entropy
     /// Of 1 - cosine between face and photo in the encoder's identity backbone, if it has one and
-    /// identity or texture is fitted. The face seen from a side counts `side_share` times as much.
+    /// identity or texture is fitted. With Adam every second step also compares the face seen from
+    /// a side, which counts `side_share` times as much.
     double identity = 0.0;
     static constexpr double side_share = 2.0;
     /// Of the squared change of the expression from row to row, for frames of a film.

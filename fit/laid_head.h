@@ -4,10 +4,10 @@
 #include <vector>
 
 #include "fit/photo/landmarks.h"
-#include "render/turned_photo.h"
 #include "nn/models/model.h"
 #include "nn/pretrained/landmark_network.h"
 #include "render/morphable/head.h"
+#include "render/turned_photo.h"
 
 namespace stymo {
 

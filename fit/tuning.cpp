@@ -17,10 +17,10 @@
 #include "core/parallel.h"
 #include "core/rng.h"
 #include "fit/head_depth.h"
-#include "render/turned_photo.h"
 #include "nn/models/significant_rows.h"
 #include "nn/optim/muon.h"
 #include "nn/realtime/view.h"
+#include "render/turned_photo.h"
 
 namespace stymo {
 

@@ -31,7 +31,7 @@ constexpr std::int64_t square = 4;
 /// has its background.
 class EmptySpace {
 public:
-    /// `mask` is that of `photo`. `face` is its surface, seen by `camera`.
+    /// `face` is the surface of the photo's face, seen by `camera`, the photo's.
     EmptySpace(const Face& photo, const MorphableHead& head, const Tensor& vertices,
                const Camera& camera, const FaceSurface& face)
         : photo_(photo), camera_(camera), side_(photo.image.shape(0)), free_depth_(face.depth) {
